@@ -1,0 +1,1 @@
+"""Model-based control of hovercraft: one symbolic definition, many faces."""

@@ -1,0 +1,444 @@
+"""The Block: a dynamic system written once, from which every other form is derived.
+
+A Block knows its signals and their expressions and nothing of solvers, vehicles or tools. Its faces live in
+:mod:`hovercontrol.targets`; the methods here that lead to them import them on use.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Literal
+
+import sympy as sp
+from numpy.typing import ArrayLike
+
+from hovercontrol.errors import InputError, did_you_mean
+from hovercontrol.signals import Signal, time
+from hovercontrol.units import DIMENSIONLESS, Dimension, DimensionChecker, UnitError, dimension, unit_text
+
+if TYPE_CHECKING:
+    import control
+
+    from hovercontrol.targets.numpy import NumpyFunctions
+
+Rows = Literal["derivatives", "outputs"]
+Columns = Literal["states", "inputs", "parameters"]
+
+
+class Expressions(Mapping[str, sp.Expr]):
+    """An immutable, ordered, hashable mapping from a signal's name to its expression."""
+
+    __slots__ = ("_items",)
+
+    def __init__(self, items: Mapping[str, Any] | Iterable[tuple[str, Any]] = ()) -> None:
+        pairs = items.items() if isinstance(items, Mapping) else items
+        self._items = {str(name): _as_expression(name, value) for name, value in pairs}
+
+    def __getitem__(self, name: str) -> sp.Expr:
+        return self._items[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._items)
+
+    def __len__(self) -> int:
+        return len(self._items)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Expressions) and list(self.items()) == list(other.items())
+
+    def __hash__(self) -> int:
+        return hash(tuple(self._items.items()))
+
+    def __repr__(self) -> str:
+        return f"Expressions({self._items})"
+
+
+def _as_expression(name: str, value: Any) -> sp.Expr:
+    if isinstance(value, str):
+        raise InputError(f"{name}: expected a SymPy expression, found the text {value!r}")
+    expression = sp.sympify(value)
+    if not isinstance(expression, sp.Expr):
+        raise InputError(f"{name}: expected a SymPy expression, found {value!r}")
+    return expression
+
+
+@dataclass(frozen=True)
+class Block:
+    """A dynamic system: named signals and their expressions.
+
+    Parameters
+    ----------
+    name : str
+        An identifier; the prefix of the Block's parameter keys.
+    states, inputs, outputs, parameters : sequence of Signal
+        Names are unique within the Block; an output may carry the name of a state, an input or a
+        definition when it is just that.
+    derivatives : mapping of str to sympy.Expr
+        The time derivative of each state.
+    output_expressions : mapping of str to sympy.Expr, optional
+        One for each output; an output named like a state, an input or a definition may be left out.
+    definitions : mapping of str to sympy.Expr, optional
+        Named intermediate quantities, in any order, that other expressions use.
+    definition_signals : sequence of Signal, optional
+        Unit and description of definitions, where they are known; derived otherwise.
+
+    Raises
+    ------
+    InputError
+        If a name is used twice, a symbol is unknown, an expression is missing, or definitions are circular.
+    UnitError
+        If an expression adds what cannot be added; the line names the expression.
+
+    Examples
+    --------
+    >>> v, F, m = Signal("v", "m/s"), Signal("F", "N"), Signal("m", "kg", start=2.0)
+    >>> cart = Block("cart", [v], [F], [v], [m], {"v": F.symbol / m.symbol})
+    >>> print(cart.equations())
+    v' = F/m
+    """
+
+    name: str
+    states: tuple[Signal, ...] = ()
+    inputs: tuple[Signal, ...] = ()
+    outputs: tuple[Signal, ...] = ()
+    parameters: tuple[Signal, ...] = ()
+    derivatives: Mapping[str, sp.Expr] = field(default_factory=Expressions)
+    output_expressions: Mapping[str, sp.Expr] = field(default_factory=Expressions)
+    definitions: Mapping[str, sp.Expr] = field(default_factory=Expressions)
+    definition_signals: tuple[Signal, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not re.fullmatch(r"[A-Za-z_]\w*", self.name):
+            raise InputError(f"{self.name!r} is no block name: letters, digits and _ wanted")
+        for kind in ("states", "inputs", "outputs", "parameters", "definition_signals"):
+            object.__setattr__(self, kind, tuple(getattr(self, kind)))
+        for kind in ("derivatives", "output_expressions", "definitions"):
+            if not isinstance(getattr(self, kind), Expressions):
+                object.__setattr__(self, kind, Expressions(getattr(self, kind)))
+        self._check_names()
+        self._complete_outputs()
+        self._check_keys("derivative", self.derivatives, [s.name for s in self.states])
+        self._check_keys("output", self.output_expressions, [s.name for s in self.outputs])
+        object.__setattr__(self, "definitions", self._sorted_definitions())
+        self._check_symbols()
+        self._check_units()
+
+    # ---- what must hold ------------------------------------------------------------------------------
+
+    def _where(self, text: str) -> str:
+        return f"block {self.name!r}: {text}"
+
+    def _check_names(self) -> None:
+        seen: set[str] = set()
+        own = [s.name for s in (*self.states, *self.inputs, *self.parameters)] + list(self.definitions)
+        for name in own:
+            if name in seen:
+                raise InputError(self._where(f"the name {name!r} is used twice"))
+            seen.add(name)
+        names = [s.name for s in self.outputs]
+        for name in names:
+            if names.count(name) > 1:
+                raise InputError(self._where(f"two outputs are named {name!r}"))
+
+    def _complete_outputs(self) -> None:
+        known = {s.name for s in (*self.states, *self.inputs)} | set(self.definitions)
+        full = {}
+        for output in self.outputs:
+            given = self.output_expressions.get(output.name)
+            if output.name in known:
+                if given is not None and given != output.symbol:
+                    text = f"output {output.name!r} has the name of another signal but is {given}"
+                    raise InputError(self._where(text))
+                given = output.symbol
+            if given is not None:
+                full[output.name] = given
+        extra = {k: v for k, v in self.output_expressions.items() if k not in full}
+        object.__setattr__(self, "output_expressions", Expressions(full | extra))
+
+    def _check_keys(self, kind: str, expressions: Mapping[str, sp.Expr], names: list[str]) -> None:
+        for name in names:
+            if name not in expressions:
+                raise InputError(self._where(f"no {kind} expression for {name!r}"))
+        for name in expressions:
+            if name not in names:
+                hint = did_you_mean(name, names)
+                raise InputError(self._where(f"{kind} expression for unknown signal {name!r}{hint}"))
+        ordered = Expressions((name, expressions[name]) for name in names)
+        attribute = "derivatives" if kind == "derivative" else "output_expressions"
+        object.__setattr__(self, attribute, ordered)
+
+    def _sorted_definitions(self) -> Expressions:
+        symbols = {sp.Symbol(name, real=True): name for name in self.definitions}
+        done: dict[str, sp.Expr] = {}
+
+        def visit(name: str, path: tuple[str, ...]) -> None:
+            if name in path:
+                circle = " -> ".join((*path[path.index(name):], name))
+                raise InputError(self._where(f"definitions are circular: {circle}"))
+            if name not in done:
+                needed = self.definitions[name].free_symbols & symbols.keys()
+                for symbol in sorted(needed, key=str):
+                    visit(symbols[symbol], (*path, name))
+                done[name] = self.definitions[name]
+
+        for name in self.definitions:
+            visit(name, ())
+        return Expressions(done)
+
+    def _check_symbols(self) -> None:
+        known = {s.symbol for s in (*self.states, *self.inputs, *self.parameters)}
+        known |= {sp.Symbol(name, real=True) for name in self.definitions} | {time}
+        for name, expression in self._all_expressions():
+            for symbol in sorted(expression.free_symbols - known, key=str):
+                hint = did_you_mean(symbol.name, [s.name for s in known])
+                if symbol.name in {s.name for s in known}:
+                    hint = " (it must be real: use Signal.symbol)"
+                raise InputError(self._where(f"unknown symbol {symbol.name!r} in {name}{hint}"))
+
+    def _check_units(self) -> None:
+        symbols = {s.symbol: s.dimension for s in (*self.states, *self.inputs, *self.parameters)}
+        derive = DimensionChecker({**symbols, time: dimension("s")})
+        given = {s.name: s for s in self.definition_signals}
+        described = []
+        for name, expression in self.definitions.items():
+            found = self._dimension(derive, name, expression)
+            signal = given.get(name) or Signal(name, unit_text(found or DIMENSIONLESS))
+            self._need(name, expression, found, signal.dimension, signal.unit)
+            derive.declare(signal.symbol, signal.dimension)
+            described.append(signal)
+        object.__setattr__(self, "definition_signals", tuple(described))
+        per_second = dimension("s")
+        for state in self.states:
+            e = self.derivatives[state.name]
+            wanted = tuple(a - b for a, b in zip(state.dimension, per_second, strict=True))
+            found = self._dimension(derive, f"{state.name}'", e)
+            self._need(f"{state.name}'", e, found, wanted, unit_text(wanted))
+        for output in self.outputs:
+            e = self.output_expressions[output.name]
+            found = self._dimension(derive, output.name, e)
+            self._need(output.name, e, found, output.dimension, output.unit)
+
+    def _dimension(self, derive: DimensionChecker, name: str, e: sp.Expr) -> Dimension | None:
+        try:
+            return derive(e)
+        except UnitError as error:
+            raise UnitError(self._where(f"{name}: {error}")) from None
+
+    def _need(self, name: str, e: sp.Expr, found: Dimension | None, wanted: Dimension, unit: str) -> None:
+        if found is not None and found != wanted:
+            text = f"{name} must be in {unit}, but '{e}' is in {unit_text(found)}"
+            raise UnitError(self._where(text))
+
+    def _all_expressions(self) -> Iterator[tuple[str, sp.Expr]]:
+        yield from self.definitions.items()
+        for name, expression in self.derivatives.items():
+            yield f"{name}'", expression
+        yield from self.output_expressions.items()
+
+    # ---- what can be asked ---------------------------------------------------------------------------
+
+    def signal(self, name: str) -> Signal:
+        """Return the state, input, parameter, output or definition of that name.
+
+        Raises
+        ------
+        InputError
+            If there is none; the nearest name is in the text.
+        """
+        groups = (self.states, self.inputs, self.parameters, self.outputs, self.definition_signals)
+        every = {s.name: s for group in reversed(groups) for s in group}
+        if name not in every:
+            hint = did_you_mean(name, every)
+            raise InputError(self._where(f"no signal {name!r}{hint}"))
+        return every[name]
+
+    def parameter_key(self, name: str) -> str:
+        """Return the key of a parameter in ``params``, unique among Blocks: ``plant.yaw_coulomb``."""
+        return name if "." in name else f"{self.name}.{name}"
+
+    @cached_property
+    def default_parameters(self) -> dict[str, float]:
+        """The value of every parameter, by its key."""
+        return {self.parameter_key(p.name): p.start for p in self.parameters}
+
+    def parameter_values(self, params: Mapping[str, float] | None = None) -> tuple[float, ...]:
+        """Return the values of all parameters in order, `params` over the defaults.
+
+        Raises
+        ------
+        InputError
+            If a key is unknown (the nearest is named) or a value is no number.
+        """
+        values = dict(self.default_parameters)
+        for key, value in (params or {}).items():
+            if key not in values:
+                hint = did_you_mean(key, values)
+                raise InputError(self._where(f"unknown parameter {key!r}{hint}"))
+            try:
+                values[key] = float(value)
+            except (TypeError, ValueError):
+                text = f"parameter {key!r} must be a number, found {value!r}"
+                raise InputError(self._where(text)) from None
+        return tuple(values.values())
+
+    def with_values(self, values: Mapping[str, float]) -> Block:
+        """Return the Block with other start values of states, inputs or parameters, by signal name.
+
+        Raises
+        ------
+        InputError
+            If a name is unknown or a value out of its bounds.
+        """
+        left = dict(values)
+
+        def changed(signals: tuple[Signal, ...]) -> tuple[Signal, ...]:
+            return tuple(s.but(start=left.pop(s.name)) if s.name in left else s for s in signals)
+
+        new = {kind: changed(getattr(self, kind)) for kind in ("states", "inputs", "parameters")}
+        if left:
+            self.signal(next(iter(left)))
+            raise InputError(self._where(f"{next(iter(left))!r} is computed, it has no start value"))
+        return self._unchecked(**new)
+
+    def parameter(self, name: str) -> Signal:
+        """Return a parameter by its key (``plant.yaw_coulomb``) or, where that is unique, its last part.
+
+        Raises
+        ------
+        InputError
+            If there is none; the nearest is named.
+        """
+        every = {self.parameter_key(p.name): p for p in self.parameters}
+        short = [p for key, p in every.items() if key.rpartition(".")[2] == name]
+        if name in every or len(short) == 1:
+            return every.get(name) or short[0]
+        hint = did_you_mean(name, [*every, *(key.rpartition(".")[2] for key in every)])
+        raise InputError(self._where(f"no parameter {name!r}{hint}"))
+
+    def named(self, name: str) -> Block:
+        """Return the Block under another name; its own parameters' keys follow."""
+        own = f"{self.name}."
+        moved = {p.name: f"{name}.{p.name.removeprefix(own)}" for p in self.parameters if p.name.startswith(own)}
+        return replace(self.with_parameter_names(moved), name=name)
+
+    def with_parameter_names(self, names: Mapping[str, str]) -> Block:
+        """Return the Block with other names for some parameters, old to new."""
+        swap = {sp.Symbol(a, real=True): sp.Symbol(b, real=True) for a, b in names.items()}
+        changed = {
+            kind: Expressions((k, e.xreplace(swap)) for k, e in getattr(self, kind).items())
+            for kind in ("derivatives", "definitions", "output_expressions")
+        }
+        parameters = tuple(p.but(name=names.get(p.name, p.name)) for p in self.parameters)
+        return replace(self, parameters=parameters, **changed)
+
+    @cached_property
+    def feedthrough(self) -> dict[str, tuple[str, ...]]:
+        """For each output the inputs that act on it at the same instant, derived from the expressions."""
+        inputs = {s.symbol: s.name for s in self.inputs}
+        reach: dict[sp.Symbol, set[str]] = {symbol: {name} for symbol, name in inputs.items()}
+
+        def of(expression: sp.Expr) -> set[str]:
+            found = (reach.get(symbol, set()) for symbol in expression.free_symbols)
+            return set().union(*found)
+
+        for name, expression in self.definitions.items():
+            reach[sp.Symbol(name, real=True)] = of(expression)
+        return {
+            name: tuple(i.name for i in self.inputs if i.name in of(expression))
+            for name, expression in self.output_expressions.items()
+        }
+
+    def expand(self, expression: sp.Expr) -> sp.Expr:
+        """Return an expression with all definitions written out."""
+        for name, value in reversed(list(self.definitions.items())):
+            expression = expression.xreplace({sp.Symbol(name, real=True): value})
+        return expression
+
+    def jacobian(self, rows: Rows = "derivatives", columns: Columns = "states") -> sp.ImmutableMatrix:
+        """Return the exact partial derivatives, with definitions written out.
+
+        Parameters
+        ----------
+        rows : {"derivatives", "outputs"}
+        columns : {"states", "inputs", "parameters"}
+
+        Returns
+        -------
+        sympy.ImmutableMatrix
+            One row for each state (output), one column for each signal of that kind.
+
+        Examples
+        --------
+        >>> v, k = Signal("v", "m/s"), Signal("k", "1/s")
+        >>> Block("decay", [v], [], [v], [k], {"v": -k.symbol * v.symbol}).jacobian()
+        Matrix([[-k]])
+        """
+        from hovercontrol.derivatives import partial_derivatives
+
+        names = [s.name for s in getattr(self, columns)]
+        shape = (len(getattr(self, "states" if rows == "derivatives" else "outputs")), len(names))
+        entries = partial_derivatives(self, rows, names)
+        return sp.ImmutableMatrix(*shape, lambda i, j: self.expand(entries.get((i, j), sp.S.Zero)))
+
+    def equations(self, form: Literal["text", "latex"] = "text") -> str:
+        """Return the equations, one line each: definitions, derivatives, then computed outputs."""
+        from hovercontrol.equations import latex_equations, text_equations
+
+        if form not in ("text", "latex"):
+            raise InputError(f"equations come as 'text' or 'latex', not {form!r}")
+        return text_equations(self) if form == "text" else latex_equations(self)
+
+    @cached_property
+    def content_hash(self) -> str:
+        """A hexadecimal digest of all that the Block says; the same in every process."""
+        digest = hashlib.sha256(self.name.encode())
+        for kind in fields(self):
+            value = getattr(self, kind.name)
+            if isinstance(value, Expressions):
+                value = [(name, sp.srepr(expression)) for name, expression in value.items()]
+            digest.update(f"{kind.name}={value!r};".encode())
+        return digest.hexdigest()
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {f.name: getattr(self, f.name) for f in fields(self)}
+
+    def _unchecked(self, **changes: Any) -> Block:
+        """Return a copy with changes that cannot break what was checked."""
+        block = object.__new__(Block)
+        for f in fields(Block):
+            object.__setattr__(block, f.name, changes.get(f.name, getattr(self, f.name)))
+        return block
+
+    # ---- its faces -----------------------------------------------------------------------------------
+
+    def to_numpy(self) -> NumpyFunctions:
+        """Return the Block as NumPy functions (:mod:`hovercontrol.targets.numpy`)."""
+        from hovercontrol.targets.numpy import numpy_functions
+
+        return numpy_functions(self)
+
+    def to_control(self, name: str | None = None) -> control.NonlinearIOSystem:
+        """Return the Block as one python-control system (:mod:`hovercontrol.targets.control`)."""
+        from hovercontrol.targets.control import to_control
+
+        return to_control(self, name)
+
+    def linearize(
+        self, x: ArrayLike, u: ArrayLike = (), params: Mapping[str, float] | None = None, t: float = 0.0
+    ) -> control.StateSpace:
+        """Return the exact linearisation at a point as a python-control state-space system.
+
+        Parameters
+        ----------
+        x : array_like, shape (n_states,)
+        u : array_like, shape (n_inputs,)
+        params : mapping, optional
+            Parameter values by key, over the defaults.
+        t : float, optional
+            Time [s].
+        """
+        return self.to_control().linearize(x, u, t=t, params=params)

@@ -1,0 +1,58 @@
+"""Exact partial derivatives of a Block, by the chain rule through its definitions.
+
+Definitions are differentiated once each and reused, so that the cost does not grow with how often a
+definition is used: the fused C17 loop with its estimator has 83 states and still differentiates at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Literal
+
+import sympy as sp
+
+if TYPE_CHECKING:
+    from hovercontrol.block import Block
+
+
+def partial_derivatives(
+    block: Block, rows: Literal["derivatives", "outputs"], names: Sequence[str]
+) -> dict[tuple[int, int], sp.Expr]:
+    """Return the nonzero entries of a Jacobian; expressions may use the Block's definitions.
+
+    Parameters
+    ----------
+    block : Block
+    rows : {"derivatives", "outputs"}
+    names : sequence of str
+        Signals to differentiate by: states, inputs or parameters.
+
+    Returns
+    -------
+    dict of (int, int) to sympy.Expr
+        Row and column of each entry that is not identically zero.
+    """
+    columns = {sp.Symbol(name, real=True): j for j, name in enumerate(names)}
+    through: dict[sp.Symbol, dict[int, sp.Expr]] = {}
+
+    def gradient(expression: sp.Expr) -> dict[int, sp.Expr]:
+        total: dict[int, sp.Expr] = {}
+        for symbol in sorted(expression.free_symbols, key=str):
+            if symbol in columns:
+                parts = {columns[symbol]: sp.S.One}
+            else:
+                parts = through.get(symbol, {})
+            if parts:
+                local = sp.diff(expression, symbol)
+                for j, inner in parts.items():
+                    total[j] = total.get(j, sp.S.Zero) + local * inner
+        return {j: value for j, value in total.items() if value != 0}
+
+    for name, expression in block.definitions.items():
+        through[sp.Symbol(name, real=True)] = gradient(expression)
+    expressions = block.derivatives if rows == "derivatives" else block.output_expressions
+    return {
+        (i, j): value
+        for i, expression in enumerate(expressions.values())
+        for j, value in gradient(expression).items()
+    }

@@ -1,0 +1,58 @@
+"""Physical effects: each one class, found by its name (exact definitions in each class)."""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+from typing import Any
+
+from hovercontrol.effects.base import Coefficient, Effect, Shape
+from hovercontrol.errors import InputError, did_you_mean
+
+__all__ = ["Coefficient", "Effect", "Shape", "effect", "effect_class", "effect_names"]
+
+for _module in pkgutil.iter_modules(__path__):
+    importlib.import_module(f"{__name__}.{_module.name}")
+
+
+def effect_names() -> list[str]:
+    """Return the names of all known effects, sorted."""
+    return sorted(Effect.known)
+
+
+def effect_class(name: str) -> type[Effect]:
+    """Return the class of an effect.
+
+    Raises
+    ------
+    InputError
+        If no effect has that name; the nearest one is in the text.
+    """
+    if name not in Effect.known:
+        raise InputError(f"unknown effect {name!r}{did_you_mean(name, Effect.known)}")
+    return Effect.known[name]
+
+
+def effect(name: str, value: float | None = None, **values: Any) -> Effect:
+    """Return an effect with its numbers.
+
+    Parameters
+    ----------
+    name : str
+        As in the model file, ``"yaw_coulomb"``.
+    value : float, optional
+        The effect's coefficient.
+    **values : float
+        Its other numbers (``width=0.02``).
+
+    Raises
+    ------
+    InputError
+        If the name or a number's name is unknown, a number is missing or out of bounds.
+
+    Examples
+    --------
+    >>> effect("surge_linear_drag", 0.4).values
+    {'value': 0.4}
+    """
+    return effect_class(name)(value, **values)

@@ -1,0 +1,164 @@
+"""What an effect is: one physical cause, its coefficients, and the terms it adds to the equations of motion.
+
+To add an effect, write one class in one file of this package (or anywhere in a script): a ``name``, the
+coefficients, and ``terms``. It is then known to model files, plants and estimators.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import SimpleNamespace
+from typing import Any, ClassVar
+
+import sympy as sp
+
+from hovercontrol.errors import InputError, did_you_mean
+from hovercontrol.signals import Signal
+
+
+@dataclass(frozen=True)
+class Coefficient:
+    """A number of an effect that enters its terms linearly.
+
+    Parameters
+    ----------
+    unit : str
+        May name an input's unit in braces: ``"m/s^2/({thrust})"``.
+    lower, upper : float, optional
+        Bounds.
+    default : float, optional
+        Value where none is given; without it the value is required.
+    """
+
+    unit: str
+    lower: float = -math.inf
+    upper: float = math.inf
+    default: float | None = None
+
+
+@dataclass(frozen=True)
+class Shape(Coefficient):
+    """A number of an effect that shapes its terms and need not enter linearly (a width, a time)."""
+
+
+#: Smallest width of regularised dry friction: zero would divide.
+TINY = 1e-9
+
+
+class Effect:
+    """One physical cause in a model; subclasses declare it, instances carry its numbers.
+
+    A subclass sets ``name``, ``source``, a docstring that explains it in one sentence, its numbers as class
+    attributes of type :class:`Coefficient` or :class:`Shape`, and ``terms``. The number called ``value`` is the
+    effect's coefficient and carries the effect's name among the plant's parameters (``plant.yaw_coulomb``); others
+    are ``name_attribute`` (``plant.yaw_coulomb_width``).
+
+    Examples
+    --------
+    >>> from hovercontrol.effects import effect
+    >>> effect("yaw_coulomb", 0.83)
+    yaw_coulomb(value=0.83, width=0.01)
+    """
+
+    name: ClassVar[str] = ""
+    source: ClassVar[str] = ""
+    numbers: ClassVar[dict[str, Coefficient]] = {}
+    known: ClassVar[dict[str, type[Effect]]] = {}
+
+    def __init_subclass__(cls, **kwargs: Any) -> None:
+        super().__init_subclass__(**kwargs)
+        found = {k: v for base in reversed(cls.__mro__) for k, v in vars(base).items()
+                 if isinstance(v, Coefficient)}
+        cls.numbers = found
+        if not cls.name:
+            return
+        other = Effect.known.get(cls.name)
+        if other and (other.__module__, other.__qualname__) != (cls.__module__, cls.__qualname__):
+            raise InputError(f"an effect named {cls.name!r} is already in {other.__module__}")
+        Effect.known[cls.name] = cls
+
+    def __init__(self, value: float | None = None, **values: float) -> None:
+        if value is not None:
+            first = "value" if "value" in self.numbers else next(iter(self.numbers), "value")
+            values = {first: value, **values}
+        for key in values:
+            if key not in self.numbers:
+                hint = did_you_mean(key, self.numbers)
+                raise InputError(f"effect {self.name}: unknown number {key!r}{hint}")
+        self.values: dict[str, float] = {}
+        for key, number in self.numbers.items():
+            given = values.get(key, number.default)
+            if given is None:
+                raise InputError(f"effect {self.name}: {key!r} is missing (unit {number.unit})")
+            if isinstance(given, bool) or not isinstance(given, int | float):
+                raise InputError(f"effect {self.name}: {key} must be a number, found {given!r}")
+            if not number.lower <= given <= number.upper:
+                raise InputError(
+                    f"effect {self.name}: {key} = {given:g} is out of its bounds "
+                    f"[{number.lower:g}, {number.upper:g}]"
+                )
+            self.values[key] = float(given)
+
+    def __repr__(self) -> str:
+        inside = ", ".join(f"{k}={v:g}" for k, v in self.values.items())
+        return f"{self.name}({inside})"
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Effect) and (self.name, self.values) == (other.name, other.values)
+
+    def __hash__(self) -> int:
+        return hash((self.name, tuple(self.values.items())))
+
+    @classmethod
+    def parameter(cls, number: str) -> str:
+        """Return the plant's parameter name of one of the effect's numbers."""
+        return cls.name if number == "value" else f"{cls.name}_{number}"
+
+    def signals(self, owner: str, units: Mapping[str, str]) -> tuple[Signal, ...]:
+        """Return the effect's numbers as parameter signals.
+
+        Parameters
+        ----------
+        owner : str
+            Name of the Block they belong to.
+        units : mapping of str to str
+            Unit of each input, by name, for coefficients that are per unit of an input.
+        """
+        sentence = (type(self).__doc__ or "").strip().split("\n")[0]
+        return tuple(
+            Signal(
+                f"{owner}.{self.parameter(key)}",
+                number.unit.format(**units),
+                sentence if key == "value" else f"{key} of {self.name}",
+                start=self.values[key],
+                nominal=abs(self.values[key]) or 1.0,
+                lower=number.lower,
+                upper=number.upper,
+            )
+            for key, number in self.numbers.items()
+        )
+
+    def symbols(self, owner: str) -> SimpleNamespace:
+        """Return the symbols of the effect's numbers in a Block, by number."""
+        names = {k: f"{owner}.{self.parameter(k)}" for k in self.numbers}
+        return SimpleNamespace(**{k: sp.Symbol(name, real=True) for k, name in names.items()})
+
+    def terms(self, c: Any, s: Any) -> dict[str, sp.Expr]:
+        """Return what the effect adds to the derivatives of the body velocities.
+
+        Parameters
+        ----------
+        c : namespace
+            Symbols of the effect's own numbers.
+        s : namespace
+            Symbols of the motion: ``x, y, psi, u, v, r``; of the rudder craft's commands ``thrust, rudder``
+            and their force vector ``thrust_x, thrust_y``; of a fan craft's wrench ``fan_x, fan_y, fan_torque``.
+
+        Returns
+        -------
+        dict of str to sympy.Expr
+            Keys ``"u"``, ``"v"``, ``"r"``; accelerations [m/s^2, m/s^2, rad/s^2].
+        """
+        raise TypeError(f"{type(self).__name__} does not say what it adds: define terms()")

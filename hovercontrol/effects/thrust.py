@@ -1,0 +1,49 @@
+"""What the actuators do: a propeller with a rudder in its stream, or fans fixed to the hull."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import sympy as sp
+
+from hovercontrol.effects.base import Coefficient, Effect
+
+
+class Thrust(Effect):
+    """Force of the propeller, turned by the rudder: c T cos(theta) in surge, c T sin(theta) in sway."""
+
+    name, source = "thrust", "C17 (9), c7 = b_T/m"
+    value = Coefficient("m/s^2/({thrust})", lower=0.0)
+
+    def terms(self, c: Any, s: Any) -> dict[str, sp.Expr]:
+        return {"u": c.value * s.thrust_x, "v": c.value * s.thrust_y}
+
+
+class RudderTorque(Effect):
+    """Torque of the rudder's side force on its arm: -c T sin(theta) in yaw."""
+
+    name, source = "rudder_torque", "C17 (10), c8 = a b_T/J"
+    value = Coefficient("rad/s^2/({thrust})")
+
+    def terms(self, c: Any, s: Any) -> dict[str, sp.Expr]:
+        return {"r": -c.value * s.thrust_y}
+
+
+class FanForce(Effect):
+    """Sum of the fans' forces, each in its direction, per mass."""
+
+    name, source = "fan_force", "Newton; c = 1/m times the fans' effectiveness"
+    value = Coefficient("m/s^2/N", lower=0.0)
+
+    def terms(self, c: Any, s: Any) -> dict[str, sp.Expr]:
+        return {"u": c.value * s.fan_x, "v": c.value * s.fan_y}
+
+
+class FanTorque(Effect):
+    """Sum of the fans' torques about the centre of mass, per inertia."""
+
+    name, source = "fan_torque", "Euler; c = 1/J times the fans' effectiveness"
+    value = Coefficient("rad/s^2/(N*m)", lower=0.0)
+
+    def terms(self, c: Any, s: Any) -> dict[str, sp.Expr]:
+        return {"r": c.value * s.fan_torque}

@@ -1,0 +1,68 @@
+"""A Block's equations for a reader: plain text or LaTeX."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING
+
+import sympy as sp
+
+from hovercontrol.sgn import sgn
+
+if TYPE_CHECKING:
+    from hovercontrol.block import Block
+
+
+def text_equations(block: Block) -> str:
+    """Return one line an equation: definitions, derivatives, outputs that are more than a name."""
+    def _text(e: sp.Expr) -> str:
+        return str(e.replace(sgn, lambda v, w: sp.Function("sgn")(v)))
+
+    lines = [f"{name} = {_text(e)}" for name, e in block.definitions.items()]
+    lines += [f"{name}' = {_text(e)}" for name, e in block.derivatives.items()]
+    lines += [f"{name} = {_text(e)}" for name, e in _computed_outputs(block)]
+    return "\n".join(lines)
+
+
+def latex_equations(block: Block) -> str:
+    """Return the same as one ``align*`` environment (sgn is written as the papers do)."""
+    symbols = _latex_names(block)
+
+    def latex(e: sp.Expr) -> str:
+        return str(sp.latex(e, symbol_names=symbols))
+
+    def line(name: str, e: sp.Expr, dot: bool = False) -> str:
+        left = latex(sp.Symbol(name, real=True))
+        return (rf"\dot{{{left}}}" if dot else left) + " &= " + latex(e)
+
+    lines = [line(name, e) for name, e in block.definitions.items()]
+    lines += [line(name, e, dot=True) for name, e in block.derivatives.items()]
+    lines += [line(name, e) for name, e in _computed_outputs(block)]
+    return "\\begin{align*}\n" + " \\\\\n".join(lines) + "\n\\end{align*}"
+
+
+def _computed_outputs(block: Block) -> list[tuple[str, sp.Expr]]:
+    known = {s.name for s in (*block.states, *block.inputs)} | set(block.definitions)
+    return [(name, e) for name, e in block.output_expressions.items() if name not in known]
+
+
+_GREEK = {"psi": r"\psi", "theta": r"\theta", "delta": r"\delta"}
+
+
+def _latex_names(block: Block) -> dict[sp.Symbol, str]:
+    names = {s.name for s in (*block.states, *block.inputs, *block.outputs, *block.parameters)}
+    return {sp.Symbol(name, real=True): _latex_name(name) for name in names | set(block.definitions)}
+
+
+def _latex_name(name: str) -> str:
+    stem, index = re.fullmatch(r"([^\[]*)(?:\[(.*)\])?", name).groups()  # type: ignore[union-attr]
+    *path, last = stem.split(".")
+    if last in _GREEK:
+        body = _GREEK[last]
+    elif len(last) == 1:
+        body = last
+    else:
+        body = r"\mathrm{" + last.replace("_", r"\_") + "}"
+    below = [r"\mathrm{" + ".".join(path).replace("_", r"\_") + "}"] if path else []
+    below += [index] if index else []
+    return body + (f"_{{{','.join(below)}}}" if below else "")

@@ -1,0 +1,119 @@
+"""A Block as a linear regression: ``x' = h + G c`` (C17 (1)), for the coefficients chosen.
+
+G is the derivative of the Block by its coefficients, never written by hand.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import sympy as sp
+
+from hovercontrol.block import Block
+from hovercontrol.derivatives import partial_derivatives
+from hovercontrol.errors import InputError
+from hovercontrol.signals import Signal
+
+
+@dataclass(frozen=True)
+class Regression:
+    """``x' = h + G c`` for some states and coefficients of a Block.
+
+    Parameters
+    ----------
+    block : Block
+        Where it comes from.
+    states : tuple of Signal
+        The states x, length n: those whose derivative depends on a coefficient.
+    coefficients : tuple of Signal
+        The coefficients c, length m, as parameters of the Block.
+    names : tuple of str
+        Their names without the Block's.
+    h : tuple of sympy.Expr
+        Length n.
+    G : sympy.ImmutableMatrix
+        Shape (n, m).
+    """
+
+    block: Block
+    states: tuple[Signal, ...]
+    coefficients: tuple[Signal, ...]
+    names: tuple[str, ...]
+    h: tuple[sp.Expr, ...]
+    G: sp.ImmutableMatrix
+
+
+def regression(block: Block, coefficients: Sequence[str] | None = None) -> Regression:
+    """Return the regression of a Block in chosen coefficients.
+
+    Parameters
+    ----------
+    block : Block
+    coefficients : sequence of str, optional
+        Names of parameters; default: every parameter in which the Block is linear when all of them
+        are free at once (widths and the like stay parameters).
+
+    Raises
+    ------
+    InputError
+        If a name is unknown, a coefficient is used twice or acts on no state, or the Block is not linear
+        in them; the line names the equation and the expression.
+
+    Examples
+    --------
+    >>> from hovercontrol.vehicles import hoverdemon
+    >>> regression(hoverdemon().plant()).G[2, :]
+    Matrix([[0, -thrust*sin(rudder)]])
+    """
+    if coefficients is None:
+        names = _linear_parameters(block)
+        if not names:
+            raise InputError(f"block {block.name!r} is linear in none of its parameters")
+    else:
+        names = [block.parameter(name).name for name in coefficients]
+    parameters = {p.name: p for p in block.parameters}
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError(f"block {block.name!r}: the coefficient {name!r} is asked for twice")
+    entries = {k: block.expand(e) for k, e in partial_derivatives(block, "derivatives", names).items()}
+    symbols = [parameters[name].symbol for name in names]
+    for (i, j), e in sorted(entries.items(), key=lambda item: item[0]):
+        bad = e.free_symbols & set(symbols)
+        if bad:
+            state = block.states[i].name
+            raise InputError(
+                f"block {block.name!r} is not linear in {names[j]!r}: in {state}' its factor is '{e}', "
+                f"which depends on {', '.join(sorted(s.name for s in bad))}"
+            )
+    rows = sorted({i for i, _ in entries})
+    for j, name in enumerate(names):
+        if not any((i, j) in entries for i in rows):
+            raise InputError(f"block {block.name!r}: {name!r} acts in no derivative, it cannot be estimated")
+    zero = dict.fromkeys(symbols, sp.S.Zero)
+    expressions = list(block.derivatives.values())
+    return Regression(
+        block,
+        tuple(block.states[i] for i in rows),
+        tuple(parameters[name] for name in names),
+        tuple(name.rpartition(".")[2] for name in names),
+        tuple(block.expand(expressions[i]).xreplace(zero) for i in rows),
+        sp.ImmutableMatrix(len(rows), len(names), lambda i, j: entries.get((rows[i], j), sp.S.Zero)),
+    )
+
+
+def _linear_parameters(block: Block) -> list[str]:
+    """Return the largest leading set of parameters in which all derivatives are jointly linear."""
+    names = [p.name for p in block.parameters]
+    entries = {k: block.expand(e) for k, e in partial_derivatives(block, "derivatives", names).items()}
+    chosen: list[str] = []
+    for j, name in enumerate(names):
+        column = [e for (_, k), e in entries.items() if k == j]
+        taken = {sp.Symbol(n, real=True) for n in (*chosen, name)}
+        before = [e for (_, k), e in entries.items() if names[k] in chosen]
+        own = sp.Symbol(name, real=True)
+        if column and not any(e.free_symbols & taken for e in column) and not any(
+            own in e.free_symbols for e in before
+        ):
+            chosen.append(name)
+    return chosen

@@ -1,0 +1,278 @@
+"""Wiring: Blocks are joined by signal name into one Block.
+
+An output drives every input of the same name; inputs that nothing drives become inputs of the whole. In the
+whole, states and parameters carry their Block's name in front (``plant.u``, ``plant.yaw_coulomb``), outputs and
+inputs keep their signal names.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import sympy as sp
+
+from hovercontrol.block import Block, Expressions
+from hovercontrol.errors import InputError, did_you_mean
+from hovercontrol.signals import Signal
+
+
+def rename(block: Block, signals: Mapping[str, str]) -> Block:
+    """Return the Block with other names for some of its inputs and outputs.
+
+    Parameters
+    ----------
+    block : Block
+    signals : mapping of str to str
+        Old name to new name. A state keeps its own name when an output of the same name is renamed.
+
+    Raises
+    ------
+    InputError
+        If the Block has no such input or output, or the new name is taken.
+
+    Examples
+    --------
+    >>> v, a = Signal("v", "m/s"), Signal("a", "m/s^2")
+    >>> cart = Block("cart", [v], [a], [v], derivatives={"v": a.symbol})
+    >>> rename(cart, {"a": "push"}).equations()
+    "v' = push"
+    """
+    ports = [s.name for s in (*block.inputs, *block.outputs)]
+    for old in signals:
+        if old not in ports:
+            hint = did_you_mean(old, ports)
+            raise InputError(f"block {block.name!r}: no input or output {old!r} to rename{hint}")
+    inputs = {s.name for s in block.inputs}
+    swap = {
+        sp.Symbol(old, real=True): sp.Symbol(new, real=True)
+        for old, new in signals.items()
+        if old in inputs
+    }
+
+    def renamed(group: Iterable[Signal]) -> list[Signal]:
+        return [s.but(name=signals.get(s.name, s.name)) for s in group]
+
+    def swapped(expressions: Mapping[str, sp.Expr]) -> Expressions:
+        return Expressions((name, e.xreplace(swap)) for name, e in expressions.items())
+
+    outputs = [(signals.get(name, name), e.xreplace(swap))
+               for name, e in block.output_expressions.items()]
+    return replace(
+        block,
+        inputs=renamed(block.inputs),
+        outputs=renamed(block.outputs),
+        derivatives=swapped(block.derivatives),
+        definitions=swapped(block.definitions),
+        output_expressions=Expressions(outputs),
+    )
+
+
+def prefix(block: Block, name: str) -> Block:
+    """Return the Block renamed to `name`, with all its inputs and outputs prefixed ``name_``.
+
+    This is how two craft of one kind live in one system. Its parameters' keys begin with ``name.``.
+
+    Examples
+    --------
+    >>> v, a = Signal("v", "m/s"), Signal("a", "m/s^2")
+    >>> left = prefix(Block("cart", [v], [a], [v], derivatives={"v": a.symbol}), "left")
+    >>> left.name, left.inputs[0].name, left.outputs[0].name
+    ('left', 'left_a', 'left_v')
+    """
+    ports = {s.name: f"{name}_{s.name}" for s in (*block.inputs, *block.outputs)}
+    own = f"{block.name}."
+    inner = {p.name: f"{name}.{p.name}" for p in block.parameters
+             if "." in p.name and not p.name.startswith(own)}
+    return rename(block, ports).with_parameter_names(inner).named(name)
+
+
+@dataclass(frozen=True)
+class _Part:
+    """One Block in the whole: its symbols and what each becomes there."""
+
+    block: Block
+    own: dict[sp.Symbol, sp.Symbol]
+
+
+def interconnect(
+    blocks: Sequence[Block],
+    name: str = "system",
+    *,
+    inputs: Sequence[str] | None = None,
+    outputs: Sequence[str] | None = None,
+) -> Block:
+    """Join Blocks by signal name into one Block.
+
+    Parameters
+    ----------
+    blocks : sequence of Block
+        With different names.
+    name : str, optional
+        Name of the whole.
+    inputs : sequence of str, optional
+        The inputs the whole must have, in this order (default: all that nothing drives).
+    outputs : sequence of str, optional
+        Which outputs the whole shows (default: all).
+
+    Returns
+    -------
+    Block
+
+    Raises
+    ------
+    InputError
+        If two outputs or two Blocks have one name, units differ along a wire, a wanted signal is not
+        there, an input stays open that `inputs` does not name, or an algebraic loop closes; the loop
+        is spelled out.
+
+    Examples
+    --------
+    >>> v, a, k = Signal("v", "m/s"), Signal("a", "m/s^2"), Signal("k", "1/s", start=2.0)
+    >>> cart = Block("cart", [v], [a], [v], derivatives={"v": a.symbol})
+    >>> brake = Block("brake", [], [v], [a], [k], output_expressions={"a": -k.symbol * v.symbol})
+    >>> print(interconnect([cart, brake], "loop").equations())
+    a = -brake.k*cart.v
+    cart.v' = a
+    """
+    if not blocks:
+        raise InputError("interconnect: no blocks given")
+    _refuse_clashes(blocks)
+    drivers = {s.name: (block, s) for block in blocks for s in block.outputs}
+    open_inputs = _open_inputs(blocks, drivers)
+    _refuse_loops(blocks, drivers)
+
+    parts = [_part(block) for block in blocks]
+    wires: dict[str, sp.Expr] = {}
+    definitions: dict[str, sp.Expr] = {}
+    signals: list[Signal] = []
+    for part in parts:
+        swap = dict(part.own)
+        for signal in part.block.definition_signals:
+            definitions[f"{part.block.name}.{signal.name}"] = part.block.definitions[signal.name]
+            signals.append(signal.but(name=f"{part.block.name}.{signal.name}"))
+        for output in part.block.outputs:
+            e = part.block.output_expressions[output.name]
+            wires[output.name] = swap.get(e, e)
+    # An output that is just a state or a definition needs no line of its own.
+    plain = {n for n, e in wires.items() if e.is_Symbol and "." in e.name}
+    taken = {sp.Symbol(n, real=True): wires[n] for n in plain}
+    for part in parts:
+        swap = {**taken, **part.own}
+        for signal in part.block.definition_signals:
+            key = f"{part.block.name}.{signal.name}"
+            definitions[key] = definitions[key].xreplace(swap)
+        for output in part.block.outputs:
+            if output.name not in plain:
+                e = part.block.output_expressions[output.name]
+                definitions[output.name] = e.xreplace(swap)
+                signals.append(output)
+    derivatives = {
+        part.own[state.symbol].name: part.block.derivatives[state.name].xreplace({**taken, **part.own})
+        for part in parts
+        for state in part.block.states
+    }
+    return Block(
+        name=name,
+        states=[_moved(part, s) for part in parts for s in part.block.states],
+        inputs=_chosen(open_inputs, inputs, "input", strict=True),
+        outputs=_chosen({n: s for n, (_, s) in drivers.items()}, outputs, "output"),
+        parameters=[_moved(part, s) for part in parts for s in part.block.parameters],
+        derivatives=Expressions(derivatives),
+        output_expressions=Expressions((n, wires[n]) for n in _shown(drivers, outputs) if n in plain),
+        definitions=Expressions(definitions),
+        definition_signals=signals,
+    )
+
+
+def _shown(drivers: Mapping[str, object], outputs: Sequence[str] | None) -> list[str]:
+    return list(drivers) if outputs is None else list(outputs)
+
+
+def _part(block: Block) -> _Part:
+    local = [*block.states, *block.parameters, *block.definition_signals]
+    return _Part(block, {
+        s.symbol: sp.Symbol(f"{block.name}.{s.name}" if _is_local(block, s) else s.name, real=True)
+        for s in local
+    })
+
+
+def _is_local(block: Block, signal: Signal) -> bool:
+    """A parameter that already carries a Block's name keeps it: its key stays the same in every whole."""
+    return not (signal in block.parameters and "." in signal.name)
+
+
+def _moved(part: _Part, signal: Signal) -> Signal:
+    return signal.but(name=part.own[signal.symbol].name)
+
+
+def _refuse_clashes(blocks: Sequence[Block]) -> None:
+    seen: dict[str, str] = {}
+    names: list[str] = []
+    for block in blocks:
+        if block.name in names:
+            raise InputError(f"two blocks are named {block.name!r}: give one another name with .named()")
+        names.append(block.name)
+        for output in block.outputs:
+            if output.name in seen:
+                raise InputError(
+                    f"blocks {seen[output.name]!r} and {block.name!r} both have an output "
+                    f"{output.name!r}: use rename() or prefix() on one of them"
+                )
+            seen[output.name] = block.name
+    keys: dict[str, str] = {}
+    for block in blocks:
+        for key in block.default_parameters:
+            if key in keys:
+                raise InputError(f"blocks {keys[key]!r} and {block.name!r} share the parameter {key!r}")
+            keys[key] = block.name
+
+
+def _open_inputs(
+    blocks: Sequence[Block], drivers: Mapping[str, tuple[Block, Signal]]
+) -> dict[str, Signal]:
+    found: dict[str, tuple[Block, Signal]] = {}
+    for block in blocks:
+        for signal in block.inputs:
+            other, source = drivers.get(signal.name) or found.setdefault(signal.name, (block, signal))
+            if source.dimension != signal.dimension:
+                raise InputError(
+                    f"{signal.name!r} is in {source.unit} in block {other.name!r} "
+                    f"but in {signal.unit} in block {block.name!r}"
+                )
+    return {name: signal for name, (_, signal) in found.items()}
+
+
+def _refuse_loops(blocks: Sequence[Block], drivers: Mapping[str, tuple[Block, Signal]]) -> None:
+    """Follow each output to the inputs that act on it at once; a circle is an algebraic loop."""
+    done: set[str] = set()
+
+    def visit(output: str, path: list[str]) -> None:
+        block = drivers[output][0]
+        here = f"{block.name}.{output}"
+        if here in path:
+            circle = " -> ".join(reversed([*path[path.index(here):], here]))
+            raise InputError(f"algebraic loop: {circle}; break it with a state (a lag or a delay)")
+        if output in done:
+            return
+        for needed in block.feedthrough[output]:
+            if needed in drivers:
+                visit(needed, [*path, here])
+        done.add(output)
+
+    for name in drivers:
+        visit(name, [])
+
+
+def _chosen(
+    there: Mapping[str, Signal], wanted: Sequence[str] | None, kind: str, strict: bool = False
+) -> list[Signal]:
+    if wanted is None:
+        return list(there.values())
+    for name in wanted:
+        if name not in there:
+            raise InputError(f"interconnect: no {kind} {name!r}{did_you_mean(name, there)}")
+    missing = [name for name in there if name not in wanted]
+    if strict and missing:
+        raise InputError(f"interconnect: nothing drives the {kind} {missing[0]!r}")
+    return [there[name] for name in wanted]

@@ -1,0 +1,1 @@
+"""Logs: reading them, joining them, and velocities from tracked positions."""

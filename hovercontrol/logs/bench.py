@@ -1,0 +1,134 @@
+"""Thrust of a fan on the test bench: pulse width to newton."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.interpolate import PchipInterpolator
+
+from hovercontrol.errors import InputError
+from hovercontrol.logs.check import check_finite
+from hovercontrol.logs.log import Floats, Log
+from hovercontrol.logs.source import open_source
+
+STANDARD_GRAVITY = 9.80665
+"""m/s^2, exact by definition (3rd CGPM, 1901); a gram-force is this many millinewton."""
+
+
+@dataclass(frozen=True, eq=False)
+class BenchTable:
+    """Steady thrust of one fan against its command.
+
+    Attributes
+    ----------
+    name : str
+        What error lines call the table.
+    command : ndarray (n,)
+        Commands of the bench rows (pulse width [us]), increasing and above ``idle``.
+    thrust : ndarray (n,)
+        Thrust of one fan [N], mean of the trials.
+    idle : float
+        Command at and below which the fan stands still.
+
+    Examples
+    --------
+    >>> table = BenchTable("demo", np.array([1100.0, 1200.0]), np.array([0.01, 0.03]), idle=1000.0)
+    >>> table.force([900.0, 1000.0, 1200.0])
+    array([0.  , 0.  , 0.03])
+    """
+
+    name: str
+    command: Floats
+    thrust: Floats
+    idle: float
+
+    @classmethod
+    def from_csv(cls, path: str | Path, *, fans: int = 2, idle: float = 1000.0) -> BenchTable:
+        """Read a table whose first column is the command and whose others are trials in gram-force.
+
+        Parameters
+        ----------
+        path : str or Path
+            CSV with header.
+        fans : int
+            How many fans pushed together on the bench; thrust is shared equally.
+        idle : float
+            Command at and below which a fan stands still.
+
+        Raises
+        ------
+        InputError
+            Text or a missing number (line and column), a command that does not increase or is not above
+            ``idle``, fewer than two rows, no trial, or a negative mean thrust.
+        """
+        file = Path(path)
+        source = open_source(file)
+        if len(source.header) < 2:
+            raise InputError(f"{file}: expected a command column and at least one trial, found one column")
+        rows = [
+            np.column_stack([column.to_numpy(zero_copy_only=False) for column in batch.columns])
+            for batch in source.batches(source.header)
+        ]
+        table = np.concatenate([np.empty((0, len(source.header))), *rows]).astype(float)
+        if len(table) < 2:
+            raise InputError(f"{file}: expected at least two bench rows, found {len(table)}")
+        for name, column in zip(source.header, table.T, strict=True):
+            check_finite(str(file), source, name, column)
+        command, grams = table[:, 0], table[:, 1:].mean(axis=1)
+        first = source.header[0]
+        for row, low in enumerate([idle, *command[:-1]]):
+            if command[row] <= low:
+                where, text = source.place(row, first)
+                raise InputError(f"{file}: {where}, column {first!r}: expected more than {low:g}, found {text}")
+        if grams.min() < 0:
+            where, _ = source.place(int(grams.argmin()), first)
+            raise InputError(f"{file}: {where}: expected thrust of zero or more, found {grams.min():g} gram-force")
+        return cls(file.name, command, grams * 1e-3 * STANDARD_GRAVITY / fans, idle)
+
+    def force(self, command: ArrayLike) -> Floats:
+        """Return the thrust of one fan [N] at each command, same shape.
+
+        Monotone cubic (PCHIP) interpolation through zero at ``idle``; the last bench thrust above the table.
+        """
+        curve = PchipInterpolator(
+            np.concatenate([[self.idle], self.command]), np.concatenate([[0.0], self.thrust])
+        )
+        return np.asarray(curve(np.clip(np.asarray(command, dtype=float), self.idle, self.command[-1])))
+
+    def apply(self, log: Log, forces: Mapping[str, str]) -> Log:
+        """Add to a log the force [N] of each fan.
+
+        Parameters
+        ----------
+        log : Log
+            With a command column for each fan.
+        forces : mapping
+            Command column to the name of the new force column, ``{"pwm_rear_left": "rear_left"}``.
+
+        Warns
+        -----
+        UserWarning
+            Commands above the table: how many, in which column.
+
+        Raises
+        ------
+        InputError
+            No such command column.
+        """
+        added = {}
+        for source, target in forces.items():
+            command = log[source]
+            above = int(np.count_nonzero(command > self.command[-1]))
+            if above:
+                warnings.warn(
+                    f"{log.name}: {above} of {command.size} values of {source!r} are above {self.command[-1]:g}, "
+                    f"the end of {self.name}; the thrust there is taken instead",
+                    stacklevel=2,
+                )
+            added[target] = self.force(command)
+        return log.with_columns(added)

@@ -1,0 +1,61 @@
+"""What a log must satisfy before anything is computed from it; each check names the line."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hovercontrol.errors import InputError
+from hovercontrol.logs.log import Floats
+from hovercontrol.logs.source import Source
+
+FASTEST_TURN = 60.0
+"""Mean turning speed [rad/s] that no hovercraft keeps up, but a heading in degrees shows easily."""
+
+
+def check_finite(file: str, source: Source, column: str, values: Floats) -> None:
+    """Raise if a value is missing, NaN or infinite; ``column`` is its name in the file."""
+    bad = np.flatnonzero(~np.isfinite(values))
+    if not bad.size:
+        return
+    if bad.size == values.size and np.isnan(values).all():
+        raise InputError(f"{file}: column {column!r} is empty: NaN in all {values.size} rows")
+    where, text = source.place(int(bad[0]), column)
+    more = f" ({bad.size} such rows)" if bad.size > 1 else ""
+    raise InputError(f"{file}: {where}, column {column!r}: expected a finite number, found {text!r}{more}")
+
+
+def check_time(file: str, source: Source, column: str, time: Floats) -> None:
+    """Raise if time repeats or runs backwards; ``column`` is its name in the file."""
+    stuck = np.flatnonzero(np.diff(time) <= 0)
+    if not stuck.size:
+        return
+    row = int(stuck[0]) + 1
+    where, text = source.place(row, column)
+    before = source.place(row - 1, column)[1]
+    what = "repeats" if time[row] == time[row - 1] else "runs backwards"
+    more = f" ({stuck.size} such rows)" if stuck.size > 1 else ""
+    raise InputError(
+        f"{file}: {where}, column {column!r}: time {what}: expected more than {before}, found {text}{more}"
+    )
+
+
+def check_heading(file: str, column: str, time: Floats, psi: Floats, r: Floats | None) -> None:
+    """Raise if a heading is clearly in degrees; ``column`` is its name in the file.
+
+    Clearly means: it jumps by a full circle of 360, or turns at ``FASTEST_TURN`` on average, or turns some 57
+    times as fast as the yaw rate ``r`` [rad/s] of the same log says.
+    """
+    steps = np.abs(np.diff(psi))
+    if not steps.size:
+        return
+    wrapped = bool(np.ptp(psi) <= 360.0 and np.any(steps > 300.0) and np.median(steps) < 60.0)
+    whirling = bool(steps.sum() > FASTEST_TURN * (time[-1] - time[0]) and not wrapped)
+    ratio = 1.0
+    if r is not None and np.abs(r).max() > 0.0:
+        turned = np.abs(r[1:] + r[:-1]) / 2 * np.diff(time)
+        ratio = float(steps.sum() / max(float(turned.sum()), 1e-9))
+    if wrapped or (whirling and r is None) or 40.0 < ratio < 80.0:
+        raise InputError(
+            f"{file}: column {column!r}: expected a heading in rad, found values from {psi.min():.4g} to "
+            f"{psi.max():.4g} that look like degrees; multiply by pi/180"
+        )

@@ -1,0 +1,117 @@
+"""The steady sampling clock behind jittered arrival times.
+
+A motion-capture system samples at a fixed rate, but a log written over a network stamps each sample when
+it arrives: several at once, then none for 0.2 s. Velocities from such stamps are nonsense (a 0.3 rad turn
+within 0.1 ms). Each arrival time is ``start + frame * period + delay`` with a delay that is near zero most
+of the time; the lower envelope of the delays shows the frames that were lost on the way.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.ndimage import minimum_filter1d
+
+from hovercontrol.logs.log import Floats, Log, gap_rows
+
+WINDOW = 50
+"""Samples within which at least one arrives without delay."""
+
+
+@dataclass(frozen=True, eq=False)
+class Clock:
+    """Sampling times fitted to arrival times.
+
+    Attributes
+    ----------
+    time : ndarray (n,)
+        Sampling times [s]; the arrival times themselves where ``steady`` is false.
+    steady : bool
+        Whether a fixed sampling rate explains the arrival times.
+    period : float
+        Sampling period [s].
+    lost : int
+        Frames that never arrived.
+    worst_delay : float
+        Longest time from sampling to stamp [s], beyond the constant part.
+    """
+
+    time: Floats
+    steady: bool
+    period: float
+    lost: int
+    worst_delay: float
+
+
+def fit_clock(arrival: Floats) -> Clock:
+    """Fit a steady sampling clock to strictly increasing arrival times, shape (n,) [s].
+
+    The arrival times are kept as they are when they are irregular by nature: when less than half of them lie
+    within a quarter period of a fixed rate. A constant delay cannot be seen and stays.
+
+    Examples
+    --------
+    >>> arrival = 0.02 * np.arange(100.0)
+    >>> arrival[50:55] = 1.0801 + 1e-4 * np.arange(5)  # five samples arrive together
+    >>> clock = fit_clock(arrival)
+    >>> clock.steady, round(clock.period, 6), bool(abs(clock.time[50] - 1.0) < 1e-6)
+    (True, 0.02, True)
+    """
+    unsteady = Clock(arrival, False, float(np.median(np.diff(arrival), axis=0)), 0, 0.0)
+    if arrival.size < 4:
+        return unsteady
+    period = unsteady.period
+    for span in (10, 100):
+        if arrival.size > 2 * span:
+            strides = arrival[span:] - arrival[:-span]
+            whole = np.abs(strides / (span * period) - 1.0) < 0.5 / span
+            if whole.sum() < 0.3 * whole.size:
+                return unsteady
+            period = float(np.median(strides[whole])) / span
+    time = np.empty_like(arrival)
+    lost = 0
+    for part in np.split(np.arange(arrival.size), gap_rows(arrival)):
+        frame = _frames(arrival[part], period)
+        lost += int(frame[-1]) - (part.size - 1)
+        time[part] = _line(arrival[part], frame, period)
+    delay = arrival - time
+    if np.mean(np.abs(delay) < 0.25 * period) < 0.5 or not np.all(np.diff(time) > 0):
+        return unsteady
+    return Clock(time, True, period, lost, float(delay.max()))
+
+
+def steady(log: Log) -> Log:
+    """Return the log with arrival times replaced by the steady clock behind them, where there is one.
+
+    Examples
+    --------
+    >>> irregular = Log("demo", [0.0, 0.1, 0.25, 0.3, 0.5, 0.51, 0.8], {})
+    >>> steady(irregular).time is irregular.time
+    True
+    """
+    return replace(log, time=fit_clock(log.time).time)
+
+
+def _frames(arrival: Floats, period: float) -> Floats:
+    """Return the frame number of each arrival, counting the lost frames."""
+    late = arrival - arrival[0] - period * np.arange(arrival.size)
+    # Least delay among a sample and the next WINDOW: steps up by whole periods where frames were lost.
+    padded = np.append(late, np.full(WINDOW, np.inf))
+    floor = minimum_filter1d(padded, WINDOW + 1, origin=-(WINDOW // 2))[: late.size]
+    lost = np.concatenate([[0.0], np.cumsum(np.rint(np.diff(floor) / period))])
+    lost = np.minimum.accumulate(lost[::-1])[::-1]  # a frame number never falls behind
+    frames: Floats = np.arange(arrival.size) + lost - lost[0]
+    return frames
+
+
+def _line(arrival: Floats, frame: Floats, period: float) -> Floats:
+    """Return the times of frames on the line through the undelayed arrivals."""
+    offset = arrival - period * frame
+    slope, start = 0.0, float(np.median(offset))
+    for _ in range(3):
+        near = np.abs(offset - start - slope * frame) < 0.1 * period
+        if near.sum() > 10:
+            slope, start = np.polyfit(frame[near], offset[near], 1)
+    line: Floats = start + (period + slope) * frame
+    return line

@@ -1,0 +1,89 @@
+"""Joining a pose log and a command log that were written on the same clock."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from hovercontrol.errors import InputError, did_you_mean
+from hovercontrol.logs.clock import steady
+from hovercontrol.logs.log import Log
+
+
+def join_logs(
+    pose: Log,
+    commands: Log,
+    before: Mapping[str, float] | float | None = None,
+    *,
+    hold: float = 0.5,
+) -> Log:
+    """Add to a pose log the commands in force at each of its samples.
+
+    A command holds until the next one. Arrival times of the pose are first replaced by the steady sampling
+    clock behind them (:func:`~hovercontrol.logs.clock.steady`), so that a late stamp does not pick a later
+    command.
+
+    Parameters
+    ----------
+    pose, commands : Log
+        On the same clock [s]; no column in both.
+    before : mapping or float, optional
+        The idle value of each command (or of all) before the first command row; without it the pose is cut
+        there.
+    hold : float
+        How long [s] the last command row holds; the pose is cut behind.
+
+    Returns
+    -------
+    Log
+        The samples of ``pose`` that have a command, with the columns of both, named after ``pose``.
+
+    Raises
+    ------
+    InputError
+        A column in both logs, an idle value missing or misnamed, or no time in common.
+
+    Examples
+    --------
+    >>> pose = Log("pose", [0.0, 1.0, 2.0, 3.0, 4.0], {"x": [0.0, 1.0, 2.0, 3.0, 4.0]})
+    >>> fan = Log("fan", [0.5, 1.5, 2.5], {"pwm": [1200.0, 1300.0, 1000.0]})
+    >>> join_logs(pose, fan, before=1000.0)["pwm"]
+    array([1000., 1200., 1300., 1000.])
+    """
+    both = sorted(pose.columns.keys() & commands.columns.keys())
+    if both:
+        raise InputError(f"{pose.name}: column {both[0]!r} is also in {commands.name}")
+    idle = _idle_values(commands, before)
+    kept = steady(pose)
+    kept = kept.select(kept.time <= commands.time[-1] + hold)
+    if idle is None:
+        kept = kept.select(kept.time >= commands.time[0])
+    if not len(kept) or kept.time[-1] < commands.time[0]:
+        raise InputError(
+            f"{pose.name}: no time in common with {commands.name}: {pose.time[0]:g} to {pose.time[-1]:g} s "
+            f"against {commands.time[0]:g} to {commands.time[-1]:g} s"
+        )
+    row = np.searchsorted(commands.time, kept.time, side="right") - 1
+    held = {
+        name: np.where(row < 0, 0.0 if idle is None else idle[name], column[np.maximum(row, 0)])
+        for name, column in commands.columns.items()
+    }
+    return kept.with_columns(held)
+
+
+def _idle_values(commands: Log, before: Mapping[str, float] | float | None) -> Mapping[str, float] | None:
+    if before is None:
+        return None
+    if not isinstance(before, Mapping):
+        return dict.fromkeys(commands.columns, float(before))
+    for name in before:
+        if name not in commands.columns:
+            raise InputError(
+                f"{commands.name}: idle value for {name!r}, which is no command"
+                f"{did_you_mean(name, commands.columns)}"
+            )
+    for name in commands.columns:
+        if name not in before:
+            raise InputError(f"{commands.name}: no idle value for command {name!r}")
+    return before

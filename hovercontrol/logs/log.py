@@ -1,0 +1,202 @@
+"""The log: named columns of numbers over strictly increasing time.
+
+Everything that works on measurements takes and returns a :class:`Log`; :mod:`.read` makes one from a
+file, :meth:`Log.save` makes a file from one.
+"""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.csv
+import pyarrow.parquet
+from numpy.typing import ArrayLike, NDArray
+
+from hovercontrol.errors import InputError, did_you_mean
+
+POSE = ("x", "y", "psi")
+VELOCITY = ("u", "v", "r")
+PARQUET = (".parquet", ".pq")
+
+Floats = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Log:
+    """Measured or simulated signals on one time axis.
+
+    Attributes
+    ----------
+    name : str
+        What error lines and reports call this log, usually its file name.
+    time : ndarray (n,)
+        Seconds, strictly increasing.
+    columns : mapping of str to ndarray (n,)
+        Signals by name in SI units: any of ``x, y, psi`` (pose), ``u, v, r`` (body velocities) and
+        the inputs.
+
+    Raises
+    ------
+    InputError
+        A column is not as long as ``time``, or time does not increase.
+
+    Examples
+    --------
+    >>> log = Log("demo", [0.0, 0.1, 0.2], {"r": [1.0, 2.0, 3.0]})
+    >>> log.between(0.1, 1.0)["r"]
+    array([2., 3.])
+    """
+
+    name: str
+    time: Floats
+    columns: Mapping[str, Floats]
+
+    def __post_init__(self) -> None:
+        time = np.asarray(self.time, dtype=float)
+        columns = {name: np.asarray(column, dtype=float) for name, column in self.columns.items()}
+        for name, column in columns.items():
+            if column.shape != time.shape or time.ndim != 1:
+                raise InputError(
+                    f"{self.name}: column {name!r} has shape {column.shape}, "
+                    f"expected one value for each of the {time.size} times"
+                )
+        stuck = np.flatnonzero(~(np.diff(time) > 0))
+        if stuck.size:
+            i = int(stuck[0])
+            raise InputError(
+                f"{self.name}: time must increase, but sample {i + 1} is at {time[i + 1]:.10g} s "
+                f"after {time[i]:.10g} s"
+            )
+        object.__setattr__(self, "time", time)
+        object.__setattr__(self, "columns", columns)
+
+    def __len__(self) -> int:
+        return int(self.time.size)
+
+    def __getitem__(self, name: str) -> Floats:
+        if name == "time":
+            return self.time
+        if name not in self.columns:
+            raise InputError(
+                f"{self.name}: no column {name!r}{did_you_mean(name, ['time', *self.columns])}"
+            )
+        return self.columns[name]
+
+    def has(self, *names: str) -> bool:
+        """Tell whether every one of these columns is there."""
+        return all(name in self.columns for name in names)
+
+    def stack(self, *names: str) -> Floats:
+        """Return the named columns side by side, shape (n, number of names).
+
+        Raises
+        ------
+        InputError
+            A name is not a column.
+
+        Examples
+        --------
+        >>> Log("demo", [0.0, 1.0], {"x": [1, 2], "y": [3, 4]}).stack("y", "x")
+        array([[3., 1.],
+               [4., 2.]])
+        """
+        return np.column_stack([self[name] for name in names])
+
+    def select(self, rows: Mask | NDArray[np.intp] | slice) -> Log:
+        """Return the log of some rows (a mask, indices or a slice).
+
+        Examples
+        --------
+        >>> len(Log("demo", [0.0, 1.0, 2.0], {}).select(slice(1, None)))
+        2
+        """
+        return Log(self.name, self.time[rows], {k: v[rows] for k, v in self.columns.items()})
+
+    def between(self, start: float, stop: float) -> Log:
+        """Return the rows with ``start <= time <= stop`` [s].
+
+        Examples
+        --------
+        >>> Log("demo", [0.0, 1.0, 2.0], {}).between(0.5, 1.5).time
+        array([1.])
+        """
+        return self.select((self.time >= start) & (self.time <= stop))
+
+    def with_columns(self, columns: Mapping[str, ArrayLike]) -> Log:
+        """Return a log with these columns added or replaced, each of shape (n,).
+
+        Examples
+        --------
+        >>> Log("demo", [0.0, 1.0], {}).with_columns({"u": [2.0, 3.0]}).has("u")
+        True
+        """
+        added = {name: np.asarray(column, dtype=float) for name, column in columns.items()}
+        return replace(self, columns={**self.columns, **added})
+
+    @property
+    def gaps(self) -> tuple[tuple[float, float], ...]:
+        """Spans [s] without samples, longer than 0.25 s and than five usual steps.
+
+        A gap is no error: smoothing and identification start afresh behind it.
+        """
+        return tuple(
+            (float(self.time[i]), float(self.time[i + 1])) for i in gap_rows(self.time) - 1
+        )
+
+    def save(self, path: str | Path) -> None:
+        """Write CSV, or Parquet where the suffix says so; the file appears whole or not at all.
+
+        Raises
+        ------
+        InputError
+            The folder is not there or cannot be written.
+
+        Examples
+        --------
+        >>> import tempfile
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     Log("demo", [0.0, 0.5], {"u": [1.0, 2.0]}).save(Path(folder) / "demo.csv")
+        ...     print((Path(folder) / "demo.csv").read_text())
+        "time","u"
+        0,1
+        0.5,2
+        <BLANKLINE>
+        """
+        target = Path(path)
+        table = pa.table({"time": self.time, **self.columns})
+        temporary = None
+        try:
+            handle, temporary = tempfile.mkstemp(dir=target.parent, suffix=target.suffix)
+            os.close(handle)
+            if target.suffix.lower() in PARQUET:
+                pyarrow.parquet.write_table(table, temporary)
+            else:
+                pyarrow.csv.write_csv(table, temporary)
+            os.chmod(temporary, 0o644)
+            os.replace(temporary, target)
+        except OSError as error:
+            raise InputError(f"{target}: cannot be written: {error.strerror or error}") from None
+        finally:
+            if temporary is not None and os.path.exists(temporary):
+                os.unlink(temporary)
+
+
+def gap_rows(time: Floats) -> NDArray[np.intp]:
+    """Return the rows (first behind each gap) whose step is over 0.25 s and five usual steps.
+
+    Examples
+    --------
+    >>> gap_rows(np.array([0.0, 0.02, 0.04, 1.0, 1.02]))
+    array([3])
+    """
+    steps = np.diff(time)
+    if not steps.size:
+        return np.empty(0, dtype=np.intp)
+    return np.flatnonzero(steps > max(5.0 * float(np.median(steps)), 0.25)) + 1

@@ -1,0 +1,143 @@
+"""Reading a log from a CSV or Parquet file, and saying in one line what is wrong with it.
+
+Files are read in pieces, so memory stays near the size of the numbers that are kept.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
+
+from hovercontrol.errors import InputError, did_you_mean
+from hovercontrol.logs.check import check_finite, check_heading, check_time
+from hovercontrol.logs.log import POSE, VELOCITY, Log
+from hovercontrol.logs.source import Source, open_source
+
+LARGEST = 2**30
+"""Bytes of numbers that one log may take in memory."""
+
+
+def read_log(
+    path: str | Path,
+    columns: Mapping[str, str] | None = None,
+    inputs: Sequence[str] = (),
+    *,
+    motion: bool = True,
+    usecols: Sequence[str] | None = None,
+) -> Log:
+    """Read a log from CSV (commas, header) or Parquet.
+
+    Time, pose, body velocities, the wanted inputs and every column named by the caller are checked: finite
+    numbers, time increasing, heading not in degrees. Other columns are kept unchecked if they hold numbers, and
+    left out if they hold text.
+
+    Parameters
+    ----------
+    path : str or Path
+        ``.parquet`` and ``.pq`` are read as Parquet, everything else as CSV.
+    columns : mapping, optional
+        Our column name to the file's, ``{"time": "stamp"}``.
+    inputs : sequence of str
+        Columns that must be there besides ``time``.
+    motion : bool
+        Whether the log must hold all of ``x, y, psi`` or all of ``u, v, r``; false for a file of commands.
+    usecols : sequence of str, optional
+        The only columns to keep besides ``time`` and ``inputs`` (our names).
+
+    Returns
+    -------
+    Log
+        Named after the file; numbers as in the file, which must be in SI units.
+
+    Raises
+    ------
+    InputError
+        Anything wrong with the file: which line (the header is line 1; in Parquet which row, from 1),
+        which column, what was expected and what was found. Over 1 GiB of numbers is refused.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     file = Path(folder) / "demo.csv"
+    ...     _ = file.write_text("stamp,u,v,r\\n0.0,1,0,0\\n0.1,1,0,0\\n")
+    ...     read_log(file, columns={"time": "stamp"}).time
+    array([0. , 0.1])
+    """
+    file = Path(path)
+    source = open_source(file)
+    renamed = dict(columns or {})
+    names = _our_names(str(file), source.header, renamed)
+    wanted = ("time", *inputs, *(usecols or ()))
+    _check_names(str(file), names, wanted, motion)
+    if usecols is not None:
+        names = {ours: theirs for ours, theirs in names.items() if ours in wanted}
+    checked = names.keys() & {*wanted, *renamed, *POSE, *VELOCITY}
+    numeric = source.numeric()
+    names = {k: v for k, v in names.items() if k in checked or v in numeric}
+
+    data = _gather(str(file), source, names)
+    time = data["time"]
+    if not time.size:
+        raise InputError(f"{file}: expected samples below the header, found no rows")
+    for ours in (name for name in names if name in checked):
+        check_finite(str(file), source, names[ours], data[ours])
+    check_time(str(file), source, names["time"], time)
+    if "psi" in data:
+        check_heading(str(file), names["psi"], time, data["psi"], data.get("r"))
+    return Log(file.name, data.pop("time"), data)
+
+
+def _our_names(file: str, header: list[str], renamed: Mapping[str, str]) -> dict[str, str]:
+    """Return the file's column name under each of ours, in the file's order."""
+    for ours, theirs in renamed.items():
+        if theirs not in header:
+            raise InputError(
+                f"{file}: no column {theirs!r} to read {ours!r} from{did_you_mean(theirs, header)}"
+            )
+    ours_of = {theirs: ours for ours, theirs in renamed.items()}
+    kept = [name for name in header if name in ours_of or (name and name not in renamed)]
+    return {ours_of.get(theirs, theirs): theirs for theirs in kept}
+
+
+def _check_names(file: str, names: Mapping[str, str], wanted: Sequence[str], motion: bool) -> None:
+    missing = [name for name in wanted if name not in names]
+    if missing:
+        raise InputError(
+            f"{file}: no column {missing[0]!r}{did_you_mean(missing[0], names)} "
+            f"(a column of another name: --columns {missing[0]}=NAME)"
+        )
+    if motion and not any(all(name in names for name in triple) for triple in (POSE, VELOCITY)):
+        triple = max(POSE, VELOCITY, key=lambda triple: sum(name in names for name in triple))
+        absent = [name for name in triple if name not in names]
+        raise InputError(
+            f"{file}: expected all of x, y, psi or all of u, v, r, but there is no column {absent[0]!r}"
+            f"{did_you_mean(absent[0], names)} (a column of another name: --columns {absent[0]}=NAME)"
+        )
+
+
+def _gather(file: str, source: Source, names: Mapping[str, str]) -> dict[str, NDArray[np.float64]]:
+    """Read columns piece by piece into one array each."""
+    pieces: dict[str, list[NDArray[np.float64]]] = {ours: [] for ours in names}
+    _check_size(file, source.rows_expected(), len(names))
+    rows = 0
+    for batch in source.batches(list(names.values())):
+        rows += batch.num_rows
+        _check_size(file, rows, len(names))
+        for ours, theirs in names.items():
+            values = batch.column(theirs).cast(pa.float64(), safe=False)
+            pieces[ours].append(np.array(values.to_numpy(zero_copy_only=False)))
+    return {ours: np.concatenate(pieces.pop(ours) or [np.empty(0)]) for ours in names}
+
+
+def _check_size(file: str, rows: int, columns: int) -> None:
+    size = 8 * rows * columns
+    if size > LARGEST:
+        raise InputError(
+            f"{file}: expected at most {LARGEST / 2**30:.0f} GiB of numbers, found about "
+            f"{size / 2**30:.1f} GiB ({rows} rows of {columns} columns); cut the file or name the columns to keep"
+        )

@@ -1,0 +1,258 @@
+"""Velocities from tracked positions: a Kalman smoother that leaves out what is not motion.
+
+Order of work: the steady clock behind the time stamps (:mod:`.clock`), the pieces of the pose that one craft
+could have passed (:mod:`.reject`), noise by maximum likelihood and smoothing (:mod:`.kalman`), and then again
+without the single samples that stand out from the smoothed pose.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import maximum_filter1d, median_filter
+
+from hovercontrol.errors import InputError
+from hovercontrol.logs.clock import Clock, fit_clock
+from hovercontrol.logs.kalman import Estimate, fit_noise, run_filter, run_smoother
+from hovercontrol.logs.log import POSE, VELOCITY, Floats, Log, Mask
+from hovercontrol.logs.reject import FORGET, follow, wrap
+
+COASTING = 0.3
+"""Longest time [s] without an accepted sample over which velocities still count as measured."""
+
+STANDS_OUT = 80.0
+"""Squared distance, in standard deviations over three channels, at which a sample is an outlier.
+
+The noise of a marker body that moves is uneven; in clean runs one sample in a thousand reaches 50."""
+
+MOST_ROWS = 500_000
+"""Rows that are smoothed at once; more would take gigabytes."""
+
+FIT_ROWS = 1000
+"""Rows in each of the (at most four) stretches from which the noise is estimated."""
+
+GROUPS = ((0, 1), (2,))
+"""x and y share their noise: the craft turns."""
+
+WIDEST = np.array([[1.0, 25.0, 1e4], [1.0, 25.0, 1e4], [1.0, 1e3, 1e6]])
+"""Variances of position, speed and acceleration of x, y, psi where nothing is known."""
+
+
+@dataclass(frozen=True)
+class Span:
+    """Consecutive samples that were left out.
+
+    Attributes
+    ----------
+    start, stop : float
+        Times of the first and the last of them [s].
+    rows : int
+        How many.
+    reason : str
+        "heading flip", "heading jump", "position jump" or "outlier".
+    """
+
+    start: float
+    stop: float
+    rows: int
+    reason: str
+
+
+@dataclass(frozen=True, eq=False)
+class Smoothed:
+    """A pose log with velocities.
+
+    Attributes
+    ----------
+    log : Log
+        All rows: steady times, smoothed ``x, y, psi``, body velocities ``u, v`` [m/s], ``r`` [rad/s] and the
+        other columns as they were.
+    pose, velocity, acceleration : ndarray (n, 3)
+        x, y, psi in the earth frame and their derivatives.
+    pose_std, velocity_std, acceleration_std : ndarray (n, 3)
+        Standard deviations of these.
+    accepted : ndarray (n,) of bool
+        Samples that were used.
+    valid : ndarray (n,) of bool
+        Rows less than ``COASTING`` away from sight; elsewhere the motion is only guessed.
+    rejected : tuple of Span
+        Samples that were not used.
+    noise_std : tuple of float
+        Measurement noise of x, y [m] and psi [rad].
+    jerk_density : tuple of float
+        Process noise of x, y [m^2/s^5] and psi [rad^2/s^5].
+    clock : Clock
+        What was found about the time stamps.
+    """
+
+    log: Log
+    pose: Floats
+    velocity: Floats
+    acceleration: Floats
+    pose_std: Floats
+    velocity_std: Floats
+    acceleration_std: Floats
+    accepted: Mask
+    valid: Mask
+    rejected: tuple[Span, ...]
+    noise_std: tuple[float, ...]
+    jerk_density: tuple[float, ...]
+    clock: Clock
+
+    def usable(self) -> Log:
+        """Return the log without the rows that are only guessed (they become gaps)."""
+        return self.log.select(self.valid)
+
+    def body_acceleration(self) -> Floats:
+        """Return u', v' [m/s^2], r' [rad/s^2] as a (n, 3) array: rates of change of the body velocities."""
+        ahead, left = _turn(self.acceleration, self.log["psi"])
+        u, v, r = (self.log[name] for name in VELOCITY)
+        return np.column_stack([ahead + r * v, left - r * u, self.acceleration[:, 2]])
+
+
+def smooth_pose(log: Log) -> Smoothed:
+    """Estimate velocities from the pose ``x, y, psi`` of a log.
+
+    Process and measurement noise are those of maximum likelihood for the accepted samples. The three channels
+    are accepted or rejected together, as one marker body. Velocities ``u, v, r`` that the log has already are
+    kept.
+
+    Parameters
+    ----------
+    log : Log
+        With ``x, y`` [m] and ``psi`` [rad]; 8 to 500 000 rows.
+
+    Returns
+    -------
+    Smoothed
+
+    Raises
+    ------
+    InputError
+        A pose column is missing, or too few or too many rows.
+
+    Examples
+    --------
+    >>> t = 0.02 * np.arange(200)
+    >>> turning = Log("demo", t, {"x": np.sin(t), "y": 1 - np.cos(t), "psi": t})
+    >>> result = smooth_pose(turning)
+    >>> bool(np.allclose(result.log["u"], 1.0, atol=1e-3)), result.rejected
+    (True, ())
+    """
+    raw = log.stack(*POSE)
+    if not 8 <= len(log) <= MOST_ROWS:
+        raise InputError(
+            f"{log.name}: expected 8 to {MOST_ROWS} rows to smooth, found {len(log)}; cut it with between()"
+        )
+    clock = fit_clock(log.time)
+    time = clock.time
+    accepted, z = follow(time, raw)
+    chained = accepted.copy()
+    for _ in range(2):
+        jerk, noise = _fit(time, z, accepted)
+        accepted = _drop_outliers(time, z, accepted, jerk, noise)
+    estimate = _smooth(time, z, accepted, jerk, noise)
+
+    pose, velocity, acceleration = np.moveaxis(estimate.mean, -1, 0)
+    spread = np.sqrt(np.maximum(np.diagonal(estimate.covariance, axis1=-2, axis2=-1), 0.0))
+    u, v = _turn(velocity, pose[:, 2])
+    columns = dict(zip((*POSE, *VELOCITY), (*pose.T, u, v, velocity[:, 2]), strict=True))
+    columns |= {name: log[name] for name in VELOCITY if log.has(name)}
+    return Smoothed(
+        Log(log.name, time, {**log.columns, **columns}),
+        pose,
+        velocity,
+        acceleration,
+        *np.moveaxis(spread, -1, 0),
+        accepted,
+        _seen(time, accepted),
+        _spans(time, raw - pose, accepted, chained),
+        tuple(np.sqrt(noise).tolist()),
+        tuple(jerk.tolist()),
+        clock,
+    )
+
+
+def _turn(earth: Floats, psi: Floats) -> tuple[Floats, Floats]:
+    """Return the components ahead and to the left of an earth vector (n, 2 or more)."""
+    c, s = np.cos(psi), np.sin(psi)
+    return c * earth[:, 0] + s * earth[:, 1], c * earth[:, 1] - s * earth[:, 0]
+
+
+def _restarts(time: Floats, accepted: Mask) -> Mask:
+    """Return the rows at which the past is forgotten: the first, and the first in sight after a long loss."""
+    rows = np.flatnonzero(accepted)
+    restart = np.zeros(time.size, dtype=bool)
+    restart[rows[1:][np.diff(time[rows]) > FORGET]] = True
+    restart[0] = True
+    return restart
+
+
+def _smooth(time: Floats, z: Floats, accepted: Mask, jerk: Floats, noise: Floats) -> Estimate:
+    return run_smoother(
+        run_filter(time, z, accepted, _restarts(time, accepted), jerk, noise, WIDEST)
+    )
+
+
+def _fit(time: Floats, z: Floats, accepted: Mask) -> tuple[Floats, Floats]:
+    """Estimate jerk density and noise variance on up to four stretches of the accepted samples."""
+    rows = np.flatnonzero(accepted)
+    restart = _restarts(time, accepted)[rows]
+    if rows.size > 4 * FIT_ROWS:
+        starts = np.linspace(0, rows.size - FIT_ROWS, 4).astype(int)
+        restart[starts] = True
+        part = (starts[:, None] + np.arange(FIT_ROWS)).ravel()
+        rows, restart = rows[part], restart[part]
+    restart[0] = True
+    return fit_noise(time[rows], z[rows], np.ones(rows.size, dtype=bool), restart, GROUPS)
+
+
+def _drop_outliers(time: Floats, z: Floats, accepted: Mask, jerk: Floats, noise: Floats) -> Mask:
+    """Take out the samples that stand out from what their neighbours on both sides say."""
+    kept = accepted.copy()
+    rows = np.arange(time.size)
+    for _ in range(10):
+        estimate = _smooth(time[rows], z[rows], kept[rows], jerk, noise)
+        # variance of sample minus smoothed position
+        variance = np.maximum(noise - estimate.covariance[:, :, 0, 0], 1e-3 * noise)
+        distance = ((z[rows] - estimate.mean[:, :, 0]) ** 2 / variance).sum(axis=1) * kept[rows]
+        usual = np.maximum(median_filter(distance, size=51) / 2.37, 1.0)  # 2.37: median of chi^2, 3 channels
+        peak = distance == maximum_filter1d(distance, 7)
+        out = rows[peak & (distance > STANDS_OUT * usual)]
+        if not out.size:
+            break
+        kept[out] = False
+        # only their surroundings change
+        near = np.zeros(time.size, dtype=bool)
+        near[out] = True
+        rows = np.flatnonzero(maximum_filter1d(near, 101))
+    return kept
+
+
+def _seen(time: Floats, accepted: Mask) -> Mask:
+    """Return the rows that are accepted or in a loss of sight no longer than ``COASTING``."""
+    rows = np.flatnonzero(accepted)
+    after = np.minimum(np.searchsorted(rows, np.arange(time.size)), rows.size - 1)
+    before = np.maximum(np.searchsorted(rows, np.arange(time.size), side="right") - 1, 0)
+    loss = time[rows[after]] - time[rows[before]]
+    inside = (time >= time[rows[0]]) & (time <= time[rows[-1]])
+    seen: Mask = accepted | (inside & (loss <= COASTING))
+    return seen
+
+
+def _spans(time: Floats, missed: Floats, accepted: Mask, chained: Mask) -> tuple[Span, ...]:
+    """Describe the runs of rejected rows; ``missed`` is sample minus smoothed pose, (n, 3)."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[True], accepted, [True]]).astype(int)))
+    spans = []
+    for first, behind in edges.reshape(-1, 2).tolist():
+        far = np.abs(missed[first:behind])
+        turn = float(np.abs(wrap(missed[first:behind, 2])).max())
+        if turn > np.pi / 2:
+            reason = "heading flip"
+        elif chained[first:behind].all():
+            reason = "outlier"
+        else:
+            reason = "position jump" if far[:, :2].max() * 10 > turn else "heading jump"
+        spans.append(Span(float(time[first]), float(time[behind - 1]), behind - first, reason))
+    return tuple(spans)

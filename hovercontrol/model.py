@@ -1,0 +1,235 @@
+"""A model: a craft as a list of effects. Planar rigid-body motion plus that list is the plant.
+
+Body frame: surge u forward, sway v to the left, yaw rate r counter-clockwise; earth frame x, y, heading psi.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from types import SimpleNamespace
+from typing import Any
+
+import sympy as sp
+
+from hovercontrol.block import Block
+from hovercontrol.effects import Effect, Shape
+from hovercontrol.errors import InputError, did_you_mean
+from hovercontrol.signals import Signal
+
+#: The six states of every plant (C17 (8)).
+MOTION = (
+    Signal("x", "m", "position, earth frame"),
+    Signal("y", "m", "position, earth frame"),
+    Signal("psi", "rad", "heading"),
+    Signal("u", "m/s", "surge velocity"),
+    Signal("v", "m/s", "sway velocity"),
+    Signal("r", "rad/s", "yaw rate"),
+)
+
+#: The commands of a craft with one propeller and a rudder (T and theta in C17).
+THRUST = Signal("thrust", "1", "thrust command")
+RUDDER = Signal("rudder", "rad", "rudder angle", nominal=0.5)
+
+
+@dataclass(frozen=True)
+class Fan:
+    """A fan fixed to the hull; its force [N] is an input of the plant.
+
+    Parameters
+    ----------
+    name : str
+        Name of the input.
+    x, y : float
+        Place in the body frame [m] from the centre of mass.
+    direction : float
+        Angle of the force from the bow [rad].
+    """
+
+    name: str
+    x: float
+    y: float
+    direction: float
+
+    def force(self) -> Signal:
+        """Return the plant's input: the force of this fan."""
+        return Signal(self.name, "N", f"force of the fan {self.name}", nominal=0.1, lower=0.0)
+
+    def lever_arm(self, owner: str) -> Signal:
+        """Return the plant's parameter: torque about the centre of mass per force, from place and direction."""
+        arm = self.x * math.sin(self.direction) - self.y * math.cos(self.direction)
+        text = f"lever arm of the fan {self.name}"
+        return Signal(f"{owner}.{self.name}_arm", "m", text, start=arm, nominal=abs(arm) or 1.0)
+
+
+@dataclass(frozen=True)
+class Model:
+    """A craft: its name, its effects, and where its commands enter.
+
+    Parameters
+    ----------
+    name : str
+        An identifier.
+    effects : sequence of Effect
+        Each name at most once.
+    thrust, rudder : Signal, optional
+        Unit and bounds of the rudder craft's commands, where they differ from the default.
+    fans : sequence of Fan, optional
+        The fans of a fan craft.
+
+    Raises
+    ------
+    InputError
+        If an effect stands twice, or fans are missing that an effect needs.
+
+    Examples
+    --------
+    >>> from hovercontrol.effects import effect
+    >>> craft = Model("puck", [effect("surge_linear_drag", 0.4), effect("thrust", 2.0)])
+    >>> print(craft.with_effects([]).plant().equations().splitlines()[5])
+    r' = 0
+    """
+
+    name: str
+    effects: tuple[Effect, ...] = ()
+    thrust: Signal = THRUST
+    rudder: Signal = RUDDER
+    fans: tuple[Fan, ...] = field(default=())
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "effects", tuple(self.effects))
+        object.__setattr__(self, "fans", tuple(self.fans))
+        names = [e.name for e in self.effects]
+        for name in names:
+            if names.count(name) > 1:
+                raise InputError(f"model {self.name!r}: the effect {name!r} stands twice")
+        for name in ("fan_force", "fan_torque"):
+            if name in names and not self.fans:
+                raise InputError(f"model {self.name!r}: the effect {name!r} needs fans, there are none")
+
+    def effect(self, name: str) -> Effect:
+        """Return the effect of that name.
+
+        Raises
+        ------
+        InputError
+            If the model has none; the nearest is named.
+        """
+        for effect in self.effects:
+            if effect.name == name:
+                return effect
+        hint = did_you_mean(name, [e.name for e in self.effects])
+        raise InputError(f"model {self.name!r} has no effect {name!r}{hint}")
+
+    def with_effects(self, effects: Iterable[Effect]) -> Model:
+        """Return the model with these effects added, or put in place of those of the same name."""
+        new = {e.name: e for e in self.effects} | {e.name: e for e in effects}
+        return replace(self, effects=tuple(new.values()))
+
+    def coefficients(self) -> dict[str, float]:
+        """Return every number of every effect by its parameter name in the plant."""
+        return {e.parameter(k): v for e in self.effects for k, v in e.values.items()}
+
+    def with_coefficients(self, values: Mapping[str, float]) -> Model:
+        """Return the model with other numbers, by parameter name (``yaw_coulomb``, ``yaw_coulomb_width``).
+
+        Raises
+        ------
+        InputError
+            If a name is unknown or a value out of bounds.
+        """
+        known = self.coefficients()
+        for name in values:
+            if name not in known:
+                raise InputError(f"model {self.name!r} has no coefficient {name!r}{did_you_mean(name, known)}")
+        changed = [
+            type(e)(**{k: values.get(e.parameter(k), v) for k, v in e.values.items()})
+            for e in self.effects
+        ]
+        return replace(self, effects=tuple(changed))
+
+    def input_units(self) -> dict[str, str]:
+        """Return the unit of each command."""
+        return {"thrust": self.thrust.unit, "rudder": self.rudder.unit} | {f.name: "N" for f in self.fans}
+
+    def parameters(self, owner: str = "plant") -> tuple[Signal, ...]:
+        """Return the numbers of all effects, and the lever arms of fans, as parameters of a Block."""
+        effects = tuple(s for e in self.effects for s in e.signals(owner, self.input_units()))
+        return effects + tuple(f.lever_arm(owner) for f in self.fans)
+
+    def linear_coefficients(self) -> tuple[str, ...]:
+        """Return the parameter names of the coefficients, without shapes: what an estimator may estimate."""
+        return tuple(
+            e.parameter(k) for e in self.effects for k, n in e.numbers.items() if not isinstance(n, Shape)
+        )
+
+    def accelerations(self, owner: str, motion: SimpleNamespace) -> dict[str, sp.Expr]:
+        """Return the sum of all effects' terms, by equation ``u``, ``v``, ``r``.
+
+        Parameters
+        ----------
+        owner : str
+            Name of the Block whose parameters the numbers are.
+        motion : namespace
+            As :func:`motion_symbols` gives it, or with other expressions in its place.
+        """
+        total = dict.fromkeys(("u", "v", "r"), sp.S.Zero)
+        for e in self.effects:
+            for axis, term in e.terms(e.symbols(owner), motion).items():
+                total[axis] += term
+        return total
+
+    def plant(self, name: str = "plant") -> Block:
+        """Return the plant: rigid-body motion (C17 (8), (11)) with the model's effects.
+
+        Parameters
+        ----------
+        name : str, optional
+            Name of the Block, the prefix of its parameter keys.
+
+        Returns
+        -------
+        Block
+            States and outputs ``x, y, psi, u, v, r``; inputs those commands that an effect uses.
+        """
+        s = motion_symbols(self.fans, name)
+        force = self.accelerations(name, s)
+        used = set().union(*(f.free_symbols for f in force.values()))
+        commands = (self.thrust, self.rudder, *(f.force() for f in self.fans))
+        return Block(
+            name,
+            states=MOTION,
+            inputs=tuple(c for c in commands if c.symbol in used),
+            outputs=MOTION,
+            parameters=self.parameters(name),
+            derivatives={
+                "x": s.u * sp.cos(s.psi) - s.v * sp.sin(s.psi),
+                "y": s.u * sp.sin(s.psi) + s.v * sp.cos(s.psi),
+                "psi": s.r,
+                "u": s.v * s.r + force["u"],
+                "v": -s.u * s.r + force["v"],
+                "r": force["r"],
+            },
+        )
+
+
+def motion_symbols(fans: Iterable[Fan] = (), owner: str = "plant") -> SimpleNamespace:
+    """Return the symbols that effects are written in: motion, commands, and the fans' wrench."""
+    symbols: dict[str, Any] = {signal.name: signal.symbol for signal in (*MOTION, THRUST, RUDDER)}
+    s = SimpleNamespace(**symbols)
+    s.thrust_x = s.thrust * sp.cos(s.rudder)
+    s.thrust_y = s.thrust * sp.sin(s.rudder)
+    s.fan_x = s.fan_y = s.fan_torque = sp.S.Zero
+    for fan in fans:
+        force = fan.force().symbol
+        cos, sin = _exact(math.cos(fan.direction)), _exact(math.sin(fan.direction))
+        s.fan_x += cos * force
+        s.fan_y += sin * force
+        s.fan_torque += fan.lever_arm(owner).symbol * force
+    return s
+
+
+def _exact(value: float) -> sp.Number:
+    """0 and +-1 for a fan along an axis, where floats would leave a trace of 6e-17."""
+    return sp.Integer(round(value)) if abs(value - round(value)) < 1e-12 else sp.Float(value)

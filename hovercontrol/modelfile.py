@@ -1,0 +1,211 @@
+"""The model file: a model as TOML that a person can read and edit.
+
+.. code-block:: toml
+
+    [plant]
+    name = "hovercraft"
+
+    [inputs]                # optional: where a command's unit or bounds differ from the default
+    thrust = {unit = "A", lower = 0.0, upper = 6.1}
+
+    [effects]
+    yaw_coulomb = 0.83
+    yaw_linear_drag = {value = 27.5, unit = "deg/s^2/(rad/s)"}   # any unit that fits
+    surge_coulomb = {value = 1.35, width = 0.02}                 # an effect with shape parameters
+
+    [fans]                  # optional: a fan craft, place in metres from the centre of mass, direction in rad
+    rear_left = {x = -0.05, y = -0.04, direction = 0.0}
+"""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from hovercontrol.effects import Effect, effect, effect_class
+from hovercontrol.errors import InputError, did_you_mean
+from hovercontrol.files import write_whole
+from hovercontrol.model import RUDDER, THRUST, Fan, Model
+from hovercontrol.signals import Signal
+from hovercontrol.units import UnitError, conversion_factor
+
+
+def read_toml(path: str | Path) -> dict[str, Any]:
+    """Return a TOML file's content.
+
+    Raises
+    ------
+    InputError
+        If the file is not there or is not TOML; the line says where.
+    """
+    try:
+        with Path(path).open("rb") as file:
+            return tomllib.load(file)
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such file") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError, OSError) as error:
+        raise InputError(f"{path}: not readable as TOML: {error}") from None
+
+
+def load_model(path: str | Path) -> Model:
+    """Read a model file.
+
+    Parameters
+    ----------
+    path : path
+
+    Returns
+    -------
+    Model
+
+    Raises
+    ------
+    InputError
+        If a section, an effect or a key is unknown (the nearest is named), a unit does not fit, or a
+        number is missing or out of bounds; the line names file and key.
+    """
+    content = read_toml(path)
+    try:
+        return model_from_table(content)
+    except InputError as error:
+        raise type(error)(f"{path}: {error}") from None
+
+
+def model_from_table(content: Mapping[str, Any]) -> Model:
+    """Return the model of a parsed model file (see :func:`load_model`)."""
+    _check_keys("section", content, ("plant", "inputs", "effects", "fans"))
+    plant = _table("[plant]", content.get("plant", {}))
+    _check_keys("key in [plant]", plant, ("name",))
+    inputs = _table("[inputs]", content.get("inputs", {}))
+    _check_keys("input", inputs, ("thrust", "rudder"))
+    fans = _table("[fans]", content.get("fans", {}))
+    effects = _table("[effects]", content.get("effects", {}))
+    signals = {s.name: _input(s, inputs.get(s.name, {})) for s in (THRUST, RUDDER)}
+    units = {name: s.unit for name, s in signals.items()}
+    name = plant.get("name", "hovercraft")
+    if not isinstance(name, str):
+        raise InputError(f"plant.name must be text, found {name!r}")
+    return Model(
+        name,
+        [_effect(key, value, units) for key, value in effects.items()],
+        thrust=signals["thrust"],
+        rudder=signals["rudder"],
+        fans=[_fan(key, value) for key, value in fans.items()],
+    )
+
+
+def save_model(model: Model, path: str | Path) -> Path:
+    """Write a model file; it appears whole or not at all.
+
+    Parameters
+    ----------
+    model : Model
+    path : path
+
+    Returns
+    -------
+    Path
+    """
+    text = model_text(model)
+    return write_whole(path, lambda temporary: temporary.write_text(text, encoding="utf-8"))
+
+
+def model_text(model: Model) -> str:
+    """Return a model as the text of a model file.
+
+    Examples
+    --------
+    >>> print(model_text(Model("puck", [effect("yaw_linear_drag", 0.5)])), end="")
+    [plant]
+    name = "puck"
+    <BLANKLINE>
+    [effects]
+    yaw_linear_drag = 0.5
+    """
+    lines = ["[plant]", f'name = "{model.name}"', ""]
+    changed = [(s, d) for s, d in ((model.thrust, THRUST), (model.rudder, RUDDER)) if s != d]
+    if changed:
+        lines += ["[inputs]", *(f"{s.name} = {_input_text(s, d)}" for s, d in changed), ""]
+    lines += ["[effects]", *(f"{e.name} = {_effect_text(e)}" for e in model.effects)]
+    if model.fans:
+        lines += ["", "[fans]"]
+        lines += [f"{f.name} = {{x = {f.x!r}, y = {f.y!r}, direction = {f.direction!r}}}" for f in model.fans]
+    return "\n".join(lines) + "\n"
+
+
+def _effect_text(e: Effect) -> str:
+    defaults = {key: number.default for key, number in e.numbers.items()}
+    shown = {k: v for k, v in e.values.items() if k == "value" or v != defaults[k]}
+    if list(shown) == ["value"]:
+        return repr(shown["value"])
+    return "{" + ", ".join(f"{k} = {v!r}" for k, v in shown.items()) + "}"
+
+
+def _input_text(signal: Signal, default: Signal) -> str:
+    parts = []
+    for key in ("unit", "description", "lower", "upper"):
+        value = getattr(signal, key)
+        if value != getattr(default, key):
+            text = f'"{value}"' if isinstance(value, str) else repr(value)
+            parts.append(f"{key} = {text}")
+    return "{" + ", ".join(parts) + "}"
+
+
+def _check_keys(kind: str, found: Mapping[str, Any], known: tuple[str, ...]) -> None:
+    for key in found:
+        if key not in known:
+            raise InputError(f"unknown {kind} {key!r}{did_you_mean(key, known)}")
+
+
+def _table(where: str, value: Any) -> dict[str, Any]:
+    if not isinstance(value, dict):
+        raise InputError(f"{where} must be a table, found {value!r}")
+    return value
+
+
+def _number(where: str, value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or math.isnan(value):
+        raise InputError(f"{where} must be a number, found {value!r}")
+    return float(value)
+
+
+def _input(default: Signal, value: Any) -> Signal:
+    given = _table(f"inputs.{default.name}", value)
+    _check_keys(f"key in inputs.{default.name}", given, ("unit", "description", "lower", "upper"))
+    for key in ("lower", "upper"):
+        if key in given:
+            _number(f"inputs.{default.name}.{key}", given[key])
+    for key in ("unit", "description"):
+        if not isinstance(given.get(key, ""), str):
+            raise InputError(f"inputs.{default.name}.{key} must be text, found {given[key]!r}")
+    return default.but(**given)
+
+
+def _fan(name: str, value: Any) -> Fan:
+    given = _table(f"fans.{name}", value)
+    _check_keys(f"key in fans.{name}", given, ("x", "y", "direction"))
+    for key in ("x", "y", "direction"):
+        if key not in given:
+            raise InputError(f"fans.{name}: {key!r} is missing")
+    return Fan(name, *(_number(f"fans.{name}.{key}", given[key]) for key in ("x", "y", "direction")))
+
+
+def _effect(name: str, value: Any, units: Mapping[str, str]) -> Effect:
+    cls = effect_class(name)
+    if not isinstance(value, dict):
+        return effect(name, _number(f"effects.{name}", value))
+    given = dict(value)
+    unit = given.pop("unit", None)
+    numbers = {key: _number(f"effects.{name}.{key}", v) for key, v in given.items()}
+    if unit is not None:
+        if "value" not in cls.numbers or "value" not in numbers:
+            raise InputError(f"effects.{name}: a unit needs a value beside it")
+        wanted = cls.numbers["value"].unit.format(**units)
+        try:
+            numbers["value"] *= conversion_factor(str(unit), wanted)
+        except UnitError:
+            raise UnitError(f"effects.{name}: unit must be like {wanted!r}, found {unit!r}") from None
+    return effect(name, **numbers)

@@ -1,0 +1,214 @@
+"""Reference trajectories as Blocks: position, velocity and acceleration, exact to the last derivative.
+
+Each has no inputs and no states; its outputs are ``x_ref, y_ref`` [m], ``vx_ref, vy_ref`` [m/s], ``ax_ref, ay_ref``
+[m/s^2] as functions of time.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import sympy as sp
+from numpy.typing import ArrayLike
+from scipy.interpolate import PPoly, make_interp_spline
+
+from hovercontrol.block import Block
+from hovercontrol.errors import InputError
+from hovercontrol.signals import Signal, time
+
+#: What every reference puts out, and what the tracking controller takes in.
+OUTPUTS = (
+    Signal("x_ref", "m", "reference position"),
+    Signal("y_ref", "m", "reference position"),
+    Signal("vx_ref", "m/s", "reference velocity"),
+    Signal("vy_ref", "m/s", "reference velocity"),
+    Signal("ax_ref", "m/s^2", "reference acceleration"),
+    Signal("ay_ref", "m/s^2", "reference acceleration"),
+)
+
+
+def from_position(
+    x: sp.Expr, y: sp.Expr, parameters: Sequence[Signal] = (), name: str = "reference"
+) -> Block:
+    """Return the reference that follows a position given as expressions of time.
+
+    Parameters
+    ----------
+    x, y : sympy.Expr
+        Position [m] as functions of :data:`hovercontrol.signals.time` and the parameters.
+    parameters : sequence of Signal, optional
+        The symbols used.
+    name : str, optional
+
+    Raises
+    ------
+    UnitError
+        If x or y is not a length.
+    """
+    curves = [x, y]
+    for _ in range(2):
+        curves += [sp.diff(c, time) for c in curves[-2:]]
+    values = {s.name: c for s, c in zip(OUTPUTS, curves, strict=True)}
+    return Block(name, outputs=OUTPUTS, parameters=tuple(parameters), output_expressions=values)
+
+
+def ellipse(
+    semi_x: float, semi_y: float, rate: float = 1.0, phase: float = 0.0, name: str = "reference"
+) -> Block:
+    """Return ``[semi_x cos(phase + rate t), semi_y sin(phase + rate t)]``.
+
+    Parameters
+    ----------
+    semi_x, semi_y : float
+        Semi-axes [m]. C17's simulation: 1.5, 2.5 with rate -1 and phase pi/2; its experiment: 1.15, 2.0.
+    rate : float, optional
+        Angular rate [rad/s], negative for clockwise.
+    phase : float, optional
+        Angle at t = 0 [rad].
+
+    Raises
+    ------
+    InputError
+        If a semi-axis is not positive or the rate is zero.
+    """
+    _positive(semi_x=semi_x, semi_y=semi_y)
+    _nonzero(rate=rate)
+    a, b, w, p = (
+        Signal("semi_x", "m", "semi-axis along x", start=semi_x, lower=0.0),
+        Signal("semi_y", "m", "semi-axis along y", start=semi_y, lower=0.0),
+        Signal("rate", "rad/s", "angular rate", start=rate),
+        Signal("phase", "rad", "angle at t = 0", start=phase),
+    )
+    angle = p.symbol + w.symbol * time
+    return from_position(a.symbol * sp.cos(angle), b.symbol * sp.sin(angle), (a, b, w, p), name)
+
+
+def circle(radius: float, rate: float = 1.0, phase: float = 0.0, name: str = "reference") -> Block:
+    """Return a circle about the origin: radius [m], angular rate [rad/s], angle at t = 0 [rad].
+
+    Raises
+    ------
+    InputError
+        If the radius is not positive or the rate is zero.
+    """
+    _positive(radius=radius)
+    _nonzero(rate=rate)
+    r, w, p = (
+        Signal("radius", "m", "radius", start=radius, lower=0.0),
+        Signal("rate", "rad/s", "angular rate", start=rate),
+        Signal("phase", "rad", "angle at t = 0", start=phase),
+    )
+    angle = p.symbol + w.symbol * time
+    return from_position(r.symbol * sp.cos(angle), r.symbol * sp.sin(angle), (r, w, p), name)
+
+
+def line(
+    velocity: tuple[float, float], start: tuple[float, float] = (0.0, 0.0), name: str = "reference"
+) -> Block:
+    """Return a straight line at constant velocity [m/s] from a start point [m].
+
+    Raises
+    ------
+    InputError
+        If the velocity is zero.
+    """
+    _nonzero(speed=math.hypot(*velocity))
+    signals = (
+        Signal("start_x", "m", "start", start=start[0]),
+        Signal("start_y", "m", "start", start=start[1]),
+        Signal("velocity_x", "m/s", "velocity", start=velocity[0]),
+        Signal("velocity_y", "m/s", "velocity", start=velocity[1]),
+    )
+    x0, y0, vx, vy = (s.symbol for s in signals)
+    return from_position(x0 + vx * time, y0 + vy * time, signals, name)
+
+
+def figure_eight(length: float, width: float, rate: float = 1.0, name: str = "reference") -> Block:
+    """Return a lying eight (Gerono's lemniscate): ``[length/2 sin(w t), width/2 sin(2 w t)]``.
+
+    Parameters
+    ----------
+    length, width : float
+        Its extent along x and y [m].
+    rate : float, optional
+        Angular rate w of the long axis [rad/s].
+
+    Raises
+    ------
+    InputError
+        If an extent is not positive or the rate is zero.
+    """
+    _positive(length=length, width=width)
+    _nonzero(rate=rate)
+    a, b, w = (
+        Signal("length", "m", "extent along x", start=length, lower=0.0),
+        Signal("width", "m", "extent along y", start=width, lower=0.0),
+        Signal("rate", "rad/s", "angular rate of the long axis", start=rate),
+    )
+    angle = w.symbol * time
+    return from_position(
+        a.symbol / 2 * sp.sin(angle), b.symbol / 2 * sp.sin(2 * angle), (a, b, w), name
+    )
+
+
+def waypoints(points: ArrayLike, times: ArrayLike, name: str = "reference") -> Block:
+    """Return a smooth path through points: a quintic spline, at rest at both ends and beyond them.
+
+    Parameters
+    ----------
+    points : array_like, shape (n, 2)
+        Points [m], n >= 2.
+    times : array_like, shape (n,)
+        When each is passed [s], increasing.
+
+    Raises
+    ------
+    InputError
+        If shapes differ, there are fewer than two points, or times do not increase.
+    """
+    knots, path = np.asarray(times, dtype=float), np.asarray(points, dtype=float)
+    if path.ndim != 2 or path.shape[1:] != (2,) or len(path) < 2 or knots.shape != (len(path),):
+        raise InputError(
+            f"waypoints: expected n >= 2 points (n, 2) and n times, found {path.shape} and {knots.shape}"
+        )
+    if not (np.isfinite(path).all() and np.isfinite(knots).all() and (np.diff(knots) > 0).all()):
+        raise InputError("waypoints: points and times must be finite, times increasing")
+    rest = [(1, np.zeros(2)), (2, np.zeros(2))]
+    spline = PPoly.from_spline(make_interp_spline(knots, path, k=5, bc_type=(rest, rest)))
+    metre = Signal("metre", "m", "length unit of the spline's coefficients", start=1.0)
+    second = Signal("second", "s", "time unit of the spline's coefficients", start=1.0, lower=1e-9)
+    curves = [_piecewise(spline, axis, path, knots, second.symbol) * metre.symbol for axis in (0, 1)]
+    return from_position(curves[0], curves[1], (metre, second), name)
+
+
+def _piecewise(
+    spline: PPoly, axis: int, path: np.ndarray, knots: np.ndarray, second: sp.Symbol
+) -> sp.Expr:
+    now = time / second
+    pieces: list[tuple[sp.Expr, object]] = [(sp.Float(path[0, axis]), now < knots[0])]
+    for k in range(len(spline.x) - 1):
+        if spline.x[k + 1] > spline.x[k]:
+            local = now - float(spline.x[k])
+            value = sp.Float(spline.c[0, k, axis])
+            for coefficient in spline.c[1:, k, axis]:
+                value = value * local + sp.Float(coefficient)
+            pieces.append((value, now < float(spline.x[k + 1])))
+    return sp.Piecewise(*pieces, (sp.Float(path[-1, axis]), True))
+
+
+def _positive(**values: float) -> None:
+    for name, value in values.items():
+        if not 0 < value < math.inf:
+            raise InputError(f"reference: {name} must be positive, found {value!r}")
+
+
+def _nonzero(**values: float) -> None:
+    for name, value in values.items():
+        if value == 0 or not math.isfinite(value):
+            raise InputError(f"reference: {name} must be finite and not zero, found {value!r}")
+
+
+#: Every reference by the name that scenario files use.
+REFERENCES = {f.__name__: f for f in (ellipse, circle, line, figure_eight, waypoints)}

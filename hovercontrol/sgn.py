@@ -1,0 +1,49 @@
+"""The sign of a velocity in dry friction, and its regularised form.
+
+``sgn(v, w)`` stays unevaluated in a Block's expressions, so that each face may choose: the NumPy and
+python-control faces compute ``tanh(v/w)``, a runtime with events may treat it as set-valued at v = 0.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import sympy as sp
+
+
+class sgn(sp.Function):  # type: ignore[misc]  # noqa: N801  (reads as in the papers)
+    """Sign of `v`, smoothed over the width `w`: regularised as ``tanh(v/w)``.
+
+    Parameters
+    ----------
+    v : sympy.Expr
+        A velocity, m/s or rad/s.
+    w : sympy.Expr
+        The width in the same unit; the smooth form reaches 0.76 at ``v = w``.
+
+    Examples
+    --------
+    >>> v, w = sp.symbols("v w", real=True)
+    >>> regularise(sgn(v, w))
+    tanh(v/w)
+    """
+
+    nargs = 2
+
+    def _eval_is_real(self) -> bool:
+        return True
+
+    def fdiff(self, argindex: int = 1) -> Any:
+        """Return the derivative of the regularised form."""
+        v, w = self.args
+        slope = (1 - sgn(v, w) ** 2) / w
+        return slope if argindex == 1 else -slope * v / w
+
+    def _latex(self, printer: Any, exp: str | None = None) -> str:
+        text = rf"\operatorname{{sgn}}\left({printer._print(self.args[0])}\right)"
+        return text if exp is None else f"{text}^{{{exp}}}"
+
+
+def regularise(expression: sp.Expr) -> sp.Expr:
+    """Return the expression with every ``sgn(v, w)`` written as ``tanh(v/w)``."""
+    return expression.replace(sgn, lambda v, w: sp.tanh(v / w))

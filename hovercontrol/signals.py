@@ -1,0 +1,91 @@
+"""Signals: the named quantities of a Block, with all that a person or a tool needs to know of them."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass, replace
+from typing import Any
+
+import sympy as sp
+
+from hovercontrol.errors import InputError
+from hovercontrol.units import Dimension, dimension
+
+#: The independent variable, in seconds. Expressions that depend on time use this symbol.
+time = sp.Symbol("t", real=True)
+
+_NAME = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*(\[\d+(,\d+)*\])?")
+
+
+@dataclass(frozen=True)
+class Signal:
+    """One named quantity.
+
+    Parameters
+    ----------
+    name : str
+        An identifier, dotted for a part of a larger Block: ``yaw_coulomb``, ``plant.u``, ``P[0,1]``.
+    unit : str, optional
+        SI unit as text, ``"1"`` for a plain number.
+    description : str, optional
+        What it is, in a few words.
+    start : float, optional
+        Initial value of a state, default value of a parameter or an unconnected input.
+    nominal : float, optional
+        Typical size, for scaling; positive.
+    lower, upper : float, optional
+        Bounds.
+
+    Raises
+    ------
+    InputError
+        If the name is no identifier, the unit unknown, or start outside the bounds.
+
+    Examples
+    --------
+    >>> Signal("yaw_coulomb", "rad/s^2", "dry friction in yaw", start=0.83, lower=0.0).symbol
+    yaw_coulomb
+    """
+
+    name: str
+    unit: str = "1"
+    description: str = ""
+    start: float = 0.0
+    nominal: float = 1.0
+    lower: float = -math.inf
+    upper: float = math.inf
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.name, str) or not _NAME.fullmatch(self.name):
+            raise InputError(f"{self.name!r} is no signal name: letters, digits, _ and dots wanted")
+        if self.name == time.name:
+            raise InputError("'t' is the name of time: give the signal another name")
+        dimension(self.unit)
+        for field in ("start", "nominal", "lower", "upper"):
+            value = getattr(self, field)
+            try:
+                object.__setattr__(self, field, float(value))
+            except (TypeError, ValueError):
+                raise InputError(f"{self.name}: {field} must be a number, found {value!r}") from None
+        if math.isnan(self.start) or not self.lower <= self.start <= self.upper:
+            raise InputError(
+                f"{self.name} = {self.start:g} {self.unit} is out of its bounds "
+                f"[{self.lower:g}, {self.upper:g}]"
+            )
+        if not 0 < self.nominal < math.inf:
+            raise InputError(f"{self.name}: nominal must be positive, found {self.nominal:g}")
+
+    @property
+    def symbol(self) -> sp.Symbol:
+        """The SymPy symbol that stands for this signal in expressions."""
+        return sp.Symbol(self.name, real=True)
+
+    @property
+    def dimension(self) -> Dimension:
+        """Exponents of the SI base units."""
+        return dimension(self.unit)
+
+    def but(self, **changes: Any) -> Signal:
+        """Return a copy with some fields changed."""
+        return replace(self, **changes)

@@ -1,0 +1,183 @@
+"""Simulation of a Block in time, with inputs that are held between samples.
+
+python-control interpolates inputs linearly, which makes a step on a coarse grid a ramp. Here an input sample
+holds until the next (or is interpolated, if asked for), and the solver restarts wherever an input jumps.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any, Literal
+
+import control
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.integrate import solve_ivp
+
+from hovercontrol.block import Block
+from hovercontrol.errors import InputError
+from hovercontrol.targets.numpy import call_scalar, numpy_functions
+
+Array = NDArray[np.float64]
+
+
+def simulate(
+    block: Block,
+    time: ArrayLike,
+    inputs: ArrayLike | Mapping[str, ArrayLike] | None = None,
+    x0: ArrayLike | Mapping[str, float] | None = None,
+    params: Mapping[str, float] | None = None,
+    *,
+    hold: Literal["zero", "linear"] = "zero",
+    method: str = "RK45",
+    rtol: float = 1e-6,
+    atol: float = 1e-9,
+    progress: Callable[[float], None] | None = None,
+) -> control.TimeResponseData:
+    """Simulate a Block over a time grid.
+
+    Parameters
+    ----------
+    block : Block
+    time : array_like, shape (n,)
+        Increasing times [s]; results are given at these.
+    inputs : array_like of shape (n_inputs, n) or (n_inputs,), or mapping by name, optional
+        Values at those times; with one input a plain array of shape (n,) will do. Inputs that are not given
+        keep their start value.
+    x0 : array_like, shape (n_states,), or mapping by name, optional
+        Initial state over the states' start values.
+    params : mapping, optional
+        Parameter values by key.
+    hold : {"zero", "linear"}, optional
+        Between samples an input holds its value (a step stays a step) or is interpolated.
+    method, rtol, atol
+        As for :func:`scipy.integrate.solve_ivp`.
+    progress : callable, optional
+        Called now and then with the time reached.
+
+    Returns
+    -------
+    control.TimeResponseData
+        With the signals' names, ``.plot()`` and ``.to_pandas()``.
+
+    Raises
+    ------
+    InputError
+        If times do not increase, shapes or names are wrong, or the solver fails (the time is named).
+
+    Examples
+    --------
+    >>> from hovercontrol.signals import Signal
+    >>> v, a = Signal("v", "m/s"), Signal("a", "m/s^2")
+    >>> cart = Block("cart", [v], [a], [v], derivatives={"v": a.symbol})
+    >>> response = simulate(cart, [0, 1, 2], {"a": [0, 1, 1]})
+    >>> response.outputs.round(6).tolist()
+    [0.0, 0.0, 1.0]
+    """
+    times = _times(time)
+    u = _inputs(block, inputs, len(times))
+    x = _initial(block, x0)
+    p = block.parameter_values(params)
+    if hold not in ("zero", "linear"):
+        raise InputError(f"hold must be 'zero' or 'linear', found {hold!r}")
+    states = np.empty((len(block.states), len(times)))
+    states[:, 0] = x
+    rhs = numpy_functions(block)._pair("derivatives")
+    for first, last in _pieces(u, hold):
+        value = _input_function(times, u, first, last, hold)
+
+        def f(t: float, x: Array, value: Callable[[float], list[float]] = value) -> Any:
+            if progress is not None:
+                progress(t)
+            return call_scalar(rhs, t, x.tolist(), value(t), p)
+
+        if block.states:
+            result = solve_ivp(
+                f, (times[first], times[last]), states[:, first], t_eval=times[first: last + 1],
+                method=method, rtol=rtol, atol=atol,
+            )
+            if not result.success or not np.isfinite(result.y).all():
+                reached = result.t[-1] if result.t.size else times[first]
+                raise InputError(
+                    f"block {block.name!r}: the simulation stops at t = {reached:.6g} s: {result.message}"
+                )
+            states[:, first: last + 1] = result.y
+    functions = numpy_functions(block)
+    outputs = functions.outputs(times, states, u, params)
+    return control.TimeResponseData(
+        times, outputs, states, u, issiso=len(block.outputs) == 1 and len(block.inputs) == 1,
+        output_labels=[s.name for s in block.outputs], state_labels=[s.name for s in block.states],
+        input_labels=[s.name for s in block.inputs], sysname=block.name, title=block.name,
+        plot_inputs=bool(block.inputs),
+    )
+
+
+def _times(time: ArrayLike) -> Array:
+    times = np.asarray(time, dtype=float)
+    if times.ndim != 1 or len(times) < 2 or not np.isfinite(times).all() or (np.diff(times) <= 0).any():
+        raise InputError("time must be two or more finite, increasing numbers")
+    return times
+
+
+def _inputs(block: Block, inputs: Any, n: int) -> Array:
+    u = np.array([np.full(n, s.start) for s in block.inputs]).reshape(-1, n)
+    if inputs is None:
+        return u
+    names = [s.name for s in block.inputs]
+    if isinstance(inputs, Mapping):
+        for name, values in inputs.items():
+            block.signal(name)
+            if name not in names:
+                raise InputError(f"block {block.name!r}: {name!r} is not an input")
+            u[names.index(name)] = _row(name, values, n)
+        return u
+    given = np.asarray(inputs, dtype=float)
+    if given.ndim == 1 and len(names) == 1 and given.shape == (n,):
+        given = given.reshape(1, n)
+    if given.ndim == 0 or given.shape[0] != len(names):
+        raise InputError(f"block {block.name!r}: expected {len(names)} rows of inputs, found shape {given.shape}")
+    for k, values in enumerate(given):
+        u[k] = _row(names[k], values, n)
+    return u
+
+
+def _row(name: str, values: ArrayLike, n: int) -> Array:
+    row = np.asarray(values, dtype=float)
+    if row.shape not in ((), (n,)) or not np.isfinite(row).all():
+        raise InputError(f"input {name!r}: expected one or {n} finite values, found shape {row.shape}")
+    return row
+
+
+def _initial(block: Block, x0: Any) -> Array:
+    start = np.array([s.start for s in block.states])
+    if x0 is None:
+        return start
+    if isinstance(x0, Mapping):
+        names = [s.name for s in block.states]
+        for name, value in x0.items():
+            block.signal(name)
+            if name not in names:
+                raise InputError(f"block {block.name!r}: {name!r} is not a state")
+            start[names.index(name)] = value
+        return start
+    given = np.asarray(x0, dtype=float).ravel()
+    if given.shape != start.shape:
+        raise InputError(f"block {block.name!r}: expected {start.size} initial states, found {given.size}")
+    return given
+
+
+def _pieces(u: Array, hold: str) -> list[tuple[int, int]]:
+    """Return the runs of samples between which no input jumps."""
+    n = u.shape[1]
+    jumps = [] if hold == "linear" else (np.flatnonzero((np.diff(u, axis=1) != 0).any(axis=0)) + 1).tolist()
+    edges = [0, *(k for k in jumps if k < n - 1), n - 1]
+    return list(zip(edges[:-1], edges[1:], strict=True))
+
+
+def _input_function(
+    times: Array, u: Array, first: int, last: int, hold: str
+) -> Callable[[float], list[float]]:
+    if hold == "zero" or (u == u[:, :1]).all():
+        held = u[:, first].tolist()
+        return lambda t: held
+    return lambda t: [float(np.interp(t, times, row)) for row in u]

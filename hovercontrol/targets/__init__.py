@@ -1,0 +1,1 @@
+"""The faces of a Block: NumPy functions, python-control systems."""

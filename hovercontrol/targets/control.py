@@ -1,0 +1,172 @@
+"""A Block as one python-control system, with names, units' order and parameters that are checked."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import control
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hovercontrol.block import Block
+from hovercontrol.errors import InputError, did_you_mean
+from hovercontrol.targets.numpy import call_scalar, numpy_functions
+
+Array = NDArray[np.float64]
+
+
+class _Params(dict[str, float]):
+    """A parameter dict that knows it came from a system, not from a user's hand.
+
+    ``control.interconnect`` copies each subsystem's ``params`` and adds those of all others; a key of another
+    system is then no mistake. The type survives that copy, so the two cases can be told apart.
+    """
+
+    def copy(self) -> _Params:
+        return _Params(self)
+
+
+class BlockSystem(control.NonlinearIOSystem):
+    """The python-control face of a Block; made by ``block.to_control()``.
+
+    Parameter keys are those of the Block (``plant.yaw_coulomb``). An unknown key is refused; inside a
+    ``control.interconnect``, where every subsystem is handed the keys of all, a key that begins with this
+    Block's name must be one of its own.
+
+    Parameters
+    ----------
+    block : Block
+    name : str, optional
+        System name (default: the Block's).
+    """
+
+    def __init__(self, block: Block, name: str | None = None) -> None:
+        self.block = block
+        super().__init__(
+            self._updates,
+            self._outputs,
+            params=_Params(block.default_parameters),
+            inputs=[s.name for s in block.inputs],
+            outputs=[s.name for s in block.outputs],
+            states=[s.name for s in block.states],
+            name=name or block.name,
+            dt=0,
+        )
+        self._prepare()
+
+    def _prepare(self) -> None:
+        functions = numpy_functions(self.block)
+        self._derivative_pair = functions._pair("derivatives")
+        self._output_pair = functions._pair("outputs")
+        self._values = self.block.parameter_values()
+
+    def __getstate__(self) -> dict[str, Any]:
+        left_out = ("_derivative_pair", "_output_pair")
+        return {k: v for k, v in self.__dict__.items() if k not in left_out}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        values = self._values
+        self._prepare()
+        self._values = values
+
+    def _update_params(self, params: Mapping[str, float] | None) -> None:
+        own = self.params
+        given = params or {}
+        foreign = [key for key in given if key not in own]
+        for key in foreign:
+            pushed = isinstance(params, _Params)
+            if not pushed or key.split(".")[0] in {k.split(".")[0] for k in own}:
+                hint = did_you_mean(key, own)
+                raise InputError(f"system {self.name!r}: unknown parameter {key!r}{hint}")
+        current = {key: given.get(key, value) for key, value in own.items()}
+        self._current_params = current
+        self._values = self.block.parameter_values(current)
+
+    def _updates(self, t: float, x: Any, u: Any, params: Mapping[str, float]) -> Array:
+        return numpy_functions(self.block).derivatives(t, x, u, self._own(params))
+
+    def _outputs(self, t: float, x: Any, u: Any, params: Mapping[str, float]) -> Array:
+        return numpy_functions(self.block).outputs(t, x, u, self._own(params))
+
+    def _own(self, params: Mapping[str, float]) -> dict[str, float]:
+        return {key: params[key] for key in self.params if key in params}
+
+    # What python-control calls at every point; the two methods above, without looking up parameters again.
+    def _rhs(self, t: float, x: Any, u: Any) -> Array:
+        return np.array(call_scalar(self._derivative_pair, t, _list(x), _list(u), self._values))
+
+    def _out(self, t: float, x: Any, u: Any) -> Array:
+        return np.array(call_scalar(self._output_pair, t, _list(x), _list(u), self._values))
+
+    def linearize(
+        self, x0: ArrayLike, u0: ArrayLike = (), t: float = 0.0,
+        params: Mapping[str, float] | None = None, **kwargs: Any,
+    ) -> control.StateSpace:
+        """Return the linearisation at a point, from the exact Jacobians.
+
+        Parameters
+        ----------
+        x0 : array_like, shape (n_states,), scalar for all states, or control.OperatingPoint
+        u0 : array_like, shape (n_inputs,), or scalar for all inputs; default 0
+        t : float, optional
+            Time [s].
+        params : mapping, optional
+            Parameter values by key.
+        **kwargs
+            As for :func:`control.linearize`: ``name``, ``inputs``, ``outputs``, ``states``, ``copy_names``.
+
+        Raises
+        ------
+        InputError
+            If a number of values or a key is wrong.
+        """
+        if isinstance(x0, control.OperatingPoint):
+            x0, u0 = x0.states, x0.inputs if np.size(u0) == 0 else u0
+        x = _point(x0, self.nstates, "state", self.block.name)
+        u = _point(u0, self.ninputs, "input", self.block.name)
+        kwargs.pop("eps", None)  # a step for finite differences: nothing is left to choose
+        kwargs.pop("copy_names", None)  # the names are always those of the signals
+        self._update_params(params)
+        f = numpy_functions(self.block)
+        matrices = [
+            f.jacobian(t, x, u, self._current_params, rows, columns)  # type: ignore[arg-type]
+            for rows in ("derivatives", "outputs")
+            for columns in ("states", "inputs")
+        ]
+        labels = {"inputs": self.input_labels, "outputs": self.output_labels, "states": self.state_labels}
+        return control.StateSpace(*matrices, **{"name": f"{self.name}$linearized", **labels, **kwargs})
+
+
+def to_control(block: Block, name: str | None = None) -> BlockSystem:
+    """Return a Block as one :class:`control.NonlinearIOSystem`.
+
+    Parameters
+    ----------
+    block : Block
+    name : str, optional
+        System name (default: the Block's).
+
+    Examples
+    --------
+    >>> from hovercontrol.signals import Signal
+    >>> v, k = Signal("v", "m/s"), Signal("k", "1/s", start=2.0)
+    >>> system = to_control(Block("decay", [v], [], [v], [k], {"v": -k.symbol * v.symbol}))
+    >>> float(system.dynamics(0, [1.0], [], params={"decay.k": 3.0})[0])
+    -3.0
+    """
+    return BlockSystem(block, name)
+
+
+def _list(values: Any) -> list[float]:
+    return np.asarray(values, dtype=float).ravel().tolist()
+
+
+def _point(values: ArrayLike, n: int, kind: str, name: str) -> Array:
+    point = np.asarray(values, dtype=float).ravel()
+    if point.size == 0 or (point.size == 1 and n != 1):
+        point = np.full(n, point[0] if point.size else 0.0)
+    if point.size != n:
+        raise InputError(f"block {name!r}: expected {n} {kind} values, found {point.size}")
+    return point

@@ -1,0 +1,212 @@
+"""Physical dimensions: of unit strings (read by Pint) and of SymPy expressions (derived here).
+
+Angles are dimensionless, as in the SI: ``rad/s`` and ``1/s`` agree, ``m/s`` and ``rad/s`` do not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from functools import cache, lru_cache
+from typing import Any
+
+import pint
+import sympy as sp
+from sympy.core.relational import Relational
+from sympy.logic.boolalg import Boolean, BooleanAtom
+
+from hovercontrol.errors import InputError
+from hovercontrol.sgn import sgn
+
+BASE = ("kg", "m", "s", "A", "K", "mol", "cd")  #: SI base units, in FMI's order (``rad`` apart)
+_PINT_NAMES = ("[mass]", "[length]", "[time]", "[current]", "[temperature]", "[substance]",
+               "[luminosity]")
+
+#: Exponents of the seven base units; ``None`` is the dimension of zero, which fits every other.
+Dimension = tuple[sp.Rational, ...]
+DIMENSIONLESS: Dimension = (sp.Integer(0),) * len(BASE)
+
+
+class UnitError(InputError):
+    """Two quantities of different dimension meet in one expression."""
+
+
+@cache
+def registry() -> Any:
+    """Return the process-wide Pint registry (made on first use: it costs 0.1 s)."""
+    return pint.UnitRegistry()
+
+
+@lru_cache(maxsize=4096)
+def dimension(unit: str) -> Dimension:
+    """Return the dimension of a unit string.
+
+    Parameters
+    ----------
+    unit : str
+        As Pint reads it: ``"m/s^2"``, ``"rad/s"``, ``"1"``.
+
+    Returns
+    -------
+    tuple of 7 sympy.Rational
+        Exponents of :data:`BASE`.
+
+    Raises
+    ------
+    InputError
+        If Pint does not know the unit.
+
+    Examples
+    --------
+    >>> dimension("m/s^2") == dimension("N/kg")
+    True
+    """
+    try:
+        found = registry().get_dimensionality(_parse(unit))
+    except (pint.errors.PintError, AttributeError, TypeError, ValueError, AssertionError) as error:
+        raise InputError(f"unknown unit {unit!r}: expected one like 'm/s^2' or '1'") from error
+    unknown = [name for name in found if name not in _PINT_NAMES]
+    if unknown:
+        raise InputError(f"unit {unit!r} has no SI base units ({', '.join(unknown)})")
+    return tuple(sp.nsimplify(found.get(name, 0)) for name in _PINT_NAMES)
+
+
+def conversion_factor(unit: str, target: str) -> float:
+    """Return what a number in `unit` is multiplied with to be in `target`.
+
+    Raises
+    ------
+    UnitError
+        If the two do not measure the same thing.
+
+    Examples
+    --------
+    >>> round(conversion_factor("deg/s", "rad/s"), 6)
+    0.017453
+    """
+    if dimension(unit) != dimension(target):
+        raise UnitError(f"expected a unit like {target!r}, found {unit!r}")
+    ureg = registry()
+    return float(ureg.Quantity(1.0, _parse(unit)).to(_parse(target)).magnitude)
+
+
+def _parse(unit: str) -> Any:
+    return registry().parse_units("dimensionless" if unit in ("1", "") else unit)
+
+
+def unit_text(dims: Dimension) -> str:
+    """Return a dimension as a unit string in SI base units.
+
+    Examples
+    --------
+    >>> unit_text(dimension("N"))
+    'kg*m/s^2'
+    """
+    def power(name: str, exponent: sp.Rational) -> str:
+        return name if exponent == 1 else f"{name}^{exponent}"
+
+    above = [power(n, e) for n, e in zip(BASE, dims, strict=True) if e > 0]
+    below = [power(n, -e) for n, e in zip(BASE, dims, strict=True) if e < 0]
+    return "/".join(["*".join(above) or "1", *below])
+
+
+class DimensionChecker:
+    """Derives the dimension of expressions whose symbols have known dimensions.
+
+    Parameters
+    ----------
+    symbols : mapping of sympy.Symbol to Dimension
+    """
+
+    def __init__(self, symbols: Mapping[sp.Symbol, Dimension]) -> None:
+        self._known: dict[sp.Basic, Dimension | None] = dict(symbols)
+
+    def __call__(self, expression: sp.Expr) -> Dimension | None:
+        """Return the dimension of an expression; ``None`` for zero.
+
+        Raises
+        ------
+        UnitError
+            Where the expression adds, compares or takes a function of what does not fit.
+        """
+        if expression not in self._known:
+            self._known[expression] = self._derive(expression)
+        return self._known[expression]
+
+    def declare(self, symbol: sp.Symbol, dims: Dimension) -> None:
+        """Make the dimension of one more symbol known."""
+        self._known[symbol] = dims
+
+    def _derive(self, e: sp.Basic) -> Dimension | None:
+        if isinstance(e, sp.Number) or e.is_number:
+            return None if e.is_zero else DIMENSIONLESS
+        if isinstance(e, sp.Mul):
+            return self._product(e.args)
+        if isinstance(e, sp.Pow):
+            return self._power(e)
+        if isinstance(e, sp.Add | sp.Max | sp.Min | sp.Abs):
+            return self._common(e, e.args)
+        if isinstance(e, sgn | sp.atan2 | Relational):
+            self._common(e, e.args)
+            return DIMENSIONLESS
+        if isinstance(e, sp.Piecewise):
+            for _, condition in e.args:
+                self(condition)
+            return self._common(e, [value for value, _ in e.args])
+        if isinstance(e, BooleanAtom):
+            return DIMENSIONLESS
+        if isinstance(e, Boolean):
+            for part in e.args:
+                self(part)
+            return DIMENSIONLESS
+        if isinstance(e, sp.sign):
+            self(e.args[0])
+            return DIMENSIONLESS
+        if isinstance(e, sp.Function):
+            self._need_dimensionless(e, e.args)
+            return DIMENSIONLESS
+        raise UnitError(f"the unit of {e} cannot be derived ({type(e).__name__})")
+
+    def _product(self, factors: Iterable[sp.Basic]) -> Dimension | None:
+        total: tuple[sp.Rational, ...] = DIMENSIONLESS
+        for factor in factors:
+            dims = self(factor)
+            if dims is None:
+                return None
+            total = tuple(a + b for a, b in zip(total, dims, strict=True))
+        return total
+
+    def _power(self, e: sp.Pow) -> Dimension | None:
+        base, exponent = e.as_base_exp()
+        dims = self(base)
+        if not exponent.is_number:
+            self._need_dimensionless(e, e.args)
+            return DIMENSIONLESS
+        if dims is None or dims == DIMENSIONLESS:
+            return dims
+        power = exponent if exponent.is_Rational else sp.nsimplify(exponent)
+        return tuple(d * power for d in dims)
+
+    def _common(self, e: sp.Basic, parts: Iterable[sp.Basic]) -> Dimension | None:
+        common: Dimension | None = None
+        first: sp.Basic | None = None
+        for part in parts:
+            dims = self(part)
+            if dims is None:
+                continue
+            if common is None:
+                common, first = dims, part
+            elif dims != common:
+                raise UnitError(
+                    f"units do not fit in '{e}': '{first}' is in {unit_text(common)}, "
+                    f"'{part}' is in {unit_text(dims)}"
+                )
+        return common
+
+    def _need_dimensionless(self, e: sp.Basic, parts: Iterable[sp.Basic]) -> None:
+        for part in parts:
+            dims = self(part)
+            if dims not in (None, DIMENSIONLESS):
+                raise UnitError(
+                    f"units do not fit in '{e}': '{part}' must be dimensionless, "
+                    f"it is in {unit_text(dims or DIMENSIONLESS)}"
+                )

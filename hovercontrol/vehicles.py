@@ -1,0 +1,112 @@
+"""The source documents' craft, as lists of effects with their numbers.
+
+C17 is Cabecinhas, Batista, Oliveira, Silvestre, "Hovercraft Control With Dynamic Parameters Identification",
+IEEE TCST; K06 is Kulis, "Feedback Control of a Hovercraft over a Wireless Link", Univ. of Maryland, 2006.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+from hovercontrol.effects import Effect, effect
+from hovercontrol.errors import InputError, did_you_mean
+from hovercontrol.model import RUDDER, THRUST, Fan, Model
+
+
+def _c17_effects(rudder_torque: float) -> list[Effect]:
+    """C17 section VIII-C: zeta_1 ... zeta_7 of the experiment; zeta_8 differs with arm and inertia."""
+    return [
+        effect("surge_coulomb", 1.35),
+        effect("surge_linear_drag", 0.0),
+        effect("sway_coulomb", 0.0),
+        effect("sway_linear_drag", 1.20),
+        effect("yaw_coulomb", 0.83),
+        effect("yaw_linear_drag", 0.48),
+        effect("thrust", 0.75),
+        effect("rudder_torque", rudder_torque),
+    ]
+
+
+def c17_simulation() -> Model:
+    """Return the craft of C17's simulation: m = 0.585 kg, J = 0.01 kg m^2, arm 0.14 m.
+
+    C17 prints no coefficients for it; those of the experiment with ``zeta_8 = a zeta_7 m / J`` reproduce
+    its error of "around 60 cm".
+    """
+    mass, inertia, arm = 0.585, 0.01, 0.14
+    return Model("c17_simulation", _c17_effects(arm * 0.75 * mass / inertia))
+
+
+def c17_experiment() -> Model:
+    """Return the craft of C17's experiment: Ikarus, 0.585 kg; thrust command in ampere of motor current."""
+    return Model(
+        "c17_experiment",
+        _c17_effects(3.66),
+        thrust=THRUST.but(unit="A", upper=6.1, lower=0.0, description="thrust command, motor current"),
+        rudder=RUDDER.but(lower=-math.radians(26), upper=math.radians(26)),
+    )
+
+
+def hoverdemon() -> Model:
+    """Return K06's craft: m = 2.6 kg (table 4.1 prints 1.6), J = 0.096 kg m^2, arm 0.32 m; no drag.
+
+    The thrust command is the propeller's force in newton.
+    """
+    mass, inertia, arm = 2.6, 0.096, 0.32
+    return Model(
+        "hoverdemon",
+        [effect("thrust", 1 / mass), effect("rudder_torque", arm / inertia)],
+        thrust=THRUST.but(unit="N", description="force of the propeller"),
+    )
+
+
+def four_fan() -> Model:
+    """Return a small craft with four fixed fans, two pushing forward, two backward; m = 0.1763 kg.
+
+    The two fans whose names end in ``left`` turn it counter-clockwise (to positive yaw) when they push
+    forward, so in this frame (y to the left) they stand at y = -0.0425 m. Mass and lever arm are measured;
+    the other numbers are a starting point, for ``hovercontrol identify`` to replace.
+    """
+    mass, arm, inertia = 0.1763, 0.0425, 2.0e-4
+    forward, backward = 0.0, math.pi
+    return Model(
+        "four_fan",
+        [
+            effect("surge_linear_drag", 0.2),
+            effect("sway_linear_drag", 0.2),
+            effect("yaw_linear_drag", 0.2),
+            effect("fan_force", 1 / mass),
+            effect("fan_torque", 1 / inertia),
+        ],
+        fans=[
+            Fan("rear_left", -0.05, -arm, forward),
+            Fan("rear_right", -0.05, arm, forward),
+            Fan("front_left", 0.05, -arm, backward),
+            Fan("front_right", 0.05, arm, backward),
+        ],
+    )
+
+
+#: Every craft by name.
+VEHICLES: dict[str, Callable[[], Model]] = {
+    f.__name__: f for f in (c17_simulation, c17_experiment, hoverdemon, four_fan)
+}
+
+
+def vehicle(name: str) -> Model:
+    """Return a craft by name.
+
+    Raises
+    ------
+    InputError
+        If there is none of that name; the nearest is in the text.
+
+    Examples
+    --------
+    >>> vehicle("hoverdemon").coefficients()["thrust"]
+    0.3846153846153846
+    """
+    if name not in VEHICLES:
+        raise InputError(f"unknown vehicle {name!r}{did_you_mean(name, VEHICLES)}")
+    return VEHICLES[name]()
