@@ -328,7 +328,7 @@ class Block:
     def with_parameter_names(self, names: Mapping[str, str]) -> Block:
         """Return the Block with other names for some parameters, old to new."""
         swap = {sp.Symbol(a, real=True): sp.Symbol(b, real=True) for a, b in names.items()}
-        changed = {
+        changed: dict[str, Any] = {
             kind: Expressions((k, e.xreplace(swap)) for k, e in getattr(self, kind).items())
             for kind in ("derivatives", "definitions", "output_expressions")
         }

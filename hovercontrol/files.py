@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import os
+import shutil
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
+
+from hovercontrol.errors import InputError
 
 
 def write_whole(path: str | Path, write: Callable[[Path], object]) -> Path:
@@ -40,3 +43,34 @@ def _umask() -> int:
     mask = os.umask(0)
     os.umask(mask)
     return mask
+
+
+def write_folder(folder: str | Path, write: Callable[[Path], object]) -> list[Path]:
+    """Let `write` fill a temporary folder beside `folder`, then put its files in place.
+
+    Parameters
+    ----------
+    folder : path
+        Where the files are to stand; made if it is not there. Other files in it are left alone.
+    write : callable
+        Called with the temporary folder.
+
+    Returns
+    -------
+    list of Path
+        The files, sorted.
+    """
+    target = Path(folder)
+    try:
+        target.mkdir(parents=True, exist_ok=True)
+        temporary = tempfile.mkdtemp(prefix=".writing-", dir=target)
+    except OSError as error:
+        raise InputError(f"{target}: cannot write there: {error.strerror}") from None
+    try:
+        write(Path(temporary))
+        files = sorted(Path(temporary).iterdir())
+        for file in files:
+            os.replace(file, target / file.name)
+    finally:
+        shutil.rmtree(temporary, ignore_errors=True)
+    return [target / file.name for file in files]

@@ -60,8 +60,8 @@ def rename(block: Block, signals: Mapping[str, str]) -> Block:
                for name, e in block.output_expressions.items()]
     return replace(
         block,
-        inputs=renamed(block.inputs),
-        outputs=renamed(block.outputs),
+        inputs=tuple(renamed(block.inputs)),
+        outputs=tuple(renamed(block.outputs)),
         derivatives=swapped(block.derivatives),
         definitions=swapped(block.definitions),
         output_expressions=Expressions(outputs),
@@ -144,6 +144,7 @@ def interconnect(
 
     parts = [_part(block) for block in blocks]
     wires: dict[str, sp.Expr] = {}
+    plain: set[str] = set()  # outputs that are just a state or a definition: they need no line of their own
     definitions: dict[str, sp.Expr] = {}
     signals: list[Signal] = []
     for part in parts:
@@ -154,8 +155,8 @@ def interconnect(
         for output in part.block.outputs:
             e = part.block.output_expressions[output.name]
             wires[output.name] = swap.get(e, e)
-    # An output that is just a state or a definition needs no line of its own.
-    plain = {n for n, e in wires.items() if e.is_Symbol and "." in e.name}
+            if e in swap:
+                plain.add(output.name)
     taken = {sp.Symbol(n, real=True): wires[n] for n in plain}
     for part in parts:
         swap = {**taken, **part.own}
@@ -174,14 +175,14 @@ def interconnect(
     }
     return Block(
         name=name,
-        states=[_moved(part, s) for part in parts for s in part.block.states],
-        inputs=_chosen(open_inputs, inputs, "input", strict=True),
-        outputs=_chosen({n: s for n, (_, s) in drivers.items()}, outputs, "output"),
-        parameters=[_moved(part, s) for part in parts for s in part.block.parameters],
+        states=tuple(_moved(part, s) for part in parts for s in part.block.states),
+        inputs=tuple(_chosen(open_inputs, inputs, "input", strict=True)),
+        outputs=tuple(_chosen({n: s for n, (_, s) in drivers.items()}, outputs, "output")),
+        parameters=tuple(_moved(part, s) for part in parts for s in part.block.parameters),
         derivatives=Expressions(derivatives),
         output_expressions=Expressions((n, wires[n]) for n in _shown(drivers, outputs) if n in plain),
         definitions=Expressions(definitions),
-        definition_signals=signals,
+        definition_signals=tuple(signals),
     )
 
 
@@ -198,7 +199,7 @@ def _part(block: Block) -> _Part:
 
 
 def _is_local(block: Block, signal: Signal) -> bool:
-    """A parameter that already carries a Block's name keeps it: its key stays the same in every whole."""
+    """Tell whether a signal gets the Block's name in front; a parameter that carries one keeps its key."""
     return not (signal in block.parameters and "." in signal.name)
 
 

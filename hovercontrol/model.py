@@ -52,6 +52,10 @@ class Fan:
     y: float
     direction: float
 
+    def __post_init__(self) -> None:
+        for key in ("x", "y", "direction"):
+            object.__setattr__(self, key, float(getattr(self, key)))
+
     def force(self) -> Signal:
         """Return the plant's input: the force of this fan."""
         return Signal(self.name, "N", f"force of the fan {self.name}", nominal=0.1, lower=0.0)
@@ -104,6 +108,12 @@ class Model:
         for name in names:
             if names.count(name) > 1:
                 raise InputError(f"model {self.name!r}: the effect {name!r} stands twice")
+        inputs = [THRUST.name, RUDDER.name, *(f.force().name for f in self.fans)]
+        for name in inputs:
+            if inputs.count(name) > 1 or name in {s.name for s in MOTION}:
+                raise InputError(f"model {self.name!r}: the name of the fan {name!r} is taken")
+        if self.rudder.dimension != RUDDER.dimension:
+            raise InputError(f"model {self.name!r}: the rudder's unit is {RUDDER.unit}, not {self.rudder.unit}")
         for name in ("fan_force", "fan_torque"):
             if name in names and not self.fans:
                 raise InputError(f"model {self.name!r}: the effect {name!r} needs fans, there are none")

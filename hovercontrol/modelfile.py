@@ -19,35 +19,19 @@
 
 from __future__ import annotations
 
-import math
-import tomllib
+import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from hovercontrol.effects import Effect, effect, effect_class
-from hovercontrol.errors import InputError, did_you_mean
+from hovercontrol.effects.base import resolved_unit
+from hovercontrol.errors import InputError
 from hovercontrol.files import write_whole
 from hovercontrol.model import RUDDER, THRUST, Fan, Model
 from hovercontrol.signals import Signal
+from hovercontrol.tables import check_keys, number, read_toml, table, text
 from hovercontrol.units import UnitError, conversion_factor
-
-
-def read_toml(path: str | Path) -> dict[str, Any]:
-    """Return a TOML file's content.
-
-    Raises
-    ------
-    InputError
-        If the file is not there or is not TOML; the line says where.
-    """
-    try:
-        with Path(path).open("rb") as file:
-            return tomllib.load(file)
-    except FileNotFoundError:
-        raise InputError(f"{path}: no such file") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError, OSError) as error:
-        raise InputError(f"{path}: not readable as TOML: {error}") from None
 
 
 def load_model(path: str | Path) -> Model:
@@ -76,24 +60,21 @@ def load_model(path: str | Path) -> Model:
 
 def model_from_table(content: Mapping[str, Any]) -> Model:
     """Return the model of a parsed model file (see :func:`load_model`)."""
-    _check_keys("section", content, ("plant", "inputs", "effects", "fans"))
-    plant = _table("[plant]", content.get("plant", {}))
-    _check_keys("key in [plant]", plant, ("name",))
-    inputs = _table("[inputs]", content.get("inputs", {}))
-    _check_keys("input", inputs, ("thrust", "rudder"))
-    fans = _table("[fans]", content.get("fans", {}))
-    effects = _table("[effects]", content.get("effects", {}))
+    check_keys("section", content, ("plant", "inputs", "effects", "fans"))
+    plant = table("[plant]", content.get("plant", {}))
+    check_keys("key in [plant]", plant, ("name",))
+    inputs = table("[inputs]", content.get("inputs", {}))
+    check_keys("input", inputs, ("thrust", "rudder"))
+    fans = table("[fans]", content.get("fans", {}))
+    effects = table("[effects]", content.get("effects", {}))
     signals = {s.name: _input(s, inputs.get(s.name, {})) for s in (THRUST, RUDDER)}
     units = {name: s.unit for name, s in signals.items()}
-    name = plant.get("name", "hovercraft")
-    if not isinstance(name, str):
-        raise InputError(f"plant.name must be text, found {name!r}")
     return Model(
-        name,
-        [_effect(key, value, units) for key, value in effects.items()],
+        text("plant.name", plant.get("name", "hovercraft")),
+        tuple(_effect(key, value, units) for key, value in effects.items()),
         thrust=signals["thrust"],
         rudder=signals["rudder"],
-        fans=[_fan(key, value) for key, value in fans.items()],
+        fans=tuple(_fan(key, value) for key, value in fans.items()),
     )
 
 
@@ -125,7 +106,7 @@ def model_text(model: Model) -> str:
     [effects]
     yaw_linear_drag = 0.5
     """
-    lines = ["[plant]", f'name = "{model.name}"', ""]
+    lines = ["[plant]", f"name = {_quoted(model.name)}", ""]
     changed = [(s, d) for s, d in ((model.thrust, THRUST), (model.rudder, RUDDER)) if s != d]
     if changed:
         lines += ["[inputs]", *(f"{s.name} = {_input_text(s, d)}" for s, d in changed), ""]
@@ -144,68 +125,54 @@ def _effect_text(e: Effect) -> str:
     return "{" + ", ".join(f"{k} = {v!r}" for k, v in shown.items()) + "}"
 
 
+def _quoted(value: str) -> str:
+    """Return a TOML string; its escapes are JSON's."""
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+
+
 def _input_text(signal: Signal, default: Signal) -> str:
     parts = []
     for key in ("unit", "description", "lower", "upper"):
         value = getattr(signal, key)
         if value != getattr(default, key):
-            text = f'"{value}"' if isinstance(value, str) else repr(value)
-            parts.append(f"{key} = {text}")
+            parts.append(f"{key} = {_quoted(value) if isinstance(value, str) else repr(value)}")
     return "{" + ", ".join(parts) + "}"
 
 
-def _check_keys(kind: str, found: Mapping[str, Any], known: tuple[str, ...]) -> None:
-    for key in found:
-        if key not in known:
-            raise InputError(f"unknown {kind} {key!r}{did_you_mean(key, known)}")
-
-
-def _table(where: str, value: Any) -> dict[str, Any]:
-    if not isinstance(value, dict):
-        raise InputError(f"{where} must be a table, found {value!r}")
-    return value
-
-
-def _number(where: str, value: Any) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or math.isnan(value):
-        raise InputError(f"{where} must be a number, found {value!r}")
-    return float(value)
-
-
 def _input(default: Signal, value: Any) -> Signal:
-    given = _table(f"inputs.{default.name}", value)
-    _check_keys(f"key in inputs.{default.name}", given, ("unit", "description", "lower", "upper"))
+    given = table(f"inputs.{default.name}", value)
+    check_keys(f"key in inputs.{default.name}", given, ("unit", "description", "lower", "upper"))
     for key in ("lower", "upper"):
         if key in given:
-            _number(f"inputs.{default.name}.{key}", given[key])
+            number(f"inputs.{default.name}.{key}", given[key])
     for key in ("unit", "description"):
-        if not isinstance(given.get(key, ""), str):
-            raise InputError(f"inputs.{default.name}.{key} must be text, found {given[key]!r}")
-    return default.but(**given)
+        text(f"inputs.{default.name}.{key}", given.get(key, ""))
+    nearest = min(max(default.start, given.get("lower", default.lower)), given.get("upper", default.upper))
+    return default.but(start=nearest, **given)
 
 
 def _fan(name: str, value: Any) -> Fan:
-    given = _table(f"fans.{name}", value)
-    _check_keys(f"key in fans.{name}", given, ("x", "y", "direction"))
+    given = table(f"fans.{name}", value)
+    check_keys(f"key in fans.{name}", given, ("x", "y", "direction"))
     for key in ("x", "y", "direction"):
         if key not in given:
             raise InputError(f"fans.{name}: {key!r} is missing")
-    return Fan(name, *(_number(f"fans.{name}.{key}", given[key]) for key in ("x", "y", "direction")))
+    return Fan(name, *(number(f"fans.{name}.{key}", given[key]) for key in ("x", "y", "direction")))
 
 
 def _effect(name: str, value: Any, units: Mapping[str, str]) -> Effect:
     cls = effect_class(name)
     if not isinstance(value, dict):
-        return effect(name, _number(f"effects.{name}", value))
+        return effect(name, number(f"effects.{name}", value))
     given = dict(value)
     unit = given.pop("unit", None)
-    numbers = {key: _number(f"effects.{name}.{key}", v) for key, v in given.items()}
+    numbers = {key: number(f"effects.{name}.{key}", v) for key, v in given.items()}
     if unit is not None:
         if "value" not in cls.numbers or "value" not in numbers:
             raise InputError(f"effects.{name}: a unit needs a value beside it")
-        wanted = cls.numbers["value"].unit.format(**units)
+        wanted = resolved_unit(cls.numbers["value"].unit, units)
         try:
             numbers["value"] *= conversion_factor(str(unit), wanted)
-        except UnitError:
+        except InputError:
             raise UnitError(f"effects.{name}: unit must be like {wanted!r}, found {unit!r}") from None
     return effect(name, **numbers)

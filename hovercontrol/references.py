@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import sympy as sp
 from numpy.typing import ArrayLike
-from scipy.interpolate import PPoly, make_interp_spline
 
 from hovercontrol.block import Block
 from hovercontrol.errors import InputError
@@ -175,27 +175,32 @@ def waypoints(points: ArrayLike, times: ArrayLike, name: str = "reference") -> B
         )
     if not (np.isfinite(path).all() and np.isfinite(knots).all() and (np.diff(knots) > 0).all()):
         raise InputError("waypoints: points and times must be finite, times increasing")
-    rest = [(1, np.zeros(2)), (2, np.zeros(2))]
-    spline = PPoly.from_spline(make_interp_spline(knots, path, k=5, bc_type=(rest, rest)))
+    rest = [(1, 0.0), (2, 0.0)]
+    splines = [
+        PPoly.from_spline(make_interp_spline(knots, path[:, axis], k=5, bc_type=(rest, rest)))
+        for axis in (0, 1)
+    ]
     metre = Signal("metre", "m", "length unit of the spline's coefficients", start=1.0)
     second = Signal("second", "s", "time unit of the spline's coefficients", start=1.0, lower=1e-9)
-    curves = [_piecewise(spline, axis, path, knots, second.symbol) * metre.symbol for axis in (0, 1)]
+    curves = [
+        _piecewise(splines[axis], path[:, axis], knots, second.symbol) * metre.symbol for axis in (0, 1)
+    ]
     return from_position(curves[0], curves[1], (metre, second), name)
 
 
 def _piecewise(
-    spline: PPoly, axis: int, path: np.ndarray, knots: np.ndarray, second: sp.Symbol
+    spline: PPoly, path: np.ndarray, knots: np.ndarray, second: sp.Symbol
 ) -> sp.Expr:
     now = time / second
-    pieces: list[tuple[sp.Expr, object]] = [(sp.Float(path[0, axis]), now < knots[0])]
+    pieces: list[tuple[sp.Expr, object]] = [(sp.Float(path[0]), now < knots[0])]
     for k in range(len(spline.x) - 1):
         if spline.x[k + 1] > spline.x[k]:
             local = now - float(spline.x[k])
-            value = sp.Float(spline.c[0, k, axis])
-            for coefficient in spline.c[1:, k, axis]:
+            value = sp.Float(spline.c[0, k])
+            for coefficient in spline.c[1:, k]:
                 value = value * local + sp.Float(coefficient)
             pieces.append((value, now < float(spline.x[k + 1])))
-    return sp.Piecewise(*pieces, (sp.Float(path[-1, axis]), True))
+    return sp.Piecewise(*pieces, (sp.Float(path[-1]), True))
 
 
 def _positive(**values: float) -> None:

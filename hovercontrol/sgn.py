@@ -11,7 +11,7 @@ from typing import Any
 import sympy as sp
 
 
-class sgn(sp.Function):  # type: ignore[misc]  # noqa: N801  (reads as in the papers)
+class sgn(sp.Function):  # noqa: N801  (reads as in the papers)
     """Sign of `v`, smoothed over the width `w`: regularised as ``tanh(v/w)``.
 
     Parameters

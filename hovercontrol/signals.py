@@ -10,7 +10,7 @@ from typing import Any
 import sympy as sp
 
 from hovercontrol.errors import InputError
-from hovercontrol.units import Dimension, dimension
+from hovercontrol.units import Dimension, dimension, is_plain_si, unit_text
 
 #: The independent variable, in seconds. Expressions that depend on time use this symbol.
 time = sp.Symbol("t", real=True)
@@ -40,7 +40,7 @@ class Signal:
     Raises
     ------
     InputError
-        If the name is no identifier, the unit unknown, or start outside the bounds.
+        If the name is no identifier, the unit unknown or not SI (deg, km), or start outside the bounds.
 
     Examples
     --------
@@ -61,7 +61,9 @@ class Signal:
             raise InputError(f"{self.name!r} is no signal name: letters, digits, _ and dots wanted")
         if self.name == time.name:
             raise InputError("'t' is the name of time: give the signal another name")
-        dimension(self.unit)
+        if not is_plain_si(self.unit):
+            plain = unit_text(dimension(self.unit))
+            raise InputError(f"{self.name}: signals are in SI units, found {self.unit!r}; give it in {plain!r}")
         for field in ("start", "nominal", "lower", "upper"):
             value = getattr(self, field)
             try:

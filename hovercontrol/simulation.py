@@ -6,7 +6,8 @@ holds until the next (or is interpolated, if asked for), and the solver restarts
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from itertools import pairwise
 from typing import Any, Literal
 
 import control
@@ -16,7 +17,7 @@ from scipy.integrate import solve_ivp
 
 from hovercontrol.block import Block
 from hovercontrol.errors import InputError
-from hovercontrol.targets.numpy import call_scalar, numpy_functions
+from hovercontrol.targets.numpy import FunctionPair, call_scalar, numpy_functions
 
 Array = NDArray[np.float64]
 
@@ -82,8 +83,8 @@ def simulate(
         raise InputError(f"hold must be 'zero' or 'linear', found {hold!r}")
     states = np.empty((len(block.states), len(times)))
     states[:, 0] = x
-    rhs = numpy_functions(block)._pair("derivatives")
-    for first, last in _pieces(u, hold):
+    rhs = numpy_functions(block).scalar_pair("derivatives")
+    for first, last in _pieces(times, u, hold):
         value = _input_function(times, u, first, last, hold)
 
         def f(t: float, x: Array, value: Callable[[float], list[float]] = value) -> Any:
@@ -110,6 +111,42 @@ def simulate(
         input_labels=[s.name for s in block.inputs], sysname=block.name, title=block.name,
         plot_inputs=bool(block.inputs),
     )
+
+
+def rk4(
+    rhs: FunctionPair, t: float, x: Sequence[float], u: Sequence[float], p: Sequence[float], until: float, steps: int
+) -> list[float]:
+    """Integrate with inputs held, by the classical Runge-Kutta method in equal steps.
+
+    Parameters
+    ----------
+    rhs : pair of functions
+        As ``block.to_numpy().scalar_pair("derivatives")`` gives it.
+    t, until : float
+        From and to [s].
+    x, u, p : sequence of float
+        State at t, inputs, parameter values in order.
+    steps : int
+        How many equal steps.
+
+    Returns
+    -------
+    list of float
+        State at `until`.
+    """
+    h = (until - t) / steps
+    state = list(x)
+    for k in range(steps):
+        now = t + k * h
+        k1 = call_scalar(rhs, now, state, u, p)
+        k2 = call_scalar(rhs, now + h / 2, [a + h / 2 * b for a, b in zip(state, k1, strict=True)], u, p)
+        k3 = call_scalar(rhs, now + h / 2, [a + h / 2 * b for a, b in zip(state, k2, strict=True)], u, p)
+        k4 = call_scalar(rhs, now + h, [a + h * b for a, b in zip(state, k3, strict=True)], u, p)
+        state = [
+            a + h / 6 * (b1 + 2 * (b2 + b3) + b4)
+            for a, b1, b2, b3, b4 in zip(state, k1, k2, k3, k4, strict=True)
+        ]
+    return state
 
 
 def _times(time: ArrayLike) -> Array:
@@ -166,12 +203,14 @@ def _initial(block: Block, x0: Any) -> Array:
     return given
 
 
-def _pieces(u: Array, hold: str) -> list[tuple[int, int]]:
-    """Return the runs of samples between which no input jumps."""
-    n = u.shape[1]
-    jumps = [] if hold == "linear" else (np.flatnonzero((np.diff(u, axis=1) != 0).any(axis=0)) + 1).tolist()
-    edges = [0, *(k for k in jumps if k < n - 1), n - 1]
-    return list(zip(edges[:-1], edges[1:], strict=True))
+def _pieces(times: Array, u: Array, hold: str) -> list[tuple[int, int]]:
+    """Return the runs of samples between which no input jumps (held) or bends (interpolated)."""
+    change = np.diff(u, axis=1)
+    if hold == "linear":  # without a stop at each bend the solver can step over a short pulse
+        change = np.diff(change / np.diff(times), axis=1)
+    jumps = (np.flatnonzero((change != 0).any(axis=0)) + 1).tolist()
+    edges = [0, *(k for k in jumps if k < u.shape[1] - 1), u.shape[1] - 1]
+    return list(pairwise(edges))
 
 
 def _input_function(

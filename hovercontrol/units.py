@@ -89,6 +89,23 @@ def conversion_factor(unit: str, target: str) -> float:
     return float(ureg.Quantity(1.0, _parse(unit)).to(_parse(target)).magnitude)
 
 
+@lru_cache(maxsize=4096)
+def is_plain_si(unit: str) -> bool:
+    """Tell whether a unit is built from SI units without a factor: ``N`` is, ``deg`` and ``km`` are not.
+
+    Examples
+    --------
+    >>> is_plain_si("rad/s"), is_plain_si("deg/s")
+    (True, False)
+    """
+    base = unit_text(dimension(unit))
+    try:
+        zero, one = (float(registry().Quantity(v, _parse(unit)).to(_parse(base)).magnitude) for v in (0.0, 1.0))
+    except (pint.errors.PintError, ValueError):
+        return False
+    return zero == 0.0 and abs(one - 1.0) < 1e-12
+
+
 def _parse(unit: str) -> Any:
     return registry().parse_units("dimensionless" if unit in ("1", "") else unit)
 
@@ -102,7 +119,9 @@ def unit_text(dims: Dimension) -> str:
     'kg*m/s^2'
     """
     def power(name: str, exponent: sp.Rational) -> str:
-        return name if exponent == 1 else f"{name}^{exponent}"
+        if exponent == 1:
+            return name
+        return f"{name}^{exponent}" if exponent.is_Integer else f"{name}^({exponent})"
 
     above = [power(n, e) for n, e in zip(BASE, dims, strict=True) if e > 0]
     below = [power(n, -e) for n, e in zip(BASE, dims, strict=True) if e < 0]
@@ -154,7 +173,7 @@ class DimensionChecker:
             return self._common(e, [value for value, _ in e.args])
         if isinstance(e, BooleanAtom):
             return DIMENSIONLESS
-        if isinstance(e, Boolean):
+        if isinstance(e, Boolean) and not e.is_Symbol:
             for part in e.args:
                 self(part)
             return DIMENSIONLESS

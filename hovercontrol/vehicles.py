@@ -14,9 +14,9 @@ from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.model import RUDDER, THRUST, Fan, Model
 
 
-def _c17_effects(rudder_torque: float) -> list[Effect]:
+def _c17_effects(rudder_torque: float) -> tuple[Effect, ...]:
     """C17 section VIII-C: zeta_1 ... zeta_7 of the experiment; zeta_8 differs with arm and inertia."""
-    return [
+    return (
         effect("surge_coulomb", 1.35),
         effect("surge_linear_drag", 0.0),
         effect("sway_coulomb", 0.0),
@@ -25,7 +25,7 @@ def _c17_effects(rudder_torque: float) -> list[Effect]:
         effect("yaw_linear_drag", 0.48),
         effect("thrust", 0.75),
         effect("rudder_torque", rudder_torque),
-    ]
+    )
 
 
 def c17_simulation() -> Model:
@@ -56,7 +56,7 @@ def hoverdemon() -> Model:
     mass, inertia, arm = 2.6, 0.096, 0.32
     return Model(
         "hoverdemon",
-        [effect("thrust", 1 / mass), effect("rudder_torque", arm / inertia)],
+        (effect("thrust", 1 / mass), effect("rudder_torque", arm / inertia)),
         thrust=THRUST.but(unit="N", description="force of the propeller"),
     )
 
@@ -72,19 +72,19 @@ def four_fan() -> Model:
     forward, backward = 0.0, math.pi
     return Model(
         "four_fan",
-        [
+        (
             effect("surge_linear_drag", 0.2),
             effect("sway_linear_drag", 0.2),
             effect("yaw_linear_drag", 0.2),
             effect("fan_force", 1 / mass),
             effect("fan_torque", 1 / inertia),
-        ],
-        fans=[
+        ),
+        fans=(
             Fan("rear_left", -0.05, -arm, forward),
             Fan("rear_right", -0.05, arm, forward),
             Fan("front_left", 0.05, -arm, backward),
             Fan("front_right", 0.05, arm, backward),
-        ],
+        ),
     )
 
 

@@ -8,6 +8,7 @@ effects, so that a model with other drag needs no other controller.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from types import SimpleNamespace
 
 import sympy as sp
 
@@ -125,7 +126,7 @@ class _ThrustMatrix:
         return sp.Matrix([u, v + d * r])
 
 
-def _affine_dynamics(model: Model, name: str) -> tuple[dict[str, sp.Expr], _ThrustMatrix, object]:
+def _affine_dynamics(model: Model, name: str) -> tuple[dict[str, sp.Expr], _ThrustMatrix, SimpleNamespace]:
     """Return the effects' accelerations without thrust, and their gain on the thrust vector."""
     s = motion_symbols(model.fans)
     s.thrust_x, s.thrust_y = vector = sp.symbols("thrust_x thrust_y", real=True)

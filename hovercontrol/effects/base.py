@@ -25,7 +25,7 @@ class Coefficient:
     Parameters
     ----------
     unit : str
-        May name an input's unit in braces: ``"m/s^2/({thrust})"``.
+        May name an input's unit in braces: ``"m/s^2/{thrust}"``.
     lower, upper : float, optional
         Bounds.
     default : float, optional
@@ -92,7 +92,7 @@ class Effect:
             given = values.get(key, number.default)
             if given is None:
                 raise InputError(f"effect {self.name}: {key!r} is missing (unit {number.unit})")
-            if isinstance(given, bool) or not isinstance(given, int | float):
+            if isinstance(given, bool) or not isinstance(given, int | float) or not math.isfinite(given):
                 raise InputError(f"effect {self.name}: {key} must be a number, found {given!r}")
             if not number.lower <= given <= number.upper:
                 raise InputError(
@@ -130,7 +130,7 @@ class Effect:
         return tuple(
             Signal(
                 f"{owner}.{self.parameter(key)}",
-                number.unit.format(**units),
+                resolved_unit(number.unit, units),
                 sentence if key == "value" else f"{key} of {self.name}",
                 start=self.values[key],
                 nominal=abs(self.values[key]) or 1.0,
@@ -162,3 +162,9 @@ class Effect:
             Keys ``"u"``, ``"v"``, ``"r"``; accelerations [m/s^2, m/s^2, rad/s^2].
         """
         raise TypeError(f"{type(self).__name__} does not say what it adds: define terms()")
+
+
+def resolved_unit(unit: str, inputs: Mapping[str, str]) -> str:
+    """Return a unit with the units of inputs filled in; per unit of a plain number is left out."""
+    braced = {name: f"({u})" if set(u) & set("*/^ ") else u for name, u in inputs.items()}
+    return unit.format(**braced).replace("/1", "")

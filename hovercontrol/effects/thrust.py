@@ -13,7 +13,7 @@ class Thrust(Effect):
     """Force of the propeller, turned by the rudder: c T cos(theta) in surge, c T sin(theta) in sway."""
 
     name, source = "thrust", "C17 (9), c7 = b_T/m"
-    value = Coefficient("m/s^2/({thrust})", lower=0.0)
+    value = Coefficient("m/s^2/{thrust}", lower=0.0)
 
     def terms(self, c: Any, s: Any) -> dict[str, sp.Expr]:
         return {"u": c.value * s.thrust_x, "v": c.value * s.thrust_y}
@@ -23,7 +23,7 @@ class RudderTorque(Effect):
     """Torque of the rudder's side force on its arm: -c T sin(theta) in yaw."""
 
     name, source = "rudder_torque", "C17 (10), c8 = a b_T/J"
-    value = Coefficient("rad/s^2/({thrust})")
+    value = Coefficient("rad/s^2/{thrust}")
 
     def terms(self, c: Any, s: Any) -> dict[str, sp.Expr]:
         return {"r": -c.value * s.thrust_y}

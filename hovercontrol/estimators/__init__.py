@@ -2,5 +2,14 @@
 
 from hovercontrol.estimators.kalman_bucy import kalman_bucy
 from hovercontrol.estimators.regression import Regression, regression
+from hovercontrol.estimators.sampled import (
+    CoefficientHistory,
+    Regressors,
+    SampledEstimator,
+    estimate_from_log,
+)
 
-__all__ = ["Regression", "kalman_bucy", "regression"]
+__all__ = [
+    "Regression", "regression", "Regressors",
+    "kalman_bucy", "SampledEstimator", "estimate_from_log", "CoefficientHistory",
+]  # fmt: skip

@@ -1,1 +1,22 @@
-"""Logs: reading them, joining them, and velocities from tracked positions."""
+"""Logs: reading them, joining them, and velocities from tracked positions.
+
+A log with pose goes through, in this order::
+
+    read_log -> join_logs (if commands are a file of their own) -> BenchTable.apply -> smooth_pose
+
+A log that holds ``u, v, r`` needs only the first.
+"""
+
+from hovercontrol.logs.bench import BenchTable
+from hovercontrol.logs.clock import Clock, fit_clock, steady
+from hovercontrol.logs.join import join_logs
+from hovercontrol.logs.log import POSE, VELOCITY, Log
+from hovercontrol.logs.read import read_log
+from hovercontrol.logs.smooth import Smoothed, Span, smooth_pose
+
+__all__ = [
+    "Log", "POSE", "VELOCITY",
+    "read_log", "join_logs", "BenchTable",
+    "Clock", "fit_clock", "steady",
+    "Smoothed", "Span", "smooth_pose",
+]  # fmt: skip

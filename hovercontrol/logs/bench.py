@@ -63,13 +63,15 @@ class BenchTable:
         Raises
         ------
         InputError
-            Text or a missing number (line and column), a command that does not increase or is not above
-            ``idle``, fewer than two rows, no trial, or a negative mean thrust.
+            Text or a missing number (line and column), a command that does not increase or is not
+            above ``idle``, fewer than two rows, no trial, or a negative mean thrust.
         """
         file = Path(path)
         source = open_source(file)
         if len(source.header) < 2:
-            raise InputError(f"{file}: expected a command column and at least one trial, found one column")
+            raise InputError(
+                f"{file}: expected a command column and at least one trial, found one column"
+            )
         rows = [
             np.column_stack([column.to_numpy(zero_copy_only=False) for column in batch.columns])
             for batch in source.batches(source.header)
@@ -84,21 +86,28 @@ class BenchTable:
         for row, low in enumerate([idle, *command[:-1]]):
             if command[row] <= low:
                 where, text = source.place(row, first)
-                raise InputError(f"{file}: {where}, column {first!r}: expected more than {low:g}, found {text}")
+                raise InputError(
+                    f"{file}: {where}, column {first!r}: expected more than {low:g}, found {text}"
+                )
         if grams.min() < 0:
             where, _ = source.place(int(grams.argmin()), first)
-            raise InputError(f"{file}: {where}: expected thrust of zero or more, found {grams.min():g} gram-force")
+            raise InputError(
+                f"{file}: {where}: expected thrust of zero or more, "
+                f"found {grams.min():g} gram-force"
+            )
         return cls(file.name, command, grams * 1e-3 * STANDARD_GRAVITY / fans, idle)
 
     def force(self, command: ArrayLike) -> Floats:
         """Return the thrust of one fan [N] at each command, same shape.
 
-        Monotone cubic (PCHIP) interpolation through zero at ``idle``; the last bench thrust above the table.
+        Monotone cubic (PCHIP) interpolation through zero at ``idle``; the last bench thrust above
+        the table.
         """
         curve = PchipInterpolator(
             np.concatenate([[self.idle], self.command]), np.concatenate([[0.0], self.thrust])
         )
-        return np.asarray(curve(np.clip(np.asarray(command, dtype=float), self.idle, self.command[-1])))
+        inside = np.clip(np.asarray(command, dtype=float), self.idle, self.command[-1])
+        return np.asarray(curve(inside))
 
     def apply(self, log: Log, forces: Mapping[str, str]) -> Log:
         """Add to a log the force [N] of each fan.
@@ -126,8 +135,8 @@ class BenchTable:
             above = int(np.count_nonzero(command > self.command[-1]))
             if above:
                 warnings.warn(
-                    f"{log.name}: {above} of {command.size} values of {source!r} are above {self.command[-1]:g}, "
-                    f"the end of {self.name}; the thrust there is taken instead",
+                    f"{log.name}: {above} of {command.size} values of {source!r} are above "
+                    f"{self.command[-1]:g}, the end of {self.name}; its last thrust is taken",
                     stacklevel=2,
                 )
             added[target] = self.force(command)

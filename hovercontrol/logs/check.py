@@ -21,7 +21,9 @@ def check_finite(file: str, source: Source, column: str, values: Floats) -> None
         raise InputError(f"{file}: column {column!r} is empty: NaN in all {values.size} rows")
     where, text = source.place(int(bad[0]), column)
     more = f" ({bad.size} such rows)" if bad.size > 1 else ""
-    raise InputError(f"{file}: {where}, column {column!r}: expected a finite number, found {text!r}{more}")
+    raise InputError(
+        f"{file}: {where}, column {column!r}: expected a finite number, found {text!r}{more}"
+    )
 
 
 def check_time(file: str, source: Source, column: str, time: Floats) -> None:
@@ -35,15 +37,16 @@ def check_time(file: str, source: Source, column: str, time: Floats) -> None:
     what = "repeats" if time[row] == time[row - 1] else "runs backwards"
     more = f" ({stuck.size} such rows)" if stuck.size > 1 else ""
     raise InputError(
-        f"{file}: {where}, column {column!r}: time {what}: expected more than {before}, found {text}{more}"
+        f"{file}: {where}, column {column!r}: time {what}: "
+        f"expected more than {before}, found {text}{more}"
     )
 
 
 def check_heading(file: str, column: str, time: Floats, psi: Floats, r: Floats | None) -> None:
     """Raise if a heading is clearly in degrees; ``column`` is its name in the file.
 
-    Clearly means: it jumps by a full circle of 360, or turns at ``FASTEST_TURN`` on average, or turns some 57
-    times as fast as the yaw rate ``r`` [rad/s] of the same log says.
+    Clearly means: it jumps by a full circle of 360, or turns at ``FASTEST_TURN`` on average, or
+    turns some 57 times as fast as the yaw rate ``r`` [rad/s] of the same log says.
     """
     steps = np.abs(np.diff(psi))
     if not steps.size:
@@ -56,6 +59,6 @@ def check_heading(file: str, column: str, time: Floats, psi: Floats, r: Floats |
         ratio = float(steps.sum() / max(float(turned.sum()), 1e-9))
     if wrapped or (whirling and r is None) or 40.0 < ratio < 80.0:
         raise InputError(
-            f"{file}: column {column!r}: expected a heading in rad, found values from {psi.min():.4g} to "
-            f"{psi.max():.4g} that look like degrees; multiply by pi/180"
+            f"{file}: column {column!r}: expected a heading in rad, found values from "
+            f"{psi.min():.4g} to {psi.max():.4g} that look like degrees; multiply by pi/180"
         )

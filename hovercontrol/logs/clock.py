@@ -1,9 +1,10 @@
 """The steady sampling clock behind jittered arrival times.
 
-A motion-capture system samples at a fixed rate, but a log written over a network stamps each sample when
-it arrives: several at once, then none for 0.2 s. Velocities from such stamps are nonsense (a 0.3 rad turn
-within 0.1 ms). Each arrival time is ``start + frame * period + delay`` with a delay that is near zero most
-of the time; the lower envelope of the delays shows the frames that were lost on the way.
+A motion-capture system samples at a fixed rate, but a log written over a network stamps each
+sample when it arrives: several at once, then none for 0.2 s. Velocities from such stamps are
+nonsense (a 0.3 rad turn within 0.1 ms). Each arrival time is ``start + frame * period + delay``
+with a delay that is near zero most of the time; the lower envelope of the delays shows the frames
+that were lost on the way.
 """
 
 from __future__ import annotations
@@ -13,10 +14,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.ndimage import minimum_filter1d
 
-from hovercontrol.logs.log import Floats, Log, gap_rows
+from hovercontrol.logs.log import POSE, Floats, Log, gap_rows
 
 WINDOW = 50
 """Samples within which at least one arrives without delay."""
+
+PUNCTUAL = 0.7
+"""Share of stamps within a quarter period of the clock, below which there is none (chance: 0.5)."""
+
+FEWEST = 20
+"""Stamps from which a clock is fitted."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,31 +51,39 @@ class Clock:
     worst_delay: float
 
 
-def fit_clock(arrival: Floats) -> Clock:
-    """Fit a steady sampling clock to strictly increasing arrival times, shape (n,) [s].
+def fit_clock(arrival: Floats, pose: Floats | None = None) -> Clock:
+    """Fit a steady sampling clock to the time stamps of a log.
 
-    The arrival times are kept as they are when they are irregular by nature: when less than half of them lie
-    within a quarter period of a fixed rate. A constant delay cannot be seen and stays.
+    The stamps are kept where they are no arrival times: where there are fewer than ``FEWEST``,
+    where too few are ``PUNCTUAL``, or where the pose is smoother on the stamps than on the clock.
+    A constant delay cannot be seen and stays.
+
+    Parameters
+    ----------
+    arrival : ndarray (n,)
+        Time stamps [s], strictly increasing.
+    pose : ndarray (n, k), optional
+        What was sampled.
 
     Examples
     --------
     >>> arrival = 0.02 * np.arange(100.0)
     >>> arrival[50:55] = 1.0801 + 1e-4 * np.arange(5)  # five samples arrive together
     >>> clock = fit_clock(arrival)
-    >>> clock.steady, round(clock.period, 6), bool(abs(clock.time[50] - 1.0) < 1e-6)
-    (True, 0.02, True)
+    >>> clock.steady, round(clock.period, 4), round(float(clock.time[50]), 3)
+    (True, 0.02, 1.0)
     """
-    unsteady = Clock(arrival, False, float(np.median(np.diff(arrival), axis=0)), 0, 0.0)
-    if arrival.size < 4:
-        return unsteady
-    period = unsteady.period
+    steps = np.diff(arrival)
+    period = float(np.median(steps)) if steps.size else 0.0
+    as_stamped = Clock(arrival, False, period, 0, 0.0)
+    if arrival.size < FEWEST:
+        return as_stamped
     for span in (10, 100):
         if arrival.size > 2 * span:
             strides = arrival[span:] - arrival[:-span]
             whole = np.abs(strides / (span * period) - 1.0) < 0.5 / span
-            if whole.sum() < 0.3 * whole.size:
-                return unsteady
-            period = float(np.median(strides[whole])) / span
+            if whole.any():
+                period = float(np.median(strides[whole])) / span
     time = np.empty_like(arrival)
     lost = 0
     for part in np.split(np.arange(arrival.size), gap_rows(arrival)):
@@ -76,27 +91,38 @@ def fit_clock(arrival: Floats) -> Clock:
         lost += int(frame[-1]) - (part.size - 1)
         time[part] = _line(arrival[part], frame, period)
     delay = arrival - time
-    if np.mean(np.abs(delay) < 0.25 * period) < 0.5 or not np.all(np.diff(time) > 0):
-        return unsteady
+    if np.mean(np.abs(delay) < 0.25 * period) < PUNCTUAL or not np.all(np.diff(time) > 0):
+        return as_stamped
+    if pose is not None and _roughness(time, pose) > 1.02 * _roughness(arrival, pose):
+        return as_stamped
     return Clock(time, True, period, lost, float(delay.max()))
 
 
 def steady(log: Log) -> Log:
-    """Return the log with arrival times replaced by the steady clock behind them, where there is one.
+    """Return the log with arrival times replaced by the steady clock behind them, if any.
 
     Examples
     --------
-    >>> irregular = Log("demo", [0.0, 0.1, 0.25, 0.3, 0.5, 0.51, 0.8], {})
-    >>> steady(irregular).time is irregular.time
+    >>> irregular = Log("demo", np.cumsum(1.0 + np.arange(50) % 3), {})
+    >>> bool(np.all(steady(irregular).time == irregular.time))
     True
     """
-    return replace(log, time=fit_clock(log.time).time)
+    pose = log.stack(*POSE) if log.has(*POSE) else None
+    return replace(log, time=fit_clock(log.time, pose).time)
+
+
+def _roughness(time: Floats, pose: Floats) -> float:
+    """Return how far samples are from the line between their neighbours, averaged over channels."""
+    share = ((time[1:-1] - time[:-2]) / (time[2:] - time[:-2]))[:, None]
+    off = pose[1:-1] - (1 - share) * pose[:-2] - share * pose[2:]
+    return float(np.exp(np.log(np.abs(off).mean(axis=0) + 1e-12).mean()))
 
 
 def _frames(arrival: Floats, period: float) -> Floats:
     """Return the frame number of each arrival, counting the lost frames."""
     late = arrival - arrival[0] - period * np.arange(arrival.size)
-    # Least delay among a sample and the next WINDOW: steps up by whole periods where frames were lost.
+    # Least delay among a sample and the next WINDOW: steps up by whole periods where frames were
+    # lost.
     padded = np.append(late, np.full(WINDOW, np.inf))
     floor = minimum_filter1d(padded, WINDOW + 1, origin=-(WINDOW // 2))[: late.size]
     lost = np.concatenate([[0.0], np.cumsum(np.rint(np.diff(floor) / period))])

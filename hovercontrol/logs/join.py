@@ -20,17 +20,17 @@ def join_logs(
 ) -> Log:
     """Add to a pose log the commands in force at each of its samples.
 
-    A command holds until the next one. Arrival times of the pose are first replaced by the steady sampling
-    clock behind them (:func:`~hovercontrol.logs.clock.steady`), so that a late stamp does not pick a later
-    command.
+    A command holds until the next one. Arrival times of the pose are first replaced by the steady
+    sampling clock behind them (:func:`~hovercontrol.logs.clock.steady`), so that a late stamp does
+    not pick a later command.
 
     Parameters
     ----------
     pose, commands : Log
         On the same clock [s]; no column in both.
     before : mapping or float, optional
-        The idle value of each command (or of all) before the first command row; without it the pose is cut
-        there.
+        The idle value of each command (or of all) before the first command row; without it the
+        pose is cut there.
     hold : float
         How long [s] the last command row holds; the pose is cut behind.
 
@@ -61,8 +61,9 @@ def join_logs(
         kept = kept.select(kept.time >= commands.time[0])
     if not len(kept) or kept.time[-1] < commands.time[0]:
         raise InputError(
-            f"{pose.name}: no time in common with {commands.name}: {pose.time[0]:g} to {pose.time[-1]:g} s "
-            f"against {commands.time[0]:g} to {commands.time[-1]:g} s"
+            f"{pose.name}: no time in common with {commands.name}: "
+            f"{pose.time[0]:g} to {pose.time[-1]:g} s against "
+            f"{commands.time[0]:g} to {commands.time[-1]:g} s"
         )
     row = np.searchsorted(commands.time, kept.time, side="right") - 1
     held = {
@@ -72,7 +73,9 @@ def join_logs(
     return kept.with_columns(held)
 
 
-def _idle_values(commands: Log, before: Mapping[str, float] | float | None) -> Mapping[str, float] | None:
+def _idle_values(
+    commands: Log, before: Mapping[str, float] | float | None
+) -> Mapping[str, float] | None:
     if before is None:
         return None
     if not isinstance(before, Mapping):

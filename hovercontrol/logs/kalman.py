@@ -1,11 +1,12 @@
 """Kalman filter and Rauch-Tung-Striebel smoother of independent channels driven by white jerk.
 
-Each channel has its own process ``p''' = w`` with ``E[w(t) w(s)] = jerk * delta(t - s)`` and is seen as
-``z = p + e`` with ``E[e^2] = noise``. All channels share the times and the choice of samples used, and run
-through the recursions together as the leading axis of the arrays.
+Each channel has its own process ``p''' = w`` with ``E[w(t) w(s)] = jerk * delta(t - s)`` and is
+seen as ``z = p + e`` with ``E[e^2] = noise``. All channels share the times and the choice of
+samples used, and run through the recursions together as the leading axis of the arrays.
 
-Source: Bar-Shalom, Li, Kirubarajan, "Estimation with Applications to Tracking and Navigation" (2001),
-6.2.3 (white-jerk model) and 8.6 (fixed-interval smoother); Rauch, Tung, Striebel, AIAA J. 3 (1965) 1445.
+Source: Bar-Shalom, Li, Kirubarajan, "Estimation with Applications to Tracking and Navigation"
+(2001), 6.2.3 (white-jerk model) and 8.6 (fixed-interval smoother); Rauch, Tung, Striebel, AIAA J.
+3 (1965) 1445.
 """
 
 from __future__ import annotations
@@ -15,6 +16,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from hovercontrol.logs.log import Floats, Mask
+
+SMALLEST = 1e-16
+"""Measurement variance that is always assumed, for simulated logs without noise."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +66,8 @@ def run_filter(
     z : ndarray (n, c)
         Samples; those not ``used`` do not matter.
     used, restart : ndarray (n,) of bool
-        Which samples update the estimate, and at which rows (the first among them) the past is forgotten.
+        Which samples update the estimate, and at which rows (the first among them) the past is
+        forgotten.
     jerk, noise : ndarray (c,)
         Jerk density and measurement variance of each channel.
     prior : ndarray (c, 3)
@@ -115,8 +120,8 @@ def fit_noise(
 ) -> tuple[Floats, Floats]:
     """Return the most likely jerk density and measurement variance of each channel, shapes (c,).
 
-    Maximum likelihood of the innovations; the variance is solved for in closed form, the ratio jerk/noise found
-    on a logarithmic grid, twice refined. Channels of one group share both.
+    Maximum likelihood of the innovations; the variance is solved for in closed form, the ratio
+    jerk/noise found on a logarithmic grid, twice refined. Channels of one group share both.
 
     Parameters
     ----------
@@ -141,7 +146,7 @@ def fit_noise(
         squares = run.innovation[warm].reshape(-1, c, points) ** 2 / S
         for group in groups:
             g = list(group)
-            R = squares[:, g].mean(axis=(0, 1))
+            R = squares[:, g].mean(axis=(0, 1)) + SMALLEST
             likelihood = -np.log(S[:, g]).mean(axis=(0, 1)) - np.log(R)
             best = int(likelihood.argmax())
             centre[g] += grid[best]

@@ -1,7 +1,7 @@
 """The log: named columns of numbers over strictly increasing time.
 
-Everything that works on measurements takes and returns a :class:`Log`; :mod:`.read` makes one from a
-file, :meth:`Log.save` makes a file from one.
+Everything that works on measurements takes and returns a :class:`Log`; :mod:`.read` makes one from
+a file, :meth:`Log.save` makes a file from one.
 """
 
 from __future__ import annotations

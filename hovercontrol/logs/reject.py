@@ -1,9 +1,10 @@
-"""Telling motion from a marker body that was lost: the longest chain of pieces that one craft could follow.
+"""Telling motion from a lost marker body: the longest chain of pieces that one craft could follow.
 
-The pose is cut into pieces at every step that the neighbouring steps do not explain. A piece may follow
-another if constant speed carries one end to the other's start within what pushes and impacts allow. Dynamic
-programming picks the chain with the most samples; a heading that was turned over for a while is left out
-although it is as smooth as the truth, because no step leads to it and back.
+The pose is cut into pieces at every step that the neighbouring steps do not explain. A piece may
+follow another if constant speed carries one end to the other's start within what pushes and
+impacts allow. Dynamic programming picks the chain with the most samples; a heading that was turned
+over for a while is left out although it is as smooth as the truth, because no step leads to it and
+back.
 """
 
 from __future__ import annotations
@@ -16,16 +17,19 @@ from scipy.ndimage import median_filter
 from hovercontrol.logs.log import Floats, Mask
 
 PUSH = np.array([5.0, 5.0, 50.0])
-"""Largest sustained acceleration of x, y [m/s^2] and psi [rad/s^2]; hovercraft models reach a fifth."""
+"""Largest sustained acceleration of x, y [m/s^2] and psi [rad/s^2]; models reach a fifth."""
 
 IMPACT = np.array([0.3, 0.3, 3.0])
 """Largest change of speed between two samples, by landing or hitting a wall [m/s, rad/s]."""
 
-FARTHEST = np.array([0.3, 0.3, 1.2])
+FARTHEST = np.array([0.5, 0.5, 2.0])
 """Largest departure from constant speed over a loss of sight [m, rad]; a flip is pi."""
 
 FORGET = 2.0
 """After this long [s] without sight the craft may be anywhere."""
+
+SPEED_SPAN = 0.08
+"""Time [s] over which the speed at the end of a piece is taken, or four steps."""
 
 LONGEST = 1.0
 """Pieces are cut at this length [s], so that part of a wrong one can be left out."""
@@ -39,7 +43,7 @@ ROUGHNESS = 3.0
 
 @dataclass(frozen=True, eq=False)
 class Pieces:
-    """Runs of smooth samples: rows ``first`` to ``last``, and speeds (m, 3) near both ends (0 if unknown)."""
+    """Runs of smooth samples, rows ``first`` to ``last``, and the speeds (m, 3) at both ends."""
 
     first: np.ndarray[tuple[int], np.dtype[np.intp]]
     last: np.ndarray[tuple[int], np.dtype[np.intp]]
@@ -96,7 +100,8 @@ def follow(time: Floats, pose: Floats) -> tuple[Mask, Floats]:
         if before is not None:
             e = pieces.last[before]
             mean = (pieces.speed_out[before, 2] + pieces.speed_in[k, 2]) / 2
-            expected = straight[e, 2] + (mean * (time[a] - time[e]) if time[a] - time[e] < FORGET else 0.0)
+            blind = time[a] - time[e]
+            expected = straight[e, 2] + (mean * blind if blind < FORGET else 0.0)
             start = expected + float(wrap(np.asarray(start - expected)))
         straight[a : b + 1, 2] = start + psi[a : b + 1] - psi[a]
         accepted[a : b + 1] = True
@@ -111,7 +116,8 @@ def _cut(time: Floats, rates: Floats, smooth: Mask) -> Pieces:
     first = np.concatenate([[0], np.flatnonzero(cut) + 1])
     last = np.concatenate([first[1:] - 1, [time.size - 1]])
     total = np.concatenate([np.zeros((1, 3)), np.cumsum(rates, axis=0)])
-    reach = np.minimum(last - first, 4)
+    usual = int(np.rint(SPEED_SPAN / np.median(np.diff(time))))
+    reach = np.minimum(last - first, max(4, usual))
     count = np.maximum(reach, 1)[:, None]
     speed_in = (total[first + reach] - total[first]) / count
     speed_out = (total[last] - total[last - reach]) / count
@@ -138,7 +144,8 @@ def _best_chain(time: Floats, pose: Floats, pieces: Pieces, noise: Floats) -> li
             out = np.where(pieces.single[near, None], into, pieces.speed_out[near])
             missed = at_start[k] - at_end[near] - (into + out) / 2 * blind
             missed[:, 2] = wrap(missed[:, 2])
-            allowed = np.minimum(noise + IMPACT * blind + PUSH * blind**2 / 4, noise + FARTHEST)
+            pushed = np.minimum(IMPACT * blind + PUSH * blind**2 / 4, FARTHEST)
+            allowed = pushed + noise * (1.0 + blind / SPEED_SPAN)
             rough = np.max(np.abs(missed) / allowed, axis=1)
             reached = np.where(rough <= 1.0, score[near] - ROUGHNESS * rough**2, -np.inf)
             j = int(reached.argmax())

@@ -1,8 +1,8 @@
 """Velocities from tracked positions: a Kalman smoother that leaves out what is not motion.
 
-Order of work: the steady clock behind the time stamps (:mod:`.clock`), the pieces of the pose that one craft
-could have passed (:mod:`.reject`), noise by maximum likelihood and smoothing (:mod:`.kalman`), and then again
-without the single samples that stand out from the smoothed pose.
+Order of work: the steady clock behind the time stamps (:mod:`.clock`), the pieces of the pose that
+one craft could have passed (:mod:`.reject`), noise by maximum likelihood and smoothing
+(:mod:`.kalman`), and then again without the single samples that stand out from the smoothed pose.
 """
 
 from __future__ import annotations
@@ -24,7 +24,8 @@ COASTING = 0.3
 STANDS_OUT = 80.0
 """Squared distance, in standard deviations over three channels, at which a sample is an outlier.
 
-The noise of a marker body that moves is uneven; in clean runs one sample in a thousand reaches 50."""
+The noise of a marker body that moves is uneven; in clean runs one sample in a thousand reaches
+50."""
 
 MOST_ROWS = 500_000
 """Rows that are smoothed at once; more would take gigabytes."""
@@ -66,8 +67,8 @@ class Smoothed:
     Attributes
     ----------
     log : Log
-        All rows: steady times, smoothed ``x, y, psi``, body velocities ``u, v`` [m/s], ``r`` [rad/s] and the
-        other columns as they were.
+        All rows: steady times, smoothed ``x, y, psi``, body velocities ``u, v`` [m/s], ``r``
+        [rad/s] and the other columns as they were.
     pose, velocity, acceleration : ndarray (n, 3)
         x, y, psi in the earth frame and their derivatives.
     pose_std, velocity_std, acceleration_std : ndarray (n, 3)
@@ -105,7 +106,7 @@ class Smoothed:
         return self.log.select(self.valid)
 
     def body_acceleration(self) -> Floats:
-        """Return u', v' [m/s^2], r' [rad/s^2] as a (n, 3) array: rates of change of the body velocities."""
+        """Return u', v' [m/s^2], r' [rad/s^2], shape (n, 3): rates of the body velocities."""
         ahead, left = _turn(self.acceleration, self.log["psi"])
         u, v, r = (self.log[name] for name in VELOCITY)
         return np.column_stack([ahead + r * v, left - r * u, self.acceleration[:, 2]])
@@ -114,9 +115,9 @@ class Smoothed:
 def smooth_pose(log: Log) -> Smoothed:
     """Estimate velocities from the pose ``x, y, psi`` of a log.
 
-    Process and measurement noise are those of maximum likelihood for the accepted samples. The three channels
-    are accepted or rejected together, as one marker body. Velocities ``u, v, r`` that the log has already are
-    kept.
+    Process and measurement noise are those of maximum likelihood for the accepted samples. The
+    three channels are accepted or rejected together, as one marker body. Velocities ``u, v, r``
+    that the log has already are kept.
 
     Parameters
     ----------
@@ -142,10 +143,8 @@ def smooth_pose(log: Log) -> Smoothed:
     """
     raw = log.stack(*POSE)
     if not 8 <= len(log) <= MOST_ROWS:
-        raise InputError(
-            f"{log.name}: expected 8 to {MOST_ROWS} rows to smooth, found {len(log)}; cut it with between()"
-        )
-    clock = fit_clock(log.time)
+        raise InputError(f"{log.name}: expected 8 to {MOST_ROWS} rows to smooth, found {len(log)}")
+    clock = fit_clock(log.time, raw)
     time = clock.time
     accepted, z = follow(time, raw)
     chained = accepted.copy()
@@ -164,7 +163,9 @@ def smooth_pose(log: Log) -> Smoothed:
         pose,
         velocity,
         acceleration,
-        *np.moveaxis(spread, -1, 0),
+        spread[:, :, 0],
+        spread[:, :, 1],
+        spread[:, :, 2],
         accepted,
         _seen(time, accepted),
         _spans(time, raw - pose, accepted, chained),
@@ -181,7 +182,7 @@ def _turn(earth: Floats, psi: Floats) -> tuple[Floats, Floats]:
 
 
 def _restarts(time: Floats, accepted: Mask) -> Mask:
-    """Return the rows at which the past is forgotten: the first, and the first in sight after a long loss."""
+    """Return the rows that start afresh: the first, and the first after a long loss of sight."""
     rows = np.flatnonzero(accepted)
     restart = np.zeros(time.size, dtype=bool)
     restart[rows[1:][np.diff(time[rows]) > FORGET]] = True
@@ -217,7 +218,8 @@ def _drop_outliers(time: Floats, z: Floats, accepted: Mask, jerk: Floats, noise:
         # variance of sample minus smoothed position
         variance = np.maximum(noise - estimate.covariance[:, :, 0, 0], 1e-3 * noise)
         distance = ((z[rows] - estimate.mean[:, :, 0]) ** 2 / variance).sum(axis=1) * kept[rows]
-        usual = np.maximum(median_filter(distance, size=51) / 2.37, 1.0)  # 2.37: median of chi^2, 3 channels
+        # 2.37: median of chi squared with three channels
+        usual = np.maximum(median_filter(distance, size=51) / 2.37, 1.0)
         peak = distance == maximum_filter1d(distance, 7)
         out = rows[peak & (distance > STANDS_OUT * usual)]
         if not out.size:

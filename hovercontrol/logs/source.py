@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Protocol
+from typing import Protocol, TextIO
 
 import pyarrow as pa
 import pyarrow.csv
@@ -77,14 +77,16 @@ class CsvSource:
         if len(self.header) == 1:
             for mark, called in ((";", "semicolons"), ("\t", "tabs")):
                 if mark in self.header[0]:
-                    raise InputError(f"{self.file}: line 1: expected commas between names, found {called}")
+                    raise InputError(
+                        f"{self.file}: line 1: expected commas between names, found {called}"
+                    )
         if not any(self.header) or all(_number(name) for name in self.header):
             raise InputError(
                 f"{self.file}: line 1: expected a header of column names, "
                 f"found {','.join(self.header)[:60]!r}"
             )
 
-    def _text(self):  # type: ignore[no-untyped-def]
+    def _text(self) -> TextIO:
         return self.file.open(encoding="utf-8-sig", errors="replace", newline="")
 
     def _open(self, convert: pyarrow.csv.ConvertOptions) -> pyarrow.csv.CSVStreamingReader:
@@ -141,14 +143,15 @@ class CsvSource:
         for line, cells in self._rows():
             if len(cells) != len(self.header):
                 return InputError(
-                    f"{self.file}: line {line}: expected {len(self.header)} values as in the header, "
-                    f"found {len(cells)}"
+                    f"{self.file}: line {line}: expected {len(self.header)} values as in the "
+                    f"header, found {len(cells)}"
                 )
             for name, i in at.items():
                 text = cells[i].strip()
                 if text not in NO_NUMBER and not _number(text):
                     return InputError(
-                        f"{self.file}: line {line}, column {name!r}: expected a number, found {text[:40]!r}"
+                        f"{self.file}: line {line}, column {name!r}: expected a number, "
+                        f"found {text[:40]!r}"
                     )
         return InputError(f"{self.file}: not readable as CSV: {' '.join(str(error).split())}")
 
@@ -179,7 +182,9 @@ class ParquetSource:
             kind = self._parquet.schema_arrow.field(name).type
             if not is_number(kind):
                 found = f"{kind} {self.place(0, name)[1]!r}" if self.rows_expected() else str(kind)
-                raise InputError(f"{self.file}: row 1, column {name!r}: expected a number, found {found}")
+                raise InputError(
+                    f"{self.file}: row 1, column {name!r}: expected a number, found {found}"
+                )
         yield from self._parquet.iter_batches(batch_size=BLOCK // 16, columns=names)
 
     def place(self, row: int, column: str) -> tuple[str, str]:
@@ -194,7 +199,8 @@ class ParquetSource:
 
 def is_number(kind: pa.DataType) -> bool:
     """Tell whether an Arrow type is an integer, a float or a decimal."""
-    return bool(pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_decimal(kind))
+    kinds = (pa.types.is_integer, pa.types.is_floating, pa.types.is_decimal)
+    return any(check(kind) for check in kinds)
 
 
 def _number(text: str) -> bool:

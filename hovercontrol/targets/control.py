@@ -57,8 +57,8 @@ class BlockSystem(control.NonlinearIOSystem):
 
     def _prepare(self) -> None:
         functions = numpy_functions(self.block)
-        self._derivative_pair = functions._pair("derivatives")
-        self._output_pair = functions._pair("outputs")
+        self._derivative_pair = functions.scalar_pair("derivatives")
+        self._output_pair = functions.scalar_pair("outputs")
         self._values = self.block.parameter_values()
 
     def __getstate__(self) -> dict[str, Any]:
@@ -101,7 +101,7 @@ class BlockSystem(control.NonlinearIOSystem):
         return np.array(call_scalar(self._output_pair, t, _list(x), _list(u), self._values))
 
     def linearize(
-        self, x0: ArrayLike, u0: ArrayLike = (), t: float = 0.0,
+        self, x0: Any, u0: ArrayLike = (), t: float = 0.0,
         params: Mapping[str, float] | None = None, **kwargs: Any,
     ) -> control.StateSpace:
         """Return the linearisation at a point, from the exact Jacobians.
@@ -131,7 +131,7 @@ class BlockSystem(control.NonlinearIOSystem):
         self._update_params(params)
         f = numpy_functions(self.block)
         matrices = [
-            f.jacobian(t, x, u, self._current_params, rows, columns)  # type: ignore[arg-type]
+            f.jacobian(t, x, u, self._current_params, rows, columns)
             for rows in ("derivatives", "outputs")
             for columns in ("states", "inputs")
         ]

@@ -23,7 +23,8 @@ from hovercontrol.sgn import regularise
 from hovercontrol.signals import time
 
 Array = NDArray[np.float64]
-_Function = Callable[..., tuple[Any, ...]]
+Function = Callable[..., tuple[Any, ...]]
+FunctionPair = tuple[Function, Function]
 
 
 class NumpyFunctions:
@@ -92,23 +93,24 @@ class NumpyFunctions:
             result[i, j] = value
         return result
 
-    @cached_property
-    def scalar(self) -> tuple[_Function, _Function]:
-        """Derivatives and outputs as functions of ``(t, x, u, p)``, sequences of floats, for tight loops."""
-        return self._pair("derivatives")[0], self._pair("outputs")[0]
+    def scalar_pair(self, rows: Rows) -> FunctionPair:
+        """Return the function ``(t, x, u, p) -> tuple`` for plain floats, and its form for arrays.
 
-    @cached_property
-    def vector(self) -> tuple[_Function, _Function]:
-        """The same for sequences of arrays."""
-        return self._pair("derivatives")[1], self._pair("outputs")[1]
+        For tight loops, through :func:`call_scalar`; p are the parameter values in order.
+        """
+        return self._pair(rows)
+
+    def vector(self, rows: Rows) -> Function:
+        """Return the function ``(t, x, u, p) -> tuple`` for sequences of arrays, without any checks."""
+        return self._pair(rows)[1]
 
     # ---- inside --------------------------------------------------------------------------------------
 
     @cached_property
-    def _pairs(self) -> dict[str, tuple[_Function, _Function]]:
+    def _pairs(self) -> dict[str, FunctionPair]:
         return {}
 
-    def _pair(self, rows: Rows) -> tuple[_Function, _Function]:
+    def _pair(self, rows: Rows) -> FunctionPair:
         if rows not in self._pairs:
             block = self.block
             wanted = block.derivatives if rows == "derivatives" else block.output_expressions
@@ -119,7 +121,7 @@ class NumpyFunctions:
     @lru_cache(maxsize=16)  # noqa: B019  (one entry a Jacobian; the object lives as long as its Block)
     def _jacobian_parts(
         self, rows: Rows, columns: Columns
-    ) -> tuple[_Function, list[tuple[int, int]], tuple[int, int]]:
+    ) -> tuple[Function, list[tuple[int, int]], tuple[int, int]]:
         names = [s.name for s in getattr(self.block, columns)]
         entries = partial_derivatives(self.block, rows, names)
         function = _Source(self.block, list(entries.values())).function("numpy", self._groups)
@@ -135,10 +137,10 @@ class NumpyFunctions:
                 raise InputError(
                     f"block {self.block.name!r}: expected {len(group)} {kind} values ({names}), found {found}"
                 )
-        return t, np.atleast_1d(xs), np.atleast_1d(us)
+        return np.asarray(t, dtype=float)[()], np.atleast_1d(xs), np.atleast_1d(us)
 
     def _evaluate(
-        self, pair: tuple[_Function, _Function], t: ArrayLike, x: ArrayLike, u: ArrayLike, params: Any
+        self, pair: FunctionPair, t: ArrayLike, x: ArrayLike, u: ArrayLike, params: Any
     ) -> Array:
         t, xs, us = self._arguments(t, x, u)
         p = self.block.parameter_values(params)
@@ -152,7 +154,7 @@ class NumpyFunctions:
 
 
 def call_scalar(
-    pair: tuple[_Function, _Function], t: float, x: Sequence[float], u: Sequence[float], p: Sequence[float]
+    pair: FunctionPair, t: float, x: Sequence[float], u: Sequence[float], p: Sequence[float]
 ) -> tuple[float, ...]:
     """Evaluate with plain floats; where Python's floats raise (1/0), let NumPy answer inf or nan."""
     try:
@@ -195,7 +197,7 @@ class _Source:
         self.results: list[sp.Expr] = list(reduced[len(definitions):])
         self.steps = _in_order(bodies, self.results)
 
-    def function(self, backend: Literal["math", "numpy"], groups: Sequence[list[sp.Symbol]]) -> _Function:
+    def function(self, backend: Literal["math", "numpy"], groups: Sequence[list[sp.Symbol]]) -> Function:
         """Compile ``f(t, x, u, p)`` returning a tuple."""
         short: dict[sp.Symbol, sp.Symbol] = {time: sp.Symbol("t")}
         lines = ["def f(t, x, u, p):"]
@@ -219,7 +221,7 @@ class _Source:
         return space["f"]
 
 
-class _Floats(PythonCodePrinter):  # type: ignore[misc]
+class _Floats(PythonCodePrinter):
     """Plain Python on floats."""
 
     def __init__(self) -> None:
@@ -229,10 +231,13 @@ class _Floats(PythonCodePrinter):  # type: ignore[misc]
         base, exponent = expr.as_base_exp()
         if exponent.is_Integer and 2 <= exponent <= 3:
             return "(" + "*".join([f"({self._print(base)})"] * int(exponent)) + ")"
+        if not exponent.is_Integer and abs(exponent) != sp.S.Half:
+            # A root of a negative number is an error here (and nan in NumPy), not Python's complex number.
+            return f"math.pow({self._print(base)}, {self._print(exponent)})"
         return str(super()._print_Pow(expr, rational=rational))
 
 
-class _Arrays(NumPyPrinter):  # type: ignore[misc]
+class _Arrays(NumPyPrinter):
     """NumPy on arrays that broadcast."""
 
     def _print_Max(self, expr: sp.Max) -> str:

@@ -1,0 +1,32 @@
+# Two commands do all set-up on a machine that has Python >= 3.11 and nothing else: make demo, make test.
+PYTHON ?= python3
+BIN := .venv/bin
+
+.PHONY: demo test check benchmarks clean
+.DELETE_ON_ERROR:
+
+demo: .venv/ready  ## the paper's Table I, then coefficients from the sample log
+	$(BIN)/hovercontrol simulate table1 --out out/table1
+	$(BIN)/hovercontrol identify --sample --out out/identify
+	@echo "Look at out/table1/tracking_error.png and out/identify/free_run.png"
+
+test: .venv/ready check  ## style, types, all tests
+	$(BIN)/python -m pytest -n 2
+
+check: .venv/ready
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+
+benchmarks: .venv/ready  ## every figure in the README, measured on this machine
+	$(BIN)/python -m benchmarks
+
+.venv/ready: pyproject.toml constraints.txt
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
+	  || { echo "hovercontrol needs Python 3.11 or newer: make PYTHON=python3.12 ..."; exit 2; }
+	@$(PYTHON) -m venv .venv \
+	  || { echo "python3 cannot make a virtual environment: apt-get install python3-venv"; exit 2; }
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[test]"
+	@touch $@
+
+clean:
+	rm -rf .venv out .mypy_cache .ruff_cache .hypothesis

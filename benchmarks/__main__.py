@@ -1,0 +1,42 @@
+"""Run the benchmarks named on the command line, or all, and print one table each with the machine's name."""
+
+from __future__ import annotations
+
+import os
+import platform
+import sys
+from pathlib import Path
+
+import hovercontrol
+from benchmarks import derive, fused, real_logs, tables
+
+ALL = {"tables": tables, "fused": fused, "derive": derive, "real_logs": real_logs}
+
+
+def machine() -> str:
+    cpu = platform.processor() or platform.machine()
+    info = Path("/proc/cpuinfo")
+    if info.exists():
+        models = [x.split(":", 1)[1].strip() for x in info.read_text().splitlines() if x.startswith("model name")]
+        cpu = models[0] if models else cpu
+    return f"{platform.node()}: {cpu}, {os.cpu_count()} cores, Python {platform.python_version()}"
+
+
+def main(names: list[str]) -> int:
+    unknown = [name for name in names if name not in ALL]
+    if unknown:
+        print(f"benchmarks: unknown {unknown[0]!r}; known: {', '.join(ALL)}", file=sys.stderr)
+        return 2
+    print(f"hovercontrol {hovercontrol.__version__} on {machine()}")
+    met = True
+    for name in names or list(ALL):
+        print(f"\n{ALL[name].__doc__.strip()}")
+        for what, value, wanted, ok in ALL[name].rows():
+            mark = {True: "ok", False: "NOT REACHED", None: ""}[ok]
+            print(f"  {what:58} {value:>34}   {wanted:24} {mark}", flush=True)
+            met = met and ok is not False
+    return 0 if met else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,181 @@
+"""What a log says about a Block: measured channels, inputs, and where its states were.
+
+Which rows carry a residual, and which belong together, is decided here and nowhere else.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hovercontrol.block import Block
+from hovercontrol.errors import InputError
+from hovercontrol.logs import POSE, VELOCITY, Log, Span, smooth_pose
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+#: Rows of one log that are used at most; more tell little new and cost memory.
+MOST_ROWS = 60_000
+
+#: Into how many stretches, spread over it, a longer log is cut.
+STRETCHES = 10
+
+
+@dataclass(frozen=True, eq=False)
+class Measured:
+    """A log as a Block sees it.
+
+    Attributes
+    ----------
+    name : str
+        Of the log.
+    time : ndarray, shape (n,)
+        Seconds on the log's clock.
+    origin : float
+        Time of the log's first row; the Block's time counts from there.
+    inputs : ndarray, shape (n_inputs, n)
+        In the order of the Block.
+    channels : tuple of str
+        States or outputs of the Block that were measured.
+    values : ndarray, shape (n_channels, n)
+        Measurements; NaN where a sample was rejected.
+    states : ndarray, shape (n_states, n)
+        Where the states were, as far as the log tells; NaN in the rows of states it does not tell.
+    segments : tuple of (int, int)
+        First row and row behind the last of each stretch without a break: no gap, no loss of sight.
+    rejected : tuple of Span
+        What the smoother left out.
+    rows_total : int
+        Rows of the log, of which a very long one keeps only some stretches.
+    """
+
+    name: str
+    time: Array
+    origin: float
+    inputs: Array
+    channels: tuple[str, ...]
+    values: Array
+    states: Array
+    segments: tuple[tuple[int, int], ...]
+    rejected: tuple[Span, ...]
+    rows_total: int
+
+
+def measure(block: Block, log: Log, most_rows: int = MOST_ROWS) -> Measured:
+    """Return what a log says about a Block.
+
+    A log with the whole pose of a planar craft goes through the smoother: samples that are no motion
+    carry no residual, stretches without sight are breaks, and body velocities start the fit. Of a log
+    of more than `most_rows` rows only ten stretches, spread evenly, are taken.
+
+    Parameters
+    ----------
+    block : Block
+    log : Log
+        With every input of the Block, and at least one of its outputs or states.
+    most_rows : int, optional
+
+    Returns
+    -------
+    Measured
+
+    Raises
+    ------
+    InputError
+        If an input of the Block is not in the log (the nearest column is named) or not finite, or
+        nothing that the Block computes was measured.
+
+    Examples
+    --------
+    >>> from hovercontrol.vehicles import hoverdemon
+    >>> zero = [0.0, 0.0, 0.0]
+    >>> columns = dict.fromkeys(("u", "v", "r", "thrust", "rudder"), zero)
+    >>> measure(hoverdemon().plant(), Log("still", [0.0, 0.1, 0.2], columns)).channels
+    ('u', 'v', 'r')
+    """
+    inputs = [s.name for s in block.inputs]
+    names = dict.fromkeys([s.name for s in (*block.outputs, *block.states)])
+    channels = tuple(name for name in names if log.has(name) and name not in inputs)
+    if not channels:
+        raise InputError(
+            f"{log.name}: nothing that {block.name!r} computes was measured: expected some of "
+            f"{', '.join(names)}, found {', '.join(log.columns) or 'no columns'}"
+        )
+    for name in inputs:
+        bad = np.flatnonzero(~np.isfinite(log[name]))
+        if bad.size:
+            raise InputError(f"{log.name}: input {name!r} is not finite at {log.time[bad[0]]:.6g} s")
+    parts = [_part(block, piece, channels) for piece in _stretches(log, most_rows)]
+    starts = np.cumsum([0, *(p.time.size for p in parts)])
+    return Measured(
+        log.name,
+        np.concatenate([p.time for p in parts]),
+        float(log.time[0]),
+        np.concatenate([p.inputs for p in parts], axis=1),
+        channels,
+        np.concatenate([p.values for p in parts], axis=1),
+        np.concatenate([p.states for p in parts], axis=1),
+        tuple((a + int(s), b + int(s)) for s, p in zip(starts, parts, strict=False)
+              for a, b in p.segments),
+        tuple(span for p in parts for span in p.rejected),
+        len(log),
+    )
+
+
+def measure_all(block: Block, logs: Sequence[Log | Measured], most_rows: int) -> list[Measured]:
+    """Return what each log says; those measured already are kept."""
+    return [log if isinstance(log, Measured) else measure(block, log, most_rows) for log in logs]
+
+
+def _stretches(log: Log, most_rows: int) -> list[Log]:
+    if len(log) <= most_rows:
+        return [log]
+    size = most_rows // STRETCHES
+    firsts = np.linspace(0, len(log) - size, STRETCHES).astype(int)
+    return [log.select(slice(int(first), int(first) + size)) for first in firsts]
+
+
+def _part(block: Block, log: Log, channels: Sequence[str]) -> Measured:
+    names = [s.name for s in block.states]
+    n = len(log)
+    values = np.array([log[c] for c in channels])
+    inputs = np.array([log[s.name] for s in block.inputs]).reshape(-1, n)
+    if log.has(*POSE) and set(names) >= {*POSE, *VELOCITY} and n >= 8:
+        smooth = smooth_pose(log)
+        near = dict(smooth.log.columns)
+        time, valid, spans = smooth.log.time, smooth.valid, smooth.rejected
+        if "psi" in channels:
+            row = values[channels.index("psi")]
+            row[:] = near["psi"] + (row - near["psi"] + np.pi) % (2 * np.pi) - np.pi
+        values[:, ~smooth.accepted] = np.nan
+    else:
+        time, valid, spans = log.time, np.ones(n, dtype=bool), ()
+        if "psi" in channels:
+            values[channels.index("psi")] = np.unwrap(values[channels.index("psi")])
+        near = dict(zip(channels, map(_filled, values), strict=True))
+    values[~np.isfinite(values)] = np.nan
+    unknown = np.full(n, np.nan)
+    states = np.array([near[name] if name in near else unknown for name in names]).reshape(-1, n)
+    origin = float(log.time[0]) if n else 0.0
+    segments = _segments(log.name, time, valid)
+    return Measured(log.name, time, origin, inputs, tuple(channels), values, states, segments, spans, n)
+
+
+def _filled(row: Array) -> Array:
+    """Return a measured row with missing samples interpolated."""
+    known = np.isfinite(row)
+    if known.all() or not known.any():
+        return row.copy()
+    at = np.arange(row.size)
+    return np.interp(at, at[known], row[known])
+
+
+def _segments(name: str, time: Array, valid: Mask) -> tuple[tuple[int, int], ...]:
+    rows = np.flatnonzero(valid)
+    behind = [stop for _, stop in Log(name, time[rows], {}).gaps]
+    parts = np.split(rows, np.searchsorted(time[rows], behind))
+    return tuple((int(part[0]), int(part[-1]) + 1) for part in parts if part.size)

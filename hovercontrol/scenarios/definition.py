@@ -1,0 +1,302 @@
+"""A scenario: a craft, what it is told to do, and how the run is divided into phases; written as TOML."""
+
+from __future__ import annotations
+
+import inspect
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from hovercontrol.errors import InputError, did_you_mean
+from hovercontrol.model import Model
+from hovercontrol.modelfile import load_model
+from hovercontrol.references import REFERENCES
+from hovercontrol.tables import check_keys, number, positive, read_toml, table
+from hovercontrol.vehicles import vehicle
+
+
+@dataclass(frozen=True)
+class Phase:
+    """A stretch of the run with constant parameters.
+
+    Parameters
+    ----------
+    name : str
+    until : float
+        When it ends [s].
+    scale : mapping, optional
+        Factors on the plant's coefficients, by name.
+    adaptation : float, optional
+        Share of the estimates in the controller: 0 the model's values, 1 the estimates.
+    """
+
+    name: str
+    until: float
+    scale: Mapping[str, float] = field(default_factory=dict)
+    adaptation: float = 0.0
+
+
+@dataclass(frozen=True)
+class Metric:
+    """A figure of merit: the mean of a quantity over a window, and what is expected of it."""
+
+    name: str
+    of: str
+    start: float
+    end: float
+    low: float = -math.inf
+    high: float = math.inf
+    unit: str = "m"
+    paper: str = ""
+
+
+@dataclass(frozen=True)
+class Sampling:
+    """How a sampled loop measures and commands.
+
+    Parameters
+    ----------
+    measurement : float
+        Period of the measurements [s].
+    command : float, optional
+        Period of the commands in closed loop [s] (default: that of the measurements).
+    position_noise, heading_noise : float
+        Standard deviations [m, rad].
+    seed : int
+    """
+
+    measurement: float
+    command: float = 0.0
+    position_noise: float = 0.0
+    heading_noise: float = 0.0
+    seed: int = 0
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """Everything a run needs; made by :func:`load_scenario`.
+
+    ``plant`` is the craft that moves, ``belief`` what controller and estimator know of it. Either ``reference`` and
+    ``controller`` close the loop, or ``commands`` are played (columns by name, each held until the next).
+    """
+
+    name: str
+    title: str
+    source: str
+    step: float
+    plant: Model
+    belief: Model
+    start: Mapping[str, float]
+    phases: tuple[Phase, ...]
+    reference: Mapping[str, Any] | None = None
+    controller: Mapping[str, Any] | None = None
+    estimator: Mapping[str, Any] | None = None
+    commands: Mapping[str, tuple[float, ...]] | None = None
+    sampling: Sampling | None = None
+    metrics: tuple[Metric, ...] = ()
+
+    @property
+    def end(self) -> float:
+        """Length of the run [s]."""
+        return self.phases[-1].until
+
+
+def scenario_names() -> list[str]:
+    """Return the names of the scenarios that come with the package."""
+    folder = resources.files("hovercontrol.scenarios")
+    return sorted(f.name.removesuffix(".toml") for f in folder.iterdir() if f.name.endswith(".toml"))
+
+
+def load_scenario(name: str | Path) -> Scenario:
+    """Return a scenario by name, or from a TOML file.
+
+    Parameters
+    ----------
+    name : str or path
+        ``"table1"``, or a file that ends in ``.toml``.
+
+    Raises
+    ------
+    InputError
+        If there is no such scenario (the nearest is named) or the file has an error; the line names the key.
+    """
+    if str(name).endswith(".toml"):
+        path = Path(name)
+    else:
+        if name not in scenario_names():
+            raise InputError(f"unknown scenario {str(name)!r}{did_you_mean(str(name), scenario_names())}")
+        path = Path(str(resources.files("hovercontrol.scenarios") / f"{name}.toml"))
+    content = read_toml(path)
+    try:
+        return _scenario(path, content)
+    except InputError as error:
+        raise type(error)(f"{path}: {error}") from None
+
+
+def _scenario(path: Path, content: dict[str, Any]) -> Scenario:
+    sections = {"scenario", "plant", "reference", "controller", "estimator", "commands", "sampling", "phase", "metric"}
+    check_keys("section", content, sections)
+    head = _section(content, "scenario", {"title": str, "source": str, "step": float}, required=("step",))
+    positive("scenario.step", head["step"])
+    plant = _section(
+        content, "plant", {"vehicle": str, "model": str, "start": dict, "coefficients": dict}
+    )
+    belief = _model(path, plant)
+    craft = belief.with_coefficients(_numbers("plant.coefficients", plant.get("coefficients", {})))
+    start = _numbers("plant.start", plant.get("start", {}))
+    check_keys("state in plant.start", start, {"x", "y", "psi", "u", "v", "r"})
+    closed = "controller" in content
+    if closed == ("commands" in content):
+        raise InputError("expected either [controller] with [reference], or [commands]")
+    if closed and "reference" not in content:
+        raise InputError("[controller] needs a [reference]")
+    scenario = Scenario(
+        name=path.stem,
+        title=head.get("title", path.stem),
+        source=head.get("source", ""),
+        step=float(head["step"]),
+        plant=craft,
+        belief=belief,
+        start=start,
+        phases=_phases(content, craft),
+        reference=_reference(content),
+        controller=_section(
+            content, "controller",
+            {"control_point": float, "k1": float, "k2": float, "adapt": list, "limits": bool},
+        ) if closed else None,
+        estimator=_section(
+            content, "estimator", {"R": object, "Q": object, "P0": object, "estimate": list}
+        ) if "estimator" in content else None,
+        commands=_commands(content) if not closed else None,
+        sampling=_sampling(content),
+        metrics=_metrics(content),
+    )
+    if closed and scenario.estimator is None and scenario.controller and scenario.controller.get("adapt"):
+        raise InputError("controller.adapt needs an [estimator]")
+    return scenario
+
+
+def _model(path: Path, plant: Mapping[str, Any]) -> Model:
+    if ("vehicle" in plant) == ("model" in plant):
+        raise InputError("[plant] needs either vehicle = NAME or model = FILE")
+    return vehicle(plant["vehicle"]) if "vehicle" in plant else load_model(path.parent / plant["model"])
+
+
+def _phases(content: Mapping[str, Any], craft: Model) -> tuple[Phase, ...]:
+    phases = []
+    for k, entry in enumerate(_entries(content, "phase", required=True)):
+        where = f"phase {k + 1}"
+        given = _check(where, entry, {"name": str, "until": float, "scale": dict, "adaptation": float}, ("until",))
+        scale = _numbers(f"{where}.scale", given.get("scale", {}))
+        for name in scale:
+            if name not in craft.coefficients():
+                hint = did_you_mean(name, craft.coefficients())
+                raise InputError(f"{where}.scale: unknown coefficient {name!r}{hint}")
+        before = phases[-1].until if phases else 0.0
+        if not before < given["until"] < math.inf:
+            raise InputError(f"{where}: until = {given['until']:g} must be later than {before:g}")
+        share = float(given.get("adaptation", 0.0))
+        if not 0 <= share <= 1:
+            raise InputError(f"{where}: adaptation = {share:g} is out of [0, 1]")
+        phases.append(Phase(given.get("name", where), float(given["until"]), scale, share))
+    return tuple(phases)
+
+
+def _metrics(content: Mapping[str, Any]) -> tuple[Metric, ...]:
+    kinds = {"name": str, "of": str, "from": float, "to": float, "low": float, "high": float,
+             "unit": str, "paper": str}
+    metrics = []
+    for k, entry in enumerate(_entries(content, "metric")):
+        g = _check(f"metric {k + 1}", entry, kinds, ("name", "of", "from", "to"))
+        if g["of"] not in ("tracking_error", "estimation_error"):
+            hint = did_you_mean(g["of"], ("tracking_error", "estimation_error"))
+            raise InputError(f"metric {k + 1}: unknown quantity {g['of']!r}{hint}")
+        rest = {key: g[key] for key in ("low", "high", "unit", "paper") if key in g}
+        metrics.append(Metric(g["name"], g["of"], float(g["from"]), float(g["to"]), **rest))
+    return tuple(metrics)
+
+
+def _reference(content: Mapping[str, Any]) -> dict[str, Any] | None:
+    if "reference" not in content:
+        return None
+    given = dict(table("reference", content["reference"]))
+    kind = given.get("kind")
+    if kind not in REFERENCES:
+        raise InputError(f"reference.kind: unknown {kind!r}{did_you_mean(str(kind), REFERENCES)}")
+    accepted = inspect.signature(REFERENCES[kind]).parameters
+    check_keys("key in [reference]", given, {"kind", *accepted} - {"name"})
+    for key, parameter in accepted.items():
+        if parameter.default is inspect.Parameter.empty and key not in given:
+            raise InputError(f"reference: {key!r} is missing for kind = {kind!r}")
+    return given
+
+
+def _sampling(content: Mapping[str, Any]) -> Sampling | None:
+    if "sampling" not in content:
+        return None
+    kinds = {"measurement": float, "command": float, "position_noise": float, "heading_noise": float, "seed": int}
+    given = _section(content, "sampling", kinds, required=("measurement",))
+    given.setdefault("command", given["measurement"])
+    for key in ("measurement", "command"):
+        positive(f"sampling.{key}", given[key])
+    for key in ("position_noise", "heading_noise"):
+        if not 0 <= given.get(key, 0.0) < math.inf:
+            raise InputError(f"sampling.{key} must not be negative, found {given[key]!r}")
+    return Sampling(**given)
+
+
+def _commands(content: Mapping[str, Any]) -> dict[str, tuple[float, ...]]:
+    given = table("commands", content["commands"])
+    if "time" not in given:
+        raise InputError("commands: 'time' is missing")
+    columns = {}
+    for name, values in given.items():
+        numbers = values if isinstance(values, list) else [values]
+        columns[name] = tuple(number(f"commands.{name}", v) for v in numbers)
+        if len(columns[name]) != len(given["time"]):
+            raise InputError(
+                f"commands.{name}: expected {len(given['time'])} values as in commands.time, "
+                f"found {len(columns[name])}"
+            )
+    time = columns["time"]
+    if any(b <= a for a, b in zip(time, time[1:], strict=False)) or time[0] != 0.0:
+        raise InputError("commands.time must begin with 0 and increase")
+    return columns
+
+
+def _entries(content: Mapping[str, Any], name: str, required: bool = False) -> list[Mapping[str, Any]]:
+    entries = content.get(name, [])
+    if not isinstance(entries, list) or (required and not entries):
+        raise InputError(f"expected one or more [[{name}]] sections")
+    return entries
+
+
+def _section(
+    content: Mapping[str, Any], name: str, kinds: Mapping[str, type], required: tuple[str, ...] = ()
+) -> dict[str, Any]:
+    if name not in content:
+        raise InputError(f"the section [{name}] is missing")
+    return _check(name, table(name, content[name]), kinds, required)
+
+
+def _numbers(where: str, entries: Any) -> dict[str, float]:
+    return {key: number(f"{where}.{key}", value) for key, value in table(where, entries).items()}
+
+
+def _check(
+    where: str, given: Mapping[str, Any], kinds: Mapping[str, type], required: tuple[str, ...]
+) -> dict[str, Any]:
+    check_keys(f"key in {where}", given, kinds)
+    for key in required:
+        if key not in given:
+            raise InputError(f"{where}: {key!r} is missing")
+    for key, value in given.items():
+        kind = kinds[key]
+        if kind is float:
+            number(f"{where}.{key}", value)
+        elif not isinstance(value, kind) or (kind is int and isinstance(value, bool)):
+            raise InputError(f"{where}.{key} must be a {kind.__name__}, found {value!r}")
+    return dict(given)

@@ -1,0 +1,153 @@
+"""Pictures of a run: what C17's figures 2-8 (11-17) show."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from hovercontrol.scenarios.result import Run
+
+Array = NDArray[np.float64]
+
+
+def figures(run: Run) -> dict[str, Figure]:
+    """Return the pictures of a run by name: path, errors, estimates, velocities, commands."""
+    drawn = {"path": _path(run), "velocities": _velocities(run)}
+    error = run.tracking_error()
+    if error is not None:
+        drawn["tracking_error"] = _tracking_error(run, error)
+    if run.estimates():
+        drawn["estimates"] = _estimates(run)
+        drawn["estimation_error"] = _estimation_error(run)
+    for signal in (run.scenario.plant.thrust, run.scenario.plant.rudder):
+        if signal.name in run.columns:
+            drawn[signal.name] = _command(run, signal.name, signal.unit)
+    for fan in run.scenario.plant.fans:
+        drawn[fan.name] = _command(run, fan.name, "N")
+    return drawn
+
+
+def _sheet(run: Run, what: str, rows: int = 1, height: float = 3.4) -> tuple[Figure, list[Axes]]:
+    figure = Figure(figsize=(8.0, height), layout="constrained")
+    axes = figure.subplots(rows, 1, sharex=True, squeeze=False)[:, 0].tolist()
+    figure.suptitle(f"{run.scenario.title}: {what}", fontsize=11)
+    return figure, axes
+
+
+def _phases(run: Run, axes: Axes, named: bool = True) -> None:
+    """Mark where phases change, as the vertical bars in C17 do, and name them along the top."""
+    begin = 0.0
+    for phase in run.scenario.phases:
+        if begin > 0:
+            axes.axvline(begin, color="0.35", linewidth=0.9, linestyle="--")
+        if named and len(run.scenario.phases) > 1:
+            axes.text((begin + phase.until) / 2, 1.01, phase.name, transform=axes.get_xaxis_transform(),
+                      ha="center", va="bottom", fontsize=8, color="0.35")
+        begin = phase.until
+    axes.set_xlim(run.time[0], run.time[-1])
+    axes.grid(alpha=0.3)
+
+
+def _in_time(run: Run, axes: Axes, curves: Mapping[str, Array], unit: str, styles: tuple[str, ...] = ()) -> None:
+    for k, (label, values) in enumerate(curves.items()):
+        axes.plot(run.time, values, styles[k] if styles else "-", linewidth=1.1, label=label)
+    axes.set_ylabel(unit)
+    if any(curves):
+        axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=8, frameon=False)
+
+
+def _path(run: Run) -> Figure:
+    figure = Figure(figsize=(6.6, 6.6), layout="constrained")
+    axes = figure.subplots()
+    c = run.columns
+    x, y = (c.get(f"true_{k}", c[k]) for k in "xy")
+    label = "craft"
+    if "x_ref" in c:
+        axes.plot(c["x_ref"], c["y_ref"], color="0.2", linestyle="--", linewidth=1.2, label="reference", zorder=3)
+        axes.plot(c["x_ref"][0], c["y_ref"][0], "x", color="0.2", markersize=8)
+        x, y = c["x_ref"] + c["error_x"], c["y_ref"] + c["error_y"]
+        label = "control point"
+    begin = 0.0
+    for phase in run.scenario.phases:
+        inside = (run.time >= begin) & (run.time <= phase.until)
+        name = f"{label}, {phase.name}" if len(run.scenario.phases) > 1 else label
+        axes.plot(x[inside], y[inside], linewidth=1.1, label=name)
+        begin = phase.until
+    axes.plot(x[0], y[0], "kx", markersize=8, label="start")
+    axes.set(xlabel="x [m]", ylabel="y [m]")
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.grid(alpha=0.3)
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.09), ncols=2, fontsize=8, frameon=False)
+    figure.suptitle(f"{run.scenario.title}: path", fontsize=11)
+    return figure
+
+
+def _tracking_error(run: Run, error: Array) -> Figure:
+    figure, (axes,) = _sheet(run, "tracking error |z1|")
+    _phases(run, axes)
+    _in_time(run, axes, {"": error}, "distance from reference [m]")
+    axes.set_ylim(bottom=0.0)
+    axes.set_xlabel("time [s]")
+    return figure
+
+
+def _velocities(run: Run) -> Figure:
+    figure, axes = _sheet(run, "body velocities", 3, 6.0)
+    units = {"u": "surge u [m/s]", "v": "sway v [m/s]", "r": "yaw rate r [deg/s]"}
+    for k, (name, unit) in enumerate(units.items()):
+        factor = math.degrees(1.0) if name == "r" else 1.0
+        curves = {"measured": run.columns[name] * factor} if f"true_{name}" in run.columns else {}
+        curves["true" if curves else ""] = run.columns.get(f"true_{name}", run.columns[name]) * factor
+        _phases(run, axes[k], named=k == 0)
+        _in_time(run, axes[k], curves, unit)
+    axes[-1].set_xlabel("time [s]")
+    return figure
+
+
+def _families(run: Run) -> list[tuple[str, list[str]]]:
+    """Return the estimated coefficients in groups of one unit, so that each panel has one axis."""
+    units = {p.name.rpartition(".")[2]: p.unit for p in run.scenario.plant.parameters()}
+    groups: dict[str, list[str]] = {}
+    for name in run.estimates():
+        groups.setdefault(units[name], []).append(name)
+    return list(groups.items())
+
+
+def _estimates(run: Run) -> Figure:
+    groups = _families(run)
+    figure, axes = _sheet(run, "estimates (truth dashed)", len(groups), 1.0 + 1.7 * len(groups))
+    estimates, truth = run.estimates(), run.truth()
+    for k, (unit, names) in enumerate(groups):
+        _phases(run, axes[k], named=k == 0)
+        _in_time(run, axes[k], {n: estimates[n] for n in names}, f"[{unit}]")
+        for line, name in zip(list(axes[k].lines)[-len(names):], names, strict=True):
+            axes[k].plot(run.time, truth[name], linestyle="--", linewidth=0.9, color=line.get_color())
+    axes[-1].set_xlabel("time [s]")
+    return figure
+
+
+def _estimation_error(run: Run) -> Figure:
+    groups = _families(run)
+    figure, axes = _sheet(run, "estimation error (estimate - truth)", len(groups), 1.0 + 1.7 * len(groups))
+    estimates, truth = run.estimates(), run.truth()
+    for k, (unit, names) in enumerate(groups):
+        _phases(run, axes[k], named=k == 0)
+        _in_time(run, axes[k], {n: estimates[n] - truth[n] for n in names}, f"[{unit}]")
+    axes[-1].set_xlabel("time [s]")
+    return figure
+
+
+def _command(run: Run, name: str, unit: str) -> Figure:
+    figure, (axes,) = _sheet(run, f"{name} command")
+    angle = unit == "rad"
+    _phases(run, axes)
+    values = run.columns[name] * (math.degrees(1.0) if angle else 1.0)
+    axes.step(run.time, values, where="post", linewidth=1.0)
+    axes.set_ylabel(f"{name} [{'deg' if angle else unit}]")
+    axes.set_xlabel("time [s]")
+    return figure

@@ -1,0 +1,127 @@
+"""What a scenario's run leaves: the log, the figures of merit, the pictures."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hovercontrol.files import write_folder
+from hovercontrol.logs import Log
+from hovercontrol.scenarios.definition import Metric, Scenario
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Measured:
+    """A metric and the value a run gave it."""
+
+    metric: Metric
+    value: float
+
+    @property
+    def met(self) -> bool:
+        """Whether the value lies in the metric's range."""
+        return self.metric.low <= self.value <= self.metric.high
+
+
+@dataclass(frozen=True)
+class Run:
+    """A scenario's result.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    time : ndarray, shape (n,)
+        [s]
+    columns : mapping of str to ndarray (n,)
+        Every signal by name.
+    """
+
+    scenario: Scenario
+    time: Array
+    columns: Mapping[str, Array]
+
+    def log(self) -> Log:
+        """Return the run as a log that ``identify`` reads."""
+        return Log(self.scenario.name, self.time, dict(self.columns))
+
+    def tracking_error(self) -> Array | None:
+        """Return ``|z1|`` [m], shape (n,), the distance of the control point from the reference."""
+        if "error_x" not in self.columns:
+            return None
+        return np.hypot(self.columns["error_x"], self.columns["error_y"])
+
+    def estimates(self) -> dict[str, Array]:
+        """Return the estimated coefficients by name, each shape (n,)."""
+        return {k.removesuffix("_hat"): v for k, v in self.columns.items() if k.endswith("_hat")}
+
+    def truth(self) -> dict[str, Array]:
+        """Return the plant's coefficients by name over time, each shape (n,)."""
+        own = self.scenario.plant.coefficients()
+        ends = [p.until for p in self.scenario.phases[:-1]]
+        row = np.searchsorted(ends, self.time, side="right")
+        return {
+            name: value * np.array([p.scale.get(name, 1.0) for p in self.scenario.phases])[row]
+            for name, value in own.items()
+        }
+
+    def estimation_error(self) -> Array | None:
+        """Return the worst error of the adapted coefficients as a share of max(3 %, 0.02), shape (n,)."""
+        names = (self.scenario.controller or {}).get("adapt", [])
+        estimates, truth = self.estimates(), self.truth()
+        shares = [
+            np.abs(estimates[n] - truth[n]) / np.maximum(0.03 * np.abs(truth[n]), 0.02)
+            for n in names if n in estimates
+        ]
+        return np.max(shares, axis=0) if shares else None
+
+    def metrics(self) -> list[Measured]:
+        """Return the scenario's metrics with their measured values."""
+        quantities = {"tracking_error": self.tracking_error(), "estimation_error": self.estimation_error()}
+        measured = []
+        for metric in self.scenario.metrics:
+            values = quantities[metric.of]
+            if values is not None:
+                last = np.searchsorted(self.time, metric.end + 1e-9)
+                first = min(np.searchsorted(self.time, metric.start - 1e-9), last - 1)
+                measured.append(Measured(metric, float(values[first:last].mean())))
+        return measured
+
+    def save(self, folder: str | Path) -> list[Path]:
+        """Write ``log.csv``, ``metrics.csv`` and the pictures; they appear whole or not at all.
+
+        Parameters
+        ----------
+        folder : path
+            Made if it is not there.
+
+        Returns
+        -------
+        list of Path
+            The files.
+        """
+        from hovercontrol.scenarios.figures import figures
+
+        def write(temporary: Path) -> None:
+            self.log().save(temporary / "log.csv")
+            if self.scenario.metrics:
+                _write_metrics(self.metrics(), temporary / "metrics.csv")
+            for name, figure in figures(self).items():
+                figure.savefig(temporary / f"{name}.png", dpi=130)
+
+        return write_folder(folder, write)
+
+
+def _write_metrics(metrics: list[Measured], path: Path) -> None:
+    with path.open("w", newline="", encoding="utf-8") as file:
+        rows = csv.writer(file)
+        rows.writerow(["figure", "from_s", "to_s", "measured", "unit", "low", "high", "met", "paper"])
+        for m in metrics:
+            d = m.metric
+            rows.writerow([d.name, d.start, d.end, f"{m.value:.6g}", d.unit, d.low, d.high, m.met, d.paper])

@@ -1,0 +1,111 @@
+"""Running a scenario: the loop is wired, then simulated phase by phase."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from hovercontrol.block import Block
+from hovercontrol.controllers import tracking_controller
+from hovercontrol.errors import InputError
+from hovercontrol.estimators import kalman_bucy
+from hovercontrol.interconnect import interconnect
+from hovercontrol.references import REFERENCES
+from hovercontrol.scenarios.definition import Phase, Scenario
+from hovercontrol.scenarios.result import Run
+
+from hovercontrol.simulation import simulate
+
+Progress = Callable[[float], None]
+
+
+def run_scenario(scenario: Scenario, progress: Progress | None = None) -> Run:
+    """Run a scenario.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    progress : callable, optional
+        Called now and then with the simulated time [s].
+
+    Returns
+    -------
+    Run
+        The log with all signals, the metrics and the pictures.
+
+    Raises
+    ------
+    InputError
+        If the scenario's parts do not fit together, or the simulation fails.
+    """
+    if scenario.sampling is not None:
+        from hovercontrol.scenarios.sampled import run_sampled
+
+        return run_sampled(scenario, loop_parts(scenario), progress)
+    parts = loop_parts(scenario)
+    loop = interconnect([*parts.values()], scenario.name.replace("-", "_"))
+    x = np.array([s.start for s in loop.states])
+    pieces = []
+    begin = 0.0
+    for phase in scenario.phases:
+        time = phase_grid(begin, phase.until, scenario.step)
+        response = simulate(
+            loop, time, _held_commands(scenario, loop, time), x, phase_parameters(scenario, phase),
+            progress=progress,
+        )
+        columns = dict(zip(response.output_labels, np.atleast_2d(response.outputs), strict=True))
+        if loop.inputs:
+            columns |= dict(zip(response.input_labels, np.atleast_2d(response.inputs), strict=True))
+        x = response.states[:, -1]
+        last = len(time) if phase is scenario.phases[-1] else -1  # the next phase begins where this ends
+        pieces.append({"time": time[:last]} | {k: v[:last] for k, v in columns.items()})
+        begin = phase.until
+    joined = {key: np.concatenate([p[key] for p in pieces]) for key in pieces[0]}
+    return Run(scenario, joined.pop("time"), joined)
+
+
+def loop_parts(scenario: Scenario) -> dict[str, Block]:
+    """Return the Blocks of a scenario's loop by role: plant, reference, controller, estimator."""
+    parts = {"plant": scenario.plant.plant().with_values(scenario.start)}
+    if scenario.controller is None or scenario.reference is None:
+        return parts
+    reference: dict[str, Any] = dict(scenario.reference)
+    parts["reference"] = REFERENCES[reference.pop("kind")](**reference)
+    parts["controller"] = tracking_controller(scenario.belief, **scenario.controller)
+    if scenario.estimator is not None:
+        parts["estimator"] = kalman_bucy(
+            scenario.belief.plant().with_values(scenario.start), **scenario.estimator
+        )
+    return parts
+
+
+def phase_parameters(scenario: Scenario, phase: Phase) -> dict[str, float]:
+    """Return the parameters that hold in a phase, by key."""
+    own = scenario.plant.coefficients()
+    params = {f"plant.{name}": factor * own[name] for name, factor in phase.scale.items()}
+    if scenario.controller is not None and scenario.controller.get("adapt"):
+        params["controller.adaptation"] = phase.adaptation
+    return params
+
+
+def phase_grid(begin: float, end: float, step: float) -> np.ndarray:
+    """Return times from begin to end, both included, on multiples of the step."""
+    first, last = int(np.floor(begin / step + 1e-9)) + 1, int(np.ceil(end / step - 1e-9))
+    return np.array([begin, *(step * k for k in range(first, last)), end])
+
+
+def _held_commands(
+    scenario: Scenario, loop: Block, time: np.ndarray
+) -> Mapping[str, np.ndarray] | None:
+    if scenario.commands is None:
+        return None
+    times = np.array(scenario.commands["time"])
+    row = np.searchsorted(times, time + 1e-9, side="right") - 1
+    names = [s.name for s in loop.inputs]
+    for name in scenario.commands:
+        if name != "time" and name not in names:
+            loop.signal(name)
+            raise InputError(f"commands: {name!r} is not an input of the plant")
+    return {k: np.array(v)[row] for k, v in scenario.commands.items() if k != "time"}

@@ -1,0 +1,197 @@
+"""A bad log is refused in one line that names the file, the line or column, and the cause."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.csv
+import pyarrow.parquet
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from hovercontrol.errors import InputError
+from hovercontrol.logs import Log, read_log
+
+GOOD = "time,u,v,r\n0.0,1,2,3\n0.1,1.5,2,3\n0.2,2,2,3\n"
+
+BAD = {
+    "no time": ("stamp,u,v,r\n0,1,2,3\n", ["no column 'time'", "--columns time=NAME"]),
+    "time nearly": ("tmie,u,v,r\n0,1,2,3\n", ["no column 'time'", "did you mean 'tmie'"]),
+    "half a pose": ("time,x,y\n0,1,2\n", ["all of x, y, psi or all of u, v, r", "'psi'"]),
+    "no rows": ("time,u,v,r\n", ["no rows"]),
+    "empty": ("", ["the file is empty", "expected a header"]),
+    "no header": ("0,1,2,3\n1,1,2,3\n", ["line 1", "expected a header"]),
+    "semicolons": ("time;u;v;r\n0;1;2;3\n", ["line 1", "expected commas", "semicolons"]),
+    "twice": ("time,u,v,r,u\n0,1,2,3,4\n", ["column 'u' appears twice"]),
+    "text": (GOOD + "0.3,oops,2,3\n", ["line 5", "column 'u'", "expected a number", "'oops'"]),
+    "text at once": ("time,u,v,r\n0,a,2,3\n", ["line 2", "column 'u'", "'a'"]),
+    "nan": (GOOD + "0.3,1,nan,3\n0.4,1,nan,3\n",
+            ["line 5", "column 'v'", "finite", "'nan'", "2 such rows"]),
+    "missing": (GOOD + "0.3,1,,3\n", ["line 5", "column 'v'", "finite", "''"]),
+    "infinite": (GOOD + "0.3,1,2,inf\n", ["line 5", "column 'r'", "'inf'"]),
+    "after a blank line": (GOOD + "\n0.3,1,2,inf\n", ["line 6", "column 'r'"]),
+    "never a number": ("time,u,v,r\n0,1,nan,3\n1,1,nan,3\n", ["column 'v' is empty: NaN in all 2"]),
+    "short line": (GOOD + "0.3,1,2\n", ["line 5", "expected 4 values", "found 3"]),
+    "time repeats": (GOOD + "0.2,1,2,3\n",
+                     ["line 5", "column 'time'", "repeats", "more than 0.2, found 0.2"]),
+    "time falls": (GOOD + "0.15,1,2,3\n", ["line 5", "backwards", "more than 0.2, found 0.15"]),
+    "degrees": ("time,x,y,psi\n" + "".join(f"{i},0,0,{i * 20 % 360}\n" for i in range(40)),
+                ["column 'psi'", "heading in rad", "degrees", "pi/180"]),
+    "degrees beside r": ("time,u,v,r,x,y,psi\n"
+                         + "".join(f"{i / 50},0,0,1,0,0,{i * 1.146}\n" for i in range(50)),
+                         ["column 'psi'", "degrees"]),
+}  # fmt: skip
+
+
+def error_of(path: Path, **options: object) -> str:
+    with pytest.raises(InputError) as caught:
+        read_log(path, **options)
+    text = str(caught.value)
+    assert "\n" not in text
+    assert str(path) in text
+    return text
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_csv_is_named_in_one_line(tmp_path: Path, case: str) -> None:
+    content, fragments = BAD[case]
+    path = tmp_path / "run.csv"
+    path.write_text(content)
+    text = error_of(path)
+    for fragment in fragments:
+        assert fragment in text
+
+
+def test_text_far_down_a_long_file_is_found(tmp_path: Path) -> None:
+    path = tmp_path / "run.csv"
+    lines = ["time,u,v,r"] + [f"{i},0,0,0" for i in range(200_000)]
+    lines[150_000] = "149999,0,lost,0"
+    path.write_text("\n".join(lines))
+    assert "line 150001, column 'v': expected a number, found 'lost'" in error_of(path)
+
+
+def test_a_file_that_is_not_there_or_not_a_table(tmp_path: Path) -> None:
+    assert "there is no such file" in error_of(tmp_path / "none.csv")
+    assert "found a folder" in error_of(tmp_path)
+    (tmp_path / "x.csv").write_bytes(b"PK\0\0binary")
+    assert "not a CSV file" in error_of(tmp_path / "x.csv")
+    (tmp_path / "x.parquet").write_text(GOOD)
+    assert "not readable as Parquet" in error_of(tmp_path / "x.parquet")
+
+
+def test_parquet_rows_count_from_one(tmp_path: Path) -> None:
+    path = tmp_path / "run.parquet"
+    data = {"time": [0.0, 1.0, 1.0], "u": [1, 2, 3], "v": [0.0] * 3, "r": [0.0] * 3}
+    pyarrow.parquet.write_table(pa.table(data), path)
+    assert "row 3, column 'time': time repeats" in error_of(path)
+    pyarrow.parquet.write_table(pa.table(data | {"u": ["a", "b", "c"]}), path)
+    assert "column 'u': expected a number, found string 'a'" in error_of(path)
+
+
+def test_names_are_mapped_and_missing_inputs_are_named(tmp_path: Path) -> None:
+    path = tmp_path / "run.csv"
+    path.write_text("\ufeffstamp, pose.x ,y,psi,Thrust,mode\n0,1,2,3,4,idle\n1,1,2,3,4,run\n")
+    log = read_log(path, {"time": "stamp", "x": "pose.x", "thrust": "Thrust"}, ["thrust"])
+    assert log.name == "run.csv"
+    assert sorted(log.columns) == ["psi", "thrust", "x", "y"]  # text is left out
+    renamed = {"time": "stamp", "x": "pose.x"}
+    assert "no column 'thrust'; did you mean 'Thrust'?" in error_of(
+        path, columns=renamed, inputs=["thrust"]
+    )
+    assert "no column 'pose.z' to read 'x' from; did you mean 'pose.x'?" in error_of(
+        path, columns={"x": "pose.z"}
+    )
+    assert "line 2, column 'mode': expected a number, found 'idle'" in error_of(
+        path, columns=renamed, inputs=["mode"]
+    )
+
+
+def test_only_the_wanted_columns_are_kept(tmp_path: Path) -> None:
+    path = tmp_path / "run.csv"
+    path.write_text("time,u,v,r,battery\n0,1,2,3,\n1,1,2,3,7.4\n")
+    assert np.isnan(read_log(path)["battery"][0])  # not needed, so not checked
+    assert sorted(read_log(path, usecols=["u", "v", "r"]).columns) == ["r", "u", "v"]
+    assert "column 'battery'" in error_of(path, inputs=["battery"])
+
+
+def test_heading_that_was_unwrapped_over_many_turns_is_no_degrees(tmp_path: Path) -> None:
+    path = tmp_path / "run.csv"
+    path.write_text("time,x,y,psi\n" + "".join(f"{i / 50},0,0,{-i * 0.32}\n" for i in range(1000)))
+    assert read_log(path)["psi"][-1] == pytest.approx(-319.68)
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    values=arrays(float, st.integers(1, 20), elements=st.floats(-1e12, 1e12)),
+    suffix=st.sampled_from([".csv", ".parquet"]),
+)
+def test_what_is_saved_is_read_back_exactly(
+    tmp_path_factory: pytest.TempPathFactory, values: np.ndarray, suffix: str
+) -> None:
+    path = tmp_path_factory.mktemp("round") / f"log{suffix}"
+    time = 0.1 * np.arange(values.size)
+    Log("log", time, {"u": values, "v": -values, "r": 0 * values}).save(path)
+    back = read_log(path)
+    assert np.array_equal(back.time, time)
+    assert np.array_equal(back["u"], values)
+    assert np.array_equal(back["v"], -values)
+
+
+def test_saving_leaves_the_old_file_whole_if_it_fails(tmp_path: Path, monkeypatch) -> None:
+    path = tmp_path / "log.csv"
+    path.write_text("precious")
+
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(pyarrow.csv, "write_csv", full)
+    with pytest.raises(InputError, match=r"log\.csv: cannot be written: No space left"):
+        Log("log", np.arange(2.0), {}).save(path)
+    assert path.read_text() == "precious"
+    assert [file.name for file in tmp_path.iterdir()] == ["log.csv"]
+    with pytest.raises(InputError, match="cannot be written"):
+        Log("log", np.arange(2.0), {}).save(tmp_path / "nowhere" / "log.csv")
+
+
+READ_AND_WEIGH = """
+import resource, sys
+from hovercontrol.logs import read_log
+log = read_log(sys.argv[1])
+print(len(log), len(log.columns), resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20)
+"""
+
+
+@pytest.mark.parametrize(("suffix", "rows"), [(".parquet", 10_000_000), (".csv", 2_000_000)])
+def test_ten_million_rows_stay_below_two_gibibytes(tmp_path: Path, suffix: str, rows: int) -> None:
+    path = tmp_path / f"long{suffix}"
+    value = pa.array(np.arange(rows) % 1000 / 1000)
+    table = pa.table(
+        {"time": pa.array(1e-3 * np.arange(rows)), **dict.fromkeys("uvrabcdef", value)}
+    )
+    if suffix == ".csv":
+        pyarrow.csv.write_csv(table, path)
+    else:
+        pyarrow.parquet.write_table(table, path)
+    del table, value
+    command = [sys.executable, "-c", READ_AND_WEIGH, str(path)]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    path.unlink()
+    read, columns, gibibytes = done.stdout.split()
+    assert (int(read), int(columns)) == (rows, 9)
+    # what is kept is 8 bytes a number; the rest must not grow with the file
+    assert float(gibibytes) < 2.0 * rows / 1e7 + (0.5 if suffix == ".csv" else 0.0)
+
+
+def test_more_than_a_gibibyte_of_numbers_is_refused_with_the_estimate(
+    tmp_path: Path, monkeypatch
+) -> None:
+    monkeypatch.setattr("hovercontrol.logs.read.LARGEST", 2**20)
+    path = tmp_path / "long.csv"
+    path.write_text("time,u,v,r\n" + "".join(f"{i},1,2,3\n" for i in range(40_000)))
+    text = error_of(path)
+    assert "found about" in text
+    assert "rows of 4 columns" in text
