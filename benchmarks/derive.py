@@ -11,12 +11,15 @@ CODE = """
 import time
 import sympy
 start = time.perf_counter()
-from hovercontrol.interconnect import interconnect
-from hovercontrol.scenarios.definition import load_scenario
-from hovercontrol.scenarios.runner import loop_parts
-loop = interconnect(list(loop_parts(load_scenario("table1")).values()), "loop")
-imported = time.perf_counter()
-loop.to_numpy().scalar_pair("derivatives")
+import hovercontrol as hc
+drag = [f"{axis}_{kind}" for axis in ("surge", "sway", "yaw") for kind in ("coulomb", "linear_drag")]
+craft = hc.vehicle("c17_simulation")
+plant = craft.plant()
+loop = hc.interconnect([
+    plant, hc.tracking_controller(craft, adapt=drag), hc.kalman_bucy(plant), hc.ellipse(1.5, 2.5, rate=-1.0),
+])
+assert len(loop.states) == 83
+loop.to_numpy().derivatives(0.0, [s.start for s in loop.states])
 print(time.perf_counter() - start)
 """
 
@@ -27,4 +30,4 @@ def rows() -> Iterator[tuple[str, str, str, bool | None]]:
         out = subprocess.run([sys.executable, "-c", CODE], check=True, capture_output=True, text=True)
         times.append(float(out.stdout))
     median = statistics.median(times)
-    yield "wire, derive and print as NumPy, median of 5 processes", f"{median:.2f} s", "< 1.5 s", median < 1.5
+    yield "import, wire, derive, evaluate; median of 5 processes", f"{median:.2f} s", "< 1.5 s", median < 1.5

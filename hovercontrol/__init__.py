@@ -14,6 +14,8 @@ Examples
 6
 """
 
+from typing import TYPE_CHECKING, Any
+
 from hovercontrol.block import Block
 from hovercontrol.controllers import tracking_controller
 from hovercontrol.effects import Coefficient, Effect, Shape, effect, effect_names
@@ -28,6 +30,9 @@ from hovercontrol.signals import Signal, time
 from hovercontrol.units import UnitError
 from hovercontrol.vehicles import VEHICLES, vehicle
 
+if TYPE_CHECKING:
+    from hovercontrol.simulation import simulate
+
 __version__ = "0.1.0"
 
 __all__ = [
@@ -39,6 +44,16 @@ __all__ = [
     # controllers, references, estimators
     "tracking_controller", "ellipse", "circle", "line", "figure_eight", "waypoints",
     "kalman_bucy", "regression",
+    "simulate",
     # errors
     "InputError", "UnitError",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    """Import what needs python-control (1 s) only when it is asked for."""
+    if name == "simulate":
+        from hovercontrol.simulation import simulate
+
+        return simulate
+    raise AttributeError(f"module 'hovercontrol' has no attribute {name!r}")

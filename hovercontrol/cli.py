@@ -16,6 +16,7 @@ from rich.table import Table
 from hovercontrol.errors import InputError
 
 if TYPE_CHECKING:
+    from hovercontrol.logs import Log
     from hovercontrol.scenarios import Run
 
 app = typer.Typer(
@@ -104,6 +105,80 @@ def _show_metrics(run: Run) -> None:
         mark = "" if m.met else "  [red]outside[/red]"
         table.add_row(d.name, window, f"{m.value:.3g} {d.unit}{mark}", wanted, d.paper)
     Console().print(table)
+
+
+@app.command(
+    epilog="Example: hovercontrol identify a.csv b.csv --holdout c.csv --model craft.toml --out out/identify"
+)
+def identify(
+    logs: Annotated[list[str] | None, typer.Argument(
+        metavar="LOG...", help="CSV or Parquet; POSE.csv+COMMANDS.csv for a run in two files.")] = None,
+    out: Out = Path("out"),
+    model: Annotated[Path | None, typer.Option(help="Model file to start from.")] = None,
+    vehicle: Annotated[str, typer.Option(help="Or one of the package's craft.")] = "c17_experiment",
+    holdout: Annotated[list[str] | None, typer.Option(help="A log that takes no part in the fit; may be repeated.")] = None,
+    coefficients: Annotated[str, typer.Option(help="Only these, separated by commas; the others keep their value.")] = "",
+    columns: Annotated[str, typer.Option(help="Names in the files: time=stamp,x=pose.x")] = "",
+    bench: Annotated[Path | None, typer.Option(help="Bench table: column pwm_NAME becomes the force of input NAME.")] = None,
+    bench_fans: Annotated[int, typer.Option(help="Fans that pushed together on the bench.", min=1)] = 2,
+    only_while: Annotated[str, typer.Option("--while", help="Use only rows where this holds: 'pwm_lift>1000'")] = "",
+    settle: Annotated[float, typer.Option(help="Seconds to leave out where that begins.", min=0.0)] = 1.0,
+    window: Annotated[float, typer.Option(help="Length of the fit's windows [s].")] = 2.0,
+    sample: Annotated[bool, typer.Option("--sample", help="Use the sample log that comes with the package.")] = False,
+) -> int:
+    """Estimate a model's coefficients from logs, with standard errors and what the logs leave open.
+
+    Writes model.toml, coefficients.csv, prediction.csv, rejected.csv and, for each log, a picture of the
+    free-running simulation over the measurement. Exit status 1 if a coefficient is not excited by the logs.
+    """
+    from hovercontrol.identify.study import Study
+    from hovercontrol.logs import BenchTable, Condition, gather
+    from hovercontrol.modelfile import load_model
+    from hovercontrol.samples import sample_path
+    from hovercontrol.vehicles import vehicle as known_vehicle
+
+    names = [*(logs or []), *([str(sample_path())] if sample else [])]
+    if not names:
+        raise InputError("identify: expected one or more logs (or --sample)")
+    if window <= 0:
+        raise InputError(f"identify: --window must be positive, found {window:g}")
+    repeated = [name for name in names if names.count(name) > 1 or name in (holdout or [])]
+    if repeated:
+        raise InputError(f"identify: {repeated[0]} is given twice; a hold-out log must take no part in the fit")
+    craft = load_model(model) if model else known_vehicle(vehicle)
+    table = BenchTable.from_csv(bench, fans=bench_fans) if bench else None
+    condition = Condition.parse(only_while) if only_while else None
+    inputs = [s.name for s in craft.plant().inputs]
+
+    def read(files: str) -> Log:
+        return gather(files, inputs, columns=_pairs(columns), bench=table, only_while=condition, settle=settle)
+
+    with progress_bar("read logs", 1.0) as report:
+        training, tests = [read(n) for n in names], [read(n) for n in holdout or []]
+        report(1.0)
+    with progress_bar("identify", 1.0) as report:
+        study = Study.make(
+            craft, training, tests, coefficients=_list(coefficients), window=window,
+            progress=lambda part, what: report(part),
+        )
+    files = study.save(out)
+    print(study.text())
+    print(f"wrote {', '.join(f.name for f in files)} to {out}")
+    return 0 if all(c.excited for c in study.found.coefficients) else 1
+
+
+def _list(text: str) -> list[str] | None:
+    return [part.strip() for part in text.split(",") if part.strip()] or None
+
+
+def _pairs(text: str) -> dict[str, str]:
+    pairs = {}
+    for part in _list(text) or []:
+        ours, equals, theirs = part.partition("=")
+        if not (ours and equals and theirs):
+            raise InputError(f"--columns: expected NAME=COLUMN, found {part!r}")
+        pairs[ours.strip()] = theirs.strip()
+    return pairs
 
 
 @contextmanager

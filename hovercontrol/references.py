@@ -175,6 +175,8 @@ def waypoints(points: ArrayLike, times: ArrayLike, name: str = "reference") -> B
         )
     if not (np.isfinite(path).all() and np.isfinite(knots).all() and (np.diff(knots) > 0).all()):
         raise InputError("waypoints: points and times must be finite, times increasing")
+    from scipy.interpolate import PPoly, make_interp_spline  # 0.3 s that only this reference needs
+
     rest = [(1, 0.0), (2, 0.0)]
     splines = [
         PPoly.from_spline(make_interp_spline(knots, path[:, axis], k=5, bc_type=(rest, rest)))
@@ -189,7 +191,7 @@ def waypoints(points: ArrayLike, times: ArrayLike, name: str = "reference") -> B
 
 
 def _piecewise(
-    spline: PPoly, path: np.ndarray, knots: np.ndarray, second: sp.Symbol
+    spline: Any, path: np.ndarray, knots: np.ndarray, second: sp.Symbol
 ) -> sp.Expr:
     now = time / second
     pieces: list[tuple[sp.Expr, object]] = [(sp.Float(path[0]), now < knots[0])]

@@ -72,7 +72,7 @@ class Direction:
 
 
 def readable_basis(basis: Array) -> Array:
-    """Return a basis of the same space, shape (k, m), whose vectors each have a column to themselves."""
+    """Return another basis of k rows, shape (k, m); each row has one column to itself."""
     rows = basis.copy()
     for k in range(len(rows)):
         lead = _first_largest(np.abs(rows[k:]).max(axis=0))

@@ -100,10 +100,10 @@ class Gramian:
     eigenvalues : ndarray, shape (n + m,)
         Rising; those below ``SINGULAR`` of the largest are 0.
     coefficient_matrix : ndarray, shape (m, m)
-        What W knows of the coefficients when the initial state is unknown: its Schur complement, the
-        integral of (Gamma - mean)'(Gamma - mean).
+        What W knows of the coefficients when the initial state is unknown: its Schur complement,
+        the integral of (Gamma - mean)'(Gamma - mean).
     hidden : tuple of Direction
-        The combinations of coefficients that are not seen: the null space of ``coefficient_matrix``.
+        The combinations of coefficients that are not seen: null space of ``coefficient_matrix``.
     weakest : Direction
         The first of those, or the combination that is seen least.
     std : dict of str to float
@@ -231,8 +231,8 @@ def observability_gramian(
     window : tuple of float, optional
         t0 and tf [s]; default the whole motion.
     scaled : bool, optional
-        Measure states and coefficients in their nominal sizes (default), so that the condition number
-        does not hang on units.
+        Measure states and coefficients in their nominal sizes (default), so that the condition
+        number does not hang on units.
 
     Returns
     -------
@@ -285,8 +285,8 @@ def observability_gramian(
     states = tuple(s.name for s in model.states)
     sizes = dict(zip((*states, *model.names), (*x_sizes.tolist(), *c_sizes.tolist()), strict=True))
     return Gramian(
-        (float(sampled.time[0]), float(sampled.time[-1])), states, model.names, units, sizes, matrix,
-        eigenvalues, centred.T @ centred, hidden,
+        (float(sampled.time[0]), float(sampled.time[-1])), states, model.names, units, sizes,
+        matrix, eigenvalues, centred.T @ centred, hidden,
         hidden[0] if hidden else Direction.of(units, vectors[:, 0], c_sizes),
         dict(zip(model.names, std.tolist(), strict=True)), sampled,
     )

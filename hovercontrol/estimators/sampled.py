@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -351,6 +352,7 @@ def estimate_from_log(
     signals: Mapping[str, ArrayLike],
     estimate: Sequence[str] | None = None,
     *,
+    hold: Literal["zero", "linear"] = "zero",
     R: ArrayLike = 1e-5,
     Q: ArrayLike = 1e-2,
     P0: ArrayLike = 1e-2,
@@ -365,15 +367,17 @@ def estimate_from_log(
         Increasing times [s]; steps may differ, the median is the nominal sample time. Behind a gap
         (as :class:`~hovercontrol.logs.Log` has them) the states are taken afresh.
     signals : mapping of str to array_like, shape (n,)
-        The states and inputs that h and G need, by name; more are ignored. An input holds from its
-        row to the next.
+        The states and inputs that h and G need, by name; more are ignored.
+    hold : {"zero", "linear"}, optional
+        An input holds from its row to the next, or goes there in a line.
     estimate, R, Q, P0, x0
         As for :class:`SampledEstimator`.
 
     Raises
     ------
     InputError
-        As :class:`SampledEstimator`; or if signals are missing, of another length or not finite.
+        As :class:`SampledEstimator`; or if time does not increase, hold is unknown, or signals are
+        missing (all are named), of another length or not finite.
 
     Examples
     --------
@@ -384,6 +388,8 @@ def estimate_from_log(
     >>> print(estimate_from_log(plant, t, signals, ["thrust"]).table())
     thrust      0.3848 +- 0.073    m/s^2/N
     """
+    if hold not in ("zero", "linear"):
+        raise InputError(f"hold must be 'zero' or 'linear', found {hold!r}")
     t = np.asarray(time, dtype=float)
     model = regression(block, estimate)
     rows = Regressors(model).columns(t, signals)
@@ -391,7 +397,9 @@ def estimate_from_log(
     k, m = len(e.measured), len(e.names)
     values, variances = np.empty((len(t), m)), np.empty((len(t), m))
     steps, gaps = np.diff(t, prepend=t[0] - e.dt), set(gap_rows(t).tolist())
-    samples, held = rows[:k].T.tolist(), np.roll(rows[k:], 1, axis=1).T.tolist()
+    before = np.roll(rows[k:], 1, axis=1)
+    inputs = before if hold == "zero" else 0.5 * (before + rows[k:])
+    samples, held = rows[:k].T.tolist(), inputs.T.tolist()
     for i, now in enumerate(t.tolist()):
         if i in gaps:
             e.pause(float(steps[i]))

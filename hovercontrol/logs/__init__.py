@@ -9,6 +9,7 @@ A log that holds ``u, v, r`` needs only the first.
 
 from hovercontrol.logs.bench import BenchTable
 from hovercontrol.logs.clock import Clock, fit_clock, steady
+from hovercontrol.logs.gather import Condition, gather
 from hovercontrol.logs.join import join_logs
 from hovercontrol.logs.log import POSE, VELOCITY, Log
 from hovercontrol.logs.read import read_log
@@ -16,7 +17,7 @@ from hovercontrol.logs.smooth import Smoothed, Span, smooth_pose
 
 __all__ = [
     "Log", "POSE", "VELOCITY",
-    "read_log", "join_logs", "BenchTable",
+    "read_log", "join_logs", "BenchTable", "gather", "Condition",
     "Clock", "fit_clock", "steady",
     "Smoothed", "Span", "smooth_pose",
 ]  # fmt: skip

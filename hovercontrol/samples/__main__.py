@@ -3,4 +3,5 @@
 from hovercontrol.samples import make_sample, sample_path
 
 if __name__ == "__main__":
-    print(f"wrote {make_sample().save(sample_path())}")
+    make_sample().save(sample_path())
+    print(f"wrote {sample_path()}")

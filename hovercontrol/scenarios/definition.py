@@ -186,7 +186,7 @@ def _model(path: Path, plant: Mapping[str, Any]) -> Model:
 
 
 def _phases(content: Mapping[str, Any], craft: Model) -> tuple[Phase, ...]:
-    phases = []
+    phases: list[Phase] = []
     for k, entry in enumerate(_entries(content, "phase", required=True)):
         where = f"phase {k + 1}"
         given = _check(where, entry, {"name": str, "until": float, "scale": dict, "adaptation": float}, ("until",))

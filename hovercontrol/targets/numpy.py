@@ -100,9 +100,10 @@ class NumpyFunctions:
         """
         return self._pair(rows)
 
-    def vector(self, rows: Rows) -> Function:
-        """Return the function ``(t, x, u, p) -> tuple`` for sequences of arrays, without any checks."""
-        return self._pair(rows)[1]
+    @cached_property
+    def vector(self) -> FunctionPair:
+        """Derivatives and outputs as functions ``(t, x, u, p) -> tuple`` of arrays, without any checks."""
+        return self._pair("derivatives")[1], self._pair("outputs")[1]
 
     # ---- inside --------------------------------------------------------------------------------------
 

@@ -1,0 +1,124 @@
+"""Which coefficients a log excites, and in which directions it says nothing.
+
+A direction is a combination of coefficients that may change together while the simulation of what was
+measured stays as it was. Coefficients are compared by their size: their nominal value, or a quarter of their
+estimate where that is larger (chance alone does not carry an estimate four standard errors away).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import sympy as sp
+from numpy.typing import NDArray
+
+from hovercontrol.block import Block
+from hovercontrol.derivatives import partial_derivatives
+
+Array = NDArray[np.float64]
+
+#: A component of a direction is named when it is at least this part of the largest.
+NAMED = 0.1
+
+#: Standard errors of more than this many sizes are called infinite.
+NO_INFORMATION = 1e5
+
+
+def covariance(S: Array, scores: Array, size: Array) -> Array:
+    """Return the covariance of the coefficients, shape (P, P).
+
+    Two estimates of each standard error, the larger of them: the inverse of the information matrix `S`
+    (weighted by the residuals' own scatter, hence inflated by the square root of chi2/dof), right when residuals
+    are white; and the sandwich over windows (Huber 1967; Liang and Zeger, Biometrika 73 (1986) 13), right when
+    they are correlated within windows, as those of a model that lacks something are.
+
+    Parameters
+    ----------
+    S : ndarray, shape (P, P)
+        Information matrix.
+    scores : ndarray, shape (W, P)
+        What each window adds to the gradient.
+    size : ndarray, shape (P,)
+        For scaling.
+    """
+    values, vectors = np.linalg.eigh(S * np.outer(size, size))
+    values = np.maximum(values, max(1e-14 * values[-1], NO_INFORMATION**-3))
+    C = (vectors / values) @ vectors.T * np.outer(size, size)
+    W, P = scores.shape
+    if W <= P + 1:
+        return C
+    centred = scores - scores.mean(axis=0)
+    robust = C @ (centred.T @ centred) @ C * (W / (W - P))
+    plain, wide = np.diag(C), np.maximum(np.diag(C), np.diag(robust))
+    grow = np.sqrt(wide / plain)
+    return C * np.outer(grow, grow)
+
+
+def unexcited_directions(C: Array, size: Array) -> Array:
+    """Return the directions with a standard error above their size: unit vectors in sizes, shape (P, m)."""
+    values, vectors = np.linalg.eigh(C / np.outer(size, size))
+    return vectors[:, values > 1.0]
+
+
+def named_directions(
+    directions: Array, size: Array, names: Sequence[str]
+) -> tuple[dict[str, float], ...]:
+    """Return each direction as steps of named coefficients, the largest (in sizes) being 1."""
+    named = []
+    for v in directions.T:
+        lead = int(np.abs(v).argmax())
+        steps = v * size / (v[lead] * size[lead])
+        large = np.abs(v) >= NAMED * abs(v[lead])
+        named.append({n: float(s) for n, s, use in zip(names, steps, large, strict=True) if use})
+    return tuple(named)
+
+
+def reason(
+    name: str, std: float, size: float, alone: float, directions: Sequence[Mapping[str, float]],
+    unit: str, idle: Sequence[str],
+) -> str:
+    """Return why a coefficient is not excited, empty if it is.
+
+    Parameters
+    ----------
+    name, unit : str
+    std, size : float
+        Standard error and size, in that unit.
+    alone : float
+        Standard error if all others were known.
+    directions : sequence of mapping
+        As from :func:`named_directions`.
+    idle : sequence of str
+        Inputs in the coefficient's factor that do not move.
+    """
+    if std <= size:
+        return ""
+    if alone > size:
+        why = f" ({', '.join(idle)} stays 0)" if idle else ""
+        return f"nothing measured depends on it enough{why}"
+    for direction in directions:
+        others = {k: s / direction[name] for k, s in direction.items() if k != name} \
+            if name in direction else {}
+        if others:
+            steps = " and ".join(f"{s:.3g} to {k}" for k, s in others.items())
+            return (f"not to be told from {', '.join(others)}: adding 1 to it and {steps} "
+                    "changes nothing measured")
+    return f"its standard error is above its size of {size:.3g} {unit}"
+
+
+def idle_inputs(block: Block, name: str, moving: Sequence[bool]) -> list[str]:
+    """Return the inputs in a coefficient's factor that are zero throughout.
+
+    Parameters
+    ----------
+    block : Block
+    name : str
+        Full name of the parameter.
+    moving : sequence of bool
+        For each input, whether it is ever other than zero.
+    """
+    factors = partial_derivatives(block, "derivatives", [name]).values()
+    symbols: set[sp.Symbol] = set().union(*(block.expand(e).free_symbols for e in factors))
+    return [s.name for s, moves in zip(block.inputs, moving, strict=True)
+            if s.symbol in symbols and not moves]

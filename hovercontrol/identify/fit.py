@@ -1,0 +1,267 @@
+"""Identification: the coefficients of a model from logs, by maximum-likelihood multiple shooting.
+
+The logs are cut into windows of a few seconds. Within each the Block runs free from an initial state that is
+itself sought; the coefficients are those that make all windows fit best (van Domselaar and Hemker, 1975; Bock,
+1983). Long windows would let model errors pile up and lose the way to the minimum, one-step predictions would
+let measurement noise bias the coefficients; windows of seconds do neither.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from hovercontrol.block import Block
+from hovercontrol.errors import InputError, did_you_mean
+from hovercontrol.estimators.regression import regression
+from hovercontrol.identify.excitation import (
+    NO_INFORMATION,
+    covariance,
+    idle_inputs,
+    named_directions,
+    reason,
+    unexcited_directions,
+)
+from hovercontrol.identify.measure import MOST_ROWS, Array, Measured, measure_all
+from hovercontrol.identify.problem import Problem
+from hovercontrol.identify.result import Fitted, Identified
+from hovercontrol.identify.shooting import STEP, known_states, stable_step
+from hovercontrol.identify.solve import Solution, Solver
+from hovercontrol.logs import Log
+from hovercontrol.model import Model
+
+#: Length of a window [s], unless told.
+WINDOW = 2.0
+
+#: Fewest rows in a window.
+FEWEST = 4
+
+
+def identify(
+    model: Model | Block,
+    logs: Sequence[Log | Measured],
+    coefficients: Sequence[str] | None = None,
+    *,
+    window: float = WINDOW,
+    step: float = STEP,
+    huber: float | None = None,
+    most_rows: int = MOST_ROWS,
+    progress: Callable[[float, str], None] | None = None,
+) -> Identified:
+    """Estimate coefficients of a model from logs.
+
+    Parameters
+    ----------
+    model : Model or Block
+        Its present values start the fit.
+    logs : sequence of Log
+        One or several, each with the model's inputs and pose (``x, y, psi``), body velocities
+        (``u, v, r``), both, or any other states or outputs of the Block. Already measured ones
+        (:func:`~hovercontrol.identify.measure.measure`) are taken as they are.
+    coefficients : sequence of str, optional
+        Names of parameters, shapes included (``yaw_coulomb_width``); by default all linear coefficients.
+    window : float, optional
+        Length of the windows [s].
+    step : float, optional
+        Longest sub-step of the simulation [s]; stiff friction makes it shorter, down to 1 ms.
+    huber : float, optional
+        Residuals beyond this many standard deviations weigh less (Huber's loss); without it all weigh alike.
+    most_rows : int, optional
+        Most rows used of all logs together; windows are then spread evenly.
+    progress : callable, optional
+        Called with the part done (0 to 1) and a word on what is being done.
+
+    Returns
+    -------
+    Identified
+
+    Raises
+    ------
+    InputError
+        If there is no log, a coefficient or an input is unknown, or no log holds a whole window.
+
+    Examples
+    --------
+    >>> from hovercontrol.signals import Signal
+    >>> v, k = Signal("v", "m/s"), Signal("k", "1/s", start=1.0)
+    >>> decay = Block("decay", [v], [], [v], [k], {"v": -k.symbol * v.symbol})
+    >>> t = np.linspace(0, 2, 101)
+    >>> found = identify(decay, [Log("demo", t, {"v": np.exp(-0.7 * t)})])
+    >>> round(found["k"].value, 4)
+    0.7
+    """
+    tell = progress or (lambda part, what: None)
+    block = model.plant() if isinstance(model, Model) else model
+    names = _names(model, block, coefficients)
+    if not logs:
+        raise InputError("identification needs at least one log")
+    if not window > 0:
+        raise InputError(f"the window must be a time above 0 s, found {window:g}")
+    tell(0.0, "reading what was measured")
+    measured = measure_all(block, logs, most_rows)
+    channels = tuple(dict.fromkeys(c for m in measured for c in m.channels))
+    states = [known_states(block, m, block.parameter_values(), step) for m in measured]
+    ranges = thin(windows(measured, window), most_rows)
+    full_names = [block.parameter(name).name for name in names]
+    problem = Problem(block, full_names, measured, states, channels, ranges)
+    solver = Solver(problem, noise_levels(measured, channels), huber, tell)
+
+    def fit(p: Array, x0: list[Array], hold: Array | None) -> Solution:
+        """Fit; and once more with finer sub-steps where the friction found is stiffer."""
+        used = np.inf
+        for _ in range(3):
+            needed = min(stable_step(block, g, problem.parameters(p), step) for g in problem.groups)
+            if needed > 0.7 * used:
+                break
+            used = needed
+            problem.set_step(used)
+            solution = solver.run(p, x0, hold)
+            p, x0 = solution.point.p, solution.point.x0
+        return solution
+
+    solution = fit(problem.start, [g.start for g in problem.groups], None)
+    size = _size(problem, solution)
+    C = covariance(solution.reduced.S, solution.reduced.scores, size)
+    directions = unexcited_directions(C, size)
+    if directions.size:
+        hold = directions / size[:, None]
+        solution = fit(problem.start + _excited(solution.point.p - problem.start, hold, size),
+                       solution.point.x0, hold)
+        C = covariance(solution.reduced.S, solution.reduced.scores, size)
+        directions = unexcited_directions(C, size)
+    tell(1.0, "done")
+    named = named_directions(directions, size, names)
+    fitted = _fitted(problem, names, solution, C, size, named)
+    return Identified(
+        model=model.with_coefficients({f.name: f.value for f in fitted})
+        if isinstance(model, Model) else None,
+        block=block.with_values({n: f.value for n, f in zip(full_names, fitted, strict=True)}),
+        coefficients=fitted,
+        covariance=C,
+        unexcited=named,
+        units={c: block.signal(c).unit for c in channels},
+        residual=dict(zip(channels, solution.residual.tolist(), strict=True)),
+        noise=dict(zip(channels, solver.noise.tolist(), strict=True)),
+        chi2_per_dof=solution.chi2_per_dof,
+        windows=len(ranges),
+        rows=sum(stop - first for _, first, stop in ranges),
+        rows_total=sum(m.rows_total for m in measured),
+        logs=tuple(m.name for m in measured),
+        iterations=solver.iterations,
+        converged=solution.converged,
+    )
+
+
+def _names(model: Model | Block, block: Block, coefficients: Sequence[str] | None) -> tuple[str, ...]:
+    if coefficients is None:
+        found = model.linear_coefficients() if isinstance(model, Model) else regression(block).names
+    else:
+        known = [p.name.rpartition(".")[2] for p in block.parameters]
+        if isinstance(model, Model):
+            known = list(model.coefficients())
+        for name in coefficients:
+            if name.rpartition(".")[2] not in known:
+                raise InputError(
+                    f"{model.name!r} has no coefficient {name!r}{did_you_mean(name, known)}"
+                )
+        if isinstance(model, Model):
+            coefficients = [name.rpartition(".")[2] for name in coefficients]
+        found = tuple(dict.fromkeys(coefficients))
+    if not found:
+        raise InputError(f"{model.name!r} has no coefficients to identify")
+    return tuple(found)
+
+
+def windows(logs: Sequence[Measured], length: float) -> list[tuple[int, int, int]]:
+    """Cut all logs into windows of about `length` seconds that cross no break.
+
+    Returns
+    -------
+    list of (int, int, int)
+        Index of the log, first row, row behind the last. Stretches shorter than half a window are left out.
+
+    Raises
+    ------
+    InputError
+        If no log holds a window.
+    """
+    found = []
+    for i, log in enumerate(logs):
+        for first, stop in log.segments:
+            time = log.time[first:stop]
+            span = time[-1] - time[0]
+            count = max(1, round(span / length))
+            if span < length / 2 or stop - first < FEWEST * count:
+                continue
+            edges = np.searchsorted(time, time[0] + span * np.arange(1, count) / count)
+            bounds = [0, *edges.tolist(), stop - first]
+            found += [(i, first + a, first + b) for a, b in zip(bounds[:-1], bounds[1:], strict=True)
+                      if b - a >= FEWEST]
+    if not found:
+        spans = (log.time[b - 1] - log.time[a] for log in logs for a, b in log.segments)
+        names = ", ".join(log.name for log in logs)
+        raise InputError(
+            f"{names}: too short for a window of {length:g} s: the longest stretch without a break is "
+            f"{max(spans, default=0.0):.3g} s"
+        )
+    return found
+
+
+def thin(ranges: list[tuple[int, int, int]], most_rows: int) -> list[tuple[int, int, int]]:
+    """Keep windows spread evenly so that no more than `most_rows` rows remain (but one window)."""
+    total = sum(stop - first for _, first, stop in ranges)
+    if total <= most_rows:
+        return ranges
+    keep = max(1, int(len(ranges) * most_rows / total))
+    return [ranges[int(i)] for i in np.linspace(0, len(ranges) - 1, keep)]
+
+
+def noise_levels(logs: Sequence[Measured], channels: Sequence[str]) -> Array:
+    """Return the measurement noise of each channel, shape (C,), in its unit.
+
+    From third differences, which motion hardly enters: the median of their size over 0.6745 sqrt(20).
+    An upper estimate where sampling is slow.
+    """
+    levels = []
+    for channel in channels:
+        rows = [m.values[m.channels.index(channel), a:b] for m in logs if channel in m.channels
+                for a, b in m.segments]
+        jumps = np.concatenate([np.abs(np.diff(row, 3)) for row in rows if row.size > 3] or [[0.0]])
+        jumps = jumps[np.isfinite(jumps)]
+        every = np.concatenate(rows)
+        spread = float(np.nanstd(every)) if np.isfinite(every).any() else 1.0
+        level = float(np.median(jumps)) / (0.6745 * np.sqrt(20.0)) if jumps.size else 0.0
+        levels.append(max(level, 1e-6 * spread, 1e-12))
+    return np.array(levels)
+
+
+def _size(problem: Problem, solution: Solution) -> Array:
+    return np.maximum(problem.nominal, np.abs(solution.point.p) / 4)
+
+
+def _excited(dp: Array, hold: Array, size: Array) -> Array:
+    """Return a step without what it has along the directions held."""
+    unit = hold * size[:, None]
+    return dp - size * (unit @ (unit.T @ (dp / size)))
+
+
+def _fitted(
+    problem: Problem, names: Sequence[str], solution: Solution, C: Array, size: Array,
+    directions: Sequence[dict[str, float]],
+) -> tuple[Fitted, ...]:
+    moving = np.zeros(len(problem.block.inputs), dtype=bool)
+    for group in problem.groups:
+        moving |= (group.inputs != 0).any(axis=(1, 2))
+    fitted = []
+    for j, name in enumerate(names):
+        signal = problem.block.parameter(problem.names[j])
+        std = float(np.sqrt(C[j, j]))
+        alone = 1.0 / np.sqrt(max(solution.reduced.S[j, j], 1e-300))
+        value = float(np.clip(solution.point.p[j], problem.lower[j], problem.upper[j]))
+        bound = "lower" if value <= signal.lower else "upper" if value >= signal.upper else ""
+        why = reason(name, std, size[j], alone, directions, signal.unit,
+                     idle_inputs(problem.block, signal.name, moving.tolist()))
+        std = std if std < NO_INFORMATION * size[j] else np.inf
+        fitted.append(Fitted(name, value, std, signal.unit, signal.start, bound, why))
+    return tuple(fitted)

@@ -1,0 +1,139 @@
+"""One run of a craft from the files it was recorded in: poses, commands, a bench table, the part that counts."""
+
+from __future__ import annotations
+
+import operator
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from hovercontrol.errors import InputError, did_you_mean
+from hovercontrol.logs.bench import BenchTable
+from hovercontrol.logs.join import join_logs
+from hovercontrol.logs.log import Log
+from hovercontrol.logs.read import read_log
+
+#: What a bench table turns into the force of a fan carries the fan's name behind this.
+PULSE = "pwm_"
+
+_COMPARE = {">": operator.gt, ">=": operator.ge, "<": operator.lt, "<=": operator.le}
+
+
+@dataclass(frozen=True)
+class Condition:
+    """A comparison of one column with a number, as a user writes it: ``pwm_lift > 1000``."""
+
+    column: str
+    comparison: str
+    value: float
+
+    @classmethod
+    def parse(cls, text: str) -> Condition:
+        """Read a condition.
+
+        Raises
+        ------
+        InputError
+            If it is not COLUMN, one of > >= < <=, NUMBER.
+
+        Examples
+        --------
+        >>> Condition.parse("pwm_lift > 1000")
+        Condition(column='pwm_lift', comparison='>', value=1000.0)
+        """
+        found = re.fullmatch(r"\s*(\w+)\s*(>=|<=|>|<)\s*([-+.\deE]+)\s*", text)
+        try:
+            return cls(found[1], found[2], float(found[3]))  # type: ignore[index]
+        except (TypeError, ValueError):
+            raise InputError(f"expected a condition like 'pwm_lift>1000', found {text!r}") from None
+
+
+def gather(
+    files: str,
+    inputs: Sequence[str] = (),
+    *,
+    columns: Mapping[str, str] | None = None,
+    bench: BenchTable | None = None,
+    only_while: Condition | None = None,
+    settle: float = 0.0,
+) -> Log:
+    """Return one run as one log.
+
+    Parameters
+    ----------
+    files : str
+        A log's path, or ``POSE.csv+COMMANDS.csv`` for a run whose commands are a file of their own
+        on the same clock; they are held between their rows.
+    inputs : sequence of str, optional
+        The plant's inputs, which the log must have.
+    columns : mapping, optional
+        Our column name to the files', ``{"time": "stamp"}``; each is looked up in the file that has it.
+    bench : BenchTable, optional
+        Makes an input ``rear_left`` [N] of a column ``pwm_rear_left``.
+    only_while : Condition, optional
+        Keep the longest stretch in which it holds.
+    settle : float, optional
+        Seconds left out at the beginning of that stretch.
+
+    Returns
+    -------
+    Log
+
+    Raises
+    ------
+    InputError
+        As :func:`read_log` and :func:`join_logs`; or if an input is missing or nothing is left.
+    """
+    wanted = [f"{PULSE}{name}" if bench else name for name in inputs]
+    paths = _split(files)
+    extra = [only_while.column] if only_while else []
+    if len(paths) == 1:
+        log = read_log(paths[0], columns, [*wanted, *extra])
+    else:
+        pose, commands = paths
+        ours, theirs = _columns_by_file(pose, commands, columns or {})
+        sent = read_log(commands, theirs, [*wanted, *extra], motion=False)
+        log = join_logs(read_log(pose, ours), sent)
+    if bench:
+        log = bench.apply(log, dict(zip(wanted, inputs, strict=True)))
+    return _longest(log, only_while, settle) if only_while else log
+
+
+def _split(files: str) -> list[Path]:
+    if Path(files).exists() or "+" not in files:
+        return [Path(files)]
+    paths = [Path(part) for part in files.split("+")]
+    if len(paths) != 2:
+        raise InputError(f"{files}: expected POSE+COMMANDS, two files, found {len(paths)}")
+    return paths
+
+
+def _columns_by_file(
+    pose: Path, commands: Path, columns: Mapping[str, str]
+) -> tuple[dict[str, str], dict[str, str]]:
+    """Give each renamed column to the files that have it; one that none has is left for read_log to refuse."""
+    from hovercontrol.logs.source import open_source
+
+    there = {path: open_source(path).header for path in (pose, commands)}
+    ours = {k: v for k, v in columns.items() if v in there[pose] or v not in there[commands]}
+    theirs = {k: v for k, v in columns.items() if v in there[commands]}
+    return ours, theirs
+
+
+def _longest(log: Log, condition: Condition, settle: float) -> Log:
+    if not log.has(condition.column):
+        raise InputError(f"{log.name}: no column {condition.column!r}{did_you_mean(condition.column, log.columns)}")
+    holds = _COMPARE[condition.comparison](log[condition.column], condition.value)
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], holds, [False]]).astype(int)))
+    if not edges.size:
+        text = f"{condition.column} {condition.comparison} {condition.value:g}"
+        raise InputError(f"{log.name}: {text} holds in no row")
+    starts, stops = edges[::2], edges[1::2]
+    k = int(np.argmax(log.time[stops - 1] - log.time[starts]))
+    kept = log.between(log.time[starts[k]] + settle, log.time[stops[k] - 1])
+    if not len(kept):
+        raise InputError(f"{log.name}: nothing is left after {settle:g} s to settle")
+    return kept

@@ -1,0 +1,205 @@
+"""Known coefficients come back from simulated logs, with honest standard errors."""
+
+from __future__ import annotations
+
+import csv
+
+import numpy as np
+import pytest
+
+from hovercontrol.effects import effect
+from hovercontrol.errors import InputError
+from hovercontrol.identify import Identified, identify, measure
+from hovercontrol.logs import Log
+from hovercontrol.vehicles import c17_experiment, four_fan
+
+POSE, VELOCITY = ("x", "y", "psi"), ("u", "v", "r")
+C17_START = {
+    "surge_coulomb": 0.7, "surge_linear_drag": 0.3, "sway_coulomb": 0.3, "sway_linear_drag": 0.6,
+    "yaw_coulomb": 0.4, "yaw_linear_drag": 1.0, "thrust": 0.5, "rudder_torque": 2.0,
+}
+
+
+def deviations(found: Identified, truth: dict[str, float]) -> dict[str, float]:
+    """Distance from the truth in standard errors."""
+    return {f.name: abs(f.value - truth[f.name]) / f.std for f in found.coefficients}
+
+
+@pytest.mark.parametrize("channels", [VELOCITY, POSE, POSE + VELOCITY])
+def test_c17_coefficients_come_back_from_velocities_pose_or_both(rudder_log, channels):
+    truth = c17_experiment().coefficients()
+    found = identify(c17_experiment().with_coefficients(C17_START), [rudder_log(channels)])
+    assert found.converged
+    assert max(deviations(found, truth).values()) < 3
+    assert all(f.excited for f in found.coefficients)
+    assert found["thrust"].std < 0.01 and found["rudder_torque"].std < 0.05
+    assert found.chi2_per_dof == pytest.approx(1.0, abs=0.15)
+    assert found.model.coefficients()["thrust"] == found["thrust"].value
+
+
+def test_noise_of_each_channel_is_estimated(rudder_log):
+    found = identify(c17_experiment(), [rudder_log(POSE + VELOCITY)])
+    expected = {"x": 1e-3, "y": 1e-3, "psi": 3e-3, "u": 5e-3, "v": 5e-3, "r": 2e-2}
+    for channel, level in expected.items():
+        assert found.noise[channel] == pytest.approx(level, rel=0.1)
+        assert found.residual[channel] == pytest.approx(level, rel=0.1)
+
+
+def test_four_fan_coefficients_come_back_from_several_pose_logs(fan_log, fan_truth):
+    found = identify(four_fan(), [fan_log(seed=1), fan_log(seed=2)])
+    assert max(deviations(found, fan_truth.coefficients()).values()) < 3
+    assert found["fan_torque"].value == pytest.approx(900, rel=0.01)
+    assert found.logs == ("simulated", "simulated")
+
+
+def test_logs_may_measure_different_things(fan_log, fan_truth):
+    found = identify(four_fan(), [fan_log(POSE, seed=1), fan_log(VELOCITY, seed=2)])
+    assert set(found.noise) == {*POSE, *VELOCITY}
+    assert max(deviations(found, fan_truth.coefficients()).values()) < 3
+
+
+def test_velocity_logs_leave_the_pose_out(rudder_log):
+    found = identify(c17_experiment(), [rudder_log(VELOCITY, seconds=10)])
+    assert set(found.residual) == set(VELOCITY)
+
+
+def test_friction_width_can_be_sought(rudder_log):
+    truth = c17_experiment().with_effects([effect("surge_coulomb", 1.35, width=0.03)])
+    start = c17_experiment()
+    log = rudder_log(VELOCITY, model=truth, seconds=60)
+    names = [*start.linear_coefficients(), "surge_coulomb_width"]
+    found = identify(start, [log], names)
+    width = found["surge_coulomb_width"]
+    assert width.value == pytest.approx(0.03, abs=3 * width.std) and width.std < 0.01
+
+
+def test_a_cart_with_measured_position_is_identified(cart, cart_log):
+    found = identify(cart, [cart_log(1), cart_log(2)])
+    assert found.model is None
+    assert max(deviations(found, {"drag": 0.6, "gain": 1.7}).values()) < 3
+    assert found.block.parameter("cart.gain").start == found["gain"].value
+
+
+def test_standard_errors_cover_the_truth(cart, cart_log):
+    truth = {"drag": 0.6, "gain": 1.7}
+    hits = []
+    for seed in range(30):
+        found = identify(cart, [cart_log(100 + seed)])
+        hits += [d < 1.96 for d in deviations(found, truth).values()]
+    assert 0.85 <= np.mean(hits) <= 1.0
+    # and they are no larger than what the estimates scatter, give or take
+    found = [identify(cart, [cart_log(200 + seed)])["gain"] for seed in range(20)]
+    scatter = np.std([f.value for f in found])
+    assert 0.6 < np.median([f.std for f in found]) / scatter < 1.8
+
+
+def test_a_coefficient_that_wants_to_be_negative_stops_at_its_bound(rudder_log):
+    found = identify(c17_experiment(), [rudder_log(seed=5), rudder_log(seed=6)])
+    at_zero = [f for f in found.coefficients if f.bound]
+    assert {f.name for f in at_zero} <= {"surge_linear_drag", "sway_coulomb"}
+    assert all(f.value == 0.0 and f.bound == "lower" and f.std > 0 for f in at_zero)
+    assert at_zero, "two of the true values are zero"
+    pushed = c17_experiment().with_effects([effect("yaw_linear_drag", 0.1)])
+    log = rudder_log(seconds=20)
+    spun_up = log.with_columns({"r": log["r"] * np.exp(0.02 * log.time)})
+    assert identify(pushed, [spun_up])["rudder_torque"].bound == ""
+
+
+def test_without_rudder_yaw_is_not_excited(rudder_log):
+    found = identify(c17_experiment(), [rudder_log(POSE, rudder=0.0)])
+    for name in ("rudder_torque", "yaw_coulomb", "yaw_linear_drag"):
+        assert not found[name].excited, found.table()
+    assert "rudder stays 0" in found["rudder_torque"].reason
+    assert found["rudder_torque"].value == pytest.approx(3.66)
+    assert found["thrust"].excited
+    assert found["thrust"].value == pytest.approx(0.75, abs=3 * found["thrust"].std)
+
+
+def test_twins_are_named(cart, cart_log):
+    """Two gains that multiply the same force: only their sum is known."""
+    from hovercontrol.block import Block
+    from hovercontrol.signals import Signal
+
+    twin = Signal("cart.twin", "1/kg", start=0.5)
+    force = cart.inputs[0]
+    both = Block(
+        "cart", cart.states, cart.inputs, cart.outputs, [*cart.parameters, twin],
+        {**cart.derivatives, "v": cart.derivatives["v"] + twin.symbol * force.symbol},
+    )
+    found = identify(both, [cart_log(1)])
+    assert found["drag"].excited and not found["gain"].excited and not found["twin"].excited
+    assert "twin" in found["gain"].reason
+    assert found.unexcited[0]["gain"] == pytest.approx(-found.unexcited[0]["twin"])
+    assert found["gain"].value + found["twin"].value == pytest.approx(1.7, rel=0.05)
+    assert found["gain"].value - found["twin"].value == pytest.approx(0.5, abs=1e-3)
+
+
+def test_a_lost_marker_does_not_bend_the_result(fan_log, fan_truth):
+    log = fan_log(seed=3)
+    bad = {name: log[name].copy() for name in POSE}
+    bad["psi"][300:330] += np.pi
+    bad["x"][700:704] += 0.5
+    found = identify(four_fan(), [log.with_columns(bad)])
+    assert max(deviations(found, fan_truth.coefficients()).values()) < 3
+    assert found.chi2_per_dof < 1.3
+
+
+def test_outliers_in_velocities_are_borne_with_hubers_loss(rudder_log):
+    log = rudder_log(VELOCITY)
+    rng = np.random.default_rng(0)
+    r = log["r"].copy()
+    r[rng.choice(r.size, r.size // 50, replace=False)] += 5.0
+    truth = c17_experiment().coefficients()
+    dirty = log.with_columns({"r": r})
+    robust = identify(c17_experiment().with_coefficients(C17_START), [dirty], huber=2.5)
+    plain = identify(c17_experiment().with_coefficients(C17_START), [dirty])
+    assert max(deviations(robust, truth).values()) < 3
+    assert robust["rudder_torque"].std < plain["rudder_torque"].std / 3
+
+
+def test_windows_do_not_cross_a_gap(rudder_log):
+    log = rudder_log(VELOCITY, seconds=20)
+    rows = (log.time < 7.3) | (log.time > 9.1)
+    measured = measure(c17_experiment().plant(), log.select(rows))
+    assert [log.select(rows).time[a] for a, _ in measured.segments] == pytest.approx([0.0, 9.11])
+
+
+def test_a_huge_log_is_thinned_and_says_so(rudder_log):
+    log = rudder_log(VELOCITY, seconds=10)
+    t = 0.01 * np.arange(10 * len(log))
+    long = Log("long", t, {k: np.tile(v, 10) for k, v in log.columns.items()})
+    found = identify(c17_experiment(), [long], most_rows=2000)
+    assert found.rows <= 2000 and found.rows_total == 10_000
+    assert f"{found.rows} of 10000 rows" in found.table()
+
+
+def test_what_is_wrong_is_said_in_one_line(rudder_log):
+    log = rudder_log(VELOCITY, seconds=5)
+    model = c17_experiment()
+    renamed = {("trust" if k == "thrust" else k): v for k, v in log.columns.items()}
+    with pytest.raises(InputError, match="no column 'thrust'; did you mean 'trust'"):
+        identify(model, [Log("run", log.time, renamed)])
+    with pytest.raises(InputError, match="too short for a window of 2 s"):
+        identify(model, [log.between(0.0, 0.5)])
+    with pytest.raises(InputError, match=r"no coefficient 'yaw_colomb'; did you mean 'yaw_coulomb'"):
+        identify(model, [log], ["yaw_colomb"])
+    with pytest.raises(InputError, match="at least one log"):
+        identify(model, [])
+    with pytest.raises(InputError, match="nothing that 'plant' computes was measured"):
+        identify(model, [Log("run", log.time, {k: log[k] for k in ("thrust", "rudder")})])
+    holed = log["thrust"].copy()
+    holed[7] = np.nan
+    with pytest.raises(InputError, match=r"input 'thrust' is not finite at 0\.07 s"):
+        identify(model, [log.with_columns({"thrust": holed})])
+
+
+def test_a_result_is_tabled_and_saved(rudder_log, tmp_path):
+    parts = []
+    found = identify(c17_experiment(), [rudder_log(VELOCITY, seconds=10)],
+                     progress=lambda part, what: parts.append(part))
+    assert parts == sorted(parts) and parts[-1] == 1.0
+    assert "rudder_torque" in found.table() and "chi2/dof" in found.table()
+    with found.save_csv(tmp_path / "found.csv").open() as stream:
+        rows = {row["name"]: row for row in csv.DictReader(stream)}
+    assert float(rows["thrust"]["value"]) == found["thrust"].value
+    assert rows["thrust"]["excited"] == "True"
