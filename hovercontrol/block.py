@@ -18,7 +18,14 @@ from numpy.typing import ArrayLike
 
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.signals import Signal, time
-from hovercontrol.units import DIMENSIONLESS, Dimension, DimensionChecker, UnitError, dimension, unit_text
+from hovercontrol.units import (
+    DIMENSIONLESS,
+    Dimension,
+    DimensionChecker,
+    UnitError,
+    dimension,
+    unit_text,
+)
 
 if TYPE_CHECKING:
     import control

@@ -134,6 +134,7 @@ def interconnect(
     >>> print(interconnect([cart, brake], "loop").equations())
     a = -brake.k*cart.v
     cart.v' = a
+    v = cart.v
     """
     if not blocks:
         raise InputError("interconnect: no blocks given")

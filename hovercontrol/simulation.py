@@ -84,21 +84,28 @@ def simulate(
     states = np.empty((len(block.states), len(times)))
     states[:, 0] = x
     rhs = numpy_functions(block).scalar_pair("derivatives")
+    reached = float(times[0])
     for first, last in _pieces(times, u, hold):
         value = _input_function(times, u, first, last, hold)
 
         def f(t: float, x: Array, value: Callable[[float], list[float]] = value) -> Any:
+            nonlocal reached
+            reached = t
             if progress is not None:
                 progress(t)
             return call_scalar(rhs, t, x.tolist(), value(t), p)
 
         if block.states:
+            if not np.isfinite(f(times[first], states[:, first])).all():  # the solver would never return
+                raise InputError(
+                    f"block {block.name!r}: the simulation stops at t = {times[first]:.6g} s: "
+                    "a derivative is not a number there"
+                )
             result = solve_ivp(
                 f, (times[first], times[last]), states[:, first], t_eval=times[first: last + 1],
                 method=method, rtol=rtol, atol=atol,
             )
             if not result.success or not np.isfinite(result.y).all():
-                reached = result.t[-1] if result.t.size else times[first]
                 raise InputError(
                     f"block {block.name!r}: the simulation stops at t = {reached:.6g} s: {result.message}"
                 )

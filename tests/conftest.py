@@ -7,7 +7,10 @@ from hypothesis import HealthCheck, settings
 
 matplotlib.use("Agg")
 settings.register_profile(
-    "hovercraft", max_examples=25, deadline=None, derandomize=True,
+    "hovercraft",
+    max_examples=25,
+    deadline=None,
+    derandomize=True,
     suppress_health_check=[HealthCheck.too_slow],
 )
 settings.load_profile("hovercraft")

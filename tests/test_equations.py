@@ -17,16 +17,22 @@ def test_the_c17_plant_reads_as_equation_11():
         "x' = u*cos(psi) - v*sin(psi)",
         "y' = u*sin(psi) + v*cos(psi)",
         "psi' = r",
-        "u' = -plant.surge_coulomb*sgn(u) - plant.surge_linear_drag*u + plant.thrust*thrust*cos(rudder) + r*v",
-        "v' = -plant.sway_coulomb*sgn(v) - plant.sway_linear_drag*v + plant.thrust*thrust*sin(rudder) - r*u",
-        "r' = -plant.rudder_torque*thrust*sin(rudder) - plant.yaw_coulomb*sgn(r) - plant.yaw_linear_drag*r",
+        "u' = -plant.surge_coulomb*sgn(u) - plant.surge_linear_drag*u + plant.thrust*thrust*cos(rudder) + r*v",  # noqa: E501
+        "v' = -plant.sway_coulomb*sgn(v) - plant.sway_linear_drag*v + plant.thrust*thrust*sin(rudder) - r*u",  # noqa: E501
+        "r' = -plant.rudder_torque*thrust*sin(rudder) - plant.yaw_coulomb*sgn(r) - plant.yaw_linear_drag*r",  # noqa: E501
     ]
 
 
 def blocks():
     craft = c17_simulation()
     loop = interconnect([figure_eight(3, 2), tracking_controller(craft), craft.plant()])
-    return [craft.plant(), four_fan().plant(), tracking_controller(craft), loop, kalman_bucy(craft.plant())]
+    return [
+        craft.plant(),
+        four_fan().plant(),
+        tracking_controller(craft),
+        loop,
+        kalman_bucy(craft.plant()),
+    ]
 
 
 @pytest.mark.parametrize("block", blocks(), ids=lambda b: b.name)
@@ -38,7 +44,9 @@ def test_latex_has_one_balanced_line_for_each_equation(block):
     for line in lines:
         assert line.count("&=") == 1
         assert line.count("{") == line.count("}")
-        assert not re.search(r"(?<!\\)_(?![{])[A-Za-z]{2}", line), "a bare underscore would not typeset"
+        assert not re.search(r"(?<!\\)_(?![{])[A-Za-z]{2}", line), (
+            "a bare underscore would not typeset"
+        )
 
 
 def test_latex_typesets_in_matplotlibs_mathtext():
@@ -47,4 +55,8 @@ def test_latex_typesets_in_matplotlibs_mathtext():
     parser = MathTextParser("agg")
     text = c17_simulation().plant().equations("latex")
     for line in text.splitlines()[1:-1]:
-        parser.parse("$" + line.removesuffix(r" \\").replace("&", "").replace(r"\operatorname", r"\mathrm") + "$")
+        parser.parse(
+            "$"
+            + line.removesuffix(r" \\").replace("&", "").replace(r"\operatorname", r"\mathrm")
+            + "$"
+        )

@@ -34,8 +34,15 @@ def linear(name, A, B, C, D, inputs, outputs) -> Block:
         return list(total)
 
     return Block(
-        name, states, ins, outs, [per_second] if states else [],
-        {s.name: per_second.symbol * e for s, e in zip(states, rows(A, B) if states else [], strict=True)},
+        name,
+        states,
+        ins,
+        outs,
+        [per_second] if states else [],
+        {
+            s.name: per_second.symbol * e
+            for s, e in zip(states, rows(A, B) if states else [], strict=True)
+        },
         {s.name: e for s, e in zip(outs, rows(C, D), strict=True)},
     )
 
@@ -43,8 +50,11 @@ def linear(name, A, B, C, D, inputs, outputs) -> Block:
 def matrices(block):
     f = block.to_numpy()
     n, m = len(block.states), len(block.inputs)
-    return [f.jacobian(0.0, np.zeros(n), np.zeros(m), None, r, c)
-            for r in ("derivatives", "outputs") for c in ("states", "inputs")]
+    return [
+        f.jacobian(0.0, np.zeros(n), np.zeros(m), None, r, c)
+        for r in ("derivatives", "outputs")
+        for c in ("states", "inputs")
+    ]
 
 
 @st.composite
@@ -59,7 +69,10 @@ def siso(draw, n_max=2):
 def as_arrays(system):
     A, B, C, D = system
     n = len(A)
-    return [np.array(M, dtype=float).reshape(s) for M, s in ((A, (n, n)), (B, (n, 1)), (C, (1, n)), (D, (1, 1)))]
+    return [
+        np.array(M, dtype=float).reshape(s)
+        for M, s in ((A, (n, n)), (B, (n, 1)), (C, (1, n)), (D, (1, 1)))
+    ]
 
 
 def in_series(systems):
@@ -77,7 +90,9 @@ def in_series(systems):
 
 @given(st.lists(siso(), min_size=1, max_size=4))
 def test_a_chain_is_the_product_of_its_links(systems):
-    blocks = [linear(f"b{k}", *system, [f"w{k}"], [f"w{k + 1}"]) for k, system in enumerate(systems)]
+    blocks = [
+        linear(f"b{k}", *system, [f"w{k}"], [f"w{k + 1}"]) for k, system in enumerate(systems)
+    ]
     whole = interconnect(blocks, inputs=["w0"], outputs=[f"w{len(blocks)}"])
     for found, expected in zip(matrices(whole), in_series(systems), strict=True):
         assert np.allclose(found, expected, rtol=1e-12, atol=1e-12)
@@ -85,7 +100,9 @@ def test_a_chain_is_the_product_of_its_links(systems):
 
 @given(st.lists(siso(), min_size=2, max_size=4), st.randoms())
 def test_the_order_of_blocks_changes_nothing_but_the_order_of_states(systems, random):
-    blocks = [linear(f"b{k}", *system, [f"w{k}"], [f"w{k + 1}"]) for k, system in enumerate(systems)]
+    blocks = [
+        linear(f"b{k}", *system, [f"w{k}"], [f"w{k + 1}"]) for k, system in enumerate(systems)
+    ]
     shuffled = list(blocks)
     random.shuffle(shuffled)
     last = f"w{len(blocks)}"
@@ -119,9 +136,9 @@ def test_a_star_feeds_every_arm_from_the_hub(arms, hub):
 
 @given(siso(), siso())
 def test_feedback_is_the_matrix_algebra_of_feedback(plant, law):
-    A, B, C, D = as_arrays(plant)
+    A, B, C, _D = as_arrays(plant)
     F, G, H, J = as_arrays(law)
-    strictly_proper = ([*plant[:3], [[0.0]]])
+    strictly_proper = [*plant[:3], [[0.0]]]
     if not len(A):
         return
     blocks = [linear("plant", *strictly_proper, ["a"], ["y"]), linear("law", *law, ["y"], ["a"])]
@@ -129,28 +146,45 @@ def test_feedback_is_the_matrix_algebra_of_feedback(plant, law):
     assert whole.inputs == ()
     expected = np.block([[A + B @ J @ C, B @ H], [G @ C, F]])
     assert np.allclose(matrices(whole)[0], expected, atol=1e-12)
-    assert np.allclose(matrices(interconnect(blocks, outputs=["a"]))[2], np.hstack([J @ C, H]), atol=1e-12)
+    assert np.allclose(
+        matrices(interconnect(blocks, outputs=["a"]))[2], np.hstack([J @ C, H]), atol=1e-12
+    )
 
 
 def test_inputs_that_nothing_drives_become_inputs_of_the_whole():
     craft = c17_simulation()
     whole = interconnect([tracking_controller(craft, adapt=["yaw_coulomb"]), craft.plant()])
     assert [s.name for s in whole.inputs] == [
-        "x_ref", "y_ref", "vx_ref", "vy_ref", "ax_ref", "ay_ref", "yaw_coulomb_hat"]
+        "x_ref",
+        "y_ref",
+        "vx_ref",
+        "vy_ref",
+        "ax_ref",
+        "ay_ref",
+        "yaw_coulomb_hat",
+    ]
     assert whole.signal("yaw_coulomb_hat").start == 0.83
 
 
 def test_one_open_input_of_two_blocks_is_one_input_of_the_whole():
-    blocks = [linear("p", [], [], [[]], [[2.0]], ["w"], ["y"]), linear("q", [], [], [[]], [[3.0]], ["w"], ["z"])]
+    blocks = [
+        linear("p", [], [], [[]], [[2.0]], ["w"], ["y"]),
+        linear("q", [], [], [[]], [[3.0]], ["w"], ["z"]),
+    ]
     assert interconnect(blocks).to_numpy().outputs(0.0, (), [1.0]).tolist() == [2.0, 3.0]
 
 
 def test_an_algebraic_loop_is_refused_with_the_loop_spelled_out():
-    blocks = [linear("p", [], [], [[]], [[2.0]], ["c"], ["a"]),
-              linear("q", [], [], [[]], [[3.0]], ["a"], ["b"]),
-              linear("r", [], [], [[]], [[4.0]], ["b"], ["c"])]
-    with pytest.raises(InputError, match=r"algebraic loop: (p\.a -> q\.b -> r\.c -> p\.a|q\.b -> r\.c -> p\.a -> q\.b"
-                                         r"|r\.c -> p\.a -> q\.b -> r\.c)"):
+    blocks = [
+        linear("p", [], [], [[]], [[2.0]], ["c"], ["a"]),
+        linear("q", [], [], [[]], [[3.0]], ["a"], ["b"]),
+        linear("r", [], [], [[]], [[4.0]], ["b"], ["c"]),
+    ]
+    with pytest.raises(
+        InputError,
+        match=r"algebraic loop: (p\.a -> q\.b -> r\.c -> p\.a|q\.b -> r\.c -> p\.a -> q\.b"
+        r"|r\.c -> p\.a -> q\.b -> r\.c)",
+    ):
         interconnect(blocks)
 
 
@@ -167,20 +201,33 @@ def test_a_loop_through_a_state_is_no_algebraic_loop():
 
 def test_two_outputs_of_one_name_are_refused_until_one_is_renamed():
     one, two = circle(1.0), circle(2.0, name="other")
-    with pytest.raises(InputError, match=r"'reference' and 'other' both have an output 'x_ref'.*rename"):
+    with pytest.raises(
+        InputError, match=r"'reference' and 'other' both have an output 'x_ref'.*rename"
+    ):
         interconnect([one, two])
     both = interconnect([one, prefix(two, "other")])
-    assert [s.name for s in both.outputs[:1]] + [s.name for s in both.outputs[6:7]] == ["x_ref", "other_x_ref"]
+    assert [s.name for s in both.outputs[:1]] + [s.name for s in both.outputs[6:7]] == [
+        "x_ref",
+        "other_x_ref",
+    ]
 
 
 def test_two_blocks_of_one_name_are_refused():
     with pytest.raises(InputError, match="two blocks are named 'reference'"):
-        interconnect([circle(1.0), rename(circle(1.0), {s.name: f"{s.name}2" for s in circle(1.0).outputs})])
+        interconnect(
+            [circle(1.0), rename(circle(1.0), {s.name: f"{s.name}2" for s in circle(1.0).outputs})]
+        )
 
 
 def test_units_are_checked_along_each_wire():
-    p = Block("p", [Signal("s", "m")], [], [Signal("w", "m")], derivatives={"s": sp.S.Zero},
-              output_expressions={"w": Signal("s").symbol})
+    p = Block(
+        "p",
+        [Signal("s", "m")],
+        [],
+        [Signal("w", "m")],
+        derivatives={"s": sp.S.Zero},
+        output_expressions={"w": Signal("s").symbol},
+    )
     q = Block("q", [Signal("s", "m")], [Signal("w", "m/s")], derivatives={"s": Signal("w").symbol})
     with pytest.raises(InputError, match=r"'w' is in m in block 'p' but in m/s in block 'q'"):
         interconnect([p, q])
@@ -197,19 +244,32 @@ def test_wanted_signals_must_be_there_and_open_inputs_must_be_wanted():
         interconnect(parts, outputs=["phi"])
     with pytest.raises(InputError, match="no blocks"):
         interconnect([])
-    assert [s.name for s in interconnect(parts, inputs=["rudder", "thrust"], outputs=["r"]).inputs] == ["rudder", "thrust"]
+    assert [
+        s.name for s in interconnect(parts, inputs=["rudder", "thrust"], outputs=["r"]).inputs
+    ] == ["rudder", "thrust"]
 
 
-@pytest.mark.parametrize("signals", [{"thurst": "force"}, {"thrust": "u"}, {"x": "y"}, {"u": "rudder"}])
+@pytest.mark.parametrize(
+    "signals", [{"thurst": "force"}, {"thrust": "u"}, {"x": "y"}, {"u": "rudder"}]
+)
 def test_renaming_what_is_not_there_or_to_what_is_taken_is_refused(signals):
     with pytest.raises(InputError):
         rename(hoverdemon().plant(), signals)
 
 
 def test_inputs_can_swap_names():
-    swapped = rename(Block("b", inputs=[Signal("p", "m"), Signal("q", "m")], outputs=[Signal("y", "m")],
-                           output_expressions={"y": 2 * Signal("p").symbol - Signal("q").symbol}), {"p": "q", "q": "p"})
-    assert swapped.to_numpy().outputs(0.0, (), [1.0, 0.0]).tolist() == [2.0]  # the first input, now called q
+    swapped = rename(
+        Block(
+            "b",
+            inputs=[Signal("p", "m"), Signal("q", "m")],
+            outputs=[Signal("y", "m")],
+            output_expressions={"y": 2 * Signal("p").symbol - Signal("q").symbol},
+        ),
+        {"p": "q", "q": "p"},
+    )
+    assert swapped.to_numpy().outputs(0.0, (), [1.0, 0.0]).tolist() == [
+        2.0
+    ]  # the first input, now called q
     assert swapped.equations() == "y = -p + 2*q"
 
 
@@ -218,17 +278,24 @@ def test_a_renamed_plant_keeps_its_dynamics(rng):
     renamed = rename(plant, {"thrust": "T", "u": "surge"})
     assert [s.name for s in renamed.states] == [s.name for s in plant.states]
     x, u = rng.normal(size=6), rng.normal(size=2)
-    assert np.array_equal(renamed.to_numpy().derivatives(0, x, u), plant.to_numpy().derivatives(0, x, u))
+    assert np.array_equal(
+        renamed.to_numpy().derivatives(0, x, u), plant.to_numpy().derivatives(0, x, u)
+    )
 
 
 def test_two_craft_in_one_system_have_their_own_parameters_and_do_not_meet(rng):
-    left, right = prefix(c17_simulation().plant(), "left"), prefix(c17_simulation().plant(), "right")
+    left, right = (
+        prefix(c17_simulation().plant(), "left"),
+        prefix(c17_simulation().plant(), "right"),
+    )
     both = interconnect([left, right])
     x, u = rng.normal(size=12), rng.normal(size=4)
     alone = c17_simulation().plant().to_numpy()
     found = both.to_numpy().derivatives(0.0, x, u, {"right.yaw_coulomb": 0.0})
     assert np.allclose(found[:6], alone.derivatives(0.0, x[:6], u[:2]), atol=1e-14)
-    assert np.allclose(found[6:], alone.derivatives(0.0, x[6:], u[2:], {"plant.yaw_coulomb": 0.0}), atol=1e-14)
+    assert np.allclose(
+        found[6:], alone.derivatives(0.0, x[6:], u[2:], {"plant.yaw_coulomb": 0.0}), atol=1e-14
+    )
 
 
 def loop(name, radius=1.0):
@@ -238,13 +305,30 @@ def loop(name, radius=1.0):
 
 def test_a_whole_can_be_a_part_and_its_keys_stay(rng):
     inner = loop("inner")
-    outer = interconnect([inner, Block("watch", [Signal("way", "m*s")], [Signal("error_x", "m")],
-                                       derivatives={"way": Signal("error_x").symbol})], "outer")
+    outer = interconnect(
+        [
+            inner,
+            Block(
+                "watch",
+                [Signal("way", "m*s")],
+                [Signal("error_x", "m")],
+                derivatives={"way": Signal("error_x").symbol},
+            ),
+        ],
+        "outer",
+    )
     assert set(inner.default_parameters) <= set(outer.default_parameters)
     x = rng.normal(size=6)
-    assert np.allclose(outer.to_numpy().derivatives(0.2, [*x, 0.0])[:6], inner.to_numpy().derivatives(0.2, x), atol=1e-13)
+    assert np.allclose(
+        outer.to_numpy().derivatives(0.2, [*x, 0.0])[:6],
+        inner.to_numpy().derivatives(0.2, x),
+        atol=1e-13,
+    )
     assert outer.to_numpy().derivatives(0.2, [*x, 0.0])[6] == pytest.approx(
-        dict(zip([s.name for s in inner.outputs], inner.to_numpy().outputs(0.2, x), strict=True))["error_x"])
+        dict(zip([s.name for s in inner.outputs], inner.to_numpy().outputs(0.2, x), strict=True))[
+            "error_x"
+        ]
+    )
 
 
 def test_two_closed_loops_of_one_kind_live_side_by_side(rng):
@@ -252,17 +336,32 @@ def test_two_closed_loops_of_one_kind_live_side_by_side(rng):
     x = rng.normal(size=12)
     found = both.to_numpy().derivatives(0.7, x, (), {"two.plant.yaw_coulomb": 0.1})
     assert np.allclose(found[:6], loop("one").to_numpy().derivatives(0.7, x[:6]), atol=1e-12)
-    assert np.allclose(found[6:], loop("two", 2.0).to_numpy().derivatives(0.7, x[6:], (), {"plant.yaw_coulomb": 0.1}),
-                       atol=1e-12)
+    assert np.allclose(
+        found[6:],
+        loop("two", 2.0).to_numpy().derivatives(0.7, x[6:], (), {"plant.yaw_coulomb": 0.1}),
+        atol=1e-12,
+    )
 
 
 def test_signals_with_dots_are_passed_on_through_blocks_that_only_forward_them():
     s = Signal("s", "m", start=1.5)
-    source = Block("source", [s], [], [Signal("craft.x", "m")], derivatives={"s": sp.S.Zero},
-                   output_expressions={"craft.x": s.symbol})
-    cable = Block("cable", inputs=[Signal("craft.x", "m")], outputs=[Signal("far", "m")],
-                  output_expressions={"far": Signal("craft.x").symbol})
-    meter = Block("meter", [Signal("z", "m*s")], [Signal("far", "m")], derivatives={"z": Signal("far").symbol})
+    source = Block(
+        "source",
+        [s],
+        [],
+        [Signal("craft.x", "m")],
+        derivatives={"s": sp.S.Zero},
+        output_expressions={"craft.x": s.symbol},
+    )
+    cable = Block(
+        "cable",
+        inputs=[Signal("craft.x", "m")],
+        outputs=[Signal("far", "m")],
+        output_expressions={"far": Signal("craft.x").symbol},
+    )
+    meter = Block(
+        "meter", [Signal("z", "m*s")], [Signal("far", "m")], derivatives={"z": Signal("far").symbol}
+    )
     for blocks in ([source, cable, meter], [meter, cable, source]):
         whole = interconnect(blocks)
         at = [s.name for s in whole.states].index("meter.z")
@@ -271,7 +370,11 @@ def test_signals_with_dots_are_passed_on_through_blocks_that_only_forward_them()
 
 def test_the_closed_loop_is_its_parts_evaluated_one_after_the_other(rng):
     craft = c17_simulation()
-    reference, controller, plant = ellipse(1.5, 2.5, -1, np.pi / 2), tracking_controller(craft), craft.plant()
+    reference, controller, plant = (
+        ellipse(1.5, 2.5, -1, np.pi / 2),
+        tracking_controller(craft),
+        craft.plant(),
+    )
     whole = interconnect([plant, reference, controller])
     for _ in range(100):
         t, x = rng.uniform(0, 10), rng.normal(0, 1.0, 6)

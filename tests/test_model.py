@@ -1,4 +1,4 @@
-"""The composed plant against the papers' equations, each written out by hand as one plain function."""
+"""The composed plant against the papers' equations, each written by hand as one function."""
 
 import math
 from types import SimpleNamespace
@@ -16,24 +16,34 @@ from hovercontrol.units import UnitError, dimension
 from hovercontrol.vehicles import c17_experiment, c17_simulation, four_fan, hoverdemon
 
 POINTS = 200
-C17 = ("surge_coulomb", "surge_linear_drag", "sway_coulomb", "sway_linear_drag", "yaw_coulomb", "yaw_linear_drag",
-       "thrust", "rudder_torque")
+C17 = (
+    "surge_coulomb",
+    "surge_linear_drag",
+    "sway_coulomb",
+    "sway_linear_drag",
+    "yaw_coulomb",
+    "yaw_linear_drag",
+    "thrust",
+    "rudder_torque",
+)
 
 
 def c17_plant(state, command, c, width=0.01):
     """C17 (8), (11), with sgn regularised."""
-    x, y, psi, u, v, r = state
+    _x, _y, psi, u, v, r = state
     T, theta = command
     c1, c2, c3, c4, c5, c6, c7, c8 = c
     sgn_u, sgn_v, sgn_r = np.tanh(u / width), np.tanh(v / width), np.tanh(r / width)
-    return np.array([
-        u * np.cos(psi) - v * np.sin(psi),
-        u * np.sin(psi) + v * np.cos(psi),
-        r,
-        -c1 * sgn_u - c2 * u + c7 * T * np.cos(theta) + v * r,
-        -c3 * sgn_v - c4 * v + c7 * T * np.sin(theta) - u * r,
-        -c5 * sgn_r - c6 * r - c8 * T * np.sin(theta),
-    ])
+    return np.array(
+        [
+            u * np.cos(psi) - v * np.sin(psi),
+            u * np.sin(psi) + v * np.cos(psi),
+            r,
+            -c1 * sgn_u - c2 * u + c7 * T * np.cos(theta) + v * r,
+            -c3 * sgn_v - c4 * v + c7 * T * np.sin(theta) - u * r,
+            -c5 * sgn_r - c6 * r - c8 * T * np.sin(theta),
+        ]
+    )
 
 
 def k06_momenta(momenta, command, m, J, d):
@@ -45,7 +55,7 @@ def k06_momenta(momenta, command, m, J, d):
 
 
 def four_fans(velocities, forces, m, J, arm, drag):
-    """Newton and Euler for two fans pushing forward, two backward, at +-arm from the centre line."""
+    """Newton and Euler for two fans pushing forward, two backward, at +-arm from the centre line."""  # noqa: E501
     u, v, r = velocities
     rear_left, rear_right, front_left, front_right = forces
     push = rear_left + rear_right - front_left - front_right
@@ -59,7 +69,9 @@ def relative(found, expected):
 
 
 def random_motion(rng, n=POINTS):
-    return np.vstack([rng.uniform(-5, 5, (2, n)), rng.uniform(-7, 7, (1, n)), rng.normal(0, 1.0, (3, n))])
+    return np.vstack(
+        [rng.uniform(-5, 5, (2, n)), rng.uniform(-7, 7, (1, n)), rng.normal(0, 1.0, (3, n))]
+    )
 
 
 def test_the_c17_plant_is_equation_11_for_every_state_command_and_coefficient(rng):
@@ -69,7 +81,12 @@ def test_the_c17_plant_is_equation_11_for_every_state_command_and_coefficient(rn
     c = rng.uniform(0, 8, (8, POINTS))
     for k in range(POINTS):
         params = {f"plant.{name}": value for name, value in zip(C17, c[:, k], strict=True)}
-        assert relative(f.derivatives(0.0, x[:, k], u[:, k], params), c17_plant(x[:, k], u[:, k], c[:, k])) < 1e-12
+        assert (
+            relative(
+                f.derivatives(0.0, x[:, k], u[:, k], params), c17_plant(x[:, k], u[:, k], c[:, k])
+            )
+            < 1e-12
+        )
 
 
 def test_the_vectorised_plant_is_equation_11_too(rng):
@@ -85,7 +102,10 @@ def test_the_width_of_friction_is_a_parameter(rng, width):
     widths = {f"plant.{axis}_coulomb_width": width for axis in ("surge", "sway", "yaw")}
     c = [model.coefficients()[name] for name in C17]
     x, u = random_motion(rng) * 0.05, rng.uniform(-1, 6, (2, POINTS))
-    assert relative(model.plant().to_numpy().derivatives(0.0, x, u, widths), c17_plant(x, u, c, width)) < 1e-12
+    assert (
+        relative(model.plant().to_numpy().derivatives(0.0, x, u, widths), c17_plant(x, u, c, width))
+        < 1e-12
+    )
 
 
 def test_hoverdemon_is_k06_in_momenta(rng):
@@ -113,7 +133,11 @@ def test_the_four_fan_craft_pushes_and_turns_as_its_fans_stand(rng):
 
 @given(st.floats(-1, 1), st.floats(-1, 1), st.floats(-4, 4))
 def test_a_fan_pushes_along_its_direction_and_turns_by_the_cross_product(x, y, direction):
-    craft = Model("one", [effect("fan_force", 2.0), effect("fan_torque", 3.0)], fans=[Fan("f", x, y, direction)])
+    craft = Model(
+        "one",
+        [effect("fan_force", 2.0), effect("fan_torque", 3.0)],
+        fans=[Fan("f", x, y, direction)],
+    )
     u, v, r = craft.plant().to_numpy().derivatives(0.0, np.zeros(6), [0.5])[3:]
     fx, fy = 0.5 * math.cos(direction), 0.5 * math.sin(direction)
     assert (u, v) == pytest.approx((2 * fx, 2 * fy), abs=1e-11)
@@ -137,7 +161,9 @@ def test_effects_one_at_a_time_sum_to_all_of_them(craft, rng):
 def test_a_craft_without_effects_glides_on_in_a_straight_line_while_it_turns():
     plant = Model("puck").plant()
     assert plant.inputs == ()
-    end = simulate(plant, [0, 3.0], x0={"u": 0.4, "v": -0.3, "r": 2.0}, rtol=1e-10, atol=1e-12).states[:, -1]
+    end = simulate(
+        plant, [0, 3.0], x0={"u": 0.4, "v": -0.3, "r": 2.0}, rtol=1e-10, atol=1e-12
+    ).states[:, -1]
     assert end[:3] == pytest.approx([1.2, -0.9, 6.0], abs=1e-8)
 
 
@@ -153,8 +179,12 @@ def test_which_inputs_a_plant_has_follows_from_its_effects():
 nonnegative = st.floats(0, 10, allow_subnormal=False)
 
 
-@given(st.lists(nonnegative, min_size=6, max_size=6), st.lists(st.floats(-5, 5), min_size=3, max_size=3),
-       st.floats(0.01, 100), st.floats(0.001, 10))
+@given(
+    st.lists(nonnegative, min_size=6, max_size=6),
+    st.lists(st.floats(-5, 5), min_size=3, max_size=3),
+    st.floats(0.01, 100),
+    st.floats(0.001, 10),
+)
 def test_kinetic_energy_never_grows_without_input(c, velocity, m, J):
     craft = c17_simulation().with_coefficients(dict(zip(C17[:6], c, strict=True)))
     du, dv, dr = craft.plant().to_numpy().derivatives(0.0, [0, 0, 0.3, *velocity], [0.0, 0.0])[3:]
@@ -164,8 +194,13 @@ def test_kinetic_energy_never_grows_without_input(c, velocity, m, J):
 
 
 def test_kinetic_energy_only_falls_while_a_craft_coasts():
-    response = simulate(c17_simulation().plant(), np.linspace(0, 2, 200), x0={"u": 1.0, "v": -0.5, "r": 4.0},
-                        rtol=1e-8, atol=1e-10)
+    response = simulate(
+        c17_simulation().plant(),
+        np.linspace(0, 2, 200),
+        x0={"u": 1.0, "v": -0.5, "r": 4.0},
+        rtol=1e-8,
+        atol=1e-10,
+    )
     u, v, r = response.states[3:]
     energy = (0.585 * (u**2 + v**2) + 0.01 * r**2) / 2
     assert (np.diff(energy) <= 1e-9).all()
@@ -235,7 +270,9 @@ def test_the_units_of_an_effect_are_checked_against_the_equation_it_acts_in():
             return {"r": c.value * s.r}
 
     Wrong.name = "wrong"
-    with pytest.raises(UnitError, match=r"block 'plant': r' must be in 1/s\^2, but 'plant.wrong\*r' is in m/s\^2"):
+    with pytest.raises(
+        UnitError, match=r"block 'plant': r' must be in 1/s\^2, but 'plant.wrong\*r' is in m/s\^2"
+    ):
         Model("puck", [Wrong(1.0)]).plant()
 
 
@@ -261,14 +298,18 @@ def test_replacing_an_effect_keeps_its_place_and_adding_one_appends_it():
 def test_coefficients_are_what_an_estimator_may_estimate_and_widths_are_not():
     craft = c17_simulation()
     assert craft.linear_coefficients() == C17
-    assert set(craft.coefficients()) - set(C17) == {f"{a}_coulomb_width" for a in ("surge", "sway", "yaw")}
+    assert set(craft.coefficients()) - set(C17) == {
+        f"{a}_coulomb_width" for a in ("surge", "sway", "yaw")
+    }
 
 
 def test_a_plant_under_another_name_has_other_parameter_keys_and_the_same_dynamics(rng):
     ours, other = c17_simulation().plant(), c17_simulation().plant("rival")
     assert "rival.yaw_coulomb" in other.default_parameters
     x, u = random_motion(rng), rng.uniform(-1, 6, (2, POINTS))
-    assert np.array_equal(ours.to_numpy().derivatives(0, x, u), other.to_numpy().derivatives(0, x, u))
+    assert np.array_equal(
+        ours.to_numpy().derivatives(0, x, u), other.to_numpy().derivatives(0, x, u)
+    )
     assert ours.named("rival") == other
 
 

@@ -3,11 +3,19 @@
 import numpy as np
 import pytest
 import sympy as sp
-from hypothesis import assume, given
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from hovercontrol.errors import InputError
-from hovercontrol.references import REFERENCES, circle, ellipse, figure_eight, from_position, line, waypoints
+from hovercontrol.references import (
+    REFERENCES,
+    circle,
+    ellipse,
+    figure_eight,
+    from_position,
+    line,
+    waypoints,
+)
 from hovercontrol.signals import Signal, time
 from hovercontrol.units import UnitError
 
@@ -39,7 +47,9 @@ def test_all_references_are_here():
 @pytest.mark.parametrize("name", PATHS)
 def test_velocity_and_acceleration_are_the_derivatives_of_the_position(name):
     t = np.linspace(0.03, 7.5, 97)
-    t = t[np.abs(t[:, None] - np.array(TIMES)).min(axis=1) > 0.01]  # differences do not see across a knot
+    t = t[
+        np.abs(t[:, None] - np.array(TIMES)).min(axis=1) > 0.01
+    ]  # differences do not see across a knot
     path = PATHS[name]
     assert np.allclose(at(path, t)[2:4], slope(path, slice(0, 2), t), rtol=1e-9, atol=1e-9)
     assert np.allclose(at(path, t)[4:6], slope(path, slice(2, 4), t), rtol=1e-9, atol=1e-9)
@@ -52,7 +62,11 @@ def test_the_c17_simulations_ellipse_is_1_5_sin_t_2_5_cos_t():
 
 def test_the_c17_experiments_ellipse_is_1_15_cos_07t_2_sin_07t():
     t = np.linspace(0, 10, 50)
-    assert np.allclose(at(ellipse(1.15, 2.0, 0.7), t)[:2], [1.15 * np.cos(0.7 * t), 2 * np.sin(0.7 * t)], atol=1e-12)
+    assert np.allclose(
+        at(ellipse(1.15, 2.0, 0.7), t)[:2],
+        [1.15 * np.cos(0.7 * t), 2 * np.sin(0.7 * t)],
+        atol=1e-12,
+    )
 
 
 def test_a_circle_is_run_at_constant_speed_and_pulled_to_its_centre():
@@ -80,8 +94,15 @@ def test_the_path_passes_through_its_points_at_their_times():
 
 
 def test_the_path_is_at_rest_at_both_ends_and_held_beyond():
-    before, start, end, after = (at(PATHS["waypoints"], t) for t in (-3.0, TIMES[0], TIMES[-1], 100.0))
-    for found, corner in ((before, CORNERS[0]), (start, CORNERS[0]), (end, CORNERS[-1]), (after, CORNERS[-1])):
+    before, start, end, after = (
+        at(PATHS["waypoints"], t) for t in (-3.0, TIMES[0], TIMES[-1], 100.0)
+    )
+    for found, corner in (
+        (before, CORNERS[0]),
+        (start, CORNERS[0]),
+        (end, CORNERS[-1]),
+        (after, CORNERS[-1]),
+    ):
         assert found == pytest.approx([*corner, 0, 0, 0, 0], abs=1e-9)
 
 
@@ -91,8 +112,12 @@ def test_nothing_jumps_at_a_waypoint():
         assert np.allclose(before, after, atol=1e-6)
 
 
-@given(st.lists(st.tuples(st.floats(-5, 5), st.floats(-5, 5)), min_size=2, max_size=6),
-       st.lists(st.floats(0.5, 3), min_size=6, max_size=6), st.floats(-10, 1000))
+@settings(max_examples=6)
+@given(
+    st.lists(st.tuples(st.floats(-5, 5), st.floats(-5, 5)), min_size=2, max_size=6),
+    st.lists(st.floats(0.5, 3), min_size=6, max_size=6),
+    st.floats(-10, 1000),
+)
 def test_any_waypoints_are_passed(points, gaps, start):
     times = start + np.cumsum(gaps[: len(points)])
     assume((np.diff(times) > 0).all())
@@ -102,17 +127,32 @@ def test_any_waypoints_are_passed(points, gaps, start):
 
 def test_two_points_make_the_smoothest_step():
     s = np.linspace(0, 1, 11)
-    assert np.allclose(at(waypoints([[0, 0], [1, -2]], [0, 1]), s)[0], 10 * s**3 - 15 * s**4 + 6 * s**5, atol=1e-12)
+    assert np.allclose(
+        at(waypoints([[0, 0], [1, -2]], [0, 1]), s)[0], 10 * s**3 - 15 * s**4 + 6 * s**5, atol=1e-12
+    )
 
 
-@pytest.mark.parametrize("make", [
-    lambda: ellipse(0.0, 1.0), lambda: ellipse(1.0, -1.0), lambda: ellipse(1.0, 1.0, rate=0.0),
-    lambda: circle(-1.0), lambda: circle(np.inf), lambda: circle(1.0, rate=np.nan), lambda: circle(1.0, phase=np.nan),
-    lambda: line((0.0, 0.0)), lambda: line((np.inf, 0.0)), lambda: figure_eight(1.0, 0.0),
-    lambda: waypoints([[0, 0]], [0]), lambda: waypoints([[0, 0], [1, 1]], [0, 0]),
-    lambda: waypoints([[0, 0], [1, 1]], [1, 0]), lambda: waypoints([[0, 0, 0], [1, 1, 1]], [0, 1]),
-    lambda: waypoints([[0, 0], [1, np.nan]], [0, 1]), lambda: waypoints([[0, 0], [1, 1]], [0, 1, 2]),
-])
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda: ellipse(0.0, 1.0),
+        lambda: ellipse(1.0, -1.0),
+        lambda: ellipse(1.0, 1.0, rate=0.0),
+        lambda: circle(-1.0),
+        lambda: circle(np.inf),
+        lambda: circle(1.0, rate=np.nan),
+        lambda: circle(1.0, phase=np.nan),
+        lambda: line((0.0, 0.0)),
+        lambda: line((np.inf, 0.0)),
+        lambda: figure_eight(1.0, 0.0),
+        lambda: waypoints([[0, 0]], [0]),
+        lambda: waypoints([[0, 0], [1, 1]], [0, 0]),
+        lambda: waypoints([[0, 0], [1, 1]], [1, 0]),
+        lambda: waypoints([[0, 0, 0], [1, 1, 1]], [0, 1]),
+        lambda: waypoints([[0, 0], [1, np.nan]], [0, 1]),
+        lambda: waypoints([[0, 0], [1, 1]], [0, 1, 2]),
+    ],
+)
 def test_paths_that_are_none_are_refused(make):
     with pytest.raises(InputError):
         make()
@@ -121,10 +161,17 @@ def test_paths_that_are_none_are_refused(make):
 def test_a_path_of_ones_own_is_differentiated_and_its_unit_checked():
     a, w = Signal("a", "m", start=2.0), Signal("w", "1/s", start=1.0)
     spiral = from_position(a.symbol * time * w.symbol, a.symbol * sp.sin(w.symbol * time), [a, w])
-    assert at(spiral, 0.5) == pytest.approx([1.0, 2 * np.sin(0.5), 2.0, 2 * np.cos(0.5), 0.0, -2 * np.sin(0.5)])
+    assert at(spiral, 0.5) == pytest.approx(
+        [1.0, 2 * np.sin(0.5), 2.0, 2 * np.cos(0.5), 0.0, -2 * np.sin(0.5)]
+    )
     with pytest.raises(UnitError, match="x_ref"):
         from_position(time, a.symbol, [a])
 
 
 def test_numbers_of_a_path_are_parameters():
-    assert PATHS["circle"].to_numpy().outputs(0.0, (), (), {"reference.radius": 2.0, "reference.phase": 0.0})[0] == 2.0
+    assert (
+        PATHS["circle"]
+        .to_numpy()
+        .outputs(0.0, (), (), {"reference.radius": 2.0, "reference.phase": 0.0})[0]
+        == 2.0
+    )

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from hovercontrol.model import Model
 from hovercontrol.effects import effect
+from hovercontrol.model import Model
 from hovercontrol.sgn import regularise, sgn
 
 V, W = sp.symbols("v w", real=True)
@@ -24,7 +24,9 @@ def test_its_derivative_is_that_of_the_regularised_form(symbol):
     exact = sp.diff(sp.tanh(V / W), symbol)
     kept = regularise(sp.diff(sgn(V, W), symbol))
     for v, w in [(0.003, 0.01), (-0.02, 0.01), (0.0, 0.5)]:
-        assert float(kept.subs({V: v, W: w})) == pytest.approx(float(exact.subs({V: v, W: w})), rel=1e-12)
+        assert float(kept.subs({V: v, W: w})) == pytest.approx(
+            float(exact.subs({V: v, W: w})), rel=1e-12
+        )
 
 
 def test_friction_becomes_the_sign_as_its_width_goes_to_zero():

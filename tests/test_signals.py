@@ -9,13 +9,17 @@ from hovercontrol.signals import Signal
 from hovercontrol.units import dimension
 
 
-@pytest.mark.parametrize("name", ["", "2u", "surge speed", "u.", ".u", "u-v", "P[0", "P[a]", None, 3, "u\n"])
+@pytest.mark.parametrize(
+    "name", ["", "2u", "surge speed", "u.", ".u", "u-v", "P[0", "P[a]", None, 3, "u\n"]
+)
 def test_what_is_no_identifier_is_no_signal_name(name):
     with pytest.raises(InputError, match="signal name"):
         Signal(name, "m/s")
 
 
-@pytest.mark.parametrize("name", ["u", "yaw_coulomb", "plant.u", "xhat[3]", "P[0,1]", "loop.estimator.P[0,1]"])
+@pytest.mark.parametrize(
+    "name", ["u", "yaw_coulomb", "plant.u", "xhat[3]", "P[0,1]", "loop.estimator.P[0,1]"]
+)
 def test_dotted_and_indexed_names_are_signal_names(name):
     assert Signal(name).symbol.name == name
 
@@ -36,10 +40,20 @@ def test_a_start_outside_the_bounds_is_refused_with_value_unit_and_bounds():
         Signal("yaw_coulomb", "rad/s^2", start=-0.1, lower=0.0)
 
 
-@pytest.mark.parametrize("change", [{"start": math.nan}, {"lower": 1.0}, {"upper": -1.0}, {"nominal": 0.0},
-                                    {"nominal": math.inf}, {"start": "fast"}, {"upper": None}])
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"start": math.nan},
+        {"lower": 1.0},
+        {"upper": -1.0},
+        {"nominal": 0.0},
+        {"nominal": math.inf},
+        {"start": "fast"},
+        {"upper": None},
+    ],
+)
 def test_numbers_that_make_no_sense_are_refused(change):
-    with pytest.raises(InputError, match="^u"):
+    with pytest.raises(InputError, match=r"^u"):
         Signal("u", "m/s", **change)
 
 

@@ -18,7 +18,13 @@ from hovercontrol.units import (
 )
 
 U, V, R, PSI, M = sp.symbols("u v r psi m", real=True)
-CHECK = {U: dimension("m/s"), V: dimension("m/s"), R: dimension("rad/s"), PSI: dimension("rad"), M: dimension("kg")}
+CHECK = {
+    U: dimension("m/s"),
+    V: dimension("m/s"),
+    R: dimension("rad/s"),
+    PSI: dimension("rad"),
+    M: dimension("kg"),
+}
 
 
 def of(expression: sp.Expr):
@@ -44,11 +50,13 @@ def test_an_unknown_unit_is_refused_by_its_text(unit):
 
 def test_degrees_are_converted_and_metres_are_not_seconds():
     assert conversion_factor("deg/s", "rad/s") == pytest.approx(0.017453292519943295)
-    with pytest.raises(UnitError, match="'m'.*'s'"):
+    with pytest.raises(UnitError, match=r"'m'.*'s'"):
         conversion_factor("s", "m")
 
 
-@pytest.mark.parametrize("unit", ["1", "", "rad", "m/s^2", "N", "N*m", "A", "kg*m^2", "Hz", "m^(1/2)", "(m/s)^2*s"])
+@pytest.mark.parametrize(
+    "unit", ["1", "", "rad", "m/s^2", "N", "N*m", "A", "kg*m^2", "Hz", "m^(1/2)", "(m/s)^2*s"]
+)
 def test_si_units_have_no_factor(unit):
     assert is_plain_si(unit)
 
@@ -63,33 +71,51 @@ def test_adding_surge_to_yaw_rate_is_an_error_that_names_the_expression_and_both
         of(U + R)
 
 
-@pytest.mark.parametrize("wrong", [
-    sp.Max(U, R), sp.Min(U, R), sp.atan2(U, R), sgn(U, R), sp.sin(U), sp.exp(M), sp.sqrt(U) + U, U + 1,
-    sp.Piecewise((U, U > R), (V, True)), sp.Piecewise((U, U > V), (R, True)), 2 ** U, U ** R,
-    sp.sin(PSI) * (U + V * R), sp.Heaviside(U), sp.Piecewise((U, sp.And(U > 0, R > M)), (V, True)),
-])
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        sp.Max(U, R),
+        sp.Min(U, R),
+        sp.atan2(U, R),
+        sgn(U, R),
+        sp.sin(U),
+        sp.exp(M),
+        sp.sqrt(U) + U,
+        U + 1,
+        sp.Piecewise((U, U > R), (V, True)),
+        sp.Piecewise((U, U > V), (R, True)),
+        2**U,
+        U**R,
+        sp.sin(PSI) * (U + V * R),
+        sp.Heaviside(U),
+        sp.Piecewise((U, sp.And(U > 0, R > M)), (V, True)),
+    ],
+)
 def test_what_does_not_fit_is_refused_however_deep_it_hides(wrong):
     with pytest.raises(UnitError):
         of(wrong)
 
 
-@pytest.mark.parametrize(("right", "unit"), [
-    (U * R + V * R, "m/s^2"),
-    (sp.sqrt(U**2 + V**2), "m/s"),
-    (sp.Abs(U) * U, "m^2/s^2"),
-    (sp.atan2(U, V), "rad"),
-    (sgn(U, V), "1"),
-    (sp.sign(U), "1"),
-    (sp.Max(U, 0), "m/s"),
-    (sp.cos(PSI) * U - sp.sin(PSI) * V, "m/s"),
-    (sp.Piecewise((U, (U > 0) & (R < 0)), (0, True)), "m/s"),
-    (M * U**2 / 2, "J"),
-    (1 / R, "s"),
-    (sp.exp(-(U / V) ** 2), "1"),
-    (2 ** (U / V), "1"),
-    (sp.sqrt(M), "kg^(1/2)"),
-    (sp.Piecewise((U, True), (V, False)), "m/s"),
-])
+@pytest.mark.parametrize(
+    ("right", "unit"),
+    [
+        (U * R + V * R, "m/s^2"),
+        (sp.sqrt(U**2 + V**2), "m/s"),
+        (sp.Abs(U) * U, "m^2/s^2"),
+        (sp.atan2(U, V), "rad"),
+        (sgn(U, V), "1"),
+        (sp.sign(U), "1"),
+        (sp.Max(U, 0), "m/s"),
+        (sp.cos(PSI) * U - sp.sin(PSI) * V, "m/s"),
+        (sp.Piecewise((U, (U > 0) & (R < 0)), (0, True)), "m/s"),
+        (M * U**2 / 2, "J"),
+        (1 / R, "s"),
+        (sp.exp(-((U / V) ** 2)), "1"),
+        (2 ** (U / V), "1"),
+        (sp.sqrt(M), "kg^(1/2)"),
+        (sp.Piecewise((U, True), (V, False)), "m/s"),
+    ],
+)
 def test_the_unit_of_a_sound_expression_is_derived(right, unit):
     assert of(right) == dimension(unit)
 

@@ -24,7 +24,7 @@ from hovercontrol.analysis.directions import Direction, readable_basis
 from hovercontrol.block import Block
 from hovercontrol.errors import InputError
 from hovercontrol.estimators.regression import Regression, regression
-from hovercontrol.estimators.sampled import Regressors
+from hovercontrol.estimators.regressors import Regressors
 
 Array = NDArray[np.float64]
 

@@ -24,7 +24,7 @@ from hovercontrol.analysis.excitation import mean_weights
 from hovercontrol.block import Block
 from hovercontrol.errors import InputError
 from hovercontrol.estimators.regression import regression
-from hovercontrol.estimators.sampled import Regressors
+from hovercontrol.estimators.regressors import Regressors
 
 Array = NDArray[np.float64]
 

@@ -7,6 +7,7 @@ effects, so that a model with other drag needs no other controller.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from types import SimpleNamespace
 
@@ -67,6 +68,8 @@ def tracking_controller(
     for key, gain in (("k1", k1), ("k2", k2)):
         if not gain > 0:
             raise InputError(f"controller: {key} must be positive, found {gain:g}")
+    if not math.isfinite(control_point):
+        raise InputError(f"controller: control_point must be finite, found {control_point:g}")
     force, B, s = _affine_dynamics(model, name)
     _refuse_singular(model, name, B, control_point)
     dx = Signal("control_point", "m", "delta_x: tracking point ahead of the centre", start=control_point)

@@ -69,9 +69,9 @@ def kalman_bucy(
     n, m = len(model.states), len(model.coefficients)
     size = n + m
     xi = [*model.states, *model.coefficients]
-    r_start = _diagonal("R", R, n, positive=True)
-    q_start = _diagonal("Q", Q, size)
-    p_start = _diagonal("P0", P0, size)
+    r_start = diagonal("R", R, n, positive=True)
+    q_start = diagonal("Q", Q, size)
+    p_start = diagonal("P0", P0, size)
 
     xhat = [
         s.but(name=f"xhat[{i}]", description=f"estimate of {s.name}", lower=-np.inf, upper=np.inf)
@@ -136,7 +136,8 @@ def _named_regressors(G: sp.Matrix) -> tuple[sp.Matrix, dict[str, sp.Expr]]:
     return sp.Matrix(*G.shape, named), definitions
 
 
-def _diagonal(name: str, value: ArrayLike, size: int, positive: bool = False) -> list[float]:
+def diagonal(name: str, value: ArrayLike, size: int, positive: bool = False) -> list[float]:
+    """Return the diagonal of a covariance given as one number or `size` of them."""
     array = np.asarray(value, dtype=float)
     if array.ndim > 1 or (array.ndim == 1 and array.shape != (size,)):
         raise InputError(f"{name}: expected one number or {size} of them, found shape {array.shape}")

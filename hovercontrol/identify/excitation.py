@@ -1,8 +1,9 @@
 """Which coefficients a log excites, and in which directions it says nothing.
 
 A direction is a combination of coefficients that may change together while the simulation of what was
-measured stays as it was. Coefficients are compared by their size: their nominal value, or a quarter of their
-estimate where that is larger (chance alone does not carry an estimate four standard errors away).
+measured stays as it was. Coefficients are compared by their size: their nominal value (of a model's coefficient: its value
+before, or 1 if that was 0), or a quarter of their estimate where that is larger (chance alone does not carry an
+estimate four standard errors away).
 """
 
 from __future__ import annotations
@@ -20,6 +21,12 @@ Array = NDArray[np.float64]
 
 #: A component of a direction is named when it is at least this part of the largest.
 NAMED = 0.1
+
+#: How stiffly directions without excitation are held, in (1/nominal)^2.
+STIFFNESS = 1e6
+
+#: Standard deviation, in nominal values, of the weak pull to the start values while the way is sought.
+LOOSE = 3.0
 
 #: Standard errors of more than this many sizes are called infinite.
 NO_INFORMATION = 1e5
@@ -56,9 +63,32 @@ def covariance(S: Array, scores: Array, size: Array) -> Array:
 
 
 def unexcited_directions(C: Array, size: Array) -> Array:
-    """Return the directions with a standard error above their size: unit vectors in sizes, shape (P, m)."""
-    values, vectors = np.linalg.eigh(C / np.outer(size, size))
-    return vectors[:, values > 1.0]
+    """Return the directions with a standard error above their size: unit vectors in sizes, shape (P, m).
+
+    There are none unless some coefficient's own standard error is above its size.
+    """
+    scaled = C / np.outer(size, size)
+    values, vectors = np.linalg.eigh(scaled)
+    return vectors[:, values > (1.0 if np.diag(scaled).max() > 1.0 else np.inf)]
+
+
+def same_directions(a: Array, b: Array) -> bool:
+    """Tell whether two sets of directions span nearly the same, each of shape (P, m)."""
+    if a.shape != b.shape or not a.size:
+        return a.shape == b.shape
+    return bool(np.linalg.svd(a.T @ b, compute_uv=False).min() > 0.95)
+
+
+def stiff_pull(directions: Array, nominal: Array) -> Array:
+    """Return the precision that keeps start values along directions, shape (P, P), and only along them."""
+    steps, _ = np.linalg.qr(directions)
+    scaled = steps / nominal[:, None]
+    return STIFFNESS * scaled @ scaled.T
+
+
+def weak_pull(nominal: Array) -> Array:
+    """Return a precision, shape (P, P), that keeps what is not excited from drifting far in the noise."""
+    return np.diag(1 / (LOOSE * nominal) ** 2)
 
 
 def named_directions(
@@ -102,8 +132,8 @@ def reason(
             if name in direction else {}
         if others:
             steps = " and ".join(f"{s:.3g} to {k}" for k, s in others.items())
-            return (f"not to be told from {', '.join(others)}: adding 1 to it and {steps} "
-                    "changes nothing measured")
+            return (f"hardly to be told from {', '.join(others)}: adding 1 to it and {steps} "
+                    "leaves what was measured much as it was")
     return f"its standard error is above its size of {size:.3g} {unit}"
 
 

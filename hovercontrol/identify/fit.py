@@ -21,21 +21,26 @@ from hovercontrol.identify.excitation import (
     idle_inputs,
     named_directions,
     reason,
+    same_directions,
+    stiff_pull,
     unexcited_directions,
+    weak_pull,
 )
 from hovercontrol.identify.measure import MOST_ROWS, Array, Measured, measure_all
 from hovercontrol.identify.problem import Problem
 from hovercontrol.identify.result import Fitted, Identified
-from hovercontrol.identify.shooting import STEP, known_states, stable_step
+from hovercontrol.identify.shooting import STEP, known_states
 from hovercontrol.identify.solve import Solution, Solver
+from hovercontrol.identify.windows import noise_levels, thin, windows
 from hovercontrol.logs import Log
 from hovercontrol.model import Model
 
 #: Length of a window [s], unless told.
 WINDOW = 2.0
 
-#: Fewest rows in a window.
-FEWEST = 4
+#: Windows of this part of the length find the start of the fit: short ones are nearly linear problems, and on
+#: the real logs the way to the minimum takes a third of the iterations and does not end beside it.
+SHORT = 0.25
 
 
 def identify(
@@ -102,34 +107,20 @@ def identify(
     measured = measure_all(block, logs, most_rows)
     channels = tuple(dict.fromkeys(c for m in measured for c in m.channels))
     states = [known_states(block, m, block.parameter_values(), step) for m in measured]
-    ranges = thin(windows(measured, window), most_rows)
     full_names = [block.parameter(name).name for name in names]
-    problem = Problem(block, full_names, measured, states, channels, ranges)
-    solver = Solver(problem, noise_levels(measured, channels), huber, tell)
-
-    def fit(p: Array, x0: list[Array], hold: Array | None) -> Solution:
-        """Fit; and once more with finer sub-steps where the friction found is stiffer."""
-        used = np.inf
-        for _ in range(3):
-            needed = min(stable_step(block, g, problem.parameters(p), step) for g in problem.groups)
-            if needed > 0.7 * used:
-                break
-            used = needed
-            problem.set_step(used)
-            solution = solver.run(p, x0, hold)
-            p, x0 = solution.point.p, solution.point.x0
-        return solution
-
-    solution = fit(problem.start, [g.start for g in problem.groups], None)
-    size = _size(problem, solution)
-    C = covariance(solution.reduced.S, solution.reduced.scores, size)
-    directions = unexcited_directions(C, size)
-    if directions.size:
-        hold = directions / size[:, None]
-        solution = fit(problem.start + _excited(solution.point.p - problem.start, hold, size),
-                       solution.point.x0, hold)
-        C = covariance(solution.reduced.S, solution.reduced.scores, size)
-        directions = unexcited_directions(C, size)
+    noise = noise_levels(measured, channels)
+    iterations, p = 0, None
+    for length in (SHORT * window, window):
+        ranges = thin(windows(measured, length), most_rows)
+        problem = Problem(block, full_names, measured, states, channels, ranges)
+        solver = Solver(problem, noise, huber, step, tell, iterations)
+        start = [group.start for group in problem.groups]
+        if p is None:
+            solution = solver.solve(problem.start, start, weak_pull(problem.nominal))
+        else:
+            solution = _held(solver, p, start, directions)
+        p, iterations = solution.point.p, solver.iterations
+        C, size, directions = _judged(problem, solution)
     tell(1.0, "done")
     named = named_directions(directions, size, names)
     fitted = _fitted(problem, names, solution, C, size, named)
@@ -142,7 +133,7 @@ def identify(
         unexcited=named,
         units={c: block.signal(c).unit for c in channels},
         residual=dict(zip(channels, solution.residual.tolist(), strict=True)),
-        noise=dict(zip(channels, solver.noise.tolist(), strict=True)),
+        noise=dict(zip(channels, noise.tolist(), strict=True)),
         chi2_per_dof=solution.chi2_per_dof,
         windows=len(ranges),
         rows=sum(stop - first for _, first, stop in ranges),
@@ -173,77 +164,24 @@ def _names(model: Model | Block, block: Block, coefficients: Sequence[str] | Non
     return tuple(found)
 
 
-def windows(logs: Sequence[Measured], length: float) -> list[tuple[int, int, int]]:
-    """Cut all logs into windows of about `length` seconds that cross no break.
-
-    Returns
-    -------
-    list of (int, int, int)
-        Index of the log, first row, row behind the last. Stretches shorter than half a window are left out.
-
-    Raises
-    ------
-    InputError
-        If no log holds a window.
-    """
-    found = []
-    for i, log in enumerate(logs):
-        for first, stop in log.segments:
-            time = log.time[first:stop]
-            span = time[-1] - time[0]
-            count = max(1, round(span / length))
-            if span < length / 2 or stop - first < FEWEST * count:
-                continue
-            edges = np.searchsorted(time, time[0] + span * np.arange(1, count) / count)
-            bounds = [0, *edges.tolist(), stop - first]
-            found += [(i, first + a, first + b) for a, b in zip(bounds[:-1], bounds[1:], strict=True)
-                      if b - a >= FEWEST]
-    if not found:
-        spans = (log.time[b - 1] - log.time[a] for log in logs for a, b in log.segments)
-        names = ", ".join(log.name for log in logs)
-        raise InputError(
-            f"{names}: too short for a window of {length:g} s: the longest stretch without a break is "
-            f"{max(spans, default=0.0):.3g} s"
-        )
-    return found
+def _judged(problem: Problem, solution: Solution) -> tuple[Array, Array, Array]:
+    """Return covariance, sizes, and the directions (in sizes) that the logs do not excite."""
+    size = np.maximum(problem.nominal, np.abs(solution.point.p) / 4)
+    C = covariance(solution.information, solution.scores, size)
+    return C, size, unexcited_directions(C, size)
 
 
-def thin(ranges: list[tuple[int, int, int]], most_rows: int) -> list[tuple[int, int, int]]:
-    """Keep windows spread evenly so that no more than `most_rows` rows remain (but one window)."""
-    total = sum(stop - first for _, first, stop in ranges)
-    if total <= most_rows:
-        return ranges
-    keep = max(1, int(len(ranges) * most_rows / total))
-    return [ranges[int(i)] for i in np.linspace(0, len(ranges) - 1, keep)]
-
-
-def noise_levels(logs: Sequence[Measured], channels: Sequence[str]) -> Array:
-    """Return the measurement noise of each channel, shape (C,), in its unit.
-
-    From third differences, which motion hardly enters: the median of their size over 0.6745 sqrt(20).
-    An upper estimate where sampling is slow.
-    """
-    levels = []
-    for channel in channels:
-        rows = [m.values[m.channels.index(channel), a:b] for m in logs if channel in m.channels
-                for a, b in m.segments]
-        jumps = np.concatenate([np.abs(np.diff(row, 3)) for row in rows if row.size > 3] or [[0.0]])
-        jumps = jumps[np.isfinite(jumps)]
-        every = np.concatenate(rows)
-        spread = float(np.nanstd(every)) if np.isfinite(every).any() else 1.0
-        level = float(np.median(jumps)) / (0.6745 * np.sqrt(20.0)) if jumps.size else 0.0
-        levels.append(max(level, 1e-6 * spread, 1e-12))
-    return np.array(levels)
-
-
-def _size(problem: Problem, solution: Solution) -> Array:
-    return np.maximum(problem.nominal, np.abs(solution.point.p) / 4)
-
-
-def _excited(dp: Array, hold: Array, size: Array) -> Array:
-    """Return a step without what it has along the directions held."""
-    unit = hold * size[:, None]
-    return dp - size * (unit @ (unit.T @ (dp / size)))
+def _held(solver: Solver, p: Array, x0: list[Array], directions: Array) -> Solution:
+    """Solve with the start values kept along unexcited directions, until those are the right ones."""
+    problem = solver.problem
+    for _ in range(3):
+        solution = solver.solve(p, x0, stiff_pull(directions, problem.nominal))
+        p, x0 = solution.point.p, solution.point.x0
+        found = _judged(problem, solution)[2]
+        if same_directions(found, directions):
+            break
+        directions = found
+    return solution
 
 
 def _fitted(
@@ -257,7 +195,7 @@ def _fitted(
     for j, name in enumerate(names):
         signal = problem.block.parameter(problem.names[j])
         std = float(np.sqrt(C[j, j]))
-        alone = 1.0 / np.sqrt(max(solution.reduced.S[j, j], 1e-300))
+        alone = 1.0 / np.sqrt(max(solution.information[j, j], 1e-300))
         value = float(np.clip(solution.point.p[j], problem.lower[j], problem.upper[j]))
         bound = "lower" if value <= signal.lower else "upper" if value >= signal.upper else ""
         why = reason(name, std, size[j], alone, directions, signal.unit,

@@ -22,6 +22,9 @@ Array = NDArray[np.float64]
 #: Relative size of the perturbations of central differences.
 NUDGE = 1e-5
 
+#: A state is at rest if its squares, in standard errors, are below this on the mean over windows.
+RESTING = 2.0
+
 #: Numbers that one group of windows may hold in memory at once (100 MB of states).
 GROUP = 12_000_000
 
@@ -62,15 +65,15 @@ class Reduced:
         What each window adds to g.
     back : list of (ndarray, ndarray)
         By group: ``dx0 = a - B dp``; shapes (W, n), (W, n, P).
-    states : int
-        Initial states that the measurements determine, over all windows.
+    state_std : list of ndarray, shape (W, n)
+        Standard errors of the initial states, the coefficients being known; infinite where not measured.
     """
 
     S: Array
     g: Array
     scores: Array
     back: list[tuple[Array, Array]]
-    states: int
+    state_std: list[Array]
 
 
 class Problem:
@@ -156,7 +159,9 @@ class Problem:
         r = group.values.transpose(1, 2, 0) - Y[:, :, 0].transpose(2, 0, 1)
         return r, np.ascontiguousarray(J.transpose(3, 0, 1, 2))
 
-    def reduce(self, point: Point, weights: list[Array], damping: float = 0.0) -> Reduced:
+    def reduce(
+        self, point: Point, weights: list[Array], damping: list[Array] | None = None
+    ) -> Reduced:
         """Return the normal equations in the coefficients.
 
         Parameters
@@ -164,30 +169,35 @@ class Problem:
         point : Point
         weights : list of ndarray, shape (W, K, C)
             One over the standard deviation of each residual.
-        damping : float
-            Levenberg-Marquardt's, relative to the diagonal.
+        damping : list of ndarray, shape (W,), optional
+            Levenberg-Marquardt's of each window's initial states, relative to the diagonal.
         """
         n, P = len(self._free), len(self.names)
-        S, g, back, scores, states = np.zeros((P, P)), np.zeros(P), [], [], 0
-        for r, J, weight in zip(point.residual, point.jacobian, weights, strict=True):
+        S, g, back, scores, stds = np.zeros((P, P)), np.zeros(P), [], [], []
+        none = [np.zeros(len(r)) for r in point.residual]
+        for r, J, weight, damp in zip(
+            point.residual, point.jacobian, weights, damping or none, strict=True
+        ):
             W = len(r)
             A = (J * weight[..., None]).reshape(W, -1, n + P)
             H = A.swapaxes(1, 2) @ A
             f = (A.swapaxes(1, 2) @ (r * weight).reshape(W, -1, 1))[..., 0]
             size = np.sqrt(np.diagonal(H[:, :n, :n], axis1=1, axis2=2))
-            states += int((size > 0).sum())
-            size = np.where(size > 0, size, 1.0)
+            measured = size > 0
+            size = np.where(measured, size, 1.0)
             Haa = H[:, :n, :n] / (size[:, :, None] * size[:, None, :])
-            Haa = Haa + (1e-10 + damping) * np.eye(n)
-            right = np.concatenate([f[:, :n, None], H[:, :n, n:]], axis=2) / size[:, :, None]
-            solved = np.linalg.solve(Haa, right) / size[:, :, None]
-            a, B = solved[:, :, 0], solved[:, :, 1:]
+            Haa = Haa + (1e-10 + damp)[:, None, None] * np.eye(n)
+            inverse = np.linalg.inv(Haa) / (size[:, :, None] * size[:, None, :])
+            variance = np.diagonal(inverse, axis1=1, axis2=2)
+            stds.append(np.where(measured, np.sqrt(np.maximum(variance, 0.0)), np.inf))
+            a = (inverse @ f[:, :n, None])[..., 0]
+            B = inverse @ H[:, :n, n:]
             score = f[:, n:] - np.einsum("wnp,wn->wp", H[:, :n, n:], a)
             S += (H[:, n:, n:] - H[:, n:, :n] @ B).sum(axis=0)
             g += score.sum(axis=0)
             back.append((a, B))
             scores.append(score)
-        return Reduced((S + S.T) / 2, g, np.concatenate(scores), back, states)
+        return Reduced((S + S.T) / 2, g, np.concatenate(scores), back, stds)
 
     def move(self, x0: list[Array], back: list[tuple[Array, Array]], dp: Array) -> list[Array]:
         """Return the initial states that go with a step of the coefficients."""
@@ -197,6 +207,22 @@ class Problem:
             new[self._free] += (a - B @ dp).T
             moved.append(new)
         return moved
+
+
+    def at_rest(self, x0: list[Array], state_std: list[Array]) -> tuple[list[Array], bool]:
+        """Return the initial states with those that are zero but for noise set to zero, and if there are any.
+
+        A state that in every window is fitted to noise still has a velocity, and drag seems to act on it;
+        what the log tells of drag must be judged without.
+        """
+        z = np.concatenate([
+            (x[self._free].T / np.maximum(s, 1e-300)) ** 2 for x, s in zip(x0, state_std, strict=True)
+        ])
+        still = [i for i, m in zip(self._free, z.mean(axis=0), strict=True) if 0 < m < RESTING]
+        rested = [x.copy() for x in x0]
+        for x in rested:
+            x[still] = 0.0
+        return rested, bool(still)
 
 
 def states_that_matter(block: Block, channels: Sequence[str]) -> list[int]:

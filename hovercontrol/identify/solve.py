@@ -14,15 +14,16 @@ from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
 from hovercontrol.errors import InputError
-from hovercontrol.identify.problem import Point, Problem, Reduced
+from hovercontrol.identify.problem import Point, Problem
+from hovercontrol.identify.shooting import stable_step
 
 Array = NDArray[np.float64]
 
 #: Rounds of noise levels, iterations in each, and in all.
 ROUNDS, ITERATIONS = 12, 25
 
-#: How stiffly directions without excitation are held, in (1/size)^2.
-STIFFNESS = 1e6
+#: A fall of the cost (twice the log of the likelihood) that means nothing: standard errors are a fall of 1.
+SMALL = 0.02
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,8 +33,11 @@ class Solution:
     Attributes
     ----------
     point : Point
-    reduced : Reduced
-        Normal equations there, without damping, weighted by the residuals' scatter.
+    information : ndarray, shape (P, P)
+        About the coefficients, weighted by the residuals' scatter; states that are at rest but for noise
+        are taken to be at rest.
+    scores : ndarray, shape (W, P)
+        What each window adds to the gradient.
     residual : ndarray, shape (C,)
         Standard deviation of each channel's residuals.
     chi2_per_dof : float
@@ -42,7 +46,8 @@ class Solution:
     """
 
     point: Point
-    reduced: Reduced
+    information: Array
+    scores: Array
     residual: Array
     chi2_per_dof: float
     converged: bool
@@ -59,36 +64,54 @@ class Solver:
         residuals' scatter.
     huber : float or None
         Threshold of Huber's loss in standard deviations.
+    step : float
+        Longest sub-step of the simulation [s].
     tell : callable
         Progress.
+    iterations : int
+        Iterations done before, for the progress.
     """
 
     def __init__(
-        self, problem: Problem, noise: Array, huber: float | None, tell: Callable[[float, str], None]
+        self, problem: Problem, noise: Array, huber: float | None, step: float,
+        tell: Callable[[float, str], None], iterations: int = 0,
     ) -> None:
         self.problem, self.noise, self.huber, self._tell = problem, noise, huber, tell
+        self.step, self.iterations = step, iterations
         seen = [np.isfinite(g.values).transpose(1, 2, 0) for g in problem.groups]
         self._seen = seen
         self._counts = np.sum([s.sum(axis=(0, 1)) for s in seen], axis=0)
-        self.iterations = 0
 
-    def run(self, p: Array, x0: list[Array], hold: Array | None = None) -> Solution:
-        """Minimise from a start.
+    def solve(self, p: Array, x0: list[Array], pull: Array) -> Solution:
+        """Minimise from a start; once more with finer sub-steps where the friction found is stiffer.
 
         Parameters
         ----------
         p : ndarray, shape (P,)
         x0 : list of ndarray
             Initial states by group.
-        hold : ndarray, shape (P, m), optional
-            Directions, per unit of the coefficients, along which the start values are kept.
+        pull : ndarray, shape (P, P)
+            Precision with which the coefficients are pulled to the Block's own values.
 
         Raises
         ------
         InputError
             If the simulation runs away at the start.
         """
-        Q = STIFFNESS * hold @ hold.T if hold is not None else np.zeros((p.size, p.size))
+        problem, used = self.problem, np.inf
+        while True:
+            every = problem.parameters(p)
+            needed = min(stable_step(problem.block, g, every, self.step) for g in problem.groups)
+            if needed > 0.7 * used:
+                return solution
+            used = needed
+            problem.set_step(used)
+            solution = self._rounds(p, x0, pull)
+            p, x0 = solution.point.p, solution.point.x0
+
+    def _rounds(self, p: Array, x0: list[Array], Q: Array) -> Solution:
+        """Minimise and set the noise levels, in turn."""
+        problem = self.problem
         p = np.clip(p, self.problem.lower, self.problem.upper)
         point = self.problem.linearise(p, x0)
         if not point.finite:
@@ -99,26 +122,33 @@ class Solver:
         sigma = self._scatter(point, self._counts.sum())
         for _ in range(ROUNDS):
             point, converged = self._minimise(point, sigma, Q)
-            states = self.problem.reduce(point, self._weights(point, sigma)).states
-            dof = max(int(self._counts.sum()) - states - p.size, 1)
+            stds = problem.reduce(point, self._weights(point, sigma)).state_std
+            dof = max(int(self._counts.sum() - sum(np.isfinite(s).sum() for s in stds)) - p.size, 1)
             new = self._scatter(point, dof)
             steady = bool(np.all(np.abs(np.log(new / sigma)) < 0.01))
             sigma = new
             if steady and converged:
                 break
-        reduced = self.problem.reduce(point, self._weights(point, sigma))
+        reduced = problem.reduce(point, self._weights(point, sigma))
+        x0, any_rests = problem.at_rest(point.x0, reduced.state_std)
+        information = reduced.S
+        if any_rests:
+            rested = problem.linearise(point.p, x0)
+            information = problem.reduce(rested, self._weights(point, sigma)).S
         chi2 = sum(float(((r / self.noise) ** 2).sum()) for r in point.residual)
-        return Solution(point, reduced, sigma, chi2 / dof, steady and converged)
+        return Solution(point, information, reduced.scores, sigma, chi2 / dof, steady and converged)
 
     def _minimise(self, point: Point, sigma: Array, Q: Array) -> tuple[Point, bool]:
         """Return the minimum for fixed noise levels, and whether it was reached."""
         start, problem = self.problem.start, self.problem
-        cost = self._cost(point, sigma, Q)
-        damping = 0.0
+        costs, damping = self._costs(point, sigma), 0.0
+        window_damping = [np.zeros(len(c)) for c in costs]
+        total = _sum(costs) + (point.p - start) @ Q @ (point.p - start)
+        history = [total]
         for _ in range(ITERATIONS):
             self.iterations += 1
             self._tell(1 - 1 / (1 + self.iterations / 8), "fitting")
-            reduced = problem.reduce(point, self._weights(point, sigma), damping)
+            reduced = problem.reduce(point, self._weights(point, sigma), window_damping)
             S, g = reduced.S + Q, reduced.g - Q @ (point.p - start)
             dp = bounded_step(S, g, problem.lower - point.p, problem.upper - point.p,
                               problem.nominal, damping)
@@ -126,28 +156,35 @@ class Solver:
                 np.clip(point.p + dp, problem.lower, problem.upper),
                 problem.move(point.x0, reduced.back, dp),
             )
-            new = self._cost(trial, sigma, Q) if trial.finite else np.inf
-            small = dp @ S @ dp < 1e-4 and abs(cost - new) < 0.01 + 1e-9 * cost
-            if new <= cost:
-                point, cost = trial, new
+            new = self._costs(trial, sigma)
+            new_total = _sum(new) + (trial.p - start) @ Q @ (trial.p - start)
+            better = bool(new_total <= total)
+            window_damping = [
+                np.where(b <= a, np.where(d > 1e-6, d / 4, 0.0), np.maximum(10 * d, 1e-3))
+                for a, b, d in zip(costs, new, window_damping, strict=True)
+            ]
+            small = dp @ S @ dp < 1e-4 and abs(total - new_total) < SMALL
+            if better:
+                point, costs, total = trial, new, float(new_total)
                 damping = damping / 10 if damping > 1e-6 else 0.0
             else:
                 damping = max(10 * damping, 1e-4)
-            if small or damping > 1e8:
+            history.append(total)
+            if small or (better and len(history) > 5 and history[-6] - total < SMALL):
                 return point, True
         return point, False
 
-    def _cost(self, point: Point, sigma: Array, Q: Array) -> float:
-        away = point.p - self.problem.start
-        total = float(away @ Q @ away)
-        for r in point.residual:
-            z = np.abs(r / sigma)
-            if self.huber is None:
-                total += float((z**2).sum())
-            else:
-                k = self.huber
-                total += float(np.where(z <= k, z**2, 2 * k * z - k**2).sum())
-        return total
+    def _costs(self, point: Point, sigma: Array) -> list[Array]:
+        """Return the cost of each window, by group; infinite where the simulation ran away."""
+        costs = []
+        with np.errstate(invalid="ignore", over="ignore"):
+            for r in point.residual:
+                z = np.abs(r / sigma)
+                cost, k = z**2, self.huber
+                if k is not None:
+                    cost = np.where(z <= k, cost, 2 * k * z - k**2)
+                costs.append(np.nan_to_num(cost.sum(axis=(1, 2)), nan=np.inf, posinf=np.inf))
+        return costs
 
     def _weights(self, point: Point, sigma: Array) -> list[Array]:
         weights = []
@@ -172,6 +209,10 @@ class Solver:
                 for c in range(len(self.noise))
             ]) / 0.6745 * np.sqrt(self._counts / share)
         return np.maximum(level, 0.01 * self.noise)
+
+
+def _sum(costs: list[Array]) -> float:
+    return float(sum(c.sum() for c in costs))
 
 
 def bounded_step(

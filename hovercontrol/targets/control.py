@@ -95,10 +95,10 @@ class BlockSystem(control.NonlinearIOSystem):
 
     # What python-control calls at every point; the two methods above, without looking up parameters again.
     def _rhs(self, t: float, x: Any, u: Any) -> Array:
-        return np.array(call_scalar(self._derivative_pair, t, _list(x), _list(u), self._values))
+        return np.array(call_scalar(self._derivative_pair, t, _list(x), _list(u), self._values), float)
 
     def _out(self, t: float, x: Any, u: Any) -> Array:
-        return np.array(call_scalar(self._output_pair, t, _list(x), _list(u), self._values))
+        return np.array(call_scalar(self._output_pair, t, _list(x), _list(u), self._values), float)
 
     def linearize(
         self, x0: Any, u0: ArrayLike = (), t: float = 0.0,

@@ -146,7 +146,7 @@ class NumpyFunctions:
         t, xs, us = self._arguments(t, x, u)
         p = self.block.parameter_values(params)
         if xs.ndim == us.ndim == 1 and np.ndim(t) == 0:
-            return np.array(call_scalar(pair, float(t), xs.tolist(), us.tolist(), p))  # type: ignore[arg-type]
+            return np.array(call_scalar(pair, float(t), xs.tolist(), us.tolist(), p), dtype=float)  # type: ignore[arg-type]
         if xs.ndim > 1 and us.ndim == 1:
             us = us.reshape(-1, *(1,) * (xs.ndim - 1))
         values = pair[1](t, xs, us, p)

@@ -38,12 +38,17 @@ def skirt_leak():
 def test_a_new_class_is_known_to_model_files_plants_and_estimators_at_once(skirt_leak, tmp_path):
     assert "skirt_leak_in_a_test" in effect_names()
     path = tmp_path / "leaky.toml"
-    path.write_text("[effects]\nskirt_leak_in_a_test = {value = 0.3, lean = 0.1}\nsurge_linear_drag = 0.2\n")
+    path.write_text(
+        "[effects]\nskirt_leak_in_a_test = {value = 0.3, lean = 0.1}\nsurge_linear_drag = 0.2\n"
+    )
     model = load_model(path)
     plant = model.plant()
     x = np.array([0, 0, 0.4, 2.0, 0, 0])
     assert plant.to_numpy().derivatives(0.0, x)[4] == pytest.approx(0.3 * 2.0 * 0.3**2)
-    assert [s.name for s in kalman_bucy(plant).outputs] == ["skirt_leak_in_a_test_hat", "surge_linear_drag_hat"]
+    assert [s.name for s in kalman_bucy(plant).outputs] == [
+        "skirt_leak_in_a_test_hat",
+        "surge_linear_drag_hat",
+    ]
     assert model.linear_coefficients() == ("skirt_leak_in_a_test", "surge_linear_drag")
     path.write_text(model_text(model))
     assert load_model(path) == model
@@ -51,7 +56,9 @@ def test_a_new_class_is_known_to_model_files_plants_and_estimators_at_once(skirt
 
 def test_a_new_file_in_the_folder_is_all_it_takes(tmp_path):
     package = tmp_path / "hovercontrol"
-    shutil.copytree(Path(hovercontrol.__file__).parent, package, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copytree(
+        Path(hovercontrol.__file__).parent, package, ignore=shutil.ignore_patterns("__pycache__")
+    )
     (package / "effects" / "tether.py").write_text(
         "from hovercontrol.effects.base import Coefficient, Effect\n\n\n"
         "class Tether(Effect):\n"
@@ -66,8 +73,14 @@ def test_a_new_file_in_the_folder_is_all_it_takes(tmp_path):
         "m = f.model_from_table({'effects': {'tether': 2.0}})\n"
         "print(hovercontrol.__file__, m.plant().equations().splitlines()[3])\n"
     )
-    done = subprocess.run([sys.executable, "-c", script], env={**os.environ, "PYTHONPATH": str(tmp_path)},
-                          cwd=tmp_path, capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        [sys.executable, "-c", script],
+        env={**os.environ, "PYTHONPATH": str(tmp_path)},
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
     assert done.stdout.startswith(str(tmp_path))
     assert "u' = -plant.tether*x + r*v" in done.stdout
 
@@ -94,18 +107,23 @@ def test_an_unknown_effect_is_answered_with_the_nearest():
         effect_class("thurst")
 
 
-@pytest.mark.parametrize(("numbers", "message"), [
-    ({}, "'value' is missing"),
-    ({"value": -0.1}, r"value = -0\.1 is out of its bounds \[0, inf\]"),
-    ({"value": float("nan")}, "value"),
-    ({"value": float("inf")}, "value must be a number"),
-    ({"value": "0.8"}, "value must be a number, found '0.8'"),
-    ({"value": True}, "value must be a number"),
-    ({"value": 1.0, "widht": 0.1}, "unknown number 'widht'; did you mean 'width'"),
-    ({"value": 1.0, "width": 0.0}, "width = 0 is out of its bounds"),
-])
+@pytest.mark.parametrize(
+    ("numbers", "message"),
+    [
+        ({}, "'value' is missing"),
+        ({"value": -0.1}, r"value = -0\.1 is out of its bounds \[0, inf\]"),
+        ({"value": float("nan")}, "value"),
+        ({"value": float("inf")}, "value must be a number"),
+        ({"value": "0.8"}, "value must be a number, found '0.8'"),
+        ({"value": True}, "value must be a number"),
+        ({"value": 1.0, "widht": 0.1}, "unknown number 'widht'; did you mean 'width'"),
+        ({"value": 1.0, "width": 0.0}, "width = 0 is out of its bounds"),
+    ],
+)
 def test_numbers_that_make_no_effect_are_refused_by_name(numbers, message):
-    with pytest.raises(InputError, match=f"effect yaw_coulomb: .*{message}|effect yaw_coulomb: {message}"):
+    with pytest.raises(
+        InputError, match=f"effect yaw_coulomb: .*{message}|effect yaw_coulomb: {message}"
+    ):
         effect("yaw_coulomb", **numbers)
 
 

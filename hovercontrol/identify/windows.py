@@ -1,0 +1,76 @@
+"""Where logs are cut into windows, and how noisy their channels are."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from hovercontrol.errors import InputError
+from hovercontrol.identify.measure import Array, Measured
+
+#: Fewest rows in a window.
+FEWEST = 4
+
+
+def windows(logs: Sequence[Measured], length: float) -> list[tuple[int, int, int]]:
+    """Cut all logs into windows of about `length` seconds that cross no break.
+
+    Returns
+    -------
+    list of (int, int, int)
+        Index of the log, first row, row behind the last. Stretches shorter than half a window are left out.
+
+    Raises
+    ------
+    InputError
+        If no log holds a window.
+    """
+    found = []
+    for i, log in enumerate(logs):
+        for first, stop in log.segments:
+            time = log.time[first:stop]
+            span = time[-1] - time[0]
+            count = max(1, min(round(span / length), (stop - first) // FEWEST))
+            if span < length / 2 or stop - first < FEWEST:
+                continue
+            edges = np.searchsorted(time, time[0] + span * np.arange(1, count) / count)
+            bounds = [0, *edges.tolist(), stop - first]
+            found += [(i, first + a, first + b) for a, b in zip(bounds[:-1], bounds[1:], strict=True)
+                      if b - a >= FEWEST]
+    if not found:
+        spans = (log.time[b - 1] - log.time[a] for log in logs for a, b in log.segments)
+        names = ", ".join(log.name for log in logs)
+        raise InputError(
+            f"{names}: too short for a window of {length:g} s: the longest stretch without a break is "
+            f"{max(spans, default=0.0):.3g} s"
+        )
+    return found
+
+
+def thin(ranges: list[tuple[int, int, int]], most_rows: int) -> list[tuple[int, int, int]]:
+    """Keep windows spread evenly so that no more than `most_rows` rows remain (but one window)."""
+    total = sum(stop - first for _, first, stop in ranges)
+    if total <= most_rows:
+        return ranges
+    keep = max(1, int(len(ranges) * most_rows / total))
+    return [ranges[int(i)] for i in np.linspace(0, len(ranges) - 1, keep)]
+
+
+def noise_levels(logs: Sequence[Measured], channels: Sequence[str]) -> Array:
+    """Return the measurement noise of each channel, shape (C,), in its unit.
+
+    From third differences, which motion hardly enters: the median of their size over 0.6745 sqrt(20).
+    An upper estimate where sampling is slow.
+    """
+    levels = []
+    for channel in channels:
+        rows = [m.values[m.channels.index(channel), a:b] for m in logs if channel in m.channels
+                for a, b in m.segments]
+        jumps = np.concatenate([np.abs(np.diff(row, 3)) for row in rows if row.size > 3] or [[0.0]])
+        jumps = jumps[np.isfinite(jumps)]
+        every = np.concatenate(rows)
+        spread = float(np.nanstd(every)) if np.isfinite(every).any() else 1.0
+        level = float(np.median(jumps)) / (0.6745 * np.sqrt(20.0)) if jumps.size else 0.0
+        levels.append(max(level, 1e-6 * spread, 1e-12))
+    return np.array(levels)
