@@ -278,16 +278,19 @@ class Block:
         Raises
         ------
         InputError
-            If a key is unknown (the nearest is named) or a value is no number.
+            If a key is unknown (the nearest is named), a value is no number or out of its bounds.
         """
         values = dict(self.default_parameters)
+        signals = dict(zip(values, self.parameters, strict=True))
         for key, value in (params or {}).items():
             if key not in values:
                 hint = did_you_mean(key, values)
                 raise InputError(self._where(f"unknown parameter {key!r}{hint}"))
             try:
-                values[key] = float(value)
-            except (TypeError, ValueError):
+                values[key] = signals[key].check(float(value), key)
+            except (TypeError, ValueError) as error:
+                if isinstance(error, InputError):
+                    raise InputError(self._where(str(error))) from None
                 text = f"parameter {key!r} must be a number, found {value!r}"
                 raise InputError(self._where(text)) from None
         return tuple(values.values())

@@ -191,7 +191,11 @@ def progress_bar(text: str, total: float) -> Iterator[Any]:
         def report(done: float) -> None:
             bar.update(task, completed=done)
 
-        yield report
+        try:
+            yield report
+        except BaseException:
+            bar.live.transient = True  # an error is one line: the bar leaves
+            raise
         bar.update(task, completed=total)
 
 

@@ -144,51 +144,44 @@ def interconnect(
     _refuse_loops(blocks, drivers)
 
     parts = [_part(block) for block in blocks]
-    wires: dict[str, sp.Expr] = {}
-    plain: set[str] = set()  # outputs that are just a state or a definition: they need no line of their own
+    plain = _plain_outputs(parts)
+    outside = {sp.Symbol(n, real=True): e for n, e in plain.items()}
     definitions: dict[str, sp.Expr] = {}
     signals: list[Signal] = []
+    derivatives: dict[str, sp.Expr] = {}
     for part in parts:
-        swap = dict(part.own)
-        for signal in part.block.definition_signals:
-            definitions[f"{part.block.name}.{signal.name}"] = part.block.definitions[signal.name]
-            signals.append(signal.but(name=f"{part.block.name}.{signal.name}"))
-        for output in part.block.outputs:
-            e = part.block.output_expressions[output.name]
-            wires[output.name] = swap.get(e, e)
-            if e in swap:
-                plain.add(output.name)
-    taken = {sp.Symbol(n, real=True): wires[n] for n in plain}
-    for part in parts:
-        swap = {**taken, **part.own}
-        for signal in part.block.definition_signals:
-            key = f"{part.block.name}.{signal.name}"
-            definitions[key] = definitions[key].xreplace(swap)
-        for output in part.block.outputs:
+        block, swap = part.block, {**outside, **part.own}
+        for signal in block.definition_signals:
+            signals.append(_moved(part, signal))
+            definitions[signals[-1].name] = block.definitions[signal.name].xreplace(swap)
+        for output in block.outputs:
             if output.name not in plain:
-                e = part.block.output_expressions[output.name]
-                definitions[output.name] = e.xreplace(swap)
                 signals.append(output)
-    derivatives = {
-        part.own[state.symbol].name: part.block.derivatives[state.name].xreplace({**taken, **part.own})
-        for part in parts
-        for state in part.block.states
-    }
+                definitions[output.name] = block.output_expressions[output.name].xreplace(swap)
+        for state in block.states:
+            derivatives[part.own[state.symbol].name] = block.derivatives[state.name].xreplace(swap)
+    shown = _chosen({n: s for n, (_, s) in drivers.items()}, outputs, "output")
     return Block(
         name=name,
         states=tuple(_moved(part, s) for part in parts for s in part.block.states),
         inputs=tuple(_chosen(open_inputs, inputs, "input", strict=True)),
-        outputs=tuple(_chosen({n: s for n, (_, s) in drivers.items()}, outputs, "output")),
+        outputs=tuple(shown),
         parameters=tuple(_moved(part, s) for part in parts for s in part.block.parameters),
         derivatives=Expressions(derivatives),
-        output_expressions=Expressions((n, wires[n]) for n in _shown(drivers, outputs) if n in plain),
+        output_expressions=Expressions((s.name, plain[s.name]) for s in shown if s.name in plain),
         definitions=Expressions(definitions),
         definition_signals=tuple(signals),
     )
 
 
-def _shown(drivers: Mapping[str, object], outputs: Sequence[str] | None) -> list[str]:
-    return list(drivers) if outputs is None else list(outputs)
+def _plain_outputs(parts: Sequence[_Part]) -> dict[str, sp.Expr]:
+    """Return the outputs that are just a state or a definition of their Block; they need no line of their own."""
+    return {
+        name: part.own[e]
+        for part in parts
+        for name, e in part.block.output_expressions.items()
+        if e in part.own
+    }
 
 
 def _part(block: Block) -> _Part:

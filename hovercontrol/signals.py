@@ -70,13 +70,24 @@ class Signal:
                 object.__setattr__(self, field, float(value))
             except (TypeError, ValueError):
                 raise InputError(f"{self.name}: {field} must be a number, found {value!r}") from None
-        if math.isnan(self.start) or not self.lower <= self.start <= self.upper:
-            raise InputError(
-                f"{self.name} = {self.start:g} {self.unit} is out of its bounds "
-                f"[{self.lower:g}, {self.upper:g}]"
-            )
+        self.check(self.start)
         if not 0 < self.nominal < math.inf:
             raise InputError(f"{self.name}: nominal must be positive, found {self.nominal:g}")
+
+    def check(self, value: float, name: str = "") -> float:
+        """Return a value of this signal if it lies within the bounds.
+
+        Raises
+        ------
+        InputError
+            If it does not; the line names the signal (or `name`), its unit and its bounds.
+        """
+        if not self.lower <= value <= self.upper:
+            raise InputError(
+                f"{name or self.name} = {value:g} {self.unit} is out of its bounds "
+                f"[{self.lower:g}, {self.upper:g}]"
+            )
+        return value
 
     @property
     def symbol(self) -> sp.Symbol:

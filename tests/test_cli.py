@@ -62,7 +62,7 @@ high = 0.001
         (["simulate", "table1", "--aut", "x"], "No such option: --aut"),
         (["simulat", "table1"], "No such command 'simulat'"),
         (["identify"], "expected one or more logs"),
-        (["identify", "nothere.csv"], "nothere.csv: no such file"),
+        (["identify", "nothere.csv"], "nothere.csv: expected a CSV or Parquet file, there is no such file"),
     ],
 )
 def test_wrong_input_is_one_line_with_status_2_and_nothing_written(tmp_path, args, said):

@@ -1,9 +1,9 @@
 """Which coefficients a log excites, and in which directions it says nothing.
 
-A direction is a combination of coefficients that may change together while the simulation of what was
-measured stays as it was. Coefficients are compared by their size: their nominal value (of a model's coefficient: its value
-before, or 1 if that was 0), or a quarter of their estimate where that is larger (chance alone does not carry an
-estimate four standard errors away).
+A direction is a combination of coefficients that may change together while the simulation of what
+was measured stays as it was. Coefficients are compared by their size: their nominal value (of a
+model's coefficient: its value before, or 1 if that was 0), or a quarter of their estimate where
+that is larger (chance alone does not carry an estimate four standard errors away).
 """
 
 from __future__ import annotations
@@ -25,7 +25,8 @@ NAMED = 0.1
 #: How stiffly directions without excitation are held, in (1/nominal)^2.
 STIFFNESS = 1e6
 
-#: Standard deviation, in nominal values, of the weak pull to the start values while the way is sought.
+#: Standard deviation, in nominal values, of the weak pull to the start values while the way is
+#: sought.
 LOOSE = 3.0
 
 #: Standard errors of more than this many sizes are called infinite.
@@ -35,10 +36,11 @@ NO_INFORMATION = 1e5
 def covariance(S: Array, scores: Array, size: Array) -> Array:
     """Return the covariance of the coefficients, shape (P, P).
 
-    Two estimates of each standard error, the larger of them: the inverse of the information matrix `S`
-    (weighted by the residuals' own scatter, hence inflated by the square root of chi2/dof), right when residuals
-    are white; and the sandwich over windows (Huber 1967; Liang and Zeger, Biometrika 73 (1986) 13), right when
-    they are correlated within windows, as those of a model that lacks something are.
+    Two estimates of each standard error, the larger of them: the inverse of the information matrix
+    `S` (weighted by the residuals' own scatter, hence inflated by the square root of chi2/dof),
+    right when residuals are white; and the sandwich over windows (Huber 1967; Liang and Zeger,
+    Biometrika 73 (1986) 13), right when they are correlated within windows, as those of a model
+    that lacks something are.
 
     Parameters
     ----------
@@ -63,7 +65,7 @@ def covariance(S: Array, scores: Array, size: Array) -> Array:
 
 
 def unexcited_directions(C: Array, size: Array) -> Array:
-    """Return the directions with a standard error above their size: unit vectors in sizes, shape (P, m).
+    """Return directions with a standard error above their size: unit vectors in sizes, (P, m).
 
     There are none unless some coefficient's own standard error is above its size.
     """
@@ -80,14 +82,14 @@ def same_directions(a: Array, b: Array) -> bool:
 
 
 def stiff_pull(directions: Array, nominal: Array) -> Array:
-    """Return the precision that keeps start values along directions, shape (P, P), and only along them."""
+    """Return the precision, shape (P, P), that keeps start values along directions only."""
     steps, _ = np.linalg.qr(directions)
     scaled = steps / nominal[:, None]
     return STIFFNESS * scaled @ scaled.T
 
 
 def weak_pull(nominal: Array) -> Array:
-    """Return a precision, shape (P, P), that keeps what is not excited from drifting far in the noise."""
+    """Return a precision, shape (P, P), that keeps what is not excited from drifting far."""
     return np.diag(1 / (LOOSE * nominal) ** 2)
 
 

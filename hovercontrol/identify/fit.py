@@ -1,9 +1,10 @@
 """Identification: the coefficients of a model from logs, by maximum-likelihood multiple shooting.
 
-The logs are cut into windows of a few seconds. Within each the Block runs free from an initial state that is
-itself sought; the coefficients are those that make all windows fit best (van Domselaar and Hemker, 1975; Bock,
-1983). Long windows would let model errors pile up and lose the way to the minimum, one-step predictions would
-let measurement noise bias the coefficients; windows of seconds do neither.
+The logs are cut into windows of a few seconds. Within each the Block runs free from an initial
+state that is itself sought; the coefficients are those that make all windows fit best (van
+Domselaar and Hemker, 1975; Bock, 1983). Long windows would let model errors pile up and lose the
+way to the minimum, one-step predictions would let measurement noise bias the coefficients; windows
+of seconds do neither.
 """
 
 from __future__ import annotations
@@ -38,8 +39,9 @@ from hovercontrol.model import Model
 #: Length of a window [s], unless told.
 WINDOW = 2.0
 
-#: Windows of this part of the length find the start of the fit: short ones are nearly linear problems, and on
-#: the real logs the way to the minimum takes a third of the iterations and does not end beside it.
+#: Windows of this part of the length find the start of the fit: short ones are nearly linear
+#: problems, and on the real logs the way to the minimum takes a third of the iterations and does
+#: not end beside it.
 SHORT = 0.25
 
 
@@ -65,13 +67,15 @@ def identify(
         (``u, v, r``), both, or any other states or outputs of the Block. Already measured ones
         (:func:`~hovercontrol.identify.measure.measure`) are taken as they are.
     coefficients : sequence of str, optional
-        Names of parameters, shapes included (``yaw_coulomb_width``); by default all linear coefficients.
+        Names of parameters, shapes included (``yaw_coulomb_width``); by default all linear
+        coefficients.
     window : float, optional
         Length of the windows [s].
     step : float, optional
         Longest sub-step of the simulation [s]; stiff friction makes it shorter, down to 1 ms.
     huber : float, optional
-        Residuals beyond this many standard deviations weigh less (Huber's loss); without it all weigh alike.
+        Residuals beyond this many standard deviations weigh less (Huber's loss); without it all
+        weigh alike.
     most_rows : int, optional
         Most rows used of all logs together; windows are then spread evenly.
     progress : callable, optional
@@ -109,18 +113,20 @@ def identify(
     states = [known_states(block, m, block.parameter_values(), step) for m in measured]
     full_names = [block.parameter(name).name for name in names]
     noise = noise_levels(measured, channels)
-    iterations, p = 0, None
-    for length in (SHORT * window, window):
+
+    def solver_of(length: float, iterations: int = 0) -> Solver:
         ranges = thin(windows(measured, length), most_rows)
         problem = Problem(block, full_names, measured, states, channels, ranges)
-        solver = Solver(problem, noise, huber, step, tell, iterations)
-        start = [group.start for group in problem.groups]
-        if p is None:
-            solution = solver.solve(problem.start, start, weak_pull(problem.nominal))
-        else:
-            solution = _held(solver, p, start, directions)
-        p, iterations = solution.point.p, solver.iterations
-        C, size, directions = _judged(problem, solution)
+        return Solver(problem, noise, huber, step, tell, iterations)
+
+    solver = solver_of(SHORT * window)
+    problem = solver.problem
+    rough = solver.solve(problem.start, problem.first_states(), weak_pull(problem.nominal))
+    directions = _judged(problem, rough)[2]
+    solver = solver_of(window, solver.iterations)
+    problem = solver.problem
+    solution = _held(solver, rough.point.p, problem.first_states(), directions)
+    C, size, directions = _judged(problem, solution)
     tell(1.0, "done")
     named = named_directions(directions, size, names)
     fitted = _fitted(problem, names, solution, C, size, named)
@@ -135,8 +141,8 @@ def identify(
         residual=dict(zip(channels, solution.residual.tolist(), strict=True)),
         noise=dict(zip(channels, noise.tolist(), strict=True)),
         chi2_per_dof=solution.chi2_per_dof,
-        windows=len(ranges),
-        rows=sum(stop - first for _, first, stop in ranges),
+        windows=len(problem.ranges),
+        rows=sum(stop - first for _, first, stop in problem.ranges),
         rows_total=sum(m.rows_total for m in measured),
         logs=tuple(m.name for m in measured),
         iterations=solver.iterations,
@@ -144,7 +150,9 @@ def identify(
     )
 
 
-def _names(model: Model | Block, block: Block, coefficients: Sequence[str] | None) -> tuple[str, ...]:
+def _names(
+    model: Model | Block, block: Block, coefficients: Sequence[str] | None
+) -> tuple[str, ...]:
     if coefficients is None:
         found = model.linear_coefficients() if isinstance(model, Model) else regression(block).names
     else:
@@ -172,7 +180,7 @@ def _judged(problem: Problem, solution: Solution) -> tuple[Array, Array, Array]:
 
 
 def _held(solver: Solver, p: Array, x0: list[Array], directions: Array) -> Solution:
-    """Solve with the start values kept along unexcited directions, until those are the right ones."""
+    """Solve with start values kept along unexcited directions, until those are the right ones."""
     problem = solver.problem
     for _ in range(3):
         solution = solver.solve(p, x0, stiff_pull(directions, problem.nominal))

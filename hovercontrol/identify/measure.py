@@ -47,6 +47,8 @@ class Measured:
         Where the states were, as far as the log tells; NaN in the rows of states it does not tell.
     segments : tuple of (int, int)
         First row and row behind the last of each stretch without a break: no gap, no loss of sight.
+    stretches : tuple of (int, int)
+        The same for the stretches that a very long log was cut into; else one for all rows.
     rejected : tuple of Span
         What the smoother left out.
     rows_total : int
@@ -61,6 +63,7 @@ class Measured:
     values: Array
     states: Array
     segments: tuple[tuple[int, int], ...]
+    stretches: tuple[tuple[int, int], ...]
     rejected: tuple[Span, ...]
     rows_total: int
 
@@ -68,9 +71,9 @@ class Measured:
 def measure(block: Block, log: Log, most_rows: int = MOST_ROWS) -> Measured:
     """Return what a log says about a Block.
 
-    A log with the whole pose of a planar craft goes through the smoother: samples that are no motion
-    carry no residual, stretches without sight are breaks, and body velocities start the fit. Of a log
-    of more than `most_rows` rows only ten stretches, spread evenly, are taken.
+    A log with the whole pose of a planar craft goes through the smoother: samples that are no
+    motion carry no residual, stretches without sight are breaks, and body velocities start the fit.
+    Of a log of more than `most_rows` rows only ten stretches, spread evenly, are taken.
 
     Parameters
     ----------
@@ -108,7 +111,8 @@ def measure(block: Block, log: Log, most_rows: int = MOST_ROWS) -> Measured:
     for name in inputs:
         bad = np.flatnonzero(~np.isfinite(log[name]))
         if bad.size:
-            raise InputError(f"{log.name}: input {name!r} is not finite at {log.time[bad[0]]:.6g} s")
+            when = f"{log.time[bad[0]]:.6g} s"
+            raise InputError(f"{log.name}: input {name!r} is not finite at {when}")
     parts = [_part(block, piece, channels) for piece in _stretches(log, most_rows)]
     starts = np.cumsum([0, *(p.time.size for p in parts)])
     return Measured(
@@ -121,6 +125,7 @@ def measure(block: Block, log: Log, most_rows: int = MOST_ROWS) -> Measured:
         np.concatenate([p.states for p in parts], axis=1),
         tuple((a + int(s), b + int(s)) for s, p in zip(starts, parts, strict=False)
               for a, b in p.segments),
+        tuple(zip(starts[:-1].tolist(), starts[1:].tolist(), strict=True)),
         tuple(span for p in parts for span in p.rejected),
         len(log),
     )
@@ -141,10 +146,13 @@ def _stretches(log: Log, most_rows: int) -> list[Log]:
 
 def _part(block: Block, log: Log, channels: Sequence[str]) -> Measured:
     names = [s.name for s in block.states]
+    planar = log.has(*POSE) and set(names) >= {*POSE, *VELOCITY}
+    if planar:
+        log = log.select(np.isfinite(log.stack(*POSE)).all(axis=1))
     n = len(log)
     values = np.array([log[c] for c in channels])
     inputs = np.array([log[s.name] for s in block.inputs]).reshape(-1, n)
-    if log.has(*POSE) and set(names) >= {*POSE, *VELOCITY} and n >= 8:
+    if planar and n >= 8:
         smooth = smooth_pose(log)
         near = dict(smooth.log.columns)
         time, valid, spans = smooth.log.time, smooth.valid, smooth.rejected
@@ -155,14 +163,18 @@ def _part(block: Block, log: Log, channels: Sequence[str]) -> Measured:
     else:
         time, valid, spans = log.time, np.ones(n, dtype=bool), ()
         if "psi" in channels:
-            values[channels.index("psi")] = np.unwrap(values[channels.index("psi")])
-        near = dict(zip(channels, map(_filled, values), strict=True))
+            row = values[channels.index("psi")]
+            row[np.isfinite(row)] = np.unwrap(row[np.isfinite(row)])
+        near = dict(zip(channels, values, strict=True))
     values[~np.isfinite(values)] = np.nan
     unknown = np.full(n, np.nan)
-    states = np.array([near[name] if name in near else unknown for name in names]).reshape(-1, n)
+    states = np.array([_filled(near.get(name, unknown)) for name in names]).reshape(-1, n)
     origin = float(log.time[0]) if n else 0.0
     segments = _segments(log.name, time, valid)
-    return Measured(log.name, time, origin, inputs, tuple(channels), values, states, segments, spans, n)
+    return Measured(
+        log.name, time, origin, inputs, tuple(channels), values, states, segments, ((0, n),),
+        spans, n,
+    )
 
 
 def _filled(row: Array) -> Array:

@@ -1,8 +1,9 @@
 """The least-squares problem of multiple shooting: residuals, sensitivities, and windows eliminated.
 
-Unknown are the coefficients and, for each window, the initial states. Given the coefficients each window's
-states are a small problem of their own; eliminating them (Schur complement) leaves one small system in the
-coefficients, exact for the linearised problem (Bock, "Randwertproblemmethoden", 1987).
+Unknown are the coefficients and, for each window, the initial states. Given the coefficients each
+window's states are a small problem of their own; eliminating them (Schur complement) leaves one
+small system in the coefficients, exact for the linearised problem (Bock, "Randwertproblemmethoden",
+1987).
 """
 
 from __future__ import annotations
@@ -42,7 +43,8 @@ class Point:
     residual : list of ndarray, shape (W, K, C)
         Measured minus simulated; zero where nothing was measured.
     jacobian : list of ndarray, shape (W, K, C, n + P)
-        Of the simulated channels by the initial states that matter and the coefficients; zero likewise.
+        Of the simulated channels by the initial states that matter and the coefficients; zero
+        likewise.
     finite : bool
         Whether nothing ran away.
     """
@@ -66,7 +68,8 @@ class Reduced:
     back : list of (ndarray, ndarray)
         By group: ``dx0 = a - B dp``; shapes (W, n), (W, n, P).
     state_std : list of ndarray, shape (W, n)
-        Standard errors of the initial states, the coefficients being known; infinite where not measured.
+        Standard errors of the initial states, the coefficients being known; infinite where not
+        measured.
     """
 
     S: Array
@@ -106,7 +109,12 @@ class Problem:
         copies = 1 + 2 * (len(self._free) + len(self.names))
         per_row = copies * max(len(block.states), len(channels))
         self.groups = [cut(logs, states, channels, part) for part in _groups(ranges, per_row)]
+        self.ranges = tuple(ranges)
         self._shooters: list[Shooter] = []
+
+    def first_states(self) -> list[Array]:
+        """Return the guess of all initial states, by group."""
+        return [group.start for group in self.groups]
 
     def set_step(self, step: float) -> None:
         """Choose the longest sub-step [s]."""
@@ -122,9 +130,9 @@ class Problem:
     def linearise(self, p: Array, x0: list[Array]) -> Point:
         """Simulate all windows with central differences in the initial states and coefficients.
 
-        Central differences rather than variational equations: the copies ride along in the same array
-        operations, so that for a usual log they cost less, need no second set of expressions, and agree with
-        the exact Jacobian to 1e-7 (``tests/identify/test_shooting.py``).
+        Central differences rather than variational equations: the copies ride along in the same
+        array operations, so that for a usual log they cost less, need no second set of expressions,
+        and agree with the exact Jacobian to 1e-7 (``tests/identify/test_shooting.py``).
         """
         residual, jacobian, finite = [], [], True
         for shooter, group, x in zip(self._shooters, self.groups, x0, strict=True):
@@ -210,10 +218,10 @@ class Problem:
 
 
     def at_rest(self, x0: list[Array], state_std: list[Array]) -> tuple[list[Array], bool]:
-        """Return the initial states with those that are zero but for noise set to zero, and if there are any.
+        """Return the initial states, those that are zero but for noise set to zero; and if there are any.
 
-        A state that in every window is fitted to noise still has a velocity, and drag seems to act on it;
-        what the log tells of drag must be judged without.
+        A state that in every window is fitted to noise still has a velocity, and drag seems to act
+        on it; what the log tells of drag must be judged without.
         """
         z = np.concatenate([
             (x[self._free].T / np.maximum(s, 1e-300)) ** 2 for x, s in zip(x0, state_std, strict=True)

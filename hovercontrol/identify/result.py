@@ -29,8 +29,8 @@ class Fitted:
     start : float
         Value before.
     bound : str
-        ``"lower"`` or ``"upper"`` where the estimate sits at that bound, else empty. Its standard error is
-        then that without the bound: how far inside the truth may well lie.
+        ``"lower"`` or ``"upper"`` where the estimate sits at that bound, else empty. Its standard
+        error is then that without the bound: how far inside the truth may well lie.
     reason : str
         Why the log does not excite it; empty if it does.
     """
@@ -63,15 +63,15 @@ class Identified:
     covariance : ndarray, shape (P, P)
         Of the coefficients; the roots of its diagonal are the standard errors.
     unexcited : tuple of mapping
-        Directions without excitation: steps of coefficients that together change nothing measured. Along them
-        the start values are kept.
+        Directions without excitation: steps of coefficients that together change nothing measured.
+        Along them the start values are kept.
     units : mapping
         Of each channel.
     residual, noise : mapping
         Standard deviation of each channel's residuals over the windows, and its measurement noise.
     chi2_per_dof : float
-        Squared residuals in units of the measurement noise, per degree of freedom: 1 for a model that lacks
-        nothing, more for one that does.
+        Squared residuals in units of the measurement noise, per degree of freedom: 1 for a model
+        that lacks nothing, more for one that does.
     windows, rows, rows_total : int
         Windows and rows used, rows of the logs.
     logs : tuple of str

@@ -1,7 +1,8 @@
 """Shooting: a Block simulated over many windows of logs at once, for many perturbed copies at once.
 
-Classical Runge-Kutta of fourth order with fixed sub-steps between the rows of a log; inputs hold from
-row to row. One call of the Block's vectorised right-hand side advances all windows and all copies.
+Classical Runge-Kutta of fourth order with fixed sub-steps between the rows of a log; inputs hold
+from row to row. One call of the Block's vectorised right-hand side advances all windows and all
+copies.
 """
 
 from __future__ import annotations
@@ -97,7 +98,9 @@ class Shooter:
         Longest sub-step [s].
     """
 
-    def __init__(self, block: Block, windows: Windows, channels: Sequence[str], step: float) -> None:
+    def __init__(
+        self, block: Block, windows: Windows, channels: Sequence[str], step: float
+    ) -> None:
         self.block, self.windows = block, windows
         self._derivatives, self._outputs = block.to_numpy().vector
         states = [s.name for s in block.states]
@@ -124,7 +127,7 @@ class Shooter:
 
     @staticmethod
     def _record(row: NDArray[np.intp]) -> int | tuple[NDArray[np.intp], NDArray[np.intp]] | None:
-        """Return where the states go after a sub-step: one row for all windows, rows and windows, none."""
+        """Return where states go after a sub-step: one row for all, rows and windows, nowhere."""
         w = np.flatnonzero(row >= 0)
         if not w.size:
             return None
@@ -151,7 +154,8 @@ class Shooter:
         x = x0.copy()
         columns = np.arange(x0.shape[2])
         with np.errstate(all="ignore"):
-            for h, t, interval, row in zip(self._h, self._t, self._interval, self._rows, strict=True):
+            steps = zip(self._h, self._t, self._interval, self._rows, strict=True)
+            for h, t, interval, row in steps:
                 u = self.windows.inputs[:, columns, interval]
                 k1 = self._slope(t, x, u, parameters)
                 k2 = self._slope(t + h / 2, x + (h / 2) * k1, u, parameters)
@@ -189,11 +193,14 @@ class Shooter:
         return Y
 
 
-def known_states(block: Block, log: Measured, parameters: Sequence[float], step: float = STEP) -> Array:
-    """Return all states at every row of a log: measured ones as they are, others simulated along.
+def known_states(
+    block: Block, log: Measured, parameters: Sequence[float], step: float = STEP
+) -> Array:
+    """Return all states at every row of a log: measured ones as they are, others simulated.
 
-    States that the log does not tell (a fan that lags) start from their start value at the beginning of
-    each segment and follow the Block's equations while the others are held to the measurement.
+    States that the log does not tell (a fan that lags) start from their start value at the
+    beginning of each segment and follow the Block's equations while the others are held to the
+    measurement.
 
     Returns
     -------
@@ -217,18 +224,22 @@ def known_states(block: Block, log: Measured, parameters: Sequence[float], step:
                 for i in range(count):
                     h = dt / count
                     k1 = np.array(slope(t + i * h, x, u, parameters), dtype=float)
-                    k2 = np.array(slope(t + (i + 0.5) * h, x + h / 2 * k1, u, parameters), dtype=float)
+                    middle = x + h / 2 * k1
+                    k2 = np.array(slope(t + (i + 0.5) * h, middle, u, parameters), dtype=float)
                     x = x + h * k2
                 states[rest, k + 1] = np.where(np.isfinite(x[rest]), x[rest], start[rest])
                 x[rest] = states[rest, k + 1]
     return states
 
 
-def stable_step(block: Block, windows: Windows, parameters: Sequence[float], longest: float) -> float:
+def stable_step(
+    block: Block, windows: Windows, parameters: Sequence[float], longest: float
+) -> float:
     """Return a sub-step [s] at which Runge-Kutta neither chatters nor smears in stiff dry friction.
 
-    One over the largest eigenvalue of the Block's state Jacobian at the windows' starts, and there with
-    each state that changes sign set to zero, where the slope of regularised friction is largest.
+    One over the largest eigenvalue of the Block's state Jacobian at the windows' starts, and there
+    with each state that changes sign set to zero, where the slope of regularised friction is
+    largest.
     """
     x = windows.start
     u, t = windows.inputs[:, :, 0], windows.time[:, 0]

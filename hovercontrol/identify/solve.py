@@ -1,7 +1,8 @@
-"""The solver of the multiple-shooting problem: Levenberg-Marquardt with bounds, noise levels re-estimated.
+"""The solver of multiple shooting: Levenberg-Marquardt with bounds, noise levels re-estimated.
 
-Each round minimises the weighted squares with the channels' noise levels fixed, then sets every level to the
-scatter of its residuals: together the maximum of the likelihood with unknown noise of each channel.
+Each round minimises the weighted squares with the channels' noise levels fixed, then sets every
+level to the scatter of its residuals: together the maximum of the likelihood with unknown noise of
+each channel.
 """
 
 from __future__ import annotations
@@ -20,9 +21,10 @@ from hovercontrol.identify.shooting import stable_step
 Array = NDArray[np.float64]
 
 #: Rounds of noise levels, iterations in each, and in all.
-ROUNDS, ITERATIONS = 12, 25
+ROUNDS, ITERATIONS = 8, 20
 
-#: A fall of the cost (twice the log of the likelihood) that means nothing: standard errors are a fall of 1.
+#: A fall of the cost (twice the log of the likelihood) that means nothing: standard errors are a
+#: fall of 1.
 SMALL = 0.02
 
 
@@ -34,8 +36,8 @@ class Solution:
     ----------
     point : Point
     information : ndarray, shape (P, P)
-        About the coefficients, weighted by the residuals' scatter; states that are at rest but for noise
-        are taken to be at rest.
+        About the coefficients, weighted by the residuals' scatter; states that are at rest but for
+        noise are taken to be at rest.
     scores : ndarray, shape (W, P)
         What each window adds to the gradient.
     residual : ndarray, shape (C,)
@@ -60,8 +62,8 @@ class Solver:
     ----------
     problem : Problem
     noise : ndarray, shape (C,)
-        Measurement noise of each channel: the reference of chi2, and the floor (one hundredth) of the
-        residuals' scatter.
+        Measurement noise of each channel: the reference of chi2, and the floor (one hundredth) of
+        the residuals' scatter.
     huber : float or None
         Threshold of Huber's loss in standard deviations.
     step : float
@@ -98,26 +100,29 @@ class Solver:
         InputError
             If the simulation runs away at the start.
         """
-        problem, used = self.problem, np.inf
+        used = self._needed_step(p)
         while True:
-            every = problem.parameters(p)
-            needed = min(stable_step(problem.block, g, every, self.step) for g in problem.groups)
+            self.problem.set_step(used)
+            solution = self._rounds(p, x0, pull)
+            p, x0 = solution.point.p, solution.point.x0
+            needed = self._needed_step(p)
             if needed > 0.7 * used:
                 return solution
             used = needed
-            problem.set_step(used)
-            solution = self._rounds(p, x0, pull)
-            p, x0 = solution.point.p, solution.point.x0
+
+    def _needed_step(self, p: Array) -> float:
+        every, block = self.problem.parameters(p), self.problem.block
+        return min(stable_step(block, g, every, self.step) for g in self.problem.groups)
 
     def _rounds(self, p: Array, x0: list[Array], Q: Array) -> Solution:
         """Minimise and set the noise levels, in turn."""
         problem = self.problem
-        p = np.clip(p, self.problem.lower, self.problem.upper)
-        point = self.problem.linearise(p, x0)
+        p = np.clip(p, problem.lower, problem.upper)
+        point = problem.linearise(p, x0)
         if not point.finite:
             raise InputError(
-                f"block {self.problem.block.name!r}: the simulation runs away within a window at the start "
-                "values: shorter windows or other start values may help"
+                f"block {problem.block.name!r}: the simulation runs away within a window at the "
+                "start values: shorter windows or other start values may help"
             )
         sigma = self._scatter(point, self._counts.sum())
         for _ in range(ROUNDS):
@@ -197,7 +202,7 @@ class Solver:
         return weights
 
     def _scatter(self, point: Point, dof: float) -> Array:
-        """Return the standard deviation of each channel's residuals; with Huber's loss by the median."""
+        """Return each channel's standard deviation of residuals; with Huber's loss by the median."""
         share = np.maximum(self._counts * (dof / self._counts.sum()), 1.0)
         if self.huber is None:
             squares = np.sum([(r**2).sum(axis=(0, 1)) for r in point.residual], axis=0)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 
@@ -19,7 +20,8 @@ def windows(logs: Sequence[Measured], length: float) -> list[tuple[int, int, int
     Returns
     -------
     list of (int, int, int)
-        Index of the log, first row, row behind the last. Stretches shorter than half a window are left out.
+        Index of the log, first row, row behind the last. Stretches shorter than half a window are
+        left out.
 
     Raises
     ------
@@ -36,8 +38,7 @@ def windows(logs: Sequence[Measured], length: float) -> list[tuple[int, int, int
                 continue
             edges = np.searchsorted(time, time[0] + span * np.arange(1, count) / count)
             bounds = [0, *edges.tolist(), stop - first]
-            found += [(i, first + a, first + b) for a, b in zip(bounds[:-1], bounds[1:], strict=True)
-                      if b - a >= FEWEST]
+            found += [(i, first + a, first + b) for a, b in pairwise(bounds) if b - a >= FEWEST]
     if not found:
         spans = (log.time[b - 1] - log.time[a] for log in logs for a, b in log.segments)
         names = ", ".join(log.name for log in logs)
@@ -60,8 +61,8 @@ def thin(ranges: list[tuple[int, int, int]], most_rows: int) -> list[tuple[int, 
 def noise_levels(logs: Sequence[Measured], channels: Sequence[str]) -> Array:
     """Return the measurement noise of each channel, shape (C,), in its unit.
 
-    From third differences, which motion hardly enters: the median of their size over 0.6745 sqrt(20).
-    An upper estimate where sampling is slow.
+    From third differences, which motion hardly enters: the median of their size over 0.6745
+    sqrt(20). An upper estimate where sampling is slow.
     """
     levels = []
     for channel in channels:

@@ -106,7 +106,7 @@ def test_a_coefficient_that_wants_to_be_negative_stops_at_its_bound(rudder_log):
 
 
 def test_without_rudder_yaw_is_not_excited(rudder_log):
-    found = identify(c17_experiment(), [rudder_log(POSE, rudder=0.0)])
+    found = identify(c17_experiment(), [rudder_log(POSE, rudder=0.0, seconds=16, rate=50.0)])
     for name in ("rudder_torque", "yaw_coulomb", "yaw_linear_drag"):
         assert not found[name].excited, found.table()
     assert "rudder stays 0" in found["rudder_torque"].reason

@@ -1,0 +1,48 @@
+"""The real logs (../shared/data, or $HOVERCONTROL_DATA): four runs end to end, and a hold-out."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from hovercontrol.identify.study import Study
+from hovercontrol.logs import BenchTable, Condition, Log, gather
+from hovercontrol.vehicles import vehicle
+
+DATA = Path(os.environ.get("HOVERCONTROL_DATA", Path(__file__).parents[2] / "shared" / "data")) / "real_hovercraft"
+
+
+def read(run: str) -> Log:
+    """Return one run: pose and commands joined, pulses as forces, while the lift fan is on."""
+    inputs = [s.name for s in vehicle("four_fan").plant().inputs]
+    return gather(
+        f"{DATA}/run_{run}_pose.csv+{DATA}/run_{run}_command.csv", inputs,
+        bench=BenchTable.from_csv(DATA / "thrust_bench.csv", fans=2),
+        only_while=Condition.parse("pwm_lift>1000"), settle=1.0,
+    )
+
+
+def rows() -> Iterator[tuple[str, str, str, bool | None]]:
+    if not DATA.exists():
+        yield "real logs", f"not at {DATA}", "", None
+        return
+    craft = vehicle("four_fan")
+    for run in "abcd":
+        begin = time.perf_counter()
+        study = Study.make(craft, [read(run)])
+        spent = time.perf_counter() - begin
+        spans = study.judged[0].run.rejected
+        yield f"run {run}, files to coefficients and prediction", f"{spent:.1f} s", "< 20 s", spent < 20
+        yield f"run {run}, rejected spans", f"{len(spans)}, {sum(s.rows for s in spans)} rows", "", None
+    study = Study.make(craft, [read("a"), read("b")], [read("c")])
+    held_out = study.judged[-1]
+    p, r = held_out.prediction, held_out.run.measured[held_out.run.channels.index("r")]
+    stays = float(np.sqrt(np.nanmean((r[50:] - r[:-50]) ** 2)))
+    yield "fit on a + b, yaw rate of c 1 s ahead: rms error", f"{p.rms['r']:.2f} rad/s", "", None
+    yield "... as a share of its own rms", f"{100 * p.nrmse['r']:.0f} %", "", None
+    yield "... if the rate stayed as it is (no model)", f"{stays:.2f} rad/s", "", None
+    yield "chi^2/dof of the fit (1: the model lacks nothing)", f"{study.found.chi2_per_dof:.3g}", "", None

@@ -1,0 +1,63 @@
+"""Pictures of what was measured and what was simulated."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from hovercontrol.identify.predict import FreeRun
+from hovercontrol.logs import POSE, VELOCITY
+
+MEASURED, SIMULATED, SHADE = "0.25", "tab:orange", "tab:red"
+
+
+def plot_free_run(run: FreeRun) -> Figure:
+    """Draw the free-running simulation over the measurement, one axis for each channel.
+
+    Pose stands to the left and velocities to the right. Spans that the smoother rejected are
+    shaded, the normalised error is in each axis.
+
+    Parameters
+    ----------
+    run : FreeRun
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Not attached to a screen; ``figure.savefig("run.png")`` writes it.
+    """
+    known = [c for pair in zip(POSE, VELOCITY, strict=True) for c in pair]
+    planar = set(known) <= set(run.channels)
+    left_over = [c for c in run.channels if c not in known]
+    channels = [*known, *left_over] if planar else list(run.channels)
+    columns = 2 if planar else 1
+    rows = -(-len(channels) // columns)
+    figure = Figure(figsize=(5.5 * columns, 1.0 + 1.8 * rows), layout="constrained")
+    axes = np.atleast_1d(figure.subplots(rows, columns, sharex=True, squeeze=False).ravel())
+    for axis, channel in zip(axes, channels, strict=False):
+        _draw(axis, run, channel)
+    for axis in axes[len(channels):]:
+        axis.remove()
+    for axis in axes[max(0, len(channels) - columns) : len(channels)]:
+        axis.set_xlabel("time [s]")
+        axis.tick_params(labelbottom=True)
+    handles, labels = axes[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), frameon=False)
+    again = f", started {len(run.starts)} times" if len(run.starts) > 1 else ""
+    figure.suptitle(f"{run.model} running free on the inputs of {run.log}{again}")
+    return figure
+
+
+def _draw(axis: Axes, run: FreeRun, channel: str) -> None:
+    i = run.channels.index(channel)
+    axis.plot(run.time, run.measured[i], color=MEASURED, lw=1.2, label="measured")
+    axis.plot(run.time, run.simulated[i], color=SIMULATED, lw=1.0, label="simulated")
+    for k, span in enumerate(run.rejected):
+        axis.axvspan(span.start, span.stop, color=SHADE, alpha=0.2, lw=0.5,
+                     label="no motion, left out" if k == 0 else None)
+    axis.set_ylabel(f"{channel} [{run.units[channel]}]")
+    axis.set_title(f"rms error {run.rms[channel]:.3g} {run.units[channel]}, "
+                   f"{100 * run.nrmse[channel]:.3g} % of its rms", fontsize="small", loc="right")
+    axis.margins(x=0)
+    axis.grid(alpha=0.3)

@@ -1,0 +1,145 @@
+"""One identification from start to end: fit, predict, tell, draw. What ``hovercontrol identify`` does."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from hovercontrol.errors import InputError
+from hovercontrol.files import write_folder
+from hovercontrol.identify.fit import identify
+from hovercontrol.identify.measure import Measured, measure
+from hovercontrol.identify.plot import plot_free_run
+from hovercontrol.identify.predict import FreeRun, Prediction, free_run, window_prediction
+from hovercontrol.identify.result import Identified
+from hovercontrol.logs import Log
+from hovercontrol.model import Model
+from hovercontrol.modelfile import save_model
+
+#: How far ahead predictions are judged [s].
+HORIZON = 1.0
+
+
+@dataclass(frozen=True)
+class Judged:
+    """How the identified model does on one log."""
+
+    label: str
+    holdout: bool
+    prediction: Prediction
+    run: FreeRun
+
+
+@dataclass(frozen=True)
+class Study:
+    """What was found, and how well it predicts each log.
+
+    Parameters
+    ----------
+    found : Identified
+    judged : tuple of Judged
+        Training logs first, then those held out.
+    """
+
+    found: Identified
+    judged: tuple[Judged, ...]
+
+    @classmethod
+    def make(
+        cls,
+        model: Model,
+        training: Sequence[Log],
+        holdout: Sequence[Log] = (),
+        *,
+        coefficients: Sequence[str] | None = None,
+        window: float = 2.0,
+        progress: Callable[[float, str], None] | None = None,
+    ) -> Study:
+        """Fit on the training logs, then predict every log.
+
+        Parameters
+        ----------
+        model : Model
+        training, holdout : sequence of Log
+        coefficients, window
+            As for :func:`~hovercontrol.identify.fit.identify`.
+        progress : callable, optional
+            Called with the part done (0 to 1) and a word on what is being done.
+
+        Raises
+        ------
+        InputError
+            As :func:`~hovercontrol.identify.fit.identify` and :func:`measure`, or if a name is taken twice.
+        """
+        tell = progress or (lambda part, what: None)
+        block = model.plant()
+        measured: list[Measured] = []
+        for k, log in enumerate([*training, *holdout]):
+            tell(0.2 * k / (len(training) + len(holdout)), f"smoothing {log.name}")
+            measured.append(measure(block, log))
+        found = identify(
+            model, measured[: len(training)], coefficients, window=window,
+            progress=lambda part, what: tell(0.2 + 0.6 * part, what),
+        )
+        assert found.model is not None
+        labels = _labels([m.name for m in measured])
+        judged = []
+        for k, (label, data) in enumerate(zip(labels, measured, strict=True)):
+            tell(0.8 + 0.2 * k / len(measured), f"predicting {label}")
+            judged.append(Judged(
+                label, k >= len(training), window_prediction(found.model, data, HORIZON), free_run(found.model, data)
+            ))
+        return cls(found, tuple(judged))
+
+    def text(self) -> str:
+        """Return the findings as plain text: coefficients, predictions, rejected spans."""
+        lines = [self.found.table(), "", f"error {HORIZON:g} s ahead (share of the channel's own rms)"]
+        for j in self.judged:
+            p = j.prediction
+            parts = [f"{c} {p.rms[c]:.3g} {p.units[c]} ({100 * p.nrmse[c]:.3g} %)" for c in p.rms]
+            lines.append(f"  {j.label}{' (held out)' if j.holdout else ''}: " + ", ".join(parts))
+        lines += ["", "left out because no craft moves so"]
+        for j in self.judged:
+            spans = [f"{s.start:.2f}-{s.stop:.2f} s ({s.rows} rows, {s.reason})" for s in j.run.rejected]
+            lines.append(f"  {j.label}: " + (", ".join(spans) or "nothing"))
+        return "\n".join(lines)
+
+    def save(self, folder: str | Path) -> list[Path]:
+        """Write model.toml, coefficients.csv, prediction.csv, rejected.csv and free_run_LOG.png.
+
+        They appear whole or not at all. Returns the files.
+        """
+
+        def write(temporary: Path) -> None:
+            assert self.found.model is not None
+            save_model(self.found.model, temporary / "model.toml")
+            self.found.save_csv(temporary / "coefficients.csv")
+            _table(temporary / "prediction.csv", ["log", "held_out", "channel", "unit", "horizon_s", "rms", "nrmse"], [
+                [j.label, j.holdout, c, j.prediction.units[c], HORIZON, j.prediction.rms[c], j.prediction.nrmse[c]]
+                for j in self.judged for c in j.prediction.rms
+            ])
+            _table(temporary / "rejected.csv", ["log", "start_s", "stop_s", "rows", "reason"], [
+                [j.label, s.start, s.stop, s.rows, s.reason] for j in self.judged for s in j.run.rejected
+            ])
+            for j in self.judged:
+                plot_free_run(j.run).savefig(temporary / f"free_run_{j.label}.png", dpi=120)
+
+        return write_folder(folder, write)
+
+
+def _table(path: Path, heading: list[str], rows: Sequence[Sequence[object]]) -> None:
+    with path.open("w", newline="", encoding="utf-8") as file:
+        out = csv.writer(file)
+        out.writerow(heading)
+        out.writerows(rows)
+
+
+def _labels(names: Sequence[str]) -> list[str]:
+    """Return file names without suffix, told apart by a number where two logs share one."""
+    stems = [Path(name).stem for name in names]
+    labels = [f"{s}_{stems[:k].count(s) + 1}" if stems.count(s) > 1 else s for k, s in enumerate(stems)]
+    if len(set(labels)) < len(labels):
+        raise InputError(f"logs share a name: {', '.join(sorted(set(s for s in labels if labels.count(s) > 1)))}")
+    return labels

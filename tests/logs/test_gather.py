@@ -1,0 +1,68 @@
+"""A run is put together from the files it was recorded in."""
+
+import numpy as np
+import pytest
+
+from hovercontrol.errors import InputError
+from hovercontrol.logs import BenchTable, Condition, Log, gather
+
+
+@pytest.fixture
+def run(tmp_path):
+    """Pose at 50 Hz, commands at 20 Hz in a file of their own with pulse widths; a bench table."""
+    t = np.arange(0.0, 4.0, 0.02)
+    Log("pose", t, {"x": 0 * t, "y": 0 * t, "psi": 0.1 * t}).save(tmp_path / "pose.csv")
+    c = np.arange(0.5, 3.5, 0.05)
+    lift = np.where((c > 1.0) & (c < 3.0), 1375.0, 1000.0)
+    Log("cmd", c, {"pwm_left": np.full(c.size, 1200.0), "pwm_lift": lift}).save(tmp_path / "cmd.csv")
+    (tmp_path / "bench.csv").write_text("pwm,gram\n1100,2\n1200,8\n1300,16\n")
+    return tmp_path
+
+
+def test_pose_and_commands_join_and_pulses_become_newton(run):
+    log = gather(f"{run}/pose.csv+{run}/cmd.csv", ["left"], bench=BenchTable.from_csv(run / "bench.csv", fans=2))
+    assert log["left"] == pytest.approx(np.full(len(log), 0.004 * 9.80665))
+    assert log.time[0] == pytest.approx(0.5, abs=0.02)
+
+
+def test_only_the_stretch_where_the_craft_floats_is_kept(run):
+    log = gather(f"{run}/pose.csv+{run}/cmd.csv", ["pwm_left"], only_while=Condition.parse("pwm_lift>1000"), settle=0.5)
+    assert log.time[0] == pytest.approx(1.55, abs=0.06)
+    assert log.time[-1] == pytest.approx(2.98, abs=0.06)
+
+
+def test_a_file_whose_name_has_a_plus_is_one_file(run):
+    (run / "a+b.csv").write_text((run / "pose.csv").read_text())
+    assert len(gather(str(run / "a+b.csv"))) == 200
+
+
+def test_columns_are_looked_up_in_the_file_that_has_them(run):
+    text = (run / "cmd.csv").read_text().replace('"time"', '"stamp"')
+    (run / "cmd.csv").write_text(text)
+    log = gather(f"{run}/pose.csv+{run}/cmd.csv", ["pwm_left"], columns={"time": "stamp"})
+    assert log.has("pwm_left", "psi")
+
+
+@pytest.mark.parametrize(
+    ("condition", "said"),
+    [
+        ("pwm_lift>2000", "pwm_lift > 2000 holds in no row"),
+        ("pwm_lift=>1", "expected a condition like 'pwm_lift>1000', found 'pwm_lift=>1'"),
+        ("pwm_lft>1", "no column 'pwm_lft'; did you mean 'pwm_lift'?"),
+        ("pwm_lift>1e", "expected a condition"),
+    ],
+)
+def test_a_wrong_condition_is_refused(run, condition, said):
+    with pytest.raises(InputError) as refused:
+        gather(f"{run}/pose.csv+{run}/cmd.csv", ["pwm_left"], only_while=Condition.parse(condition))
+    assert said in str(refused.value)
+
+
+def test_three_files_for_one_run_are_refused(run):
+    with pytest.raises(InputError, match="two files, found 3"):
+        gather(f"{run}/pose.csv+{run}/cmd.csv+{run}/cmd.csv")
+
+
+def test_a_missing_pulse_column_is_named(run):
+    with pytest.raises(InputError, match="no column 'pwm_rigth'"):
+        gather(f"{run}/pose.csv+{run}/cmd.csv", ["rigth"], bench=BenchTable.from_csv(run / "bench.csv"))
