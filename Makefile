@@ -8,7 +8,7 @@ BIN := .venv/bin
 demo: .venv/ready  ## the paper's Table I, then coefficients from the sample log
 	$(BIN)/hovercontrol simulate table1 --out out/table1
 	$(BIN)/hovercontrol identify --sample --out out/identify
-	@echo "Look at out/table1/tracking_error.png and out/identify/free_run.png"
+	@echo "Look at out/table1/tracking_error.png and out/identify/free_run_rudder_craft.png"
 
 test: .venv/ready check  ## style, types, all tests
 	$(BIN)/python -m pytest -n 2

@@ -17,7 +17,9 @@ def machine() -> str:
     cpu = platform.processor() or platform.machine()
     info = Path("/proc/cpuinfo")
     if info.exists():
-        models = [x.split(":", 1)[1].strip() for x in info.read_text().splitlines() if x.startswith("model name")]
+        models = [
+            x.split(":", 1)[1].strip() for x in info.read_text().splitlines() if x.startswith("model name")
+        ]
         cpu = models[0] if models else cpu
     return f"{platform.node()}: {cpu}, {os.cpu_count()} cores, Python {platform.python_version()}"
 

@@ -1,4 +1,4 @@
-"""Table I with estimator, all 50 s through python-control: one fused Block against python-control's separate blocks, same solver."""
+"""Table I with estimator, 50 s through python-control: one fused Block against separate blocks."""
 
 from __future__ import annotations
 
@@ -21,8 +21,12 @@ def systems() -> tuple[control.NonlinearIOSystem, control.InterconnectedSystem]:
     parts = list(loop_parts(load_scenario("table1")).values())
     fused = interconnect(parts, "loop").to_control()
     separate = control.interconnect(
-        [p.to_control() for p in parts], inputs=[], outputs=["error_x", "error_y"], name="separate",
-        warn_duplicate=False, check_unused=False,
+        [p.to_control() for p in parts],
+        inputs=[],
+        outputs=["error_x", "error_y"],
+        name="separate",
+        warn_duplicate=False,
+        check_unused=False,
     )
     return fused, separate
 

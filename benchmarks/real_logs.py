@@ -13,16 +13,21 @@ from hovercontrol.identify.study import Study
 from hovercontrol.logs import BenchTable, Condition, Log, gather
 from hovercontrol.vehicles import vehicle
 
-DATA = Path(os.environ.get("HOVERCONTROL_DATA", Path(__file__).parents[2] / "shared" / "data")) / "real_hovercraft"
+DATA = (
+    Path(os.environ.get("HOVERCONTROL_DATA", Path(__file__).parents[2] / "shared" / "data"))
+    / "real_hovercraft"
+)
 
 
 def read(run: str) -> Log:
     """Return one run: pose and commands joined, pulses as forces, while the lift fan is on."""
     inputs = [s.name for s in vehicle("four_fan").plant().inputs]
     return gather(
-        f"{DATA}/run_{run}_pose.csv+{DATA}/run_{run}_command.csv", inputs,
+        f"{DATA}/run_{run}_pose.csv+{DATA}/run_{run}_command.csv",
+        inputs,
         bench=BenchTable.from_csv(DATA / "thrust_bench.csv", fans=2),
-        only_while=Condition.parse("pwm_lift>1000"), settle=1.0,
+        only_while=Condition.parse("pwm_lift>1000"),
+        settle=1.0,
     )
 
 

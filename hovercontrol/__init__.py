@@ -37,16 +37,38 @@ __version__ = "0.1.0"
 
 __all__ = [
     # the definition and the wiring
-    "Block", "Signal", "time", "sgn", "interconnect", "rename", "prefix",
+    "Block",
+    "Signal",
+    "time",
+    "sgn",
+    "interconnect",
+    "rename",
+    "prefix",
     # models of craft
-    "Model", "Fan", "Effect", "Coefficient", "Shape", "effect", "effect_names", "vehicle", "VEHICLES",
-    "load_model", "save_model",
+    "Model",
+    "Fan",
+    "Effect",
+    "Coefficient",
+    "Shape",
+    "effect",
+    "effect_names",
+    "vehicle",
+    "VEHICLES",
+    "load_model",
+    "save_model",
     # controllers, references, estimators
-    "tracking_controller", "ellipse", "circle", "line", "figure_eight", "waypoints",
-    "kalman_bucy", "regression",
+    "tracking_controller",
+    "ellipse",
+    "circle",
+    "line",
+    "figure_eight",
+    "waypoints",
+    "kalman_bucy",
+    "regression",
     "simulate",
     # errors
-    "InputError", "UnitError",
+    "InputError",
+    "UnitError",
 ]
 
 

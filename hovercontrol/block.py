@@ -184,7 +184,7 @@ class Block:
 
         def visit(name: str, path: tuple[str, ...]) -> None:
             if name in path:
-                circle = " -> ".join((*path[path.index(name):], name))
+                circle = " -> ".join((*path[path.index(name) :], name))
                 raise InputError(self._where(f"definitions are circular: {circle}"))
             if name not in done:
                 needed = self.definitions[name].free_symbols & symbols.keys()
@@ -272,8 +272,17 @@ class Block:
         """The value of every parameter, by its key."""
         return {self.parameter_key(p.name): p.start for p in self.parameters}
 
-    def parameter_values(self, params: Mapping[str, float] | None = None) -> tuple[float, ...]:
+    def parameter_values(
+        self, params: Mapping[str, float] | None = None, *, bounded: bool = True
+    ) -> tuple[float, ...]:
         """Return the values of all parameters in order, `params` over the defaults.
+
+        Parameters
+        ----------
+        params : mapping, optional
+            Values by key (``plant.yaw_coulomb``).
+        bounded : bool, optional
+            Refuse values out of their bounds. Finite differences at a bound step over it.
 
         Raises
         ------
@@ -287,7 +296,7 @@ class Block:
                 hint = did_you_mean(key, values)
                 raise InputError(self._where(f"unknown parameter {key!r}{hint}"))
             try:
-                values[key] = signals[key].check(float(value), key)
+                values[key] = signals[key].check(float(value), key) if bounded else float(value)
             except (TypeError, ValueError) as error:
                 if isinstance(error, InputError):
                     raise InputError(self._where(str(error))) from None
@@ -332,7 +341,9 @@ class Block:
     def named(self, name: str) -> Block:
         """Return the Block under another name; its own parameters' keys follow."""
         own = f"{self.name}."
-        moved = {p.name: f"{name}.{p.name.removeprefix(own)}" for p in self.parameters if p.name.startswith(own)}
+        moved = {
+            p.name: f"{name}.{p.name.removeprefix(own)}" for p in self.parameters if p.name.startswith(own)
+        }
         return replace(self.with_parameter_names(moved), name=name)
 
     def with_parameter_names(self, names: Mapping[str, str]) -> Block:

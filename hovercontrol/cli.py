@@ -1,4 +1,4 @@
-"""The command line. Exit status: 0 done, 1 done with a negative finding, 2 bad input (one line, no traceback)."""
+"""The command line. Exit status: 0 done, 1 done with a negative finding, 2 bad input (said in one line)."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from hovercontrol.errors import InputError
+from hovercontrol.files import check_folder
 
 if TYPE_CHECKING:
     from hovercontrol.logs import Log
@@ -67,7 +68,9 @@ def _root(
 
 @app.command(epilog="Example: hovercontrol simulate table1 --out out/table1")
 def simulate(
-    scenario: Annotated[str, typer.Argument(help="A scenario's name (--list shows them) or a TOML file.")] = "",
+    scenario: Annotated[
+        str, typer.Argument(help="A scenario's name (--list shows them) or a TOML file.")
+    ] = "",
     out: Out = Path("out"),
     list_: Annotated[bool, typer.Option("--list", help="List the scenarios and leave.")] = False,
 ) -> int:
@@ -82,7 +85,10 @@ def simulate(
             print(f"{name:16} {load_scenario(name).title}")
         return 0
     if not scenario:
-        raise InputError(f"simulate: expected a scenario's name ({', '.join(scenario_names())}) or a TOML file")
+        raise InputError(
+            f"simulate: expected a scenario's name ({', '.join(scenario_names())}) or a TOML file"
+        )
+    check_folder(out)
     loaded = load_scenario(scenario)
     with progress_bar(f"simulate {loaded.name}", loaded.end) as report:
         run = run_scenario(loaded, report)
@@ -111,20 +117,39 @@ def _show_metrics(run: Run) -> None:
     epilog="Example: hovercontrol identify a.csv b.csv --holdout c.csv --model craft.toml --out out/identify"
 )
 def identify(
-    logs: Annotated[list[str] | None, typer.Argument(
-        metavar="LOG...", help="CSV or Parquet; POSE.csv+COMMANDS.csv for a run in two files.")] = None,
+    logs: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="LOG...", help="CSV or Parquet; POSE.csv+COMMANDS.csv for a run in two files."
+        ),
+    ] = None,
     out: Out = Path("out"),
     model: Annotated[Path | None, typer.Option(help="Model file to start from.")] = None,
-    vehicle: Annotated[str, typer.Option(help="Or one of the package's craft.")] = "c17_experiment",
-    holdout: Annotated[list[str] | None, typer.Option(help="A log that takes no part in the fit; may be repeated.")] = None,
-    coefficients: Annotated[str, typer.Option(help="Only these, separated by commas; the others keep their value.")] = "",
+    vehicle: Annotated[
+        str | None, typer.Option(help="Or one of the package's craft (else c17_experiment).")
+    ] = None,
+    holdout: Annotated[
+        list[str] | None, typer.Option(help="A log that takes no part in the fit; may be repeated.")
+    ] = None,
+    coefficients: Annotated[
+        str, typer.Option(help="Only these, separated by commas; the others keep their value.")
+    ] = "",
     columns: Annotated[str, typer.Option(help="Names in the files: time=stamp,x=pose.x")] = "",
-    bench: Annotated[Path | None, typer.Option(help="Bench table: column pwm_NAME becomes the force of input NAME.")] = None,
+    bench: Annotated[
+        Path | None, typer.Option(help="Bench table: column pwm_NAME becomes the force of input NAME.")
+    ] = None,
     bench_fans: Annotated[int, typer.Option(help="Fans that pushed together on the bench.", min=1)] = 2,
-    only_while: Annotated[str, typer.Option("--while", help="Use only rows where this holds: 'pwm_lift>1000'")] = "",
+    only_while: Annotated[
+        str, typer.Option("--while", help="Use only rows where this holds: 'pwm_lift>1000'")
+    ] = "",
     settle: Annotated[float, typer.Option(help="Seconds to leave out where that begins.", min=0.0)] = 1.0,
     window: Annotated[float, typer.Option(help="Length of the fit's windows [s].")] = 2.0,
-    sample: Annotated[bool, typer.Option("--sample", help="Use the sample log that comes with the package.")] = False,
+    allow_gaps: Annotated[
+        bool, typer.Option("--allow-gaps", help="Accept logs in which rows are missing.")
+    ] = False,
+    sample: Annotated[
+        bool, typer.Option("--sample", help="Use the sample log that comes with the package.")
+    ] = False,
 ) -> int:
     """Estimate a model's coefficients from logs, with standard errors and what the logs leave open.
 
@@ -142,23 +167,42 @@ def identify(
         raise InputError("identify: expected one or more logs (or --sample)")
     if window <= 0:
         raise InputError(f"identify: --window must be positive, found {window:g}")
+    check_folder(out)
     repeated = [name for name in names if names.count(name) > 1 or name in (holdout or [])]
     if repeated:
-        raise InputError(f"identify: {repeated[0]} is given twice; a hold-out log must take no part in the fit")
-    craft = load_model(model) if model else known_vehicle(vehicle)
+        raise InputError(
+            f"identify: {repeated[0]} is given twice; a hold-out log must take no part in the fit"
+        )
+    if model and vehicle:
+        raise InputError("identify: --model and --vehicle exclude each other")
+    craft = load_model(model) if model else known_vehicle(vehicle or "c17_experiment")
     table = BenchTable.from_csv(bench, fans=bench_fans) if bench else None
     condition = Condition.parse(only_while) if only_while else None
     inputs = [s.name for s in craft.plant().inputs]
 
     def read(files: str) -> Log:
-        return gather(files, inputs, columns=_pairs(columns), bench=table, only_while=condition, settle=settle)
+        return gather(
+            files,
+            inputs,
+            columns=_pairs(columns),
+            bench=table,
+            only_while=condition,
+            settle=settle,
+            allow_gaps=allow_gaps,
+        )
 
     with progress_bar("read logs", 1.0) as report:
-        training, tests = [read(n) for n in names], [read(n) for n in holdout or []]
-        report(1.0)
+        every = []
+        for k, name in enumerate([*names, *(holdout or [])]):
+            every.append(read(name))
+            report((k + 1) / (len(names) + len(holdout or [])))
     with progress_bar("identify", 1.0) as report:
         study = Study.make(
-            craft, training, tests, coefficients=_list(coefficients), window=window,
+            craft,
+            every[: len(names)],
+            every[len(names) :],
+            coefficients=_list(coefficients),
+            window=window,
             progress=lambda part, what: report(part),
         )
     files = study.save(out)
@@ -184,7 +228,12 @@ def _pairs(text: str) -> dict[str, str]:
 @contextmanager
 def progress_bar(text: str, total: float) -> Iterator[Any]:
     """Show a progress bar on standard error; yields a function that takes how far the work is."""
-    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:>3.0f} %"), TimeElapsedColumn())
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.percentage:>3.0f} %"),
+        TimeElapsedColumn(),
+    )
     with Progress(*columns, console=Console(stderr=True), transient=False) as bar:
         task = bar.add_task(text, total=total)
 

@@ -38,10 +38,7 @@ def partial_derivatives(
     def gradient(expression: sp.Expr) -> dict[int, sp.Expr]:
         total: dict[int, sp.Expr] = {}
         for symbol in sorted(expression.free_symbols, key=str):
-            if symbol in columns:
-                parts = {columns[symbol]: sp.S.One}
-            else:
-                parts = through.get(symbol, {})
+            parts = {columns[symbol]: sp.S.One} if symbol in columns else through.get(symbol, {})
             if parts:
                 local = sp.diff(expression, symbol)
                 for j, inner in parts.items():

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
 def text_equations(block: Block) -> str:
     """Return one line an equation: definitions, derivatives, outputs that are more than a name."""
+
     def _text(e: sp.Expr) -> str:
         return str(e.replace(sgn, lambda v, w: sp.Function("sgn")(v)))
 

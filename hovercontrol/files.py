@@ -45,6 +45,22 @@ def _umask() -> int:
     return mask
 
 
+def check_folder(folder: str | Path) -> None:
+    """Refuse a folder for results that cannot be made or written, before any work is done for it.
+
+    Raises
+    ------
+    InputError
+        The line names the path.
+    """
+    target = Path(folder).absolute()
+    there = next(p for p in (target, *target.parents) if p.exists())
+    if not there.is_dir():
+        raise InputError(f"{folder}: cannot write there: {there} is a file, not a folder")
+    if not os.access(there, os.W_OK):
+        raise InputError(f"{folder}: cannot write there: no permission for {there}")
+
+
 def write_folder(folder: str | Path, write: Callable[[Path], object]) -> list[Path]:
     """Let `write` fill a temporary folder beside `folder`, then put its files in place.
 

@@ -1,8 +1,8 @@
 """Wiring: Blocks are joined by signal name into one Block.
 
 An output drives every input of the same name; inputs that nothing drives become inputs of the whole. In the
-whole, states and parameters carry their Block's name in front (``plant.u``, ``plant.yaw_coulomb``), outputs and
-inputs keep their signal names.
+whole, states and parameters carry their Block's name in front (``plant.u``, ``plant.yaw_coulomb``); outputs
+and inputs keep their signal names.
 """
 
 from __future__ import annotations
@@ -45,9 +45,7 @@ def rename(block: Block, signals: Mapping[str, str]) -> Block:
             raise InputError(f"block {block.name!r}: no input or output {old!r} to rename{hint}")
     inputs = {s.name for s in block.inputs}
     swap = {
-        sp.Symbol(old, real=True): sp.Symbol(new, real=True)
-        for old, new in signals.items()
-        if old in inputs
+        sp.Symbol(old, real=True): sp.Symbol(new, real=True) for old, new in signals.items() if old in inputs
     }
 
     def renamed(group: Iterable[Signal]) -> list[Signal]:
@@ -56,8 +54,7 @@ def rename(block: Block, signals: Mapping[str, str]) -> Block:
     def swapped(expressions: Mapping[str, sp.Expr]) -> Expressions:
         return Expressions((name, e.xreplace(swap)) for name, e in expressions.items())
 
-    outputs = [(signals.get(name, name), e.xreplace(swap))
-               for name, e in block.output_expressions.items()]
+    outputs = [(signals.get(name, name), e.xreplace(swap)) for name, e in block.output_expressions.items()]
     return replace(
         block,
         inputs=tuple(renamed(block.inputs)),
@@ -82,8 +79,9 @@ def prefix(block: Block, name: str) -> Block:
     """
     ports = {s.name: f"{name}_{s.name}" for s in (*block.inputs, *block.outputs)}
     own = f"{block.name}."
-    inner = {p.name: f"{name}.{p.name}" for p in block.parameters
-             if "." in p.name and not p.name.startswith(own)}
+    inner = {
+        p.name: f"{name}.{p.name}" for p in block.parameters if "." in p.name and not p.name.startswith(own)
+    }
     return rename(block, ports).with_parameter_names(inner).named(name)
 
 
@@ -175,7 +173,7 @@ def interconnect(
 
 
 def _plain_outputs(parts: Sequence[_Part]) -> dict[str, sp.Expr]:
-    """Return the outputs that are just a state or a definition of their Block; they need no line of their own."""
+    """Return the outputs that are just a state or a definition of their Block: they need no own line."""
     return {
         name: part.own[e]
         for part in parts
@@ -186,10 +184,13 @@ def _plain_outputs(parts: Sequence[_Part]) -> dict[str, sp.Expr]:
 
 def _part(block: Block) -> _Part:
     local = [*block.states, *block.parameters, *block.definition_signals]
-    return _Part(block, {
-        s.symbol: sp.Symbol(f"{block.name}.{s.name}" if _is_local(block, s) else s.name, real=True)
-        for s in local
-    })
+    return _Part(
+        block,
+        {
+            s.symbol: sp.Symbol(f"{block.name}.{s.name}" if _is_local(block, s) else s.name, real=True)
+            for s in local
+        },
+    )
 
 
 def _is_local(block: Block, signal: Signal) -> bool:
@@ -223,9 +224,7 @@ def _refuse_clashes(blocks: Sequence[Block]) -> None:
             keys[key] = block.name
 
 
-def _open_inputs(
-    blocks: Sequence[Block], drivers: Mapping[str, tuple[Block, Signal]]
-) -> dict[str, Signal]:
+def _open_inputs(blocks: Sequence[Block], drivers: Mapping[str, tuple[Block, Signal]]) -> dict[str, Signal]:
     found: dict[str, tuple[Block, Signal]] = {}
     for block in blocks:
         for signal in block.inputs:
@@ -246,7 +245,7 @@ def _refuse_loops(blocks: Sequence[Block], drivers: Mapping[str, tuple[Block, Si
         block = drivers[output][0]
         here = f"{block.name}.{output}"
         if here in path:
-            circle = " -> ".join(reversed([*path[path.index(here):], here]))
+            circle = " -> ".join(reversed([*path[path.index(here) :], here]))
             raise InputError(f"algebraic loop: {circle}; break it with a state (a lag or a delay)")
         if output in done:
             return

@@ -61,7 +61,7 @@ class Fan:
         return Signal(self.name, "N", f"force of the fan {self.name}", nominal=0.1, lower=0.0)
 
     def lever_arm(self, owner: str) -> Signal:
-        """Return the plant's parameter: torque about the centre of mass per force, from place and direction."""
+        """Return the plant's parameter: torque about the centre of mass per force."""
         arm = self.x * math.sin(self.direction) - self.y * math.cos(self.direction)
         text = f"lever arm of the fan {self.name}"
         return Signal(f"{owner}.{self.name}_arm", "m", text, start=arm, nominal=abs(arm) or 1.0)
@@ -113,7 +113,9 @@ class Model:
             if inputs.count(name) > 1 or name in {s.name for s in MOTION}:
                 raise InputError(f"model {self.name!r}: the name of the fan {name!r} is taken")
         if self.rudder.dimension != RUDDER.dimension:
-            raise InputError(f"model {self.name!r}: the rudder's unit is {RUDDER.unit}, not {self.rudder.unit}")
+            raise InputError(
+                f"model {self.name!r}: the rudder's unit is {RUDDER.unit}, not {self.rudder.unit}"
+            )
         for name in ("fan_force", "fan_torque"):
             if name in names and not self.fans:
                 raise InputError(f"model {self.name!r}: the effect {name!r} needs fans, there are none")
@@ -152,10 +154,11 @@ class Model:
         known = self.coefficients()
         for name in values:
             if name not in known:
-                raise InputError(f"model {self.name!r} has no coefficient {name!r}{did_you_mean(name, known)}")
+                raise InputError(
+                    f"model {self.name!r} has no coefficient {name!r}{did_you_mean(name, known)}"
+                )
         changed = [
-            type(e)(**{k: values.get(e.parameter(k), v) for k, v in e.values.items()})
-            for e in self.effects
+            type(e)(**{k: values.get(e.parameter(k), v) for k, v in e.values.items()}) for e in self.effects
         ]
         return replace(self, effects=tuple(changed))
 

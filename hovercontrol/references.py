@@ -1,7 +1,7 @@
 """Reference trajectories as Blocks: position, velocity and acceleration, exact to the last derivative.
 
-Each has no inputs and no states; its outputs are ``x_ref, y_ref`` [m], ``vx_ref, vy_ref`` [m/s], ``ax_ref, ay_ref``
-[m/s^2] as functions of time.
+Each has no inputs and no states; its outputs are ``x_ref, y_ref`` [m], ``vx_ref, vy_ref`` [m/s] and
+``ax_ref, ay_ref`` [m/s^2] as functions of time.
 """
 
 from __future__ import annotations
@@ -148,9 +148,7 @@ def figure_eight(length: float, width: float, rate: float = 1.0, name: str = "re
         Signal("rate", "rad/s", "angular rate of the long axis", start=rate),
     )
     angle = w.symbol * time
-    return from_position(
-        a.symbol / 2 * sp.sin(angle), b.symbol / 2 * sp.sin(2 * angle), (a, b, w), name
-    )
+    return from_position(a.symbol / 2 * sp.sin(angle), b.symbol / 2 * sp.sin(2 * angle), (a, b, w), name)
 
 
 def waypoints(points: ArrayLike, times: ArrayLike, name: str = "reference") -> Block:
@@ -190,9 +188,7 @@ def waypoints(points: ArrayLike, times: ArrayLike, name: str = "reference") -> B
     return from_position(curves[0], curves[1], (metre, second), name)
 
 
-def _piecewise(
-    spline: Any, path: np.ndarray, knots: np.ndarray, second: sp.Symbol
-) -> sp.Expr:
+def _piecewise(spline: Any, path: np.ndarray, knots: np.ndarray, second: sp.Symbol) -> sp.Expr:
     now = time / second
     pieces: list[tuple[sp.Expr, object]] = [(sp.Float(path[0]), now < knots[0])]
     for k in range(len(spline.x) - 1):

@@ -63,7 +63,9 @@ class Signal:
             raise InputError("'t' is the name of time: give the signal another name")
         if not is_plain_si(self.unit):
             plain = unit_text(dimension(self.unit))
-            raise InputError(f"{self.name}: signals are in SI units, found {self.unit!r}; give it in {plain!r}")
+            raise InputError(
+                f"{self.name}: signals are in SI units, found {self.unit!r}; give it in {plain!r}"
+            )
         for field in ("start", "nominal", "lower", "upper"):
             value = getattr(self, field)
             try:

@@ -102,26 +102,44 @@ def simulate(
                     "a derivative is not a number there"
                 )
             result = solve_ivp(
-                f, (times[first], times[last]), states[:, first], t_eval=times[first: last + 1],
-                method=method, rtol=rtol, atol=atol,
+                f,
+                (times[first], times[last]),
+                states[:, first],
+                t_eval=times[first : last + 1],
+                method=method,
+                rtol=rtol,
+                atol=atol,
             )
             if not result.success or not np.isfinite(result.y).all():
                 raise InputError(
                     f"block {block.name!r}: the simulation stops at t = {reached:.6g} s: {result.message}"
                 )
-            states[:, first: last + 1] = result.y
+            states[:, first : last + 1] = result.y
     functions = numpy_functions(block)
     outputs = functions.outputs(times, states, u, params)
     return control.TimeResponseData(
-        times, outputs, states, u, issiso=len(block.outputs) == 1 and len(block.inputs) == 1,
-        output_labels=[s.name for s in block.outputs], state_labels=[s.name for s in block.states],
-        input_labels=[s.name for s in block.inputs], sysname=block.name, title=block.name,
+        times,
+        outputs,
+        states,
+        u,
+        issiso=len(block.outputs) == 1 and len(block.inputs) == 1,
+        output_labels=[s.name for s in block.outputs],
+        state_labels=[s.name for s in block.states],
+        input_labels=[s.name for s in block.inputs],
+        sysname=block.name,
+        title=block.name,
         plot_inputs=bool(block.inputs),
     )
 
 
 def rk4(
-    rhs: FunctionPair, t: float, x: Sequence[float], u: Sequence[float], p: Sequence[float], until: float, steps: int
+    rhs: FunctionPair,
+    t: float,
+    x: Sequence[float],
+    u: Sequence[float],
+    p: Sequence[float],
+    until: float,
+    steps: int,
 ) -> list[float]:
     """Integrate with inputs held, by the classical Runge-Kutta method in equal steps.
 
@@ -179,7 +197,9 @@ def _inputs(block: Block, inputs: Any, n: int) -> Array:
     if given.ndim == 1 and len(names) == 1 and given.shape == (n,):
         given = given.reshape(1, n)
     if given.ndim == 0 or given.shape[0] != len(names):
-        raise InputError(f"block {block.name!r}: expected {len(names)} rows of inputs, found shape {given.shape}")
+        raise InputError(
+            f"block {block.name!r}: expected {len(names)} rows of inputs, found shape {given.shape}"
+        )
     for k, values in enumerate(given):
         u[k] = _row(names[k], values, n)
     return u

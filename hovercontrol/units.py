@@ -18,8 +18,7 @@ from hovercontrol.errors import InputError
 from hovercontrol.sgn import sgn
 
 BASE = ("kg", "m", "s", "A", "K", "mol", "cd")  #: SI base units, in FMI's order (``rad`` apart)
-_PINT_NAMES = ("[mass]", "[length]", "[time]", "[current]", "[temperature]", "[substance]",
-               "[luminosity]")
+_PINT_NAMES = ("[mass]", "[length]", "[time]", "[current]", "[temperature]", "[substance]", "[luminosity]")
 
 #: Exponents of the seven base units; ``None`` is the dimension of zero, which fits every other.
 Dimension = tuple[sp.Rational, ...]
@@ -100,7 +99,9 @@ def is_plain_si(unit: str) -> bool:
     """
     base = unit_text(dimension(unit))
     try:
-        zero, one = (float(registry().Quantity(v, _parse(unit)).to(_parse(base)).magnitude) for v in (0.0, 1.0))
+        zero, one = (
+            float(registry().Quantity(v, _parse(unit)).to(_parse(base)).magnitude) for v in (0.0, 1.0)
+        )
     except (pint.errors.PintError, ValueError):
         return False
     return zero == 0.0 and abs(one - 1.0) < 1e-12
@@ -118,6 +119,7 @@ def unit_text(dims: Dimension) -> str:
     >>> unit_text(dimension("N"))
     'kg*m/s^2'
     """
+
     def power(name: str, exponent: sp.Rational) -> str:
         if exponent == 1:
             return name

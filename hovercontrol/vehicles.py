@@ -66,16 +66,17 @@ def four_fan() -> Model:
 
     The two fans whose names end in ``left`` turn it counter-clockwise (to positive yaw) when they push
     forward, so in this frame (y to the left) they stand at y = -0.0425 m. Mass and lever arm are measured;
-    the other numbers are a starting point, for ``hovercontrol identify`` to replace.
+    drag and inertia are what ``hovercontrol identify`` finds on logs of such a craft, rounded: a start for
+    your own.
     """
-    mass, arm, inertia = 0.1763, 0.0425, 2.0e-4
+    mass, arm, inertia = 0.1763, 0.0425, 8.7e-4
     forward, backward = 0.0, math.pi
     return Model(
         "four_fan",
         (
             effect("surge_linear_drag", 0.2),
-            effect("sway_linear_drag", 0.2),
-            effect("yaw_linear_drag", 0.2),
+            effect("sway_linear_drag", 0.3),
+            effect("yaw_linear_drag", 0.13),
             effect("fan_force", 1 / mass),
             effect("fan_torque", 1 / inertia),
         ),

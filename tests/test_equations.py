@@ -18,8 +18,8 @@ def test_the_c17_plant_reads_as_equation_11():
         "y' = u*sin(psi) + v*cos(psi)",
         "psi' = r",
         "u' = -plant.surge_coulomb*sgn(u) - plant.surge_linear_drag*u + plant.thrust*thrust*cos(rudder) + r*v",  # noqa: E501
-        "v' = -plant.sway_coulomb*sgn(v) - plant.sway_linear_drag*v + plant.thrust*thrust*sin(rudder) - r*u",  # noqa: E501
-        "r' = -plant.rudder_torque*thrust*sin(rudder) - plant.yaw_coulomb*sgn(r) - plant.yaw_linear_drag*r",  # noqa: E501
+        "v' = -plant.sway_coulomb*sgn(v) - plant.sway_linear_drag*v + plant.thrust*thrust*sin(rudder) - r*u",
+        "r' = -plant.rudder_torque*thrust*sin(rudder) - plant.yaw_coulomb*sgn(r) - plant.yaw_linear_drag*r",
     ]
 
 
@@ -44,9 +44,7 @@ def test_latex_has_one_balanced_line_for_each_equation(block):
     for line in lines:
         assert line.count("&=") == 1
         assert line.count("{") == line.count("}")
-        assert not re.search(r"(?<!\\)_(?![{])[A-Za-z]{2}", line), (
-            "a bare underscore would not typeset"
-        )
+        assert not re.search(r"(?<!\\)_(?![{])[A-Za-z]{2}", line), "a bare underscore would not typeset"
 
 
 def test_latex_typesets_in_matplotlibs_mathtext():
@@ -56,7 +54,5 @@ def test_latex_typesets_in_matplotlibs_mathtext():
     text = c17_simulation().plant().equations("latex")
     for line in text.splitlines()[1:-1]:
         parser.parse(
-            "$"
-            + line.removesuffix(r" \\").replace("&", "").replace(r"\operatorname", r"\mathrm")
-            + "$"
+            "$" + line.removesuffix(r" \\").replace("&", "").replace(r"\operatorname", r"\mathrm") + "$"
         )

@@ -6,10 +6,7 @@ from hovercontrol.errors import InputError, did_you_mean
 
 
 def test_the_nearest_name_is_offered():
-    assert (
-        did_you_mean("sway_culomb", ["sway_coulomb", "yaw_coulomb"])
-        == "; did you mean 'sway_coulomb'?"
-    )
+    assert did_you_mean("sway_culomb", ["sway_coulomb", "yaw_coulomb"]) == "; did you mean 'sway_coulomb'?"
 
 
 def test_without_a_near_name_all_known_names_are_listed():

@@ -39,10 +39,7 @@ def linear(name, A, B, C, D, inputs, outputs) -> Block:
         ins,
         outs,
         [per_second] if states else [],
-        {
-            s.name: per_second.symbol * e
-            for s, e in zip(states, rows(A, B) if states else [], strict=True)
-        },
+        {s.name: per_second.symbol * e for s, e in zip(states, rows(A, B) if states else [], strict=True)},
         {s.name: e for s, e in zip(outs, rows(C, D), strict=True)},
     )
 
@@ -70,8 +67,7 @@ def as_arrays(system):
     A, B, C, D = system
     n = len(A)
     return [
-        np.array(M, dtype=float).reshape(s)
-        for M, s in ((A, (n, n)), (B, (n, 1)), (C, (1, n)), (D, (1, 1)))
+        np.array(M, dtype=float).reshape(s) for M, s in ((A, (n, n)), (B, (n, 1)), (C, (1, n)), (D, (1, 1)))
     ]
 
 
@@ -90,9 +86,7 @@ def in_series(systems):
 
 @given(st.lists(siso(), min_size=1, max_size=4))
 def test_a_chain_is_the_product_of_its_links(systems):
-    blocks = [
-        linear(f"b{k}", *system, [f"w{k}"], [f"w{k + 1}"]) for k, system in enumerate(systems)
-    ]
+    blocks = [linear(f"b{k}", *system, [f"w{k}"], [f"w{k + 1}"]) for k, system in enumerate(systems)]
     whole = interconnect(blocks, inputs=["w0"], outputs=[f"w{len(blocks)}"])
     for found, expected in zip(matrices(whole), in_series(systems), strict=True):
         assert np.allclose(found, expected, rtol=1e-12, atol=1e-12)
@@ -100,9 +94,7 @@ def test_a_chain_is_the_product_of_its_links(systems):
 
 @given(st.lists(siso(), min_size=2, max_size=4), st.randoms())
 def test_the_order_of_blocks_changes_nothing_but_the_order_of_states(systems, random):
-    blocks = [
-        linear(f"b{k}", *system, [f"w{k}"], [f"w{k + 1}"]) for k, system in enumerate(systems)
-    ]
+    blocks = [linear(f"b{k}", *system, [f"w{k}"], [f"w{k + 1}"]) for k, system in enumerate(systems)]
     shuffled = list(blocks)
     random.shuffle(shuffled)
     last = f"w{len(blocks)}"
@@ -146,9 +138,7 @@ def test_feedback_is_the_matrix_algebra_of_feedback(plant, law):
     assert whole.inputs == ()
     expected = np.block([[A + B @ J @ C, B @ H], [G @ C, F]])
     assert np.allclose(matrices(whole)[0], expected, atol=1e-12)
-    assert np.allclose(
-        matrices(interconnect(blocks, outputs=["a"]))[2], np.hstack([J @ C, H]), atol=1e-12
-    )
+    assert np.allclose(matrices(interconnect(blocks, outputs=["a"]))[2], np.hstack([J @ C, H]), atol=1e-12)
 
 
 def test_inputs_that_nothing_drives_become_inputs_of_the_whole():
@@ -201,9 +191,7 @@ def test_a_loop_through_a_state_is_no_algebraic_loop():
 
 def test_two_outputs_of_one_name_are_refused_until_one_is_renamed():
     one, two = circle(1.0), circle(2.0, name="other")
-    with pytest.raises(
-        InputError, match=r"'reference' and 'other' both have an output 'x_ref'.*rename"
-    ):
+    with pytest.raises(InputError, match=r"'reference' and 'other' both have an output 'x_ref'.*rename"):
         interconnect([one, two])
     both = interconnect([one, prefix(two, "other")])
     assert [s.name for s in both.outputs[:1]] + [s.name for s in both.outputs[6:7]] == [
@@ -214,9 +202,7 @@ def test_two_outputs_of_one_name_are_refused_until_one_is_renamed():
 
 def test_two_blocks_of_one_name_are_refused():
     with pytest.raises(InputError, match="two blocks are named 'reference'"):
-        interconnect(
-            [circle(1.0), rename(circle(1.0), {s.name: f"{s.name}2" for s in circle(1.0).outputs})]
-        )
+        interconnect([circle(1.0), rename(circle(1.0), {s.name: f"{s.name}2" for s in circle(1.0).outputs})])
 
 
 def test_units_are_checked_along_each_wire():
@@ -244,14 +230,13 @@ def test_wanted_signals_must_be_there_and_open_inputs_must_be_wanted():
         interconnect(parts, outputs=["phi"])
     with pytest.raises(InputError, match="no blocks"):
         interconnect([])
-    assert [
-        s.name for s in interconnect(parts, inputs=["rudder", "thrust"], outputs=["r"]).inputs
-    ] == ["rudder", "thrust"]
+    assert [s.name for s in interconnect(parts, inputs=["rudder", "thrust"], outputs=["r"]).inputs] == [
+        "rudder",
+        "thrust",
+    ]
 
 
-@pytest.mark.parametrize(
-    "signals", [{"thurst": "force"}, {"thrust": "u"}, {"x": "y"}, {"u": "rudder"}]
-)
+@pytest.mark.parametrize("signals", [{"thurst": "force"}, {"thrust": "u"}, {"x": "y"}, {"u": "rudder"}])
 def test_renaming_what_is_not_there_or_to_what_is_taken_is_refused(signals):
     with pytest.raises(InputError):
         rename(hoverdemon().plant(), signals)
@@ -267,9 +252,7 @@ def test_inputs_can_swap_names():
         ),
         {"p": "q", "q": "p"},
     )
-    assert swapped.to_numpy().outputs(0.0, (), [1.0, 0.0]).tolist() == [
-        2.0
-    ]  # the first input, now called q
+    assert swapped.to_numpy().outputs(0.0, (), [1.0, 0.0]).tolist() == [2.0]  # the first input, now called q
     assert swapped.equations() == "y = -p + 2*q"
 
 
@@ -278,9 +261,7 @@ def test_a_renamed_plant_keeps_its_dynamics(rng):
     renamed = rename(plant, {"thrust": "T", "u": "surge"})
     assert [s.name for s in renamed.states] == [s.name for s in plant.states]
     x, u = rng.normal(size=6), rng.normal(size=2)
-    assert np.array_equal(
-        renamed.to_numpy().derivatives(0, x, u), plant.to_numpy().derivatives(0, x, u)
-    )
+    assert np.array_equal(renamed.to_numpy().derivatives(0, x, u), plant.to_numpy().derivatives(0, x, u))
 
 
 def test_two_craft_in_one_system_have_their_own_parameters_and_do_not_meet(rng):
@@ -325,9 +306,7 @@ def test_a_whole_can_be_a_part_and_its_keys_stay(rng):
         atol=1e-13,
     )
     assert outer.to_numpy().derivatives(0.2, [*x, 0.0])[6] == pytest.approx(
-        dict(zip([s.name for s in inner.outputs], inner.to_numpy().outputs(0.2, x), strict=True))[
-            "error_x"
-        ]
+        dict(zip([s.name for s in inner.outputs], inner.to_numpy().outputs(0.2, x), strict=True))["error_x"]
     )
 
 

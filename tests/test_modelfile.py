@@ -72,17 +72,13 @@ def test_every_craft_survives_the_disk(name, tmp_path):
 def test_a_missing_effect_is_a_missing_line(tmp_path):
     text = model_text(vehicle("c17_simulation"))
     path = tmp_path / "amended.toml"
-    path.write_text(
-        "".join(line for line in text.splitlines(keepends=True) if "yaw_coulomb" not in line)
-    )
+    path.write_text("".join(line for line in text.splitlines(keepends=True) if "yaw_coulomb" not in line))
     full, amended = vehicle("c17_simulation"), load_model(path)
     assert {e.name for e in full.effects} - {e.name for e in amended.effects} == {"yaw_coulomb"}
 
 
 def test_units_that_fit_are_converted():
-    drag = model_from_table(
-        {"effects": {"yaw_coulomb": {"value": 90, "unit": "deg/s^2", "width": 0.02}}}
-    )
+    drag = model_from_table({"effects": {"yaw_coulomb": {"value": 90, "unit": "deg/s^2", "width": 0.02}}})
     assert drag.effects[0].values == pytest.approx({"value": math.pi / 2, "width": 0.02})
     thrust = model_from_table(
         {
@@ -94,9 +90,7 @@ def test_units_that_fit_are_converted():
 
 
 def test_a_commands_lower_limit_may_lie_above_zero():
-    craft = model_from_table(
-        {"inputs": {"thrust": {"lower": 0.5, "upper": 2.0}}, "effects": {"thrust": 1.0}}
-    )
+    craft = model_from_table({"inputs": {"thrust": {"lower": 0.5, "upper": 2.0}}, "effects": {"thrust": 1.0}})
     assert (craft.thrust.lower, craft.thrust.start) == (0.5, 0.5)
 
 
@@ -148,9 +142,7 @@ def test_a_commands_lower_limit_may_lie_above_zero():
         ("[effects]\nthrust = 1\nthrust = 2\n", "not readable as TOML.*line 3"),
     ],
 )
-def test_what_is_wrong_in_a_file_is_said_in_one_line_with_the_files_name(
-    content, message, tmp_path
-):
+def test_what_is_wrong_in_a_file_is_said_in_one_line_with_the_files_name(content, message, tmp_path):
     path = tmp_path / "craft.toml"
     path.write_text(content)
     with pytest.raises(InputError, match=message) as caught:
@@ -179,8 +171,6 @@ def test_an_empty_file_is_a_craft_without_effects(tmp_path):
 
 
 def test_only_numbers_that_differ_from_the_default_are_written():
-    text = model_text(
-        Model("puck", [effect("yaw_coulomb", 0.8), effect("surge_coulomb", 0.1, width=0.02)])
-    )
+    text = model_text(Model("puck", [effect("yaw_coulomb", 0.8), effect("surge_coulomb", 0.1, width=0.02)]))
     assert "yaw_coulomb = 0.8\n" in text
     assert "surge_coulomb = {value = 0.1, width = 0.02}\n" in text

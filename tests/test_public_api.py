@@ -29,11 +29,7 @@ MODULES = sorted(
 def public(module):
     for name, thing in vars(module).items():
         own = getattr(thing, "__module__", None) == module.__name__
-        if (
-            not name.startswith("_")
-            and own
-            and (inspect.isclass(thing) or inspect.isfunction(thing))
-        ):
+        if not name.startswith("_") and own and (inspect.isclass(thing) or inspect.isfunction(thing)):
             yield name, thing
 
 
@@ -45,9 +41,7 @@ def test_every_module_class_function_and_method_is_documented(name):
         assert inspect.getdoc(thing), f"{name}.{label}"
         if inspect.isclass(thing):
             for method, body in vars(thing).items():
-                if not method.startswith("_") and (
-                    inspect.isfunction(body) or isinstance(body, property)
-                ):
+                if not method.startswith("_") and (inspect.isfunction(body) or isinstance(body, property)):
                     assert inspect.getdoc(getattr(thing, method)), f"{name}.{label}.{method}"
 
 
@@ -56,9 +50,7 @@ def test_every_public_argument_is_typed(name):
     for label, thing in public(importlib.import_module(name)):
         if inspect.isfunction(thing):
             for argument in inspect.signature(thing).parameters.values():
-                assert argument.annotation is not inspect.Parameter.empty, (
-                    f"{name}.{label}({argument.name})"
-                )
+                assert argument.annotation is not inspect.Parameter.empty, f"{name}.{label}({argument.name})"
 
 
 def test_what_the_package_promises_is_there():

@@ -47,9 +47,7 @@ def test_all_references_are_here():
 @pytest.mark.parametrize("name", PATHS)
 def test_velocity_and_acceleration_are_the_derivatives_of_the_position(name):
     t = np.linspace(0.03, 7.5, 97)
-    t = t[
-        np.abs(t[:, None] - np.array(TIMES)).min(axis=1) > 0.01
-    ]  # differences do not see across a knot
+    t = t[np.abs(t[:, None] - np.array(TIMES)).min(axis=1) > 0.01]  # differences do not see across a knot
     path = PATHS[name]
     assert np.allclose(at(path, t)[2:4], slope(path, slice(0, 2), t), rtol=1e-9, atol=1e-9)
     assert np.allclose(at(path, t)[4:6], slope(path, slice(2, 4), t), rtol=1e-9, atol=1e-9)
@@ -94,9 +92,7 @@ def test_the_path_passes_through_its_points_at_their_times():
 
 
 def test_the_path_is_at_rest_at_both_ends_and_held_beyond():
-    before, start, end, after = (
-        at(PATHS["waypoints"], t) for t in (-3.0, TIMES[0], TIMES[-1], 100.0)
-    )
+    before, start, end, after = (at(PATHS["waypoints"], t) for t in (-3.0, TIMES[0], TIMES[-1], 100.0))
     for found, corner in (
         (before, CORNERS[0]),
         (start, CORNERS[0]),
@@ -170,8 +166,6 @@ def test_a_path_of_ones_own_is_differentiated_and_its_unit_checked():
 
 def test_numbers_of_a_path_are_parameters():
     assert (
-        PATHS["circle"]
-        .to_numpy()
-        .outputs(0.0, (), (), {"reference.radius": 2.0, "reference.phase": 0.0})[0]
+        PATHS["circle"].to_numpy().outputs(0.0, (), (), {"reference.radius": 2.0, "reference.phase": 0.0})[0]
         == 2.0
     )

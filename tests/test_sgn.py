@@ -24,9 +24,7 @@ def test_its_derivative_is_that_of_the_regularised_form(symbol):
     exact = sp.diff(sp.tanh(V / W), symbol)
     kept = regularise(sp.diff(sgn(V, W), symbol))
     for v, w in [(0.003, 0.01), (-0.02, 0.01), (0.0, 0.5)]:
-        assert float(kept.subs({V: v, W: w})) == pytest.approx(
-            float(exact.subs({V: v, W: w})), rel=1e-12
-        )
+        assert float(kept.subs({V: v, W: w})) == pytest.approx(float(exact.subs({V: v, W: w})), rel=1e-12)
 
 
 def test_friction_becomes_the_sign_as_its_width_goes_to_zero():

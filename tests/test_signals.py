@@ -9,9 +9,7 @@ from hovercontrol.signals import Signal
 from hovercontrol.units import dimension
 
 
-@pytest.mark.parametrize(
-    "name", ["", "2u", "surge speed", "u.", ".u", "u-v", "P[0", "P[a]", None, 3, "u\n"]
-)
+@pytest.mark.parametrize("name", ["", "2u", "surge speed", "u.", ".u", "u-v", "P[0", "P[a]", None, 3, "u\n"])
 def test_what_is_no_identifier_is_no_signal_name(name):
     with pytest.raises(InputError, match="signal name"):
         Signal(name, "m/s")

@@ -19,9 +19,7 @@ TIGHT = {"rtol": 1e-10, "atol": 1e-12}
 
 def test_a_step_on_a_coarse_grid_stays_a_step():
     v = simulate(CART, [0, 1, 2, 3], {"a": [0, 0, 1, 1]}, **TIGHT).states[0]
-    assert v == pytest.approx(
-        [0, 0, 0, 1], abs=1e-9
-    )  # python-control's ramp would give 0.5 at t = 2
+    assert v == pytest.approx([0, 0, 0, 1], abs=1e-9)  # python-control's ramp would give 0.5 at t = 2
 
 
 def test_an_interpolated_input_is_a_ramp_if_asked_for():
@@ -33,9 +31,7 @@ def test_an_interpolated_input_is_a_ramp_if_asked_for():
 def test_a_short_pulse_after_a_long_rest_is_not_stepped_over(hold, gained):
     time, a = np.arange(1001.0), np.zeros(1001)
     a[700] = 1.0
-    assert simulate(CART, time, {"a": a}, hold=hold).states[0, -1] == pytest.approx(
-        gained, abs=1e-6
-    )
+    assert simulate(CART, time, {"a": a}, hold=hold).states[0, -1] == pytest.approx(gained, abs=1e-6)
 
 
 def test_an_interpolated_input_is_exact_on_an_uneven_grid(rng):
@@ -82,9 +78,7 @@ def test_time_may_start_anywhere():
 
 
 def test_the_result_carries_names_plots_and_tables():
-    response = simulate(
-        c17_simulation().plant(), np.linspace(0, 1, 11), {"thrust": 1.0}, {"u": 0.2}
-    )
+    response = simulate(c17_simulation().plant(), np.linspace(0, 1, 11), {"thrust": 1.0}, {"u": 0.2})
     assert response.output_labels == ["x", "y", "psi", "u", "v", "r"]
     assert response.input_labels == ["thrust", "rudder"]
     assert len(response.plot().lines.ravel()) >= 6
@@ -169,9 +163,9 @@ def test_a_derivative_that_is_no_number_is_an_error_and_not_a_result():
 def test_every_solver_of_scipy_gives_the_same_motion():
     plant = c17_simulation().plant()
     ends = [
-        simulate(
-            plant, [0, 0.5], {"thrust": 2.0, "rudder": 0.2}, method=m, rtol=1e-8, atol=1e-10
-        ).states[:, -1]
+        simulate(plant, [0, 0.5], {"thrust": 2.0, "rudder": 0.2}, method=m, rtol=1e-8, atol=1e-10).states[
+            :, -1
+        ]
         for m in ("RK45", "DOP853", "LSODA", "Radau")
     ]
     for end in ends[1:]:
@@ -195,6 +189,4 @@ def test_a_system_out_of_its_own_hands_agrees_with_a_closed_form():
     )
     t = np.linspace(0, 4, 9)
     run = simulate(spiral, t, **TIGHT)
-    assert np.allclose(
-        run.states, np.exp(-t / 2) * np.array([np.cos(3 * t), np.sin(3 * t)]), atol=1e-8
-    )
+    assert np.allclose(run.states, np.exp(-t / 2) * np.array([np.cos(3 * t), np.sin(3 * t)]), atol=1e-8)

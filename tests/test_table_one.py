@@ -87,7 +87,7 @@ def test_the_fused_loop_is_the_separate_blocks_in_every_phase(fused):
 
 
 def test_halved_drag_moves_the_craft_off_its_path_and_the_estimates_bring_it_back(fused):
-    """FACTS 3: the error that C17 reports falls again once the estimates are used (shortened phases)."""  # noqa: E501
+    """FACTS 3: the error that C17 reports falls again once the estimates are used (shortened phases)."""
     x = np.array([s.start for s in fused.states])
     x[:6] = [0.0, 2.5, 0.0, 1.5, 0.0, 0.0]
     start, mean = 0.0, {}

@@ -17,9 +17,14 @@ from hovercontrol.vehicles import (
 
 def test_the_c17_simulation_has_the_experiments_drag_and_its_own_rudder_torque():
     c = c17_simulation().coefficients()
-    assert [
-        c[f"{a}_{k}"] for a in ("surge", "sway", "yaw") for k in ("coulomb", "linear_drag")
-    ] == [1.35, 0.0, 0.0, 1.20, 0.83, 0.48]
+    assert [c[f"{a}_{k}"] for a in ("surge", "sway", "yaw") for k in ("coulomb", "linear_drag")] == [
+        1.35,
+        0.0,
+        0.0,
+        1.20,
+        0.83,
+        0.48,
+    ]
     assert c["thrust"] == 0.75
     assert c["rudder_torque"] == pytest.approx(0.14 * 0.75 * 0.585 / 0.01)
 

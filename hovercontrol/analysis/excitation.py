@@ -104,7 +104,7 @@ class Excitation:
         if self.observable:
             return f"observable: condition number {self.joint.condition:.3g}"
         alone = ", ".join(self.joint.not_excited)
-        mixed = [str(d) for d in self.joint.directions[len(self.joint.not_excited):]]
+        mixed = [str(d) for d in self.joint.directions[len(self.joint.not_excited) :]]
         parts = [f"not excited at all: {alone}"] if alone else []
         return "; ".join(["not observable", *parts, *(f"not seen: {text}" for text in mixed)])
 
@@ -240,7 +240,12 @@ def mean_weights(t: Array) -> Array:
 
 
 def _function_set(
-    model: Regression, equation: str, rows: list[int], own: list[int], G: Array, weights: Array,
+    model: Regression,
+    equation: str,
+    rows: list[int],
+    own: list[int],
+    G: Array,
+    weights: Array,
     tolerance: float,
 ) -> FunctionSet:
     """Return the analysis of the functions of some coefficients in some equations."""
@@ -260,11 +265,17 @@ def _function_set(
         vectors.append(np.zeros(len(own)))
         vectors[-1][live] = row
     sizes = np.where(zero, 1.0, 1.0 / np.where(zero, 1.0, rms))
-    text = {name: ", ".join(str(model.G[i, j]) for i in rows if model.G[i, j] != 0)
-            for name, j in zip(names, own, strict=True)}
+    text = {
+        name: ", ".join(str(model.G[i, j]) for i in rows if model.G[i, j] != 0)
+        for name, j in zip(names, own, strict=True)
+    }
     shown = rms * (nominal[0, 0, 0] if len(rows) == 1 else 1.0)
     return FunctionSet(
-        equation, text, dict(zip(names, shown.tolist(), strict=True)), scaled.T @ scaled, s,
+        equation,
+        text,
+        dict(zip(names, shown.tolist(), strict=True)),
+        scaled.T @ scaled,
+        s,
         tuple(name for name, dead in zip(names, zero, strict=True) if dead),
         tuple(Direction.of(units, v, sizes) for v in vectors),
     )

@@ -285,10 +285,18 @@ def observability_gramian(
     states = tuple(s.name for s in model.states)
     sizes = dict(zip((*states, *model.names), (*x_sizes.tolist(), *c_sizes.tolist()), strict=True))
     return Gramian(
-        (float(sampled.time[0]), float(sampled.time[-1])), states, model.names, units, sizes,
-        matrix, eigenvalues, centred.T @ centred, hidden,
+        (float(sampled.time[0]), float(sampled.time[-1])),
+        states,
+        model.names,
+        units,
+        sizes,
+        matrix,
+        eigenvalues,
+        centred.T @ centred,
+        hidden,
         hidden[0] if hidden else Direction.of(units, vectors[:, 0], c_sizes),
-        dict(zip(model.names, std.tolist(), strict=True)), sampled,
+        dict(zip(model.names, std.tolist(), strict=True)),
+        sampled,
     )
 
 

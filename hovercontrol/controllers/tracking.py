@@ -90,10 +90,12 @@ def tracking_controller(
     want_x = axr - K1 * e1 - K2 * w1
     want_y = ayr - K1 * e2 - K2 * w2
     # (25): B T [cos, sin] = R'(p_d'' - k1 z1 - k2 z2) - drag - dx (yaw drag) e2 + dx r^2 e1
-    demand = sp.Matrix([
-        cos * want_x + sin * want_y - force["u"] + d * s.r**2,
-        -sin * want_x + cos * want_y - force["v"] - d * force["r"],
-    ])
+    demand = sp.Matrix(
+        [
+            cos * want_x + sin * want_y - force["u"] + d * s.r**2,
+            -sin * want_x + cos * want_y - force["v"] - d * force["r"],
+        ]
+    )
     fx, fy = sp.symbols("thrust_x thrust_y", real=True)
     solution = (B(d).inv() * demand).xreplace(blended)
     thrust, rudder, bounds = _polar(model, fx, fy, limits)
@@ -102,17 +104,25 @@ def tracking_controller(
         name,
         inputs=(*MOTION, *REFERENCE, *estimates),
         outputs=(
-            model.thrust, model.rudder,
+            model.thrust,
+            model.rudder,
             Signal("error_x", "m", "tracking error of the control point"),
             Signal("error_y", "m", "tracking error of the control point"),
         ),
         parameters=(
-            dx, *gains, *adaptation,
-            *(p for p in model.parameters(name) if p.symbol in used), *bounds,
+            dx,
+            *gains,
+            *adaptation,
+            *(p for p in model.parameters(name) if p.symbol in used),
+            *bounds,
         ),
         definitions={
-            "error_x": z1[0], "error_y": z1[1], "error_rate_x": z2[0], "error_rate_y": z2[1],
-            "thrust_x": solution[0], "thrust_y": solution[1],
+            "error_x": z1[0],
+            "error_y": z1[1],
+            "error_rate_x": z2[0],
+            "error_rate_y": z2[1],
+            "thrust_x": solution[0],
+            "thrust_y": solution[1],
         },
         output_expressions={"thrust": thrust, "rudder": rudder},
     )
@@ -154,7 +164,7 @@ def _refuse_singular(model: Model, name: str, B: _ThrustMatrix, control_point: f
     centre = _ThrustMatrix(gain)(sp.S.Zero)
     if abs(centre.det()) < 1e-12:
         raise InputError(
-            f"controller: model {model.name!r} cannot push in both directions: it needs the effect 'thrust' > 0"
+            f"controller: model {model.name!r} cannot push both ways: it needs the effect 'thrust' > 0"
         )
     here = _ThrustMatrix(gain)(sp.Float(control_point))
     if abs(here.det()) < 1e-6 * abs(centre.det()):
@@ -169,8 +179,9 @@ def _adaptation(
 ) -> tuple[list[Signal], dict[sp.Symbol, sp.Expr], list[Signal]]:
     named = {p.name.removeprefix(f"{name}."): p for p in model.parameters(name)}
     signals = {c: named[c] for c in model.linear_coefficients()}
-    share = Signal("adaptation", "1", "0: the model's coefficients, 1: the estimates",
-                   start=1.0, lower=0.0, upper=1.0)
+    share = Signal(
+        "adaptation", "1", "0: the model's coefficients, 1: the estimates", start=1.0, lower=0.0, upper=1.0
+    )
     estimates, blended = [], {}
     for coefficient in adapt:
         if coefficient not in signals:
@@ -188,9 +199,7 @@ def _adaptation(
     return estimates, blended, [share] if estimates else []
 
 
-def _polar(
-    model: Model, fx: sp.Symbol, fy: sp.Symbol, limits: bool
-) -> tuple[sp.Expr, sp.Expr, list[Signal]]:
+def _polar(model: Model, fx: sp.Symbol, fy: sp.Symbol, limits: bool) -> tuple[sp.Expr, sp.Expr, list[Signal]]:
     """Return thrust and rudder of a force vector: T = norm, theta = atan2, within bounds if wanted."""
     thrust: sp.Expr = sp.sqrt(fx**2 + fy**2)
     rudder: sp.Expr = sp.atan2(fy, fx)
@@ -202,7 +211,9 @@ def _polar(
         for key, clip in (("lower", sp.Max), ("upper", sp.Min)):
             value = getattr(signal, key)
             if abs(value) != float("inf"):
-                bound = Signal(f"{signal.name}_{key}", signal.unit, f"{key} limit of {signal.name}", start=value)
+                bound = Signal(
+                    f"{signal.name}_{key}", signal.unit, f"{key} limit of {signal.name}", start=value
+                )
                 bounds.append(bound)
                 commands[signal.name] = clip(commands[signal.name], bound.symbol)
     return commands["thrust"], commands["rudder"], bounds

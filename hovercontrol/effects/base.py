@@ -51,8 +51,8 @@ class Effect:
     """One physical cause in a model; subclasses declare it, instances carry its numbers.
 
     A subclass sets ``name``, ``source``, a docstring that explains it in one sentence, its numbers as class
-    attributes of type :class:`Coefficient` or :class:`Shape`, and ``terms``. The number called ``value`` is the
-    effect's coefficient and carries the effect's name among the plant's parameters (``plant.yaw_coulomb``); others
+    attributes of type :class:`Coefficient` or :class:`Shape`, and ``terms``. The number called ``value`` is
+    the effect's coefficient and carries its name among the plant's parameters (``plant.yaw_coulomb``); others
     are ``name_attribute`` (``plant.yaw_coulomb_width``).
 
     Examples
@@ -69,8 +69,12 @@ class Effect:
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
-        found = {k: v for base in reversed(cls.__mro__) for k, v in vars(base).items()
-                 if isinstance(v, Coefficient)}
+        found = {
+            k: v
+            for base in reversed(cls.__mro__)
+            for k, v in vars(base).items()
+            if isinstance(v, Coefficient)
+        }
         cls.numbers = found
         if not cls.name:
             return
@@ -154,7 +158,8 @@ class Effect:
             Symbols of the effect's own numbers.
         s : namespace
             Symbols of the motion: ``x, y, psi, u, v, r``; of the rudder craft's commands ``thrust, rudder``
-            and their force vector ``thrust_x, thrust_y``; of a fan craft's wrench ``fan_x, fan_y, fan_torque``.
+            and their force vector ``thrust_x, thrust_y``; of a fan craft's wrench ``fan_x, fan_y,
+            fan_torque``.
 
         Returns
         -------

@@ -64,7 +64,7 @@ class CoefficientHistory:
             ax.fill_between(self.time, values - band, values + band, alpha=0.25, linewidth=0)
             ax.plot(self.time, values)
             ax.set(title=name, ylabel=f"[{self.units[name]}]")
-        for ax in axes[len(self.coefficients):]:
+        for ax in axes[len(self.coefficients) :]:
             ax.set_visible(False)
         figure.supxlabel("time [s]")
         return figure

@@ -1,7 +1,8 @@
 """The Kalman-Bucy estimator of C17 (sections III and V) as a Block, for any Block linear in its coefficients.
 
-The coefficients are appended to the measured states, ``xi = [x, c]``; ``xi' = [[0, G], [0, 0]] xi + [h, 0]`` is linear
-and time-varying because G and h use the measured signals (C17 (4)-(5)), and its Kalman filter is the estimator.
+The coefficients are appended to the measured states, ``xi = [x, c]``; ``xi' = [[0, G], [0, 0]] xi + [h, 0]``
+is linear and time-varying because G and h use the measured signals (C17 (4)-(5)); its Kalman filter is the
+estimator.
 Signals follow python-control's own estimators: ``xhat[i]``, ``P[i,j]`` (here the upper triangle).
 """
 
@@ -78,14 +79,29 @@ def kalman_bucy(
         for i, s in enumerate(xi)
     ]
     P = {
-        (i, j): Signal(f"P[{i},{j}]", f"({xi[i].unit})*({xi[j].unit})", "error covariance",
-                       start=p_start[i] if i == j else 0.0)
-        for i in range(size) for j in range(i, size)
+        (i, j): Signal(
+            f"P[{i},{j}]",
+            f"({xi[i].unit})*({xi[j].unit})",
+            "error covariance",
+            start=p_start[i] if i == j else 0.0,
+        )
+        for i in range(size)
+        for j in range(i, size)
     }
-    Rs = [Signal(f"R[{i},{i}]", f"({s.unit})^2*s", f"noise intensity of {s.name}", start=r_start[i], lower=0.0)
-          for i, s in enumerate(model.states)]
-    Qs = [Signal(f"Q[{i},{i}]", f"({s.unit})^2/s", f"disturbance intensity of {s.name}", start=q_start[i],
-                 lower=0.0) for i, s in enumerate(xi)]
+    Rs = [
+        Signal(f"R[{i},{i}]", f"({s.unit})^2*s", f"noise intensity of {s.name}", start=r_start[i], lower=0.0)
+        for i, s in enumerate(model.states)
+    ]
+    Qs = [
+        Signal(
+            f"Q[{i},{i}]",
+            f"({s.unit})^2/s",
+            f"disturbance intensity of {s.name}",
+            start=q_start[i],
+            lower=0.0,
+        )
+        for i, s in enumerate(xi)
+    ]
 
     cov = sp.Matrix(size, size, lambda i, j: P[min(i, j), max(i, j)].symbol)
     # Regressors that are more than a plain signal are computed once, under a name of their own.
@@ -117,8 +133,7 @@ def kalman_bucy(
         parameters=(*Rs, *Qs, *(p for p in block.parameters if p.symbol in used)),
         derivatives=derivatives,
         definitions=definitions,
-        output_expressions={f"{short}_hat": x.symbol
-                            for short, x in zip(model.names, xhat[n:], strict=True)},
+        output_expressions={f"{short}_hat": x.symbol for short, x in zip(model.names, xhat[n:], strict=True)},
     )
 
 

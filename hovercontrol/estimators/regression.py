@@ -112,8 +112,10 @@ def _linear_parameters(block: Block) -> list[str]:
         taken = {sp.Symbol(n, real=True) for n in (*chosen, name)}
         before = [e for (_, k), e in entries.items() if names[k] in chosen]
         own = sp.Symbol(name, real=True)
-        if column and not any(e.free_symbols & taken for e in column) and not any(
-            own in e.free_symbols for e in before
+        if (
+            column
+            and not any(e.free_symbols & taken for e in column)
+            and not any(own in e.free_symbols for e in before)
         ):
             chosen.append(name)
     return chosen

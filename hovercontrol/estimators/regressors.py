@@ -45,8 +45,9 @@ class Regressors:
     def __init__(self, model: Regression, drift: bool = True) -> None:
         n, m = model.G.shape
         rates = [f"({s.unit})/s" for s in model.states]
-        entries = {(i, 0): (Signal(f"h[{i}]", rates[i]), e)
-                   for i, e in enumerate(model.h) if drift and e != 0}
+        entries = {
+            (i, 0): (Signal(f"h[{i}]", rates[i]), e) for i, e in enumerate(model.h) if drift and e != 0
+        }
         for i in range(n):
             for j, c in enumerate(model.coefficients):
                 if model.G[i, j] != 0:

@@ -105,7 +105,7 @@ class SampledEstimator:
     @property
     def coefficients(self) -> dict[str, float]:
         """The estimates by name."""
-        return dict(zip(self.names, self._xi[self._n:].tolist(), strict=True))
+        return dict(zip(self.names, self._xi[self._n :].tolist(), strict=True))
 
     @property
     def states(self) -> dict[str, float]:
@@ -115,7 +115,7 @@ class SampledEstimator:
     @property
     def std(self) -> dict[str, float]:
         """Standard deviations of the estimates by name."""
-        variances = np.diag(self.covariance)[self._n:]
+        variances = np.diag(self.covariance)[self._n :]
         return dict(zip(self.names, np.sqrt(variances).tolist(), strict=True))
 
     def step(

@@ -22,7 +22,10 @@ Array = NDArray[np.float64]
 #: A component of a direction is named when it is at least this part of the largest.
 NAMED = 0.1
 
-#: How stiffly directions without excitation are held, in (1/nominal)^2.
+#: Standard error, in sizes, of the directions along which start values are kept.
+BLIND = 4.0
+
+#: How stiffly they are held, in (1/nominal)^2.
 STIFFNESS = 1e6
 
 #: Standard deviation, in nominal values, of the weak pull to the start values while the way is
@@ -72,6 +75,12 @@ def unexcited_directions(C: Array, size: Array) -> Array:
     scaled = C / np.outer(size, size)
     values, vectors = np.linalg.eigh(scaled)
     return vectors[:, values > (1.0 if np.diag(scaled).max() > 1.0 else np.inf)]
+
+
+def blind_directions(C: Array, size: Array) -> Array:
+    """Return the directions of which the logs say next to nothing, as above, shape (P, m)."""
+    values, vectors = np.linalg.eigh(C / np.outer(size, size))
+    return vectors[:, values > BLIND**2]
 
 
 def same_directions(a: Array, b: Array) -> bool:

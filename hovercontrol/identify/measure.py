@@ -148,7 +148,8 @@ def _part(block: Block, log: Log, channels: Sequence[str]) -> Measured:
     names = [s.name for s in block.states]
     planar = log.has(*POSE) and set(names) >= {*POSE, *VELOCITY}
     if planar:
-        log = log.select(np.isfinite(log.stack(*POSE)).all(axis=1))
+        whole = np.isfinite(log.stack(*POSE))
+        log = log.select(np.flatnonzero(whole.all(axis=1)))
     n = len(log)
     values = np.array([log[c] for c in channels])
     inputs = np.array([log[s.name] for s in block.inputs]).reshape(-1, n)

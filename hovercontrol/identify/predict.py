@@ -127,8 +127,9 @@ def free_run(model: Model | Block, log: Log | Measured, *, restart: bool = False
         ran[a:b] = True
     rms, nrmse = _errors(names, simulated[:, ran], reference[:, ran])
     return FreeRun(
-        model.name, data.name, data.time, names, {c: block.signal(c).unit for c in names}, reference,
-        simulated, tuple(float(data.time[a]) for _, a, _ in ranges), data.rejected, rms, nrmse,
+        model.name, data.name, data.time, names, {c: block.signal(c).unit for c in names},
+        reference, simulated, tuple(float(data.time[a]) for _, a, _ in ranges), data.rejected,
+        rms, nrmse,
     )
 
 
@@ -209,7 +210,8 @@ def _simulate(block: Block, windows: Windows, names: Sequence[str], probes: Wind
     """Return the channels over windows, shape (K, n_channels, W)."""
     parameters = block.parameter_values()
     step = stable_step(block, probes, parameters, STEP)
-    return Shooter(block, windows, names, step).channels(windows.start[:, None, :], parameters)[:, :, 0]
+    shooter = Shooter(block, windows, names, step)
+    return shooter.channels(windows.start[:, None, :], parameters)[:, :, 0]
 
 
 def _errors(

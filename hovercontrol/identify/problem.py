@@ -23,8 +23,8 @@ Array = NDArray[np.float64]
 #: Relative size of the perturbations of central differences.
 NUDGE = 1e-5
 
-#: A state is at rest if its squares, in standard errors, are below this on the mean over windows.
-RESTING = 2.0
+#: An initial state is at rest if it is within so many standard errors of zero.
+RESTING = 3.0
 
 #: Numbers that one group of windows may hold in memory at once (100 MB of states).
 GROUP = 12_000_000
@@ -130,9 +130,11 @@ class Problem:
     def linearise(self, p: Array, x0: list[Array]) -> Point:
         """Simulate all windows with central differences in the initial states and coefficients.
 
-        Central differences rather than variational equations: the copies ride along in the same
-        array operations, so that for a usual log they cost less, need no second set of expressions,
-        and agree with the exact Jacobian to 1e-7 (``tests/identify/test_shooting.py``).
+        Central differences rather than variational equations: they need no derivative of the
+        Block's expressions, outputs included, and agree with the exact Jacobian to 1e-4 of each
+        column's largest entry with dry friction of width 0.01. Measured with 14 unknowns: half
+        the time of the exact equations for 40 windows (the copies ride along in the same array
+        operations), three times theirs for 400.
         """
         residual, jacobian, finite = [], [], True
         for shooter, group, x in zip(self._shooters, self.groups, x0, strict=True):
@@ -217,24 +219,22 @@ class Problem:
         return moved
 
 
-    def at_rest(self, x0: list[Array], state_std: list[Array]) -> tuple[list[Array], bool]:
-        """Return the initial states, those that are zero but for noise set to zero; and if there are any.
+    def at_rest(self, x0: list[Array], state_std: list[Array]) -> list[Array]:
+        """Return the initial states, those set to zero that are zero but for noise.
 
-        A state that in every window is fitted to noise still has a velocity, and drag seems to act
-        on it; what the log tells of drag must be judged without.
+        A velocity that is fitted to noise is not zero, and drag seems to act on it; what a log
+        tells of drag must be judged without.
         """
-        z = np.concatenate([
-            (x[self._free].T / np.maximum(s, 1e-300)) ** 2 for x, s in zip(x0, state_std, strict=True)
-        ])
-        still = [i for i, m in zip(self._free, z.mean(axis=0), strict=True) if 0 < m < RESTING]
-        rested = [x.copy() for x in x0]
-        for x in rested:
-            x[still] = 0.0
-        return rested, bool(still)
+        rested = []
+        for x, std in zip(x0, state_std, strict=True):
+            new = x.copy()
+            new[self._free] = np.where(np.abs(x[self._free]) < RESTING * std.T, 0.0, x[self._free])
+            rested.append(new)
+        return rested
 
 
 def states_that_matter(block: Block, channels: Sequence[str]) -> list[int]:
-    """Return the indices of the states on which the channels depend, directly or through other states."""
+    """Return the indices of the states on which the channels depend, directly or through others."""
     symbols = {s.symbol: i for i, s in enumerate(block.states)}
     expressions = {**block.derivatives, **block.output_expressions}
     matter: set[int] = set()

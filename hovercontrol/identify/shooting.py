@@ -179,7 +179,7 @@ class Shooter:
         return k
 
     def channels(self, x0: Array, parameters: Sequence[float | Array]) -> Array:
-        """Return the channels at every row, shape (K, n_channels, L, W); arguments as for `states`."""
+        """Return the channels at every row, (K, n_channels, L, W); arguments as for `states`."""
         X = self.states(x0, parameters)
         Y = np.empty((X.shape[0], len(self._pick), *X.shape[2:]))
         computed: Sequence[Array] = ()
@@ -206,7 +206,7 @@ def known_states(
     -------
     ndarray, shape (n_states, n)
     """
-    known = ~np.isnan(log.states).any(axis=1)
+    known = np.array([not np.isnan(row).any() for row in log.states], dtype=bool)
     start = np.array([s.start for s in block.states])
     states = np.where(known[:, None], log.states, start[:, None])
     if known.all() or not block.states:

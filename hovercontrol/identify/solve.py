@@ -85,7 +85,7 @@ class Solver:
         self._counts = np.sum([s.sum(axis=(0, 1)) for s in seen], axis=0)
 
     def solve(self, p: Array, x0: list[Array], pull: Array) -> Solution:
-        """Minimise from a start; once more with finer sub-steps where the friction found is stiffer.
+        """Minimise from a start; again with finer sub-steps where the friction found is stiffer.
 
         Parameters
         ----------
@@ -135,11 +135,8 @@ class Solver:
             if steady and converged:
                 break
         reduced = problem.reduce(point, self._weights(point, sigma))
-        x0, any_rests = problem.at_rest(point.x0, reduced.state_std)
-        information = reduced.S
-        if any_rests:
-            rested = problem.linearise(point.p, x0)
-            information = problem.reduce(rested, self._weights(point, sigma)).S
+        rested = problem.linearise(point.p, problem.at_rest(point.x0, reduced.state_std))
+        information = problem.reduce(rested, self._weights(point, sigma)).S
         chi2 = sum(float(((r / self.noise) ** 2).sum()) for r in point.residual)
         return Solution(point, information, reduced.scores, sigma, chi2 / dof, steady and converged)
 
@@ -202,7 +199,7 @@ class Solver:
         return weights
 
     def _scatter(self, point: Point, dof: float) -> Array:
-        """Return each channel's standard deviation of residuals; with Huber's loss by the median."""
+        """Return each channel's standard deviation of residuals; by the median with Huber's loss."""
         share = np.maximum(self._counts * (dof / self._counts.sum()), 1.0)
         if self.huber is None:
             squares = np.sum([(r**2).sum(axis=(0, 1)) for r in point.residual], axis=0)

@@ -21,6 +21,9 @@ from hovercontrol.modelfile import save_model
 #: How far ahead predictions are judged [s].
 HORIZON = 1.0
 
+#: How many rejected spans of a log are told; the file has them all.
+SHOWN = 6
+
 
 @dataclass(frozen=True)
 class Judged:
@@ -103,7 +106,8 @@ class Study:
         lines += ["", "left out because no craft moves so"]
         for j in self.judged:
             spans = [f"{s.start:.2f}-{s.stop:.2f} s ({s.rows} rows, {s.reason})" for s in j.run.rejected]
-            lines.append(f"  {j.label}: " + (", ".join(spans) or "nothing"))
+            more = [f"and {len(spans) - SHOWN} more in rejected.csv"] if len(spans) > SHOWN else []
+            lines.append(f"  {j.label}: " + (", ".join([*spans[:SHOWN], *more]) or "nothing"))
         return "\n".join(lines)
 
     def save(self, folder: str | Path) -> list[Path]:

@@ -43,8 +43,8 @@ def windows(logs: Sequence[Measured], length: float) -> list[tuple[int, int, int
         spans = (log.time[b - 1] - log.time[a] for log in logs for a, b in log.segments)
         names = ", ".join(log.name for log in logs)
         raise InputError(
-            f"{names}: too short for a window of {length:g} s: the longest stretch without a break is "
-            f"{max(spans, default=0.0):.3g} s"
+            f"{names}: too short for a window of {length:g} s: the longest stretch without a "
+            f"break is {max(spans, default=0.0):.3g} s"
         )
     return found
 
@@ -68,7 +68,7 @@ def noise_levels(logs: Sequence[Measured], channels: Sequence[str]) -> Array:
     for channel in channels:
         rows = [m.values[m.channels.index(channel), a:b] for m in logs if channel in m.channels
                 for a, b in m.segments]
-        jumps = np.concatenate([np.abs(np.diff(row, 3)) for row in rows if row.size > 3] or [[0.0]])
+        jumps = np.concatenate([np.abs(np.diff(row, 3)) for row in rows])
         jumps = jumps[np.isfinite(jumps)]
         every = np.concatenate(rows)
         spread = float(np.nanstd(every)) if np.isfinite(every).any() else 1.0

@@ -69,9 +69,7 @@ class BenchTable:
         file = Path(path)
         source = open_source(file)
         if len(source.header) < 2:
-            raise InputError(
-                f"{file}: expected a command column and at least one trial, found one column"
-            )
+            raise InputError(f"{file}: expected a command column and at least one trial, found one column")
         rows = [
             np.column_stack([column.to_numpy(zero_copy_only=False) for column in batch.columns])
             for batch in source.batches(source.header)
@@ -92,8 +90,7 @@ class BenchTable:
         if grams.min() < 0:
             where, _ = source.place(int(grams.argmin()), first)
             raise InputError(
-                f"{file}: {where}: expected thrust of zero or more, "
-                f"found {grams.min():g} gram-force"
+                f"{file}: {where}: expected thrust of zero or more, found {grams.min():g} gram-force"
             )
         return cls(file.name, command, grams * 1e-3 * STANDARD_GRAVITY / fans, idle)
 

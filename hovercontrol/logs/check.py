@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from hovercontrol.errors import InputError
-from hovercontrol.logs.log import Floats
+from hovercontrol.logs.log import Floats, gap_rows
 from hovercontrol.logs.source import Source
 
 FASTEST_TURN = 60.0
@@ -21,9 +21,7 @@ def check_finite(file: str, source: Source, column: str, values: Floats) -> None
         raise InputError(f"{file}: column {column!r} is empty: NaN in all {values.size} rows")
     where, text = source.place(int(bad[0]), column)
     more = f" ({bad.size} such rows)" if bad.size > 1 else ""
-    raise InputError(
-        f"{file}: {where}, column {column!r}: expected a finite number, found {text!r}{more}"
-    )
+    raise InputError(f"{file}: {where}, column {column!r}: expected a finite number, found {text!r}{more}")
 
 
 def check_time(file: str, source: Source, column: str, time: Floats) -> None:
@@ -37,8 +35,21 @@ def check_time(file: str, source: Source, column: str, time: Floats) -> None:
     what = "repeats" if time[row] == time[row - 1] else "runs backwards"
     more = f" ({stuck.size} such rows)" if stuck.size > 1 else ""
     raise InputError(
-        f"{file}: {where}, column {column!r}: time {what}: "
-        f"expected more than {before}, found {text}{more}"
+        f"{file}: {where}, column {column!r}: time {what}: expected more than {before}, found {text}{more}"
+    )
+
+
+def check_gaps(file: str, source: Source, column: str, time: Floats) -> None:
+    """Raise if rows are missing; ``column`` is the name of time in the file."""
+    rows = gap_rows(time)
+    if not rows.size:
+        return
+    row = int(rows[0])
+    where, _ = source.place(row, column)
+    more = f" ({rows.size} such gaps)" if rows.size > 1 else ""
+    raise InputError(
+        f"{file}: {where}, column {column!r}: {time[row] - time[row - 1]:.3g} s without a row, usual are "
+        f"{np.median(np.diff(time)):.3g} s{more}; if the log is meant to have gaps: --allow-gaps"
     )
 
 

@@ -1,4 +1,4 @@
-"""One run of a craft from the files it was recorded in: poses, commands, a bench table, the part that counts."""
+"""One run of a craft from the files it was recorded in: poses, commands, bench table, what counts."""
 
 from __future__ import annotations
 
@@ -59,6 +59,7 @@ def gather(
     bench: BenchTable | None = None,
     only_while: Condition | None = None,
     settle: float = 0.0,
+    allow_gaps: bool = False,
 ) -> Log:
     """Return one run as one log.
 
@@ -77,6 +78,8 @@ def gather(
         Keep the longest stretch in which it holds.
     settle : float, optional
         Seconds left out at the beginning of that stretch.
+    allow_gaps : bool, optional
+        Accept a log in which rows are missing; what works on it starts afresh behind each gap.
 
     Returns
     -------
@@ -91,12 +94,12 @@ def gather(
     paths = _split(files)
     extra = [only_while.column] if only_while else []
     if len(paths) == 1:
-        log = read_log(paths[0], columns, [*wanted, *extra])
+        log = read_log(paths[0], columns, [*wanted, *extra], allow_gaps=allow_gaps)
     else:
         pose, commands = paths
         ours, theirs = _columns_by_file(pose, commands, columns or {})
         sent = read_log(commands, theirs, [*wanted, *extra], motion=False)
-        log = join_logs(read_log(pose, ours), sent)
+        log = join_logs(read_log(pose, ours, allow_gaps=allow_gaps), sent)
     if bench:
         log = bench.apply(log, dict(zip(wanted, inputs, strict=True)))
     return _longest(log, only_while, settle) if only_while else log
@@ -125,7 +128,9 @@ def _columns_by_file(
 
 def _longest(log: Log, condition: Condition, settle: float) -> Log:
     if not log.has(condition.column):
-        raise InputError(f"{log.name}: no column {condition.column!r}{did_you_mean(condition.column, log.columns)}")
+        raise InputError(
+            f"{log.name}: no column {condition.column!r}{did_you_mean(condition.column, log.columns)}"
+        )
     holds = _COMPARE[condition.comparison](log[condition.column], condition.value)
     edges = np.flatnonzero(np.diff(np.concatenate([[False], holds, [False]]).astype(int)))
     if not edges.size:

@@ -73,9 +73,7 @@ def join_logs(
     return kept.with_columns(held)
 
 
-def _idle_values(
-    commands: Log, before: Mapping[str, float] | float | None
-) -> Mapping[str, float] | None:
+def _idle_values(commands: Log, before: Mapping[str, float] | float | None) -> Mapping[str, float] | None:
     if before is None:
         return None
     if not isinstance(before, Mapping):

@@ -84,9 +84,7 @@ class Log:
         if name == "time":
             return self.time
         if name not in self.columns:
-            raise InputError(
-                f"{self.name}: no column {name!r}{did_you_mean(name, ['time', *self.columns])}"
-            )
+            raise InputError(f"{self.name}: no column {name!r}{did_you_mean(name, ['time', *self.columns])}")
         return self.columns[name]
 
     def has(self, *names: str) -> bool:
@@ -146,9 +144,7 @@ class Log:
 
         A gap is no error: smoothing and identification start afresh behind it.
         """
-        return tuple(
-            (float(self.time[i]), float(self.time[i + 1])) for i in gap_rows(self.time) - 1
-        )
+        return tuple((float(self.time[i]), float(self.time[i + 1])) for i in gap_rows(self.time) - 1)
 
     def save(self, path: str | Path) -> None:
         """Write CSV, or Parquet where the suffix says so; the file appears whole or not at all.

@@ -191,9 +191,7 @@ def _restarts(time: Floats, accepted: Mask) -> Mask:
 
 
 def _smooth(time: Floats, z: Floats, accepted: Mask, jerk: Floats, noise: Floats) -> Estimate:
-    return run_smoother(
-        run_filter(time, z, accepted, _restarts(time, accepted), jerk, noise, WIDEST)
-    )
+    return run_smoother(run_filter(time, z, accepted, _restarts(time, accepted), jerk, noise, WIDEST))
 
 
 def _fit(time: Floats, z: Floats, accepted: Mask) -> tuple[Floats, Floats]:

@@ -77,9 +77,7 @@ class CsvSource:
         if len(self.header) == 1:
             for mark, called in ((";", "semicolons"), ("\t", "tabs")):
                 if mark in self.header[0]:
-                    raise InputError(
-                        f"{self.file}: line 1: expected commas between names, found {called}"
-                    )
+                    raise InputError(f"{self.file}: line 1: expected commas between names, found {called}")
         if not any(self.header) or all(_number(name) for name in self.header):
             raise InputError(
                 f"{self.file}: line 1: expected a header of column names, "
@@ -100,9 +98,7 @@ class CsvSource:
                 schema = reader.schema
         except (pa.ArrowInvalid, UnicodeDecodeError) as error:
             raise self._fault(self.header, error) from None
-        return {
-            field.name for field in schema if pa.types.is_null(field.type) or is_number(field.type)
-        }
+        return {field.name for field in schema if pa.types.is_null(field.type) or is_number(field.type)}
 
     def rows_expected(self) -> int:
         """Return the rows of the file if the lines are as long as the first thousand."""
@@ -150,8 +146,7 @@ class CsvSource:
                 text = cells[i].strip()
                 if text not in NO_NUMBER and not _number(text):
                     return InputError(
-                        f"{self.file}: line {line}, column {name!r}: expected a number, "
-                        f"found {text[:40]!r}"
+                        f"{self.file}: line {line}, column {name!r}: expected a number, found {text[:40]!r}"
                     )
         return InputError(f"{self.file}: not readable as CSV: {' '.join(str(error).split())}")
 
@@ -182,9 +177,7 @@ class ParquetSource:
             kind = self._parquet.schema_arrow.field(name).type
             if not is_number(kind):
                 found = f"{kind} {self.place(0, name)[1]!r}" if self.rows_expected() else str(kind)
-                raise InputError(
-                    f"{self.file}: row 1, column {name!r}: expected a number, found {found}"
-                )
+                raise InputError(f"{self.file}: row 1, column {name!r}: expected a number, found {found}")
         yield from self._parquet.iter_batches(batch_size=BLOCK // 16, columns=names)
 
     def place(self, row: int, column: str) -> tuple[str, str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import itertools
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -79,8 +80,8 @@ class Sampling:
 class Scenario:
     """Everything a run needs; made by :func:`load_scenario`.
 
-    ``plant`` is the craft that moves, ``belief`` what controller and estimator know of it. Either ``reference`` and
-    ``controller`` close the loop, or ``commands`` are played (columns by name, each held until the next).
+    ``plant`` is the craft that moves, ``belief`` what the controller knows of it. Either ``reference``
+    and ``controller`` close the loop, or ``commands`` are played (columns by name, each held until the next).
     """
 
     name: str
@@ -137,13 +138,21 @@ def load_scenario(name: str | Path) -> Scenario:
 
 
 def _scenario(path: Path, content: dict[str, Any]) -> Scenario:
-    sections = {"scenario", "plant", "reference", "controller", "estimator", "commands", "sampling", "phase", "metric"}
+    sections = {
+        "scenario",
+        "plant",
+        "reference",
+        "controller",
+        "estimator",
+        "commands",
+        "sampling",
+        "phase",
+        "metric",
+    }
     check_keys("section", content, sections)
     head = _section(content, "scenario", {"title": str, "source": str, "step": float}, required=("step",))
     positive("scenario.step", head["step"])
-    plant = _section(
-        content, "plant", {"vehicle": str, "model": str, "start": dict, "coefficients": dict}
-    )
+    plant = _section(content, "plant", {"vehicle": str, "model": str, "start": dict, "coefficients": dict})
     belief = _model(path, plant)
     craft = belief.with_coefficients(_numbers("plant.coefficients", plant.get("coefficients", {})))
     start = _numbers("plant.start", plant.get("start", {}))
@@ -164,12 +173,15 @@ def _scenario(path: Path, content: dict[str, Any]) -> Scenario:
         phases=_phases(content, craft),
         reference=_reference(content),
         controller=_section(
-            content, "controller",
+            content,
+            "controller",
             {"control_point": float, "k1": float, "k2": float, "adapt": list, "limits": bool},
-        ) if closed else None,
-        estimator=_section(
-            content, "estimator", {"R": object, "Q": object, "P0": object, "estimate": list}
-        ) if "estimator" in content else None,
+        )
+        if closed
+        else None,
+        estimator=_section(content, "estimator", {"R": object, "Q": object, "P0": object, "estimate": list})
+        if "estimator" in content
+        else None,
         commands=_commands(content) if not closed else None,
         sampling=_sampling(content),
         metrics=_metrics(content),
@@ -189,7 +201,9 @@ def _phases(content: Mapping[str, Any], craft: Model) -> tuple[Phase, ...]:
     phases: list[Phase] = []
     for k, entry in enumerate(_entries(content, "phase", required=True)):
         where = f"phase {k + 1}"
-        given = _check(where, entry, {"name": str, "until": float, "scale": dict, "adaptation": float}, ("until",))
+        given = _check(
+            where, entry, {"name": str, "until": float, "scale": dict, "adaptation": float}, ("until",)
+        )
         scale = _numbers(f"{where}.scale", given.get("scale", {}))
         for name in scale:
             if name not in craft.coefficients():
@@ -206,8 +220,16 @@ def _phases(content: Mapping[str, Any], craft: Model) -> tuple[Phase, ...]:
 
 
 def _metrics(content: Mapping[str, Any]) -> tuple[Metric, ...]:
-    kinds = {"name": str, "of": str, "from": float, "to": float, "low": float, "high": float,
-             "unit": str, "paper": str}
+    kinds = {
+        "name": str,
+        "of": str,
+        "from": float,
+        "to": float,
+        "low": float,
+        "high": float,
+        "unit": str,
+        "paper": str,
+    }
     metrics = []
     for k, entry in enumerate(_entries(content, "metric")):
         g = _check(f"metric {k + 1}", entry, kinds, ("name", "of", "from", "to"))
@@ -237,7 +259,13 @@ def _reference(content: Mapping[str, Any]) -> dict[str, Any] | None:
 def _sampling(content: Mapping[str, Any]) -> Sampling | None:
     if "sampling" not in content:
         return None
-    kinds = {"measurement": float, "command": float, "position_noise": float, "heading_noise": float, "seed": int}
+    kinds = {
+        "measurement": float,
+        "command": float,
+        "position_noise": float,
+        "heading_noise": float,
+        "seed": int,
+    }
     given = _section(content, "sampling", kinds, required=("measurement",))
     given.setdefault("command", given["measurement"])
     for key in ("measurement", "command"):
@@ -262,7 +290,7 @@ def _commands(content: Mapping[str, Any]) -> dict[str, tuple[float, ...]]:
                 f"found {len(columns[name])}"
             )
     time = columns["time"]
-    if any(b <= a for a, b in zip(time, time[1:], strict=False)) or time[0] != 0.0:
+    if any(b <= a for a, b in itertools.pairwise(time)) or time[0] != 0.0:
         raise InputError("commands.time must begin with 0 and increase")
     return columns
 

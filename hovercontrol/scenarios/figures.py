@@ -46,14 +46,24 @@ def _phases(run: Run, axes: Axes, named: bool = True) -> None:
         if begin > 0:
             axes.axvline(begin, color="0.35", linewidth=0.9, linestyle="--")
         if named and len(run.scenario.phases) > 1:
-            axes.text((begin + phase.until) / 2, 1.01, phase.name, transform=axes.get_xaxis_transform(),
-                      ha="center", va="bottom", fontsize=8, color="0.35")
+            axes.text(
+                (begin + phase.until) / 2,
+                1.01,
+                phase.name,
+                transform=axes.get_xaxis_transform(),
+                ha="center",
+                va="bottom",
+                fontsize=8,
+                color="0.35",
+            )
         begin = phase.until
     axes.set_xlim(run.time[0], run.time[-1])
     axes.grid(alpha=0.3)
 
 
-def _in_time(run: Run, axes: Axes, curves: Mapping[str, Array], unit: str, styles: tuple[str, ...] = ()) -> None:
+def _in_time(
+    run: Run, axes: Axes, curves: Mapping[str, Array], unit: str, styles: tuple[str, ...] = ()
+) -> None:
     for k, (label, values) in enumerate(curves.items()):
         axes.plot(run.time, values, styles[k] if styles else "-", linewidth=1.1, label=label)
     axes.set_ylabel(unit)
@@ -68,7 +78,9 @@ def _path(run: Run) -> Figure:
     x, y = (c.get(f"true_{k}", c[k]) for k in "xy")
     label = "craft"
     if "x_ref" in c:
-        axes.plot(c["x_ref"], c["y_ref"], color="0.2", linestyle="--", linewidth=1.2, label="reference", zorder=3)
+        axes.plot(
+            c["x_ref"], c["y_ref"], color="0.2", linestyle="--", linewidth=1.2, label="reference", zorder=3
+        )
         axes.plot(c["x_ref"][0], c["y_ref"][0], "x", color="0.2", markersize=8)
         x, y = c["x_ref"] + c["error_x"], c["y_ref"] + c["error_y"]
         label = "control point"
@@ -125,7 +137,7 @@ def _estimates(run: Run) -> Figure:
     for k, (unit, names) in enumerate(groups):
         _phases(run, axes[k], named=k == 0)
         _in_time(run, axes[k], {n: estimates[n] for n in names}, f"[{unit}]")
-        for line, name in zip(list(axes[k].lines)[-len(names):], names, strict=True):
+        for line, name in zip(list(axes[k].lines)[-len(names) :], names, strict=True):
             axes[k].plot(run.time, truth[name], linestyle="--", linewidth=0.9, color=line.get_color())
     axes[-1].set_xlabel("time [s]")
     return figure

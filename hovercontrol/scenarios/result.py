@@ -77,7 +77,8 @@ class Run:
         estimates, truth = self.estimates(), self.truth()
         shares = [
             np.abs(estimates[n] - truth[n]) / np.maximum(0.03 * np.abs(truth[n]), 0.02)
-            for n in names if n in estimates
+            for n in names
+            if n in estimates
         ]
         return np.max(shares, axis=0) if shares else None
 

@@ -15,7 +15,6 @@ from hovercontrol.interconnect import interconnect
 from hovercontrol.references import REFERENCES
 from hovercontrol.scenarios.definition import Phase, Scenario
 from hovercontrol.scenarios.result import Run
-
 from hovercontrol.simulation import simulate
 
 Progress = Callable[[float], None]
@@ -52,7 +51,11 @@ def run_scenario(scenario: Scenario, progress: Progress | None = None) -> Run:
     for phase in scenario.phases:
         time = phase_grid(begin, phase.until, scenario.step)
         response = simulate(
-            loop, time, _held_commands(scenario, loop, time), x, phase_parameters(scenario, phase),
+            loop,
+            time,
+            _held_commands(scenario, loop, time),
+            x,
+            phase_parameters(scenario, phase),
             progress=progress,
         )
         columns = dict(zip(response.output_labels, np.atleast_2d(response.outputs), strict=True))
@@ -96,9 +99,7 @@ def phase_grid(begin: float, end: float, step: float) -> np.ndarray:
     return np.array([begin, *(step * k for k in range(first, last)), end])
 
 
-def _held_commands(
-    scenario: Scenario, loop: Block, time: np.ndarray
-) -> Mapping[str, np.ndarray] | None:
+def _held_commands(scenario: Scenario, loop: Block, time: np.ndarray) -> Mapping[str, np.ndarray] | None:
     if scenario.commands is None:
         return None
     times = np.array(scenario.commands["time"])

@@ -39,8 +39,8 @@ def run_sampled(
 ) -> Run:
     """Run a sampled scenario; see :func:`hovercontrol.scenarios.runner.run_scenario`.
 
-    The log has what the loop sees: the pose with noise and, in closed loop, velocities by backward difference;
-    the columns ``true_x ... true_r`` have the truth.
+    The log has what the loop sees: the pose with noise and velocities by backward difference; the columns
+    ``true_x ... true_r`` have the truth.
     """
     assert scenario.sampling is not None
     plant = _Plant(scenario, parts["plant"])
@@ -58,7 +58,9 @@ def run_sampled(
         if event.measure:
             truth = {f"true_{n}": v for n, v in zip(MOTION, plant.state, strict=True)}
             commands = dict(zip(plant.names, plant.commands, strict=True))
-            rows.append({"time": event.time, **motion, **commands, **pilot.columns(event.time, plant.state), **truth})
+            rows.append(
+                {"time": event.time, **motion, **commands, **pilot.columns(event.time, plant.state), **truth}
+            )
             if progress is not None:
                 progress(event.time)
     columns = {key: np.array([row[key] for row in rows]) for key in rows[0]}
@@ -66,7 +68,7 @@ def run_sampled(
 
 
 def _events(scenario: Scenario) -> Iterator[_Event]:
-    """Yield every tick once, in order; periods are counted exactly so that ticks that fall together are one."""
+    """Yield every tick once, in order; periods are counted exactly, so ticks that fall together are one."""
     sampling = scenario.sampling
     assert sampling is not None
     measure, command = (Fraction(str(p)) for p in (sampling.measurement, sampling.command))
@@ -85,8 +87,10 @@ def _events(scenario: Scenario) -> Iterator[_Event]:
             phase = next(phases)
         played = scenario.commands is not None and float(time) in scenario.commands["time"]
         yield _Event(
-            float(time), time % measure == 0,
-            time % command == 0 if scenario.commands is None else played, phase,
+            float(time),
+            time % measure == 0,
+            time % command == 0 if scenario.commands is None else played,
+            phase,
         )
 
 
@@ -125,7 +129,9 @@ class _Sensor:
         self.first = list(state)
 
     def measure(self, time: float, state: Sequence[float]) -> dict[str, float]:
-        pose = [value + s * self.random.standard_normal() for value, s in zip(state[:3], self.noise, strict=True)]
+        pose = [
+            value + s * self.random.standard_normal() for value, s in zip(state[:3], self.noise, strict=True)
+        ]
         if self.before is None:
             velocity = self.first[3:]
         else:
@@ -165,12 +171,16 @@ class _Pilot:
     def columns(self, time: float, state: Sequence[float]) -> dict[str, float]:
         """Return reference, true tracking error and estimates."""
         truth = dict(zip(MOTION, state, strict=True))
-        error = self._outputs(time, truth, 0.0)[self.n_commands:]
+        error = self._outputs(time, truth, 0.0)[self.n_commands :]
         return {**self._reference(time), "error_x": error[0], "error_y": error[1], **self._estimates()}
 
     def _outputs(self, time: float, motion: Mapping[str, float], adaptation: float) -> list[float]:
         known = {**motion, **self._reference(time), **self._estimates()}
-        share = {"controller.adaptation": adaptation} if "controller.adaptation" in self.controller.default_parameters else {}
+        share = (
+            {"controller.adaptation": adaptation}
+            if "controller.adaptation" in self.controller.default_parameters
+            else {}
+        )
         values = self.controller.parameter_values(share)
         return list(call_scalar(self.control, time, [], [known[n] for n in self.inputs], values))
 

@@ -101,8 +101,12 @@ class BlockSystem(control.NonlinearIOSystem):
         return np.array(call_scalar(self._output_pair, t, _list(x), _list(u), self._values), float)
 
     def linearize(
-        self, x0: Any, u0: ArrayLike = (), t: float = 0.0,
-        params: Mapping[str, float] | None = None, **kwargs: Any,
+        self,
+        x0: Any,
+        u0: ArrayLike = (),
+        t: float = 0.0,
+        params: Mapping[str, float] | None = None,
+        **kwargs: Any,
     ) -> control.StateSpace:
         """Return the linearisation at a point, from the exact Jacobians.
 

@@ -87,7 +87,7 @@ class NumpyFunctions:
         """Return the exact Jacobian, shape (n_rows, n_columns, ...); arguments as in :meth:`derivatives`."""
         function, entries, shape = self._jacobian_parts(rows, columns)
         args = self._arguments(t, x, u)
-        values = function(*args, self.block.parameter_values(params))
+        values = function(*args, self.block.parameter_values(params, bounded=False))
         result = np.zeros(shape + np.broadcast_shapes(*(np.shape(v) for v in (*args[1], *args[2], t))))
         for (i, j), value in zip(entries, values, strict=True):
             result[i, j] = value
@@ -116,7 +116,10 @@ class NumpyFunctions:
             block = self.block
             wanted = block.derivatives if rows == "derivatives" else block.output_expressions
             source = _Source(block, list(wanted.values()))
-            self._pairs[rows] = (source.function("math", self._groups), source.function("numpy", self._groups))
+            self._pairs[rows] = (
+                source.function("math", self._groups),
+                source.function("numpy", self._groups),
+            )
         return self._pairs[rows]
 
     @lru_cache(maxsize=16)  # noqa: B019  (one entry a Jacobian; the object lives as long as its Block)
@@ -140,11 +143,9 @@ class NumpyFunctions:
                 )
         return np.asarray(t, dtype=float)[()], np.atleast_1d(xs), np.atleast_1d(us)
 
-    def _evaluate(
-        self, pair: FunctionPair, t: ArrayLike, x: ArrayLike, u: ArrayLike, params: Any
-    ) -> Array:
+    def _evaluate(self, pair: FunctionPair, t: ArrayLike, x: ArrayLike, u: ArrayLike, params: Any) -> Array:
         t, xs, us = self._arguments(t, x, u)
-        p = self.block.parameter_values(params)
+        p = self.block.parameter_values(params, bounded=False)
         if xs.ndim == us.ndim == 1 and np.ndim(t) == 0:
             return np.array(call_scalar(pair, float(t), xs.tolist(), us.tolist(), p), dtype=float)  # type: ignore[arg-type]
         if xs.ndim > 1 and us.ndim == 1:
@@ -195,7 +196,7 @@ class _Source:
         bodies = dict(pieces) | {
             s: e for (s, _), e in zip(definitions, reduced[: len(definitions)], strict=True)
         }
-        self.results: list[sp.Expr] = list(reduced[len(definitions):])
+        self.results: list[sp.Expr] = list(reduced[len(definitions) :])
         self.steps = _in_order(bodies, self.results)
 
     def function(self, backend: Literal["math", "numpy"], groups: Sequence[list[sp.Symbol]]) -> Function:

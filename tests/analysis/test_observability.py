@@ -84,7 +84,8 @@ def test_the_functions_of_each_equation_are_those_of_c17():
     e = excitation(PLANT, t, constant(t, u=1.0, v=1.0, r=1.0, thrust=1.0, rudder=0.5))
     assert [s.equation for s in e.sets] == ["u", "v", "r"]
     assert e.sets[0].functions == {
-        "surge_coulomb": "-sgn(u, plant.surge_coulomb_width)", "surge_linear_drag": "-u",
+        "surge_coulomb": "-sgn(u, plant.surge_coulomb_width)",
+        "surge_linear_drag": "-u",
         "thrust": "thrust*cos(rudder)",
     }
     assert e.sets[1].functions["thrust"] == "thrust*sin(rudder)"
@@ -138,8 +139,10 @@ def test_dependent_sets_do_not_mean_that_nothing_can_be_told():
     v = np.sin(t) + 1.5 * np.sin(2.3 * t)
     along, across = 3 + np.cos(1.7 * t), v
     s = {
-        "u": 2 + np.sin(0.7 * t) + np.cos(3 * t), "v": v,
-        "thrust": np.hypot(along, across), "rudder": np.arctan2(across, along),
+        "u": 2 + np.sin(0.7 * t) + np.cos(3 * t),
+        "v": v,
+        "thrust": np.hypot(along, across),
+        "rudder": np.arctan2(across, along),
     }
     names = [n for n in MODEL.linear_coefficients() if not n.startswith(("yaw", "rudder"))]
     e = excitation(PLANT, t, s, names)
@@ -217,10 +220,14 @@ def test_the_gramian_is_that_of_the_transition_matrix():
 
 def test_sampling_does_not_change_the_answer():
     """Twice, four times as many samples, and uneven ones."""
+
     def answers(t):
         s = {
-            "u": 2 + np.sin(t), "v": 0.3 + np.cos(1.7 * t), "r": 0.2 + np.sin(2.3 * t),
-            "thrust": 3 + np.sin(3.1 * t), "rudder": 0.4 * np.cos(1.1 * t),
+            "u": 2 + np.sin(t),
+            "v": 0.3 + np.cos(1.7 * t),
+            "r": 0.2 + np.sin(2.3 * t),
+            "thrust": 3 + np.sin(3.1 * t),
+            "rudder": 0.4 * np.cos(1.1 * t),
         }
         W, e = observability_gramian(PLANT, t, s), excitation(PLANT, t, s)
         return np.concatenate([W.eigenvalues, e.joint.singular_values, list(W.std.values())])

@@ -79,9 +79,9 @@ def test_the_command_is_equations_25_and_26_for_random_states_coefficients_and_g
         thrust, rudder = c17_controller(state, reference, c, dx, k1, k2)
         assert found[0] == pytest.approx(thrust, rel=1e-12)
         # a 1e-12 of the force vector is a 1e-12 of angle
-        assert np.hypot(
-            np.cos(found[1]) - np.cos(rudder), np.sin(found[1]) - np.sin(rudder)
-        ) < 1e-12 * max(1.0, 20 / thrust)
+        assert np.hypot(np.cos(found[1]) - np.cos(rudder), np.sin(found[1]) - np.sin(rudder)) < 1e-12 * max(
+            1.0, 20 / thrust
+        )
         assert found[2:] == pytest.approx(c17_errors(state, reference, dx)[0], rel=1e-12, abs=1e-13)
 
 
@@ -169,9 +169,7 @@ def test_estimates_are_blended_in_by_the_parameter_adaptation(rng):
         state, reference = draw(rng)
         own = np.array([c17_simulation().coefficients()[n] for n in DRAG])
         hats = rng.uniform(-1, 2, 6)
-        found = adaptive.outputs(
-            0.0, (), [*state, *reference, *hats], {"controller.adaptation": share}
-        )
+        found = adaptive.outputs(0.0, (), [*state, *reference, *hats], {"controller.adaptation": share})
         used = {f"controller.{n}": v for n, v in zip(DRAG, own + share * (hats - own), strict=True)}
         assert found == pytest.approx(plain.outputs(0.0, (), [*state, *reference], used), rel=1e-11)
 
@@ -190,9 +188,7 @@ def test_only_coefficients_can_be_adapted(name):
 
 def test_limits_keep_the_commands_within_what_the_craft_can_do(rng):
     craft = c17_experiment()
-    bounded, free = (
-        tracking_controller(craft, limits=limits).to_numpy() for limits in (True, False)
-    )
+    bounded, free = (tracking_controller(craft, limits=limits).to_numpy() for limits in (True, False))
     inputs = rng.normal(0, 0.7, (12, 300))
     found, wanted = bounded.outputs(0.0, (), inputs), free.outputs(0.0, (), inputs)
     assert np.array_equal(found[0], np.clip(wanted[0], 0.0, 6.1))
@@ -264,9 +260,5 @@ def test_another_drag_needs_no_other_controller(rng):
     t, x = 0.4, draw(rng)[0]
     dx = f.derivatives(t, x)
     z1, z2 = c17_errors(x, path.outputs(t, ()), 0.2)
-    ahead, behind = (
-        c17_errors(x + s * h * dx, path.outputs(t + s * h, ()), 0.2)[1] for s in (1, -1)
-    )
-    assert np.allclose(
-        (ahead - behind) / (2 * h), -2 * z1 - 2 * z2, atol=1e-6 * (1 + np.abs(x).max()) * 10
-    )
+    ahead, behind = (c17_errors(x + s * h * dx, path.outputs(t + s * h, ()), 0.2)[1] for s in (1, -1))
+    assert np.allclose((ahead - behind) / (2 * h), -2 * z1 - 2 * z2, atol=1e-6 * (1 + np.abs(x).max()) * 10)

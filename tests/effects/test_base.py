@@ -38,9 +38,7 @@ def skirt_leak():
 def test_a_new_class_is_known_to_model_files_plants_and_estimators_at_once(skirt_leak, tmp_path):
     assert "skirt_leak_in_a_test" in effect_names()
     path = tmp_path / "leaky.toml"
-    path.write_text(
-        "[effects]\nskirt_leak_in_a_test = {value = 0.3, lean = 0.1}\nsurge_linear_drag = 0.2\n"
-    )
+    path.write_text("[effects]\nskirt_leak_in_a_test = {value = 0.3, lean = 0.1}\nsurge_linear_drag = 0.2\n")
     model = load_model(path)
     plant = model.plant()
     x = np.array([0, 0, 0.4, 2.0, 0, 0])
@@ -56,9 +54,7 @@ def test_a_new_class_is_known_to_model_files_plants_and_estimators_at_once(skirt
 
 def test_a_new_file_in_the_folder_is_all_it_takes(tmp_path):
     package = tmp_path / "hovercontrol"
-    shutil.copytree(
-        Path(hovercontrol.__file__).parent, package, ignore=shutil.ignore_patterns("__pycache__")
-    )
+    shutil.copytree(Path(hovercontrol.__file__).parent, package, ignore=shutil.ignore_patterns("__pycache__"))
     (package / "effects" / "tether.py").write_text(
         "from hovercontrol.effects.base import Coefficient, Effect\n\n\n"
         "class Tether(Effect):\n"
@@ -121,9 +117,7 @@ def test_an_unknown_effect_is_answered_with_the_nearest():
     ],
 )
 def test_numbers_that_make_no_effect_are_refused_by_name(numbers, message):
-    with pytest.raises(
-        InputError, match=f"effect yaw_coulomb: .*{message}|effect yaw_coulomb: {message}"
-    ):
+    with pytest.raises(InputError, match=f"effect yaw_coulomb: .*{message}|effect yaw_coulomb: {message}"):
         effect("yaw_coulomb", **numbers)
 
 

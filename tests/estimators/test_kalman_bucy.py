@@ -86,9 +86,7 @@ def linear_regression(g):
     states = [Signal(f"s{i}", "m") for i in range(len(g))]
     c = [Signal(f"c{j}", "m/s", start=0.0) for j in range(g.shape[1])]
     rows = sp.Matrix(g) * sp.Matrix([p.symbol for p in c])
-    return Block(
-        "toy", states, [], states, c, {s.name: e for s, e in zip(states, rows, strict=True)}
-    )
+    return Block("toy", states, [], states, c, {s.name: e for s, e in zip(states, rows, strict=True)})
 
 
 def covariance(e, size, column):
@@ -105,9 +103,7 @@ def test_with_a_constant_regressor_the_covariance_settles_at_scipys_riccati_solu
     g, r, q_state, q_coefficient
 ):
     e = kalman_bucy(linear_regression(g), R=r, Q=[q_state, q_coefficient], P0=1.0)
-    end = simulate(e, [0.0, 200.0], {"s0": 0.0}, rtol=1e-9, atol=1e-12, method="LSODA").states[
-        :, -1
-    ]
+    end = simulate(e, [0.0, 200.0], {"s0": 0.0}, rtol=1e-9, atol=1e-12, method="LSODA").states[:, -1]
     A, C = np.array([[0, g], [0, 0.0]]), np.array([[1.0, 0.0]])
     expected = solve_continuous_are(A.T, C.T, np.diag([q_state, q_coefficient]), np.array([[r]]))
     assert np.allclose(covariance(e, 2, end), expected, rtol=1e-6)
@@ -135,14 +131,10 @@ def excited_run(plant, e, t, seed):
 
 
 def test_the_covariance_stays_positive_and_the_coefficients_are_found():
-    craft = c17_simulation().with_coefficients(
-        {f"{a}_coulomb": 0.0 for a in ("surge", "sway", "yaw")}
-    )
+    craft = c17_simulation().with_coefficients({f"{a}_coulomb": 0.0 for a in ("surge", "sway", "yaw")})
     wanted = ["surge_linear_drag", "yaw_linear_drag", "rudder_torque"]
     truth = craft.with_coefficients({"surge_linear_drag": 0.5, "yaw_linear_drag": 0.9})
-    e = kalman_bucy(
-        craft.plant(), wanted, R=1e-4, Q=[1e-6] * 2 + [1e-6] * 3, P0=[1e-3] * 2 + [1.0] * 3
-    )
+    e = kalman_bucy(craft.plant(), wanted, R=1e-4, Q=[1e-6] * 2 + [1e-6] * 3, P0=[1e-3] * 2 + [1.0] * 3)
     t = np.linspace(0, 6, 61)
     whole, run = excited_run(truth.plant(), e, t, 3)
     names = [s.name.removeprefix("estimator.") for s in whole.states]
@@ -170,9 +162,7 @@ def test_an_estimator_that_starts_at_the_truth_stays_there():
 @pytest.mark.parametrize("craft", [hoverdemon, four_fan])
 def test_it_is_made_for_other_craft_without_change(craft):
     e = kalman_bucy(craft().plant())
-    assert [s.name.removesuffix("_hat") for s in e.outputs][:1] == [
-        craft().linear_coefficients()[0]
-    ]
+    assert [s.name.removesuffix("_hat") for s in e.outputs][:1] == [craft().linear_coefficients()[0]]
 
 
 @pytest.mark.parametrize(

@@ -37,9 +37,7 @@ def test_the_fan_crafts_regressors_are_its_fans_sums():
 
 
 def test_a_width_is_no_coefficient_and_the_refusal_says_where():
-    with pytest.raises(
-        InputError, match=r"not linear in 'plant.yaw_coulomb_width': in r' its factor is"
-    ):
+    with pytest.raises(InputError, match=r"not linear in 'plant.yaw_coulomb_width': in r' its factor is"):
         regression(c17_simulation().plant(), ["yaw_coulomb_width"])
 
 

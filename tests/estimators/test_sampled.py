@@ -30,7 +30,9 @@ def rich_commands() -> Block:
     second = Signal("second", "s", start=1.0)
     w = time / second.symbol
     return Block(
-        "commands", parameters=[second], outputs=[Signal("thrust"), Signal("rudder", "rad")],
+        "commands",
+        parameters=[second],
+        outputs=[Signal("thrust"), Signal("rudder", "rad")],
         output_expressions={
             "thrust": 3 + sp.sin(1.3 * w) + sp.sin(3.1 * w),
             "rudder": sp.Rational(2, 5) * sp.sin(0.9 * w) + sp.Rational(3, 10) * sp.cos(2.3 * w),
@@ -118,9 +120,13 @@ def test_without_disturbances_it_is_one_ridge_regression_over_all_samples():
     A = np.concatenate([np.broadcast_to(np.eye(3), (len(t), 3, 3)), steps[:, :, 1:]], axis=2)
     c0 = np.array(list(PRIOR.values()))
     left = np.vstack([A.reshape(-1, 11) / np.sqrt(R / dt), np.eye(11) / np.sqrt(prior)])
-    right = np.concatenate([
-        (y - steps[:, :, 0]).ravel() / np.sqrt(R / dt), np.zeros(3), c0 / np.sqrt(prior),
-    ])
+    right = np.concatenate(
+        [
+            (y - steps[:, :, 0]).ravel() / np.sqrt(R / dt),
+            np.zeros(3),
+            c0 / np.sqrt(prior),
+        ]
+    )
     wanted = np.linalg.lstsq(left, right, rcond=None)[0][3:]
     np.testing.assert_allclose(history.values[-1], wanted, atol=1e-9)
     inverse = np.linalg.inv(left.T @ left)
@@ -170,9 +176,7 @@ def test_as_the_step_shrinks_it_becomes_the_kalman_bucy_block():
         t = np.arange(0, 3 + dt / 2, dt)
         response = simulate(loop, t, rtol=1e-9, atol=1e-11)
         found = dict(zip(response.output_labels, response.outputs, strict=True))
-        history = estimate_from_log(
-            belief, t, found, names, hold="linear", x0=[1.0, 0.3], **tuning
-        )
+        history = estimate_from_log(belief, t, found, names, hold="linear", x0=[1.0, 0.3], **tuning)
         exact = np.column_stack([found[f"{n}_hat"] for n in names])
         errors.append(np.abs(history.values - exact)[t >= 0.5].max())
     orders = np.log2(np.array(errors[:-1]) / errors[1:])

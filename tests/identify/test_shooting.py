@@ -56,14 +56,14 @@ def test_windows_on_irregular_time_agree_with_an_adaptive_solver(plant, rudder_l
 def test_the_order_is_four(rng):
     """Halving the sub-step of a smooth system divides the error by sixteen."""
     x, v = Signal("x", "m", start=1.0), Signal("v", "m/s")
-    k = Signal("k", "1/s^2", start=40.0)
+    k = Signal("k", "1/s^2", start=20.0)
     spring = Block("spring", [x, v], [], [x], [k], {"x": v.symbol, "v": -k.symbol * x.symbol})
     t = np.array([0.0, 0.5, 1.0])
     log = measure(spring, Log("spring", t, {"x": np.ones(3), "v": np.zeros(3)}))
     cuts = cut([log], [log.states], ["x"], [(0, 0, 3)])
     errors = [
-        abs(Shooter(spring, cuts, ["x"], h).channels(cuts.start[:, None], [40.0])[-1, 0, 0, 0]
-            - np.cos(np.sqrt(40.0)))
+        abs(Shooter(spring, cuts, ["x"], h).channels(cuts.start[:, None], [20.0])[-1, 0, 0, 0]
+            - np.cos(np.sqrt(20.0)))
         for h in (0.05, 0.025, 0.0125)
     ]
     assert np.log2(np.array(errors[:-1]) / errors[1:]) == pytest.approx([4, 4], abs=0.2)

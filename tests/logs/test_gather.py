@@ -20,13 +20,17 @@ def run(tmp_path):
 
 
 def test_pose_and_commands_join_and_pulses_become_newton(run):
-    log = gather(f"{run}/pose.csv+{run}/cmd.csv", ["left"], bench=BenchTable.from_csv(run / "bench.csv", fans=2))
+    log = gather(
+        f"{run}/pose.csv+{run}/cmd.csv", ["left"], bench=BenchTable.from_csv(run / "bench.csv", fans=2)
+    )
     assert log["left"] == pytest.approx(np.full(len(log), 0.004 * 9.80665))
     assert log.time[0] == pytest.approx(0.5, abs=0.02)
 
 
 def test_only_the_stretch_where_the_craft_floats_is_kept(run):
-    log = gather(f"{run}/pose.csv+{run}/cmd.csv", ["pwm_left"], only_while=Condition.parse("pwm_lift>1000"), settle=0.5)
+    log = gather(
+        f"{run}/pose.csv+{run}/cmd.csv", ["pwm_left"], only_while=Condition.parse("pwm_lift>1000"), settle=0.5
+    )
     assert log.time[0] == pytest.approx(1.55, abs=0.06)
     assert log.time[-1] == pytest.approx(2.98, abs=0.06)
 

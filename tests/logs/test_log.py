@@ -12,9 +12,7 @@ from hovercontrol.logs import BenchTable, Log, join_logs
 def test_a_log_refuses_columns_of_other_length_and_time_that_stands_still() -> None:
     with pytest.raises(InputError, match=r"run: column 'u' has shape \(2,\).* 3 times"):
         Log("run", np.arange(3.0), {"u": np.zeros(2)})
-    with pytest.raises(
-        InputError, match="run: time must increase, but sample 2 is at 1 s after 1 s"
-    ):
+    with pytest.raises(InputError, match="run: time must increase, but sample 2 is at 1 s after 1 s"):
         Log("run", np.array([0.0, 1.0, 1.0]), {})
     with pytest.raises(InputError, match="run: no column 'thurst'; did you mean 'thrust'"):
         Log("run", np.arange(3.0), {"thrust": np.zeros(3)})["thurst"]
@@ -48,9 +46,7 @@ def test_without_an_idle_value_the_pose_is_cut_at_the_first_command() -> None:
 
 
 def test_logs_that_do_not_fit_are_refused() -> None:
-    with pytest.raises(
-        InputError, match="run: no time in common with fans: 10 to 12 s against 1 to 2"
-    ):
+    with pytest.raises(InputError, match="run: no time in common with fans: 10 to 12 s against 1 to 2"):
         join_logs(Log("run", np.array([10.0, 12.0]), {}), commands(), before=0.0)
     with pytest.raises(InputError, match="run: column 'pwm' is also in fans"):
         join_logs(pose().with_columns({"pwm": np.zeros(7)}), commands())

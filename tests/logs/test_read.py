@@ -99,9 +99,7 @@ def test_names_are_mapped_and_missing_inputs_are_named(tmp_path: Path) -> None:
     assert log.name == "run.csv"
     assert sorted(log.columns) == ["psi", "thrust", "x", "y"]  # text is left out
     renamed = {"time": "stamp", "x": "pose.x"}
-    assert "no column 'thrust'; did you mean 'Thrust'?" in error_of(
-        path, columns=renamed, inputs=["thrust"]
-    )
+    assert "no column 'thrust'; did you mean 'Thrust'?" in error_of(path, columns=renamed, inputs=["thrust"])
     assert "no column 'pose.z' to read 'x' from; did you mean 'pose.x'?" in error_of(
         path, columns={"x": "pose.z"}
     )
@@ -169,9 +167,7 @@ print(len(log), len(log.columns), resource.getrusage(resource.RUSAGE_SELF).ru_ma
 def test_ten_million_rows_stay_below_two_gibibytes(tmp_path: Path, suffix: str, rows: int) -> None:
     path = tmp_path / f"long{suffix}"
     value = pa.array(np.arange(rows) % 1000 / 1000)
-    table = pa.table(
-        {"time": pa.array(1e-3 * np.arange(rows)), **dict.fromkeys("uvrabcdef", value)}
-    )
+    table = pa.table({"time": pa.array(1e-3 * np.arange(rows)), **dict.fromkeys("uvrabcdef", value)})
     if suffix == ".csv":
         pyarrow.csv.write_csv(table, path)
     else:
@@ -186,9 +182,7 @@ def test_ten_million_rows_stay_below_two_gibibytes(tmp_path: Path, suffix: str, 
     assert float(gibibytes) < 2.0 * rows / 1e7 + (0.5 if suffix == ".csv" else 0.0)
 
 
-def test_more_than_a_gibibyte_of_numbers_is_refused_with_the_estimate(
-    tmp_path: Path, monkeypatch
-) -> None:
+def test_more_than_a_gibibyte_of_numbers_is_refused_with_the_estimate(tmp_path: Path, monkeypatch) -> None:
     monkeypatch.setattr("hovercontrol.logs.read.LARGEST", 2**20)
     path = tmp_path / "long.csv"
     path.write_text("time,u,v,r\n" + "".join(f"{i},1,2,3\n" for i in range(40_000)))

@@ -82,9 +82,7 @@ def test_clean_motion_is_kept_whole_and_its_noise_is_found(flight: Flight) -> No
     assert result.rejected == ()
     assert result.valid.all()
     assert np.abs(flight.body[:, 2]).max() > 10  # fast turning is motion
-    assert result.noise_std == pytest.approx(
-        (POSITION_NOISE, POSITION_NOISE, HEADING_NOISE), rel=0.15
-    )
+    assert result.noise_std == pytest.approx((POSITION_NOISE, POSITION_NOISE, HEADING_NOISE), rel=0.15)
     assert np.all(velocity_error(result, flight.body) < (0.0015, 0.0015, 0.012))
 
 

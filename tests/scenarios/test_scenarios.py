@@ -57,7 +57,7 @@ def test_table2_commands_are_held_between_their_ticks(table2):
     ticks = np.ceil(np.arange(0, 100, 0.0225) / 0.01 - 1e-9) * 0.01  # a tick shows at the next sample
     assert np.isin(np.round(changes, 6), np.round(ticks, 6)).all()
     assert np.abs(table2.columns["rudder"]).max() <= np.radians(26) + 1e-12
-    assert 0 <= thrust.min() and thrust.max() <= 6.1
+    assert thrust.min() >= 0 and thrust.max() <= 6.1
 
 
 def test_table2_velocities_are_backward_differences_of_the_noisy_pose(table2):
@@ -77,8 +77,13 @@ def test_a_sampled_run_repeats_with_its_seed_and_differs_with_another(table2):
 def test_without_noise_and_with_fast_ticks_the_sampled_loop_is_the_continuous_one():
     base = load_scenario("table1")
     short = dataclasses.replace(base, phases=(Phase("short", 3.0),), metrics=(), step=0.01)
-    sampling = dataclasses.replace(load_scenario("table2").sampling, measurement=0.001, command=0.001,
-                                   position_noise=0.0, heading_noise=0.0)
+    sampling = dataclasses.replace(
+        load_scenario("table2").sampling,
+        measurement=0.001,
+        command=0.001,
+        position_noise=0.0,
+        heading_noise=0.0,
+    )
     fast = run_scenario(dataclasses.replace(short, sampling=sampling))
     smooth = run_scenario(short)
     ten = fast.columns["true_x"][::10]
@@ -90,8 +95,16 @@ def test_the_saved_log_reads_back_and_nothing_else_is_left(tmp_path, table2):
     assert sorted(p.name for p in (tmp_path / "out").iterdir()) == sorted(f.name for f in files)
     log = read_log(tmp_path / "out" / "log.csv", inputs=("thrust", "rudder"))
     np.testing.assert_allclose(log["psi"], table2.columns["psi"], atol=1e-9)
-    assert {"path.png", "tracking_error.png", "estimates.png", "estimation_error.png", "velocities.png",
-            "thrust.png", "rudder.png", "metrics.csv"} <= {f.name for f in files}
+    assert {
+        "path.png",
+        "tracking_error.png",
+        "estimates.png",
+        "estimation_error.png",
+        "velocities.png",
+        "thrust.png",
+        "rudder.png",
+        "metrics.csv",
+    } <= {f.name for f in files}
 
 
 def test_phase_grids_meet_exactly():
@@ -127,17 +140,28 @@ until = 0.1
         ("step = 0.01", "step = -1.0", "scenario.step must be positive, found -1.0"),
         ("step = 0.01", 'step = "fast"', "scenario.step must be a number, found 'fast'"),
         ("[plant]", "[plent]", "unknown section 'plent'; did you mean 'plant'?"),
-        ("c17_simulation", "c17_simulatoin", "unknown vehicle 'c17_simulatoin'; did you mean 'c17_simulation'?"),
+        (
+            "c17_simulation",
+            "c17_simulatoin",
+            "unknown vehicle 'c17_simulatoin'; did you mean 'c17_simulation'?",
+        ),
         ('"circle"', '"circel"', "reference.kind: unknown 'circel'; did you mean 'circle'?"),
         ("radius = 2.0", "radios = 2.0", "unknown key in [reference] 'radios'; did you mean 'radius'?"),
         ("radius = 2.0", "", "reference: 'radius' is missing for kind = 'circle'"),
         ("until = 0.1", "until = -0.1", "phase 1: until = -0.1 must be later than 0"),
-        ("until = 0.1", "until = 0.1\nscale = { surge_colomb = 0.5 }",
-         "phase 1.scale: unknown coefficient 'surge_colomb'; did you mean 'surge_coulomb'?"),
+        (
+            "until = 0.1",
+            "until = 0.1\nscale = { surge_colomb = 0.5 }",
+            "phase 1.scale: unknown coefficient 'surge_colomb'; did you mean 'surge_coulomb'?",
+        ),
         ("until = 0.1", "until = 0.1\nadaptation = 2.0", "phase 1: adaptation = 2 is out of [0, 1]"),
         ("[controller]", "[commands]\ntime = [0.0]\n[controller]", "expected either [controller]"),
         ("[[phase]]\nuntil = 0.1", "", "expected one or more [[phase]] sections"),
-        ("control_point = 0.2", "control_point = 0.2\nadapt = ['yaw_coulomb']", "controller.adapt needs an [estimator]"),
+        (
+            "control_point = 0.2",
+            "control_point = 0.2\nadapt = ['yaw_coulomb']",
+            "controller.adapt needs an [estimator]",
+        ),
         ("[plant]", "[plant", "not readable as TOML"),
         ("[plant]", "[plant]\ncoefficients = { yaw_coulomb = -1.0 }", "out of its bounds [0, inf]"),
     ],
@@ -159,6 +183,8 @@ def test_the_good_file_runs(tmp_path):
 
 def test_a_control_point_at_the_centre_of_percussion_is_refused():
     scenario = load_scenario("table1")
-    bad = dataclasses.replace(scenario, controller={**scenario.controller, "control_point": 0.01 / (0.14 * 0.585)})
+    bad = dataclasses.replace(
+        scenario, controller={**scenario.controller, "control_point": 0.01 / (0.14 * 0.585)}
+    )
     with pytest.raises(InputError, match="a dx = J/m"):
         run_scenario(bad)

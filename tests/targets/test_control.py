@@ -39,9 +39,7 @@ def test_it_computes_what_the_block_computes(rng):
     for _ in range(20):
         x, u = rng.normal(size=6), rng.normal(size=2)
         p = {"plant.yaw_coulomb": rng.uniform()}
-        assert np.array_equal(
-            system.dynamics(0.0, x, u, p), block.to_numpy().derivatives(0.0, x, u, p)
-        )
+        assert np.array_equal(system.dynamics(0.0, x, u, p), block.to_numpy().derivatives(0.0, x, u, p))
         assert np.array_equal(system.output(0.0, x, u), x)
 
 
@@ -105,9 +103,7 @@ def test_two_craft_of_one_kind_do_not_share_a_value():
 
 def test_linearisation_is_that_of_finite_differences_on_a_plain_system():
     system = plant()
-    twin = ct.nlsys(
-        lambda t, x, u, p: system._rhs(t, x, u), None, inputs=2, outputs=6, states=6, name="twin"
-    )
+    twin = ct.nlsys(lambda t, x, u, p: system._rhs(t, x, u), None, inputs=2, outputs=6, states=6, name="twin")
     exact, rough = ct.linearize(system, X, U), ct.linearize(twin, X, U, eps=1e-7)
     for name in "ABCD":
         assert np.allclose(getattr(exact, name), getattr(rough, name), atol=1e-5)
@@ -145,9 +141,7 @@ def test_an_operating_point_is_found_and_linearised():
 def test_python_controls_simulation_is_ours_and_plots():
     system, t = plant(), np.linspace(0, 1, 21)
     u = np.vstack([np.ones(21), 0.2 * np.ones(21)])
-    theirs = ct.input_output_response(
-        system, t, u, X, solve_ivp_kwargs={"rtol": 1e-9, "atol": 1e-11}
-    )
+    theirs = ct.input_output_response(system, t, u, X, solve_ivp_kwargs={"rtol": 1e-9, "atol": 1e-11})
     ours = simulate(c17_simulation().plant(), t, u, X, rtol=1e-9, atol=1e-11)
     assert np.allclose(theirs.states, ours.states, atol=1e-6)
     assert theirs.plot().figure is not None
@@ -185,14 +179,10 @@ def test_a_fused_loop_can_be_pickled():
 
 def test_the_fused_loop_is_python_controls_interconnection_of_the_blocks(rng):
     fused = interconnect(parts(), "loop").to_control()
-    wired = ct.interconnect(
-        [b.to_control() for b in parts()], name="wired", outputs=fused.output_labels
-    )
+    wired = ct.interconnect([b.to_control() for b in parts()], name="wired", outputs=fused.output_labels)
     for _ in range(20):
         x, t = rng.normal(size=6), rng.uniform(0, 9)
-        assert np.allclose(
-            fused.dynamics(t, x, []), wired.dynamics(t, x, []), rtol=1e-12, atol=1e-12
-        )
+        assert np.allclose(fused.dynamics(t, x, []), wired.dynamics(t, x, []), rtol=1e-12, atol=1e-12)
         assert np.allclose(fused.output(t, x, []), wired.output(t, x, []), rtol=1e-12, atol=1e-12)
 
 

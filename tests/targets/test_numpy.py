@@ -39,9 +39,7 @@ def test_points_may_lie_on_a_grid_and_inputs_may_be_shared(rng):
     f = c17_simulation().plant().to_numpy()
     x = rng.normal(size=(6, 4, 5))
     assert f.derivatives(0.0, x, [1.0, 0.2]).shape == (6, 4, 5)
-    assert np.allclose(
-        f.derivatives(0.0, x, [1.0, 0.2])[:, 2, 3], f.derivatives(0.0, x[:, 2, 3], [1.0, 0.2])
-    )
+    assert np.allclose(f.derivatives(0.0, x, [1.0, 0.2])[:, 2, 3], f.derivatives(0.0, x[:, 2, 3], [1.0, 0.2]))
     assert f.jacobian(0.0, x, np.ones((2, 4, 5))).shape == (6, 6, 4, 5)
 
 
@@ -79,12 +77,8 @@ FUNCTIONS = [
 
 @pytest.mark.parametrize("expression", FUNCTIONS, ids=str)
 def test_every_function_is_the_same_for_floats_and_arrays_even_where_it_is_no_number(expression):
-    f = Block(
-        "f", inputs=[P, Q], outputs=[Signal("y")], output_expressions={"y": expression}
-    ).to_numpy()
-    points = np.array(
-        [[-1.3, -1.0, 0.0, 0.5, 2.0, 0.0, -0.4], [0.7, 2.0, 0.0, 1.0, -3.0, 2.0, -1.5]]
-    )
+    f = Block("f", inputs=[P, Q], outputs=[Signal("y")], output_expressions={"y": expression}).to_numpy()
+    points = np.array([[-1.3, -1.0, 0.0, 0.5, 2.0, 0.0, -0.4], [0.7, 2.0, 0.0, 1.0, -3.0, 2.0, -1.5]])
     with np.errstate(all="ignore"):
         many = f.outputs(0.0, (), points)[0]
         for k, (p, q) in enumerate(points.T):
