@@ -15,6 +15,7 @@ test: .venv/ready check  ## style, types, all tests
 
 check: .venv/ready
 	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
 benchmarks: .venv/ready  ## every figure in the README, measured on this machine

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
@@ -39,7 +40,8 @@ def main() -> None:
     except InputError as error:
         status = _refuse(str(error))
     except typer.TyperException as error:
-        status = _refuse(error.format_message())
+        text = error.format_message()
+        status = _refuse(text) if text else 0  # no arguments at all: the help was printed
     except (typer.Abort, KeyboardInterrupt):
         status = _refuse("stopped; nothing was written")
     except BrokenPipeError:  # the reader of a pipe has left
@@ -143,7 +145,7 @@ def identify(
         str, typer.Option("--while", help="Use only rows where this holds: 'pwm_lift>1000'")
     ] = "",
     settle: Annotated[float, typer.Option(help="Seconds to leave out where that begins.", min=0.0)] = 1.0,
-    window: Annotated[float, typer.Option(help="Length of the fit's windows [s].")] = 2.0,
+    window: Annotated[float, typer.Option(help="Length of the fit's windows in seconds.")] = 1.0,
     allow_gaps: Annotated[
         bool, typer.Option("--allow-gaps", help="Accept logs in which rows are missing.")
     ] = False,
@@ -153,8 +155,11 @@ def identify(
 ) -> int:
     """Estimate a model's coefficients from logs, with standard errors and what the logs leave open.
 
-    Writes model.toml, coefficients.csv, prediction.csv, rejected.csv and, for each log, a picture of the
-    free-running simulation over the measurement. Exit status 1 if a coefficient is not excited by the logs.
+    Writes model.toml, coefficients.csv, prediction.csv and rejected.csv,
+
+    and for each log a picture of the free-running simulation over the measurement.
+
+    Exit status 1 if a coefficient is not excited by the logs.
     """
     from hovercontrol.identify.study import Study
     from hovercontrol.logs import BenchTable, Condition, gather
@@ -191,19 +196,18 @@ def identify(
             allow_gaps=allow_gaps,
         )
 
-    with progress_bar("read logs", 1.0) as report:
+    with progress_bar("identify", 1.0) as report:
         every = []
         for k, name in enumerate([*names, *(holdout or [])]):
             every.append(read(name))
-            report((k + 1) / (len(names) + len(holdout or [])))
-    with progress_bar("identify", 1.0) as report:
+            report(0.1 * (k + 1) / (len(names) + len(holdout or [])))
         study = Study.make(
             craft,
             every[: len(names)],
             every[len(names) :],
             coefficients=_list(coefficients),
             window=window,
-            progress=lambda part, what: report(part),
+            progress=lambda part, what: report(0.1 + 0.9 * part),
         )
     files = study.save(out)
     print(study.text())
@@ -226,24 +230,24 @@ def _pairs(text: str) -> dict[str, str]:
 
 
 @contextmanager
-def progress_bar(text: str, total: float) -> Iterator[Any]:
-    """Show a progress bar on standard error; yields a function that takes how far the work is."""
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        TextColumn("{task.percentage:>3.0f} %"),
-        TimeElapsedColumn(),
-    )
-    with Progress(*columns, console=Console(stderr=True), transient=False) as bar:
+def progress_bar(text: str, total: float) -> Iterator[Callable[[float], None]]:
+    """Show on standard error how far the work is; yields a function that is told.
+
+    A terminal sees a bar, which leaves if the work ends in an error; a pipe gets one line at the end.
+    """
+    console = Console(stderr=True)
+    if not console.is_terminal:
+        begin = time.perf_counter()
+        yield lambda done: None
+        print(f"{text}: done in {time.perf_counter() - begin:.1f} s", file=sys.stderr)
+        return
+    parts = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:>3.0f} %"))
+    with Progress(*parts, TimeElapsedColumn(), console=console) as bar:
         task = bar.add_task(text, total=total)
-
-        def report(done: float) -> None:
-            bar.update(task, completed=done)
-
         try:
-            yield report
+            yield lambda done: bar.update(task, completed=done)
         except BaseException:
-            bar.live.transient = True  # an error is one line: the bar leaves
+            bar.live.transient = True
             raise
         bar.update(task, completed=total)
 

@@ -5,6 +5,8 @@ import sys
 
 import pytest
 
+from hovercontrol.samples import sample_path
+
 RUN = [sys.executable, "-m", "hovercontrol.cli"]
 
 
@@ -16,6 +18,11 @@ def test_help_shows_an_example_for_every_command():
     assert "simulate" in call("--help").stdout
     for command in ("simulate", "identify"):
         assert "Example: hovercontrol" in " ".join(call(command, "--help").stdout.split())
+
+
+def test_without_arguments_the_help_is_shown():
+    done = call()
+    assert done.returncode == 0 and "simulate" in done.stdout and done.stderr == ""
 
 
 def test_version():
@@ -61,7 +68,14 @@ high = 0.001
         (["simulate", "none.toml"], "none.toml: no such file"),
         (["simulate", "table1", "--aut", "x"], "No such option: --aut"),
         (["simulat", "table1"], "No such command 'simulat'"),
+        (["simulate", "table1", "--out", "/dev/null/x"], "cannot write there"),
         (["identify"], "expected one or more logs"),
+        (["identify", "--sample", "--model", "a.toml", "--vehicle", "four_fan"], "exclude each other"),
+        (["identify", "--sample", "--model", "a.toml"], "a.toml: no such file"),
+        (["identify", "--sample", "--window", "-2"], "--window must be positive"),
+        (["identify", "--sample", "--columns", "time"], "expected NAME=COLUMN, found 'time'"),
+        (["identify", "--sample", "--coefficients", "yaw_colomb"], "did you mean 'yaw_coulomb'?"),
+        (["identify", "--sample", "--vehicle", "four_fan"], "no column 'rear_left'"),
         (["identify", "nothere.csv"], "nothere.csv: expected a CSV or Parquet file, there is no such file"),
     ],
 )
@@ -71,3 +85,36 @@ def test_wrong_input_is_one_line_with_status_2_and_nothing_written(tmp_path, arg
     assert said in done.stderr
     assert len(done.stderr.strip().splitlines()) == 1
     assert done.stdout == "" and list(tmp_path.iterdir()) == []
+
+
+SAMPLE = sample_path().read_text().splitlines()
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda rows: [rows[0].replace("psi", "psy"), *rows[1:]], "no column 'psi'; did you mean 'psy'?"),
+        (lambda rows: [*rows[:50], rows[49], *rows[50:]], "line 51, column 'time': time repeats"),
+        (lambda rows: [*rows[:50], rows[9], *rows[50:]], "line 51, column 'time': time runs backwards"),
+        (lambda rows: [*rows[:50], *rows[400:]], "line 51, column 'time': 7.02 s without a row"),
+        (lambda rows: [*rows[:50], "0.98,nan,0,0,0,0", *rows[51:]], "line 51, column 'x': expected a finite"),
+        (lambda rows: [*rows[:50], "0.98,0,abc,0,0,0", *rows[51:]], "line 51, column 'y': expected a number"),
+        (lambda rows: rows[:1], "found no rows"),
+        (lambda rows: [], "line 1: expected a header"),
+        (lambda rows: rows[:5], "too short for a window"),
+    ],
+)
+def test_a_wrong_log_is_one_line_with_file_and_row(tmp_path, change, said):
+    (tmp_path / "mine.csv").write_text("\n".join(change(list(SAMPLE))) + "\n")
+    done = call("identify", "mine.csv", "--out", "out", cwd=tmp_path)
+    assert done.returncode == 2
+    assert said in done.stderr and "mine.csv" in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
+    assert done.stdout == "" and [p.name for p in tmp_path.iterdir()] == ["mine.csv"]
+
+
+def test_a_log_meant_to_have_gaps_is_accepted_on_request(tmp_path):
+    (tmp_path / "mine.csv").write_text("\n".join([*SAMPLE[:700], *SAMPLE[1000:]]) + "\n")
+    done = call("identify", "mine.csv", "--allow-gaps", "--out", "out", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "free_run_mine.png" in {p.name for p in (tmp_path / "out").iterdir()}

@@ -102,9 +102,7 @@ def weak_pull(nominal: Array) -> Array:
     return np.diag(1 / (LOOSE * nominal) ** 2)
 
 
-def named_directions(
-    directions: Array, size: Array, names: Sequence[str]
-) -> tuple[dict[str, float], ...]:
+def named_directions(directions: Array, size: Array, names: Sequence[str]) -> tuple[dict[str, float], ...]:
     """Return each direction as steps of named coefficients, the largest (in sizes) being 1."""
     named = []
     for v in directions.T:
@@ -116,8 +114,13 @@ def named_directions(
 
 
 def reason(
-    name: str, std: float, size: float, alone: float, directions: Sequence[Mapping[str, float]],
-    unit: str, idle: Sequence[str],
+    name: str,
+    std: float,
+    size: float,
+    alone: float,
+    directions: Sequence[Mapping[str, float]],
+    unit: str,
+    idle: Sequence[str],
 ) -> str:
     """Return why a coefficient is not excited, empty if it is.
 
@@ -139,12 +142,15 @@ def reason(
         why = f" ({', '.join(idle)} stays 0)" if idle else ""
         return f"nothing measured depends on it enough{why}"
     for direction in directions:
-        others = {k: s / direction[name] for k, s in direction.items() if k != name} \
-            if name in direction else {}
+        others = (
+            {k: s / direction[name] for k, s in direction.items() if k != name} if name in direction else {}
+        )
         if others:
             steps = " and ".join(f"{s:.3g} to {k}" for k, s in others.items())
-            return (f"hardly to be told from {', '.join(others)}: adding 1 to it and {steps} "
-                    "leaves what was measured much as it was")
+            return (
+                f"hardly to be told from {', '.join(others)}: adding 1 to it and {steps} "
+                "leaves what was measured much as it was"
+            )
     return f"its standard error is above its size of {size:.3g} {unit}"
 
 
@@ -161,5 +167,6 @@ def idle_inputs(block: Block, name: str, moving: Sequence[bool]) -> list[str]:
     """
     factors = partial_derivatives(block, "derivatives", [name]).values()
     symbols: set[sp.Symbol] = set().union(*(block.expand(e).free_symbols for e in factors))
-    return [s.name for s, moves in zip(block.inputs, moving, strict=True)
-            if s.symbol in symbols and not moves]
+    return [
+        s.name for s, moves in zip(block.inputs, moving, strict=True) if s.symbol in symbols and not moves
+    ]

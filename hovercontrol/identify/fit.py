@@ -136,7 +136,8 @@ def identify(
     fitted = _fitted(problem, names, solution, C, size, named)
     return Identified(
         model=model.with_coefficients({f.name: f.value for f in fitted})
-        if isinstance(model, Model) else None,
+        if isinstance(model, Model)
+        else None,
         block=block.with_values({n: f.value for n, f in zip(full_names, fitted, strict=True)}),
         coefficients=fitted,
         covariance=C,
@@ -154,9 +155,7 @@ def identify(
     )
 
 
-def _names(
-    model: Model | Block, block: Block, coefficients: Sequence[str] | None
-) -> tuple[str, ...]:
+def _names(model: Model | Block, block: Block, coefficients: Sequence[str] | None) -> tuple[str, ...]:
     if coefficients is None:
         found = model.linear_coefficients() if isinstance(model, Model) else regression(block).names
     else:
@@ -165,9 +164,7 @@ def _names(
             known = list(model.coefficients())
         for name in coefficients:
             if name.rpartition(".")[2] not in known:
-                raise InputError(
-                    f"{model.name!r} has no coefficient {name!r}{did_you_mean(name, known)}"
-                )
+                raise InputError(f"{model.name!r} has no coefficient {name!r}{did_you_mean(name, known)}")
         if isinstance(model, Model):
             coefficients = [name.rpartition(".")[2] for name in coefficients]
         found = tuple(dict.fromkeys(coefficients))
@@ -200,7 +197,11 @@ def _held(solver: Solver, p: Array, x0: list[Array], directions: Array) -> Solut
 
 
 def _fitted(
-    problem: Problem, names: Sequence[str], solution: Solution, C: Array, size: Array,
+    problem: Problem,
+    names: Sequence[str],
+    solution: Solution,
+    C: Array,
+    size: Array,
     directions: Sequence[dict[str, float]],
 ) -> tuple[Fitted, ...]:
     moving = np.zeros(len(problem.block.inputs), dtype=bool)
@@ -213,8 +214,15 @@ def _fitted(
         alone = 1.0 / np.sqrt(max(solution.information[j, j], 1e-300))
         value = float(np.clip(solution.point.p[j], problem.lower[j], problem.upper[j]))
         bound = "lower" if value <= signal.lower else "upper" if value >= signal.upper else ""
-        why = reason(name, std, size[j], alone, directions, signal.unit,
-                     idle_inputs(problem.block, signal.name, moving.tolist()))
+        why = reason(
+            name,
+            std,
+            size[j],
+            alone,
+            directions,
+            signal.unit,
+            idle_inputs(problem.block, signal.name, moving.tolist()),
+        )
         std = std if std < NO_INFORMATION * size[j] else np.inf
         fitted.append(Fitted(name, value, std, signal.unit, signal.start, bound, why))
     return tuple(fitted)

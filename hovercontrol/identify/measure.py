@@ -123,8 +123,7 @@ def measure(block: Block, log: Log, most_rows: int = MOST_ROWS) -> Measured:
         channels,
         np.concatenate([p.values for p in parts], axis=1),
         np.concatenate([p.states for p in parts], axis=1),
-        tuple((a + int(s), b + int(s)) for s, p in zip(starts, parts, strict=False)
-              for a, b in p.segments),
+        tuple((a + int(s), b + int(s)) for s, p in zip(starts, parts, strict=False) for a, b in p.segments),
         tuple(zip(starts[:-1].tolist(), starts[1:].tolist(), strict=True)),
         tuple(span for p in parts for span in p.rejected),
         len(log),
@@ -173,8 +172,17 @@ def _part(block: Block, log: Log, channels: Sequence[str]) -> Measured:
     origin = float(log.time[0]) if n else 0.0
     segments = _segments(log.name, time, valid)
     return Measured(
-        log.name, time, origin, inputs, tuple(channels), values, states, segments, ((0, n),),
-        spans, n,
+        log.name,
+        time,
+        origin,
+        inputs,
+        tuple(channels),
+        values,
+        states,
+        segments,
+        ((0, n),),
+        spans,
+        n,
     )
 
 

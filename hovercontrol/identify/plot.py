@@ -37,7 +37,7 @@ def plot_free_run(run: FreeRun) -> Figure:
     axes = np.atleast_1d(figure.subplots(rows, columns, sharex=True, squeeze=False).ravel())
     for axis, channel in zip(axes, channels, strict=False):
         _draw(axis, run, channel)
-    for axis in axes[len(channels):]:
+    for axis in axes[len(channels) :]:
         axis.remove()
     for axis in axes[max(0, len(channels) - columns) : len(channels)]:
         axis.set_xlabel("time [s]")
@@ -54,10 +54,19 @@ def _draw(axis: Axes, run: FreeRun, channel: str) -> None:
     axis.plot(run.time, run.measured[i], color=MEASURED, lw=1.2, label="measured")
     axis.plot(run.time, run.simulated[i], color=SIMULATED, lw=1.0, label="simulated")
     for k, span in enumerate(run.rejected):
-        axis.axvspan(span.start, span.stop, color=SHADE, alpha=0.2, lw=0.5,
-                     label="no motion, left out" if k == 0 else None)
+        axis.axvspan(
+            span.start,
+            span.stop,
+            color=SHADE,
+            alpha=0.2,
+            lw=0.5,
+            label="no motion, left out" if k == 0 else None,
+        )
     axis.set_ylabel(f"{channel} [{run.units[channel]}]")
-    axis.set_title(f"rms error {run.rms[channel]:.3g} {run.units[channel]}, "
-                   f"{100 * run.nrmse[channel]:.3g} % of its rms", fontsize="small", loc="right")
+    axis.set_title(
+        f"rms error {run.rms[channel]:.3g} {run.units[channel]}, {100 * run.nrmse[channel]:.3g} % of its rms",
+        fontsize="small",
+        loc="right",
+    )
     axis.margins(x=0)
     axis.grid(alpha=0.3)

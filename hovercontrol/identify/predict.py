@@ -110,10 +110,11 @@ def free_run(model: Model | Block, log: Log | Measured, *, restart: bool = False
     if restart:
         ranges = [(0, a, b) for a, b in data.segments if b - a > 1]
     else:
-        known = [min((a for a, _ in data.segments if first <= a < stop), default=stop)
-                 for first, stop in data.stretches]
-        ranges = [(0, a, stop) for a, (_, stop) in zip(known, data.stretches, strict=True)
-                  if stop - a > 1]
+        known = [
+            min((a for a, _ in data.segments if first <= a < stop), default=stop)
+            for first, stop in data.stretches
+        ]
+        ranges = [(0, a, stop) for a, (_, stop) in zip(known, data.stretches, strict=True) if stop - a > 1]
     if not ranges:
         raise InputError(f"{data.name}: nothing is known from which a simulation could start")
     names, reference = _reference(block, data)
@@ -127,15 +128,21 @@ def free_run(model: Model | Block, log: Log | Measured, *, restart: bool = False
         ran[a:b] = True
     rms, nrmse = _errors(names, simulated[:, ran], reference[:, ran])
     return FreeRun(
-        model.name, data.name, data.time, names, {c: block.signal(c).unit for c in names},
-        reference, simulated, tuple(float(data.time[a]) for _, a, _ in ranges), data.rejected,
-        rms, nrmse,
+        model.name,
+        data.name,
+        data.time,
+        names,
+        {c: block.signal(c).unit for c in names},
+        reference,
+        simulated,
+        tuple(float(data.time[a]) for _, a, _ in ranges),
+        data.rejected,
+        rms,
+        nrmse,
     )
 
 
-def window_prediction(
-    model: Model | Block, log: Log | Measured, horizon: float = 1.0
-) -> Prediction:
+def window_prediction(model: Model | Block, log: Log | Measured, horizon: float = 1.0) -> Prediction:
     """Return the error of a model `horizon` seconds ahead of the measured or smoothed state.
 
     Every row of the log is a start (of a long log, 2000 rows spread evenly) from which `horizon`

@@ -94,8 +94,13 @@ class Problem:
     """
 
     def __init__(
-        self, block: Block, coefficients: Sequence[str], logs: Sequence[Measured],
-        states: Sequence[Array], channels: Sequence[str], ranges: Sequence[tuple[int, int, int]],
+        self,
+        block: Block,
+        coefficients: Sequence[str],
+        logs: Sequence[Measured],
+        states: Sequence[Array],
+        channels: Sequence[str],
+        ranges: Sequence[tuple[int, int, int]],
     ) -> None:
         self.block, self.names, self.channel_names = block, tuple(coefficients), tuple(channels)
         signals = [block.parameter(name) for name in coefficients]
@@ -169,9 +174,7 @@ class Problem:
         r = group.values.transpose(1, 2, 0) - Y[:, :, 0].transpose(2, 0, 1)
         return r, np.ascontiguousarray(J.transpose(3, 0, 1, 2))
 
-    def reduce(
-        self, point: Point, weights: list[Array], damping: list[Array] | None = None
-    ) -> Reduced:
+    def reduce(self, point: Point, weights: list[Array], damping: list[Array] | None = None) -> Reduced:
         """Return the normal equations in the coefficients.
 
         Parameters
@@ -185,9 +188,7 @@ class Problem:
         n, P = len(self._free), len(self.names)
         S, g, back, scores, stds = np.zeros((P, P)), np.zeros(P), [], [], []
         none = [np.zeros(len(r)) for r in point.residual]
-        for r, J, weight, damp in zip(
-            point.residual, point.jacobian, weights, damping or none, strict=True
-        ):
+        for r, J, weight, damp in zip(point.residual, point.jacobian, weights, damping or none, strict=True):
             W = len(r)
             A = (J * weight[..., None]).reshape(W, -1, n + P)
             H = A.swapaxes(1, 2) @ A
@@ -218,7 +219,6 @@ class Problem:
             moved.append(new)
         return moved
 
-
     def at_rest(self, x0: list[Array], state_std: list[Array]) -> list[Array]:
         """Return the initial states, those set to zero that are zero but for noise.
 
@@ -248,9 +248,7 @@ def states_that_matter(block: Block, channels: Sequence[str]) -> list[int]:
     return sorted(matter)
 
 
-def _groups(
-    ranges: Sequence[tuple[int, int, int]], per_row: int
-) -> list[list[tuple[int, int, int]]]:
+def _groups(ranges: Sequence[tuple[int, int, int]], per_row: int) -> list[list[tuple[int, int, int]]]:
     """Sort windows by length and group them so that padding and memory stay small."""
     order = sorted(ranges, key=lambda r: r[2] - r[1], reverse=True)
     groups: list[list[tuple[int, int, int]]] = []

@@ -116,10 +116,18 @@ class Identified:
     def table(self) -> str:
         """Return the result as plain text: coefficients, then channels, then what was used."""
         lines = _columns([("coefficient", "value", "std", "unit", ""), *self.rows_of_table()])
-        lines += ["", *_columns([("channel", "residual", "noise", "unit"), *(
-            (c, f"{self.residual[c]:.3g}", f"{self.noise[c]:.3g}", unit)
-            for c, unit in self.units.items()
-        )])]
+        lines += [
+            "",
+            *_columns(
+                [
+                    ("channel", "residual", "noise", "unit"),
+                    *(
+                        (c, f"{self.residual[c]:.3g}", f"{self.noise[c]:.3g}", unit)
+                        for c, unit in self.units.items()
+                    ),
+                ]
+            ),
+        ]
         used = f"{self.rows} of {self.rows_total} rows in {self.windows} windows"
         lines += ["", f"chi2/dof {self.chi2_per_dof:.3g}; {used} of {', '.join(self.logs)}"]
         if not self.converged:
@@ -140,5 +148,4 @@ class Identified:
 
 def _columns(rows: list[tuple[str, ...]]) -> list[str]:
     widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
-    return ["  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip()
-            for row in rows]
+    return ["  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip() for row in rows]

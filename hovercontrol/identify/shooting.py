@@ -98,15 +98,12 @@ class Shooter:
         Longest sub-step [s].
     """
 
-    def __init__(
-        self, block: Block, windows: Windows, channels: Sequence[str], step: float
-    ) -> None:
+    def __init__(self, block: Block, windows: Windows, channels: Sequence[str], step: float) -> None:
         self.block, self.windows = block, windows
         self._derivatives, self._outputs = block.to_numpy().vector
         states = [s.name for s in block.states]
         outputs = [s.name for s in block.outputs]
-        self._pick = [(states.index(c), True) if c in states else (outputs.index(c), False)
-                      for c in channels]
+        self._pick = [(states.index(c), True) if c in states else (outputs.index(c), False) for c in channels]
         self._schedule(step)
 
     def _schedule(self, step: float) -> None:
@@ -193,9 +190,7 @@ class Shooter:
         return Y
 
 
-def known_states(
-    block: Block, log: Measured, parameters: Sequence[float], step: float = STEP
-) -> Array:
+def known_states(block: Block, log: Measured, parameters: Sequence[float], step: float = STEP) -> Array:
     """Return all states at every row of a log: measured ones as they are, others simulated.
 
     States that the log does not tell (a fan that lags) start from their start value at the
@@ -232,9 +227,7 @@ def known_states(
     return states
 
 
-def stable_step(
-    block: Block, windows: Windows, parameters: Sequence[float], longest: float
-) -> float:
+def stable_step(block: Block, windows: Windows, parameters: Sequence[float], longest: float) -> float:
     """Return a sub-step [s] at which Runge-Kutta neither chatters nor smears in stiff dry friction.
 
     One over the largest eigenvalue of the Block's state Jacobian at the windows' starts, and there

@@ -75,8 +75,13 @@ class Solver:
     """
 
     def __init__(
-        self, problem: Problem, noise: Array, huber: float | None, step: float,
-        tell: Callable[[float, str], None], iterations: int = 0,
+        self,
+        problem: Problem,
+        noise: Array,
+        huber: float | None,
+        step: float,
+        tell: Callable[[float, str], None],
+        iterations: int = 0,
     ) -> None:
         self.problem, self.noise, self.huber, self._tell = problem, noise, huber, tell
         self.step, self.iterations = step, iterations
@@ -152,8 +157,9 @@ class Solver:
             self._tell(1 - 1 / (1 + self.iterations / 8), "fitting")
             reduced = problem.reduce(point, self._weights(point, sigma), window_damping)
             S, g = reduced.S + Q, reduced.g - Q @ (point.p - start)
-            dp = bounded_step(S, g, problem.lower - point.p, problem.upper - point.p,
-                              problem.nominal, damping)
+            dp = bounded_step(
+                S, g, problem.lower - point.p, problem.upper - point.p, problem.nominal, damping
+            )
             trial = problem.linearise(
                 np.clip(point.p + dp, problem.lower, problem.upper),
                 problem.move(point.x0, reduced.back, dp),
@@ -205,11 +211,23 @@ class Solver:
             squares = np.sum([(r**2).sum(axis=(0, 1)) for r in point.residual], axis=0)
             level = np.sqrt(squares / share)
         else:
-            level = np.array([
-                np.median(np.concatenate([np.abs(r[..., c][s[..., c]]) for r, s in
-                                          zip(point.residual, self._seen, strict=True)]))
-                for c in range(len(self.noise))
-            ]) / 0.6745 * np.sqrt(self._counts / share)
+            level = (
+                np.array(
+                    [
+                        np.median(
+                            np.concatenate(
+                                [
+                                    np.abs(r[..., c][s[..., c]])
+                                    for r, s in zip(point.residual, self._seen, strict=True)
+                                ]
+                            )
+                        )
+                        for c in range(len(self.noise))
+                    ]
+                )
+                / 0.6745
+                * np.sqrt(self._counts / share)
+            )
         return np.maximum(level, 0.01 * self.noise)
 
 
@@ -217,9 +235,7 @@ def _sum(costs: list[Array]) -> float:
     return float(sum(c.sum() for c in costs))
 
 
-def bounded_step(
-    S: Array, g: Array, lower: Array, upper: Array, size: Array, damping: float = 0.0
-) -> Array:
+def bounded_step(S: Array, g: Array, lower: Array, upper: Array, size: Array, damping: float = 0.0) -> Array:
     """Return the d within bounds that minimises ``d'S d/2 - g'd``, shape (P,).
 
     Parameters

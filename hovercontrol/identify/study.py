@@ -9,7 +9,7 @@ from pathlib import Path
 
 from hovercontrol.errors import InputError
 from hovercontrol.files import write_folder
-from hovercontrol.identify.fit import identify
+from hovercontrol.identify.fit import WINDOW, identify
 from hovercontrol.identify.measure import Measured, measure
 from hovercontrol.identify.plot import plot_free_run
 from hovercontrol.identify.predict import FreeRun, Prediction, free_run, window_prediction
@@ -57,7 +57,7 @@ class Study:
         holdout: Sequence[Log] = (),
         *,
         coefficients: Sequence[str] | None = None,
-        window: float = 2.0,
+        window: float = WINDOW,
         progress: Callable[[float, str], None] | None = None,
     ) -> Study:
         """Fit on the training logs, then predict every log.
@@ -83,7 +83,10 @@ class Study:
             tell(0.2 * k / (len(training) + len(holdout)), f"smoothing {log.name}")
             measured.append(measure(block, log))
         found = identify(
-            model, measured[: len(training)], coefficients, window=window,
+            model,
+            measured[: len(training)],
+            coefficients,
+            window=window,
             progress=lambda part, what: tell(0.2 + 0.6 * part, what),
         )
         assert found.model is not None
@@ -91,9 +94,8 @@ class Study:
         judged = []
         for k, (label, data) in enumerate(zip(labels, measured, strict=True)):
             tell(0.8 + 0.2 * k / len(measured), f"predicting {label}")
-            judged.append(Judged(
-                label, k >= len(training), window_prediction(found.model, data, HORIZON), free_run(found.model, data)
-            ))
+            ahead, run = window_prediction(found.model, data, HORIZON), free_run(found.model, data)
+            judged.append(Judged(label, k >= len(training), ahead, run))
         return cls(found, tuple(judged))
 
     def text(self) -> str:
@@ -120,13 +122,18 @@ class Study:
             assert self.found.model is not None
             save_model(self.found.model, temporary / "model.toml")
             self.found.save_csv(temporary / "coefficients.csv")
-            _table(temporary / "prediction.csv", ["log", "held_out", "channel", "unit", "horizon_s", "rms", "nrmse"], [
-                [j.label, j.holdout, c, j.prediction.units[c], HORIZON, j.prediction.rms[c], j.prediction.nrmse[c]]
-                for j in self.judged for c in j.prediction.rms
-            ])
-            _table(temporary / "rejected.csv", ["log", "start_s", "stop_s", "rows", "reason"], [
+            ahead = [
+                [j.label, j.holdout, c, p.units[c], HORIZON, p.rms[c], p.nrmse[c]]
+                for j in self.judged
+                for p in [j.prediction]
+                for c in p.rms
+            ]
+            heading = ["log", "held_out", "channel", "unit", "horizon_s", "rms", "nrmse"]
+            _table(temporary / "prediction.csv", heading, ahead)
+            spans = [
                 [j.label, s.start, s.stop, s.rows, s.reason] for j in self.judged for s in j.run.rejected
-            ])
+            ]
+            _table(temporary / "rejected.csv", ["log", "start_s", "stop_s", "rows", "reason"], spans)
             for j in self.judged:
                 plot_free_run(j.run).savefig(temporary / f"free_run_{j.label}.png", dpi=120)
 
@@ -144,6 +151,7 @@ def _labels(names: Sequence[str]) -> list[str]:
     """Return file names without suffix, told apart by a number where two logs share one."""
     stems = [Path(name).stem for name in names]
     labels = [f"{s}_{stems[:k].count(s) + 1}" if stems.count(s) > 1 else s for k, s in enumerate(stems)]
-    if len(set(labels)) < len(labels):
-        raise InputError(f"logs share a name: {', '.join(sorted(set(s for s in labels if labels.count(s) > 1)))}")
+    shared = sorted({s for s in labels if labels.count(s) > 1})
+    if shared:
+        raise InputError(f"logs share a name: {', '.join(shared)}")
     return labels

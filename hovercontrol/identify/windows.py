@@ -66,8 +66,12 @@ def noise_levels(logs: Sequence[Measured], channels: Sequence[str]) -> Array:
     """
     levels = []
     for channel in channels:
-        rows = [m.values[m.channels.index(channel), a:b] for m in logs if channel in m.channels
-                for a, b in m.segments]
+        rows = [
+            m.values[m.channels.index(channel), a:b]
+            for m in logs
+            if channel in m.channels
+            for a, b in m.segments
+        ]
         jumps = np.concatenate([np.abs(np.diff(row, 3)) for row in rows])
         jumps = jumps[np.isfinite(jumps)]
         every = np.concatenate(rows)

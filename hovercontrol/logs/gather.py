@@ -117,7 +117,7 @@ def _split(files: str) -> list[Path]:
 def _columns_by_file(
     pose: Path, commands: Path, columns: Mapping[str, str]
 ) -> tuple[dict[str, str], dict[str, str]]:
-    """Give each renamed column to the files that have it; one that none has is left for read_log to refuse."""
+    """Give each renamed column to the files that have it; read_log refuses one that none has."""
     from hovercontrol.logs.source import open_source
 
     there = {path: open_source(path).header for path in (pose, commands)}

@@ -19,22 +19,28 @@ POSE, VELOCITY = ("x", "y", "psi"), ("u", "v", "r")
 NOISE = {"x": 1e-3, "y": 1e-3, "psi": 3e-3, "u": 5e-3, "v": 5e-3, "r": 2e-2}
 
 
-def held(
-    rng: np.random.Generator, t: np.ndarray, seconds: float, low: float, high: float
-) -> np.ndarray:
+def held(rng: np.random.Generator, t: np.ndarray, seconds: float, low: float, high: float) -> np.ndarray:
     """Random steps, each held for about so many seconds."""
     levels = rng.uniform(low, high, int(t[-1] / seconds) + 2)
     return levels[(t / seconds).astype(int)]
 
 
 def measured_log(
-    model: Model, t: np.ndarray, inputs: Mapping[str, np.ndarray], channels: tuple[str, ...],
-    rng: np.random.Generator, noise: float = 1.0, x0: Mapping[str, float] | None = None,
+    model: Model,
+    t: np.ndarray,
+    inputs: Mapping[str, np.ndarray],
+    channels: tuple[str, ...],
+    rng: np.random.Generator,
+    noise: float = 1.0,
+    x0: Mapping[str, float] | None = None,
 ) -> Log:
-    states = dict(zip(
-        (*POSE, *VELOCITY),
-        simulate(model.plant(), t, inputs, x0, rtol=1e-8, atol=1e-10).states, strict=True,
-    ))
+    states = dict(
+        zip(
+            (*POSE, *VELOCITY),
+            simulate(model.plant(), t, inputs, x0, rtol=1e-8, atol=1e-10).states,
+            strict=True,
+        )
+    )
     seen = {c: states[c] + noise * NOISE[c] * rng.standard_normal(t.size) for c in channels}
     return Log("simulated", t, {**seen, **inputs})
 
@@ -44,8 +50,14 @@ def rudder_log() -> Callable[..., Log]:
     """A log of the C17 craft under rich thrust and rudder steps."""
 
     def make(
-        channels: tuple[str, ...] = VELOCITY, *, seconds: float = 40.0, seed: int = 1,
-        model: Model | None = None, rudder: float = 0.45, noise: float = 1.0, rate: float = 100.0,
+        channels: tuple[str, ...] = VELOCITY,
+        *,
+        seconds: float = 40.0,
+        seed: int = 1,
+        model: Model | None = None,
+        rudder: float = 0.45,
+        noise: float = 1.0,
+        rate: float = 100.0,
     ) -> Log:
         rng = np.random.default_rng(seed)
         t = np.arange(0.0, seconds, 1 / rate)
@@ -61,10 +73,15 @@ def rudder_log() -> Callable[..., Log]:
 @pytest.fixture
 def fan_truth() -> Model:
     """A four-fan craft whose coefficients differ from the starting point of the library's."""
-    return four_fan().with_coefficients({
-        "surge_linear_drag": 0.4, "sway_linear_drag": 0.3, "yaw_linear_drag": 0.5,
-        "fan_force": 4.5, "fan_torque": 900.0,
-    })
+    return four_fan().with_coefficients(
+        {
+            "surge_linear_drag": 0.4,
+            "sway_linear_drag": 0.3,
+            "yaw_linear_drag": 0.5,
+            "fan_force": 4.5,
+            "fan_torque": 900.0,
+        }
+    )
 
 
 @pytest.fixture
@@ -90,7 +107,11 @@ def cart() -> Block:
     drag = Signal("cart.drag", "1/s", start=1.0, lower=0.0)
     gain = Signal("cart.gain", "1/kg", start=1.0)
     return Block(
-        "cart", [p, v], [F], [p], [drag, gain],
+        "cart",
+        [p, v],
+        [F],
+        [p],
+        [drag, gain],
         {"p": v.symbol, "v": gain.symbol * F.symbol - drag.symbol * v.symbol},
     )
 

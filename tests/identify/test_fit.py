@@ -15,8 +15,14 @@ from hovercontrol.vehicles import c17_experiment, four_fan
 
 POSE, VELOCITY = ("x", "y", "psi"), ("u", "v", "r")
 C17_START = {
-    "surge_coulomb": 0.7, "surge_linear_drag": 0.3, "sway_coulomb": 0.3, "sway_linear_drag": 0.6,
-    "yaw_coulomb": 0.4, "yaw_linear_drag": 1.0, "thrust": 0.5, "rudder_torque": 2.0,
+    "surge_coulomb": 0.7,
+    "surge_linear_drag": 0.3,
+    "sway_coulomb": 0.3,
+    "sway_linear_drag": 0.6,
+    "yaw_coulomb": 0.4,
+    "yaw_linear_drag": 1.0,
+    "thrust": 0.5,
+    "rudder_torque": 2.0,
 }
 
 
@@ -126,7 +132,11 @@ def test_twins_are_named(cart, cart_log):
     twin = Signal("cart.twin", "1/kg", start=0.5)
     force = cart.inputs[0]
     both = Block(
-        "cart", cart.states, cart.inputs, cart.outputs, [*cart.parameters, twin],
+        "cart",
+        cart.states,
+        cart.inputs,
+        cart.outputs,
+        [*cart.parameters, twin],
         {**cart.derivatives, "v": cart.derivatives["v"] + twin.symbol * force.symbol},
     )
     found = identify(both, [cart_log(1)])
@@ -199,8 +209,9 @@ def test_what_is_wrong_is_said_in_one_line(rudder_log):
 
 def test_a_result_is_tabled_and_saved(rudder_log, tmp_path):
     parts = []
-    found = identify(c17_experiment(), [rudder_log(VELOCITY, seconds=10)],
-                     progress=lambda part, what: parts.append(part))
+    found = identify(
+        c17_experiment(), [rudder_log(VELOCITY, seconds=10)], progress=lambda part, what: parts.append(part)
+    )
     assert parts == sorted(parts) and parts[-1] == 1.0
     assert "rudder_torque" in found.table() and "chi2/dof" in found.table()
     with found.save_csv(tmp_path / "found.csv").open() as stream:

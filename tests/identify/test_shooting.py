@@ -35,8 +35,13 @@ def careful(block: Block, log, x0, a, b, parameters=None):
     x, rows = np.array(x0), [np.array(x0)]
     for k in range(a, b - 1):
         u = log.inputs[:, k]
-        x = solve_ivp(lambda t, x, u=u: f.derivatives(t, x, u, parameters),
-                      (log.time[k], log.time[k + 1]), x, rtol=1e-9, atol=1e-11).y[:, -1]
+        x = solve_ivp(
+            lambda t, x, u=u: f.derivatives(t, x, u, parameters),
+            (log.time[k], log.time[k + 1]),
+            x,
+            rtol=1e-9,
+            atol=1e-11,
+        ).y[:, -1]
         rows.append(x)
     return np.array(rows)
 
@@ -62,8 +67,10 @@ def test_the_order_is_four(rng):
     log = measure(spring, Log("spring", t, {"x": np.ones(3), "v": np.zeros(3)}))
     cuts = cut([log], [log.states], ["x"], [(0, 0, 3)])
     errors = [
-        abs(Shooter(spring, cuts, ["x"], h).channels(cuts.start[:, None], [20.0])[-1, 0, 0, 0]
-            - np.cos(np.sqrt(20.0)))
+        abs(
+            Shooter(spring, cuts, ["x"], h).channels(cuts.start[:, None], [20.0])[-1, 0, 0, 0]
+            - np.cos(np.sqrt(20.0))
+        )
         for h in (0.05, 0.025, 0.0125)
     ]
     assert np.log2(np.array(errors[:-1]) / errors[1:]) == pytest.approx([4, 4], abs=0.2)
@@ -92,8 +99,13 @@ def test_central_differences_agree_with_the_variational_equations(plant, rudder_
     S0[3:, :3] = np.eye(3)
     z = np.concatenate([states[0][:, 120], S0.ravel()])
     for k in range(120, 199):
-        z = solve_ivp(lambda t, z, u=log.inputs[:, k]: slope(t, z, u),
-                      (log.time[k], log.time[k + 1]), z, rtol=1e-8, atol=1e-10).y[:, -1]
+        z = solve_ivp(
+            lambda t, z, u=log.inputs[:, k]: slope(t, z, u),
+            (log.time[k], log.time[k + 1]),
+            z,
+            rtol=1e-8,
+            atol=1e-10,
+        ).y[:, -1]
     exact = z[6:].reshape(6, 6)[3:]
     assert np.allclose(point.jacobian[0][0, 79], exact, atol=1e-5 * np.abs(exact).max())
 
@@ -108,8 +120,9 @@ def test_an_unmeasured_lag_follows_its_input():
     """A force that lags behind its command: known from the command, up to where it started."""
     v, f, c = Signal("v", "m/s"), Signal("f", "N"), Signal("c", "N")
     m, tau = Signal("m", "kg", start=2.0), Signal("tau", "s", start=0.2)
-    block = Block("lag", [v, f], [c], [v], [m, tau], {
-        "v": f.symbol / m.symbol, "f": (c.symbol - f.symbol) / tau.symbol})
+    block = Block(
+        "lag", [v, f], [c], [v], [m, tau], {"v": f.symbol / m.symbol, "f": (c.symbol - f.symbol) / tau.symbol}
+    )
     t = np.arange(0, 2, 0.05)
     log = measure(block, Log("lag", t, {"v": 0 * t, "c": np.where(t < 0.999, 0.0, 3.0)}))
     found = known_states(block, log, (2.0, 0.2))[1]
