@@ -321,7 +321,7 @@ class Block:
         if left:
             self.signal(next(iter(left)))
             raise InputError(self._where(f"{next(iter(left))!r} is computed, it has no start value"))
-        return self._unchecked(**new)
+        return self.unchecked(**new)
 
     def parameter(self, name: str) -> Signal:
         """Return a parameter by its key (``plant.yaw_coulomb``) or, where that is unique, its last part.
@@ -427,8 +427,8 @@ class Block:
     def __getstate__(self) -> dict[str, Any]:
         return {f.name: getattr(self, f.name) for f in fields(self)}
 
-    def _unchecked(self, **changes: Any) -> Block:
-        """Return a copy with changes that cannot break what was checked."""
+    def unchecked(self, **changes: Any) -> Block:
+        """Return a copy with changed fields that are not checked, for code that derives Blocks."""
         block = object.__new__(Block)
         for f in fields(Block):
             object.__setattr__(block, f.name, changes.get(f.name, getattr(self, f.name)))

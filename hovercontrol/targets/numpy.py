@@ -6,7 +6,7 @@ The source of both is printed by SymPy from the same expressions, common subexpr
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property, lru_cache
 from typing import Any, Literal
 
@@ -19,8 +19,8 @@ from sympy.printing.pycode import PythonCodePrinter
 from hovercontrol.block import Block, Columns, Rows
 from hovercontrol.derivatives import partial_derivatives
 from hovercontrol.errors import InputError
-from hovercontrol.sgn import regularise
 from hovercontrol.signals import time
+from hovercontrol.targets.program import Program
 
 Array = NDArray[np.float64]
 Function = Callable[..., tuple[Any, ...]]
@@ -115,10 +115,10 @@ class NumpyFunctions:
         if rows not in self._pairs:
             block = self.block
             wanted = block.derivatives if rows == "derivatives" else block.output_expressions
-            source = _Source(block, list(wanted.values()))
+            source = Program(block, list(wanted.values()))
             self._pairs[rows] = (
-                source.function("math", self._groups),
-                source.function("numpy", self._groups),
+                _compile(source, "math", self._groups),
+                _compile(source, "numpy", self._groups),
             )
         return self._pairs[rows]
 
@@ -128,7 +128,7 @@ class NumpyFunctions:
     ) -> tuple[Function, list[tuple[int, int]], tuple[int, int]]:
         names = [s.name for s in getattr(self.block, columns)]
         entries = partial_derivatives(self.block, rows, names)
-        function = _Source(self.block, list(entries.values())).function("numpy", self._groups)
+        function = _compile(Program(self.block, list(entries.values())), "numpy", self._groups)
         n_rows = len(self.block.states if rows == "derivatives" else self.block.outputs)
         return function, list(entries), (n_rows, len(names))
 
@@ -181,46 +181,30 @@ def numpy_functions(block: Block) -> NumpyFunctions:
     return NumpyFunctions(block)
 
 
-class _Source:
-    """Straight-line code for a list of expressions that may use a Block's definitions."""
-
-    def __init__(self, block: Block, wanted: list[sp.Expr]) -> None:
-        used = _needed_definitions(block, wanted)
-        definitions = [(sp.Symbol(n, real=True), regularise(block.definitions[n])) for n in used]
-        results = [regularise(e) for e in wanted]
-        taken = {s.name for e in (*results, *(e for _, e in definitions)) for s in e.free_symbols}
-        names = (s for s in sp.numbered_symbols("_c", real=True) if s.name not in taken)
-        pieces, reduced = sp.cse(
-            [*(e for _, e in definitions), *results], symbols=names, order="none", list=True
-        )
-        bodies = dict(pieces) | {
-            s: e for (s, _), e in zip(definitions, reduced[: len(definitions)], strict=True)
-        }
-        self.results: list[sp.Expr] = list(reduced[len(definitions) :])
-        self.steps = _in_order(bodies, self.results)
-
-    def function(self, backend: Literal["math", "numpy"], groups: Sequence[list[sp.Symbol]]) -> Function:
-        """Compile ``f(t, x, u, p)`` returning a tuple."""
-        short: dict[sp.Symbol, sp.Symbol] = {time: sp.Symbol("t")}
-        lines = ["def f(t, x, u, p):"]
-        used = set().union(*(e.free_symbols for _, e in self.steps), *(e.free_symbols for e in self.results))
-        for letter, group in zip("xup", groups, strict=True):
-            for k, symbol in enumerate(group):
-                short[symbol] = sp.Symbol(f"{letter}{k}")
-            loads = [f"{letter}{k} = {letter}[{k}]" for k, s in enumerate(group) if s in used]
-            if len(loads) == len(group) > 1:
-                loads = [f"{', '.join(f'{letter}{k}' for k in range(len(group)))} = {letter}"]
-            lines += [f"    {load}" for load in loads]
-        for k, (symbol, _) in enumerate(self.steps):
-            short[symbol] = sp.Symbol(f"c{k}")
-        printer = _Floats() if backend == "math" else _Arrays()
-        for symbol, e in self.steps:
-            lines.append(f"    {short[symbol]} = {printer.doprint(e.xreplace(short))}")
-        values = "".join(f"{printer.doprint(e.xreplace(short))}, " for e in self.results)
-        lines.append(f"    return ({values})")
-        space: dict[str, Any] = {"math": math, "numpy": np}
-        exec("\n".join(lines), space)
-        return space["f"]
+def _compile(
+    program: Program, backend: Literal["math", "numpy"], groups: Sequence[list[sp.Symbol]]
+) -> Function:
+    """Compile ``f(t, x, u, p)`` returning a tuple."""
+    short: dict[sp.Symbol, sp.Symbol] = {time: sp.Symbol("t")}
+    lines = ["def f(t, x, u, p):"]
+    used = program.symbols
+    for letter, group in zip("xup", groups, strict=True):
+        for k, symbol in enumerate(group):
+            short[symbol] = sp.Symbol(f"{letter}{k}")
+        loads = [f"{letter}{k} = {letter}[{k}]" for k, s in enumerate(group) if s in used]
+        if len(loads) == len(group) > 1:
+            loads = [f"{', '.join(f'{letter}{k}' for k in range(len(group)))} = {letter}"]
+        lines += [f"    {load}" for load in loads]
+    for k, (symbol, _) in enumerate(program.steps):
+        short[symbol] = sp.Symbol(f"c{k}")
+    printer = _Floats() if backend == "math" else _Arrays()
+    for symbol, e in program.steps:
+        lines.append(f"    {short[symbol]} = {printer.doprint(e.xreplace(short))}")
+    values = "".join(f"{printer.doprint(e.xreplace(short))}, " for e in program.results)
+    lines.append(f"    return ({values})")
+    space: dict[str, Any] = {"math": math, "numpy": np}
+    exec("\n".join(lines), space)
+    return space["f"]
 
 
 class _Floats(PythonCodePrinter):
@@ -263,37 +247,3 @@ class _Arrays(NumPyPrinter):
         for value, condition in reversed(pieces):
             text = f"numpy.where({self._print(condition)}, {self._print(value)}, {text})"
         return str(text)
-
-
-def _needed_definitions(block: Block, wanted: Iterable[sp.Expr]) -> list[str]:
-    symbols: set[sp.Symbol] = set().union(*(e.free_symbols for e in wanted))
-    needed = []
-    for name, e in reversed(list(block.definitions.items())):
-        if sp.Symbol(name, real=True) in symbols:
-            needed.append(name)
-            symbols |= e.free_symbols
-    return needed[::-1]
-
-
-def _in_order(
-    bodies: Mapping[sp.Symbol, sp.Expr], results: Sequence[sp.Expr]
-) -> list[tuple[sp.Symbol, sp.Expr]]:
-    """Return the assignments so that each symbol is set before it is used."""
-    done: dict[sp.Symbol, sp.Expr] = {}
-    stack: list[tuple[sp.Symbol | None, Iterable[sp.Symbol]]] = []
-
-    def needs(e: sp.Expr) -> Iterable[sp.Symbol]:
-        return iter(sorted((s for s in e.free_symbols if s in bodies), key=str))
-
-    for result in results:
-        stack.append((None, needs(result)))
-        while stack:
-            symbol, rest = stack[-1]
-            following = next((s for s in rest if s not in done), None)
-            if following is not None:
-                stack.append((following, needs(bodies[following])))
-                continue
-            stack.pop()
-            if symbol is not None:
-                done[symbol] = bodies[symbol]
-    return list(done.items())

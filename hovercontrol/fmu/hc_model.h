@@ -1,0 +1,29 @@
+/* What a generated model gives to the runtime. One Block is one model; every model file defines `hc_model`.
+ *
+ * Arrays: x states, u inputs, p parameters, y outputs, in the Block's order; mode one entry per dry friction.
+ * A dry friction k acts on the velocity x[friction_state[k]] through s in [-1, 1], the value of its sgn:
+ *     v' = a + b s,   b <= 0
+ * mode[k] = +1 or -1: slipping that way, s = mode[k].  mode[k] = 0: sticking, v = 0 and v' = 0 while |a| <= |b|.
+ * In a model generated with regularised friction (n_friction = 0) s = tanh(v/width) everywhere.
+ * All functions are pure: no state, no allocation, safe from many threads.
+ */
+#ifndef HC_MODEL_H
+#define HC_MODEL_H
+
+typedef struct {
+    int n_states, n_inputs, n_parameters, n_outputs, n_friction;
+    const int *friction_state;
+    /* dx = derivatives; a sticking velocity has dx = 0 */
+    void (*derivatives)(double t, const double *x, const double *u, const double *p, const int *mode, double *dx);
+    void (*outputs)(double t, const double *x, const double *u, const double *p, const int *mode, double *y);
+    /* a[k], b[k] of every dry friction as above (the other frictions in their modes) */
+    void (*friction)(double t, const double *x, const double *u, const double *p, const int *mode, double *a,
+                     double *b);
+    /* Jacobian of the derivatives by the states and by the inputs; row-major, every entry written */
+    void (*jacobian)(double t, const double *x, const double *u, const double *p, const int *mode, double *by_states,
+                     double *by_inputs);
+} hc_model_type;
+
+extern const hc_model_type hc_model;
+
+#endif

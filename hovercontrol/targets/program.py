@@ -1,0 +1,86 @@
+"""Straight-line programs: a Block's expressions as assignments in order, common parts computed once.
+
+Every face that prints code (plain Python, NumPy, C) prints the same program.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+
+import sympy as sp
+
+from hovercontrol.block import Block
+from hovercontrol.sgn import regularise
+
+
+class Program:
+    """Assignments that lead to a list of results.
+
+    Parameters
+    ----------
+    block : Block
+        Whose definitions the expressions may use.
+    wanted : sequence of sympy.Expr
+        The results; ``sgn`` is computed in its smooth form.
+
+    Attributes
+    ----------
+    steps : list of (sympy.Symbol, sympy.Expr)
+        Assignments in order: the definitions that are needed, under their names, and common parts.
+    results : list of sympy.Expr
+    """
+
+    def __init__(self, block: Block, wanted: Sequence[sp.Expr]) -> None:
+        used = _needed_definitions(block, wanted)
+        definitions = [(sp.Symbol(n, real=True), regularise(block.definitions[n])) for n in used]
+        results = [regularise(e) for e in wanted]
+        taken = {s.name for e in (*results, *(e for _, e in definitions)) for s in e.free_symbols}
+        names = (s for s in sp.numbered_symbols("_c", real=True) if s.name not in taken)
+        pieces, reduced = sp.cse(
+            [*(e for _, e in definitions), *results], symbols=names, order="none", list=True
+        )
+        bodies = dict(pieces) | {
+            s: e for (s, _), e in zip(definitions, reduced[: len(definitions)], strict=True)
+        }
+        self.results: list[sp.Expr] = list(reduced[len(definitions) :])
+        self.steps = _in_order(bodies, self.results)
+
+    @property
+    def symbols(self) -> set[sp.Symbol]:
+        """All symbols that occur."""
+        every = [*(e for _, e in self.steps), *self.results]
+        return set().union(*(e.free_symbols for e in every))
+
+
+def _needed_definitions(block: Block, wanted: Iterable[sp.Expr]) -> list[str]:
+    symbols: set[sp.Symbol] = set().union(*(e.free_symbols for e in wanted))
+    needed = []
+    for name, e in reversed(list(block.definitions.items())):
+        if sp.Symbol(name, real=True) in symbols:
+            needed.append(name)
+            symbols |= e.free_symbols
+    return needed[::-1]
+
+
+def _in_order(
+    bodies: Mapping[sp.Symbol, sp.Expr], results: Sequence[sp.Expr]
+) -> list[tuple[sp.Symbol, sp.Expr]]:
+    """Return the assignments so that each symbol is set before it is used."""
+    done: dict[sp.Symbol, sp.Expr] = {}
+    stack: list[tuple[sp.Symbol | None, Iterable[sp.Symbol]]] = []
+
+    def needs(e: sp.Expr) -> Iterable[sp.Symbol]:
+        return iter(sorted((s for s in e.free_symbols if s in bodies), key=str))
+
+    for result in results:
+        stack.append((None, needs(result)))
+        while stack:
+            symbol, rest = stack[-1]
+            following = next((s for s in rest if s not in done), None)
+            if following is not None:
+                stack.append((following, needs(bodies[following])))
+                continue
+            stack.pop()
+            if symbol is not None:
+                done[symbol] = bodies[symbol]
+    return list(done.items())
