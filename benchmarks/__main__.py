@@ -8,9 +8,9 @@ import sys
 from pathlib import Path
 
 import hovercontrol
-from benchmarks import derive, fused, real_logs, tables
+from benchmarks import compiled, derive, fused, real_logs, tables
 
-ALL = {"tables": tables, "fused": fused, "derive": derive, "real_logs": real_logs}
+ALL = {"tables": tables, "fused": fused, "compiled": compiled, "derive": derive, "real_logs": real_logs}
 
 
 def machine() -> str:

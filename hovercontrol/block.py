@@ -30,6 +30,7 @@ from hovercontrol.units import (
 if TYPE_CHECKING:
     import control
 
+    from hovercontrol.targets.compiled import CompiledBlock
     from hovercontrol.targets.numpy import NumpyFunctions
 
 Rows = Literal["derivatives", "outputs"]
@@ -119,10 +120,13 @@ class Block:
     definition_signals: tuple[Signal, ...] = ()
 
     def __post_init__(self) -> None:
-        if not re.fullmatch(r"[A-Za-z_]\w*", self.name):
+        if not isinstance(self.name, str) or not re.fullmatch(r"[A-Za-z_]\w*", self.name):
             raise InputError(f"{self.name!r} is no block name: letters, digits and _ wanted")
         for kind in ("states", "inputs", "outputs", "parameters", "definition_signals"):
-            object.__setattr__(self, kind, tuple(getattr(self, kind)))
+            signals = getattr(self, kind)
+            if isinstance(signals, str | Signal) or not all(isinstance(s, Signal) for s in signals):
+                raise InputError(self._where(f"{kind} must be a sequence of Signal, found {signals!r}"))
+            object.__setattr__(self, kind, tuple(signals))
         for kind in ("derivatives", "output_expressions", "definitions"):
             if not isinstance(getattr(self, kind), Expressions):
                 object.__setattr__(self, kind, Expressions(getattr(self, kind)))
@@ -146,6 +150,10 @@ class Block:
             if name in seen:
                 raise InputError(self._where(f"the name {name!r} is used twice"))
             seen.add(name)
+        keys = [self.parameter_key(p.name) for p in self.parameters]
+        for key in keys:
+            if keys.count(key) > 1:
+                raise InputError(self._where(f"two parameters have the key {key!r}"))
         names = [s.name for s in self.outputs]
         for name in names:
             if names.count(name) > 1:
@@ -208,7 +216,8 @@ class Block:
 
     def _check_units(self) -> None:
         symbols = {s.symbol: s.dimension for s in (*self.states, *self.inputs, *self.parameters)}
-        derive = DimensionChecker({**symbols, time: dimension("s")})
+        units = {s.symbol: s.unit for s in (*self.states, *self.inputs, *self.parameters)}
+        derive = DimensionChecker({**symbols, time: dimension("s")}, units)
         given = {s.name: s for s in self.definition_signals}
         described = []
         for name, expression in self.definitions.items():
@@ -305,14 +314,25 @@ class Block:
         return tuple(values.values())
 
     def with_values(self, values: Mapping[str, float]) -> Block:
-        """Return the Block with other start values of states, inputs or parameters, by signal name.
+        """Return the Block with other start values of states, inputs or parameters.
+
+        Parameters
+        ----------
+        values : mapping
+            By signal name; parameters also by key or by its last part, where no state or input has that name
+            (``thrust`` is the plant's input, ``plant.thrust`` its coefficient).
 
         Raises
         ------
         InputError
             If a name is unknown or a value out of its bounds.
         """
-        left = dict(values)
+        own = {s.name for s in (*self.states, *self.inputs)}
+        keys = {self.parameter_key(p.name): p.name for p in self.parameters}
+        left: dict[str, float] = {}
+        for name, value in values.items():
+            short = [key for key in keys if key.rpartition(".")[2] == name]
+            left[name if name in own else keys.get(name, keys[short[0]] if len(short) == 1 else name)] = value
 
         def changed(signals: tuple[Signal, ...]) -> tuple[Signal, ...]:
             return tuple(s.but(start=left.pop(s.name)) if s.name in left else s for s in signals)
@@ -447,6 +467,19 @@ class Block:
         from hovercontrol.targets.control import to_control
 
         return to_control(self, name)
+
+    def compile(self, *, friction: Literal["events", "smooth"] = "events") -> CompiledBlock:
+        """Return the Block as machine code, for fast simulation and sweeps over many runs.
+
+        Parameters
+        ----------
+        friction : {"events", "smooth"}, optional
+            Dry friction that sticks at exactly zero velocity, its events located; or smoothed over its width,
+            as the other faces compute it.
+        """
+        from hovercontrol.targets.compiled import compile_block
+
+        return compile_block(self, friction=friction)
 
     def linearize(
         self, x: ArrayLike, u: ArrayLike = (), params: Mapping[str, float] | None = None, t: float = 0.0

@@ -40,7 +40,7 @@ def partial_derivatives(
         for symbol in sorted(expression.free_symbols, key=str):
             parts = {columns[symbol]: sp.S.One} if symbol in columns else through.get(symbol, {})
             if parts:
-                local = sp.diff(expression, symbol)
+                local = _almost_everywhere(sp.diff(expression, symbol))
                 for j, inner in parts.items():
                     total[j] = total.get(j, sp.S.Zero) + local * inner
         return {j: value for j, value in total.items() if value != 0}
@@ -53,3 +53,14 @@ def partial_derivatives(
         for i, expression in enumerate(expressions.values())
         for j, value in gradient(expression).items()
     }
+
+
+def _almost_everywhere(derivative: sp.Expr) -> sp.Expr:
+    """Drop the impulses at jumps (of sign, Heaviside, floor): between them the derivative is zero."""
+    if derivative.has(sp.DiracDelta):
+        derivative = derivative.replace(sp.DiracDelta, lambda *_: sp.S.Zero)
+    if derivative.has(sp.Derivative):
+        derivative = derivative.replace(sp.Subs, lambda *_: sp.S.Zero).replace(
+            sp.Derivative, lambda *_: sp.S.Zero
+        )
+    return derivative

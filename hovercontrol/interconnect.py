@@ -68,7 +68,8 @@ def rename(block: Block, signals: Mapping[str, str]) -> Block:
 def prefix(block: Block, name: str) -> Block:
     """Return the Block renamed to `name`, with all its inputs and outputs prefixed ``name_``.
 
-    This is how two craft of one kind live in one system. Its parameters' keys begin with ``name.``.
+    This is how two craft of one kind live in one system: wire each craft with its controller, then prefix
+    the whole (``prefix(interconnect([plant, controller]), "left")``). Parameter keys begin with ``name.``.
 
     Examples
     --------
@@ -134,6 +135,8 @@ def interconnect(
     cart.v' = a
     v = cart.v
     """
+    if isinstance(blocks, Block) or not all(isinstance(b, Block) for b in blocks):
+        raise InputError(f"interconnect: expected a sequence of Blocks, found {blocks!r:.80}")
     if not blocks:
         raise InputError("interconnect: no blocks given")
     _refuse_clashes(blocks)

@@ -74,7 +74,7 @@ class Model:
     Parameters
     ----------
     name : str
-        An identifier.
+        What pictures and files call it.
     effects : sequence of Effect
         Each name at most once.
     thrust, rudder : Signal, optional
@@ -189,7 +189,12 @@ class Model:
         """
         total = dict.fromkeys(("u", "v", "r"), sp.S.Zero)
         for e in self.effects:
-            for axis, term in e.terms(e.symbols(owner), motion).items():
+            terms = e.terms(e.symbols(owner), motion)
+            if not isinstance(terms, dict) or not set(terms) <= set(total):
+                raise InputError(
+                    f"effect {e.name}: terms() must return a dict with keys u, v, r, not {terms!r}"
+                )
+            for axis, term in terms.items():
                 total[axis] += term
         return total
 

@@ -7,6 +7,7 @@ Each has no inputs and no states; its outputs are ``x_ref, y_ref`` [m], ``vx_ref
 from __future__ import annotations
 
 import math
+import reprlib
 from collections.abc import Sequence
 from typing import Any
 
@@ -71,10 +72,11 @@ def ellipse(
     Raises
     ------
     InputError
-        If a semi-axis is not positive or the rate is zero.
+        If a value is no number, a semi-axis is not positive or the rate is zero.
     """
     _positive(semi_x=semi_x, semi_y=semi_y)
     _nonzero(rate=rate)
+    _number("phase", phase)
     a, b, w, p = (
         Signal("semi_x", "m", "semi-axis along x", start=semi_x, lower=0.0),
         Signal("semi_y", "m", "semi-axis along y", start=semi_y, lower=0.0),
@@ -91,10 +93,11 @@ def circle(radius: float, rate: float = 1.0, phase: float = 0.0, name: str = "re
     Raises
     ------
     InputError
-        If the radius is not positive or the rate is zero.
+        If a value is no number, the radius is not positive or the rate is zero.
     """
     _positive(radius=radius)
     _nonzero(rate=rate)
+    _number("phase", phase)
     r, w, p = (
         Signal("radius", "m", "radius", start=radius, lower=0.0),
         Signal("rate", "rad/s", "angular rate", start=rate),
@@ -112,14 +115,16 @@ def line(
     Raises
     ------
     InputError
-        If the velocity is zero.
+        If velocity or start are not two numbers, or the velocity is zero.
     """
-    _nonzero(speed=math.hypot(*velocity))
+    speed_x, speed_y = _pair("velocity", velocity)
+    start_x, start_y = _pair("start", start)
+    _nonzero(speed=math.hypot(speed_x, speed_y))
     signals = (
-        Signal("start_x", "m", "start", start=start[0]),
-        Signal("start_y", "m", "start", start=start[1]),
-        Signal("velocity_x", "m/s", "velocity", start=velocity[0]),
-        Signal("velocity_y", "m/s", "velocity", start=velocity[1]),
+        Signal("start_x", "m", "start", start=start_x),
+        Signal("start_y", "m", "start", start=start_y),
+        Signal("velocity_x", "m/s", "velocity", start=speed_x),
+        Signal("velocity_y", "m/s", "velocity", start=speed_y),
     )
     x0, y0, vx, vy = (s.symbol for s in signals)
     return from_position(x0 + vx * time, y0 + vy * time, signals, name)
@@ -138,7 +143,7 @@ def figure_eight(length: float, width: float, rate: float = 1.0, name: str = "re
     Raises
     ------
     InputError
-        If an extent is not positive or the rate is zero.
+        If a value is no number, an extent is not positive or the rate is zero.
     """
     _positive(length=length, width=width)
     _nonzero(rate=rate)
@@ -164,9 +169,9 @@ def waypoints(points: ArrayLike, times: ArrayLike, name: str = "reference") -> B
     Raises
     ------
     InputError
-        If shapes differ, there are fewer than two points, or times do not increase.
+        If a value is no number, shapes differ, there are fewer than two points, or times do not increase.
     """
-    knots, path = np.asarray(times, dtype=float), np.asarray(points, dtype=float)
+    knots, path = _array("times", times), _array("points", points)
     if path.ndim != 2 or path.shape[1:] != (2,) or len(path) < 2 or knots.shape != (len(path),):
         raise InputError(
             f"waypoints: expected n >= 2 points (n, 2) and n times, found {path.shape} and {knots.shape}"
@@ -201,16 +206,47 @@ def _piecewise(spline: Any, path: np.ndarray, knots: np.ndarray, second: sp.Symb
     return sp.Piecewise(*pieces, (sp.Float(path[-1]), True))
 
 
-def _positive(**values: float) -> None:
+def _number(name: str, value: Any) -> float:
+    """Return a value that must be a finite number."""
+    try:
+        if isinstance(value, str | bytes | bool | np.bool_):
+            raise TypeError
+        found = float(value)
+    except (TypeError, ValueError, OverflowError):
+        found = math.nan
+    if not math.isfinite(found):
+        raise InputError(f"reference: {name} must be a finite number, found {reprlib.repr(value)}")
+    return found
+
+
+def _pair(name: str, value: Any) -> tuple[float, float]:
+    """Return a value that must be two finite numbers."""
+    if not isinstance(value, list | tuple | np.ndarray) or len(value) != 2:
+        raise InputError(f"reference: {name} must be two numbers, found {reprlib.repr(value)}")
+    return _number(f"{name}[0]", value[0]), _number(f"{name}[1]", value[1])
+
+
+def _array(name: str, value: Any) -> np.ndarray:
+    """Return a value that must be an array of numbers."""
+    try:
+        array = np.asarray(value)
+        if array.dtype.kind not in "iufO":
+            raise TypeError
+        return array.astype(float)
+    except (TypeError, ValueError, OverflowError):
+        raise InputError(f"waypoints: {name} must be numbers, found {reprlib.repr(value)}") from None
+
+
+def _positive(**values: Any) -> None:
     for name, value in values.items():
-        if not 0 < value < math.inf:
+        if not _number(name, value) > 0:
             raise InputError(f"reference: {name} must be positive, found {value!r}")
 
 
-def _nonzero(**values: float) -> None:
+def _nonzero(**values: Any) -> None:
     for name, value in values.items():
-        if value == 0 or not math.isfinite(value):
-            raise InputError(f"reference: {name} must be finite and not zero, found {value!r}")
+        if _number(name, value) == 0:
+            raise InputError(f"reference: {name} must not be zero")
 
 
 #: Every reference by the name that scenario files use.

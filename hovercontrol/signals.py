@@ -10,7 +10,7 @@ from typing import Any
 import sympy as sp
 
 from hovercontrol.errors import InputError
-from hovercontrol.units import Dimension, dimension, is_plain_si, unit_text
+from hovercontrol.units import Dimension, dimension, is_plain_si, plain_si
 
 #: The independent variable, in seconds. Expressions that depend on time use this symbol.
 time = sp.Symbol("t", real=True)
@@ -62,7 +62,7 @@ class Signal:
         if self.name == time.name:
             raise InputError("'t' is the name of time: give the signal another name")
         if not is_plain_si(self.unit):
-            plain = unit_text(dimension(self.unit))
+            plain = plain_si(self.unit)
             raise InputError(
                 f"{self.name}: signals are in SI units, found {self.unit!r}; give it in {plain!r}"
             )

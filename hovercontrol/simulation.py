@@ -6,6 +6,7 @@ holds until the next (or is interpolated, if asked for), and the solver restarts
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
 from typing import Any, Literal
@@ -16,10 +17,14 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import solve_ivp
 
 from hovercontrol.block import Block
-from hovercontrol.errors import InputError
+from hovercontrol.errors import InputError, did_you_mean
+from hovercontrol.switching import longest_step
 from hovercontrol.targets.numpy import FunctionPair, call_scalar, numpy_functions
 
 Array = NDArray[np.float64]
+
+#: Solvers of :func:`scipy.integrate.solve_ivp`.
+METHODS = ("RK45", "RK23", "DOP853", "Radau", "BDF", "LSODA")
 
 
 def simulate(
@@ -33,6 +38,7 @@ def simulate(
     method: str = "RK45",
     rtol: float = 1e-6,
     atol: float = 1e-9,
+    max_step: float = math.inf,
     progress: Callable[[float], None] | None = None,
 ) -> control.TimeResponseData:
     """Simulate a Block over a time grid.
@@ -51,15 +57,16 @@ def simulate(
         Parameter values by key.
     hold : {"zero", "linear"}, optional
         Between samples an input holds its value (a step stays a step) or is interpolated.
-    method, rtol, atol
-        As for :func:`scipy.integrate.solve_ivp`.
+    method, rtol, atol, max_step
+        As for :func:`scipy.integrate.solve_ivp`. Where the Block switches by the clock (waypoints, pulses),
+        steps are at most half as long as the shortest time between two switches: none is stepped over.
     progress : callable, optional
         Called now and then with the time reached.
 
     Returns
     -------
     control.TimeResponseData
-        With the signals' names, ``.plot()`` and ``.to_pandas()``.
+        With the signals' names and ``.plot()`` (``.to_pandas()`` where pandas is installed).
 
     Raises
     ------
@@ -75,16 +82,19 @@ def simulate(
     >>> response.outputs.round(6).tolist()
     [0.0, 0.0, 1.0]
     """
-    times = _times(time)
-    u = _inputs(block, inputs, len(times))
-    x = _initial(block, x0)
+    times = checked_times(time)
+    u = input_rows(block, inputs, len(times))
+    x = initial_state(block, x0)
     p = block.parameter_values(params)
+    if method not in METHODS:
+        raise InputError(f"unknown method {method!r}{did_you_mean(str(method), METHODS)}")
     if hold not in ("zero", "linear"):
         raise InputError(f"hold must be 'zero' or 'linear', found {hold!r}")
     states = np.empty((len(block.states), len(times)))
     states[:, 0] = x
     rhs = numpy_functions(block).scalar_pair("derivatives")
     reached = float(times[0])
+    max_step = min(max_step, longest_step(block, params, times[0], times[-1]))
     for first, last in _pieces(times, u, hold):
         value = _input_function(times, u, first, last, hold)
 
@@ -109,6 +119,7 @@ def simulate(
                 method=method,
                 rtol=rtol,
                 atol=atol,
+                max_step=max_step,
             )
             if not result.success or not np.isfinite(result.y).all():
                 raise InputError(
@@ -117,6 +128,13 @@ def simulate(
             states[:, first : last + 1] = result.y
     functions = numpy_functions(block)
     outputs = functions.outputs(times, states, u, params)
+    return time_response(block, times, outputs, states, u)
+
+
+def time_response(
+    block: Block, times: Array, outputs: Array, states: Array, u: Array
+) -> control.TimeResponseData:
+    """Return a simulation's arrays, each of shape (signals, times), under their names."""
     return control.TimeResponseData(
         times,
         outputs,
@@ -174,14 +192,16 @@ def rk4(
     return state
 
 
-def _times(time: ArrayLike) -> Array:
+def checked_times(time: ArrayLike) -> Array:
+    """Return a time grid, shape (n,); refuse what does not increase."""
     times = np.asarray(time, dtype=float)
     if times.ndim != 1 or len(times) < 2 or not np.isfinite(times).all() or (np.diff(times) <= 0).any():
         raise InputError("time must be two or more finite, increasing numbers")
     return times
 
 
-def _inputs(block: Block, inputs: Any, n: int) -> Array:
+def input_rows(block: Block, inputs: Any, n: int) -> Array:
+    """Return all inputs at n times, shape (n_inputs, n), those given over the start values."""
     u = np.array([np.full(n, s.start) for s in block.inputs]).reshape(-1, n)
     if inputs is None:
         return u
@@ -212,7 +232,8 @@ def _row(name: str, values: ArrayLike, n: int) -> Array:
     return row
 
 
-def _initial(block: Block, x0: Any) -> Array:
+def initial_state(block: Block, x0: Any) -> Array:
+    """Return the initial state, shape (n_states,), what is given over the start values."""
     start = np.array([s.start for s in block.states])
     if x0 is None:
         return start

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import tomllib
 from collections.abc import Iterable, Mapping
+from numbers import Real
 from pathlib import Path
 from typing import Any
 
@@ -45,16 +46,16 @@ def table(where: str, value: Any) -> dict[str, Any]:
 
 def number(where: str, value: Any) -> float:
     """Return a value that must be a number, as a float."""
-    if isinstance(value, bool) or not isinstance(value, int | float) or math.isnan(value):
+    if isinstance(value, bool) or not isinstance(value, Real) or math.isnan(value):
         raise InputError(f"{where} must be a number, found {value!r}")
     return float(value)
 
 
-def positive(where: str, value: float) -> float:
+def positive(where: str, value: Any) -> float:
     """Return a number that must be positive and finite."""
     if not 0 < number(where, value) < math.inf:
         raise InputError(f"{where} must be positive, found {value!r}")
-    return value
+    return float(value)
 
 
 def text(where: str, value: Any) -> str:

@@ -25,6 +25,13 @@ Dimension = tuple[sp.Rational, ...]
 DIMENSIONLESS: Dimension = (sp.Integer(0),) * len(BASE)
 
 
+#: Functions of plain numbers that every face can compute.
+KNOWN_FUNCTIONS = (
+    sp.sin, sp.cos, sp.tan, sp.asin, sp.acos, sp.atan, sp.sinh, sp.cosh, sp.tanh, sp.exp, sp.log,
+    sp.floor, sp.ceiling, sp.Heaviside,
+)  # fmt: skip
+
+
 class UnitError(InputError):
     """Two quantities of different dimension meet in one expression."""
 
@@ -107,6 +114,18 @@ def is_plain_si(unit: str) -> bool:
     return zero == 0.0 and abs(one - 1.0) < 1e-12
 
 
+def plain_si(unit: str) -> str:
+    """Return the unit built from SI units without a factor that measures the same.
+
+    Examples
+    --------
+    >>> plain_si("deg/s"), plain_si("km")
+    ('rad/s', 'm')
+    """
+    found = registry().Quantity(1.0, _parse(unit)).to_base_units().units
+    return f"{found:~C}".replace("**", "^") or "1"
+
+
 def _parse(unit: str) -> Any:
     return registry().parse_units("dimensionless" if unit in ("1", "") else unit)
 
@@ -136,9 +155,14 @@ class DimensionChecker:
     Parameters
     ----------
     symbols : mapping of sympy.Symbol to Dimension
+    units : mapping of sympy.Symbol to str, optional
+        How error lines write the units of symbols (``rad/s`` rather than ``1/s``).
     """
 
-    def __init__(self, symbols: Mapping[sp.Symbol, Dimension]) -> None:
+    def __init__(
+        self, symbols: Mapping[sp.Symbol, Dimension], units: Mapping[sp.Symbol, str] | None = None
+    ) -> None:
+        self._units: dict[sp.Basic | None, str] = dict(units or {})
         self._known: dict[sp.Basic, Dimension | None] = dict(symbols)
 
     def __call__(self, expression: sp.Expr) -> Dimension | None:
@@ -159,12 +183,14 @@ class DimensionChecker:
 
     def _derive(self, e: sp.Basic) -> Dimension | None:
         if isinstance(e, sp.Number) or e.is_number:
+            if e.is_finite is not True or e.is_real is not True:
+                raise UnitError(f"expected finite real numbers, found '{e}'")
             return None if e.is_zero else DIMENSIONLESS
         if isinstance(e, sp.Mul):
             return self._product(e.args)
         if isinstance(e, sp.Pow):
             return self._power(e)
-        if isinstance(e, sp.Add | sp.Max | sp.Min | sp.Abs):
+        if isinstance(e, sp.Add | sp.Max | sp.Min | sp.Abs | sp.Mod):
             return self._common(e, e.args)
         if isinstance(e, sgn | sp.atan2 | Relational):
             self._common(e, e.args)
@@ -182,9 +208,14 @@ class DimensionChecker:
         if isinstance(e, sp.sign):
             self(e.args[0])
             return DIMENSIONLESS
-        if isinstance(e, sp.Function):
+        if isinstance(e, KNOWN_FUNCTIONS):
             self._need_dimensionless(e, e.args)
             return DIMENSIONLESS
+        if isinstance(e, sp.Function):
+            names = ", ".join(sorted(f.__name__ for f in KNOWN_FUNCTIONS))
+            raise UnitError(
+                f"the function {e.func} in '{e}' cannot be computed by every face; known: {names}"
+            )
         raise UnitError(f"the unit of {e} cannot be derived ({type(e).__name__})")
 
     def _product(self, factors: Iterable[sp.Basic]) -> Dimension | None:
@@ -218,10 +249,13 @@ class DimensionChecker:
                 common, first = dims, part
             elif dims != common:
                 raise UnitError(
-                    f"units do not fit in '{e}': '{first}' is in {unit_text(common)}, "
-                    f"'{part}' is in {unit_text(dims)}"
+                    f"units do not fit in '{e}': '{first}' is in {self._unit(first, common)}, "
+                    f"'{part}' is in {self._unit(part, dims)}"
                 )
         return common
+
+    def _unit(self, part: sp.Basic | None, dims: Dimension) -> str:
+        return self._units.get(part) or unit_text(dims)
 
     def _need_dimensionless(self, e: sp.Basic, parts: Iterable[sp.Basic]) -> None:
         for part in parts:

@@ -109,5 +109,5 @@ def vehicle(name: str) -> Model:
     0.3846153846153846
     """
     if name not in VEHICLES:
-        raise InputError(f"unknown vehicle {name!r}{did_you_mean(name, VEHICLES)}")
+        raise InputError(f"unknown vehicle {name!r}{did_you_mean(str(name), VEHICLES)}")
     return VEHICLES[name]()

@@ -18,6 +18,7 @@ from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.model import MOTION, Model, motion_symbols
 from hovercontrol.references import OUTPUTS as REFERENCE
 from hovercontrol.signals import Signal
+from hovercontrol.tables import positive
 
 
 def tracking_controller(
@@ -65,9 +66,12 @@ def tracking_controller(
     >>> [s.name for s in tracking_controller(c17_simulation()).outputs]
     ['thrust', 'rudder', 'error_x', 'error_y']
     """
+    if not isinstance(model, Model):
+        raise InputError(f"controller: expected a Model (hovercontrol.vehicle(...)), found {model!r}")
+    if isinstance(adapt, str):
+        raise InputError(f"controller: adapt must be a list of coefficients, found the text {adapt!r}")
     for key, gain in (("k1", k1), ("k2", k2)):
-        if not gain > 0:
-            raise InputError(f"controller: {key} must be positive, found {gain:g}")
+        positive(f"controller: {key}", gain)
     if not math.isfinite(control_point):
         raise InputError(f"controller: control_point must be finite, found {control_point:g}")
     force, B, s = _affine_dynamics(model, name)

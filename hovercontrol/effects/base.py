@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from numbers import Real
 from types import SimpleNamespace
 from typing import Any, ClassVar
 
@@ -93,14 +94,14 @@ class Effect:
                 raise InputError(f"effect {self.name}: unknown number {key!r}{hint}")
         self.values: dict[str, float] = {}
         for key, number in self.numbers.items():
-            given = values.get(key, number.default)
+            given: Any = values.get(key, number.default)
             if given is None:
                 raise InputError(f"effect {self.name}: {key!r} is missing (unit {number.unit})")
-            if isinstance(given, bool) or not isinstance(given, int | float) or not math.isfinite(given):
+            if isinstance(given, bool) or not isinstance(given, Real) or not math.isfinite(given):
                 raise InputError(f"effect {self.name}: {key} must be a number, found {given!r}")
-            if not number.lower <= given <= number.upper:
+            if not number.lower <= float(given) <= number.upper:
                 raise InputError(
-                    f"effect {self.name}: {key} = {given:g} is out of its bounds "
+                    f"effect {self.name}: {key} = {float(given):g} is out of its bounds "
                     f"[{number.lower:g}, {number.upper:g}]"
                 )
             self.values[key] = float(given)
@@ -172,4 +173,8 @@ class Effect:
 def resolved_unit(unit: str, inputs: Mapping[str, str]) -> str:
     """Return a unit with the units of inputs filled in; per unit of a plain number is left out."""
     braced = {name: f"({u})" if set(u) & set("*/^ ") else u for name, u in inputs.items()}
-    return unit.format(**braced).replace("/1", "")
+    try:
+        return unit.format(**braced).replace("/1", "")
+    except KeyError as error:
+        hint = did_you_mean(str(error.args[0]), inputs)
+        raise InputError(f"unit {unit!r}: unknown input {error.args[0]!r}{hint}") from None

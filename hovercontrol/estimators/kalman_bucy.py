@@ -65,6 +65,7 @@ def kalman_bucy(
     >>> len(e.states), e.outputs[4].name
     (77, 'yaw_coulomb_hat')
     """
+    regression(block, estimate)  # refuses under the Block's own name
     block = block.named(name)  # what stays a parameter is the estimator's own
     model = regression(block, estimate)
     n, m = len(model.states), len(model.coefficients)
@@ -153,7 +154,10 @@ def _named_regressors(G: sp.Matrix) -> tuple[sp.Matrix, dict[str, sp.Expr]]:
 
 def diagonal(name: str, value: ArrayLike, size: int, positive: bool = False) -> list[float]:
     """Return the diagonal of a covariance given as one number or `size` of them."""
-    array = np.asarray(value, dtype=float)
+    try:
+        array = np.asarray(value, dtype=float)
+    except (TypeError, ValueError):
+        raise InputError(f"{name}: expected one number or {size} of them, found {value!r}") from None
     if array.ndim > 1 or (array.ndim == 1 and array.shape != (size,)):
         raise InputError(f"{name}: expected one number or {size} of them, found shape {array.shape}")
     full = np.broadcast_to(array, size)

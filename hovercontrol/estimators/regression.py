@@ -71,6 +71,8 @@ def regression(block: Block, coefficients: Sequence[str] | None = None) -> Regre
         if not names:
             raise InputError(f"block {block.name!r} is linear in none of its parameters")
     else:
+        if isinstance(coefficients, str):
+            raise InputError(f"expected a list of coefficients, found the text {coefficients!r}")
         names = [block.parameter(name).name for name in coefficients]
     parameters = {p.name: p for p in block.parameters}
     for name in names:

@@ -4,6 +4,7 @@
  * A dry friction k acts on the velocity x[friction_state[k]] through s in [-1, 1], the value of its sgn:
  *     v' = a + b s,   b <= 0
  * mode[k] = +1 or -1: slipping that way, s = mode[k].  mode[k] = 0: sticking, v = 0 and v' = 0 while |a| <= |b|.
+ * Each velocity has one friction at most; a and b hold with the other frictions in their modes.
  * In a model generated with regularised friction (n_friction = 0) s = tanh(v/width) everywhere.
  * All functions are pure: no state, no allocation, safe from many threads.
  */

@@ -40,6 +40,7 @@ int hc_solver_set(hc_solver *solver, double t, const double *x, const double *u,
 int hc_solver_advance(hc_solver *solver, double until);
 
 double hc_solver_time(const hc_solver *solver);
+/* Both valid until the next call that changes the solver. */
 const double *hc_solver_states(const hc_solver *solver);
 const int *hc_solver_modes(const hc_solver *solver);
 /* right-hand sides evaluated, steps accepted, steps rejected, events located, since hc_solver_new */

@@ -33,7 +33,7 @@ from hovercontrol.identify.problem import Problem
 from hovercontrol.identify.result import Fitted, Identified
 from hovercontrol.identify.shooting import STEP, known_states
 from hovercontrol.identify.solve import Solution, Solver
-from hovercontrol.identify.windows import noise_levels, thin, windows
+from hovercontrol.identify.windows import noise_levels, refuse_slow_rows, thin, windows
 from hovercontrol.logs import Log
 from hovercontrol.model import Model
 
@@ -110,6 +110,7 @@ def identify(
         raise InputError("identification needs at least one log")
     if not window > 0:
         raise InputError(f"the window must be a time above 0 s, found {window:g}")
+    refuse_slow_rows(logs, window)
     tell(0.0, "reading what was measured")
     measured = measure_all(block, logs, most_rows)
     channels = tuple(dict.fromkeys(c for m in measured for c in m.channels))

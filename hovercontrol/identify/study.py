@@ -14,6 +14,7 @@ from hovercontrol.identify.measure import Measured, measure
 from hovercontrol.identify.plot import plot_free_run
 from hovercontrol.identify.predict import FreeRun, Prediction, free_run, window_prediction
 from hovercontrol.identify.result import Identified
+from hovercontrol.identify.windows import refuse_slow_rows
 from hovercontrol.logs import Log
 from hovercontrol.model import Model
 from hovercontrol.modelfile import save_model
@@ -77,6 +78,7 @@ class Study:
             As :func:`~hovercontrol.identify.fit.identify` and :func:`measure`, or if a name is taken twice.
         """
         tell = progress or (lambda part, what: None)
+        refuse_slow_rows([*training, *holdout], window)
         block = model.plant()
         measured: list[Measured] = []
         for k, log in enumerate([*training, *holdout]):

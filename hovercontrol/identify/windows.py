@@ -9,6 +9,7 @@ import numpy as np
 
 from hovercontrol.errors import InputError
 from hovercontrol.identify.measure import Array, Measured
+from hovercontrol.logs import Log
 
 #: Fewest rows in a window.
 FEWEST = 4
@@ -47,6 +48,23 @@ def windows(logs: Sequence[Measured], length: float) -> list[tuple[int, int, int
             f"break is {max(spans, default=0.0):.3g} s"
         )
     return found
+
+
+def refuse_slow_rows(logs: Sequence[Log | Measured], length: float) -> None:
+    """Refuse logs whose rows lie further apart than a window is long: time is then hardly in seconds.
+
+    Raises
+    ------
+    InputError
+        The line names the log.
+    """
+    for log in logs:
+        apart = float(np.median(np.diff(log.time))) if log.time.size > 1 else 0.0
+        if apart > length:
+            raise InputError(
+                f"{log.name}: rows are {apart:g} s apart, more than a window of {length:g} s: is its time in "
+                "seconds? Otherwise choose a longer window"
+            )
 
 
 def thin(ranges: list[tuple[int, int, int]], most_rows: int) -> list[tuple[int, int, int]]:

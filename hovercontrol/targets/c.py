@@ -219,6 +219,16 @@ class _Printer(C99CodePrinter):
     def __init__(self) -> None:
         super().__init__({"precision": 17})
 
+    def _print_Mod(
+        self, expr: sp.Mod
+    ) -> str:  # the sign of the divisor, as Python has it; fmod has the other
+        a, b = (f"({self._print(part)})" for part in expr.args)
+        return f"({a} - {b}*floor({a}/{b}))"
+
+    def _print_Heaviside(self, expr: sp.Heaviside) -> str:
+        x = f"({self._print(expr.args[0])})"
+        return f"({x} > 0 ? 1.0 : {x} < 0 ? 0.0 : 0.5)"
+
     def _print_Pow(self, expr: sp.Pow) -> str:
         base, exponent = expr.as_base_exp()
         if exponent.is_Integer and 2 <= abs(exponent) <= 3:

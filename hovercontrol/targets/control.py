@@ -132,6 +132,11 @@ class BlockSystem(control.NonlinearIOSystem):
         u = _point(u0, self.ninputs, "input", self.block.name)
         kwargs.pop("eps", None)  # a step for finite differences: nothing is left to choose
         kwargs.pop("copy_names", None)  # the names are always those of the signals
+        if self.nstates == 1 and self.ninputs == 0:
+            raise InputError(
+                f"block {self.block.name!r}: python-control cannot hold a linear system of one state and no "
+                "input; to_numpy().jacobian() gives its matrix"
+            )
         self._update_params(params)
         f = numpy_functions(self.block)
         matrices = [

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import sympy as sp
 
 import hovercontrol
 from hovercontrol import Block, Signal, interconnect, vehicle, waypoints
@@ -115,6 +116,25 @@ def test_with_modes_slipping_is_a_plus_b_s_and_sticking_stands_still(name, tmp_p
                 assert dx[i] == (pytest.approx(slip, rel=1e-12, abs=1e-12) if modes[k] else 0.0)
                 expected[i] = dx[i]
             np.testing.assert_allclose(dx, expected, rtol=1e-11, atol=1e-11)
+
+
+@needs_cc
+def test_functions_with_jumps_are_numpys(tmp_path):
+    """Python's sign of a remainder, and one half at a step."""
+    p, q = Signal("p"), Signal("q", lower=0.1, start=1.0)
+    functions = {
+        "mod": sp.Mod(p.symbol, q.symbol),
+        "step": sp.Heaviside(p.symbol),
+        "sign": sp.sign(p.symbol),
+        "floor": sp.floor(p.symbol),
+        "top": sp.Max(p.symbol, q.symbol, 0.3),
+        "piece": sp.Piecewise((p.symbol, p.symbol > 0), (q.symbol, True)),
+    }
+    block = Block("odd", (), (p, q), tuple(Signal(n) for n in functions), output_expressions=functions)
+    compiled = Compiled(block, tmp_path, "events")
+    for value in (-2.3, -1.0, 0.0, 0.4, 1.0, 3.7):
+        (y,) = compiled.call("f_outputs", [len(functions)], 0.0, [], [value, 0.7], [], [])
+        np.testing.assert_allclose(y, block.to_numpy().outputs(0.0, [], [value, 0.7]), rtol=1e-14, atol=1e-15)
 
 
 def test_the_text_is_the_same_in_every_process():

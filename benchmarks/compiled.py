@@ -1,0 +1,105 @@
+"""Compiled Blocks: Table I against python-control's separate blocks, and sweeps of 1,000 closed loops."""
+
+from __future__ import annotations
+
+import statistics
+import time
+from collections.abc import Callable, Iterator
+
+import numpy as np
+
+from benchmarks.fused import SOLVER, systems
+from hovercontrol.block import Block
+from hovercontrol.controllers import tracking_controller
+from hovercontrol.interconnect import interconnect
+from hovercontrol.scenarios import Scenario, load_scenario
+from hovercontrol.scenarios.runner import loop_parts, phase_grid, phase_parameters
+from hovercontrol.targets.compiled import CompiledBlock, SweepResult, compile_block
+
+RUNS = 1000
+
+
+def table_one(simulate: Callable, scenario: Scenario, x: np.ndarray) -> list:
+    """Run the phases of Table I by ``simulate(grid, x, params)``; return the responses."""
+    responses, ran = [], 0.0
+    for phase in scenario.phases:
+        grid = phase_grid(ran, phase.until, 0.05)
+        responses.append(simulate(grid, x, phase_parameters(scenario, phase)))
+        x, ran = responses[-1].states[:, -1], phase.until
+    return responses
+
+
+def spent(work: Callable[[], object], times: int) -> float:
+    """Return the median time of some calls [s]."""
+    seconds = []
+    for _ in range(times):
+        begin = time.perf_counter()
+        work()
+        seconds.append(time.perf_counter() - begin)
+    return statistics.median(seconds)
+
+
+def errors(responses: list) -> np.ndarray:
+    pieces = []
+    for r in responses:
+        pieces.append(r.outputs[[r.output_labels.index(name) for name in ("error_x", "error_y")]])
+    return np.hstack(pieces)
+
+
+def loop_without_estimator(scenario: Scenario) -> Block:
+    parts = loop_parts(scenario)
+    controller = tracking_controller(scenario.belief, control_point=0.2, k1=2.0, k2=2.0)
+    return interconnect([parts["plant"], controller, parts["reference"]], "loop")
+
+
+def sweep(compiled: CompiledBlock, **options: object) -> SweepResult:
+    drag = np.linspace(0.5, 1.5, RUNS) * compiled.block.default_parameters["plant.yaw_linear_drag"]
+    time_grid = np.linspace(0.0, 50.0, 501)
+    return compiled.sweep(time_grid, params={"plant.yaw_linear_drag": drag}, **options)
+
+
+def rows() -> Iterator[tuple[str, str, str, bool | None]]:
+    import control
+
+    scenario = load_scenario("table1")
+    fused, separate = systems()
+    start = np.array([s.start for s in fused.block.states])
+    order = [fused.state_labels.index(name.replace("_", ".", 1)) for name in separate.state_labels]
+
+    def by_blocks(grid: np.ndarray, x: np.ndarray, params: dict) -> object:
+        return control.input_output_response(separate, grid, 0, x, params=params, **SOLVER)
+
+    begin = time.perf_counter()
+    compiled = compile_block(fused.block)
+    ready = time.perf_counter() - begin
+    smooth = compile_block(fused.block, friction="smooth")
+    assert compiled.native
+
+    def by_c(grid: np.ndarray, x: np.ndarray, params: dict) -> object:
+        return compiled.simulate(grid, x0=x, params=params)
+
+    slow = spent(lambda: table_one(by_blocks, scenario, start[order]), 3)
+    fast = spent(lambda: table_one(by_c, scenario, start), 51)
+    expected = errors(table_one(by_blocks, scenario, start[order]))
+    found = errors(table_one(lambda g, x, p: smooth.simulate(g, x0=x, params=p), scenario, start))
+    gap = float(np.abs(expected - found).max())
+    yield "Block of 83 states to a loaded library, cache as it was", f"{ready:.2f} s", "", None
+    yield "Table I with estimator, 50 s, compiled; median of 51", f"{1e3 * fast:.2f} ms", "", None
+    yield "separate python-control blocks; median of 3", f"{slow:.2f} s", "", None
+    yield "ratio", f"{slow / fast:.0f} times faster", ">= 400 times", slow / fast >= 400
+    yield "largest difference of the tracking error", f"{gap:.1e} m", "< 1e-6 m", gap < 1e-6
+
+    function = smooth.point_function("derivatives")
+    nothing = np.zeros(0)
+    calls = spent(lambda: [function(0.1, start, nothing) for _ in range(10_000)], 5) / 10_000
+    yield "one right-hand side from Python", f"{1e9 * calls:.0f} ns", "", None
+
+    craft = compile_block(loop_without_estimator(scenario))
+    one = spent(lambda: sweep(craft, threads=1), 3)
+    two = spent(lambda: sweep(craft, threads=2), 3)
+    fixed = spent(lambda: sweep(craft, threads=1, method="rk4", step=1e-3), 1)
+    yield f"{RUNS} closed loops of 50 s, rtol 1e-6, 1 thread", f"{one:.3f} s", "<= 0.5 s", one <= 0.5
+    yield "the same, 2 threads", f"{one / two:.2f} times faster", ">= 1.7 times", one / two >= 1.7
+    yield "the same, Runge-Kutta at 1 ms, 1 thread", f"{fixed:.2f} s", "<= 5 s", fixed <= 5
+    rate = 1e9 * fixed / (RUNS * 50_000 * 4)
+    yield "one right-hand side in C, solver and all", f"{rate:.0f} ns", "", None

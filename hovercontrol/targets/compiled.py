@@ -1,0 +1,387 @@
+"""A Block compiled to machine code: fast simulation, and sweeps over thousands of runs on all cores.
+
+The generated C (:mod:`.c`) and the runtime in ``hovercontrol/fmu`` become a shared library
+(:mod:`.compiler`). Without a C compiler the same calls run on NumPy, slowly, with smoothed friction.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+import warnings
+from collections.abc import Callable, Mapping
+from functools import cache, lru_cache
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any, Literal
+
+import control
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hovercontrol.block import Block, Rows
+from hovercontrol.errors import InputError, did_you_mean
+from hovercontrol.simulation import checked_times, initial_state, input_rows, rk4, simulate, time_response
+from hovercontrol.switching import longest_step, switching_times
+from hovercontrol.targets.compiler import METHODS, Array, Library, NoCompilerError, Solver
+from hovercontrol.targets.numpy import call_scalar, numpy_functions
+from hovercontrol.targets.sweep import (
+    FIGURES,
+    REASONS,
+    Many,
+    SweepResult,
+    in_threads,
+    number_of_runs,
+    rows_by_state,
+    settling_bands,
+    values_of_runs,
+)
+
+if TYPE_CHECKING:
+    pass
+
+Friction = Literal["events", "smooth"]
+Method = Literal["dormand-prince", "rk4"]
+Point = Callable[[float, ArrayLike, ArrayLike], Array]
+Results = tuple[Array, Array, NDArray[np.intc]]
+
+
+def compile_block(block: Block, *, friction: Friction = "events") -> CompiledBlock:
+    """Return a Block compiled to machine code; ``block.compile()`` does the same.
+
+    Parameters
+    ----------
+    block : Block
+    friction : {"events", "smooth"}, optional
+        Dry friction that sticks at exactly zero velocity, or smoothed over its width as in NumPy.
+
+    Raises
+    ------
+    RuntimeError
+        If the C compiler fails; the line names its log. Without a compiler NumPy does the work, and a
+        warning says so once.
+
+    Examples
+    --------
+    >>> from hovercontrol.signals import Signal
+    >>> v, k = Signal("v", "m/s", start=1.0), Signal("k", "1/s", start=2.0, lower=0.0)
+    >>> decay = compile_block(Block("decay", [v], [], [v], [k], {"v": -k.symbol * v.symbol}))
+    >>> decay.simulate([0.0, 1.0], params={"decay.k": 1.0}).outputs.round(5).tolist()
+    [[1.0, 0.36788]]
+    >>> decay.sweep([0.0, 1.0], params={"decay.k": [0.0, 1.0, 2.0]})["v"].final.round(5).tolist()
+    [1.0, 0.36788, 0.13534]
+    """
+    return CompiledBlock(block, friction)
+
+
+class CompiledBlock:
+    """A Block ready for fast simulation; made by :func:`compile_block`. It may be used by many threads.
+
+    Parameters
+    ----------
+    block : Block
+    friction : {"events", "smooth"}
+    """
+
+    def __init__(self, block: Block, friction: Friction = "events") -> None:
+        if friction not in ("events", "smooth"):
+            raise InputError(f"friction must be 'events' or 'smooth', found {friction!r}")
+        self.block, self.friction = block, friction
+        self._engine = _engine(block, friction)
+        self._defaults = block.parameter_values()
+        self._point = lru_cache(maxsize=16)(self._make_point)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return CompiledBlock, (self.block, self.friction)
+
+    @property
+    def native(self) -> bool:
+        """Whether it runs as machine code; without a compiler NumPy does the work."""
+        return isinstance(self._engine, Library)
+
+    def derivatives(
+        self, t: float, x: ArrayLike, u: ArrayLike = (), params: Mapping[str, float] | None = None
+    ) -> Array:
+        """Return the states' time derivatives, shape (n_states,).
+
+        These are the numbers of ``block.to_numpy()``: whatever `friction`, it is smooth here.
+
+        Parameters
+        ----------
+        t : float
+            Time [s].
+        x : array_like, shape (n_states,)
+        u : array_like, shape (n_inputs,)
+        params : mapping, optional
+            Parameter values by key, over the defaults.
+        """
+        return self.point_function("derivatives", params)(t, x, u)
+
+    def outputs(
+        self, t: float, x: ArrayLike, u: ArrayLike = (), params: Mapping[str, float] | None = None
+    ) -> Array:
+        """Return the outputs, shape (n_outputs,); arguments as in :meth:`derivatives`."""
+        return self.point_function("outputs", params)(t, x, u)
+
+    def point_function(self, rows: Rows, params: Mapping[str, float] | None = None) -> Point:
+        """Return the function ``(t, x, u) -> array`` at fixed parameters, for the loops of other solvers."""
+        values = self.block.parameter_values(params, bounded=False) if params else self._defaults
+        return self._point(rows, values)
+
+    def _make_point(self, rows: Rows, values: tuple[float, ...]) -> Point:
+        block, engine = self.block, _engine(self.block, "smooth")
+        n_x, n_u = len(block.states), len(block.inputs)
+        ready = _Buffers(n_x, n_u, np.array(values), n_x if rows == "derivatives" else len(block.outputs))
+        native: Any = getattr(engine, rows, None)
+        pair = engine.pair(rows) if isinstance(engine, _Numpy) else None
+
+        def point(t: float, x: ArrayLike, u: ArrayLike = ()) -> Array:
+            if np.shape(x) != (n_x,) or np.shape(u) != (n_u,):
+                raise InputError(
+                    f"block {block.name!r}: expected {n_x} states and {n_u} inputs, "
+                    f"found shapes {np.shape(x)} and {np.shape(u)}"
+                )
+            ready.x[:], ready.u[:] = x, u
+            if pair is None:
+                native(t, *ready.addresses)
+            else:
+                ready.result[:] = call_scalar(pair, t, ready.x.tolist(), ready.u.tolist(), values)
+            return ready.result.copy()
+
+        return point
+
+    def simulate(
+        self,
+        time: ArrayLike,
+        inputs: ArrayLike | Mapping[str, ArrayLike] | None = None,
+        x0: ArrayLike | Mapping[str, float] | None = None,
+        params: Mapping[str, float] | None = None,
+        *,
+        method: Method = "dormand-prince",
+        step: float | None = None,
+        rtol: float = 1e-6,
+        atol: float = 1e-9,
+        hold: Literal["zero"] = "zero",
+    ) -> control.TimeResponseData:
+        """Simulate over a time grid; arguments and result as of :func:`hovercontrol.simulation.simulate`.
+
+        Parameters
+        ----------
+        time, inputs, x0, params
+            An input holds its value from one time to the next.
+        method : {"dormand-prince", "rk4"}, optional
+            Adaptive of order 5, or classical Runge-Kutta of order 4 in equal steps.
+        step : float, optional
+            Step of rk4, longest step of dormand-prince [s].
+        rtol, atol : float, optional
+            Relative and absolute tolerance of dormand-prince.
+        hold : {"zero"}, optional
+            Inputs are not interpolated here.
+
+        Raises
+        ------
+        InputError
+            As there; if the solver fails, the line names the time reached.
+        """
+        if hold != "zero":
+            raise InputError(
+                f"hold must be 'zero' in a compiled simulation, found {hold!r}: "
+                "hovercontrol.simulate interpolates with hold='linear'"
+            )
+        times = checked_times(time)
+        u = input_rows(self.block, inputs, len(times))
+        x = initial_state(self.block, x0)
+        p = np.array(self.block.parameter_values(params))
+        limit = longest_step(self.block, params, times[0], times[-1])
+        solver = _solver(method, step, rtol, atol, limit)
+        status, reached, states, outputs = self._engine.simulate(solver, times, u, x, p)
+        if status:
+            raise InputError(
+                f"block {self.block.name!r}: the simulation stops at t = {reached:.6g} s: {REASONS[status]}"
+            )
+        return time_response(self.block, times, outputs.T, states.T, u)
+
+    def sweep(
+        self,
+        time: ArrayLike,
+        *,
+        params: Many | None = None,
+        x0: Many | ArrayLike | None = None,
+        inputs: ArrayLike | Many | None = None,
+        start: float = -math.inf,
+        band: float | Mapping[str, float] = 0.02,
+        threads: int | None = None,
+        method: Method = "dormand-prince",
+        step: float | None = None,
+        rtol: float = 1e-6,
+        atol: float = 1e-9,
+        progress: Callable[[int], None] | None = None,
+    ) -> SweepResult:
+        """Simulate many times over one grid and keep each run's figures, not its trajectory.
+
+        Parameters
+        ----------
+        time : array_like, shape (n,)
+            Increasing times [s] at which the figures look.
+        params : mapping of str to array_like, optional
+            By key, one value for all runs or one for each.
+        x0 : mapping of str to array_like, or array_like of shape (n_runs, n_states), optional
+            Initial states, likewise.
+        inputs : optional
+            As for :meth:`simulate`; the same in all runs.
+        start : float, optional
+            Time from which the figures count [s].
+        band : float or mapping by output, optional
+            Settled is an output that stays this near to its final value, in its own unit.
+        threads : int, optional
+            Default: one for each core. The results do not depend on it.
+        method, step, rtol, atol
+            As for :meth:`simulate`.
+        progress : callable, optional
+            Called now and then with the number of runs done.
+
+        Returns
+        -------
+        SweepResult
+            A run that fails is marked there, and the others go on.
+
+        Raises
+        ------
+        InputError
+            If a name, a shape or a value is wrong.
+        """
+        block = self.block
+        times = checked_times(time)
+        u = input_rows(block, inputs, len(times))
+        if x0 is not None and not isinstance(x0, Mapping):
+            x0 = rows_by_state(block, x0)
+        runs = number_of_runs({**(params or {}), **(x0 or {})})
+        keys = [block.parameter_key(s.name) for s in block.parameters]
+        starts = dict(zip((s.name for s in block.states), block.states, strict=True))
+        p, given_p = values_of_runs(
+            block, dict(zip(keys, block.parameters, strict=True)), params, runs, "parameter"
+        )
+        x, given_x = values_of_runs(block, starts, x0, runs, "state")
+        limit = _longest_step(block, given_p, runs, times)
+        bands, solver = settling_bands(block, band), _solver(method, step, rtol, atol, limit)
+        counted = int(np.searchsorted(times, start))
+        if counted == len(times):
+            raise InputError(f"start = {start:g} s is after the last time, {times[-1]:g} s")
+        since = (times[counted - 1] + times[counted]) / 2 - times[0] if counted else 0.0
+        figures, last, status = (
+            np.full((runs, len(block.outputs), len(FIGURES)), np.nan),
+            np.full((runs, len(block.states)), np.nan),
+            np.zeros(runs, dtype=np.intc),
+        )
+
+        def work(first: int) -> int:
+            part = slice(first, min(first + size, runs))
+            results = figures[part], last[part], status[part]
+            self._engine.sweep(solver, times, u, x[part], p[part], since, bands, results)
+            return part.stop - part.start
+
+        size = max(1, runs // 256)  # not of the number of threads, so that results cannot depend on it
+        in_threads(work, range(0, runs, size), threads, progress)
+        names = tuple(s.name for s in block.outputs)
+        each = {name: figures[:, :, k] for k, name in enumerate(FIGURES)}
+        return SweepResult(names, tuple(starts), given_p, given_x, **each, states_final=last, status=status)
+
+
+class _Buffers(threading.local):
+    """Arrays for one call at a point, each thread its own."""
+
+    def __init__(self, n_states: int, n_inputs: int, p: Array, n_results: int) -> None:
+        self.x, self.u, self.result = np.zeros(n_states), np.zeros(n_inputs), np.zeros(n_results)
+        self.addresses = tuple(a.ctypes.data for a in (self.x, self.u, p, self.result))
+
+
+class _Numpy:
+    """What :class:`Library` does, without a compiler."""
+
+    def __init__(self, block: Block) -> None:
+        self.block = block
+        self.pair = numpy_functions(block).scalar_pair
+
+    def simulate(
+        self, solver: Solver, times: Array, u: Array, x: Array, p: Array
+    ) -> tuple[int, float, Array, Array]:
+        params = dict(zip(self.block.default_parameters, p.tolist(), strict=True))
+        if solver.method == "dormand-prince":
+            longest, rtol, atol = solver.step or math.inf, solver.rtol, solver.atol
+            r = simulate(self.block, times, u, x, params, rtol=rtol, atol=atol, max_step=longest)
+            return 0, times[-1], np.atleast_2d(r.states).T, np.atleast_2d(r.outputs).T
+        states = [x.tolist()]
+        for k, (t, until) in enumerate(pairwise(times.tolist())):
+            steps = math.ceil((until - t) / solver.step - 1e-9)
+            states.append(
+                rk4(self.pair("derivatives"), t, states[-1], u[:, k].tolist(), p.tolist(), until, steps)
+            )
+            if not np.isfinite(states[-1]).all():
+                return 2, t, np.array(states), np.empty((0, 0))
+        found = np.array(states).reshape(len(times), -1)
+        return 0, times[-1], found, numpy_functions(self.block).outputs(times, found.T, u, params).T
+
+    def sweep(
+        self,
+        solver: Solver,
+        times: Array,
+        u: Array,
+        x: Array,
+        p: Array,
+        since: float,
+        band: Array,
+        results: Results,
+    ) -> None:
+        figures, last, statuses = results
+        counted = times >= times[0] + since
+        t = times[counted]
+        for k in range(len(x)):
+            try:
+                statuses[k], _, states, outputs = self.simulate(solver, times, u, x[k], p[k])
+            except InputError as error:
+                statuses[k] = 2 if "not a number" in str(error) else 3
+            if statuses[k]:
+                continue
+            y, last[k] = outputs[counted], states[-1]
+            away = np.abs(y - y[-1]) > band
+            settled = [t[np.flatnonzero(a)[-1] + 1] if a.any() else t[0] for a in away.T]
+            rms = np.sqrt(np.trapezoid(y**2, t, axis=0) / (t[-1] - t[0])) if len(t) > 1 else np.abs(y[0])
+            figures[k] = np.transpose([y[-1], y.max(axis=0), y.min(axis=0), rms, settled])
+
+
+@lru_cache(maxsize=64)
+def _engine(block: Block, friction: Friction) -> Library | _Numpy:
+    try:
+        return Library(block, friction)
+    except NoCompilerError as error:
+        _warn_once(str(error))
+        return _Numpy(block)
+
+
+@cache
+def _warn_once(reason: str) -> None:
+    warnings.warn(
+        f"{reason}: compiled Blocks run on NumPy, some thousand times slower and with smoothed friction; "
+        "install a C compiler or pip install 'hovercontrol[fmu]'",
+        stacklevel=5,
+    )
+
+
+def _longest_step(block: Block, given: Mapping[str, Array], runs: int, times: Array) -> float:
+    """Return the longest step that misses no switch by the clock in any run."""
+    if not switching_times(block):
+        runs = min(runs, 1)
+    each = ({name: float(column[k]) for name, column in given.items()} for k in range(runs))
+    return min((longest_step(block, p, times[0], times[-1]) for p in each), default=math.inf)
+
+
+def _solver(method: str, step: float | None, rtol: float, atol: float, limit: float) -> Solver:
+    if method not in METHODS:
+        raise InputError(f"unknown method {method!r}{did_you_mean(str(method), METHODS)}")
+    if step is None and method == "rk4":
+        raise InputError("method 'rk4' needs a step, in seconds")
+    for name, value in (("step", step), ("rtol", rtol), ("atol", atol)):
+        if value is not None and not 0 < value < math.inf:
+            raise InputError(f"{name} must be positive, found {value!r}")
+    if method == "dormand-prince":
+        step = min(step or math.inf, limit)
+    return Solver(method, step if step and step < math.inf else 0.0, rtol, atol)

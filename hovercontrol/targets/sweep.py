@@ -1,0 +1,222 @@
+"""Sweeps: what is asked of many runs, what they leave, and how they are spread over the cores."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hovercontrol.block import Block
+from hovercontrol.errors import InputError, did_you_mean
+from hovercontrol.files import write_whole
+from hovercontrol.signals import Signal
+
+if TYPE_CHECKING:
+    import pyarrow
+
+Array = NDArray[np.float64]
+Many = Mapping[str, ArrayLike]
+
+FIGURES = ("final", "maximum", "minimum", "rms", "settling")  # in the order of hc_simulate.h
+REASONS = (  # in the order of hc_solver.h
+    "done",
+    "no memory",
+    "a derivative is not a number",
+    "the step becomes too small to meet the tolerance",
+    "too many steps",
+)
+
+
+@dataclass(frozen=True)
+class Failure:
+    """A run of a sweep that did not reach its end, with the values it was given."""
+
+    run: int
+    reason: str
+    values: Mapping[str, float]
+
+    def __str__(self) -> str:
+        given = ", ".join(f"{name} = {value:g}" for name, value in self.values.items())
+        return f"run {self.run}: {self.reason}" + (f" ({given})" if given else "")
+
+
+@dataclass(frozen=True)
+class Figures:
+    """The figures of one output, each of shape (n_runs,); see :class:`SweepResult`."""
+
+    final: Array
+    maximum: Array
+    minimum: Array
+    rms: Array
+    settling: Array
+
+
+@dataclass(frozen=True, eq=False)
+class SweepResult:
+    """What a sweep leaves: figures of each run; ``result["error_x"].rms`` are those of one output.
+
+    Attributes
+    ----------
+    outputs, states : tuple of str
+        Names, in the order of the columns below.
+    parameters, x0 : mapping of str to ndarray (n_runs,)
+        The values that were given.
+    final, maximum, minimum, rms, settling : ndarray (n_runs, n_outputs)
+        At the end; over the times that count; from when on the output stays within its band [s].
+        NaN in a run that failed.
+    states_final : ndarray (n_runs, n_states)
+        Where a run ended, or failed.
+    status : ndarray of int (n_runs,)
+        0 where all went well.
+    """
+
+    outputs: tuple[str, ...]
+    states: tuple[str, ...]
+    parameters: Mapping[str, Array]
+    x0: Mapping[str, Array]
+    final: Array
+    maximum: Array
+    minimum: Array
+    rms: Array
+    settling: Array
+    states_final: Array
+    status: NDArray[np.intc]
+
+    def __len__(self) -> int:
+        return len(self.status)
+
+    def __getitem__(self, output: str) -> Figures:
+        if output not in self.outputs:
+            raise InputError(f"unknown output {output!r}{did_you_mean(output, self.outputs)}")
+        column = self.outputs.index(output)
+        return Figures(*(getattr(self, name)[:, column] for name in FIGURES))
+
+    @property
+    def failures(self) -> tuple[Failure, ...]:
+        """The runs that failed, with the reason and the values they were given."""
+        given = self._given()
+        return tuple(
+            Failure(int(k), REASONS[self.status[k]], {name: float(v[k]) for name, v in given.items()})
+            for k in np.flatnonzero(self.status)
+        )
+
+    def _given(self) -> dict[str, Array]:
+        return {**self.parameters, **{f"{name}.start": v for name, v in self.x0.items()}}
+
+    def to_table(self) -> pyarrow.Table:
+        """Return one row for each run: what was given, its status, ``OUTPUT.FIGURE``, ``STATE.end``."""
+        import pyarrow
+
+        columns: dict[str, Any] = {"run": np.arange(len(self)), **self._given()}
+        columns["status"] = [REASONS[k] for k in self.status]
+        for name in self.outputs:
+            columns |= {f"{name}.{figure}": getattr(self[name], figure) for figure in FIGURES}
+        columns |= {f"{name}.end": self.states_final[:, k] for k, name in enumerate(self.states)}
+        return pyarrow.table(columns)
+
+    def save(self, path: str | Path) -> Path:
+        """Write the table as CSV or Parquet by the suffix; the file appears whole or not at all."""
+        import pyarrow.csv
+        import pyarrow.parquet
+
+        writers = {".csv": pyarrow.csv.write_csv, ".parquet": pyarrow.parquet.write_table}
+        write = writers.get(Path(path).suffix.lower())
+        if write is None:
+            raise InputError(f"{path}: a sweep is saved as .csv or .parquet")
+        try:
+            return write_whole(path, lambda temporary: write(self.to_table(), temporary))
+        except OSError as error:
+            raise InputError(f"{path}: cannot be written: {error.strerror or error}") from None
+
+
+def rows_by_state(block: Block, x0: ArrayLike) -> Many:
+    """Return initial states given as rows, by the states' names."""
+    given, names = np.asarray(x0, dtype=float), [s.name for s in block.states]
+    if given.ndim not in (1, 2) or given.shape[-1] != len(names):
+        raise InputError(
+            f"block {block.name!r}: x0 must have {len(names)} columns, one for each state, "
+            f"found shape {given.shape}"
+        )
+    return dict(zip(names, np.moveaxis(given, -1, 0), strict=True))
+
+
+def number_of_runs(given: Many) -> int:
+    """Return the number of runs: the one length of all arrays."""
+    shapes = {name: np.shape(values) for name, values in given.items() if np.shape(values)}
+    for name, shape in shapes.items():
+        first = next(iter(shapes))
+        if len(shape) != 1 or shape != shapes[first]:
+            raise InputError(
+                f"a sweep needs single values or arrays of one length: {first!r} has shape {shapes[first]}, "
+                f"{name!r} has {shape}"
+            )
+    return next(iter(shapes.values()))[0] if shapes else 1
+
+
+def values_of_runs(
+    block: Block, signals: Mapping[str, Signal], given: Many | None, runs: int, kind: str
+) -> tuple[Array, dict[str, Array]]:
+    """Return the values of all signals, shape (runs, n_signals), and those that were given."""
+    every = np.tile([s.start for s in signals.values()], (runs, 1))
+    columns = dict(zip(signals, every.T, strict=True))
+    for name, values in (given or {}).items():
+        if name not in signals:
+            raise InputError(f"block {block.name!r}: unknown {kind} {name!r}{did_you_mean(name, signals)}")
+        try:
+            columns[name][:] = values
+        except (TypeError, ValueError):
+            raise InputError(
+                f"block {block.name!r}: {kind} {name!r} must be numbers, found {values!r}"
+            ) from None
+        signal, column = signals[name], columns[name]
+        out = ~((signal.lower <= column) & (column <= signal.upper))
+        if kind == "parameter" and out.any():
+            run = int(np.flatnonzero(out)[0])
+            try:
+                signal.check(column[run], name)
+            except InputError as error:
+                raise InputError(f"block {block.name!r}: {error} (run {run})") from None
+    return every, {name: columns[name] for name in given or {}}
+
+
+def settling_bands(block: Block, band: float | Mapping[str, float]) -> Array:
+    """Return the settling band of each output."""
+    names = [s.name for s in block.outputs]
+    bands = dict.fromkeys(names, 0.02)
+    for name, value in (band if isinstance(band, Mapping) else dict.fromkeys(names, band)).items():
+        if name not in bands:
+            raise InputError(f"band: unknown output {name!r}{did_you_mean(name, names)}")
+        if not 0 <= value < math.inf:
+            raise InputError(f"band of {name!r} must not be negative, found {value!r}")
+        bands[name] = float(value)
+    return np.array(list(bands.values()))
+
+
+def in_threads(
+    work: Callable[[int], int],
+    firsts: range,
+    threads: int | None,
+    progress: Callable[[int], None] | None,
+) -> None:
+    """Do the work from each of `firsts` on, in threads; an error or Ctrl-C stops what has not begun."""
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    if threads is not None and threads < 1:
+        raise InputError(f"threads must be 1 or more, found {threads}")
+    with ThreadPoolExecutor(threads or cores) as pool:
+        futures = [pool.submit(work, first) for first in firsts]
+        try:
+            done = 0
+            for future in as_completed(futures):
+                done += future.result()
+                if progress is not None:
+                    progress(done)
+        except BaseException:  # Ctrl-C as well: what has not begun is not begun any more
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise

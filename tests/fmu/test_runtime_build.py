@@ -1,0 +1,61 @@
+"""The C runtime is clean: strict warnings, the sanitisers, and nothing but C99 and libm."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+
+import pytest
+
+from .support import MODELS, OK, RUNTIME, SOURCES, STRICT, compile_c
+
+HERE = MODELS.parent
+PARAMETERS = {
+    "oscillator": [3.0, 0.4],
+    "driven": [0.7, 0.1, 0.25, 1.0, 3.0, 0.5],
+    "axes": [30.0, 5.0, 5.0, 2.0, 1.0, 0.5],
+    "linked": [0.6, 0.5, 0.4],
+    "smooth": [1.0, 1e-2, 50.0],
+    "contradiction": [],
+}
+
+
+@pytest.mark.parametrize("level", ["-O0", "-O3"])
+@pytest.mark.parametrize("source", SOURCES, ids=lambda path: path.name)
+def test_strict_warnings_find_nothing(compiler, source, level, tmp_path):
+    flags = [*STRICT, "-Wshadow", "-Wstrict-prototypes", "-Wmissing-prototypes", level, "-c", f"-I{RUNTIME}"]
+    command = [compiler, *flags, str(source), "-o", str(tmp_path / "out.o")]
+    result = subprocess.run(command, capture_output=True, text=True)
+    assert result.returncode == 0, result.stderr
+
+
+@pytest.mark.parametrize("source", [*SOURCES, *RUNTIME.glob("hc_*.h")], ids=lambda path: path.name)
+def test_only_the_standard_library_is_used(source):
+    included = set(re.findall(r"#include <(.*?)>", source.read_text()))
+    assert included <= {"float.h", "math.h", "stdlib.h", "string.h"}
+
+
+def test_only_names_with_the_prefix_are_exported(compiler, tmp_path):
+    names = set()
+    for source in SOURCES:
+        definition = r"^(?!static|typedef|struct|enum)\w[\w \*]*?(\w+)\("
+        names |= set(re.findall(definition, source.read_text(), re.MULTILINE))
+    assert names
+    assert all(name.startswith("hc_") for name in names)
+
+
+@pytest.mark.parametrize("name", PARAMETERS)
+def test_sanitisers_find_nothing(compiler, name, tmp_path):
+    program = tmp_path / name
+    flags = ["-g", "-O1", "-fsanitize=address,undefined,float-divide-by-zero", "-fno-sanitize-recover=all"]
+    probe = tmp_path / "probe.c"
+    probe.write_text("int main(void) { return 0; }\n")
+    if subprocess.run([compiler, *flags, str(probe), "-o", str(program)], capture_output=True).returncode:
+        pytest.skip(f"{compiler} cannot build with the address and undefined-behaviour sanitisers here")
+    compile_c(compiler, [HERE / "sanitised.c", MODELS / f"{name}.c", *SOURCES], program, flags)
+    arguments = [str(value) for value in PARAMETERS[name]]
+    result = subprocess.run([program, *arguments], capture_output=True, text=True)
+    assert result.returncode == 0, result.stderr
+    lines = result.stdout.split("\n")[:2]
+    if name != "contradiction":
+        assert all(set(line.rsplit(" ", 1)[0]) <= {str(OK), " "} for line in lines), result.stdout

@@ -1,0 +1,139 @@
+"""The C compiler is found or its lack said; libraries are built once, whole, and never loaded broken."""
+
+import os
+import shutil
+import stat
+import subprocess
+import sys
+
+import pytest
+
+from hovercontrol.targets import compiler
+from hovercontrol.targets.compiler import NoCompilerError, cache_folder, find_compiler, load_library
+
+needs_cc = pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler (cc) on this machine")
+TWO = {
+    "two.c": '#include "two.h"\nEXPORT int two(void) { return TWO; }\n',
+    "two.h": '#define EXPORT __attribute__((visibility("default")))\n#define TWO 2\n',
+}
+
+
+@pytest.fixture(autouse=True)
+def cache(tmp_path, monkeypatch):
+    monkeypatch.setenv("HOVERCONTROL_CACHE", str(tmp_path / "cache"))
+    monkeypatch.delenv("CC", raising=False)
+    compiler.version.cache_clear()
+    return tmp_path / "cache" / "compiled"
+
+
+def libraries(cache):
+    return sorted(cache.glob("two-*.so"))
+
+
+def script(path, text):
+    path.parent.mkdir(exist_ok=True)
+    path.write_text(f"#!/bin/sh\n{text}\n")
+    path.chmod(path.stat().st_mode | stat.S_IXUSR)
+
+
+@needs_cc
+def test_a_library_is_built_once_and_then_found(cache, monkeypatch):
+    assert load_library("two", TWO).two() == 2
+    (first,) = libraries(cache)
+    monkeypatch.setattr(compiler, "_build", None)  # would not be callable
+    assert load_library("two", TWO).two() == 2
+    assert libraries(cache) == [first]
+    assert [p.name for p in cache.iterdir()] == [first.name]  # nothing temporary is left
+
+
+@needs_cc
+def test_other_sources_make_another_library(cache):
+    load_library("two", TWO)
+    assert load_library("two", TWO | {"two.h": TWO["two.h"].replace("TWO 2", "TWO 3")}).two() == 3
+    assert len(libraries(cache)) == 2
+
+
+@needs_cc
+@pytest.mark.parametrize("damage", [lambda b: b[: len(b) // 2], lambda b: b"", lambda b: b[:-1] + b"?"])
+def test_a_damaged_library_is_rebuilt_and_not_loaded(cache, damage):
+    load_library("two", TWO)
+    (path,) = libraries(cache)
+    whole = path.read_bytes()
+    path.unlink()  # the loaded one keeps its own bytes
+    path.write_bytes(damage(whole))
+    assert load_library("two", TWO).two() == 2
+    assert [p.read_bytes() for p in libraries(cache)] == [whole]
+
+
+@needs_cc
+def test_processes_that_build_at_once_all_succeed(cache):
+    code = (
+        "from hovercontrol.targets.compiler import load_library\n"
+        f"assert load_library('two', {TWO!r}).two() == 2"
+    )
+    running = [subprocess.Popen([sys.executable, "-c", code], env=os.environ.copy()) for _ in range(3)]
+    assert [p.wait() for p in running] == [0, 0, 0]
+    assert len(list(cache.iterdir())) == 1
+
+
+@needs_cc
+def test_without_a_writable_cache_a_temporary_folder_does(tmp_path, monkeypatch):
+    (tmp_path / "file").write_text("")
+    monkeypatch.setenv("HOVERCONTROL_CACHE", str(tmp_path / "file"))
+    assert cache_folder() == compiler._private_folder()
+    assert load_library("two", TWO).two() == 2
+
+
+def test_the_cache_is_where_the_user_keeps_caches(tmp_path, monkeypatch):
+    monkeypatch.delenv("HOVERCONTROL_CACHE")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "xdg"))
+    assert cache_folder() == tmp_path / "xdg" / "hovercontrol" / "compiled"
+
+
+@needs_cc
+def test_a_refused_source_is_one_line_that_names_the_log(cache):
+    with pytest.raises(RuntimeError, match=r"two\.c:1.*error.*its log: .*\.log$") as caught:
+        load_library("two", {"two.c": "int two(void) { return nothing; }"})
+    assert "\n" not in str(caught.value)
+    (log,) = cache.glob("*.log")
+    assert str(log) in str(caught.value)
+    assert "-ffp-contract=off" in log.read_text()
+    assert not list(cache.glob(".build-*"))
+
+
+def test_no_compiler_is_said(tmp_path, monkeypatch):
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.setattr(compiler.importlib.util, "find_spec", lambda name: None)
+    with pytest.raises(NoCompilerError, match="neither cc, gcc nor clang, nor ziglang"):
+        find_compiler()
+
+
+def test_a_compiler_of_the_users_choice_that_is_not_there_is_named(monkeypatch):
+    monkeypatch.setenv("CC", "/nowhere/cc -m64")
+    with pytest.raises(NoCompilerError, match="'/nowhere/cc -m64', does not run"):
+        find_compiler()
+
+
+@pytest.mark.skipif(os.name == "nt", reason="needs a shell script as compiler")
+def test_a_stub_that_does_not_answer_is_passed_over(tmp_path, monkeypatch):
+    script(tmp_path / "bin" / "cc", "exit 1")
+    script(tmp_path / "bin" / "gcc", "echo gcc 99")
+    monkeypatch.setenv("PATH", str(tmp_path / "bin"))
+    assert find_compiler() == (str(tmp_path / "bin" / "gcc"),)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="needs a shell script as compiler")
+def test_zig_comes_last_and_with_its_arguments(monkeypatch, tmp_path):
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.setattr(compiler.importlib.util, "find_spec", lambda name: object())
+    monkeypatch.setattr(compiler, "version", lambda command: "zig")
+    assert find_compiler()[1:] == ("-m", "ziglang", "cc")
+
+
+@needs_cc
+def test_a_new_version_of_the_compiler_builds_anew(cache, monkeypatch):
+    load_library("two", TWO)
+    monkeypatch.setattr(compiler, "version", lambda command: "another")
+    load_library("two", TWO)
+    keys = {p.name.split("-")[1] for p in libraries(cache)}
+    assert len(keys) == 2
