@@ -8,9 +8,16 @@ import sys
 from pathlib import Path
 
 import hovercontrol
-from benchmarks import compiled, derive, fused, real_logs, tables
+from benchmarks import compiled, derive, fused, large_log, real_logs, tables
 
-ALL = {"tables": tables, "fused": fused, "compiled": compiled, "derive": derive, "real_logs": real_logs}
+ALL = {
+    "tables": tables,
+    "fused": fused,
+    "compiled": compiled,
+    "derive": derive,
+    "real_logs": real_logs,
+    "large_log": large_log,
+}
 
 
 def machine() -> str:

@@ -76,6 +76,12 @@ high = 0.001
         (["identify", "--sample", "--columns", "time"], "expected NAME=COLUMN, found 'time'"),
         (["identify", "--sample", "--coefficients", "yaw_colomb"], "did you mean 'yaw_coulomb'?"),
         (["identify", "--sample", "--vehicle", "four_fan"], "no column 'rear_left'"),
+        (["identify", "--sample", "--coefficients", "thrust,thrust"], "coefficient 'thrust' is named twice"),
+        (
+            ["identify", "--sample", "--window", "0.05"],
+            "rows are 0.02 s apart: a window of 0.05 s is shorter",
+        ),
+        (["identify", "--sample", "--while", "time>50"], "time > 50 holds in no row"),
         (["identify", "nothere.csv"], "nothere.csv: expected a CSV or Parquet file, there is no such file"),
     ],
 )
@@ -100,6 +106,10 @@ SAMPLE = sample_path().read_text().splitlines()
         (lambda rows: [*rows[:50], "0.98,nan,0,0,0,0", *rows[51:]], "line 51, column 'x': expected a finite"),
         (lambda rows: [*rows[:50], "0.98,0,abc,0,0,0", *rows[51:]], "line 51, column 'y': expected a number"),
         (lambda rows: rows[:1], "found no rows"),
+        (
+            lambda rows: [rows[0], *(f"{20 * k},{row.split(',', 1)[1]}" for k, row in enumerate(rows[1:]))],
+            "rows are 20 s apart, more than a window of 1 s: is its time in seconds?",
+        ),
         (lambda rows: [], "line 1: expected a header"),
         (lambda rows: rows[:5], "too short for a window"),
     ],
@@ -118,3 +128,38 @@ def test_a_log_meant_to_have_gaps_is_accepted_on_request(tmp_path):
     done = call("identify", "mine.csv", "--allow-gaps", "--out", "out", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "free_run_mine.png" in {p.name for p in (tmp_path / "out").iterdir()}
+
+
+@pytest.mark.parametrize(
+    ("training", "holdout"), [("mine.csv", "./mine.csv"), ("mine.csv+c.csv", "out/../mine.csv+d.csv")]
+)
+def test_a_training_log_under_another_spelling_is_no_hold_out(tmp_path, training, holdout):
+    (tmp_path / "mine.csv").write_text("\n".join(SAMPLE) + "\n")
+    (tmp_path / "out").mkdir()
+    done = call("identify", training, "--holdout", holdout, cwd=tmp_path)
+    assert done.returncode == 2
+    assert f"{holdout} is given twice (as {training}); a hold-out log must take no part" in done.stderr
+
+
+def test_a_rudder_in_degrees_is_one_line(tmp_path):
+    rows = [row.split(",") for row in SAMPLE]
+    at = [name.strip('"') for name in rows[0]].index("rudder")
+    for row in rows[1:]:
+        row[at] = str(57.29577951 * float(row[at]))
+    (tmp_path / "mine.csv").write_text("\n".join(",".join(row) for row in rows) + "\n")
+    done = call("identify", "mine.csv", "--out", "out", cwd=tmp_path)
+    assert done.returncode == 2 and len(done.stderr.strip().splitlines()) == 1
+    assert "mine.csv: column 'rudder': expected -0.4538 to 0.4538 rad" in done.stderr
+    assert "in degrees?" in done.stderr
+
+
+def test_a_hold_out_predicted_worse_than_trivially_ends_with_status_1(tmp_path):
+    """The hold-out's commands are those of another time."""
+    header, rows = SAMPLE[0], [row.split(",") for row in SAMPLE[1:]]
+    (tmp_path / "a.csv").write_text("\n".join(SAMPLE[:1001]) + "\n")
+    wrong = [",".join([*row[:4], *rows[k][4:]]) for k, row in enumerate(rows[1000:])]
+    (tmp_path / "b.csv").write_text("\n".join([header, *wrong]) + "\n")
+    done = call("identify", "a.csv", "--holdout", "b.csv", "--out", "out", cwd=tmp_path)
+    assert done.returncode == 1, done.stderr
+    assert "b: the model predicts" in done.stdout and "not excited" not in done.stdout
+    assert "predicted worse 1 s ahead" in " ".join(call("identify", "--help").stdout.split())

@@ -147,11 +147,52 @@ def test_two_points_make_the_smoothest_step():
         lambda: waypoints([[0, 0, 0], [1, 1, 1]], [0, 1]),
         lambda: waypoints([[0, 0], [1, np.nan]], [0, 1]),
         lambda: waypoints([[0, 0], [1, 1]], [0, 1, 2]),
+        lambda: line((1.0, 0.0), (np.inf, 0.0)),
     ],
 )
 def test_paths_that_are_none_are_refused(make):
     with pytest.raises(InputError):
         make()
+
+
+@pytest.mark.parametrize(
+    ("make", "said"),
+    [
+        (lambda: ellipse("a", 1.0), "semi_x must be a finite number, found 'a'"),
+        (lambda: ellipse(1.0, [1]), r"semi_y must be a finite number, found \[1\]"),
+        (lambda: ellipse(1.0, 1.0, rate="fast"), "rate must be a finite number, found 'fast'"),
+        (lambda: ellipse(1.0, 1.0, phase="a"), "phase must be a finite number, found 'a'"),
+        (lambda: circle(True), "radius must be a finite number, found True"),
+        (lambda: circle("2.0"), "radius must be a finite number, found '2.0'"),
+        (lambda: circle(10**400), "radius must be a finite number, found 1000"),
+        (lambda: circle(1.0, phase=None), "phase must be a finite number, found None"),
+        (lambda: figure_eight({}, 1.0), "length must be a finite number, found {}"),
+        (lambda: line(3), "velocity must be two numbers, found 3"),
+        (lambda: line("ab"), "velocity must be two numbers, found 'ab'"),
+        (lambda: line((1.0,)), r"velocity must be two numbers, found \(1.0,\)"),
+        (lambda: line((1.0, 2.0, 3.0)), "velocity must be two numbers"),
+        (lambda: line((1.0, "a")), r"velocity\[1\] must be a finite number, found 'a'"),
+        (lambda: line([[1], [1, 2]]), r"velocity\[0\] must be a finite number, found \[1\]"),
+        (lambda: line((1.0, 0.0), 5), "start must be two numbers, found 5"),
+        (lambda: line((1.0, 0.0), (0.0, 0.0, 0.0)), "start must be two numbers"),
+        (lambda: waypoints("a", [0, 1]), "points must be numbers, found 'a'"),
+        (lambda: waypoints([["0", "0"], ["1", "1"]], [0, 1]), "points must be numbers"),
+        (lambda: waypoints([[0, 0], [1]], [0, 1]), "points must be numbers"),
+        (lambda: waypoints([[0, 0], [1, {}]], [0, 1]), "points must be numbers"),
+        (lambda: waypoints([[0, 0], [1, 1]], ["a", "b"]), "times must be numbers"),
+        (lambda: waypoints([[False, True], [True, True]], [0, 1]), "points must be numbers"),
+    ],
+)
+def test_what_is_no_number_is_refused_by_name(make, said):
+    with pytest.raises(InputError, match=said) as refused:
+        make()
+    assert "\n" not in str(refused.value)
+
+
+def test_numbers_of_numpy_and_sympy_and_pairs_of_any_kind_will_do():
+    assert np.allclose(at(circle(np.float64(1.2), sp.Rational(7, 10), np.int64(0)), 0.0)[:2], [1.2, 0.0])
+    for pair in ([0.3, -0.4], (0.3, -0.4), np.array([0.3, -0.4])):
+        assert np.allclose(at(line(pair), 10.0)[:2], [3.0, -4.0])
 
 
 def test_a_path_of_ones_own_is_differentiated_and_its_unit_checked():

@@ -28,7 +28,7 @@ from hovercontrol.identify.excitation import (
     unexcited_directions,
     weak_pull,
 )
-from hovercontrol.identify.measure import MOST_ROWS, Array, Measured, measure_all
+from hovercontrol.identify.measure import MOST_ROWS, Array, Measured, measure_all, refuse_still
 from hovercontrol.identify.problem import Problem
 from hovercontrol.identify.result import Fitted, Identified
 from hovercontrol.identify.shooting import STEP, known_states
@@ -91,7 +91,8 @@ def identify(
     Raises
     ------
     InputError
-        If there is no log, a coefficient or an input is unknown, or no log holds a whole window.
+        If there is no log, a coefficient or an input is unknown, nothing moves in a log, a window
+        would hold too few rows, or no log holds a whole window.
 
     Examples
     --------
@@ -116,17 +117,19 @@ def identify(
     channels = tuple(dict.fromkeys(c for m in measured for c in m.channels))
     states = [known_states(block, m, block.parameter_values(), step) for m in measured]
     full_names = [block.parameter(name).name for name in names]
+    whole = windows(measured, window)
+    for log in measured:
+        refuse_still(log.name, log.channels, log.values)
     noise = noise_levels(measured, channels)
 
-    def solver_of(length: float, iterations: int = 0) -> Solver:
-        ranges = thin(windows(measured, length), most_rows)
-        problem = Problem(block, full_names, measured, states, channels, ranges)
+    def solver_of(found: list[tuple[int, int, int]], iterations: int = 0) -> Solver:
+        problem = Problem(block, full_names, measured, states, channels, thin(found, most_rows))
         return Solver(problem, noise, huber, step, tell, iterations)
 
-    solver = solver_of(SHORT * window)
+    solver = solver_of(windows(measured, SHORT * window))
     problem = solver.problem
     rough = solver.solve(problem.start, problem.first_states(), weak_pull(problem.nominal))
-    solver = solver_of(window, solver.iterations)
+    solver = solver_of(whole, solver.iterations)
     problem = solver.problem
     solution = _held(solver, rough.point.p, problem.first_states(), _blind(problem, rough))
     size = _size(problem, solution)
@@ -148,7 +151,10 @@ def identify(
         noise=dict(zip(channels, noise.tolist(), strict=True)),
         chi2_per_dof=solution.chi2_per_dof,
         windows=len(problem.ranges),
-        rows=sum(stop - first for _, first, stop in problem.ranges),
+        rows=sum(
+            int(np.isfinite(measured[i].values[:, first:stop]).any(axis=0).sum())
+            for i, first, stop in problem.ranges
+        ),
         rows_total=sum(m.rows_total for m in measured),
         logs=tuple(m.name for m in measured),
         iterations=solver.iterations,
@@ -168,7 +174,10 @@ def _names(model: Model | Block, block: Block, coefficients: Sequence[str] | Non
                 raise InputError(f"{model.name!r} has no coefficient {name!r}{did_you_mean(name, known)}")
         if isinstance(model, Model):
             coefficients = [name.rpartition(".")[2] for name in coefficients]
-        found = tuple(dict.fromkeys(coefficients))
+        twice = [name for name in coefficients if list(coefficients).count(name) > 1]
+        if twice:
+            raise InputError(f"coefficient {twice[0]!r} is named twice")
+        found = tuple(coefficients)
     if not found:
         raise InputError(f"{model.name!r} has no coefficients to identify")
     return tuple(found)

@@ -5,6 +5,7 @@ Which rows carry a residual, and which belong together, is decided here and nowh
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -14,12 +15,19 @@ from numpy.typing import NDArray
 from hovercontrol.block import Block
 from hovercontrol.errors import InputError
 from hovercontrol.logs import POSE, VELOCITY, Log, Span, smooth_pose
+from hovercontrol.signals import Signal
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 #: Rows of one log that are used at most; more tell little new and cost memory.
 MOST_ROWS = 60_000
+
+#: A command may lie outside its bounds by this part of the larger bound.
+MARGIN = 0.05
+
+#: Changes of this part of a value (or of 1) are rounding.
+ROUNDING = 1e-14
 
 #: Into how many stretches, spread over it, a longer log is cut.
 STRETCHES = 10
@@ -89,8 +97,9 @@ def measure(block: Block, log: Log, most_rows: int = MOST_ROWS) -> Measured:
     Raises
     ------
     InputError
-        If an input of the Block is not in the log (the nearest column is named) or not finite, or
-        nothing that the Block computes was measured.
+        If an input of the Block is not in the log (the nearest column is named), not finite or
+        outside its bounds (degrees, percent); if nothing that the Block computes was measured, or a
+        measured pose never changes.
 
     Examples
     --------
@@ -108,11 +117,10 @@ def measure(block: Block, log: Log, most_rows: int = MOST_ROWS) -> Measured:
             f"{log.name}: nothing that {block.name!r} computes was measured: expected some of "
             f"{', '.join(names)}, found {', '.join(log.columns) or 'no columns'}"
         )
-    for name in inputs:
-        bad = np.flatnonzero(~np.isfinite(log[name]))
-        if bad.size:
-            when = f"{log.time[bad[0]]:.6g} s"
-            raise InputError(f"{log.name}: input {name!r} is not finite at {when}")
+    for signal in block.inputs:
+        _check_input(log, signal)
+    if log.has(*POSE):
+        refuse_still(log.name, channels, [log[c] for c in channels])  # nothing to smooth
     parts = [_part(block, piece, channels) for piece in _stretches(log, most_rows)]
     starts = np.cumsum([0, *(p.time.size for p in parts)])
     return Measured(
@@ -133,6 +141,53 @@ def measure(block: Block, log: Log, most_rows: int = MOST_ROWS) -> Measured:
 def measure_all(block: Block, logs: Sequence[Log | Measured], most_rows: int) -> list[Measured]:
     """Return what each log says; those measured already are kept."""
     return [log if isinstance(log, Measured) else measure(block, log, most_rows) for log in logs]
+
+
+def refuse_still(name: str, channels: Sequence[str], rows: Sequence[Array] | Array) -> None:
+    """Refuse a log in which nothing that was measured ever changes.
+
+    Raises
+    ------
+    InputError
+        The line names the log.
+    """
+    if not any(steps(row[np.isfinite(row)]).size for row in rows):
+        verb = "are" if len(channels) > 1 else "is"
+        raise InputError(f"{name}: the craft never moves: {', '.join(channels)} {verb} constant")
+
+
+def steps(row: Array) -> Array:
+    """Return the sizes of all changes from row to row but those by rounding."""
+    sizes = np.abs(np.diff(row))
+    return sizes[sizes > ROUNDING * max(1.0, float(np.abs(row).max(initial=0.0)))]
+
+
+def _check_input(log: Log, signal: Signal) -> None:
+    """Raise if a command is not finite, or farther outside the signal's bounds than ``MARGIN``."""
+    values = log[signal.name]
+    bad = np.flatnonzero(~np.isfinite(values))
+    if bad.size:
+        raise InputError(f"{log.name}: input {signal.name!r} is not finite at {log.time[bad[0]]:.6g} s")
+    bounds = np.array([signal.lower, signal.upper])
+    largest = float(np.abs(bounds[np.isfinite(bounds)]).max(initial=0.0))
+    outside = np.maximum(values - signal.upper, signal.lower - values)
+    worst = int(outside.argmax()) if outside.size else 0
+    if not outside.size or outside[worst] <= MARGIN * largest + 1e-9 * signal.nominal:
+        return
+    unit = "" if signal.unit == "1" else f" {signal.unit}"
+    if np.isfinite(bounds).all():
+        wanted = f"{signal.lower:.4g} to {signal.upper:.4g}{unit}"
+    elif math.isfinite(signal.upper):
+        wanted = f"at most {signal.upper:.4g}{unit}"
+    else:
+        wanted = f"at least {signal.lower:.4g}{unit}"
+    size = float(np.abs(values).max())
+    turned = math.radians(size) <= (1 + MARGIN) * largest and size > 3 * largest
+    hint = "; is it in degrees?" if signal.unit == "rad" and (turned or size > 2 * math.pi) else ""
+    raise InputError(
+        f"{log.name}: column {signal.name!r}: expected {wanted}, found {values[worst]:.4g} at "
+        f"{log.time[worst]:.6g} s{hint}"
+    )
 
 
 def _stretches(log: Log, most_rows: int) -> list[Log]:

@@ -9,18 +9,21 @@ from matplotlib.figure import Figure
 from hovercontrol.identify.predict import FreeRun
 from hovercontrol.logs import POSE, VELOCITY
 
-MEASURED, SIMULATED, SHADE = "0.25", "tab:orange", "tab:red"
+MEASURED, SIMULATED, SHADE = "0.7", "tab:blue", "tab:red"
 
 
-def plot_free_run(run: FreeRun) -> Figure:
+def plot_free_run(run: FreeRun, *, held_out: bool = False) -> Figure:
     """Draw the free-running simulation over the measurement, one axis for each channel.
 
-    Pose stands to the left and velocities to the right. Spans that the smoother rejected are
-    shaded, the normalised error is in each axis.
+    Pose stands to the left and velocities to the right. The measurement is a broad grey line, so
+    that both show where they agree. Spans that the smoother rejected are shaded, the error is above
+    each axis.
 
     Parameters
     ----------
     run : FreeRun
+    held_out : bool, optional
+        Say in the title that the log took no part in the fit.
 
     Returns
     -------
@@ -45,14 +48,15 @@ def plot_free_run(run: FreeRun) -> Figure:
     handles, labels = axes[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), frameon=False)
     again = f", started {len(run.starts)} times" if len(run.starts) > 1 else ""
-    figure.suptitle(f"{run.model} running free on the inputs of {run.log}{again}")
+    title = f"{run.model} running free on the inputs of {run.log}{' (held out)' if held_out else ''}{again}"
+    figure.suptitle(title)
     return figure
 
 
 def _draw(axis: Axes, run: FreeRun, channel: str) -> None:
     i = run.channels.index(channel)
-    axis.plot(run.time, run.measured[i], color=MEASURED, lw=1.2, label="measured")
-    axis.plot(run.time, run.simulated[i], color=SIMULATED, lw=1.0, label="simulated")
+    axis.plot(run.time, run.measured[i], color=MEASURED, lw=4.0, label="measured")
+    axis.plot(run.time, run.simulated[i], color=SIMULATED, lw=0.9, label="simulated")
     for k, span in enumerate(run.rejected):
         axis.axvspan(
             span.start,
@@ -63,10 +67,6 @@ def _draw(axis: Axes, run: FreeRun, channel: str) -> None:
             label="no motion, left out" if k == 0 else None,
         )
     axis.set_ylabel(f"{channel} [{run.units[channel]}]")
-    axis.set_title(
-        f"rms error {run.rms[channel]:.3g} {run.units[channel]}, {100 * run.nrmse[channel]:.3g} % of its rms",
-        fontsize="small",
-        loc="right",
-    )
+    axis.set_title(f"rms error {run.rms[channel]:.3g} {run.units[channel]}", fontsize="small", loc="right")
     axis.margins(x=0)
     axis.grid(alpha=0.3)

@@ -6,8 +6,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import sympy as sp
 
-from hovercontrol.block import Block
+from hovercontrol.block import Block, Expressions
 from hovercontrol.errors import InputError
 from hovercontrol.identify.measure import Array, Measured, measure
 from hovercontrol.identify.shooting import STEP, Shooter, Windows, cut, known_states, stable_step
@@ -39,7 +40,8 @@ class FreeRun:
         Samples that are no motion.
     rms, nrmse : mapping
         Root mean square error of each channel in its unit, and over the root mean square of the
-        channel about its mean; infinite where the simulation runs away.
+        channel about its mean (which says something of velocities, nothing of a heading that
+        winds up); infinite where the simulation runs away.
     """
 
     model: str
@@ -68,6 +70,9 @@ class Prediction:
     units, rms, nrmse : mapping
         Of each channel: its unit; root mean square of predicted minus measured; that over the root
         mean square of the channel about its mean.
+    trivial, share : mapping
+        Of each channel: the error, likewise, of the trivial prediction from the same starts, that
+        velocities stay as they are and the pose moves on with them; the model's error over it.
     """
 
     horizon: float
@@ -75,6 +80,12 @@ class Prediction:
     units: Mapping[str, str]
     rms: Mapping[str, float]
     nrmse: Mapping[str, float]
+    trivial: Mapping[str, float]
+
+    @property
+    def share(self) -> Mapping[str, float]:
+        """Error of each channel over that of the trivial prediction: above 1 it is worse."""
+        return {c: e / self.trivial[c] if self.trivial[c] > 0 else np.inf for c, e in self.rms.items()}
 
 
 def free_run(model: Model | Block, log: Log | Measured, *, restart: bool = False) -> FreeRun:
@@ -180,12 +191,43 @@ def window_prediction(model: Model | Block, log: Log | Measured, horizon: float 
     ranges = [ranges[int(i)] for i in np.linspace(0, len(ranges) - 1, keep)]
     names, reference = _reference(block, data)
     cuts = cut([data], [states], data.channels, ranges)
-    Y = _simulate(block, cuts, names, _probes(data, states))
     ends = np.array([b - 1 for _, _, b in ranges])
     last = np.array([b - a - 1 for _, a, b in ranges])
-    predicted = Y[last, :, np.arange(len(ranges))].T
-    rms, nrmse = _errors(names, predicted, reference[:, ends])
-    return Prediction(horizon, len(ranges), {c: block.signal(c).unit for c in names}, rms, nrmse)
+
+    def errors(of: Block) -> tuple[dict[str, float], dict[str, float]]:
+        Y = _simulate(of, cuts, names, _probes(data, states))
+        return _errors(names, Y[last, :, np.arange(len(ranges))].T, reference[:, ends])
+
+    rms, nrmse = errors(block)
+    trivial, _ = errors(coasting(block))
+    units = {c: block.signal(c).unit for c in names}
+    return Prediction(horizon, len(ranges), units, rms, nrmse, trivial)
+
+
+def coasting(block: Block) -> Block:
+    """Return the Block in which every state stays, but those that follow from others by geometry alone.
+
+    Those are the states whose derivative holds neither a parameter nor an input: a pose moves on
+    with velocities that stay.
+
+    Examples
+    --------
+    >>> from hovercontrol.vehicles import hoverdemon
+    >>> print(coasting(hoverdemon().plant()).equations())
+    x' = u*cos(psi) - v*sin(psi)
+    y' = u*sin(psi) + v*cos(psi)
+    psi' = r
+    u' = 0
+    v' = 0
+    r' = 0
+    """
+    driven = {s.symbol for s in (*block.parameters, *block.inputs)}
+    return block.unchecked(
+        derivatives=Expressions(
+            (name, sp.Integer(0) if block.expand(e).free_symbols & driven else e)
+            for name, e in block.derivatives.items()
+        )
+    )
 
 
 def _prepare(model: Model | Block, log: Log | Measured) -> tuple[Block, Measured, Array]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -14,6 +14,9 @@ from hovercontrol.block import Block
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.files import write_whole
 from hovercontrol.model import Model
+
+#: Above this chi2/dof a model does not explain the logs.
+POOR = 2.0
 
 
 @dataclass(frozen=True)
@@ -73,7 +76,7 @@ class Identified:
         Squared residuals in units of the measurement noise, per degree of freedom: 1 for a model
         that lacks nothing, more for one that does.
     windows, rows, rows_total : int
-        Windows and rows used, rows of the logs.
+        Windows used, rows with a measurement in them, rows of the logs.
     logs : tuple of str
         Their names.
     iterations : int
@@ -103,6 +106,16 @@ class Identified:
         hint = did_you_mean(name, [f.name for f in self.coefficients])
         raise InputError(f"no coefficient {name!r} was identified{hint}")
 
+    @property
+    def misfit(self) -> str:
+        """What to make of a fit that residuals say is bad; empty if it is good."""
+        if self.chi2_per_dof <= POOR:
+            return ""
+        return (
+            f"the model does not explain the logs: residuals are {np.sqrt(self.chi2_per_dof):.3g} times the "
+            f"noise (chi2/dof {self.chi2_per_dof:.3g}); something is missing or wrong in the model or the log"
+        )
+
     def rows_of_table(self) -> list[tuple[str, str, str, str, str]]:
         """Return name, value, standard error, unit and remark of each coefficient, as text."""
         table = []
@@ -115,10 +128,10 @@ class Identified:
 
     def table(self) -> str:
         """Return the result as plain text: coefficients, then channels, then what was used."""
-        lines = _columns([("coefficient", "value", "std", "unit", ""), *self.rows_of_table()])
+        lines = aligned([("coefficient", "value", "std", "unit", ""), *self.rows_of_table()])
         lines += [
             "",
-            *_columns(
+            *aligned(
                 [
                     ("channel", "residual", "noise", "unit"),
                     *(
@@ -130,6 +143,8 @@ class Identified:
         ]
         used = f"{self.rows} of {self.rows_total} rows in {self.windows} windows"
         lines += ["", f"chi2/dof {self.chi2_per_dof:.3g}; {used} of {', '.join(self.logs)}"]
+        if self.misfit:
+            lines.append(self.misfit)
         if not self.converged:
             lines.append(f"not converged after {self.iterations} iterations")
         return "\n".join(lines)
@@ -146,6 +161,7 @@ class Identified:
         return write_whole(path, write)
 
 
-def _columns(rows: list[tuple[str, ...]]) -> list[str]:
+def aligned(rows: Sequence[tuple[str, ...]]) -> list[str]:
+    """Return rows of cells as lines whose columns stand one below the other."""
     widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
     return ["  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip() for row in rows]

@@ -20,8 +20,9 @@ from hovercontrol.identify.shooting import stable_step
 
 Array = NDArray[np.float64]
 
-#: Rounds of noise levels, iterations in each, and in all.
-ROUNDS, ITERATIONS = 8, 20
+#: Rounds of noise levels, iterations in each, and in all. Fits that come to an end take some ten;
+#: logs that tell next to nothing would wander on for hundreds.
+ROUNDS, ITERATIONS, MOST_ITERATIONS = 8, 20, 30
 
 #: A fall of the cost (twice the log of the likelihood) that means nothing: standard errors are a
 #: fall of 1.
@@ -85,6 +86,7 @@ class Solver:
     ) -> None:
         self.problem, self.noise, self.huber, self._tell = problem, noise, huber, tell
         self.step, self.iterations = step, iterations
+        self._last = iterations + MOST_ITERATIONS
         seen = [np.isfinite(g.values).transpose(1, 2, 0) for g in problem.groups]
         self._seen = seen
         self._counts = np.sum([s.sum(axis=(0, 1)) for s in seen], axis=0)
@@ -111,7 +113,7 @@ class Solver:
             solution = self._rounds(p, x0, pull)
             p, x0 = solution.point.p, solution.point.x0
             needed = self._needed_step(p)
-            if needed > 0.7 * used:
+            if needed > 0.7 * used or self.iterations >= self._last:
                 return solution
             used = needed
 
@@ -137,7 +139,7 @@ class Solver:
             new = self._scatter(point, dof)
             steady = bool(np.all(np.abs(np.log(new / sigma)) < 0.01))
             sigma = new
-            if steady and converged:
+            if (steady and converged) or self.iterations >= self._last:
                 break
         reduced = problem.reduce(point, self._weights(point, sigma))
         rested = problem.linearise(point.p, problem.at_rest(point.x0, reduced.state_std))
@@ -152,7 +154,7 @@ class Solver:
         window_damping = [np.zeros(len(c)) for c in costs]
         total = _sum(costs) + (point.p - start) @ Q @ (point.p - start)
         history = [total]
-        for _ in range(ITERATIONS):
+        for _ in range(min(ITERATIONS, self._last - self.iterations)):
             self.iterations += 1
             self._tell(1 - 1 / (1 + self.iterations / 8), "fitting")
             reduced = problem.reduce(point, self._weights(point, sigma), window_damping)

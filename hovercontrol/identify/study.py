@@ -10,12 +10,12 @@ from pathlib import Path
 from hovercontrol.errors import InputError
 from hovercontrol.files import write_folder
 from hovercontrol.identify.fit import WINDOW, identify
-from hovercontrol.identify.measure import Measured, measure
+from hovercontrol.identify.measure import Measured, measure, refuse_still
 from hovercontrol.identify.plot import plot_free_run
 from hovercontrol.identify.predict import FreeRun, Prediction, free_run, window_prediction
-from hovercontrol.identify.result import Identified
+from hovercontrol.identify.result import Identified, aligned
 from hovercontrol.identify.windows import refuse_slow_rows
-from hovercontrol.logs import Log
+from hovercontrol.logs import VELOCITY, Log
 from hovercontrol.model import Model
 from hovercontrol.modelfile import save_model
 
@@ -34,6 +34,12 @@ class Judged:
     holdout: bool
     prediction: Prediction
     run: FreeRun
+
+    @property
+    def worse(self) -> tuple[str, ...]:
+        """The body velocities that are predicted worse than if they stayed as they are."""
+        share = self.prediction.share
+        return tuple(c for c in VELOCITY if c in share and not share[c] <= 1.0)
 
 
 @dataclass(frozen=True)
@@ -83,7 +89,9 @@ class Study:
         measured: list[Measured] = []
         for k, log in enumerate([*training, *holdout]):
             tell(0.2 * k / (len(training) + len(holdout)), f"smoothing {log.name}")
-            measured.append(measure(block, log))
+            data = measure(block, log)
+            refuse_still(data.name, data.channels, data.values)
+            measured.append(data)
         found = identify(
             model,
             measured[: len(training)],
@@ -100,13 +108,33 @@ class Study:
             judged.append(Judged(label, k >= len(training), ahead, run))
         return cls(found, tuple(judged))
 
+    @property
+    def negative(self) -> bool:
+        """Whether a coefficient is not excited, or a held-out log predicted worse than trivially."""
+        return not all(c.excited for c in self.found.coefficients) or any(
+            j.worse for j in self.judged if j.holdout
+        )
+
     def text(self) -> str:
         """Return the findings as plain text: coefficients, predictions, rejected spans."""
-        lines = [self.found.table(), "", f"error {HORIZON:g} s ahead (share of the channel's own rms)"]
+        rows = [("log", "channel", "error", "trivial", "unit", "share")]
         for j in self.judged:
-            p = j.prediction
-            parts = [f"{c} {p.rms[c]:.3g} {p.units[c]} ({100 * p.nrmse[c]:.3g} %)" for c in p.rms]
-            lines.append(f"  {j.label}{' (held out)' if j.holdout else ''}: " + ", ".join(parts))
+            p, label = j.prediction, f"{j.label}{' (held out)' if j.holdout else ''}"
+            for k, c in enumerate(p.rms):
+                cells = (f"{p.rms[c]:.3g}", f"{p.trivial[c]:.3g}", p.units[c], f"{100 * p.share[c]:.3g} %")
+                rows.append(("" if k else label, c, *cells))
+        lines = [
+            self.found.table(),
+            "",
+            f"rms error {HORIZON:g} s ahead, beside that of the trivial prediction: velocities stay as they "
+            "are, the pose moves on with them",
+            *aligned(rows),
+        ]
+        lines += [
+            f"{j.label}: the model predicts {', '.join(j.worse)} worse than that"
+            for j in self.judged
+            if j.worse
+        ]
         lines += ["", "left out because no craft moves so"]
         for j in self.judged:
             spans = [f"{s.start:.2f}-{s.stop:.2f} s ({s.rows} rows, {s.reason})" for s in j.run.rejected]
@@ -117,7 +145,8 @@ class Study:
     def save(self, folder: str | Path) -> list[Path]:
         """Write model.toml, coefficients.csv, prediction.csv, rejected.csv and free_run_LOG.png.
 
-        They appear whole or not at all. Returns the files.
+        They appear whole or not at all; pictures of an earlier run's logs are removed. Returns the
+        files.
         """
 
         def write(temporary: Path) -> None:
@@ -125,21 +154,25 @@ class Study:
             save_model(self.found.model, temporary / "model.toml")
             self.found.save_csv(temporary / "coefficients.csv")
             ahead = [
-                [j.label, j.holdout, c, p.units[c], HORIZON, p.rms[c], p.nrmse[c]]
+                [j.label, j.holdout, c, p.units[c], HORIZON, p.rms[c], p.trivial[c], p.share[c]]
                 for j in self.judged
                 for p in [j.prediction]
                 for c in p.rms
             ]
-            heading = ["log", "held_out", "channel", "unit", "horizon_s", "rms", "nrmse"]
+            heading = ["log", "held_out", "channel", "unit", "horizon_s", "rms", "trivial", "share"]
             _table(temporary / "prediction.csv", heading, ahead)
             spans = [
                 [j.label, s.start, s.stop, s.rows, s.reason] for j in self.judged for s in j.run.rejected
             ]
             _table(temporary / "rejected.csv", ["log", "start_s", "stop_s", "rows", "reason"], spans)
             for j in self.judged:
-                plot_free_run(j.run).savefig(temporary / f"free_run_{j.label}.png", dpi=120)
+                figure = plot_free_run(j.run, held_out=j.holdout)
+                figure.savefig(temporary / f"free_run_{j.label}.png", dpi=120)
 
-        return write_folder(folder, write)
+        files = write_folder(folder, write)
+        for stale in set(Path(folder).glob("free_run_*.png")) - set(files):
+            stale.unlink()
+        return files
 
 
 def _table(path: Path, heading: list[str], rows: Sequence[Sequence[object]]) -> None:

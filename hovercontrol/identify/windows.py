@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from hovercontrol.errors import InputError
-from hovercontrol.identify.measure import Array, Measured
+from hovercontrol.identify.measure import Array, Measured, steps
 from hovercontrol.logs import Log
 
 #: Fewest rows in a window.
@@ -51,7 +51,7 @@ def windows(logs: Sequence[Measured], length: float) -> list[tuple[int, int, int
 
 
 def refuse_slow_rows(logs: Sequence[Log | Measured], length: float) -> None:
-    """Refuse logs whose rows lie further apart than a window is long: time is then hardly in seconds.
+    """Refuse logs of which a window holds too few rows; hardly one, and time is hardly in seconds.
 
     Raises
     ------
@@ -64,6 +64,11 @@ def refuse_slow_rows(logs: Sequence[Log | Measured], length: float) -> None:
             raise InputError(
                 f"{log.name}: rows are {apart:g} s apart, more than a window of {length:g} s: is its time in "
                 "seconds? Otherwise choose a longer window"
+            )
+        if FEWEST * apart > 1.001 * length:
+            raise InputError(
+                f"{log.name}: rows are {apart:.3g} s apart: a window of {length:g} s is shorter than "
+                f"{FEWEST} of them; choose one of {FEWEST * apart:.3g} s or more (--window)"
             )
 
 
@@ -80,7 +85,13 @@ def noise_levels(logs: Sequence[Measured], channels: Sequence[str]) -> Array:
     """Return the measurement noise of each channel, shape (C,), in its unit.
 
     From third differences, which motion hardly enters: the median of their size over 0.6745
-    sqrt(20). An upper estimate where sampling is slow.
+    sqrt(20). An upper estimate where sampling is slow. Not below what the smallest step of the
+    channel, its resolution, makes (over sqrt(12)).
+
+    Raises
+    ------
+    InputError
+        If a channel is constant; the line names it.
     """
     levels = []
     for channel in channels:
@@ -93,7 +104,10 @@ def noise_levels(logs: Sequence[Measured], channels: Sequence[str]) -> Array:
         jumps = np.concatenate([np.abs(np.diff(row, 3)) for row in rows])
         jumps = jumps[np.isfinite(jumps)]
         every = np.concatenate(rows)
-        spread = float(np.nanstd(every)) if np.isfinite(every).any() else 1.0
+        jumped = np.concatenate([steps(row[np.isfinite(row)]) for row in rows])
+        if not jumped.size:
+            names = ", ".join(m.name for m in logs if channel in m.channels)
+            raise InputError(f"{names}: column {channel!r} is constant; is it measured?")
         level = float(np.median(jumps)) / (0.6745 * np.sqrt(20.0)) if jumps.size else 0.0
-        levels.append(max(level, 1e-6 * spread, 1e-12))
+        levels.append(max(level, 1e-6 * float(np.nanstd(every)), float(jumped.min()) / np.sqrt(12.0), 1e-12))
     return np.array(levels)

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hovercontrol.errors import InputError, did_you_mean
+from hovercontrol.errors import InputError
 from hovercontrol.logs.bench import BenchTable
 from hovercontrol.logs.join import join_logs
 from hovercontrol.logs.log import Log
@@ -91,8 +91,8 @@ def gather(
         As :func:`read_log` and :func:`join_logs`; or if an input is missing or nothing is left.
     """
     wanted = [f"{PULSE}{name}" if bench else name for name in inputs]
-    paths = _split(files)
-    extra = [only_while.column] if only_while else []
+    paths = split_files(files)
+    extra = [only_while.column] if only_while and only_while.column != "time" else []
     if len(paths) == 1:
         log = read_log(paths[0], columns, [*wanted, *extra], allow_gaps=allow_gaps)
     else:
@@ -105,7 +105,14 @@ def gather(
     return _longest(log, only_while, settle) if only_while else log
 
 
-def _split(files: str) -> list[Path]:
+def split_files(files: str) -> list[Path]:
+    """Return the file of a log, or the two (pose, commands) of ``POSE+COMMANDS``.
+
+    Raises
+    ------
+    InputError
+        If there are more than two.
+    """
     if Path(files).exists() or "+" not in files:
         return [Path(files)]
     paths = [Path(part) for part in files.split("+")]
@@ -127,10 +134,6 @@ def _columns_by_file(
 
 
 def _longest(log: Log, condition: Condition, settle: float) -> Log:
-    if not log.has(condition.column):
-        raise InputError(
-            f"{log.name}: no column {condition.column!r}{did_you_mean(condition.column, log.columns)}"
-        )
     holds = _COMPARE[condition.comparison](log[condition.column], condition.value)
     edges = np.flatnonzero(np.diff(np.concatenate([[False], holds, [False]]).astype(int)))
     if not edges.size:

@@ -6,8 +6,6 @@ a file, :meth:`Log.save` makes a file from one.
 
 from __future__ import annotations
 
-import os
-import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -19,6 +17,7 @@ import pyarrow.parquet
 from numpy.typing import ArrayLike, NDArray
 
 from hovercontrol.errors import InputError, did_you_mean
+from hovercontrol.files import write_whole
 
 POSE = ("x", "y", "psi")
 VELOCITY = ("u", "v", "r")
@@ -152,7 +151,7 @@ class Log:
         Raises
         ------
         InputError
-            The folder is not there or cannot be written.
+            The folder cannot be made or written.
 
         Examples
         --------
@@ -167,21 +166,12 @@ class Log:
         """
         target = Path(path)
         table = pa.table({"time": self.time, **self.columns})
-        temporary = None
+        parquet = target.suffix.lower() in PARQUET
+        write = pyarrow.parquet.write_table if parquet else pyarrow.csv.write_csv
         try:
-            handle, temporary = tempfile.mkstemp(dir=target.parent, suffix=target.suffix)
-            os.close(handle)
-            if target.suffix.lower() in PARQUET:
-                pyarrow.parquet.write_table(table, temporary)
-            else:
-                pyarrow.csv.write_csv(table, temporary)
-            os.chmod(temporary, 0o644)
-            os.replace(temporary, target)
+            write_whole(target, lambda temporary: write(table, temporary))
         except OSError as error:
             raise InputError(f"{target}: cannot be written: {error.strerror or error}") from None
-        finally:
-            if temporary is not None and os.path.exists(temporary):
-                os.unlink(temporary)
 
 
 def gap_rows(time: Floats) -> NDArray[np.intp]:

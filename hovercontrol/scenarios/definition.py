@@ -6,7 +6,7 @@ import inspect
 import itertools
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,8 @@ from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.model import Model
 from hovercontrol.modelfile import load_model
 from hovercontrol.references import REFERENCES
-from hovercontrol.tables import check_keys, number, positive, read_toml, table
+from hovercontrol.scenarios.checks import check_scenario
+from hovercontrol.tables import check_keys, number, positive, read_toml, table, text
 from hovercontrol.vehicles import vehicle
 
 
@@ -82,6 +83,7 @@ class Scenario:
 
     ``plant`` is the craft that moves, ``belief`` what the controller knows of it. Either ``reference``
     and ``controller`` close the loop, or ``commands`` are played (columns by name, each held until the next).
+    ``file`` is the path it was loaded from, if it is not one of the package's; errors name it.
     """
 
     name: str
@@ -98,6 +100,7 @@ class Scenario:
     commands: Mapping[str, tuple[float, ...]] | None = None
     sampling: Sampling | None = None
     metrics: tuple[Metric, ...] = ()
+    file: str = ""
 
     @property
     def end(self) -> float:
@@ -124,7 +127,8 @@ def load_scenario(name: str | Path) -> Scenario:
     InputError
         If there is no such scenario (the nearest is named) or the file has an error; the line names the key.
     """
-    if str(name).endswith(".toml"):
+    own = str(name).endswith(".toml")
+    if own:
         path = Path(name)
     else:
         if name not in scenario_names():
@@ -132,7 +136,9 @@ def load_scenario(name: str | Path) -> Scenario:
         path = Path(str(resources.files("hovercontrol.scenarios") / f"{name}.toml"))
     content = read_toml(path)
     try:
-        return _scenario(path, content)
+        scenario = replace(_scenario(path, content), file=str(path) if own else "")
+        check_scenario(scenario)
+        return scenario
     except InputError as error:
         raise type(error)(f"{path}: {error}") from None
 
@@ -179,16 +185,30 @@ def _scenario(path: Path, content: dict[str, Any]) -> Scenario:
         )
         if closed
         else None,
-        estimator=_section(content, "estimator", {"R": object, "Q": object, "P0": object, "estimate": list})
-        if "estimator" in content
-        else None,
+        estimator=_estimator(content),
         commands=_commands(content) if not closed else None,
         sampling=_sampling(content),
         metrics=_metrics(content),
     )
-    if closed and scenario.estimator is None and scenario.controller and scenario.controller.get("adapt"):
+    adapt = (scenario.controller or {}).get("adapt", [])
+    if adapt and scenario.estimator is None:
         raise InputError("controller.adapt needs an [estimator]")
+    for name in adapt:
+        if name not in (scenario.estimator or {}).get("estimate", [name]):
+            raise InputError(f"controller.adapt: {name!r} is not in estimator.estimate")
     return scenario
+
+
+def _estimator(content: Mapping[str, Any]) -> dict[str, Any] | None:
+    if "estimator" not in content:
+        return None
+    given = _section(content, "estimator", {"R": object, "Q": object, "P0": object, "estimate": list})
+    for key in ("R", "Q", "P0"):
+        value = given.get(key, 0.0)
+        for one in value if isinstance(value, list) else [value]:
+            if isinstance(one, bool) or not isinstance(one, int | float):
+                raise InputError(f"estimator.{key} must be a number or a list of numbers, found {value!r}")
+    return given
 
 
 def _model(path: Path, plant: Mapping[str, Any]) -> Model:
@@ -245,14 +265,15 @@ def _reference(content: Mapping[str, Any]) -> dict[str, Any] | None:
     if "reference" not in content:
         return None
     given = dict(table("reference", content["reference"]))
-    kind = given.get("kind")
+    kind = text("reference.kind", given.get("kind"))
     if kind not in REFERENCES:
-        raise InputError(f"reference.kind: unknown {kind!r}{did_you_mean(str(kind), REFERENCES)}")
+        raise InputError(f"reference.kind: unknown {kind!r}{did_you_mean(kind, REFERENCES)}")
     accepted = inspect.signature(REFERENCES[kind]).parameters
     check_keys("key in [reference]", given, {"kind", *accepted} - {"name"})
     for key, parameter in accepted.items():
         if parameter.default is inspect.Parameter.empty and key not in given:
             raise InputError(f"reference: {key!r} is missing for kind = {kind!r}")
+    REFERENCES[kind](**{key: value for key, value in given.items() if key != "kind"})  # refuses wrong values
     return given
 
 
@@ -273,6 +294,8 @@ def _sampling(content: Mapping[str, Any]) -> Sampling | None:
     for key in ("position_noise", "heading_noise"):
         if not 0 <= given.get(key, 0.0) < math.inf:
             raise InputError(f"sampling.{key} must not be negative, found {given[key]!r}")
+    if given.get("seed", 0) < 0:
+        raise InputError(f"sampling.seed must not be negative, found {given['seed']}")
     return Sampling(**given)
 
 
@@ -284,13 +307,13 @@ def _commands(content: Mapping[str, Any]) -> dict[str, tuple[float, ...]]:
     for name, values in given.items():
         numbers = values if isinstance(values, list) else [values]
         columns[name] = tuple(number(f"commands.{name}", v) for v in numbers)
-        if len(columns[name]) != len(given["time"]):
-            raise InputError(
-                f"commands.{name}: expected {len(given['time'])} values as in commands.time, "
-                f"found {len(columns[name])}"
-            )
     time = columns["time"]
-    if any(b <= a for a, b in itertools.pairwise(time)) or time[0] != 0.0:
+    for name, column in columns.items():
+        if len(column) != len(time):
+            raise InputError(
+                f"commands.{name}: expected {len(time)} values as in commands.time, found {len(column)}"
+            )
+    if time[:1] != (0.0,) or any(b <= a for a, b in itertools.pairwise(time)):
         raise InputError("commands.time must begin with 0 and increase")
     return columns
 
@@ -299,7 +322,7 @@ def _entries(content: Mapping[str, Any], name: str, required: bool = False) -> l
     entries = content.get(name, [])
     if not isinstance(entries, list) or (required and not entries):
         raise InputError(f"expected one or more [[{name}]] sections")
-    return entries
+    return [table(f"{name} {k + 1}", entry) for k, entry in enumerate(entries)]
 
 
 def _section(
@@ -325,6 +348,9 @@ def _check(
         kind = kinds[key]
         if kind is float:
             number(f"{where}.{key}", value)
+        elif kind is list:
+            if not isinstance(value, list) or not all(isinstance(v, str) for v in value):
+                raise InputError(f"{where}.{key} must be a list of text, found {value!r}")
         elif not isinstance(value, kind) or (kind is int and isinstance(value, bool)):
             raise InputError(f"{where}.{key} must be a {kind.__name__}, found {value!r}")
     return dict(given)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import math
 from collections.abc import Mapping
 
@@ -10,9 +11,16 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from hovercontrol.references import REFERENCES
 from hovercontrol.scenarios.result import Run
 
 Array = NDArray[np.float64]
+
+#: So many letters of a title fit in an inch.
+TITLE_LETTERS_PER_INCH = 11
+
+#: Coefficients that bear the name of something else: what a legend calls them.
+CALLED = {name: f"{name} coefficient" for name in ("thrust", "rudder_torque")}
 
 
 def figures(run: Run) -> dict[str, Figure]:
@@ -35,8 +43,16 @@ def figures(run: Run) -> dict[str, Figure]:
 def _sheet(run: Run, what: str, rows: int = 1, height: float = 3.4) -> tuple[Figure, list[Axes]]:
     figure = Figure(figsize=(8.0, height), layout="constrained")
     axes = figure.subplots(rows, 1, sharex=True, squeeze=False)[:, 0].tolist()
-    figure.suptitle(f"{run.scenario.title}: {what}", fontsize=11)
+    _title(run, figure, what)
     return figure, axes
+
+
+def _title(run: Run, figure: Figure, what: str) -> None:
+    """Write the scenario's title and what is shown, on two lines if one is too short."""
+    title = f"{run.scenario.title} - {what}"
+    broken = f"{run.scenario.title}\n{what}"
+    width = figure.get_figwidth() * TITLE_LETTERS_PER_INCH
+    figure.suptitle(title if len(title) <= width else broken, fontsize=11)
 
 
 def _phases(run: Run, axes: Axes, named: bool = True) -> None:
@@ -78,10 +94,10 @@ def _path(run: Run) -> Figure:
     x, y = (c.get(f"true_{k}", c[k]) for k in "xy")
     label = "craft"
     if "x_ref" in c:
-        axes.plot(
-            c["x_ref"], c["y_ref"], color="0.2", linestyle="--", linewidth=1.2, label="reference", zorder=3
-        )
-        axes.plot(c["x_ref"][0], c["y_ref"][0], "x", color="0.2", markersize=8)
+        once = run.time <= run.time[0] + _lap(run)  # dashes of several laps would fill each other's gaps
+        x_ref, y_ref = c["x_ref"][once], c["y_ref"][once]
+        axes.plot(x_ref, y_ref, "--", color="0.1", linewidth=1.1, label="reference", zorder=3)
+        axes.plot(x_ref[0], y_ref[0], "x", color="C3", markersize=8, label="start of the reference", zorder=4)
         x, y = c["x_ref"] + c["error_x"], c["y_ref"] + c["error_y"]
         label = "control point"
     begin = 0.0
@@ -90,19 +106,30 @@ def _path(run: Run) -> Figure:
         name = f"{label}, {phase.name}" if len(run.scenario.phases) > 1 else label
         axes.plot(x[inside], y[inside], linewidth=1.1, label=name)
         begin = phase.until
-    axes.plot(x[0], y[0], "kx", markersize=8, label="start")
+    start = "start of the craft" + (f" ({label})" if label != "craft" else "")
+    axes.plot(x[0], y[0], "kx", markersize=8, label=start, zorder=4)
     axes.set(xlabel="x [m]", ylabel="y [m]")
     axes.set_aspect("equal", adjustable="datalim")
     axes.grid(alpha=0.3)
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.09), ncols=2, fontsize=8, frameon=False)
-    figure.suptitle(f"{run.scenario.title}: path", fontsize=11)
+    _title(run, figure, "path")
     return figure
 
 
+def _lap(run: Run) -> float:
+    """Return how long the reference takes until it closes [s]; infinite if it does not."""
+    given = dict(run.scenario.reference or {})
+    kind = REFERENCES.get(given.get("kind", ""))
+    if kind is None or "rate" not in inspect.signature(kind).parameters:
+        return math.inf
+    rate = given.get("rate", inspect.signature(kind).parameters["rate"].default)
+    return 2 * math.pi / abs(float(rate))
+
+
 def _tracking_error(run: Run, error: Array) -> Figure:
-    figure, (axes,) = _sheet(run, "tracking error |z1|")
+    figure, (axes,) = _sheet(run, "tracking error (distance of the control point from the reference)")
     _phases(run, axes)
-    _in_time(run, axes, {"": error}, "distance from reference [m]")
+    _in_time(run, axes, {"": error}, "distance [m]")
     axes.set_ylim(bottom=0.0)
     axes.set_xlabel("time [s]")
     return figure
@@ -122,12 +149,12 @@ def _velocities(run: Run) -> Figure:
 
 
 def _families(run: Run) -> list[tuple[str, list[str]]]:
-    """Return the estimated coefficients in groups of one unit, so that each panel has one axis."""
+    """Return the estimated coefficients in groups of one unit, those of actuators apart from drag."""
     units = {p.name.rpartition(".")[2]: p.unit for p in run.scenario.plant.parameters()}
-    groups: dict[str, list[str]] = {}
+    groups: dict[tuple[str, str], list[str]] = {}
     for name in run.estimates():
-        groups.setdefault(units[name], []).append(name)
-    return list(groups.items())
+        groups.setdefault((units[name], CALLED.get(name, "drag")), []).append(name)
+    return [(unit, names) for (unit, _), names in groups.items()]
 
 
 def _estimates(run: Run) -> Figure:
@@ -136,7 +163,7 @@ def _estimates(run: Run) -> Figure:
     estimates, truth = run.estimates(), run.truth()
     for k, (unit, names) in enumerate(groups):
         _phases(run, axes[k], named=k == 0)
-        _in_time(run, axes[k], {n: estimates[n] for n in names}, f"[{unit}]")
+        _in_time(run, axes[k], {CALLED.get(n, n): estimates[n] for n in names}, f"estimate [{unit}]")
         for line, name in zip(list(axes[k].lines)[-len(names) :], names, strict=True):
             axes[k].plot(run.time, truth[name], linestyle="--", linewidth=0.9, color=line.get_color())
     axes[-1].set_xlabel("time [s]")
@@ -149,7 +176,7 @@ def _estimation_error(run: Run) -> Figure:
     estimates, truth = run.estimates(), run.truth()
     for k, (unit, names) in enumerate(groups):
         _phases(run, axes[k], named=k == 0)
-        _in_time(run, axes[k], {n: estimates[n] - truth[n] for n in names}, f"[{unit}]")
+        _in_time(run, axes[k], {CALLED.get(n, n): estimates[n] - truth[n] for n in names}, f"error [{unit}]")
     axes[-1].set_xlabel("time [s]")
     return figure
 

@@ -90,7 +90,7 @@ class Run:
             values = quantities[metric.of]
             if values is not None:
                 last = np.searchsorted(self.time, metric.end + 1e-9)
-                first = min(np.searchsorted(self.time, metric.start - 1e-9), last - 1)
+                first = np.searchsorted(self.time, metric.start - 1e-9)
                 measured.append(Measured(metric, float(values[first:last].mean())))
         return measured
 

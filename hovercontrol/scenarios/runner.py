@@ -13,6 +13,7 @@ from hovercontrol.errors import InputError
 from hovercontrol.estimators import kalman_bucy
 from hovercontrol.interconnect import interconnect
 from hovercontrol.references import REFERENCES
+from hovercontrol.scenarios.checks import check_scenario
 from hovercontrol.scenarios.definition import Phase, Scenario
 from hovercontrol.scenarios.result import Run
 from hovercontrol.simulation import simulate
@@ -37,14 +38,21 @@ def run_scenario(scenario: Scenario, progress: Progress | None = None) -> Run:
     Raises
     ------
     InputError
-        If the scenario's parts do not fit together, or the simulation fails.
+        If the scenario's parts do not fit together, or the simulation fails; the line names the scenario.
     """
-    if scenario.sampling is not None:
-        from hovercontrol.scenarios.sampled import run_sampled
+    try:
+        check_scenario(scenario)
+        if scenario.sampling is not None:
+            from hovercontrol.scenarios.sampled import run_sampled
 
-        return run_sampled(scenario, loop_parts(scenario), progress)
-    parts = loop_parts(scenario)
-    loop = interconnect([*parts.values()], scenario.name.replace("-", "_"))
+            return run_sampled(scenario, loop_parts(scenario), progress)
+        return _run_continuous(scenario, progress)
+    except InputError as error:
+        raise type(error)(f"{scenario.file or scenario.name}: {error}") from None
+
+
+def _run_continuous(scenario: Scenario, progress: Progress | None) -> Run:
+    loop = interconnect([*loop_parts(scenario).values()], "loop")
     x = np.array([s.start for s in loop.states])
     pieces = []
     begin = 0.0
@@ -53,7 +61,7 @@ def run_scenario(scenario: Scenario, progress: Progress | None = None) -> Run:
         response = simulate(
             loop,
             time,
-            _held_commands(scenario, loop, time),
+            _held_commands(scenario, time),
             x,
             phase_parameters(scenario, phase),
             progress=progress,
@@ -99,14 +107,9 @@ def phase_grid(begin: float, end: float, step: float) -> np.ndarray:
     return np.array([begin, *(step * k for k in range(first, last)), end])
 
 
-def _held_commands(scenario: Scenario, loop: Block, time: np.ndarray) -> Mapping[str, np.ndarray] | None:
+def _held_commands(scenario: Scenario, time: np.ndarray) -> Mapping[str, np.ndarray] | None:
     if scenario.commands is None:
         return None
     times = np.array(scenario.commands["time"])
     row = np.searchsorted(times, time + 1e-9, side="right") - 1
-    names = [s.name for s in loop.inputs]
-    for name in scenario.commands:
-        if name != "time" and name not in names:
-            loop.signal(name)
-            raise InputError(f"commands: {name!r} is not an input of the plant")
     return {k: np.array(v)[row] for k, v in scenario.commands.items() if k != "time"}

@@ -200,9 +200,6 @@ class _Player:
     def __init__(self, scenario: Scenario, plant: Block) -> None:
         assert scenario.commands is not None
         self.table = scenario.commands
-        for name in self.table:
-            if name != "time":
-                plant.signal(name)
         self.names = [s.name for s in plant.inputs]
         self.starts = {s.name: s.start for s in plant.inputs}
 

@@ -10,6 +10,7 @@ import pytest
 from hovercontrol.effects import effect
 from hovercontrol.errors import InputError
 from hovercontrol.identify import Identified, identify, measure
+from hovercontrol.identify.solve import MOST_ITERATIONS
 from hovercontrol.logs import Log
 from hovercontrol.vehicles import c17_experiment, four_fan
 
@@ -218,3 +219,72 @@ def test_a_result_is_tabled_and_saved(rudder_log, tmp_path):
         rows = {row["name"]: row for row in csv.DictReader(stream)}
     assert float(rows["thrust"]["value"]) == found["thrust"].value
     assert rows["thrust"]["excited"] == "True"
+
+
+@pytest.mark.parametrize(
+    ("column", "factor", "said"),
+    [
+        ("rudder", 180 / np.pi, r"column 'rudder': expected -0\.4538 to 0\.4538 rad, found .* in degrees\?"),
+        ("thrust", 100.0, r"column 'thrust': expected 0 to 6\.1 A, found \d+\.?\d* at \d+\.?\d* s$"),
+        ("thrust", -1.0, r"column 'thrust': expected 0 to 6\.1 A, found -"),
+    ],
+)
+def test_commands_outside_the_models_bounds_are_refused(rudder_log, column, factor, said):
+    log = rudder_log(VELOCITY, seconds=5)
+    with pytest.raises(InputError, match=said):
+        identify(c17_experiment(), [log.with_columns({column: factor * log[column]})])
+    slightly = np.minimum(2 * log["thrust"], 1.04 * 6.1)
+    assert measure(c17_experiment().plant(), log.with_columns({"thrust": slightly})).inputs.max() > 6.1
+
+
+def test_a_craft_that_never_moves_is_refused(rudder_log):
+    log = rudder_log(POSE, seconds=5)
+    still = log.with_columns({c: np.full(len(log), 0.1) for c in POSE})
+    with pytest.raises(InputError, match="simulated: the craft never moves: x, y, psi are constant"):
+        identify(c17_experiment(), [log, still])
+    moving = rudder_log(VELOCITY, seconds=5)
+    with pytest.raises(InputError, match="simulated: column 'v' is constant"):
+        identify(c17_experiment(), [moving.with_columns({"v": np.zeros(len(moving))})])
+
+
+def test_noise_is_not_below_what_the_resolution_makes(rudder_log):
+    """A slow sensor's value stands still between its samples: most third differences are zero."""
+    log = rudder_log(VELOCITY, seconds=10, noise=0.0)
+    held = {c: np.round(log[c][::10].repeat(10), 3) for c in VELOCITY}
+    found = identify(c17_experiment(), [log.with_columns(held)], ["thrust", "rudder_torque"])
+    assert min(found.noise.values()) == pytest.approx(1e-3 / np.sqrt(12))
+
+
+def test_a_fit_that_explains_nothing_says_so(rudder_log):
+    log = rudder_log(POSE, seconds=10)
+    swapped = identify(c17_experiment(), [log.with_columns({"x": log["y"], "y": log["x"]})])
+    times = f"{np.sqrt(swapped.chi2_per_dof):.3g} times the noise"
+    assert "the model does not explain the logs" in swapped.table() and times in swapped.table()
+    assert identify(c17_experiment(), [log]).misfit == ""
+
+
+def test_only_rows_with_a_measurement_count_as_used(fan_log):
+    log = fan_log(seed=3, seconds=10)
+    psi = log["psi"].copy()
+    psi[300:330] += np.pi
+    found = identify(four_fan(), [log.with_columns({"psi": psi})])
+    assert found.rows_total == 500 and 400 < found.rows <= 470
+
+
+def test_what_a_window_must_hold_is_said_in_the_users_terms(rudder_log):
+    log = rudder_log(VELOCITY, seconds=5)
+    with pytest.raises(InputError, match=r"too short for a window of 1 s: .* is 0\.1 s"):
+        identify(c17_experiment(), [log.between(0.0, 0.1)])
+    with pytest.raises(InputError, match=r"rows are 0\.01 s apart: .* choose one of 0\.04 s or more"):
+        identify(c17_experiment(), [log], window=0.03)
+    with pytest.raises(InputError, match="coefficient 'thrust' is named twice"):
+        identify(c17_experiment(), [log], ["thrust", "yaw_coulomb", "thrust"])
+
+
+def test_a_log_that_tells_little_is_given_up_in_time(rudder_log):
+    log = rudder_log(POSE, seconds=41, rate=50.0)
+    slow = log.select(slice(None, None, 50))
+    noisy = {c: slow[c] + 0.3 * np.random.default_rng(0).standard_normal(len(slow)) for c in POSE}
+    found = identify(c17_experiment(), [slow.with_columns(noisy)], window=4.0)
+    assert found.iterations <= 2 * MOST_ITERATIONS
+    assert found.converged or "not converged" in found.table()

@@ -44,6 +44,19 @@ def test_a_prediction_of_a_constant_offset_is_that_offset(cart, cart_log):
     assert window_prediction(twice, push, 1.0).rms["v"] == pytest.approx(1.0, rel=1e-6)
 
 
+def test_the_trivial_prediction_lets_velocities_stay_and_the_pose_move_on(calm_log):
+    p = window_prediction(c17_experiment(), calm_log, 1.0)
+    now, then = (calm_log.select(rows) for rows in (slice(None, -100), slice(100, None)))
+    for c in VELOCITY:
+        assert p.trivial[c] == pytest.approx(np.sqrt(np.mean((then[c] - now[c]) ** 2)), rel=1e-6)
+    turned = now["psi"] + now["r"]
+    assert p.trivial["psi"] == pytest.approx(np.sqrt(np.mean((then["psi"] - turned) ** 2)), rel=1e-6)
+    middle, half = now["psi"] + now["r"] / 2, np.sinc(now["r"] / 2 / np.pi)  # along an arc for 1 s
+    x = now["x"] + half * (now["u"] * np.cos(middle) - now["v"] * np.sin(middle))
+    assert p.trivial["x"] == pytest.approx(np.sqrt(np.mean((then["x"] - x) ** 2)), rel=1e-4)
+    assert p.share["r"] == p.rms["r"] / p.trivial["r"] < 0.05
+
+
 def test_a_run_may_start_again_behind_a_gap(calm_log):
     broken = calm_log.select((calm_log.time < 3.0) | (calm_log.time > 4.0))
     wrong = c17_experiment().with_coefficients({"rudder_torque": 3.0})
@@ -80,6 +93,11 @@ def test_the_picture_has_units_names_and_rejected_spans(fan_log, fan_truth, tmp_
     assert len(figure.axes) == 6
     assert {a.get_ylabel() for a in figure.axes} >= {"x [m]", "r [rad/s]"}
     assert "four_fan" in figure.get_suptitle() and "simulated" in figure.get_suptitle()
+    assert figure.axes[0].get_title(loc="right") == f"rms error {run.rms['x']:.3g} m"
+    measured, simulated = figure.axes[0].lines
+    assert measured.get_linewidth() > 2 * simulated.get_linewidth(), "both are seen where they agree"
+    assert "run (held out)" not in figure.get_suptitle()
+    assert "simulated (held out)" in plot_free_run(run, held_out=True).get_suptitle()
     figure.savefig(tmp_path / "run.png")
     assert (tmp_path / "run.png").stat().st_size > 20_000
 

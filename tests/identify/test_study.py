@@ -1,11 +1,14 @@
 """The whole of ``hovercontrol identify``: on the sample log, and on real logs where they are at hand."""
 
+import csv
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from hovercontrol.errors import InputError
 from hovercontrol.identify.study import Study
 from hovercontrol.logs import BenchTable, Condition, gather, read_log
 from hovercontrol.modelfile import load_model
@@ -42,8 +45,44 @@ def test_the_sample_logs_coefficients_are_found_within_their_errors(sample_study
 def test_the_identified_model_predicts_what_it_did_not_see(sample_study):
     held_out = sample_study.judged[-1]
     assert held_out.holdout
-    assert held_out.prediction.nrmse["r"] < 0.03
-    assert "held out" in sample_study.text()
+    assert max(held_out.prediction.share.values()) < 0.05
+    assert held_out.worse == () and not sample_study.negative
+    assert "held out" in sample_study.text() and "worse" not in sample_study.text()
+    assert "does not explain" not in sample_study.text()
+
+
+def test_a_held_out_log_predicted_worse_than_trivially_is_a_negative_finding(sample_study):
+    training, held_out = sample_study.judged
+    p = held_out.prediction
+    bad = replace(held_out, prediction=replace(p, rms={**p.rms, "r": 2 * p.trivial["r"]}))
+    study = replace(sample_study, judged=(training, bad))
+    assert bad.worse == ("r",) and study.negative
+    assert "the model predicts r worse than that" in study.text()
+    seen = replace(training, prediction=bad.prediction)
+    assert not replace(sample_study, judged=(seen, held_out)).negative, "only what was held out counts"
+
+
+def test_pictures_of_an_earlier_run_are_removed(sample_study, tmp_path):
+    for name in ("free_run_old.png", "path.png"):
+        (tmp_path / name).write_text("old")
+    files = sample_study.save(tmp_path)
+    assert {p.name for p in tmp_path.iterdir()} == {*(f.name for f in files), "path.png"}
+
+
+def test_the_table_of_predictions_has_the_trivial_one_beside(sample_study, tmp_path):
+    sample_study.save(tmp_path)
+    with (tmp_path / "prediction.csv").open() as stream:
+        rows = list(csv.DictReader(stream))
+    for row in rows:
+        assert float(row["share"]) == pytest.approx(float(row["rms"]) / float(row["trivial"]))
+    assert {row["held_out"] for row in rows} == {"True", "False"} and len(rows) == 12
+
+
+def test_a_held_out_log_without_motion_is_refused():
+    log = read_log(sample_path(), inputs=("thrust", "rudder"))
+    still = log.with_columns({c: np.zeros(len(log)) for c in ("x", "y", "psi")})
+    with pytest.raises(InputError, match="the craft never moves"):
+        Study.make(vehicle("c17_experiment"), [log], [still])
 
 
 def test_the_saved_model_is_the_identified_one(sample_study, tmp_path):
@@ -83,4 +122,6 @@ def test_a_fit_on_two_runs_predicts_the_third_better_than_no_model(real):
     r = study.judged[-1].run.measured[study.judged[-1].run.channels.index("r")]
     stays = np.sqrt(np.nanmean((r[50:] - r[:-50]) ** 2))  # 50 Hz: the rate one second later as it is now
     assert study.judged[-1].prediction.rms["r"] < 0.8 * stays
+    assert study.judged[-1].prediction.trivial["r"] == pytest.approx(stays, rel=0.02)
+    assert not study.judged[-1].worse and "does not explain" in study.text()
     assert [s.reason for s in study.judged[-1].run.rejected] == []

@@ -35,6 +35,13 @@ def test_only_the_stretch_where_the_craft_floats_is_kept(run):
     assert log.time[-1] == pytest.approx(2.98, abs=0.06)
 
 
+@pytest.mark.parametrize("files", ["pose.csv", "pose.csv+cmd.csv"])
+def test_time_is_a_column_for_a_condition_too(run, files):
+    files = "+".join(f"{run}/{name}" for name in files.split("+"))
+    log = gather(files, only_while=Condition.parse("time>2"))
+    assert log.time[0] == pytest.approx(2.02, abs=0.011) and len(log) > 50
+
+
 def test_a_file_whose_name_has_a_plus_is_one_file(run):
     (run / "a+b.csv").write_text((run / "pose.csv").read_text())
     assert len(gather(str(run / "a+b.csv"))) == 200

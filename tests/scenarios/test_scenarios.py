@@ -9,6 +9,7 @@ from hovercontrol.errors import InputError
 from hovercontrol.logs import read_log
 from hovercontrol.scenarios import load_scenario, run_scenario, scenario_names
 from hovercontrol.scenarios.definition import Phase
+from hovercontrol.scenarios.figures import figures
 from hovercontrol.scenarios.runner import loop_parts, phase_grid
 
 
@@ -132,6 +133,26 @@ control_point = 0.2
 until = 0.1
 """
 
+CIRCLE = 'kind = "circle"\nradius = 2.0'
+PHASE = "[[phase]]\nuntil = 0.1"
+DRIVEN = GOOD[GOOD.index("vehicle") : GOOD.index("[[phase]]")]
+PLAYED = (
+    "vehicle = 'c17_experiment'\n[commands]\ntime = [0.0, 0.05]\nthrust = [1.0, 0.0]\nrudder = [0.0, 0.1]\n"
+)
+
+
+def estimator(controller, content="R = 1e-5"):
+    """More lines of [controller], then an [estimator]."""
+    return f"{controller}\n[estimator]\n{content}\n[[phase]]"
+
+
+def sampling(content):
+    return f"[sampling]\nmeasurement = 0.01\n{content}\n[[phase]]"
+
+
+def metric(start, end, of="tracking_error"):
+    return f"{PHASE}\n[[metric]]\nname = 'm'\nof = '{of}'\nfrom = {start}\nto = {end}\n"
+
 
 @pytest.mark.parametrize(
     ("old", "new", "said"),
@@ -164,6 +185,86 @@ until = 0.1
         ),
         ("[plant]", "[plant", "not readable as TOML"),
         ("[plant]", "[plant]\ncoefficients = { yaw_coulomb = -1.0 }", "out of its bounds [0, inf]"),
+        ("radius = 2.0", 'radius = "a"', "reference: radius must be a finite number, found 'a'"),
+        ("radius = 2.0", "radius = [1]", "reference: radius must be a finite number, found [1]"),
+        ("radius = 2.0", "radius = -1", "reference: radius must be positive, found -1"),
+        ('"circle"', '["a"]', "reference.kind must be text, found ['a']"),
+        (CIRCLE, 'kind = "line"\nvelocity = 3', "reference: velocity must be two numbers, found 3"),
+        (CIRCLE, 'kind = "waypoints"\npoints = "a"\ntimes = [0, 1]', "points must be numbers, found 'a'"),
+        ("[[phase]]", estimator("adapt = [1]"), "controller.adapt must be a list of text, found [1]"),
+        (
+            "[[phase]]",
+            estimator("adapt = 'thrust'"),
+            "controller.adapt must be a list of text, found 'thrust'",
+        ),
+        ("[[phase]]", estimator("", "estimate = 'thrust'"), "estimator.estimate must be a list of text"),
+        (
+            "[[phase]]",
+            estimator("", "estimate = [2]"),
+            "estimator.estimate must be a list of text, found [2]",
+        ),
+        (
+            "[[phase]]",
+            estimator("adapt = ['yaw_coulomb']", "estimate = ['sway_coulomb']"),
+            "controller.adapt: 'yaw_coulomb' is not in estimator.estimate",
+        ),
+        (
+            "[[phase]]",
+            estimator("", "Q = 'a'"),
+            "estimator.Q must be a number or a list of numbers, found 'a'",
+        ),
+        (
+            "[[phase]]",
+            estimator("", "R = [[1, 2], [3]]"),
+            "estimator.R must be a number or a list of numbers",
+        ),
+        ("[[phase]]", estimator("", "P0 = [true]"), "estimator.P0 must be a number or a list of numbers"),
+        ("[[phase]]", sampling("seed = -7"), "sampling.seed must not be negative, found -7"),
+        ("[[phase]]", sampling("seed = 1.5"), "sampling.seed must be a int, found 1.5"),
+        ("[scenario]", "metric = [1]\n[scenario]", "metric 1 must be a table, found 1"),
+        ("step = 0.01", "step = 1e-9", "scenario.step = 1e-09 s gives 1e+08 rows in 0.1 s, expected at most"),
+        ("until = 0.1", "until = 1e300", "scenario.step = 0.01 s gives 1e+302 rows"),
+        (
+            "[[phase]]",
+            "[sampling]\nmeasurement = 1e-9\n[[phase]]",
+            "sampling.measurement = 1e-09 s gives 1e+08",
+        ),
+        ("[[phase]]", sampling("command = 1e-9"), "sampling.command = 1e-09 s gives 1e+08 rows"),
+        (PHASE, metric(0, 0.2), "metric 'm': to = 0.2 is beyond the scenario's end at 0.1 s"),
+        (PHASE, metric(0.08, 0.05), "metric 'm': from = 0.08 is later than to = 0.05"),
+        (PHASE, metric(-1, 0.05), "metric 'm': from = -1 must not be negative"),
+        (
+            PHASE,
+            metric(0.012, 0.018),
+            "no sample between from = 0.012 and to = 0.018; there is one every 0.01 s",
+        ),
+        (
+            PHASE,
+            "[sampling]\nmeasurement = 0.06\n" + metric(0.09, 0.1),
+            "no sample between from = 0.09 and to = 0.1; there is one every 0.06 s",
+        ),
+        (
+            PHASE,
+            metric(0, 0.1, "estimation_error"),
+            "estimation_error needs an [estimator] and controller.adapt",
+        ),
+        (
+            PHASE,
+            estimator("", "").removesuffix("[[phase]]") + metric(0, 0.1, "estimation_error"),
+            "estimation_error needs an [estimator] and controller.adapt",
+        ),
+        (DRIVEN + PHASE, PLAYED + metric(0, 0.1), "metric 'm': tracking_error needs a [controller]"),
+        (
+            DRIVEN,
+            PLAYED.replace("0.1]", "9.0]"),
+            "commands.rudder: expected values in [-0.4538, 0.4538] rad, found 9 at 0.05 s; in degrees?",
+        ),
+        (DRIVEN, PLAYED.replace("0.1]", "-0.5]"), "in [-0.4538, 0.4538] rad, found -0.5 at 0.05 s"),
+        (DRIVEN, PLAYED.replace("0.0]", "inf]", 1), "commands.thrust: expected values in"),
+        (DRIVEN, PLAYED.replace("rudder", "ruder"), "unknown command 'ruder'; did you mean 'rudder'?"),
+        (DRIVEN, PLAYED.replace("time = [0.0, 0.05]", "time = 0.0"), "expected 1 values as in commands.time"),
+        (DRIVEN, PLAYED.replace("time = [0.0, 0.05]", "time = []"), "expected 0 values as in commands.time"),
+        (DRIVEN, PLAYED.split("time")[0] + "time = []\n", "commands.time must begin with 0 and increase"),
     ],
 )
 def test_a_wrong_scenario_file_is_refused_with_file_and_key(tmp_path, old, new, said):
@@ -179,6 +280,91 @@ def test_the_good_file_runs(tmp_path):
     path = tmp_path / "mine.toml"
     path.write_text(GOOD)
     assert run_scenario(load_scenario(path)).time[-1] == 0.1
+
+
+@pytest.mark.parametrize(
+    "change", [(DRIVEN, PLAYED), (PHASE, metric(0.0996, 0.1)), (PHASE, metric(0.03, 0.03))]
+)
+def test_what_fits_together_is_not_refused(tmp_path, change):
+    path = tmp_path / "mine.toml"
+    path.write_text(GOOD.replace(*change))
+    run = run_scenario(load_scenario(path))
+    assert run.time[-1] == 0.1 and all(np.isfinite(m.value) for m in run.metrics())
+
+
+def test_a_metric_at_a_phases_end_between_two_steps_has_its_sample(tmp_path):
+    path = tmp_path / "mine.toml"
+    path.write_text(GOOD.replace(PHASE, metric(0.105, 0.105).replace("until = 0.1", "until = 0.105")))
+    (measured,) = run_scenario(load_scenario(path)).metrics()
+    assert measured.value > 0
+
+
+@pytest.mark.parametrize("name", ["my run1", "2nd1", "a-b.c", "plant", "größe"])
+def test_a_scenario_file_may_have_any_name(tmp_path, name):
+    path = tmp_path / f"{name}.toml"
+    path.write_text(GOOD)
+    run = run_scenario(load_scenario(path))
+    assert run.scenario.name == name and run.log()["x"].shape == run.time.shape
+
+
+@pytest.mark.parametrize("more", ["", "[sampling]\nmeasurement = 0.01\n"])
+def test_an_error_while_running_names_the_file(tmp_path, more):
+    path = tmp_path / "mine.toml"
+    path.write_text(GOOD.replace("control_point = 0.2", "control_point = 0.2\nk1 = -1.0\n" + more))
+    with pytest.raises(InputError) as refused:
+        run_scenario(load_scenario(path))
+    assert str(refused.value).startswith(f"{path}: controller: k1 must be positive, found -1")
+
+
+def test_an_error_while_simulating_names_the_file(tmp_path):
+    path = tmp_path / "mine.toml"
+    path.write_text(GOOD.replace("[reference]", "[plant.start]\ny = 1e300\n[reference]"))
+    with pytest.raises(InputError, match=r"mine\.toml: block 'loop': the simulation stops at t = 0 s"):
+        run_scenario(load_scenario(path))
+
+
+def test_a_scenario_changed_in_python_is_checked_and_named():
+    short = dataclasses.replace(load_scenario("table1"), phases=(Phase("short", 1.0),))
+    with pytest.raises(
+        InputError, match=r"table1: metric 'error before .* is beyond the scenario's end at 1 s"
+    ):
+        run_scenario(short)
+
+
+def test_the_reference_is_drawn_for_one_lap_and_both_starts_are_named(table1):
+    (axes,) = figures(table1)["path"].axes
+    lines = {line.get_label(): line for line in axes.lines}
+    assert {"start of the reference", "start of the craft (control point)"} <= set(lines)
+    x, y = lines["reference"].get_data()
+    assert len(x) == pytest.approx(2 * np.pi / 0.01, abs=1.5)
+    assert np.hypot(x[-1] - x[0], y[-1] - y[0]) < 0.02
+    assert lines["start of the reference"].get_xydata()[0] == pytest.approx([0.0, 2.5])
+    assert lines["start of the craft (control point)"].get_xydata()[0] == pytest.approx([0.2, 1.5])
+
+
+def test_a_reference_that_does_not_close_is_drawn_whole(tmp_path):
+    path = tmp_path / "mine.toml"
+    path.write_text(GOOD.replace(CIRCLE, 'kind = "line"\nvelocity = [0.3, 0.0]'))
+    run = run_scenario(load_scenario(path))
+    (axes,) = figures(run)["path"].axes
+    (reference,) = [line for line in axes.lines if line.get_label() == "reference"]
+    assert len(reference.get_xdata()) == len(run.time)
+
+
+def test_pictures_say_in_words_what_they_show(table1):
+    drawn = figures(table1)
+    titles = {name: figure.get_suptitle() for name, figure in drawn.items()}
+    assert titles["path"] == "C17 Table I: simulated loop with estimator - path"
+    assert titles["tracking_error"].endswith(
+        "\ntracking error (distance of the control point from the reference)"
+    )
+    assert all(title.count(":") == 1 for title in titles.values())
+    for name, word in (("estimates", "estimate"), ("estimation_error", "error")):
+        labels = [t.get_text() for a in drawn[name].axes for t in a.get_legend().get_texts()]
+        assert {"thrust coefficient", "rudder_torque coefficient", "yaw_coulomb"} <= set(labels)
+        assert [a.get_ylabel() for a in drawn[name].axes] == [
+            f"{word} [{unit}]" for unit in ("m/s^2", "1/s", "rad/s^2")
+        ]
 
 
 def test_a_control_point_at_the_centre_of_percussion_is_refused():
