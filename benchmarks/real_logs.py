@@ -40,7 +40,8 @@ def rows() -> Iterator[tuple[str, str, str, bool | None]]:
         spent = time.perf_counter() - begin
         spans = study.judged[0].run.rejected
         yield f"run {run}, files to coefficients and prediction", f"{spent:.1f} s", "< 20 s", spent < 20
-        yield f"run {run}, rejected spans", f"{len(spans)}, {sum(s.rows for s in spans)} rows", "", None
+        told = ", ".join(f"{s.start:.2f}-{s.stop:.2f} s" for s in spans) or "none"
+        yield f"run {run}, rejected spans", told, "", None
     study = Study.make(craft, [read("a"), read("b")], [read("c")])
     held_out = study.judged[-1]
     p = held_out.prediction

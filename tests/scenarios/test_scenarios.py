@@ -363,8 +363,8 @@ def test_pictures_say_in_words_what_they_show(table1):
         labels = [t.get_text() for a in drawn[name].axes for t in a.get_legend().get_texts()]
         assert {"thrust coefficient", "rudder_torque coefficient", "yaw_coulomb"} <= set(labels)
         assert [a.get_ylabel() for a in drawn[name].axes] == [
-            f"{word} [{unit}]" for unit in ("m/s^2", "1/s", "rad/s^2")
-        ]
+            f"{word} [{unit}]" for unit in ("m/s^2", "1/s", "rad/s^2", "m/s^2", "rad/s^2")
+        ]  # drag by unit, then each actuator's own
 
 
 def test_a_control_point_at_the_centre_of_percussion_is_refused():
