@@ -30,7 +30,9 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 
-Out = Annotated[Path, typer.Option("--out", "-o", help="Folder for the results; made if it is not there.")]
+Out = Annotated[
+    Path | None, typer.Option("--out", "-o", help="Folder for the results (else out/NAME); made if need be.")
+]
 
 
 def main() -> None:
@@ -76,7 +78,7 @@ def simulate(
     scenario: Annotated[
         str, typer.Argument(help="A scenario's name (--list shows them) or a TOML file.")
     ] = "",
-    out: Out = Path("out"),
+    out: Out = None,
     list_: Annotated[bool, typer.Option("--list", help="List the scenarios and leave.")] = False,
 ) -> int:
     """Run a scenario; write its log, a table of its figures of merit, and pictures.
@@ -93,8 +95,9 @@ def simulate(
         raise InputError(
             f"simulate: expected a scenario's name ({', '.join(scenario_names())}) or a TOML file"
         )
-    check_folder(out)
     loaded = load_scenario(scenario)
+    out = out or Path("out") / loaded.name
+    check_folder(out)
     with progress_bar(f"simulate {loaded.name}", loaded.end) as report:
         run = run_scenario(loaded, report)
     files = run.save(out)
@@ -130,7 +133,7 @@ def identify(
             metavar="LOG...", help="CSV or Parquet; POSE.csv+COMMANDS.csv for a run in two files."
         ),
     ] = None,
-    out: Out = Path("out"),
+    out: Out = None,
     model: Annotated[Path | None, typer.Option(help="Model file to start from.")] = None,
     vehicle: Annotated[
         str | None, typer.Option(help="Or one of the package's craft (else c17_experiment).")
@@ -180,6 +183,7 @@ def identify(
         raise InputError("identify: expected one or more logs (or --sample)")
     if window <= 0:
         raise InputError(f"identify: --window must be positive, found {window:g}")
+    out = out or Path("out") / "identify"
     check_folder(out)
     given: dict[Path, str] = {}
     for name in [*names, *(holdout or [])]:

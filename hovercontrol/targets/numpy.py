@@ -56,7 +56,8 @@ class NumpyFunctions:
             States; further axes are independent points.
         u : array_like, shape (n_inputs, ...)
         params : mapping, optional
-            Parameter values by key, over the defaults.
+            Parameter values by key, over the defaults; here also out of their bounds, as finite
+            differences need it.
 
         Returns
         -------
