@@ -8,13 +8,14 @@ import sys
 from pathlib import Path
 
 import hovercontrol
-from benchmarks import compiled, derive, fused, large_log, real_logs, tables
+from benchmarks import compiled, derive, estimator, fused, large_log, real_logs, tables
 
 ALL = {
     "tables": tables,
     "fused": fused,
     "compiled": compiled,
     "derive": derive,
+    "estimator": estimator,
     "real_logs": real_logs,
     "large_log": large_log,
 }

@@ -42,6 +42,8 @@ def rows() -> Iterator[tuple[str, str, str, bool | None]]:
         yield f"run {run}, files to coefficients and prediction", f"{spent:.1f} s", "< 20 s", spent < 20
         told = ", ".join(f"{s.start:.2f}-{s.stop:.2f} s" for s in spans) or "none"
         yield f"run {run}, rejected spans", told, "", None
+        gain = study.found["fan_torque"]
+        yield f"run {run}, yaw gain", f"{gain.value:.0f} +- {gain.std:.0f} {gain.unit}", "", None
     study = Study.make(craft, [read("a"), read("b")], [read("c")])
     held_out = study.judged[-1]
     p = held_out.prediction
