@@ -35,14 +35,14 @@ def switching_times(block: Block, params: Mapping[str, float] | None = None) -> 
     >>> switching_times(waypoints([[0, 0], [1, 0], [1, 1]], [50.0, 51.0, 53.0]))
     (50.0, 51.0, 53.0)
     """
-    if not _conditions(block):
+    if not switching_conditions(block):
         return ()
     values = {
         p.symbol: v
         for p, v in zip(block.parameters, block.parameter_values(params, bounded=False), strict=True)
     }
     found = set()
-    for offset, slope in _conditions(block):
+    for offset, slope in switching_conditions(block):
         rate = float(slope.subs(values))
         if rate != 0.0:
             found.add(round(-float(offset.subs(values)) / rate, 12))
@@ -57,8 +57,8 @@ def longest_step(block: Block, params: Mapping[str, float] | None, begin: float,
 
 
 @lru_cache(maxsize=64)
-def _conditions(block: Block) -> tuple[tuple[sp.Expr, sp.Expr], ...]:
-    """Return value at t = 0 and slope of each condition on time."""
+def switching_conditions(block: Block) -> tuple[tuple[sp.Expr, sp.Expr], ...]:
+    """Return value at t = 0 and slope of each condition on time; a condition changes where it is zero."""
     known = {time, *(p.symbol for p in block.parameters)}
     expressions = [
         *block.definitions.values(),

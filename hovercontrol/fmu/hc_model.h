@@ -20,9 +20,13 @@ typedef struct {
     /* a[k], b[k] of every dry friction as above (the other frictions in their modes) */
     void (*friction)(double t, const double *x, const double *u, const double *p, const int *mode, double *a,
                      double *b);
-    /* Jacobian of the derivatives by the states and by the inputs; row-major, every entry written */
-    void (*jacobian)(double t, const double *x, const double *u, const double *p, const int *mode, double *by_states,
-                     double *by_inputs);
+    /* Partial derivatives that are not identically zero, sorted by row, then column: value[i] belongs to
+     * partial_row[i] (derivatives, then outputs) and partial_column[i] (states, then inputs, then parameters). */
+    int n_partials;
+    const int *partial_row, *partial_column;
+    void (*partials)(double t, const double *x, const double *u, const double *p, const int *mode, double *value);
+    /* the first time after t at which a condition on time changes; DBL_MAX: never. May be NULL: never. */
+    double (*next_switch)(double t, const double *p);
 } hc_model_type;
 
 extern const hc_model_type hc_model;

@@ -1,44 +1,13 @@
-/* The solver of hc_solver.h: a step of either method, its length, what lies inside it, and the events of dry friction.
+/* The solver of hc_solver.h: a step of either method, its length, and what lies inside it.
  *
  * Method, step control and dense output: Dormand and Prince (1980) in Hairer, Norsett, Wanner, "Solving Ordinary
- * Differential Equations I", 2nd ed., II.4-II.6. Root finding: Oliveira and Takahashi (2021), ACM TOMS 47(1).
- *
- * Between two calls x, f are the states and their derivative now, x0, f0 those at the start of the last step.
+ * Differential Equations I", 2nd ed., II.4-II.6.
  */
-#include "hc_steps.h"
+#include "hc_friction.h"
+#include "hc_solver_internal.h"
 
-#include <float.h>
-#include <math.h>
 #include <stdlib.h>
 #include <string.h>
-
-#define NO_EVENT 2.0       /* later than the end of a step, theta = 1 */
-#define SMOOTH (-1.0)      /* a velocity changed its sign, but its friction is zero: nothing happens */
-#define BREAKAWAY 1e-12    /* |a| exceeds |b| by this part before a velocity slips: it then starts the right way */
-#define ROOT_WIDTH 1e-13   /* of a step */
-#define AT_ONCE 1e-6       /* of a step: a slip that ends this soon has not begun */
-#define SAMPLES 5          /* points of a step at which sticking is looked at, both ends included */
-#define MAX_AT_ONE_TIME 50 /* events without progress, and 10 more for each friction */
-
-struct hc_solver {
-    const hc_model_type *model;
-    int n, n_friction, method;
-    double rtol, longest;
-    long max_steps, steps;
-    double t, *x, *f;          /* now; f is valid if `fresh` */
-    double t0, *x0, *f0;       /* at the start of the last step */
-    double length;             /* of the last step, whole also where an event cut it short */
-    double h, log_error;       /* length to try next (0: unknown); logarithm of the last squared error */
-    double *k[5], *stage;      /* derivatives of the stages after the first, and one stage's states */
-    double *dense[5];          /* coefficients of the interpolant, valid if `has_dense` */
-    double *absolute, *u, *p;  /* atol * nominal; inputs; parameters */
-    double *a, *b, *theta;     /* frictions, and where in the step each has its event */
-    double t_event;
-    int *mode, *mode0, fresh, has_dense, events_here;
-    long counts[4];
-};
-
-enum { RIGHT_HAND_SIDES = 0, ACCEPTED = 1, REJECTED = 2, EVENTS = 3 };
 
 /* ---- memory ---- */
 
@@ -53,7 +22,7 @@ hc_solver *hc_solver_new(const hc_model_type *model, const hc_options *options)
 {
     const int n = model->n_states, m = model->n_friction;
     const size_t doubles = 16 * ((size_t)n + 8) + ((size_t)model->n_inputs + 8) + ((size_t)model->n_parameters + 8) +
-                           2 * ((size_t)SAMPLES * (size_t)m + 8) + ((size_t)m + 8);
+                           2 * ((size_t)HC_SAMPLES * (size_t)m + 8) + ((size_t)m + 8);
     hc_solver *s = calloc(1, sizeof *s);
     double *block = calloc(doubles, sizeof *block);
     int *modes = calloc(2 * (size_t)m + 1, sizeof *modes);
@@ -82,14 +51,15 @@ hc_solver *hc_solver_new(const hc_model_type *model, const hc_options *options)
     }
     s->u = take(&block, model->n_inputs);
     s->p = take(&block, model->n_parameters);
-    s->a = take(&block, SAMPLES * m);
-    s->b = take(&block, SAMPLES * m);
+    s->a = take(&block, HC_SAMPLES * m);
+    s->b = take(&block, HC_SAMPLES * m);
     s->theta = take(&block, m);
     s->mode = modes;
     s->mode0 = modes + m;
     for (int i = 0; i < n; i++)
         s->absolute[i] = options->atol * (options->nominal ? options->nominal[i] : 1.0);
     s->t_event = -DBL_MAX;
+    s->next_switch = DBL_MAX;
     return s;
 }
 
@@ -103,11 +73,6 @@ void hc_solver_free(hc_solver *s)
 }
 
 /* ---- small things ---- */
-
-static int is_finite(double value)
-{
-    return fabs(value) <= DBL_MAX;
-}
 
 static int all_finite(int n, const double *restrict value)
 {
@@ -140,23 +105,6 @@ static double mean_square(int n, const double *restrict e)
     return ((s0 + s1) + (s2 + s3)) / n;
 }
 
-static void right_hand_side(hc_solver *s, double t, const double *x, double *dx)
-{
-    s->counts[RIGHT_HAND_SIDES]++;
-    s->model->derivatives(t, x, s->u, s->p, s->mode, dx);
-}
-
-static void friction(hc_solver *s, double t, const double *x, double *a, double *b)
-{
-    s->model->friction(t, x, s->u, s->p, s->mode, a, b);
-}
-
-/* How far the force is beyond what sticking can hold. */
-static double excess(double a, double b)
-{
-    return fabs(a) - fabs(b) * (1.0 + BREAKAWAY);
-}
-
 /* ---- one step of each method: from x0, f0 over h to x, f ---- */
 
 /* returns the mean square of the local error over its bound */
@@ -170,25 +118,25 @@ static double step_dormand_prince(hc_solver *s, double h)
 
     for (int i = 0; i < n; i++)
         z[i] = x0[i] + h * (1.0 / 5.0) * k1[i];
-    right_hand_side(s, t + 0.2 * h, z, k2);
+    hc_right_hand_side(s, t + 0.2 * h, z, k2);
     for (int i = 0; i < n; i++)
         z[i] = x0[i] + h * (3.0 / 40.0 * k1[i] + 9.0 / 40.0 * k2[i]);
-    right_hand_side(s, t + 0.3 * h, z, k3);
+    hc_right_hand_side(s, t + 0.3 * h, z, k3);
     for (int i = 0; i < n; i++)
         z[i] = x0[i] + h * (44.0 / 45.0 * k1[i] - 56.0 / 15.0 * k2[i] + 32.0 / 9.0 * k3[i]);
-    right_hand_side(s, t + 0.8 * h, z, k4);
+    hc_right_hand_side(s, t + 0.8 * h, z, k4);
     for (int i = 0; i < n; i++)
         z[i] = x0[i] + h * (19372.0 / 6561.0 * k1[i] - 25360.0 / 2187.0 * k2[i] + 64448.0 / 6561.0 * k3[i] -
                             212.0 / 729.0 * k4[i]);
-    right_hand_side(s, t + 8.0 / 9.0 * h, z, k5);
+    hc_right_hand_side(s, t + 8.0 / 9.0 * h, z, k5);
     for (int i = 0; i < n; i++)
         z[i] = x0[i] + h * (9017.0 / 3168.0 * k1[i] - 355.0 / 33.0 * k2[i] + 46732.0 / 5247.0 * k3[i] +
                             49.0 / 176.0 * k4[i] - 5103.0 / 18656.0 * k5[i]);
-    right_hand_side(s, t + h, z, k6);
+    hc_right_hand_side(s, t + h, z, k6);
     for (int i = 0; i < n; i++)
         x[i] = x0[i] + h * (35.0 / 384.0 * k1[i] + 500.0 / 1113.0 * k3[i] + 125.0 / 192.0 * k4[i] -
                             2187.0 / 6784.0 * k5[i] + 11.0 / 84.0 * k6[i]);
-    right_hand_side(s, t + h, x, k7);
+    hc_right_hand_side(s, t + h, x, k7);
     for (int i = 0; i < n; i++) {
         const double before = fabs(x0[i]), after = fabs(x[i]);
         const double error = 71.0 / 57600.0 * k1[i] - 71.0 / 16695.0 * k3[i] + 71.0 / 1920.0 * k4[i] -
@@ -209,13 +157,13 @@ static void step_rk4(hc_solver *s, double h)
 
     for (int i = 0; i < n; i++)
         z[i] = x0[i] + 0.5 * h * k1[i];
-    right_hand_side(s, t + 0.5 * h, z, k2);
+    hc_right_hand_side(s, t + 0.5 * h, z, k2);
     for (int i = 0; i < n; i++)
         z[i] = x0[i] + 0.5 * h * k2[i];
-    right_hand_side(s, t + 0.5 * h, z, k3);
+    hc_right_hand_side(s, t + 0.5 * h, z, k3);
     for (int i = 0; i < n; i++)
         z[i] = x0[i] + h * k3[i];
-    right_hand_side(s, t + h, z, k4);
+    hc_right_hand_side(s, t + h, z, k4);
     for (int i = 0; i < n; i++)
         x[i] = x0[i] + h / 6.0 * (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i]);
 }
@@ -223,7 +171,7 @@ static void step_rk4(hc_solver *s, double h)
 /* ---- inside a step: theta = 0 at its start, 1 at its end ---- */
 
 /* Hermite's cubic; for Dormand-Prince with Shampine's quartic term (order 4) */
-static void make_dense(hc_solver *s)
+void hc_make_dense(hc_solver *s)
 {
     const int n = s->n;
     const double h = s->length;
@@ -247,14 +195,7 @@ static void make_dense(hc_solver *s)
     s->has_dense = 1;
 }
 
-static double interpolate_one(const hc_solver *s, int i, double theta)
-{
-    double *const *c = s->dense;
-    const double rest = 1.0 - theta;
-    return c[0][i] + theta * (c[1][i] + rest * (c[2][i] + theta * (c[3][i] + rest * c[4][i])));
-}
-
-static void interpolate(const hc_solver *s, double theta, double *restrict x)
+void hc_interpolate(const hc_solver *s, double theta, double *restrict x)
 {
     const int n = s->n;
     const double rest = 1.0 - theta;
@@ -271,204 +212,13 @@ const int *hc_solver_inside(hc_solver *s, double t, double *x)
         return s->mode;
     }
     if (!s->fresh && !s->has_dense) { /* RK4, which leaves f open */
-        right_hand_side(s, s->t, s->x, s->f);
+        hc_right_hand_side(s, s->t, s->x, s->f);
         s->fresh = 1;
     }
     if (!s->has_dense)
-        make_dense(s);
-    interpolate(s, (t - s->t0) / s->length, x);
+        hc_make_dense(s);
+    hc_interpolate(s, (t - s->t0) / s->length, x);
     return s->mode0;
-}
-
-/* ---- events of dry friction ---- */
-
-/* Rises through zero where friction k has its event. */
-static double event_value(hc_solver *s, int k, double theta)
-{
-    if (s->mode[k] != 0)
-        return -s->mode[k] * interpolate_one(s, s->model->friction_state[k], theta);
-    interpolate(s, theta, s->stage);
-    friction(s, s->t0 + theta * s->length, s->stage, s->a, s->b);
-    return excess(s->a[k], s->b[k]);
-}
-
-/* The first theta past the event between low (before it) and high (past it): ITP, then the upper end. */
-static double locate(hc_solver *s, int k, double low, double high)
-{
-    const double clock = 4.0 * DBL_EPSILON * fabs(s->t0) / s->length;
-    const double width = clock > ROOT_WIDTH ? clock : ROOT_WIDTH, whole = high - low;
-    double at_low = event_value(s, k, low), at_high = event_value(s, k, high);
-    double slack = width;
-    while (slack < whole)
-        slack *= 2.0;
-    if (at_low > 0.0)
-        return low;
-    for (; high - low > width; slack *= 0.5) {
-        const double middle = 0.5 * (low + high), secant = (at_high * low - at_low * high) / (at_high - at_low);
-        const double side = middle >= secant ? 1.0 : -1.0;
-        const double shift = 0.2 * (high - low) * (high - low) / whole, reach = slack - 0.5 * (high - low);
-        const double tried = shift <= fabs(middle - secant) ? secant + side * shift : middle;
-        const double theta = fabs(tried - middle) <= reach ? tried : middle - side * reach;
-        const double value = event_value(s, k, theta);
-        if (value > 0.0) {
-            high = theta;
-            at_high = value;
-        } else {
-            low = theta;
-            at_low = value;
-        }
-    }
-    return high;
-}
-
-/* A theta at which slipping velocity k is past zero, or NO_EVENT: at the end, or at its smallest in between. */
-static double past_zero(hc_solver *s, int k)
-{
-    const int i = s->model->friction_state[k], sign = s->mode[k];
-    double low = 0.0, high = 1.0;
-    if (sign * s->x[i] < 0.0)
-        return 1.0;
-    if (!(sign * s->f0[i] < 0.0 && sign * s->f[i] > 0.0))
-        return NO_EVENT;
-    if (!s->has_dense)
-        make_dense(s);
-    for (int halving = 0; halving < 20; halving++) {
-        const double middle = 0.5 * (low + high);
-        const double slope = interpolate_one(s, i, middle + 1e-7) - interpolate_one(s, i, middle - 1e-7);
-        if (sign * slope < 0.0)
-            low = middle;
-        else
-            high = middle;
-    }
-    return sign * interpolate_one(s, i, low) < 0.0 ? low : NO_EVENT;
-}
-
-/* Where slipping velocity k comes to zero, given a theta past that. */
-static double end_of_slip(hc_solver *s, int k, double past)
-{
-    double low = 0.0;
-    friction(s, s->t0, s->x0, s->a, s->b);
-    if (s->b[k] == 0.0) {
-        friction(s, s->t0 + s->length, s->x, s->a, s->b);
-        if (s->b[k] == 0.0)
-            return SMOOTH;
-    }
-    if (!s->has_dense)
-        make_dense(s);
-    if (s->x0[s->model->friction_state[k]] == 0.0) { /* it started in this step: find it on its way */
-        for (low = 0.5 * past; event_value(s, k, low) >= 0.0; low *= 0.5)
-            if (low < AT_ONCE)
-                return low; /* it never got away */
-    }
-    return locate(s, k, low, past);
-}
-
-/* Where each sticking velocity breaks away, into theta. Returns 0 if the force varies too fast within the step to
- * be seen: the states at rest say nothing of it to the error control. */
-static int breakaways(hc_solver *s)
-{
-    const int m = s->n_friction;
-    int resolved = 1, any = 0;
-    if (!s->has_dense)
-        make_dense(s);
-    for (int j = 0; j < SAMPLES; j++) {
-        const double theta = j / (SAMPLES - 1.0);
-        interpolate(s, theta, s->stage);
-        friction(s, s->t0 + theta * s->length, s->stage, s->a + j * m, s->b + j * m);
-    }
-    for (int k = 0; k < m; k++) {
-        const double *a = s->a + k, *b = s->b + k;
-        if (s->mode[k] != 0)
-            continue;
-        for (int j = 1; j < SAMPLES && s->theta[k] == NO_EVENT; j++)
-            if (excess(a[j * m], b[j * m]) > 0.0) {
-                s->theta[k] = j / (SAMPLES - 1.0);
-                any = 1;
-            }
-        if (fabs(a[0] - 4.0 * a[m] + 6.0 * a[2 * m] - 4.0 * a[3 * m] + a[4 * m]) > 0.02 * fabs(b[4 * m]))
-            resolved = 0;
-    }
-    for (int k = 0; k < m; k++) /* the samples are used up: locate overwrites them */
-        if (s->mode[k] == 0 && s->theta[k] != NO_EVENT)
-            s->theta[k] = locate(s, k, s->theta[k] - 1.0 / (SAMPLES - 1.0), s->theta[k]);
-    return resolved || any;
-}
-
-/* Fill theta with the events within the step; returns 0 if the step is too long to tell. */
-static int look_for_events(hc_solver *s)
-{
-    int sticking = 0;
-    for (int k = 0; k < s->n_friction; k++) {
-        s->theta[k] = NO_EVENT;
-        if (s->mode[k] == 0) {
-            sticking = 1;
-        } else {
-            const double past = past_zero(s, k);
-            if (past <= 1.0)
-                s->theta[k] = end_of_slip(s, k, past);
-        }
-    }
-    return sticking ? breakaways(s) : 1;
-}
-
-/* Modes of all velocities that are exactly zero, one change at a time, until they agree with the forces. */
-static int find_modes(hc_solver *s)
-{
-    const int m = s->n_friction;
-    int k = 0;
-    for (int changes = 0; k < m && changes < 4 * m + 4; changes++) {
-        friction(s, s->t, s->x, s->a, s->b);
-        for (k = 0; k < m; k++) {
-            const double a = s->a[k], b = s->b[k];
-            if (s->x[s->model->friction_state[k]] != 0.0)
-                continue;
-            if (!is_finite(a) || !is_finite(b))
-                return HC_NOT_FINITE;
-            const int holds = b != 0.0 && excess(a, b) <= 0.0;
-            const int mode = holds ? 0 : a < 0.0 ? -1 : 1;
-            if (mode != s->mode[k]) {
-                s->mode[k] = mode;
-                break;
-            }
-        }
-    }
-    return HC_OK;
-}
-
-/* Apply what look_for_events found: cut the step at the first event, and change modes. */
-static int pass_events(hc_solver *s)
-{
-    const int m = s->n_friction;
-    double first = NO_EVENT;
-    for (int k = 0; k < m; k++)
-        if (s->theta[k] != SMOOTH && s->theta[k] < first)
-            first = s->theta[k];
-    if (first <= 1.0) {
-        interpolate(s, first, s->x);
-        if (first < 1.0)
-            s->t = s->t0 + first * s->length;
-        s->fresh = 0;
-    }
-    for (int k = 0; k < m; k++) {
-        double *v = s->x + s->model->friction_state[k];
-        if (s->theta[k] == SMOOTH) {
-            if (*v != 0.0)
-                s->mode[k] = *v < 0.0 ? -1 : 1;
-        } else if (first <= 1.0 && s->theta[k] <= first + ROOT_WIDTH) {
-            *v = 0.0;
-            s->counts[EVENTS]++;
-            if (s->mode0[k] != 0)
-                s->mode[k] = 0;
-        }
-    }
-    if (first > 1.0)
-        return HC_OK;
-    if (s->t - s->t_event > 10.0 * AT_ONCE * s->length + 64.0 * DBL_EPSILON * fabs(s->t))
-        s->events_here = 0;
-    s->t_event = s->t;
-    if (++s->events_here > MAX_AT_ONE_TIME + 10 * m)
-        return HC_STEP_TOO_SMALL;
-    return find_modes(s);
 }
 
 /* ---- the length of a step ---- */
@@ -490,11 +240,11 @@ static double first_length(hc_solver *s)
         h = s->longest;
     for (int i = 0; i < n; i++)
         z[i] = s->x[i] + h * s->f[i];
-    right_hand_side(s, s->t + h, z, f1);
+    hc_right_hand_side(s, s->t + h, z, f1);
     for (int i = 0; i < n; i++)
         z[i] = (f1[i] - s->f[i]) / (s->absolute[i] + s->rtol * fabs(s->x[i]));
     curve = sqrt(mean_square(n, z)) / h;
-    if (!is_finite(curve))
+    if (!hc_is_finite(curve))
         return h;
     if (slope > curve)
         curve = slope;
@@ -517,11 +267,11 @@ static int choose_and_step(hc_solver *s, double stop)
             return HC_TOO_MANY_STEPS;
         s->steps++;
         const double error = step_dormand_prince(s, h); /* squared */
-        finite = is_finite(error);
+        finite = hc_is_finite(error);
         s->length = h;
         s->has_dense = 0;
         if (error <= 1.0) {
-            if (s->n_friction == 0 || look_for_events(s) || unseen == 3) {
+            if (s->n_friction == 0 || hc_look_for_events(s) || unseen == 3) {
                 const double logarithm = log(error > 1e-8 ? error : 1e-8);
                 double factor = 0.9 * exp(-0.085 * logarithm + 0.02 * s->log_error);
                 if (factor > 10.0)
@@ -544,7 +294,7 @@ static int choose_and_step(hc_solver *s, double stop)
             s->h = h * (factor > 0.2 ? factor : 0.2);
         }
         rejections++;
-        s->counts[REJECTED]++;
+        s->counts[HC_REJECTED]++;
     }
 }
 
@@ -560,12 +310,27 @@ static int fixed_step(hc_solver *s, double stop)
     if (!all_finite(s->n, s->x))
         return HC_NOT_FINITE;
     if (s->n_friction > 0) {
-        right_hand_side(s, s->t0 + s->length, s->x, s->f);
+        hc_right_hand_side(s, s->t0 + s->length, s->x, s->f);
         if (!all_finite(s->n, s->f))
             return HC_NOT_FINITE;
-        look_for_events(s);
+        hc_look_for_events(s);
     }
     return HC_OK;
+}
+
+/* From a switch to the next the model's conditions on time stay as they are; the bounds leave room for rounding. */
+static void look_for_switch(hc_solver *s)
+{
+    const double room = 8.0 * DBL_EPSILON;
+    double next = DBL_MAX;
+    s->earliest = -DBL_MAX;
+    if (s->model->next_switch) {
+        next = s->model->next_switch(s->t + room * fabs(s->t), s->p);
+        if (next < DBL_MAX || s->next_switch < DBL_MAX)
+            s->earliest = s->t + room * fabs(s->t);
+    }
+    s->next_switch = next;
+    s->latest = next < DBL_MAX ? next - room * fabs(next) : DBL_MAX;
 }
 
 int hc_solver_step(hc_solver *s, double stop)
@@ -573,12 +338,18 @@ int hc_solver_step(hc_solver *s, double stop)
     int status;
     if (stop <= s->t)
         return HC_OK;
+    if (s->t >= s->next_switch) { /* start anew beyond it */
+        look_for_switch(s);
+        s->fresh = 0;
+    }
+    if (stop > s->next_switch)
+        stop = s->next_switch;
     if (s->n == 0) {
         s->t = stop;
         return HC_OK;
     }
     if (!s->fresh) {
-        right_hand_side(s, s->t, s->x, s->f);
+        hc_right_hand_side(s, s->t, s->x, s->f);
         if (!all_finite(s->n, s->f))
             return HC_NOT_FINITE;
         s->fresh = 1;
@@ -595,12 +366,12 @@ int hc_solver_step(hc_solver *s, double stop)
         s->length = 0.0;
         return status;
     }
-    s->counts[ACCEPTED]++;
+    s->counts[HC_ACCEPTED]++;
     s->t = s->length == stop - s->t0 ? stop : s->t0 + s->length;
     s->fresh = s->method == HC_DORMAND_PRINCE || s->n_friction > 0;
     if (s->n_friction > 0) {
         memcpy(s->mode0, s->mode, (size_t)s->n_friction * sizeof *s->mode);
-        return pass_events(s);
+        return hc_pass_events(s);
     }
     return HC_OK;
 }
@@ -624,6 +395,7 @@ int hc_solver_set(hc_solver *s, double t, const double *x, const double *u, cons
         memcpy(s->u, u, (size_t)s->model->n_inputs * sizeof *u);
     if (p)
         memcpy(s->p, p, (size_t)s->model->n_parameters * sizeof *p);
+    look_for_switch(s);
     s->fresh = 0;
     s->has_dense = 0;
     s->length = 0.0;
@@ -632,7 +404,7 @@ int hc_solver_set(hc_solver *s, double t, const double *x, const double *u, cons
         const double v = s->x[s->model->friction_state[k]];
         s->mode[k] = v > 0.0 ? 1 : v < 0.0 ? -1 : 0;
     }
-    return s->n_friction > 0 ? find_modes(s) : HC_OK;
+    return s->n_friction > 0 ? hc_friction_modes(s->model, hc_model_time(s, s->t), s->x, s->u, s->p, s->mode, s->a, s->b) : HC_OK;
 }
 
 int hc_solver_advance(hc_solver *s, double until)
@@ -662,4 +434,60 @@ const int *hc_solver_modes(const hc_solver *s)
 void hc_solver_counts(const hc_solver *s, long counts[4])
 {
     memcpy(counts, s->counts, sizeof s->counts);
+}
+
+/* ---- all that it knows, as doubles ---- */
+
+/* Copy n numbers to the buffer, or from it, and go on behind them. */
+static void copy(double *own, int n, double **buffer, int load)
+{
+    memcpy(load ? own : *buffer, load ? *buffer : own, (size_t)n * sizeof *own);
+    *buffer += n;
+}
+
+/* Whole numbers below 2^53 are exact doubles; work space is left out. */
+static void transfer(hc_solver *s, double *buffer, int load)
+{
+    double *const numbers[] = {&s->rtol,   &s->longest, &s->t, &s->earliest,  &s->latest, &s->next_switch, &s->t0,
+                               &s->length, &s->h,       &s->log_error, &s->t_event};
+    double *const arrays[] = {s->x, s->f, s->x0, s->f0, s->absolute, s->k[0], s->k[1], s->k[2], s->k[3], s->k[4],
+                              s->dense[0], s->dense[1], s->dense[2], s->dense[3], s->dense[4]};
+    double whole[] = {s->method, (double)s->steps, s->fresh, s->has_dense, s->events_here};
+    for (size_t i = 0; i < sizeof numbers / sizeof *numbers; i++)
+        copy(numbers[i], 1, &buffer, load);
+    for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++)
+        copy(arrays[i], s->n, &buffer, load);
+    copy(s->u, s->model->n_inputs, &buffer, load);
+    copy(s->p, s->model->n_parameters, &buffer, load);
+    copy(whole, 5, &buffer, load);
+    s->method = (int)whole[0];
+    s->steps = (long)whole[1];
+    s->fresh = (int)whole[2];
+    s->has_dense = (int)whole[3];
+    s->events_here = (int)whole[4];
+    for (int k = 0; k < 4; k++) {
+        double count = (double)s->counts[k];
+        copy(&count, 1, &buffer, load);
+        s->counts[k] = (long)count;
+    }
+    for (int k = 0; k < 2 * s->n_friction; k++) { /* mode, then mode0 */
+        double mode = s->mode[k];
+        copy(&mode, 1, &buffer, load);
+        s->mode[k] = (int)mode;
+    }
+}
+
+size_t hc_solver_size(const hc_solver *s)
+{
+    return (size_t)(11 + 15 * s->n + s->model->n_inputs + s->model->n_parameters + 5 + 4 + 2 * s->n_friction);
+}
+
+void hc_solver_save(const hc_solver *s, double *into)
+{
+    transfer((hc_solver *)s, into, 0); /* which then only reads */
+}
+
+void hc_solver_load(hc_solver *s, const double *from)
+{
+    transfer(s, (double *)from, 1);
 }

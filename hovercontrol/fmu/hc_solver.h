@@ -1,8 +1,11 @@
 /* Integration of a model with dry friction: adaptive Dormand-Prince 5(4) with dense output and located events, or
- * classical Runge-Kutta in fixed steps. No allocation after hc_solver_new; one solver belongs to one thread.
+ * classical Runge-Kutta in fixed steps. Steps end where the model switches by the clock. No allocation after
+ * hc_solver_new; one solver belongs to one thread.
  */
 #ifndef HC_SOLVER_H
 #define HC_SOLVER_H
+
+#include <stddef.h>
 
 #include "hc_model.h"
 
@@ -45,5 +48,10 @@ const double *hc_solver_states(const hc_solver *solver);
 const int *hc_solver_modes(const hc_solver *solver);
 /* right-hand sides evaluated, steps accepted, steps rejected, events located, since hc_solver_new */
 void hc_solver_counts(const hc_solver *solver, long counts[4]);
+
+/* All that a solver knows, as hc_solver_size numbers: a solver of the same model that loads them goes on to the bit. */
+size_t hc_solver_size(const hc_solver *solver);
+void hc_solver_save(const hc_solver *solver, double *into);
+void hc_solver_load(hc_solver *solver, const double *from);
 
 #endif

@@ -21,7 +21,6 @@ from numpy.typing import ArrayLike, NDArray
 from hovercontrol.block import Block, Rows
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.simulation import checked_times, initial_state, input_rows, rk4, simulate, time_response
-from hovercontrol.switching import longest_step, switching_times
 from hovercontrol.targets.compiler import METHODS, Array, Library, NoCompilerError, Solver
 from hovercontrol.targets.numpy import call_scalar, numpy_functions
 from hovercontrol.targets.sweep import (
@@ -191,8 +190,7 @@ class CompiledBlock:
         u = input_rows(self.block, inputs, len(times))
         x = initial_state(self.block, x0)
         p = np.array(self.block.parameter_values(params))
-        limit = longest_step(self.block, params, times[0], times[-1])
-        solver = _solver(method, step, rtol, atol, limit)
+        solver = _solver(method, step, rtol, atol)
         status, reached, states, outputs = self._engine.simulate(solver, times, u, x, p)
         if status:
             raise InputError(
@@ -261,8 +259,7 @@ class CompiledBlock:
             block, dict(zip(keys, block.parameters, strict=True)), params, runs, "parameter"
         )
         x, given_x = values_of_runs(block, starts, x0, runs, "state")
-        limit = _longest_step(block, given_p, runs, times)
-        bands, solver = settling_bands(block, band), _solver(method, step, rtol, atol, limit)
+        bands, solver = settling_bands(block, band), _solver(method, step, rtol, atol)
         counted = int(np.searchsorted(times, start))
         if counted == len(times):
             raise InputError(f"start = {start:g} s is after the last time, {times[-1]:g} s")
@@ -366,15 +363,7 @@ def _warn_once(reason: str) -> None:
     )
 
 
-def _longest_step(block: Block, given: Mapping[str, Array], runs: int, times: Array) -> float:
-    """Return the longest step that misses no switch by the clock in any run."""
-    if not switching_times(block):
-        runs = min(runs, 1)
-    each = ({name: float(column[k]) for name, column in given.items()} for k in range(runs))
-    return min((longest_step(block, p, times[0], times[-1]) for p in each), default=math.inf)
-
-
-def _solver(method: str, step: float | None, rtol: float, atol: float, limit: float) -> Solver:
+def _solver(method: str, step: float | None, rtol: float, atol: float) -> Solver:
     if method not in METHODS:
         raise InputError(f"unknown method {method!r}{did_you_mean(str(method), METHODS)}")
     if step is None and method == "rk4":
@@ -382,6 +371,4 @@ def _solver(method: str, step: float | None, rtol: float, atol: float, limit: fl
     for name, value in (("step", step), ("rtol", rtol), ("atol", atol)):
         if value is not None and not 0 < value < math.inf:
             raise InputError(f"{name} must be positive, found {value!r}")
-    if method == "dormand-prince":
-        step = min(step or math.inf, limit)
     return Solver(method, step if step and step < math.inf else 0.0, rtol, atol)

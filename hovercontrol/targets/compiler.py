@@ -41,7 +41,7 @@ _SUFFIX = ".dll" if os.name == "nt" else ".so"
 MAX_STEPS = 10_000_000
 NO_MEMORY = 1  # of hc_solver.h
 METHODS = ("dormand-prince", "rk4")  # in the order of hc_solver.h
-_RUNTIME = ("hc_solver.c", "hc_simulate.c")
+_RUNTIME = ("hc_solver.c", "hc_events.c", "hc_friction.c", "hc_simulate.c")
 _EXPORTS = """#include "hc_simulate.h"
 #ifdef _WIN32
 #define EXPORT __declspec(dllexport)
@@ -243,7 +243,7 @@ class Library:
         runtime = resources.files("hovercontrol") / "fmu"
         wanted = (f for f in runtime.iterdir() if f.name.endswith(".h") or f.name in _RUNTIME)
         files = {f.name: f.read_text(encoding="utf-8") for f in wanted}
-        files |= {"model.c": c_source(block, friction=friction), "exports.c": _EXPORTS}
+        files |= {"model.c": c_source(block, friction=friction, partials=False), "exports.c": _EXPORTS}
         library = load_library(block.name, files)
         real, whole, pointer = ctypes.c_double, ctypes.c_long, ctypes.c_void_p
         self._simulate, self._sweep = library.block_simulate, library.block_sweep

@@ -34,10 +34,12 @@ BLOCKS = {
 class Model(ctypes.Structure):
     """hc_model_type of hc_model.h."""
 
-    _fields_ = [(n, ctypes.c_int) for n in ("states", "inputs", "parameters", "outputs", "friction")] + [
-        (n, ctypes.c_void_p)
-        for n in ("friction_state", "f_derivatives", "f_outputs", "f_friction", "f_jacobian")
-    ]
+    _fields_ = (
+        [(n, ctypes.c_int) for n in ("states", "inputs", "parameters", "outputs", "friction")]
+        + [(n, ctypes.c_void_p) for n in ("friction_state", "f_derivatives", "f_outputs", "f_friction")]
+        + [("n_partials", ctypes.c_int)]
+        + [(n, ctypes.c_void_p) for n in ("partial_row", "partial_column", "f_partials", "next_switch")]
+    )
 
 
 class Compiled:
@@ -60,6 +62,16 @@ class Compiled:
         ctypes.CFUNCTYPE(None, *types)(getattr(self.model, name))(t, *pointers)
         return results
 
+    def partials(self, shape, t, x, u, p):
+        n = self.model.n_partials
+        rows, columns = (
+            np.ctypeslib.as_array(ctypes.cast(place, ctypes.POINTER(ctypes.c_int)), (n,))
+            for place in (self.model.partial_row, self.model.partial_column)
+        )
+        full = np.zeros(shape)
+        (full[rows, columns],) = self.call("f_partials", [n], t, x, u, p, [])
+        return full
+
 
 def points(block, rng, n=20):
     p = np.array(block.parameter_values())
@@ -74,16 +86,17 @@ def test_smooth_c_is_numpy(name, tmp_path):
     compiled = Compiled(block, tmp_path, "smooth")
     functions = block.to_numpy()
     assert compiled.model.friction == 0
-    n, m = len(block.states), len(block.inputs)
+    n = len(block.states)
     for t, x, u, p in points(block, np.random.default_rng(1)):
         (dx,) = compiled.call("f_derivatives", [n], t, x, u, p, [])
         np.testing.assert_allclose(dx, functions.derivatives(t, x, u), rtol=1e-11, atol=1e-11)
         (y,) = compiled.call("f_outputs", [len(block.outputs)], t, x, u, p, [])
         np.testing.assert_allclose(y, functions.outputs(t, x, u), rtol=1e-11, atol=1e-12)
-        A, B = compiled.call("f_jacobian", [n * n, n * m], t, x, u, p, [])
-        for found, columns in ((A, "states"), (B, "inputs")):
-            exact = functions.jacobian(t, x, u, rows="derivatives", columns=columns)
-            np.testing.assert_allclose(found.reshape(exact.shape), exact, rtol=1e-9, atol=1e-9)
+        kinds = ("derivatives", "outputs"), ("states", "inputs", "parameters")
+        exact = np.block(
+            [[functions.jacobian(t, x, u, rows=r, columns=c) for c in kinds[1]] for r in kinds[0]]
+        )
+        np.testing.assert_allclose(compiled.partials(exact.shape, t, x, u, p), exact, rtol=1e-9, atol=1e-9)
 
 
 @needs_cc
