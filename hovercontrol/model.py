@@ -16,7 +16,7 @@ import sympy as sp
 from hovercontrol.block import Block
 from hovercontrol.effects import Effect, Shape
 from hovercontrol.errors import InputError, did_you_mean
-from hovercontrol.signals import Signal
+from hovercontrol.signals import Signal, time
 
 #: The six states of every plant (C17 (8)).
 MOTION = (
@@ -188,15 +188,45 @@ class Model:
             As :func:`motion_symbols` gives it, or with other expressions in its place.
         """
         total = dict.fromkeys(("u", "v", "r"), sp.S.Zero)
+        seen = SimpleNamespace(**vars(motion))
+        factors: dict[str, sp.Expr] = {}
         for e in self.effects:
-            terms = e.terms(e.symbols(owner), motion)
+            e.motion(e.symbols(owner), seen)
+            for name, factor in e.factors(e.symbols(owner), seen).items():
+                factors[name] = factors.get(name, sp.S.One) * factor
+        for e in self.effects:
+            terms = e.terms(e.symbols(owner), seen)
             if not isinstance(terms, dict) or not set(terms) <= set(total):
                 raise InputError(
                     f"effect {e.name}: terms() must return a dict with keys u, v, r, not {terms!r}"
                 )
             for axis, term in terms.items():
-                total[axis] += term
+                total[axis] += factors.get(e.name, sp.S.One) * term
         return total
+
+    def _commanded(self, owner: str, motion: SimpleNamespace) -> dict[Signal, sp.Expr]:
+        """Let the effects change the commands on their way; return their states' derivatives."""
+        thrusts = {f.name: f.force().symbol for f in self.fans} or {THRUST.name: motion.thrust}
+        way = SimpleNamespace(
+            thrusts=thrusts, rudder=motion.rudder, time=time, units=self.input_units(), delay=None
+        )
+        states: dict[Signal, sp.Expr] = {}
+        for e in sorted(self.effects, key=lambda e: e.order):
+            states |= e.commands(e.symbols(owner), way)
+        motion.thrust, motion.rudder = way.thrusts.get(THRUST.name, motion.thrust), way.rudder
+        _add_forces(motion, self.fans, owner, way.thrusts)
+        return states
+
+    def measurements(self, owner: str = "plant") -> dict[str, sp.Expr]:
+        """Return what sensors see of the motion where it is not the motion itself, by ``u, v, r``...
+
+        Expressions in the plant's states and parameters; empty if the model has no measurement effect.
+        """
+        symbols = {signal.name: signal.symbol for signal in MOTION}
+        seen = SimpleNamespace(**symbols, true=SimpleNamespace(**symbols), late=None)
+        for e in sorted(self.effects, key=lambda e: e.order):
+            e.measured(e.symbols(owner), seen)
+        return {name: getattr(seen, name) for name in symbols if getattr(seen, name) != symbols[name]}
 
     def plant(self, name: str = "plant") -> Block:
         """Return the plant: rigid-body motion (C17 (8), (11)) with the model's effects.
@@ -209,18 +239,22 @@ class Model:
         Returns
         -------
         Block
-            States and outputs ``x, y, psi, u, v, r``; inputs those commands that an effect uses.
+            States ``x, y, psi, u, v, r`` and those of lags (``thrust_lagged``); outputs the motion and, where
+            a sensor sees something else, that (``r_measured``); inputs those commands that an effect uses.
         """
         s = motion_symbols(self.fans, name)
+        lags = self._commanded(name, s)
         force = self.accelerations(name, s)
-        used = set().union(*(f.free_symbols for f in force.values()))
+        used = set().union(*(f.free_symbols for f in (*force.values(), *lags.values())))
+        seen = {measured(channel): e for channel, e in self.measurements(name).items()}
         commands = (self.thrust, self.rudder, *(f.force() for f in self.fans))
         return Block(
             name,
-            states=MOTION,
+            states=(*MOTION, *lags),
             inputs=tuple(c for c in commands if c.symbol in used),
-            outputs=MOTION,
+            outputs=(*MOTION, *seen),
             parameters=self.parameters(name),
+            output_expressions={signal.name: e for signal, e in seen.items()},
             derivatives={
                 "x": s.u * sp.cos(s.psi) - s.v * sp.sin(s.psi),
                 "y": s.u * sp.sin(s.psi) + s.v * sp.cos(s.psi),
@@ -228,24 +262,36 @@ class Model:
                 "u": s.v * s.r + force["u"],
                 "v": -s.u * s.r + force["v"],
                 "r": force["r"],
+                **{state.name: slope for state, slope in lags.items()},
             },
         )
+
+
+def measured(channel: str) -> Signal:
+    """Return the output of a plant that says what a sensor sees of a part of the motion."""
+    signal = next(s for s in MOTION if s.name == channel)
+    return signal.but(name=f"{channel}_measured", description=f"{signal.description}, as measured")
 
 
 def motion_symbols(fans: Iterable[Fan] = (), owner: str = "plant") -> SimpleNamespace:
     """Return the symbols that effects are written in: motion, commands, and the fans' wrench."""
     symbols: dict[str, Any] = {signal.name: signal.symbol for signal in (*MOTION, THRUST, RUDDER)}
-    s = SimpleNamespace(**symbols)
+    s = SimpleNamespace(**symbols, time=time)
+    s.air_u, s.air_v = s.u, s.v
+    _add_forces(s, fans, owner, {f.name: f.force().symbol for f in fans})
+    return s
+
+
+def _add_forces(s: SimpleNamespace, fans: Iterable[Fan], owner: str, forces: Mapping[str, sp.Expr]) -> None:
+    """Set the force vector of the rudder craft's commands, and the wrench of the fans' forces."""
     s.thrust_x = s.thrust * sp.cos(s.rudder)
     s.thrust_y = s.thrust * sp.sin(s.rudder)
     s.fan_x = s.fan_y = s.fan_torque = sp.S.Zero
     for fan in fans:
-        force = fan.force().symbol
-        cos, sin = _exact(math.cos(fan.direction)), _exact(math.sin(fan.direction))
-        s.fan_x += cos * force
-        s.fan_y += sin * force
+        force = forces[fan.name]
+        s.fan_x += _exact(math.cos(fan.direction)) * force
+        s.fan_y += _exact(math.sin(fan.direction)) * force
         s.fan_torque += fan.lever_arm(owner).symbol * force
-    return s
 
 
 def _exact(value: float) -> sp.Number:

@@ -1,7 +1,9 @@
-"""What an effect is: one physical cause, its coefficients, and the terms it adds to the equations of motion.
+"""What an effect is: one physical cause, its coefficients, and what it does to a model.
 
 To add an effect, write one class in one file of this package (or anywhere in a script): a ``name``, the
-coefficients, and ``terms``. It is then known to model files, plants and estimators.
+coefficients, and one of ``terms`` (a force), ``commands`` (between command and force) and ``measured``
+(between state and log). It is then known to model files, plants, estimators and the search for what a model
+lacks.
 """
 
 from __future__ import annotations
@@ -52,9 +54,11 @@ class Effect:
     """One physical cause in a model; subclasses declare it, instances carry its numbers.
 
     A subclass sets ``name``, ``source``, a docstring that explains it in one sentence, its numbers as class
-    attributes of type :class:`Coefficient` or :class:`Shape`, and ``terms``. The number called ``value`` is
-    the effect's coefficient and carries its name among the plant's parameters (``plant.yaw_coulomb``); others
-    are ``name_attribute`` (``plant.yaw_coulomb_width``).
+    attributes of type :class:`Coefficient` or :class:`Shape`, and one of the methods below. The number called
+    ``value`` is the effect's coefficient and carries its name among the plant's parameters
+    (``plant.yaw_coulomb``); others are ``name_attribute`` (``plant.yaw_coulomb_width``).
+
+    ``order`` says which comes first of several effects that change commands or measurements.
 
     Examples
     --------
@@ -67,6 +71,7 @@ class Effect:
     source: ClassVar[str] = ""
     numbers: ClassVar[dict[str, Coefficient]] = {}
     known: ClassVar[dict[str, type[Effect]]] = {}
+    order: ClassVar[int] = 0
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
@@ -158,16 +163,54 @@ class Effect:
         c : namespace
             Symbols of the effect's own numbers.
         s : namespace
-            Symbols of the motion: ``x, y, psi, u, v, r``; of the rudder craft's commands ``thrust, rudder``
-            and their force vector ``thrust_x, thrust_y``; of a fan craft's wrench ``fan_x, fan_y,
-            fan_torque``.
+            Symbols of the motion: ``x, y, psi, u, v, r`` and ``time``; the velocity relative to the air,
+            ``air_u, air_v``; of the rudder craft's commands ``thrust, rudder`` and their force vector
+            ``thrust_x, thrust_y``; of a fan craft's wrench ``fan_x, fan_y, fan_torque``.
 
         Returns
         -------
         dict of str to sympy.Expr
             Keys ``"u"``, ``"v"``, ``"r"``; accelerations [m/s^2, m/s^2, rad/s^2].
         """
-        raise TypeError(f"{type(self).__name__} does not say what it adds: define terms()")
+        hooks = ("motion", "commands", "measured", "factors")
+        if all(getattr(type(self), hook) is getattr(Effect, hook) for hook in hooks):
+            raise TypeError(f"{type(self).__name__} does not say what it adds: define terms()")
+        return {}
+
+    def motion(self, c: Any, s: Any) -> None:
+        """Change what other effects see of the motion, in place: ``s.air_u`` in a wind, ``s.thrust_x``."""
+
+    def commands(self, c: Any, s: Any) -> dict[Signal, sp.Expr]:
+        """Change the commands on their way to the forces, in place.
+
+        Parameters
+        ----------
+        c : namespace
+            Symbols of the effect's own numbers.
+        s : namespace
+            ``thrusts``, a dict of the thrust command (or the fans' forces) by name, ``rudder``, ``time``, and
+            ``units`` of the commands by name.
+
+        Returns
+        -------
+        dict of Signal to sympy.Expr
+            States that the effect needs, with their derivatives.
+        """
+        return {}
+
+    def measured(self, c: Any, s: Any) -> None:
+        """Change what is measured, in place: ``s.x, s.y, s.psi, s.u, s.v, s.r``; ``s.true`` is the motion."""
+
+    def factors(self, c: Any, s: Any) -> dict[str, sp.Expr]:
+        """Return factors on other effects' coefficients, by effect name."""
+        return {}
+
+    @classmethod
+    def kind(cls) -> str:
+        """Return ``"input"``, ``"measurement"`` or ``"force"``: where the effect acts."""
+        if cls.commands is not Effect.commands:
+            return "input"
+        return "measurement" if cls.measured is not Effect.measured else "force"
 
 
 def resolved_unit(unit: str, inputs: Mapping[str, str]) -> str:

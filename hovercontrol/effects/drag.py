@@ -1,4 +1,4 @@
-"""Drag in surge, sway and yaw: dry (Coulomb) and linear. C17 equations (9)-(10)."""
+"""Drag in surge, sway and yaw: dry (Coulomb, Stribeck), linear, quadratic. C17 equations (9)-(10)."""
 
 from __future__ import annotations
 
@@ -10,26 +10,48 @@ from hovercontrol.effects.base import TINY, Coefficient, Effect, Shape
 from hovercontrol.sgn import sgn
 
 
-class _Coulomb(Effect):
-    """-c sgn(w) in the equation of its axis."""
+class Drag(Effect):
+    """Drag along one axis, against the velocity ``axis``; relative to the air if ``in_air``."""
 
     axis: ClassVar[str]
+    in_air: ClassVar[bool] = False
+
+    def velocity(self, s: Any) -> sp.Expr:
+        """Return the velocity that the drag acts against."""
+        return getattr(s, f"air_{self.axis}" if self.in_air and self.axis != "r" else self.axis)
 
     def terms(self, c: Any, s: Any) -> dict[str, sp.Expr]:
-        return {self.axis: -c.value * sgn(getattr(s, self.axis), c.width)}
+        return {self.axis: -c.value * self.law(c, self.velocity(s))}
+
+    def law(self, c: Any, w: sp.Expr) -> sp.Expr:
+        """Return the drag per coefficient at velocity `w`."""
+        raise TypeError(f"{type(self).__name__} does not say its law")
 
 
-class _Linear(Effect):
-    """-c w in the equation of its axis."""
+class _Coulomb(Drag):
+    def law(self, c: Any, w: sp.Expr) -> sp.Expr:
+        return sgn(w, c.width)
 
-    axis: ClassVar[str]
 
-    def terms(self, c: Any, s: Any) -> dict[str, sp.Expr]:
-        return {self.axis: -c.value * getattr(s, self.axis)}
+class _Linear(Drag):
+    in_air = True
+
+    def law(self, c: Any, w: sp.Expr) -> sp.Expr:
+        return w
+
+
+class _Quadratic(Drag):
+    def law(self, c: Any, w: sp.Expr) -> sp.Expr:
+        return sp.Abs(w) * w
+
+
+class _Stribeck(Drag):
+    def law(self, c: Any, w: sp.Expr) -> sp.Expr:
+        return sgn(w, c.width) * sp.exp(-((w / c.speed) ** 2))
 
 
 class SurgeCoulomb(_Coulomb):
-    """Dry friction against surge, of constant size."""
+    """Dry friction against surge, a force of constant size."""
 
     name, axis, source = "surge_coulomb", "u", "C17 (9), c1 = d_u0/m"
     value = Coefficient("m/s^2", lower=0.0)
@@ -37,7 +59,7 @@ class SurgeCoulomb(_Coulomb):
 
 
 class SwayCoulomb(_Coulomb):
-    """Dry friction against sway, of constant size."""
+    """Dry friction against sway, a force of constant size."""
 
     name, axis, source = "sway_coulomb", "v", "C17 (9), c3 = d_v0/m"
     value = Coefficient("m/s^2", lower=0.0)
@@ -71,3 +93,51 @@ class YawLinearDrag(_Linear):
 
     name, axis, source = "yaw_linear_drag", "r", "C17 (10), c6 = d_r/J"
     value = Coefficient("1/s", lower=0.0)
+
+
+class SurgeQuadraticDrag(_Quadratic):
+    """Drag in proportion to the square of the surge velocity."""
+
+    name, axis, source = "surge_quadratic_drag", "u", "Fossen, Handbook of Marine Craft, 2nd ed., 6.4"
+    value = Coefficient("1/m", lower=0.0)
+
+
+class SwayQuadraticDrag(_Quadratic):
+    """Drag in proportion to the square of the sway velocity."""
+
+    name, axis, source = "sway_quadratic_drag", "v", "Fossen, Handbook of Marine Craft, 2nd ed., 6.4"
+    value = Coefficient("1/m", lower=0.0)
+
+
+class YawQuadraticDrag(_Quadratic):
+    """Drag torque in proportion to the square of the yaw rate."""
+
+    name, axis, source = "yaw_quadratic_drag", "r", "Fossen, Handbook of Marine Craft, 2nd ed., 6.4"
+    value = Coefficient("1/rad", lower=0.0)
+
+
+class SurgeStribeck(_Stribeck):
+    """Dry friction in surge that is larger at low speed and fades at about ``speed``."""
+
+    name, axis, source = "surge_stribeck", "u", "Armstrong-Helouvry et al., Automatica 30 (1994)"
+    value = Coefficient("m/s^2", lower=0.0)
+    speed = Shape("m/s", lower=TINY, default=0.2)
+    width = Shape("m/s", lower=TINY, default=0.01)
+
+
+class SwayStribeck(_Stribeck):
+    """Dry friction in sway that is larger at low speed and fades at about ``speed``."""
+
+    name, axis, source = "sway_stribeck", "v", "Armstrong-Helouvry et al., Automatica 30 (1994)"
+    value = Coefficient("m/s^2", lower=0.0)
+    speed = Shape("m/s", lower=TINY, default=0.2)
+    width = Shape("m/s", lower=TINY, default=0.01)
+
+
+class YawStribeck(_Stribeck):
+    """Dry friction in yaw that is larger at low speed and fades at about ``speed``."""
+
+    name, axis, source = "yaw_stribeck", "r", "Armstrong-Helouvry et al., Automatica 30 (1994)"
+    value = Coefficient("rad/s^2", lower=0.0)
+    speed = Shape("rad/s", lower=TINY, default=0.5)
+    width = Shape("rad/s", lower=TINY, default=0.01)

@@ -29,6 +29,37 @@ class RudderTorque(Effect):
         return {"r": -c.value * s.thrust_y}
 
 
+class ThrustYawTorque(Effect):
+    """Torque of a thrust line that passes beside the centre of mass: c T in yaw."""
+
+    name, source = "thrust_yaw_torque", "Euler; c = offset of the thrust line times b_T/J"
+    value = Coefficient("rad/s^2/{thrust}")
+
+    def terms(self, c: Any, s: Any) -> dict[str, sp.Expr]:
+        return {"r": c.value * s.thrust}
+
+
+class ThrustRudderLoss(Effect):
+    """Thrust and rudder torque that fall with the rudder angle: times (1 - c theta^2)."""
+
+    name, source = "thrust_rudder_loss", "second order of a deflected jet's loss"
+    value = Coefficient("1/{rudder}^2", lower=0.0)
+
+    def motion(self, c: Any, s: Any) -> None:
+        left = 1 - c.value * s.rudder**2
+        s.thrust_x, s.thrust_y = left * s.thrust_x, left * s.thrust_y
+
+
+class RudderDamping(Effect):
+    """Damping of yaw by the rudder in the propeller's stream: -c T r."""
+
+    name, source = "rudder_damping", "first order of the angle of attack that yaw adds at the rudder"
+    value = Coefficient("1/s/{thrust}", lower=0.0)
+
+    def terms(self, c: Any, s: Any) -> dict[str, sp.Expr]:
+        return {"r": -c.value * s.thrust * s.r}
+
+
 class FanForce(Effect):
     """Sum of the fans' forces, each in its direction, per mass."""
 

@@ -1,0 +1,114 @@
+"""What happens to commands on their way to the forces: delay, lag, dead zone, saturation, sag, offset."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+import sympy as sp
+
+from hovercontrol.effects.base import TINY, Coefficient, Effect, Shape
+from hovercontrol.signals import Signal
+
+
+class InputDelay(Effect):
+    """Commands that act late by a fixed time; before the beginning they were zero."""
+
+    name, source, order = "input_delay", "transport delay of a radio link", 1
+    seconds = Shape("s", lower=0.0)
+
+    def commands(self, c: Any, s: Any) -> dict[Signal, sp.Expr]:
+        s.delay = c.seconds  # of all commands: no expression can say it, the faces of a Block do
+        return {}
+
+
+class _Lag(Effect):
+    acts_on: ClassVar[str]
+
+    def lagged(self, c: Any, s: Any, name: str, command: sp.Expr) -> tuple[Signal, sp.Expr]:
+        state = Signal(f"{name}_lagged", s.units[name], f"{name} behind its lag")
+        return state, (command - state.symbol) / c.seconds
+
+
+class ThrustLag(_Lag):
+    """Thrust that follows its command with a lag of first order, from rest."""
+
+    name, source, order = "thrust_lag", "first order of a motor and its propeller", 2
+    seconds = Shape("s", lower=TINY)
+
+    def commands(self, c: Any, s: Any) -> dict[Signal, sp.Expr]:
+        states = {}
+        for name, command in s.thrusts.items():
+            state, slope = self.lagged(c, s, name, command)
+            states[state], s.thrusts[name] = slope, state.symbol
+        return states
+
+
+class RudderLag(_Lag):
+    """A rudder that follows its command with a lag of first order, from rest."""
+
+    name, source, order = "rudder_lag", "first order of a servo", 2
+    seconds = Shape("s", lower=TINY)
+
+    def commands(self, c: Any, s: Any) -> dict[Signal, sp.Expr]:
+        state, slope = self.lagged(c, s, "rudder", s.rudder)
+        s.rudder = state.symbol
+        return {state: slope}
+
+
+class ThrustDeadzone(Effect):
+    """Small thrust commands that do nothing: max(0, T - d), odd in T."""
+
+    name, source, order = "thrust_deadzone", "static friction of a motor", 3
+    width = Shape("{thrust}", lower=0.0)
+
+    def commands(self, c: Any, s: Any) -> dict[Signal, sp.Expr]:
+        for name, T in s.thrusts.items():
+            s.thrusts[name] = sp.Max(0, T - c.width) - sp.Max(0, -T - c.width)
+        return {}
+
+
+class ThrustSaturation(Effect):
+    """Thrust that does not grow beyond a limit: min(T, s), odd in T."""
+
+    name, source, order = "thrust_saturation", "limit of a supply's current", 4
+    limit = Shape("{thrust}", lower=TINY)
+
+    def commands(self, c: Any, s: Any) -> dict[Signal, sp.Expr]:
+        for name, T in s.thrusts.items():
+            s.thrusts[name] = sp.Max(sp.Min(T, c.limit), -c.limit)
+        return {}
+
+
+class BatterySag(Effect):
+    """Thrust that fades with time: T (1 - c t), t from the start of each log."""
+
+    name, source, order = "battery_sag", "first order of a battery that empties", 5
+    value = Coefficient("1/s", lower=0.0)
+
+    def commands(self, c: Any, s: Any) -> dict[Signal, sp.Expr]:
+        for name, T in s.thrusts.items():
+            s.thrusts[name] = T * (1 - c.value * s.time)
+        return {}
+
+
+class ReverseThrustLoss(Effect):
+    """Thrust backward that is weaker than forward: times (1 - c) where T < 0."""
+
+    name, source, order = "reverse_thrust_loss", "K06 (4.4): a propeller that turns backward", 6
+    value = Coefficient("1", lower=0.0, upper=1.0)
+
+    def commands(self, c: Any, s: Any) -> dict[Signal, sp.Expr]:
+        for name, T in s.thrusts.items():
+            s.thrusts[name] = T - c.value * sp.Min(T, 0)
+        return {}
+
+
+class RudderOffset(Effect):
+    """A rudder that stands beside its command by a fixed angle."""
+
+    name, source, order = "rudder_offset", "misadjusted linkage", 7
+    value = Coefficient("rad")
+
+    def commands(self, c: Any, s: Any) -> dict[Signal, sp.Expr]:
+        s.rudder = s.rudder + c.value
+        return {}

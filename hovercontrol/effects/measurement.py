@@ -1,0 +1,60 @@
+"""What lies between the motion and a log: biases, scales, and where and when a sensor looks."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import sympy as sp
+
+from hovercontrol.effects.base import Coefficient, Effect, Shape
+
+
+class SensorLeverArm(Effect):
+    """Velocities measured at a point ahead of the centre of mass: v + l r."""
+
+    name, source, order = "sensor_lever_arm", "kinematics of a rigid body", 1
+    value = Coefficient("m")
+
+    def measured(self, c: Any, s: Any) -> None:
+        s.v = s.v + c.value * s.true.r
+
+
+class VelocityMisalignment(Effect):
+    """A velocity sensor turned on the hull: measured (u, v) are turned by minus its angle."""
+
+    name, source, order = "velocity_misalignment", "rotation of axes", 2
+    value = Shape("rad")
+
+    def measured(self, c: Any, s: Any) -> None:
+        cos, sin = sp.cos(c.value), sp.sin(c.value)
+        s.u, s.v = s.u * cos + s.v * sin, -s.u * sin + s.v * cos
+
+
+class GyroBias(Effect):
+    """A gyro that is off by a constant rate: r + b."""
+
+    name, source, order = "gyro_bias", "K06 (5.12)", 3
+    value = Coefficient("rad/s")
+
+    def measured(self, c: Any, s: Any) -> None:
+        s.r = s.r + c.value
+
+
+class GyroScale(Effect):
+    """A gyro with a wrong scale: (1 + s) r."""
+
+    name, source, order = "gyro_scale", "K06 (5.12)", 3
+    value = Coefficient("1")
+
+    def measured(self, c: Any, s: Any) -> None:
+        s.r = s.r + c.value * s.true.r
+
+
+class TimeOffset(Effect):
+    """Measurements whose clock is late against the commands' clock."""
+
+    name, source, order = "time_offset", "two clocks that were not set together", 4
+    seconds = Shape("s")
+
+    def measured(self, c: Any, s: Any) -> None:
+        s.late = c.seconds  # of all channels: no expression can say it, those who read logs do

@@ -1,0 +1,170 @@
+"""Every effect against its definition, written out here by hand."""
+
+import math
+
+import numpy as np
+import pytest
+
+from hovercontrol.effects import effect, effect_class, effect_names
+from hovercontrol.model import Model
+from hovercontrol.vehicles import c17_simulation, four_fan
+
+T, TH = 1.3, -0.4  # thrust and rudder
+STATE = np.array([0.3, -0.2, 0.7, 0.9, -0.5, 1.1])
+X, Y, PSI, U, V, R = STATE
+C = c17_simulation().coefficients()
+
+
+def dots(model, t=2.0, state=STATE, thrust=T, rudder=TH):
+    block = model.plant()
+    u = {"thrust": thrust, "rudder": rudder}
+    x = [*state, *(s.start for s in block.states[6:])]
+    return block.to_numpy().derivatives(t, x, [u[s.name] for s in block.inputs])
+
+
+def change(*effects, **where):
+    """What the effects add to u', v', r' of the paper's craft."""
+    nominal = c17_simulation()
+    return (dots(nominal.with_effects(effects), **where) - dots(nominal, **where))[3:6]
+
+
+def forces(thrust, rudder):
+    """u', v', r' of commands alone."""
+    return np.array(
+        [
+            C["thrust"] * thrust * math.cos(rudder),
+            C["thrust"] * thrust * math.sin(rudder),
+            -C["rudder_torque"] * thrust * math.sin(rudder),
+        ]
+    )
+
+
+COS, SIN = math.cos(PSI), math.sin(PSI)
+WX, WY = 0.4, -0.3
+EARTH = np.array([COS * WX + SIN * WY, -SIN * WX + COS * WY, 0.0])
+FORCE = {
+    "surge_quadratic_drag": (0.2, [-0.2 * abs(U) * U, 0, 0]),
+    "sway_quadratic_drag": (0.2, [0, -0.2 * abs(V) * V, 0]),
+    "yaw_quadratic_drag": (0.2, [0, 0, -0.2 * abs(R) * R]),
+    "body_surge_force": (0.3, [0.3, 0, 0]),
+    "body_side_force": (-0.3, [0, -0.3, 0]),
+    "thrust_yaw_torque": (0.5, [0, 0, 0.5 * T]),
+    "thrust_rudder_loss": (0.8, -0.8 * TH**2 * forces(T, TH)),
+    "sway_yaw_coupling": (0.6, [0, 0, 0.6 * V]),
+    "munk_moment": (0.6, [0, 0, 0.6 * U * V]),
+    "added_mass_coriolis": (0.25, [0.25 * V * R, 0, 0]),
+    "rudder_damping": (0.25, [0, 0, -0.25 * T * R]),
+    "battery_sag": (0.05, -0.05 * 2.0 * forces(T, TH)),
+    "rudder_offset": (0.1, forces(T, TH + 0.1) - forces(T, TH)),
+}
+
+
+@pytest.mark.parametrize("name", FORCE)
+def test_one_number(name):
+    value, expected = FORCE[name]
+    np.testing.assert_allclose(change(effect(name, value)), expected, atol=1e-12)
+
+
+def test_two_components():
+    np.testing.assert_allclose(change(effect("slope", x=WX, y=WY)), EARTH, atol=1e-12)
+    drag = np.array([C["surge_linear_drag"], C["sway_linear_drag"], 0.0])
+    np.testing.assert_allclose(change(effect("wind", x=WX, y=WY)), drag * EARTH, atol=1e-12)
+
+
+@pytest.mark.parametrize(("axis", "i"), [("surge", 0), ("sway", 1), ("yaw", 2)])
+def test_stribeck(axis, i):
+    w = STATE[3 + i]
+    found = change(effect(f"{axis}_stribeck", 0.7, speed=0.6, width=1e-3))
+    expected = np.zeros(3)
+    expected[i] = -0.7 * np.sign(w) * math.exp(-((w / 0.6) ** 2))
+    np.testing.assert_allclose(found, expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("thrust", [-2.0, -0.1, 0.1, 2.0])
+@pytest.mark.parametrize(
+    ("e", "law"),
+    [
+        (effect("thrust_deadzone", 0.3), lambda T: math.copysign(max(0.0, abs(T) - 0.3), T)),
+        (effect("thrust_saturation", 0.5), lambda T: math.copysign(min(abs(T), 0.5), T)),
+        (effect("reverse_thrust_loss", 0.4), lambda T: T if T > 0 else 0.6 * T),
+    ],
+)
+def test_laws_of_the_thrust_command(e, law, thrust):
+    expected = forces(law(thrust), TH) - forces(thrust, TH)
+    np.testing.assert_allclose(change(e, thrust=thrust), expected, atol=1e-12)
+
+
+def test_effects_of_commands_act_in_their_order():
+    given = [effect("thrust_saturation", 0.6), effect("thrust_deadzone", 0.3), effect("battery_sag", 0.1)]
+    expected = forces(min(T - 0.3, 0.6) * (1 - 0.1 * 2.0), TH) - forces(T, TH)
+    np.testing.assert_allclose(change(*given), expected, atol=1e-12)
+    np.testing.assert_allclose(change(*given[::-1]), expected, atol=1e-12)
+
+
+@pytest.mark.parametrize(("name", "i"), [("thrust", 0), ("rudder", 1)])
+def test_a_lag_is_of_first_order_from_rest_and_forces_see_its_state(name, i):
+    model = c17_simulation().with_effects([effect(f"{name}_lag", seconds=0.2)])
+    block = model.plant()
+    assert block.states[6].name == f"{name}_lagged" and block.states[6].start == 0.0
+    x = np.append(STATE, 0.25)
+    found = block.to_numpy().derivatives(0.0, x, [T, TH])
+    command = [T, TH]
+    assert found[6] == pytest.approx((command[i] - 0.25) / 0.2)
+    command[i] = 0.25
+    np.testing.assert_allclose(found[3:6], dots(c17_simulation(), thrust=command[0], rudder=command[1])[3:6])
+
+
+def test_every_fan_lags():
+    block = four_fan().with_effects([effect("thrust_lag", seconds=0.2)]).plant()
+    assert [s.name for s in block.states[6:]] == [f"{f.name}_lagged" for f in four_fan().fans]
+
+
+@pytest.mark.parametrize("t", [4.9, 5.1])
+def test_all_drags_jump_at_one_time(t):
+    found = change(effect("parameter_jump", factor=1.5, seconds=5.0), t=t)
+    drag = dots(c17_simulation(), thrust=0.0)[3:6] - [V * R, -U * R, 0.0]
+    np.testing.assert_allclose(found, 0.5 * drag if t > 5 else np.zeros(3), atol=1e-12)
+
+
+def measured(*effects):
+    block = c17_simulation().with_effects(effects).plant()
+    values = dict(
+        zip((s.name for s in block.outputs), block.to_numpy().outputs(0, STATE, [T, TH]), strict=True)
+    )
+    return {name: values[f"{name}_measured"] for name in "uvr" if f"{name}_measured" in values}
+
+
+def test_measurement_effects():
+    assert measured(effect("gyro_bias", 0.2)) == {"r": pytest.approx(R + 0.2)}
+    assert measured(effect("gyro_scale", 0.2)) == {"r": pytest.approx(1.2 * R)}
+    assert measured(effect("gyro_scale", 0.2), effect("gyro_bias", 0.1)) == {
+        "r": pytest.approx(1.2 * R + 0.1)
+    }
+    assert measured(effect("sensor_lever_arm", 0.05)) == {"v": pytest.approx(V + 0.05 * R)}
+    e, side = 0.1, V + 0.05 * R
+    found = measured(effect("velocity_misalignment", e), effect("sensor_lever_arm", 0.05))
+    turned = {"u": U * math.cos(e) + side * math.sin(e), "v": -U * math.sin(e) + side * math.cos(e)}
+    assert found == pytest.approx(turned)
+
+
+def test_measurement_effects_leave_the_motion_alone():
+    np.testing.assert_array_equal(change(effect("gyro_scale", 0.2), effect("sensor_lever_arm", 0.1)), 0.0)
+
+
+@pytest.mark.parametrize("name", effect_names())
+def test_each_says_what_it_is_where_it_acts_and_whence_it_comes(name):
+    cls = effect_class(name)
+    assert cls.kind() in ("force", "input", "measurement")
+    assert cls.source and (cls.__doc__ or "").strip().endswith((".", ")"))
+
+
+@pytest.mark.parametrize("axis", ["surge", "sway", "yaw"])
+@pytest.mark.parametrize("law", ["coulomb", "linear_drag", "quadratic_drag", "stribeck"])
+def test_drag_takes_energy_wherever_its_coefficient_is_allowed(axis, law):
+    cls = effect_class(f"{axis}_{law}")
+    assert cls.numbers["value"].lower == 0.0
+    block = Model("one", [effect(f"{axis}_{law}", 0.7)]).plant()
+    functions = block.to_numpy()
+    for state in np.random.default_rng(0).normal(size=(50, 6)):
+        dx = functions.derivatives(0.0, state)
+        assert state[3:] @ dx[3:] <= 1e-12
