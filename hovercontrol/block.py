@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import sympy as sp
@@ -480,6 +481,62 @@ class Block:
         from hovercontrol.targets.compiled import compile_block
 
         return compile_block(self, friction=friction)
+
+    def to_fmu(
+        self,
+        path: str | Path,
+        *,
+        version: Literal[2, 3] = 3,
+        platforms: str | Iterable[str] | None = None,
+        friction: Literal["events", "smooth"] = "events",
+        step: float | None = None,
+        stop: float | None = None,
+        rtol: float = 1e-6,
+        atol: float = 1e-9,
+        progress: Callable[[float], None] | None = None,
+    ) -> Path:
+        """Write the Block as an FMU, Model Exchange and Co-Simulation in one file.
+
+        Parameters
+        ----------
+        path : path
+            Ends in ``.fmu``.
+        version : {2, 3}, optional
+            FMI 2.0 or 3.0.
+        platforms : str or iterable of str, optional
+            Such as ``"x86_64-linux,x86_64-windows"``, or ``"all"``; default: this machine's.
+        friction : {"events", "smooth"}, optional
+            As for :meth:`compile`.
+        step, stop : float, optional
+            Communication step and end of the default experiment [s]; default 0.01 and 10.
+        rtol, atol : float, optional
+            Tolerances of the solver in Co-Simulation.
+        progress : callable, optional
+            Called with the part that is done, 0 to 1.
+
+        Returns
+        -------
+        Path
+
+        Raises
+        ------
+        InputError
+            If an argument is wrong, the folder cannot be written, or there is no compiler for a platform.
+        """
+        from hovercontrol.fmi.export import export_fmu
+
+        return export_fmu(
+            self,
+            path,
+            version=version,
+            platforms=platforms,
+            friction=friction,
+            step=step,
+            stop=stop,
+            rtol=rtol,
+            atol=atol,
+            progress=progress,
+        )
 
     def linearize(
         self, x: ArrayLike, u: ArrayLike = (), params: Mapping[str, float] | None = None, t: float = 0.0

@@ -108,30 +108,34 @@ static double end_of_slip(hc_solver *s, int k, double past)
  * be seen: the states at rest say nothing of it to the error control. */
 static int breakaways(hc_solver *s)
 {
-    const int m = s->n_friction;
+    const int m = s->n_friction, last = HC_SAMPLES - 1, every = s->cubic ? 2 : 1; /* a short step needs fewer */
     int resolved = 1, any = 0;
     if (!s->has_dense)
         hc_make_dense(s);
-    for (int j = 0; j < HC_SAMPLES; j++) {
-        const double theta = j / (HC_SAMPLES - 1.0);
+    friction(s, s->t0, s->x0, s->a, s->b);
+    for (int j = every; j < last; j += every) {
+        const double theta = (double)j / last;
         hc_interpolate(s, theta, s->stage);
         friction(s, s->t0 + theta * s->length, s->stage, s->a + j * m, s->b + j * m);
     }
+    friction(s, s->t0 + s->length, s->x, s->a + last * m, s->b + last * m);
     for (int k = 0; k < m; k++) {
         const double *a = s->a + k, *b = s->b + k;
         if (s->mode[k] != 0)
             continue;
-        for (int j = 1; j < HC_SAMPLES && s->theta[k] == NO_EVENT; j++)
+        for (int j = every; j <= last && s->theta[k] == NO_EVENT; j += every)
             if (hc_friction_excess(a[j * m], b[j * m]) > 0.0) {
-                s->theta[k] = j / (HC_SAMPLES - 1.0);
+                s->theta[k] = (double)j / last;
                 any = 1;
             }
-        if (fabs(a[0] - 4.0 * a[m] + 6.0 * a[2 * m] - 4.0 * a[3 * m] + a[4 * m]) > 0.02 * fabs(b[4 * m]))
+        const double bend = s->cubic ? a[0] - 2.0 * a[2 * m] + a[4 * m]
+                                     : a[0] - 4.0 * a[m] + 6.0 * a[2 * m] - 4.0 * a[3 * m] + a[4 * m];
+        if (fabs(bend) > 0.02 * fabs(b[4 * m]))
             resolved = 0;
     }
     for (int k = 0; k < m; k++) /* the samples are used up: locate overwrites them */
         if (s->mode[k] == 0 && s->theta[k] != NO_EVENT)
-            s->theta[k] = locate(s, k, s->theta[k] - 1.0 / (HC_SAMPLES - 1.0), s->theta[k]);
+            s->theta[k] = locate(s, k, s->theta[k] - (double)every / last, s->theta[k]);
     return resolved || any;
 }
 

@@ -18,6 +18,11 @@ int hc_friction_modes(const hc_model_type *model, double t, const double *x, con
 {
     const int m = model->n_friction;
     int k = 0;
+    while (k < m && x[model->friction_state[k]] != 0.0)
+        k++;
+    if (k == m) /* none at rest */
+        return HC_OK;
+    k = 0;
     for (int changes = 0; k < m && changes < 4 * m + 4; changes++) {
         model->friction(t, x, u, p, mode, a, b);
         for (k = 0; k < m; k++) {

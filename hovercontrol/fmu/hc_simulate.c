@@ -1,84 +1,156 @@
 /* Whole simulations and sweeps: see hc_simulate.h. Steps run over the grid's times, which are read inside them; only
  * where an input jumps and at the end does a step stop. */
-#include "hc_simulate.h"
-#include "hc_steps.h"
+#include "hc_runs.h"
 
-#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
-typedef struct {
-    const double *times;
-    long n_times;
-    const double *u; /* n_times rows, or NULL */
-} grid_type;
+/* ---- a part of a larger system ---- */
 
-static const double *inputs_at(const hc_model_type *model, const grid_type *grid, long row)
+static int n_all(const hc_model_type *model, const hc_part *part)
 {
-    return grid->u ? grid->u + row * model->n_inputs : NULL;
+    return part ? part->n_all : model->n_states;
 }
 
-static int inputs_jump(const hc_model_type *model, const grid_type *grid, long row)
+static void gather(const hc_model_type *model, const hc_part *part, const double *all, double *x)
 {
-    return grid->u && memcmp(inputs_at(model, grid, row), inputs_at(model, grid, row - 1),
-                             (size_t)model->n_inputs * sizeof(double)) != 0;
+    for (int i = 0; i < model->n_states; i++)
+        x[i] = all[part ? part->place[i] : i];
 }
 
-/* Write one row of results, with the states at that time left in x. */
-static void write_row(hc_solver *solver, const hc_model_type *model, const grid_type *grid, long row, double *x,
-                      const double *p, double *states, double *outputs)
+static void spread(const hc_model_type *model, const hc_part *part, const double *x, double *all)
 {
-    const int *mode = hc_solver_inside(solver, grid->times[row], x);
-    if (states)
-        memcpy(states + row * model->n_states, x, (size_t)model->n_states * sizeof *x);
-    if (outputs)
-        model->outputs(grid->times[row], x, inputs_at(model, grid, row), p, mode, outputs + row * model->n_outputs);
+    memset(all, 0, (size_t)n_all(model, part) * sizeof *all);
+    for (int i = 0; i < model->n_states; i++)
+        all[part ? part->place[i] : i] = x[i];
 }
 
-static int run(hc_solver *solver, const hc_model_type *model, const grid_type *grid, double *x, const double *p,
-               double *states, double *outputs)
+/* ---- one run ---- */
+
+static const double *inputs_at(const hc_run *run, long row)
 {
-    long row = 0, stop = 0;
-    hc_solver_restart(solver);
-    int status = hc_solver_set(solver, grid->times[0], x, inputs_at(model, grid, 0), p);
-    while (status == HC_OK) {
-        write_row(solver, model, grid, row++, x, p, states, outputs);
-        if (row == grid->n_times)
-            break;
-        if (row > stop) /* the next time at which to stop */
-            for (stop = row; stop < grid->n_times - 1 && !inputs_jump(model, grid, stop);)
-                stop++;
-        while (status == HC_OK && hc_solver_time(solver) < grid->times[row])
-            status = hc_solver_step(solver, grid->times[stop]);
-        if (status == HC_OK && row == stop && inputs_jump(model, grid, stop))
-            status = hc_solver_set(solver, grid->times[stop], NULL, inputs_at(model, grid, stop), NULL);
+    return run->grid->u ? run->grid->u + row * run->solver->model->n_inputs : NULL;
+}
+
+static int inputs_jump(const hc_run *run, long row)
+{
+    return run->grid->u && memcmp(inputs_at(run, row), inputs_at(run, row - 1),
+                                  (size_t)run->solver->model->n_inputs * sizeof(double)) != 0;
+}
+
+static void write_row(hc_run *run)
+{
+    const hc_model_type *model = run->solver->model;
+    const double t = run->grid->times[run->row];
+    const int *mode = hc_solver_inside(run->solver, t, run->x);
+    if (run->states)
+        spread(model, run->part, run->x, run->states + run->row * n_all(model, run->part));
+    if (run->outputs)
+        model->outputs(t, run->x, inputs_at(run, run->row), run->solver->p, mode,
+                       run->outputs + run->row * model->n_outputs);
+    run->row++;
+}
+
+/* Write the rows up to the solver's time, and let inputs jump. */
+static void arrive(hc_run *run)
+{
+    const hc_grid *grid = run->grid;
+    while (hc_run_goes_on(run) && run->solver->t >= grid->times[run->row]) {
+        if (run->row == run->stop && inputs_jump(run, run->row))
+            run->status = hc_solver_set(run->solver, grid->times[run->row], NULL, inputs_at(run, run->row), NULL);
+        if (run->status != HC_OK)
+            return;
+        write_row(run);
+        if (run->row > run->stop) /* the next time at which to stop */
+            for (run->stop = run->row; run->stop < grid->n_times - 1 && !inputs_jump(run, run->stop);)
+                run->stop++;
     }
-    memcpy(x, hc_solver_states(solver), (size_t)model->n_states * sizeof *x);
-    if (states)
-        for (long i = row * model->n_states; i < grid->n_times * model->n_states; i++)
-            states[i] = NAN;
-    if (outputs)
-        for (long i = row * model->n_outputs; i < grid->n_times * model->n_outputs; i++)
-            outputs[i] = NAN;
+}
+
+void hc_run_begin(hc_run *run, const double *x0, const double *p)
+{
+    run->row = 0;
+    run->stop = -1;
+    gather(run->solver->model, run->part, x0, run->x);
+    hc_solver_restart(run->solver);
+    run->status = hc_solver_set(run->solver, run->grid->times[0], run->x, inputs_at(run, 0), p);
+    arrive(run);
+}
+
+void hc_run_step(hc_run *run)
+{
+    run->status = hc_solver_step(run->solver, run->grid->times[run->stop]);
+    arrive(run);
+}
+
+void hc_run_end(hc_run *run, double *x_end)
+{
+    const hc_model_type *model = run->solver->model;
+    const int n = n_all(model, run->part), n_outputs = model->n_outputs;
+    if (x_end)
+        spread(model, run->part, run->solver->x, x_end);
+    for (long i = run->row * n; run->states && i < run->grid->n_times * n; i++)
+        run->states[i] = NAN;
+    for (long i = run->row * n_outputs; run->outputs && i < run->grid->n_times * n_outputs; i++)
+        run->outputs[i] = NAN;
+}
+
+static void run_to_the_end(hc_run *run)
+{
+    while (hc_run_goes_on(run))
+        hc_run_step(run);
+}
+
+static int open_run(hc_run *run, const hc_model_type *model, const hc_part *part, const hc_options *options,
+                    const hc_grid *grid)
+{
+    run->grid = grid;
+    run->part = part;
+    run->solver = hc_solver_new(model, options);
+    run->x = malloc(((size_t)model->n_states + 1) * sizeof *run->x);
+    if (!run->solver || !run->x)
+        return HC_NO_MEMORY;
+    run->solver->n_mean = n_all(model, part);
+    return HC_OK;
+}
+
+static void close_run(hc_run *run)
+{
+    hc_solver_free(run->solver);
+    free(run->x);
+}
+
+int hc_simulate_part(const hc_model_type *model, const hc_part *part, const hc_options *options, const double *times,
+                     long n_times, double *x, const double *u, const double *p, double *states, double *outputs,
+                     double *reached)
+{
+    const hc_grid grid = {times, n_times, u};
+    hc_run run = {0};
+    int status = open_run(&run, model, part, options, &grid);
+    run.states = states;
+    run.outputs = outputs;
+    if (status == HC_OK) {
+        hc_run_begin(&run, x, p);
+        run_to_the_end(&run);
+        hc_run_end(&run, x);
+        status = run.status;
+        if (reached)
+            *reached = run.solver->t;
+    }
+    close_run(&run);
     return status;
 }
 
 int hc_simulate(const hc_model_type *model, const hc_options *options, const double *times, long n_times,
                 double *x, const double *u, const double *p, double *states, double *outputs, double *reached)
 {
-    const grid_type grid = {times, n_times, u};
-    hc_solver *solver = hc_solver_new(model, options);
-    if (!solver)
-        return HC_NO_MEMORY;
-    const int status = run(solver, model, &grid, x, p, states, outputs);
-    if (reached)
-        *reached = hc_solver_time(solver);
-    hc_solver_free(solver);
-    return status;
+    return hc_simulate_part(model, NULL, options, times, n_times, x, u, p, states, outputs, reached);
 }
 
+/* ---- sweeps ---- */
+
 /* Figures of column `output` of a run's outputs (rows of n), from row `first` on. */
-static void summarise(const grid_type *grid, long first, const double *column, int n, double band, double *figures)
+static void summarise(const hc_grid *grid, long first, const double *column, int n, double band, double *figures)
 {
     const long last = grid->n_times - 1;
     const double *times = grid->times, final = column[last * n];
@@ -102,39 +174,63 @@ static void summarise(const grid_type *grid, long first, const double *column, i
     figures[HC_SETTLING] = times[settled];
 }
 
+/* Runs that go side by side: HC_LANES if vectors can take their steps and there are several from row to row. */
+static int width(hc_lanes_function lanes, const hc_options *options, const hc_grid *grid, long n_runs)
+{
+    const double rows = (grid->times[grid->n_times - 1] - grid->times[0]) / (double)grid->n_times;
+    return lanes && options->method == HC_RK4 && options->max_steps == 0 && rows > 3.0 * options->step && n_runs > 2
+               ? HC_LANES
+               : 1;
+}
+
+int hc_sweep_part(const hc_model_type *model, const hc_part *part, hc_lanes_function lanes, const hc_options *options,
+                  const double *times, long n_times, long n_runs, const double *x, const double *u, const double *p,
+                  double from, const double *band, double *figures, double *final, int *status)
+{
+    const int n = n_all(model, part), n_outputs = model->n_outputs;
+    const hc_grid grid = {times, n_times, u};
+    const int wide = width(lanes, options, &grid, n_runs);
+    const size_t table = (size_t)n_times * (size_t)n_outputs;
+    double *outputs = malloc(((size_t)wide * table + 1) * sizeof *outputs);
+    hc_lanes *side_by_side = wide > 1 ? hc_lanes_new(model, lanes, options->step) : NULL;
+    hc_run runs[HC_LANES] = {{0}};
+    int result = outputs && (side_by_side || wide == 1) ? HC_OK : HC_NO_MEMORY;
+    long first = 0;
+    while (first < n_times - 1 && times[first] < times[0] + from)
+        first++;
+    for (int l = 0; l < wide && result == HC_OK; l++) {
+        result = open_run(&runs[l], model, part, options, &grid);
+        runs[l].outputs = outputs + (size_t)l * table;
+    }
+    for (long i = 0; i < n_runs && result == HC_OK; i += wide) {
+        const int count = n_runs - i < wide ? (int)(n_runs - i) : wide;
+        for (int l = 0; l < count; l++)
+            hc_run_begin(&runs[l], x + (i + l) * n, p + (i + l) * model->n_parameters);
+        if (side_by_side)
+            hc_lanes_run(side_by_side, runs, count);
+        for (int l = 0; l < count; l++) {
+            double *figure = figures + (i + l) * n_outputs * HC_N_FIGURES;
+            run_to_the_end(&runs[l]);
+            hc_run_end(&runs[l], final ? final + (i + l) * n : NULL);
+            status[i + l] = runs[l].status;
+            for (int j = 0; j < n_outputs; j++, figure += HC_N_FIGURES)
+                if (runs[l].status == HC_OK)
+                    summarise(&grid, first, runs[l].outputs + j, n_outputs, band[j], figure);
+                else
+                    for (int kind = 0; kind < HC_N_FIGURES; kind++)
+                        figure[kind] = NAN;
+        }
+    }
+    for (int l = 0; l < wide; l++)
+        close_run(&runs[l]);
+    hc_lanes_free(side_by_side);
+    free(outputs);
+    return result;
+}
+
 int hc_sweep(const hc_model_type *model, const hc_options *options, const double *times, long n_times,
              long n_runs, const double *x, const double *u, const double *p, double from, const double *band,
              double *figures, double *final, int *status)
 {
-    const int n = model->n_states, n_outputs = model->n_outputs;
-    const grid_type grid = {times, n_times, u};
-    hc_solver *solver = hc_solver_new(model, options);
-    double *states = malloc(((size_t)n + 1) * sizeof *states);
-    double *outputs = malloc(((size_t)n_times * (size_t)n_outputs + 1) * sizeof *outputs);
-    long first = 0;
-    if (!solver || !states || !outputs) {
-        hc_solver_free(solver);
-        free(states);
-        free(outputs);
-        return HC_NO_MEMORY;
-    }
-    while (first < n_times - 1 && times[first] < times[0] + from)
-        first++;
-    for (long i = 0; i < n_runs; i++) {
-        double *figure = figures + i * n_outputs * HC_N_FIGURES;
-        memcpy(states, x + i * n, (size_t)n * sizeof *states);
-        status[i] = run(solver, model, &grid, states, p + i * model->n_parameters, NULL, outputs);
-        for (int j = 0; j < n_outputs; j++, figure += HC_N_FIGURES)
-            if (status[i] == HC_OK)
-                summarise(&grid, first, outputs + j, n_outputs, band[j], figure);
-            else
-                for (int kind = 0; kind < HC_N_FIGURES; kind++)
-                    figure[kind] = NAN;
-        if (final)
-            memcpy(final + i * n, states, (size_t)n * sizeof *final);
-    }
-    hc_solver_free(solver);
-    free(states);
-    free(outputs);
-    return HC_OK;
+    return hc_sweep_part(model, NULL, NULL, options, times, n_times, n_runs, x, u, p, from, band, figures, final, status);
 }

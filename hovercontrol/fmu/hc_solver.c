@@ -9,6 +9,10 @@
 #include <stdlib.h>
 #include <string.h>
 
+#define SHORT 0.5           /* of the length to try next, where the last error was as small as this: */
+#define SHORT_BEFORE (-12.0) /* logarithm, squared */
+#define SHORT_ERROR 0.01    /* squared; the error that a short step may have */
+
 /* ---- memory ---- */
 
 static double *take(double **block, int n)
@@ -33,10 +37,9 @@ hc_solver *hc_solver_new(const hc_model_type *model, const hc_options *options)
         return NULL;
     }
     s->model = model;
-    s->n = n;
+    s->n = s->n_mean = n;
     s->n_friction = m;
     s->method = options->method;
-    s->rtol = options->rtol;
     s->longest = options->step > 0 ? options->step : DBL_MAX;
     s->max_steps = options->max_steps;
     s->absolute = take(&block, n); /* first: hc_solver_free knows the block by it */
@@ -56,8 +59,7 @@ hc_solver *hc_solver_new(const hc_model_type *model, const hc_options *options)
     s->theta = take(&block, m);
     s->mode = modes;
     s->mode0 = modes + m;
-    for (int i = 0; i < n; i++)
-        s->absolute[i] = options->atol * (options->nominal ? options->nominal[i] : 1.0);
+    hc_solver_tolerance(s, options->rtol, options->atol, options->nominal);
     s->t_event = -DBL_MAX;
     s->next_switch = DBL_MAX;
     return s;
@@ -70,6 +72,13 @@ void hc_solver_free(hc_solver *s)
     free(s->mode);
     free(s->absolute);
     free(s);
+}
+
+void hc_solver_tolerance(hc_solver *s, double rtol, double atol, const double *nominal)
+{
+    s->rtol = rtol;
+    for (int i = 0; i < s->n; i++)
+        s->absolute[i] = atol * (nominal ? nominal[i] : 1.0);
 }
 
 /* ---- small things ---- */
@@ -90,8 +99,9 @@ static void swap(double **one, double **other)
 }
 
 /* mean square, in four sums side by side */
-static double mean_square(int n, const double *restrict e)
+static double mean_square(const hc_solver *s, const double *restrict e)
 {
+    const int n = s->n;
     double s0 = 0.0, s1 = 0.0, s2 = 0.0, s3 = 0.0;
     int i = 0;
     for (; i + 4 <= n; i += 4) {
@@ -102,7 +112,7 @@ static double mean_square(int n, const double *restrict e)
     }
     for (; i < n; i++)
         s0 += e[i] * e[i];
-    return ((s0 + s1) + (s2 + s3)) / n;
+    return ((s0 + s1) + (s2 + s3)) / s->n_mean;
 }
 
 /* ---- one step of each method: from x0, f0 over h to x, f ---- */
@@ -143,7 +153,32 @@ static double step_dormand_prince(hc_solver *s, double h)
                              17253.0 / 339200.0 * k5[i] + 22.0 / 525.0 * k6[i] - 1.0 / 40.0 * k7[i];
         z[i] = h * error / (absolute[i] + rtol * (before > after ? before : after));
     }
-    return mean_square(n, z);
+    return mean_square(s, z);
+}
+
+/* Bogacki and Shampine (1989), Applied Mathematics Letters 2: order 3, with the next step's first derivative in f */
+static double step_bogacki_shampine(hc_solver *s, double h)
+{
+    const int n = s->n;
+    const double rtol = s->rtol, t = s->t0;
+    const double *restrict x0 = s->x0, *restrict k1 = s->f0, *restrict absolute = s->absolute;
+    double *restrict k2 = s->k[0], *restrict k3 = s->k[1], *restrict k4 = s->f;
+    double *restrict x = s->x, *restrict z = s->stage;
+
+    for (int i = 0; i < n; i++)
+        z[i] = x0[i] + 0.5 * h * k1[i];
+    hc_right_hand_side(s, t + 0.5 * h, z, k2);
+    for (int i = 0; i < n; i++)
+        z[i] = x0[i] + 0.75 * h * k2[i];
+    hc_right_hand_side(s, t + 0.75 * h, z, k3);
+    for (int i = 0; i < n; i++)
+        x[i] = x0[i] + h / 9.0 * (2.0 * k1[i] + 3.0 * k2[i] + 4.0 * k3[i]);
+    hc_right_hand_side(s, t + h, x, k4);
+    for (int i = 0; i < n; i++) {
+        const double error = -5.0 * k1[i] + 6.0 * k2[i] + 8.0 * k3[i] - 9.0 * k4[i];
+        z[i] = h / 72.0 * error / (absolute[i] + rtol * fabs(x[i]));
+    }
+    return mean_square(s, z);
 }
 
 /* leaves f to whoever needs it */
@@ -187,7 +222,9 @@ void hc_make_dense(hc_solver *s)
         c2[i] = bend;
         c3[i] = change - h * k7[i] - bend;
     }
-    if (s->method == HC_DORMAND_PRINCE)
+    if (s->cubic)
+        memset(c4, 0, (size_t)n * sizeof *c4);
+    else if (s->method == HC_DORMAND_PRINCE)
         for (int i = 0; i < n; i++)
             c4[i] = h * (-12715105075.0 / 11282082432.0 * k1[i] + 87487479700.0 / 32700410799.0 * k3[i] -
                          10690763975.0 / 1880347072.0 * k4[i] + 701980252875.0 / 199316789632.0 * k5[i] -
@@ -231,10 +268,10 @@ static double first_length(hc_solver *s)
     double size, slope, curve, h;
     for (int i = 0; i < n; i++)
         z[i] = s->x[i] / (s->absolute[i] + s->rtol * fabs(s->x[i]));
-    size = sqrt(mean_square(n, z));
+    size = sqrt(mean_square(s, z));
     for (int i = 0; i < n; i++)
         z[i] = s->f[i] / (s->absolute[i] + s->rtol * fabs(s->x[i]));
-    slope = sqrt(mean_square(n, z));
+    slope = sqrt(mean_square(s, z));
     h = size < 1e-5 || slope < 1e-5 ? 1e-6 : 0.01 * size / slope;
     if (h > s->longest)
         h = s->longest;
@@ -243,7 +280,7 @@ static double first_length(hc_solver *s)
     hc_right_hand_side(s, s->t + h, z, f1);
     for (int i = 0; i < n; i++)
         z[i] = (f1[i] - s->f[i]) / (s->absolute[i] + s->rtol * fabs(s->x[i]));
-    curve = sqrt(mean_square(n, z)) / h;
+    curve = sqrt(mean_square(s, z)) / h;
     if (!hc_is_finite(curve))
         return h;
     if (slope > curve)
@@ -251,6 +288,22 @@ static double first_length(hc_solver *s)
     const double second = curve <= 1e-15 ? (h > 1e-3 ? 1e-3 * h : 1e-6) : pow(0.01 / curve, 0.2);
     h = 100.0 * h < second ? 100.0 * h : second;
     return h < s->longest ? h : s->longest;
+}
+
+/* A step to `stop` that is much shorter than the error asks for: half the work will do. Returns 0 if it does not. */
+static int short_step(hc_solver *s, double stop)
+{
+    const double h = stop - s->t0;
+    if (!s->short_steps || h > SHORT * s->h || s->log_error > SHORT_BEFORE)
+        return 0;
+    s->length = h;
+    s->has_dense = 0;
+    s->cubic = 1;
+    if (step_bogacki_shampine(s, h) <= SHORT_ERROR && (s->n_friction == 0 || hc_look_for_events(s)))
+        return 1;
+    s->cubic = 0;
+    s->counts[HC_REJECTED]++;
+    return 0;
 }
 
 /* Adaptive: repeat until the error is within its bound. Returns with x, f, length and h set. */
@@ -359,7 +412,11 @@ int hc_solver_step(hc_solver *s, double stop)
     s->t0 = s->t;
     swap(&s->x, &s->x0);
     swap(&s->f, &s->f0);
-    status = s->method == HC_DORMAND_PRINCE ? choose_and_step(s, stop) : fixed_step(s, stop);
+    s->cubic = 0;
+    if (short_step(s, stop))
+        status = HC_OK;
+    else
+        status = s->method == HC_DORMAND_PRINCE ? choose_and_step(s, stop) : fixed_step(s, stop);
     if (status != HC_OK) { /* back to the last good time */
         swap(&s->x, &s->x0);
         swap(&s->f, &s->f0);
@@ -452,19 +509,20 @@ static void transfer(hc_solver *s, double *buffer, int load)
                                &s->length, &s->h,       &s->log_error, &s->t_event};
     double *const arrays[] = {s->x, s->f, s->x0, s->f0, s->absolute, s->k[0], s->k[1], s->k[2], s->k[3], s->k[4],
                               s->dense[0], s->dense[1], s->dense[2], s->dense[3], s->dense[4]};
-    double whole[] = {s->method, (double)s->steps, s->fresh, s->has_dense, s->events_here};
+    double whole[] = {s->method, (double)s->steps, s->fresh, s->has_dense, s->events_here, s->cubic};
     for (size_t i = 0; i < sizeof numbers / sizeof *numbers; i++)
         copy(numbers[i], 1, &buffer, load);
     for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++)
         copy(arrays[i], s->n, &buffer, load);
     copy(s->u, s->model->n_inputs, &buffer, load);
     copy(s->p, s->model->n_parameters, &buffer, load);
-    copy(whole, 5, &buffer, load);
+    copy(whole, 6, &buffer, load);
     s->method = (int)whole[0];
     s->steps = (long)whole[1];
     s->fresh = (int)whole[2];
     s->has_dense = (int)whole[3];
     s->events_here = (int)whole[4];
+    s->cubic = (int)whole[5];
     for (int k = 0; k < 4; k++) {
         double count = (double)s->counts[k];
         copy(&count, 1, &buffer, load);
@@ -479,7 +537,7 @@ static void transfer(hc_solver *s, double *buffer, int load)
 
 size_t hc_solver_size(const hc_solver *s)
 {
-    return (size_t)(11 + 15 * s->n + s->model->n_inputs + s->model->n_parameters + 5 + 4 + 2 * s->n_friction);
+    return (size_t)(11 + 15 * s->n + s->model->n_inputs + s->model->n_parameters + 6 + 4 + 2 * s->n_friction);
 }
 
 void hc_solver_save(const hc_solver *s, double *into)

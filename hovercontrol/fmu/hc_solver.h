@@ -34,6 +34,9 @@ typedef struct hc_solver hc_solver;
 hc_solver *hc_solver_new(const hc_model_type *model, const hc_options *options);
 void hc_solver_free(hc_solver *solver);
 
+/* Other tolerances from now on, as in hc_options. */
+void hc_solver_tolerance(hc_solver *solver, double rtol, double atol, const double *nominal);
+
 /* Set time, states, inputs and parameters (all copied) and find the friction modes that fit: a velocity of exactly
  * zero sticks if it can. Also to be called when inputs or parameters jump: modes are found anew, the step size is
  * kept. A NULL leaves that array as it is. */

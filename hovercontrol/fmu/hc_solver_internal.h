@@ -14,6 +14,7 @@
 struct hc_solver {
     const hc_model_type *model;
     int n, n_friction, method;
+    int n_mean;                /* of states that a mean error counts: more than n where others stay zero */
     double rtol, longest;
     long max_steps, steps;
     double t, *x, *f;          /* now; f is valid if `fresh` */
@@ -28,6 +29,8 @@ struct hc_solver {
     double *a, *b, *theta;     /* frictions, and where in the step each has its event */
     double t_event;
     int *mode, *mode0, fresh, has_dense, events_here;
+    int short_steps;           /* steps cut short by much may be of order 3 */
+    int cubic;                 /* the last step was */
     long counts[4];
 };
 

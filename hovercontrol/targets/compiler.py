@@ -1,4 +1,4 @@
-"""The C compiler and the shared libraries it makes of Blocks: found, built, kept in the user's cache, called.
+"""The C compiler and the libraries it makes: found, built, kept in the user's cache.
 
 Libraries are cached by the content of all that goes into them. A file's name holds the digest of its bytes,
 so that a truncated one is seen before it is loaded; files appear whole, and two processes may build at once.
@@ -7,6 +7,7 @@ so that a truncated one is seen before it is loaded; files appear whole, and two
 from __future__ import annotations
 
 import atexit
+import contextlib
 import ctypes
 import hashlib
 import importlib.util
@@ -17,61 +18,31 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cache
-from importlib import resources
 from pathlib import Path
-from typing import Literal, NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
+import sympy as sp
 
 from hovercontrol.block import Block
-from hovercontrol.targets.c import c_source
-
-Array = NDArray[np.float64]
+from hovercontrol.files import write_whole
 
 #: The same numbers on every machine: no fast-math, no fused multiply-add, nothing of this processor alone.
-#: (Measured: -flto, -O2, -fno-trapping-math and -march=native gain less than 10 %.)
+#: (Measured: -flto and -march=native gain less than 10 %.)
 FLAGS = (
     "-O3 -std=c99 -fno-math-errno -ffp-contract=off -fPIC -shared -fvisibility=hidden".split()  # noqa: SIM905
 )
+#: What lets a compiler use vectors for several lanes; nobody asks for the processor's exception flags.
+_LANES = ("-fno-trapping-math", "-fopenmp-simd", "-DHC_SIMD")
 _SUFFIX = ".dll" if os.name == "nt" else ".so"
-#: Steps between two times of the grid after which the solver gives up, some seconds.
-MAX_STEPS = 10_000_000
-NO_MEMORY = 1  # of hc_solver.h
-METHODS = ("dormand-prince", "rk4")  # in the order of hc_solver.h
-_RUNTIME = ("hc_solver.c", "hc_events.c", "hc_friction.c", "hc_simulate.c")
-_EXPORTS = """#include "hc_simulate.h"
-#ifdef _WIN32
-#define EXPORT __declspec(dllexport)
-#else
-#define EXPORT __attribute__((visibility("default")))
-#endif
-EXPORT void block_derivatives(double t, const double *x, const double *u, const double *p, double *dx)
-{
-    hc_model.derivatives(t, x, u, p, 0, dx);
-}
-EXPORT void block_outputs(double t, const double *x, const double *u, const double *p, double *y)
-{
-    hc_model.outputs(t, x, u, p, 0, y);
-}
-EXPORT int block_simulate(const hc_options *options, const double *times, long n_times, double *x,
-                          const double *u, const double *p, double *states, double *outputs, double *reached)
-{
-    return hc_simulate(&hc_model, options, times, n_times, x, u, p, states, outputs, reached);
-}
-EXPORT int block_sweep(const hc_options *options, const double *times, long n_times, long n_runs,
-                       const double *x, const double *u, const double *p, double from, const double *band,
-                       double *figures, double *final, int *status)
-{
-    return hc_sweep(&hc_model, options, times, n_times, n_runs, x, u, p, from, band, figures, final, status);
-}
-"""
 
 
 class NoCompilerError(RuntimeError):
     """There is no C compiler; the text says what was looked for."""
+
+
+class NotCachedError(LookupError):
+    """What was looked for in the cache only is not there."""
 
 
 def find_compiler() -> tuple[str, ...]:
@@ -133,7 +104,21 @@ def _private_folder() -> Path:
     return Path(folder)
 
 
-def load_library(name: str, files: Mapping[str, str]) -> ctypes.CDLL:
+@cache
+def local_flags() -> tuple[str, ...]:
+    """Return the flags for a library that stays on this machine, with the vectors of its processor.
+
+    These change the last digits of Runge-Kutta sweeps and nothing else. They are in the names of the cached
+    libraries, so that another machine with the same home directory does not load what it cannot run.
+    """
+    info = Path("/proc/cpuinfo")
+    with contextlib.suppress(OSError):
+        if platform.machine() == "x86_64" and " avx2 " in info.read_text(encoding="utf-8"):
+            return (*FLAGS, *_LANES, "-mavx2")
+    return (*FLAGS, *_LANES)
+
+
+def load_library(name: str, files: Mapping[str, str], *, build: bool = True) -> ctypes.CDLL:
     """Return a shared library of C sources, from the cache or built now.
 
     Parameters
@@ -142,6 +127,8 @@ def load_library(name: str, files: Mapping[str, str]) -> ctypes.CDLL:
         Begins the file's name; an identifier.
     files : mapping of str to str
         Sources (``.c``) and headers by file name.
+    build : bool, optional
+        Whether to build a library that is not in the cache.
 
     Raises
     ------
@@ -149,12 +136,15 @@ def load_library(name: str, files: Mapping[str, str]) -> ctypes.CDLL:
         If there is no C compiler.
     RuntimeError
         If it refuses the sources; the line names its log.
+    NotCachedError
+        Without `build`, if there is none.
     """
     command = find_compiler()
-    stem = f"{name}-{_key(command, files)}"
     for place in (cache_folder, _private_folder):
-        folder = place()
-        path = _cached(folder, stem) or _build(folder, stem, command, files)
+        folder, flags = place(), local_flags()
+        if not (build or _cached(folder, f"{name}-{_key(command, flags, files)}", _SUFFIX)):
+            raise NotCachedError
+        path = built_file(folder, name, files, command, flags, _SUFFIX)
         try:
             return ctypes.CDLL(str(path))
         except OSError as error:  # built for another system that shares this home, or a folder without exec
@@ -162,16 +152,47 @@ def load_library(name: str, files: Mapping[str, str]) -> ctypes.CDLL:
     raise RuntimeError(f"the compiled library {path} cannot be loaded: {reason}")
 
 
-def _key(command: tuple[str, ...], files: Mapping[str, str]) -> str:
-    parts = [*FLAGS, *command, version(command), sys.platform, platform.machine()]
+def built_file(
+    folder: Path,
+    name: str,
+    files: Mapping[str, str],
+    command: tuple[str, ...],
+    flags: Sequence[str],
+    suffix: str,
+) -> Path:
+    """Return the binary that a compiler makes of C sources, from a cache folder or built now.
+
+    Parameters
+    ----------
+    folder : Path
+        See :func:`cache_folder`.
+    name, files
+        As for :func:`load_library`.
+    command : tuple of str
+        The compiler; its version counts, too.
+    flags : sequence of str
+    suffix : str
+        Of the binary's file name, with the dot.
+
+    Raises
+    ------
+    RuntimeError
+        If the compiler refuses the sources; the line names its log.
+    """
+    stem = f"{name}-{_key(command, flags, files)}"
+    return _cached(folder, stem, suffix) or _build(folder, stem, files, command, flags, suffix)
+
+
+def _key(command: tuple[str, ...], flags: Sequence[str], files: Mapping[str, str]) -> str:
+    parts = [*flags, *command, version(command), sys.platform, platform.machine()]
     for name in sorted(files):
         parts += [name, files[name]]
     return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:24]
 
 
-def _cached(folder: Path, stem: str) -> Path | None:
+def _cached(folder: Path, stem: str, suffix: str) -> Path | None:
     """Return the library of that name whose bytes are those its name promises; remove any other."""
-    for path in sorted(folder.glob(f"{stem}-*{_SUFFIX}")):
+    for path in sorted(folder.glob(f"{stem}-*{suffix}")):
         try:
             if _digest(path) == path.stem.rpartition("-")[2]:
                 return path
@@ -181,115 +202,81 @@ def _cached(folder: Path, stem: str) -> Path | None:
     return None
 
 
+def cached_text(stem: str, suffix: str, make: Callable[[], str]) -> str:
+    """Return a generated text that is slow to make, from the cache or made now.
+
+    Parameters
+    ----------
+    stem : str
+        Begins the file's name; says all that the text depends on.
+    suffix : str
+        Of the file, with the dot.
+    make : callable
+    """
+    folder = cache_folder()
+    found = _cached(folder, stem, suffix)
+    if found is not None:
+        with contextlib.suppress(OSError):  # another process removed it
+            return found.read_text(encoding="utf-8")
+    text = make()
+    digest = hashlib.sha256(text.encode()).hexdigest()[:16]
+    write_whole(folder / f"{stem}-{digest}{suffix}", lambda path: path.write_bytes(text.encode()))
+    return text
+
+
+def generated(block: Block, kind: str, make: Callable[[], str]) -> str:
+    """Return a text that is generated from a Block, made once for each version of the code that makes it.
+
+    Parameters
+    ----------
+    block : Block
+    kind : str
+        Which text, with all options.
+    make : callable
+    """
+    parts = (block.content_hash, kind, _generator())
+    key = hashlib.sha256("\0".join(parts).encode()).hexdigest()[:24]
+    return cached_text(f"{block.name}-{key}", ".c", make)
+
+
+@cache
+def _generator() -> str:
+    """Return a digest of all code that a generated text depends on."""
+    digest = hashlib.sha256(f"{sp.__version__} {sys.version}".encode())
+    package = Path(__file__).parents[1]
+    for file in sorted([*package.glob("*.py"), *(package / "targets").glob("*.py")]):
+        digest.update(file.read_bytes())
+    return digest.hexdigest()
+
+
 def _digest(path: Path) -> str:
     return hashlib.sha256(path.read_bytes()).hexdigest()[:16]
 
 
-def _build(folder: Path, stem: str, command: tuple[str, ...], files: Mapping[str, str]) -> Path:
+def _build(
+    folder: Path,
+    stem: str,
+    files: Mapping[str, str],
+    command: tuple[str, ...],
+    flags: Sequence[str],
+    suffix: str,
+) -> Path:
     with tempfile.TemporaryDirectory(prefix=".build-", dir=folder, ignore_cleanup_errors=True) as work:
         for name, text in files.items():
             Path(work, name).write_text(text, encoding="utf-8")
-        made = Path(work, f"library{_SUFFIX}")
+        made = Path(work, f"library{suffix}")
         sources = [name for name in sorted(files) if name.endswith(".c")]
-        call = [*command, *FLAGS, *sources, "-o", made.name, "-lm"]
+        call = [*command, *flags, *sources, "-o", made.name, "-lm"]
         done = subprocess.run(call, cwd=work, capture_output=True, text=True, errors="replace")
         if done.returncode != 0 or not made.exists():
             log = folder / f"{stem}.log"
             log.write_text(f"{shlex.join(call)}\n{done.stdout}{done.stderr}", encoding="utf-8")
             first = next((x for x in done.stderr.splitlines() if "error" in x), f"status {done.returncode}")
             raise RuntimeError(f"the C compiler {command[0]} failed: {first.strip()}; its log: {log}")
-        target = folder / f"{stem}-{_digest(made)}{_SUFFIX}"
+        target = folder / f"{stem}-{_digest(made)}{suffix}"
         try:
             os.replace(made, target)
         except OSError:  # Windows: the same file, built by another process, is in use
             if not target.exists():
                 raise
         return target
-
-
-class Solver(NamedTuple):
-    """How to integrate; ``step`` 0 means no limit."""
-
-    method: str
-    step: float
-    rtol: float
-    atol: float
-
-
-class _Options(ctypes.Structure):
-    """hc_options of hc_solver.h."""
-
-    _fields_ = (
-        ("method", ctypes.c_int),
-        ("rtol", ctypes.c_double),
-        ("atol", ctypes.c_double),
-        ("step", ctypes.c_double),
-        ("max_steps", ctypes.c_long),
-        ("nominal", ctypes.c_void_p),
-    )
-
-
-class Library:
-    """The shared library of one Block and the calls into it; arrays are C-contiguous and not checked.
-
-    Parameters
-    ----------
-    block : Block
-    friction : {"events", "smooth"}
-    """
-
-    def __init__(self, block: Block, friction: Literal["events", "smooth"]) -> None:
-        self._sizes = len(block.states), len(block.outputs)
-        runtime = resources.files("hovercontrol") / "fmu"
-        wanted = (f for f in runtime.iterdir() if f.name.endswith(".h") or f.name in _RUNTIME)
-        files = {f.name: f.read_text(encoding="utf-8") for f in wanted}
-        files |= {"model.c": c_source(block, friction=friction, partials=False), "exports.c": _EXPORTS}
-        library = load_library(block.name, files)
-        real, whole, pointer = ctypes.c_double, ctypes.c_long, ctypes.c_void_p
-        self._simulate, self._sweep = library.block_simulate, library.block_sweep
-        self._simulate.argtypes = [pointer, pointer, whole, *[pointer] * 6]
-        self._sweep.argtypes = [pointer, pointer, whole, whole, *[pointer] * 3, real, *[pointer] * 4]
-        # A right-hand side takes less time than to let go of the interpreter's lock and to take it again.
-        short = ctypes.PyDLL(library._name)
-        self.derivatives, self.outputs = short.block_derivatives, short.block_outputs
-        for function in (self.derivatives, self.outputs):
-            function.argtypes, function.restype = [real, *[pointer] * 4], None
-
-    def simulate(
-        self, solver: Solver, times: Array, u: Array, x: Array, p: Array
-    ) -> tuple[int, float, Array, Array]:
-        """Return status, time reached, states and outputs, each of shape (n_times, signals)."""
-        n_states, n_outputs = self._sizes
-        states, outputs = np.empty((len(times), n_states)), np.empty((len(times), n_outputs))
-        reached, last, rows = np.array([times[0]]), x.copy(), np.ascontiguousarray(u.T)
-        arrays = (a.ctypes.data for a in (last, rows, p, states, outputs, reached))
-        options = _options(solver)
-        status = self._simulate(ctypes.byref(options), times.ctypes.data, len(times), *arrays)
-        if status == NO_MEMORY:
-            raise MemoryError("no memory for the solver")
-        return status, float(reached[0]), states, outputs
-
-    def sweep(
-        self,
-        solver: Solver,
-        times: Array,
-        u: Array,
-        x: Array,
-        p: Array,
-        since: float,
-        band: Array,
-        results: tuple[Array, Array, NDArray[np.intc]],
-    ) -> None:
-        """Fill the results of some runs: figures, last states, status."""
-        options, rows = _options(solver), np.ascontiguousarray(u.T)
-        before = (a.ctypes.data for a in (x, rows, p))
-        after = (a.ctypes.data for a in (band, *results))
-        grid = (times.ctypes.data, len(times), len(x))
-        if self._sweep(ctypes.byref(options), *grid, *before, since, *after) == NO_MEMORY:
-            raise MemoryError("no memory for the solver")
-
-
-def _options(solver: Solver) -> _Options:
-    method = METHODS.index(solver.method)
-    steps = MAX_STEPS if method == 0 else 0
-    return _Options(method, solver.rtol, solver.atol, solver.step, steps, None)

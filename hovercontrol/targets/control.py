@@ -11,7 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from hovercontrol.block import Block
 from hovercontrol.errors import InputError, did_you_mean
-from hovercontrol.targets.numpy import call_scalar, numpy_functions
+from hovercontrol.targets.library import Point
+from hovercontrol.targets.numpy import numpy_functions
+from hovercontrol.targets.points import points
 
 Array = NDArray[np.float64]
 
@@ -29,6 +31,9 @@ class _Params(dict[str, float]):
 
 class BlockSystem(control.NonlinearIOSystem):
     """The python-control face of a Block; made by ``block.to_control()``.
+
+    Where a large Block is evaluated often, machine code takes over from Python, with the same numbers to
+    rounding (:mod:`.points` says when); without a C compiler Python goes on.
 
     Parameter keys are those of the Block (``plant.yaw_coulomb``). An unknown key is refused; inside a
     ``control.interconnect``, where every subsystem is handed the keys of all, a key that begins with this
@@ -56,13 +61,12 @@ class BlockSystem(control.NonlinearIOSystem):
         self._prepare()
 
     def _prepare(self) -> None:
-        functions = numpy_functions(self.block)
-        self._derivative_pair = functions.scalar_pair("derivatives")
-        self._output_pair = functions.scalar_pair("outputs")
+        self._points = points(self.block)
+        self._native: tuple[Point, Point] | None = None
         self._values = self.block.parameter_values()
 
     def __getstate__(self) -> dict[str, Any]:
-        left_out = ("_derivative_pair", "_output_pair")
+        left_out = ("_points", "_native")
         return {k: v for k, v in self.__dict__.items() if k not in left_out}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -83,6 +87,7 @@ class BlockSystem(control.NonlinearIOSystem):
         current = {key: given.get(key, value) for key, value in own.items()}
         self._current_params = current
         self._values = self.block.parameter_values(current)
+        self._native = None
 
     def _updates(self, t: float, x: Any, u: Any, params: Mapping[str, float]) -> Array:
         return numpy_functions(self.block).derivatives(t, x, u, self._own(params))
@@ -95,10 +100,20 @@ class BlockSystem(control.NonlinearIOSystem):
 
     # What python-control calls at every point; the two methods above, without looking up parameters again.
     def _rhs(self, t: float, x: Any, u: Any) -> Array:
-        return np.array(call_scalar(self._derivative_pair, t, _list(x), _list(u), self._values), float)
+        native = self._native or self._look_for_native()
+        if native:
+            return native[0](t, x, u)
+        return self._points.python("derivatives", t, x, u, self._values)
 
     def _out(self, t: float, x: Any, u: Any) -> Array:
-        return np.array(call_scalar(self._output_pair, t, _list(x), _list(u), self._values), float)
+        native = self._native or self._look_for_native()
+        if native:
+            return native[1](t, x, u)
+        return self._points.python("outputs", t, x, u, self._values)
+
+    def _look_for_native(self) -> tuple[Point, Point] | None:
+        self._native = self._points.native(self._values)
+        return self._native
 
     def linearize(
         self,
@@ -166,10 +181,6 @@ def to_control(block: Block, name: str | None = None) -> BlockSystem:
     -3.0
     """
     return BlockSystem(block, name)
-
-
-def _list(values: Any) -> list[float]:
-    return np.asarray(values, dtype=float).ravel().tolist()
 
 
 def _point(values: ArrayLike, n: int, kind: str, name: str) -> Array:

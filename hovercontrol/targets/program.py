@@ -6,8 +6,11 @@ Every face that prints code (plain Python, NumPy, C) prints the same program.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from copy import copy
+from typing import Any
 
 import sympy as sp
+from sympy.core.relational import Relational
 
 from hovercontrol.block import Block
 from hovercontrol.sgn import regularise
@@ -44,6 +47,35 @@ class Program:
         }
         self.results: list[sp.Expr] = list(reduced[len(definitions) :])
         self.steps = _in_order(bodies, self.results)
+
+    def without_branches(self) -> Program:
+        """Return the program with all that a condition chooses from, or compares, computed beforehand."""
+        flat = copy(self)
+        flat.steps = []
+
+        def name(e: sp.Expr) -> sp.Expr:
+            if e.is_Atom:
+                return e
+            symbol = sp.Dummy(real=True)
+            flat.steps.append((symbol, e))
+            return symbol
+
+        def lift(e: Any) -> Any:
+            if not e.has(sp.Piecewise):
+                return e
+            if not isinstance(e, sp.Piecewise):
+                return e.func(*(lift(a) for a in e.args))
+            pairs = []
+            for value, condition in e.args:
+                swap = {r: r.func(*(name(lift(a)) for a in r.args)) for r in condition.atoms(Relational)}
+                pairs.append((name(lift(value)), condition.xreplace(swap)))
+            return sp.Piecewise(*pairs, evaluate=False)
+
+        for symbol, e in self.steps:
+            lifted = lift(e)  # its parts come first
+            flat.steps.append((symbol, lifted))
+        flat.results = [lift(e) for e in self.results]
+        return flat
 
     @property
     def symbols(self) -> set[sp.Symbol]:

@@ -7,6 +7,7 @@ from collections.abc import Callable
 
 import pytest
 
+from .fmi_support import BLOCKS, Built, build_fmu
 from .support import MODELS, SOURCES, Runtime, compile_c
 
 
@@ -31,5 +32,19 @@ def build(compiler: str, tmp_path_factory: pytest.TempPathFactory) -> Callable[.
             compile_c(compiler, [MODELS / f"{name}.c", *SOURCES], path, ["-O3", "-shared", "-fPIC", *flags])
             built[key] = Runtime(path)
         return built[key]
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def fmu(compiler: str, tmp_path_factory: pytest.TempPathFactory) -> Callable[[str, int], Built]:
+    """Return a function that builds the FMU of a Block of fmi_support, once for each version of FMI."""
+    folder = tmp_path_factory.mktemp("fmus")
+    built: dict[tuple[str, int], Built] = {}
+
+    def make(name: str, version: int) -> Built:
+        if (name, version) not in built:
+            built[name, version] = build_fmu(compiler, BLOCKS[name](), version, folder / f"{name}{version}")
+        return built[name, version]
 
     return make

@@ -5,6 +5,10 @@
 #include <stdio.h>
 #include <stdlib.h>
 
+#ifndef LANES
+#define LANES NULL
+#endif
+
 enum { N_TIMES = 301, N_RUNS = 3 };
 
 static double *doubles(int n)
@@ -37,7 +41,8 @@ int main(int argc, char **argv)
         options.method = method;
         options.step = method == HC_RK4 ? 0.013 : 0.0;
         const double *inputs = m->n_inputs ? u : NULL;
-        printf("%d ", hc_sweep(m, &options, times, N_TIMES, N_RUNS, x, inputs, p, 2.0, band, figures, final, status));
+        printf("%d ", hc_sweep_part(m, NULL, LANES, &options, times, N_TIMES, N_RUNS, x, inputs, p, 2.0, band, figures,
+                                    final, status));
         printf("%d %d %d ", status[0], status[1], status[2]);
         printf("%d ", hc_simulate(m, &options, times, N_TIMES, x, inputs, p, states, outputs, &reached));
         hc_solver *solver = hc_solver_new(m, &options);

@@ -7,6 +7,12 @@ import subprocess
 
 import pytest
 
+from hovercontrol import interconnect
+from hovercontrol.controllers import tracking_controller
+from hovercontrol.references import circle
+from hovercontrol.targets.c import c_source, lanes_source
+from hovercontrol.vehicles import c17_simulation
+
 from .support import MODELS, OK, RUNTIME, SOURCES, STRICT, compile_c
 
 HERE = MODELS.parent
@@ -47,16 +53,36 @@ def test_only_names_with_the_prefix_are_exported(compiler, tmp_path):
 
 @pytest.mark.parametrize("name", PARAMETERS)
 def test_sanitisers_find_nothing(compiler, name, tmp_path):
-    program = tmp_path / name
+    lines = run_sanitised(compiler, [MODELS / f"{name}.c"], PARAMETERS[name], tmp_path)
+    if name != "contradiction":
+        assert all(set(line.rsplit(" ", 1)[0]) <= {str(OK), " "} for line in lines), lines
+
+
+@pytest.mark.parametrize("closed", [True, False])
+def test_sanitisers_find_nothing_in_lanes(compiler, closed, tmp_path):
+    """C17's craft, generated, so that runs ride in lanes and get off at events, rows and jumps."""
+    craft = c17_simulation()
+    parts = [circle(1.0), tracking_controller(craft), craft.plant()]
+    block = interconnect(parts, "loop") if closed else craft.plant()
+    sources = {"model.c": c_source(block), "lanes.c": lanes_source(block)}
+    for name, text in sources.items():
+        (tmp_path / name).write_text(text)
+    models = [tmp_path / name for name in sources]
+    lines = run_sanitised(compiler, models, block.parameter_values(), tmp_path, "-DLANES=hc_model_lanes")
+    assert all(set(line.rsplit(" ", 1)[0]) <= {str(OK), " "} for line in lines), lines
+
+
+def run_sanitised(compiler, models, parameters, tmp_path, *more):
+    """Return the lines that sanitised.c prints, one for each method."""
+    program = tmp_path / "sanitised"
     flags = ["-g", "-O1", "-fsanitize=address,undefined,float-divide-by-zero", "-fno-sanitize-recover=all"]
+    flags += more
     probe = tmp_path / "probe.c"
     probe.write_text("int main(void) { return 0; }\n")
     if subprocess.run([compiler, *flags, str(probe), "-o", str(program)], capture_output=True).returncode:
         pytest.skip(f"{compiler} cannot build with the address and undefined-behaviour sanitisers here")
-    compile_c(compiler, [HERE / "sanitised.c", MODELS / f"{name}.c", *SOURCES], program, flags)
-    arguments = [str(value) for value in PARAMETERS[name]]
+    compile_c(compiler, [HERE / "sanitised.c", *models, *SOURCES], program, flags)
+    arguments = [str(value) for value in parameters]
     result = subprocess.run([program, *arguments], capture_output=True, text=True)
     assert result.returncode == 0, result.stderr
-    lines = result.stdout.split("\n")[:2]
-    if name != "contradiction":
-        assert all(set(line.rsplit(" ", 1)[0]) <= {str(OK), " "} for line in lines), result.stdout
+    return result.stdout.split("\n")[:2]

@@ -1,15 +1,26 @@
 """The C compiler is found or its lack said; libraries are built once, whole, and never loaded broken."""
 
 import os
+import platform
 import shutil
 import stat
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
-from hovercontrol.targets import compiler
-from hovercontrol.targets.compiler import NoCompilerError, cache_folder, find_compiler, load_library
+from hovercontrol import Block, Signal
+from hovercontrol.targets import compiler, library
+from hovercontrol.targets.c import c_source
+from hovercontrol.targets.compiler import (
+    NoCompilerError,
+    NotCachedError,
+    cache_folder,
+    find_compiler,
+    load_library,
+)
+from hovercontrol.targets.library import Library
 
 needs_cc = pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler (cc) on this machine")
 TWO = {
@@ -63,6 +74,43 @@ def test_a_damaged_library_is_rebuilt_and_not_loaded(cache, damage):
     path.write_bytes(damage(whole))
     assert load_library("two", TWO).two() == 2
     assert [p.read_bytes() for p in libraries(cache)] == [whole]
+
+
+@needs_cc
+def test_a_warm_start_generates_nothing_unless_the_generator_changed(cache, monkeypatch):
+    v, k = Signal("v", start=1.0), Signal("k", "1/s", start=2.0)
+    two = Block("two", [v], [], [v], [k], {"v": -k.symbol * v.symbol})
+    made = []
+
+    def source(block, **options):
+        made.append(block.name)
+        return c_source(block, **options)
+
+    monkeypatch.setattr(library, "c_source", source)
+    for _ in range(2):
+        Library(two, "events")
+    assert made == ["two"]
+    monkeypatch.setattr(compiler, "_generator", lambda: "another")
+    Library(two, "events")
+    assert made == ["two"] * 2
+    (text, *_) = cache.glob("two-*.c")
+    text.write_text(text.read_text().replace("-k*v", "0"))  # damaged
+    monkeypatch.undo()
+    monkeypatch.setenv("HOVERCONTROL_CACHE", str(cache.parent))
+    assert Library(two, "events").point("derivatives", (2.0,))(0.0, [3.0]).tolist() == [-6.0]
+
+
+@needs_cc
+def test_a_library_that_may_not_be_built_is_not(cache):
+    with pytest.raises(NotCachedError):
+        load_library("two", TWO, build=False)
+    load_library("two", TWO)
+    assert load_library("two", TWO, build=False).two() == 2
+
+
+@pytest.mark.skipif(sys.platform != "linux" or platform.machine() != "x86_64", reason="Linux on x86_64")
+def test_the_processors_vectors_are_in_the_flags():
+    assert ("-mavx2" in compiler.local_flags()) == (" avx2 " in Path("/proc/cpuinfo").read_text())
 
 
 @needs_cc

@@ -1,0 +1,296 @@
+"""FMUs are ZIP archives from anyone: looked through before a byte is unpacked or a parser sees it.
+
+Names, counts and sizes are checked in the archive's directory first; the same limits then hold for the bytes
+that really come out, whatever the directory claimed. ``modelDescription.xml`` passes a streaming parser that
+stops at the first document type declaration, so that no entity is ever expanded.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import os
+import re
+import stat
+import struct
+import unicodedata
+import zipfile
+import zlib
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import IO, NamedTuple
+from xml.parsers import expat
+
+from hovercontrol.errors import InputError
+
+MIB = 2**20
+_CHUNK = MIB
+#: Python's zipfile reads an archive's directory in one piece; this bounds it.
+_LONGEST_READ = 8 * MIB
+_ENCODINGS = {"UTF-8", "UTF8", "US-ASCII", "ASCII", "ISO-8859-1", "LATIN1"}
+#: Names that mean a device on Windows, with any suffix.
+_DEVICES = re.compile(r"(con|prn|aux|nul|com[0-9]|lpt[0-9])(\..*)?", re.IGNORECASE)
+
+
+class Limits(NamedTuple):
+    """What an archive may hold at most."""
+
+    archive: int = 1024 * MIB  # bytes of the file
+    total: int = 1024 * MIB  # bytes unpacked
+    description: int = 100 * MIB  # bytes of modelDescription.xml
+    ratio: int = 200  # bytes unpacked for one packed, beyond the first MiB
+    entries: int = 10_000
+    depth: int = 32  # folders within folders
+    path: int = 1_000  # characters of one name
+    elements: int = 2_000_000  # of modelDescription.xml
+    nesting: int = 64  # elements within elements
+
+
+LIMITS = Limits()
+
+
+class Header(NamedTuple):
+    """The first element of a model description."""
+
+    tag: str
+    attributes: dict[str, str]
+
+
+class Archive:
+    """An FMU's archive whose directory has been checked; made by :func:`open_archive`."""
+
+    def __init__(self, path: Path, file: zipfile.ZipFile, size: int, limits: Limits) -> None:
+        self.path, self._file, self._limits = path, file, limits
+        self._left = min(limits.total, limits.ratio * size + MIB)  # bytes that may still come out
+        self._entries = {info.filename: info for info in _checked(path, file.infolist(), size, limits)}
+
+    @property
+    def names(self) -> list[str]:
+        """The names of the files, folders left out."""
+        return [name for name, info in self._entries.items() if not info.is_dir()]
+
+    def read(self, name: str, limit: int) -> bytes:
+        """Return one file's bytes, at most `limit` of them.
+
+        Raises
+        ------
+        InputError
+            If it is not there, is larger or is broken.
+        """
+        out = io.BytesIO()
+        self._copy(name, out, limit)
+        return out.getvalue()
+
+    def unpack(self, folder: Path, wanted: Callable[[str], bool]) -> None:
+        """Write the files whose name is `wanted` below a folder of the caller's own.
+
+        Raises
+        ------
+        InputError
+            If more bytes come out than the limits allow, or an entry is broken.
+        """
+        for name in filter(wanted, self.names):
+            target = folder / name  # _checked made sure that this stays below the folder
+            target.parent.mkdir(parents=True, exist_ok=True)
+            with open(target, "xb") as out:
+                self._copy(name, out, self._limits.total)
+
+    def _copy(self, name: str, out: IO[bytes], limit: int) -> None:
+        info = self._entries.get(name)
+        if info is None:
+            raise InputError(f"{self.path}: no FMU, it holds no {name}")
+        written = 0
+        try:
+            with self._file.open(info) as source:
+                while data := source.read(_CHUNK):
+                    written += len(data)
+                    self._left -= len(data)
+                    if written > limit or self._left < 0:
+                        raise InputError(f"{self.path}: entry {name!r} unpacks to more than an FMU may hold")
+                    out.write(data)
+        except InputError:
+            raise
+        except (zipfile.BadZipFile, zlib.error, EOFError, RuntimeError, ValueError) as error:
+            raise InputError(f"{self.path}: entry {name!r} is broken: {_line(error)}") from None
+        if written != info.file_size:
+            raise InputError(
+                f"{self.path}: entry {name!r} is broken: {info.file_size} bytes announced, {written} found"
+            )
+
+
+@contextlib.contextmanager
+def open_archive(path: str | Path, limits: Limits = LIMITS) -> Iterator[Archive]:
+    """Open an FMU's archive and check its directory; nothing is unpacked.
+
+    Parameters
+    ----------
+    path : path
+    limits : Limits, optional
+        What the archive may hold at most.
+
+    Raises
+    ------
+    InputError
+        If it is no ZIP archive, or one that could write elsewhere than in its folder, hide one file behind
+        another, fill the disk, or needs a password. The line names the entry.
+    """
+    path = Path(path)
+    try:
+        if not stat.S_ISREG(os.stat(path).st_mode):  # to open a pipe would wait for its other end
+            raise InputError(f"{path} is no file")
+        raw = _Bounded(path)
+    except OSError as error:
+        raise InputError(f"{path} cannot be read: {error.strerror}") from None
+    with raw:
+        size = os.fstat(raw.fileno()).st_size
+        if size > limits.archive:
+            raise InputError(f"{path} has {size} bytes; an FMU may have {limits.archive}")
+        try:
+            file = zipfile.ZipFile(raw)
+        except (zipfile.BadZipFile, NotImplementedError, struct.error, ValueError, OSError) as error:
+            raise InputError(f"{path} is no FMU: {_line(error)}") from None
+        with file:
+            yield Archive(path, file, size, limits)
+
+
+class _Bounded(io.FileIO):
+    """A file that is never read in one piece larger than the bound."""
+
+    def read(self, size: int | None = -1, /) -> bytes:
+        left = os.fstat(self.fileno()).st_size - self.tell()
+        wanted = left if size is None or size < 0 else min(size, left)
+        if wanted > _LONGEST_READ:
+            raise zipfile.BadZipFile(f"a directory of {wanted} bytes")
+        return super().read(max(wanted, 0)) or b""
+
+
+def _checked(
+    path: Path, infos: list[zipfile.ZipInfo], size: int, limits: Limits
+) -> Iterator[zipfile.ZipInfo]:
+    """Yield the entries; raise at the first that an FMU may not have."""
+    if len(infos) > limits.entries:
+        raise InputError(f"{path} holds {len(infos)} entries; an FMU may hold {limits.entries}")
+    total = sum(info.file_size for info in infos)
+    if total > limits.total:
+        raise InputError(f"{path} would unpack to {total} bytes; an FMU may have {limits.total}")
+    if total > limits.ratio * size + MIB:
+        raise InputError(f"{path} would unpack to {total} bytes, more than {limits.ratio} times its size")
+    files: dict[str, str] = {}
+    folders: dict[str, str] = {}
+    for info in infos:
+        if reason := _fault(info, limits):
+            raise InputError(f"{path}: entry {info.orig_filename!r} {reason}")
+        parts = info.filename.rstrip("/").split("/")
+        for n in range(1, len(parts) + 1):
+            name, last = "/".join(parts[:n]), n == len(parts)
+            key = _folded(name)
+            is_file = last and not info.is_dir()
+            other = files.get(key) or (folders.get(key) if is_file else None)
+            if other is None and not is_file and folders.setdefault(key, name) != name:
+                other = folders[key]
+            if other is not None:
+                raise InputError(
+                    f"{path}: entry {info.filename!r} would fall on {other!r} (case and form set aside)"
+                )
+            if is_file:
+                files[key] = name
+    ends = 0
+    for info in sorted(infos, key=lambda info: info.header_offset):
+        if info.header_offset < ends:
+            raise InputError(f"{path}: entry {info.filename!r} shares its bytes with another")
+        ends = info.header_offset + 30 + info.compress_size
+    yield from infos
+
+
+def _fault(info: zipfile.ZipInfo, limits: Limits) -> str | None:
+    """Return what is wrong with one entry by itself."""
+    name = info.orig_filename
+    parts = info.filename.rstrip("/").split("/")
+    kind = stat.S_IFMT(info.external_attr >> 16)
+    if "\\" in name:
+        return "has a backslash in its name"
+    if name.startswith("/") or re.match(r"[A-Za-z]:", name):
+        return "has an absolute name"
+    if ".." in parts:
+        return "leads out of its folder"
+    if ":" in name or any(ord(c) < 32 or ord(c) == 127 for c in name) or {"", "."} & set(parts):
+        return "has a name that is none on every system"
+    if any(_DEVICES.fullmatch(p) or len(p.encode("utf-8", "replace")) > 255 for p in parts):
+        return "has a name that is none on every system"
+    if len(name) > limits.path or len(parts) > limits.depth:
+        return f"has a longer name than {limits.path} characters or lies deeper than {limits.depth} folders"
+    if kind not in (0, stat.S_IFREG, stat.S_IFDIR):
+        return "is a link" if kind == stat.S_IFLNK else "is no plain file"
+    if info.flag_bits & 0x2041:
+        return "is encrypted"
+    if info.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+        return "is packed by another method than deflate"
+    if info.file_size > limits.ratio * info.compress_size + MIB:
+        return f"would unpack to more than {limits.ratio} times its packed size"
+    return None
+
+
+def _folded(name: str) -> str:
+    """Return what two names have in common that some file system takes for the same."""
+    parts = (part.rstrip(". ") for part in unicodedata.normalize("NFC", name).casefold().split("/"))
+    return "/".join(parts)
+
+
+def check_xml(data: bytes, where: str, limits: Limits = LIMITS) -> Header:
+    """Look through a model description with a parser that expands nothing; return its first element.
+
+    Parameters
+    ----------
+    data : bytes
+    where : str
+        Begins the error line: the file.
+    limits : Limits, optional
+
+    Raises
+    ------
+    InputError
+        If it is no well-formed XML, declares a document type or entities, is in an encoding that FMI does not
+        use, or is nested or long beyond the limits.
+    """
+    if b"\0" in data or data[:2] in (b"\xfe\xff", b"\xff\xfe"):
+        raise InputError(f"{where}: expected XML in UTF-8")
+    first: list[Header] = []
+    depth = count = 0
+
+    def declaration(_version: str, encoding: str | None, _standalone: int) -> None:
+        if encoding is not None and encoding.upper() not in _ENCODINGS:
+            raise InputError(f"{where}: expected XML in UTF-8, found the encoding {encoding!r}")
+
+    def refuse(*_: object) -> None:
+        raise InputError(
+            f"{where}: a document type or entities are declared; FMI has neither, they are refused"
+        )
+
+    def start(tag: str, attributes: dict[str, str]) -> None:
+        nonlocal depth, count
+        depth, count = depth + 1, count + 1
+        if depth > limits.nesting or count > limits.elements:
+            raise InputError(
+                f"{where}: more than {limits.nesting} levels or {limits.elements} elements are refused"
+            )
+        if not first:
+            first.append(Header(tag, attributes))
+
+    def end(_tag: str) -> None:
+        nonlocal depth
+        depth -= 1
+
+    parser = expat.ParserCreate()
+    parser.XmlDeclHandler = declaration
+    parser.StartDoctypeDeclHandler = parser.EntityDeclHandler = refuse
+    parser.StartElementHandler, parser.EndElementHandler = start, end
+    try:
+        parser.Parse(data, True)
+    except expat.ExpatError as error:
+        raise InputError(f"{where} is no XML: {error}") from None
+    return first[0]
+
+
+def _line(error: BaseException) -> str:
+    """Return an exception's text in one line."""
+    return " ".join(str(error).split()) or type(error).__name__

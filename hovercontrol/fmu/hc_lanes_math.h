@@ -1,0 +1,57 @@
+/* For a generated lanes.c, after math.h: functions that the compiler can compute for many lanes at once. */
+#ifndef HC_LANES_MATH_H
+#define HC_LANES_MATH_H
+
+#if defined __GNUC__ && !defined __clang__ && defined __x86_64__ && defined __GLIBC_PREREQ
+#if __GLIBC_PREREQ(2, 35)
+#define HC_LANES_PAY
+
+/* The assembler's name leads to libm's function and to its forms for vectors; another name in C keeps gcc from making
+ * one call of a sine and a cosine, which has no such form. */
+#define HC_VECTOR(name, arguments) \
+    extern double hc_##name arguments __asm__(#name) __attribute__((simd("notinbranch"), const, nothrow));
+HC_VECTOR(sin, (double))
+HC_VECTOR(cos, (double))
+HC_VECTOR(tan, (double))
+HC_VECTOR(asin, (double))
+HC_VECTOR(acos, (double))
+HC_VECTOR(atan, (double))
+HC_VECTOR(sinh, (double))
+HC_VECTOR(cosh, (double))
+HC_VECTOR(tanh, (double))
+HC_VECTOR(exp, (double))
+HC_VECTOR(log, (double))
+HC_VECTOR(atan2, (double, double))
+HC_VECTOR(pow, (double, double))
+#define sin hc_sin
+#define cos hc_cos
+#define tan hc_tan
+#define asin hc_asin
+#define acos hc_acos
+#define atan hc_atan
+#define sinh hc_sinh
+#define cosh hc_cosh
+#define tanh hc_tanh
+#define exp hc_exp
+#define log hc_log
+#define atan2 hc_atan2
+#define pow hc_pow
+
+static inline double hc_max(double a, double b)
+{
+    const double larger = a > b ? a : b;
+    return b != b ? a : larger;
+}
+
+static inline double hc_min(double a, double b)
+{
+    const double smaller = a < b ? a : b;
+    return b != b ? a : smaller;
+}
+#define fmax hc_max
+#define fmin hc_min
+
+#endif
+#endif
+
+#endif

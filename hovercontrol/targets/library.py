@@ -1,0 +1,238 @@
+"""The shared library of one Block: its C sources put together, and the calls into it."""
+
+from __future__ import annotations
+
+import ctypes
+import threading
+from collections.abc import Callable
+from functools import partial
+from importlib import resources
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hovercontrol.block import Block, Rows
+from hovercontrol.errors import InputError
+from hovercontrol.targets.c import c_source, lanes_source
+from hovercontrol.targets.compiler import NotCachedError, generated, load_library
+from hovercontrol.targets.resting import without_resting_states
+
+Array = NDArray[np.float64]
+Point = Callable[[float, ArrayLike, ArrayLike], Array]
+
+#: Steps between two times of the grid after which the solver gives up, some seconds.
+MAX_STEPS = 10_000_000
+NO_MEMORY = 1  # of hc_solver.h
+METHODS = ("dormand-prince", "rk4")  # in the order of hc_solver.h
+_RUNTIME = ("hc_solver.c", "hc_events.c", "hc_friction.c", "hc_simulate.c", "hc_lanes.c")
+_EXPORTS = """#include "hc_simulate.h"
+#ifdef _WIN32
+#define EXPORT __declspec(dllexport)
+#else
+#define EXPORT __attribute__((visibility("default")))
+#endif
+EXPORT void block_derivatives(double t, const double *x, const double *u, const double *p, double *dx)
+{
+    hc_model.derivatives(t, x, u, p, 0, dx);
+}
+EXPORT void block_outputs(double t, const double *x, const double *u, const double *p, double *y)
+{
+    hc_model.outputs(t, x, u, p, 0, y);
+}
+EXPORT int block_lanes(void)
+{
+    return hc_model_lanes ? HC_LANES : 1;
+}
+EXPORT int block_simulate(const hc_part *part, const hc_options *options, const double *times, long n_times,
+                          double *x, const double *u, const double *p, double *states, double *outputs,
+                          double *reached)
+{
+    return hc_simulate_part(&hc_model, part, options, times, n_times, x, u, p, states, outputs, reached);
+}
+EXPORT int block_sweep(const hc_part *part, const hc_options *options, const double *times, long n_times,
+                       long n_runs, const double *x, const double *u, const double *p, double from,
+                       const double *band, double *figures, double *final, int *status)
+{
+    return hc_sweep_part(&hc_model, part, hc_model_lanes, options, times, n_times, n_runs, x, u, p, from,
+                         band, figures, final, status);
+}
+"""
+_NO_LANES = '#include "hc_lanes.h"\nconst hc_lanes_function hc_model_lanes = NULL;\n'
+
+
+class Solver(NamedTuple):
+    """How to integrate; ``step`` 0 means no limit."""
+
+    method: str
+    step: float
+    rtol: float
+    atol: float
+
+
+class _Options(ctypes.Structure):
+    """hc_options of hc_solver.h."""
+
+    _fields_ = (
+        ("method", ctypes.c_int),
+        ("rtol", ctypes.c_double),
+        ("atol", ctypes.c_double),
+        ("step", ctypes.c_double),
+        ("max_steps", ctypes.c_long),
+        ("nominal", ctypes.c_void_p),
+    )
+
+
+class _Part(ctypes.Structure):
+    """hc_part of hc_simulate.h."""
+
+    _fields_ = (("n_all", ctypes.c_int), ("place", ctypes.c_void_p))
+
+
+class _Buffers(threading.local):
+    """Arrays for one call at a point, each thread its own."""
+
+    def __init__(self, n_inputs: int, p: Array, n_states: int, n_outputs: int, rows: Rows) -> None:
+        self.x, self.u = np.zeros(n_states), np.zeros(n_inputs)
+        self.result = np.zeros(n_states if rows == "derivatives" else n_outputs)
+        self.addresses = tuple(a.ctypes.data for a in (self.x, self.u, p, self.result))
+
+
+def check_point(block: Block, x: ArrayLike, u: ArrayLike) -> None:
+    """Refuse states or inputs of another number than the Block's.
+
+    Raises
+    ------
+    InputError
+    """
+    n_x, n_u = len(block.states), len(block.inputs)
+    if np.shape(x) != (n_x,) or np.shape(u) != (n_u,):
+        raise InputError(
+            f"block {block.name!r}: expected {n_x} states and {n_u} inputs, "
+            f"found shapes {np.shape(x)} and {np.shape(u)}"
+        )
+
+
+class Library:
+    """The shared library of one Block and the calls into it; arrays are C-contiguous and not checked.
+
+    Parameters
+    ----------
+    block : Block
+    friction : {"events", "smooth"}
+    whole : bool, optional
+        Whether to compute the states that rest at zero, too (see :mod:`.resting`). Without them it is faster,
+        and simulations must start with zeros there; derivatives and outputs at a point need all.
+    lanes : bool, optional
+        Whether Runge-Kutta sweeps go side by side in the processor's vectors; twice the time to build.
+    build : bool, optional
+        Whether to build what is not in the cache.
+
+    Raises
+    ------
+    NoCompilerError, RuntimeError
+        As for :func:`load_library`.
+    NotCachedError
+        Without `build`.
+
+    Attributes
+    ----------
+    resting : ndarray of int
+        Places of the states that are left out.
+    lanes : int
+        How many runs of such a sweep go side by side.
+    """
+
+    def __init__(
+        self,
+        block: Block,
+        friction: Literal["events", "smooth"],
+        *,
+        whole: bool = True,
+        lanes: bool = False,
+        build: bool = True,
+    ) -> None:
+        self._block = block
+        self._sizes = len(block.states), len(block.outputs)
+        model, kept = (block, range(len(block.states))) if whole else without_resting_states(block)
+        self._place = np.array(kept, dtype=np.intc)
+        self.resting = np.delete(np.arange(len(block.states)), kept)
+        self._part = _Part(len(block.states), self._place.ctypes.data)
+        runtime = resources.files("hovercontrol") / "fmu"
+        wanted = (f for f in runtime.iterdir() if f.name.endswith(".h") or f.name in _RUNTIME)
+        files = {f.name: f.read_text(encoding="utf-8") for f in wanted} | {"exports.c": _EXPORTS}
+        texts = {"model.c": partial(c_source, partials=False)} | ({"lanes.c": lanes_source} if lanes else {})
+        for name, make in texts.items():
+            kind = f"{name} {friction} {whole}"
+            files[name] = generated(
+                block, kind, partial(make, model, friction=friction) if build else _refuse
+            )
+        files.setdefault("lanes.c", _NO_LANES)
+        library = load_library(block.name, files, build=build)
+        self.lanes = int(library.block_lanes())
+        real, count, pointer = ctypes.c_double, ctypes.c_long, ctypes.c_void_p
+        self._simulate, self._sweep = library.block_simulate, library.block_sweep
+        self._simulate.argtypes = [pointer, pointer, pointer, count, *[pointer] * 6]
+        self._sweep.argtypes = [*[pointer] * 3, count, count, *[pointer] * 3, real, *[pointer] * 4]
+        # A right-hand side takes less time than to let go of the interpreter's lock and to take it again.
+        short = ctypes.PyDLL(library._name)
+        self._rows = {"derivatives": short.block_derivatives, "outputs": short.block_outputs}
+        for function in self._rows.values():
+            function.argtypes, function.restype = [real, *[pointer] * 4], None
+
+    def point(self, rows: Rows, values: tuple[float, ...]) -> Point:
+        """Return the function ``(t, x, u) -> array`` of derivatives or outputs at fixed parameters."""
+        native, p = self._rows[rows], np.array(values)
+        ready = _Buffers(len(self._block.inputs), p, *self._sizes, rows)
+
+        def function(t: float, x: ArrayLike, u: ArrayLike = ()) -> Array:
+            check_point(self._block, x, u)
+            ready.x[:], ready.u[:] = x, u
+            native(t, *ready.addresses)
+            return ready.result.copy()
+
+        return function
+
+    def simulate(
+        self, solver: Solver, times: Array, u: Array, x: Array, p: Array
+    ) -> tuple[int, float, Array, Array]:
+        """Return status, time reached, states and outputs, each of shape (n_times, signals)."""
+        n_states, n_outputs = self._sizes
+        states, outputs = np.empty((len(times), n_states)), np.empty((len(times), n_outputs))
+        reached, last, rows = np.array([times[0]]), x.copy(), np.ascontiguousarray(u.T)
+        arrays = (a.ctypes.data for a in (last, rows, p, states, outputs, reached))
+        options = _options(solver)
+        call = (ctypes.byref(self._part), ctypes.byref(options), times.ctypes.data, len(times))
+        status = self._simulate(*call, *arrays)
+        if status == NO_MEMORY:
+            raise MemoryError("no memory for the solver")
+        return status, float(reached[0]), states, outputs
+
+    def sweep(
+        self,
+        solver: Solver,
+        times: Array,
+        u: Array,
+        x: Array,
+        p: Array,
+        since: float,
+        band: Array,
+        results: tuple[Array, Array, NDArray[np.intc]],
+    ) -> None:
+        """Fill the results of some runs: figures, last states, status."""
+        options, rows = _options(solver), np.ascontiguousarray(u.T)
+        before = (a.ctypes.data for a in (x, rows, p))
+        after = (a.ctypes.data for a in (band, *results))
+        call = (ctypes.byref(self._part), ctypes.byref(options), times.ctypes.data, len(times), len(x))
+        if self._sweep(*call, *before, since, *after) == NO_MEMORY:
+            raise MemoryError("no memory for the solver")
+
+
+def _options(solver: Solver) -> _Options:
+    method = METHODS.index(solver.method)
+    steps = MAX_STEPS if method == 0 else 0
+    return _Options(method, solver.rtol, solver.atol, solver.step, steps, None)
+
+
+def _refuse() -> str:
+    raise NotCachedError

@@ -1,0 +1,80 @@
+"""A Block's derivatives and outputs at single points, for the loops of other solvers: Python until C pays.
+
+Machine code answers in 2 us whatever the Block; Python needs that for a plant and 10 us for a loop with its
+estimator. Its library must be loaded, or built first: so a Block counts what it has spent in Python, and
+changes over when that is what the change costs. A short script then waits for no compiler, and a long one
+loses no more than it has already used.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hovercontrol.block import Block, Rows
+from hovercontrol.targets.compiler import NotCachedError
+from hovercontrol.targets.library import Library, Point
+from hovercontrol.targets.numpy import call_scalar, numpy_functions
+
+Array = NDArray[np.float64]
+
+#: Python's bytecode (1 ns a byte) that is run before a library is worth loading, and worth building.
+LOAD_AFTER, BUILD_AFTER = 3e7, 1e9
+#: Less than this an evaluation is faster in Python.
+SMALL = 3000
+
+
+class Points:
+    """The functions of one Block at points, shared by all its systems; see :func:`points`.
+
+    Parameters
+    ----------
+    block : Block
+    """
+
+    def __init__(self, block: Block) -> None:
+        self.block = block
+        functions = numpy_functions(block)
+        self._pairs = {rows: functions.scalar_pair(rows) for rows in ("derivatives", "outputs")}
+        self._size = {rows: len(pair[0].__code__.co_code) for rows, pair in self._pairs.items()}
+        self._spent = 0
+        self._next = LOAD_AFTER if max(self._size.values()) >= SMALL else math.inf
+        self._library: Library | None = None
+        self._at = lru_cache(maxsize=16)(self._functions)
+
+    def python(self, rows: Rows, t: float, x: Any, u: Any, values: tuple[float, ...]) -> Array:
+        """Evaluate in Python, with numbers or arrays of any shape that has as many."""
+        self._spent += self._size[rows]
+        return np.array(call_scalar(self._pairs[rows], t, _list(x), _list(u), values), float)
+
+    def native(self, values: tuple[float, ...]) -> tuple[Point, Point] | None:
+        """Return derivatives and outputs in machine code at fixed parameters, None before it pays."""
+        if self._library is None and self._spent >= self._next:
+            self._change_over()
+        return self._at(values) if self._library else None
+
+    def _functions(self, values: tuple[float, ...]) -> tuple[Point, Point]:
+        assert self._library
+        return self._library.point("derivatives", values), self._library.point("outputs", values)
+
+    def _change_over(self) -> None:
+        build = self._spent >= BUILD_AFTER
+        self._next = math.inf if build else BUILD_AFTER
+        try:
+            self._library = Library(self.block, "smooth", build=build)
+        except (NotCachedError, RuntimeError):  # not built; no compiler, or one that fails: Python goes on
+            return
+
+
+@lru_cache(maxsize=256)
+def points(block: Block) -> Points:
+    """Return the functions of a Block at points, the same for equal Blocks."""
+    return Points(block)
+
+
+def _list(values: Any) -> list[float]:
+    return np.asarray(values, dtype=float).ravel().tolist()

@@ -1,0 +1,415 @@
+"""FMUs of small Blocks, as the exporter makes their sources, driven through FMPy's bindings."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+from collections.abc import Sequence
+from ctypes import POINTER, c_double, cast
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import fmpy
+import fmpy.fmi2
+import fmpy.fmi3
+import numpy as np
+import sympy as sp
+from fmpy.fmi1 import FMICallException
+from fmpy.sundials import CVodeSolver
+
+from hovercontrol import Block, Signal, interconnect, waypoints
+from hovercontrol.fmi.sources import fmu_sources
+from hovercontrol.fmi.variables import Interface
+from hovercontrol.scenarios import load_scenario
+from hovercontrol.scenarios.runner import loop_parts
+from hovercontrol.sgn import sgn
+from hovercontrol.signals import time
+
+from .support import RUNTIME
+
+STRICT = "-std=c99 -Wall -Wextra -Wshadow -Wconversion -Werror -pedantic".split()  # noqa: SIM905
+SHARED = "-O2 -ffp-contract=off -fPIC -shared -fvisibility=hidden".split()  # noqa: SIM905
+FOLDERS = {2: fmpy.platform, 3: fmpy.platform_tuple}
+ME, CS = "ME", "CS"
+OK, WARNING, DISCARD, ERROR = range(4)
+
+
+def driven() -> Block:
+    """v' = sin t - c sgn v."""
+    v, c = Signal("v", "m/s"), Signal("c", "m/s^2", start=0.7, lower=0.0)
+    size, rate, width = (
+        Signal("size", "m/s^2", start=1.0),
+        Signal("rate", "1/s", start=1.0),
+        Signal("width", "m/s"),
+    )
+    derivative = size.symbol * sp.sin(rate.symbol * time) - c.symbol * sgn(v.symbol, width.symbol)
+    return Block("driven", (v,), (), (v,), (c, size, rate, width.but(start=1e-3)), {"v": derivative})
+
+
+def axes() -> Block:
+    """Three masses in a row of springs, each on a rough floor; the first is shaken."""
+    k, size, rate, width = (
+        Signal(name, unit, start=start)
+        for name, unit, start in (
+            ("k", "1/s^2", 30),
+            ("size", "m/s^2", 5),
+            ("rate", "1/s", 5),
+            ("width", "m/s", 1e-3),
+        )
+    )
+    mass = (1.0, 0.6, 1.7)
+    x = [Signal(f"x{i}", "m") for i in range(3)]
+    v = [Signal(f"v{i}", "m/s") for i in range(3)]
+    mu = [Signal(f"mu{i}", "m/s^2", start=s, lower=0.0) for i, s in enumerate((2.0, 1.0, 0.5))]
+    first, second = (k.symbol * (x[i + 1].symbol - x[i].symbol) for i in (0, 1))
+    shaken = size.symbol * sp.sin(rate.symbol * time)
+    force = (shaken + first - k.symbol * x[0].symbol, second - first, -second)
+    derivatives = {x[i].name: v[i].symbol for i in range(3)}
+    for i in range(3):
+        friction = mu[i].symbol * sgn(v[i].symbol, width.symbol)
+        derivatives[v[i].name] = (force[i] - friction) / mass[i]
+    return Block("axes", (*x, *v), (), tuple(v), (*mu, k, size, rate, width), derivatives)
+
+
+def follower() -> Block:
+    """A first-order lag behind a reference that jumps at 1 s and 2.5 s, an input and a nonlinear output."""
+    q, gain = Signal("q", "m", nominal=2.0), Signal("gain", "1/s", start=3.0, lower=0.1, upper=50.0)
+    push, path = (
+        Signal("push", "m/s", lower=-5.0, upper=5.0),
+        waypoints([[0, 0], [1, 2], [3, 1]], [0, 1, 2.5]),
+    )
+    reference = Signal(path.outputs[0].name, path.outputs[0].unit)
+    lag = Block(
+        "lag",
+        (q,),
+        (reference, push),
+        (q, Signal("power", "m^2/s")),
+        (gain,),
+        {"q": gain.symbol * (reference.symbol - q.symbol) + push.symbol},
+        {"power": q.symbol**2 * gain.symbol + push.symbol * q.symbol},
+    )
+    return interconnect([path, lag], "follower")
+
+
+def plant() -> Block:
+    return loop_parts(load_scenario("table1"))["plant"]
+
+
+def fails_late() -> Block:
+    """x' = -sqrt(end - t): no number after 1 s."""
+    x, end, unit = Signal("x", "s"), Signal("end", "s", start=1.0), Signal("unit", "1/s", start=1.0)
+    derivative = -sp.sqrt(unit.symbol * (end.symbol - time))
+    return Block("fails_late", (x,), (), (x,), (end, unit), {"x": derivative})
+
+
+def controller() -> Block:
+    """No states at all."""
+    return loop_parts(load_scenario("table1"))["controller"]
+
+
+BLOCKS = {f.__name__: f for f in (driven, axes, follower, plant, controller, fails_late)}
+
+
+@dataclass(frozen=True)
+class Built:
+    """The compiled FMU of a Block, as an unzipped folder."""
+
+    interface: Interface
+    version: int
+    folder: Path
+    library: Path
+    token: str
+
+    def vr(self, kind: str, *names: str) -> list[int]:
+        """Value references of some variables of a kind, or of all."""
+        block = self.interface.block
+        groups = {"state": block.states, "derivative": block.states, "input": block.inputs,
+                  "parameter": block.parameters, "output": block.outputs}  # fmt: skip
+        if kind in ("event", "mode"):
+            known = [f.state for f in self.interface.frictions]
+        else:
+            known = [s.name for s in groups[kind]]
+        first = self.interface.first(kind)
+        return [first + known.index(name) for name in names or known]
+
+    def open(self, kind: str, *, logging: bool = True, name: str = "one", **options: Any) -> Instance:
+        return Instance(self, kind, logging, name, options)
+
+
+def write_sources(block: Block, version: int, folder: Path, rtol: float = 1e-6) -> list[Path]:
+    """Write the C files of a Block's FMU; return the paths of those to compile."""
+    files = fmu_sources(Interface(block, "events"), version, rtol, 1e-3 * rtol)
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, text in files.items():
+        (folder / name).write_text(text)
+    return [folder / name for name in sorted(files) if name.endswith(".c")]
+
+
+def token_in(folder: Path) -> str:
+    return re.search(r'"(\{[-0-9a-f]+\})"', (folder / "description.c").read_text()).group(1)
+
+
+def run(command: Sequence[object]) -> str:
+    result = subprocess.run([str(part) for part in command], capture_output=True, text=True)
+    assert result.returncode == 0, result.stdout + result.stderr
+    return result.stdout
+
+
+def build_fmu(compiler: str, block: Block, version: int, folder: Path) -> Built:
+    interface, place = Interface(block, "events"), folder / "binaries" / FOLDERS[version]
+    sources = write_sources(block, version, folder / "sources")
+    place.mkdir(parents=True)
+    library = place / f"{interface.identifier}{fmpy.sharedLibraryExtension}"
+    run([compiler, *STRICT, *SHARED, *sources, "-o", library, "-lm"])
+    return Built(interface, version, folder, library, token_in(folder / "sources"))
+
+
+class Instance:
+    """One instance, with the differences between the versions of FMI taken out."""
+
+    def __init__(self, built: Built, kind: str, logging: bool, name: str, options: dict[str, Any]) -> None:
+        self.built, self.kind, self.messages = built, kind, []
+        version = built.version
+        module = {2: fmpy.fmi2, 3: fmpy.fmi3}[version]
+        maker = getattr(module, f"FMU{version}{'Model' if kind == ME else 'Slave'}")
+        where = {"guid": built.token, "unzipDirectory": str(built.folder), "instanceName": name}
+        self.fmu = fmu = maker(modelIdentifier=built.interface.identifier, **where)
+        self.event_mode = options.get("eventModeUsed", False)
+        if version == 2:
+            self._log = fmpy.fmi2.fmi2CallbackLoggerTYPE(self._message2)
+            self._callbacks = fmpy.fmi2.fmi2CallbackFunctions(logger=self._log)
+            self._instantiate(callbacks=self._callbacks, loggingOn=logging)
+            self.get, self.set, self.modes = fmu.getReal, fmu.setReal, fmu.getInteger
+            self.update = getattr(fmu, "newDiscreteStates", None)
+            self.derivatives = getattr(fmu, "getDerivatives", None)
+        else:
+            self._instantiate(loggingOn=logging, logMessage=self._message3, **options)
+            self.get, self.set, self.modes = fmu.getFloat64, fmu.setFloat64, fmu.getInt32
+            self.update = fmu.updateDiscreteStates
+            self.derivatives = getattr(fmu, "getContinuousStateDerivatives", None)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.fmu, name)
+
+    def _instantiate(self, **options: Any) -> None:
+        try:
+            self.fmu.instantiate(**options)
+        except Exception:  # FMPy raises no other
+            raise RuntimeError(f"not instantiated: {self.messages}") from None
+
+    def _message2(self, _: Any, name: bytes, status: int, category: bytes, message: bytes) -> None:
+        self.messages.append((status, category.decode(), message.decode()))
+
+    def _message3(self, _: Any, status: int, category: bytes, message: bytes) -> None:
+        self.messages.append((status, category.decode(), message.decode()))
+
+    @property
+    def last(self) -> str:
+        return self.messages[-1][2]
+
+    def enter_initialization(self, start=0.0, tolerance=None, stop=None) -> None:
+        times = {"startTime": start, "tolerance": tolerance, "stopTime": stop}
+        if self.built.version == 2:
+            self.fmu.setupExperiment(**times)
+            self.fmu.enterInitializationMode()
+        else:
+            self.fmu.enterInitializationMode(**times)
+
+    def start(self, **options: Any) -> Instance:
+        """Go on to Step Mode or Continuous-Time Mode."""
+        self.enter_initialization(**options)
+        self.fmu.exitInitializationMode()
+        if self.kind == ME or self.event_mode:
+            self.update()
+            self.fmu.enterContinuousTimeMode() if self.kind == ME else self.fmu.enterStepMode()
+        return self
+
+    def step(self, at: float, length: float) -> tuple[bool, bool, float]:
+        """Do a step; return whether there was an event, whether it returned early, and the time reached."""
+        if self.built.version == 2:
+            self.fmu.doStep(at, length)
+            return False, False, at + length
+        event, terminate, early, reached = self.fmu.doStep(at, length)
+        assert not terminate
+        return event, early, reached
+
+    def states(self) -> np.ndarray:
+        return np.array(self.get(self.built.vr("state")))
+
+    def snapshot(self) -> bytes:
+        """The whole state, as bytes."""
+        state = self.fmu.getFMUState()
+        data = self.fmu.serializeFMUState(state)
+        self.fmu.freeFMUState(state)
+        return data
+
+    def restore(self, data: bytes) -> None:
+        state = self.fmu.deserializeFMUState(data)
+        self.fmu.setFMUState(state)
+        self.fmu.freeFMUState(state)
+
+    def close(self) -> None:
+        self.fmu.freeInstance()
+
+
+def vector(array: np.ndarray) -> Any:
+    return cast(array.ctypes.data, POINTER(c_double))
+
+
+class Nothing:
+    """No inputs that vary, for FMPy's solver."""
+
+    def apply(self, t: float) -> None:
+        pass
+
+
+def integrate(model: Instance, times: Sequence[float], rtol: float, **start: Any) -> tuple[np.ndarray, int]:
+    """Integrate a Model Exchange instance with FMPy's CVode; return states and the number of events."""
+    n, z = len(model.built.vr("state")), len(model.built.vr("event"))
+    model.enter_initialization(start=times[0], **start)
+    model.exitInitializationMode()
+    *_, defined, at = model.update()
+    model.enterContinuousTimeMode()
+    names = {"get_x": model.getContinuousStates, "set_x": model.setContinuousStates,
+             "get_dx": model.derivatives, "get_z": model.getEventIndicators,
+             "get_nominals": model.getNominalsOfContinuousStates, "set_time": model.setTime}  # fmt: skip
+    solver = CVodeSolver(
+        n,
+        z,
+        input=Nothing(),
+        startTime=times[0],
+        maxStep=0.1,
+        relativeTolerance=rtol,
+        maxNumSteps=5000,
+        **names,
+    )
+    result, events, now = [model.states()], 0, times[0]
+    for until in times[1:]:
+        while now < until:
+            stop = min(until, at) if defined else until
+            state_event, _, now = solver.step(now, stop)
+            model.setTime(now)
+            step_event, _ = model.completedIntegratorStep()
+            if state_event or step_event or (defined and now >= at):
+                events += 1
+                model.enterEventMode()
+                *_, defined, at = model.update()
+                model.enterContinuousTimeMode()
+                solver.reset(now)
+        result.append(model.states())
+    return np.array(result), events
+
+
+STATES = "INECSTX"  # Instantiated, iNitialization, Event, Continuous-time, Step, Terminated, error (X)
+
+
+def in_state(built: Built, kind: str, state: str) -> Instance:
+    """Return an instance that was led to a state."""
+    options = {"eventModeUsed": True} if built.version == 3 and kind == CS else {}
+    instance = built.open(kind, **options)
+    if state == "I":
+        return instance
+    if state == "N":
+        instance.enter_initialization()
+        return instance
+    if state == "E" and (kind == ME or options):
+        instance.enter_initialization()
+        instance.exitInitializationMode()
+        instance.update()
+        return instance
+    instance.start()
+    if state == "T":
+        instance.terminate()
+    if state == "X":
+        refused(lambda: instance.get([10_000]))
+    return instance
+
+
+def states_of(built: Built, kind: str) -> str:
+    own = "INCETX" if kind == ME else "INSETX" if built.version == 3 else "INSTX"
+    return "".join(s for s in STATES if s in own)
+
+
+def refused(call: Any) -> bool:
+    """Whether a call returned fmi2Error or fmi3Error."""
+    try:
+        call()
+    except FMICallException as error:
+        return error.status == ERROR
+    return False
+
+
+def allowed_states(built: Built, kind: str, call: Any) -> str:
+    """Return the states in which a call is no error; where it is one, a message must say so."""
+    found = ""
+    for state in states_of(built, kind):
+        instance = in_state(built, kind, state)
+        instance.messages.clear()
+        if refused(lambda: call(instance)):  # noqa: B023
+            assert any(
+                status == ERROR and category == "logStatusError" for status, category, _ in instance.messages
+            )
+        else:
+            found += state
+        instance.close()
+    return found
+
+
+def official_functions(version: int) -> set[str]:
+    """Return the names of all functions that the standard's header declares."""
+    header = Path(fmpy.__file__).parent / "c-code" / f"fmi{version}Functions.h"
+    return set(re.findall(rf"FMI{version}_Export fmi{version}\w+TYPE\s+(\w+);", header.read_text()))
+
+
+def check_official_headers(compiler: str, version: int, folder: Path) -> None:
+    """The binding compiles with the standard's own types and prototypes for ours, and our types are those."""
+    headers = Path(fmpy.__file__).parent / "c-code"
+    binding = RUNTIME / f"hc_fmi{version}.c"
+    first = "fmi2TypesPlatform.h" if version == 2 else "fmi3PlatformTypes.h"
+    official = [first, f"fmi{version}FunctionTypes.h", f"fmi{version}Functions.h"]
+    included = [part for name in official for part in ("-include", headers / name)]
+    run(
+        [
+            compiler,
+            *STRICT,
+            *included,
+            f"-I{headers}",
+            f"-I{RUNTIME}",
+            "-c",
+            binding,
+            "-o",
+            folder / "binding.o",
+        ]
+    )
+
+    names = set(re.findall(rf"\bfmi{version}[A-Z]\w*", (RUNTIME / f"hc_fmi{version}.h").read_text()))
+    text = "".join((headers / name).read_text() for name in official)
+    types = sorted(n for n in names if re.search(rf"typedef[^;(]*\b{n}\s*;|\(\*\s*{n}\)|\}} {n};", text))
+    body = re.sub(r"/\*.*?\*/", "", text, flags=re.DOTALL)
+    words = sorted(
+        {w for e in re.findall(r"typedef enum \{(.*?)\}", body, re.DOTALL) for w in re.findall(r"\w+", e)}
+    )
+    assert len(types) > 10
+    assert len(words) > 10
+    printed = []
+    for k, wanted in enumerate(([f"hc_fmi{version}.h"], official)):
+        lines = [f'#include "{name}"' for name in wanted] + ["#include <stdio.h>", "int main(void)", "{"]
+        lines += [f'    printf("{t} %zu\\n", sizeof({t}));' for t in types]
+        lines += [f'    printf("{w} %d\\n", (int){w});' for w in words]
+        if version == 2:
+            lines += [
+                "    fmi2EventInfo e;",
+                '    printf("%d\\n", (int)((char *)&e.nextEventTime - (char *)&e));',
+            ]
+        source = folder / f"types{k}.c"
+        source.write_text("\n".join([*lines, "    return 0;", "}", ""]))
+        run([compiler, "-std=c99", f"-I{headers}", f"-I{RUNTIME}", source, "-o", folder / f"types{k}"])
+        printed.append(run([folder / f"types{k}"]))
+    assert printed[0] == printed[1]
+
+
+def symbols(path: Path, *flags: str) -> set[str]:
+    """Return the names that a library or object file defines."""
+    lines = run(["nm", *flags, "--defined-only", path]).splitlines()
+    return {line.split()[-1] for line in lines if re.search(r" [TDRB] ", line)}
