@@ -8,12 +8,14 @@ import sys
 from pathlib import Path
 
 import hovercontrol
-from benchmarks import compiled, derive, estimator, fused, large_log, real_logs, tables
+from benchmarks import compiled, derive, do_step, estimator, fmu, fused, large_log, real_logs, tables
 
 ALL = {
     "tables": tables,
     "fused": fused,
     "compiled": compiled,
+    "do_step": do_step,
+    "fmu": fmu,
     "derive": derive,
     "estimator": estimator,
     "real_logs": real_logs,

@@ -14,7 +14,8 @@ def test_there_are_examples():
     assert len(BLOCKS) >= 4
 
 
-def test_every_example_runs_in_order(capsys):
+def test_every_example_runs_in_order(capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)  # an example writes an FMU
     matplotlib.use("Agg")
     space: dict = {}
     for block in BLOCKS:

@@ -67,10 +67,11 @@ def _old_glibc(version: str) -> str:
 
 #: As for the local library: the same numbers everywhere. No path, date or build id goes into the file.
 _FLAGS = (
-    "-O3 -std=c99 -fno-math-errno -ffp-contract=off -shared -fvisibility=hidden -s -g0".split()  # noqa: SIM905
+    "-O2 -std=c99 -fno-math-errno -ffp-contract=off -shared -fvisibility=hidden -s -g0 "  # noqa: SIM905
+    "-fno-asynchronous-unwind-tables -fno-unwind-tables".split()
 )
 _FLAGS_OF = {
-    ".so": ("-fPIC", "-Wl,--build-id=none", "-Wl,-z,defs"),
+    ".so": ("-fPIC", "-Wl,--build-id=none", "-Wl,-z,defs", "-Wl,-z,noseparate-code"),
     ".dll": (),
     ".dylib": ("-fPIC",),
 }

@@ -23,7 +23,7 @@ typedef struct {
     /* Partial derivatives that are not identically zero, sorted by row, then column: value[i] belongs to
      * partial_row[i] (derivatives, then outputs) and partial_column[i] (states, then inputs, then parameters). */
     int n_partials;
-    const int *partial_row, *partial_column;
+    const unsigned short *partial_row, *partial_column;
     void (*partials)(double t, const double *x, const double *u, const double *p, const int *mode, double *value);
     /* the first time after t at which a condition on time changes; DBL_MAX: never. May be NULL: never. */
     double (*next_switch)(double t, const double *p);

@@ -315,14 +315,15 @@ def _table(
         "partial_row": [i for i, _, _ in entries],
         "partial_column": [j for _, j, _ in entries],
     }
+    kinds = {"friction_state": "int", "partial_row": "unsigned short", "partial_column": "unsigned short"}
     written = "".join(
         textwrap.fill(
-            f"static const int {name}[] = {{{', '.join(map(str, values))}}};",
+            f"static const {kind} {name}[] = {{{', '.join(map(str, values))}}};",
             110,
             subsequent_indent="    ",
         )
         + "\n"
-        for name, values in lists.items()
+        for (name, values), kind in zip(lists.items(), kinds.values(), strict=True)
         if values
     )
     where = {name: name if values else "NULL" for name, values in lists.items()}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import subprocess
 from collections.abc import Sequence
-from ctypes import POINTER, c_double, cast
+from ctypes import POINTER, c_double
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -254,7 +254,8 @@ class Instance:
 
 
 def vector(array: np.ndarray) -> Any:
-    return cast(array.ctypes.data, POINTER(c_double))
+    """Return a pointer that keeps its array alive."""
+    return array.ctypes.data_as(POINTER(c_double))
 
 
 class Nothing:

@@ -65,7 +65,7 @@ class Compiled:
     def partials(self, shape, t, x, u, p):
         n = self.model.n_partials
         rows, columns = (
-            np.ctypeslib.as_array(ctypes.cast(place, ctypes.POINTER(ctypes.c_int)), (n,))
+            np.ctypeslib.as_array(ctypes.cast(place, ctypes.POINTER(ctypes.c_ushort)), (n,))
             for place in (self.model.partial_row, self.model.partial_column)
         )
         full = np.zeros(shape)
