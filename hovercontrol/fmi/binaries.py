@@ -67,13 +67,13 @@ def _old_glibc(version: str) -> str:
 
 #: As for the local library: the same numbers everywhere. No path, date or build id goes into the file.
 _FLAGS = (
-    "-O2 -std=c99 -fno-math-errno -ffp-contract=off -shared -fvisibility=hidden -s -g0 "  # noqa: SIM905
-    "-fno-asynchronous-unwind-tables -fno-unwind-tables".split()
+    "-O2 -std=c99 -fno-math-errno -ffp-contract=off -shared -fvisibility=hidden -s -g0".split()  # noqa: SIM905
 )
+_NO_UNWINDING = ("-fno-asynchronous-unwind-tables", "-fno-unwind-tables")
 _FLAGS_OF = {
-    ".so": ("-fPIC", "-Wl,--build-id=none", "-Wl,-z,defs", "-Wl,-z,noseparate-code"),
+    ".so": ("-fPIC", *_NO_UNWINDING, "-Wl,--build-id=none", "-Wl,-z,defs"),
     ".dll": (),
-    ".dylib": ("-fPIC",),
+    ".dylib": ("-fPIC", *_NO_UNWINDING),
 }
 
 
@@ -165,7 +165,7 @@ def _built(
     if not target and wanted.suffix == ".dylib":  # Apple's linker has no -s for libraries
         flags = (*(f for f in flags if f != "-s"), "-Wl,-x")
     if not target and wanted.name in _FIRST_GLIBC:
-        flags = (*flags, "-include", _OLD_HEADER)
+        flags = (*flags, "-Wl,-z,noseparate-code", "-include", _OLD_HEADER)
         files = {**files, _OLD_HEADER: _old_glibc(_FIRST_GLIBC[wanted.name])}
     label = f"{name}-{wanted.name}"
     return built_file(cache_folder(), label, files, command, flags, wanted.suffix).read_bytes()
