@@ -6,7 +6,7 @@ Body frame: surge u forward, sway v to the left, yaw rate r counter-clockwise; e
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Hashable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from types import SimpleNamespace
 from typing import Any
@@ -120,6 +120,11 @@ class Model:
             if name in names and not self.fans:
                 raise InputError(f"model {self.name!r}: the effect {name!r} needs fans, there are none")
 
+    @property
+    def signature(self) -> tuple[Hashable, ...]:
+        """What the plant's equations depend on: all but the numbers."""
+        return (self.name, self.thrust, self.rudder, self.fans, *(type(e) for e in self.effects))
+
     def effect(self, name: str) -> Effect:
         """Return the effect of that name.
 
@@ -133,6 +138,19 @@ class Model:
                 return effect
         hint = did_you_mean(name, [e.name for e in self.effects])
         raise InputError(f"model {self.name!r} has no effect {name!r}{hint}")
+
+    def accepts(self, cls: type[Effect]) -> bool:
+        """Tell whether an effect may be missing: the craft has what it acts on."""
+        if cls.name in ("fan_force", "fan_torque"):
+            return bool(self.fans)
+        units = " ".join(number.unit for number in cls.numbers.values())
+        used = {"fan_force", "fan_torque"} & {e.name for e in self.effects}
+        rudder_craft = any(e.name in ("thrust", "rudder_torque") for e in self.effects)
+        if "rudder" in cls.name or ("{thrust}" in units and cls.kind() == "force"):
+            return rudder_craft
+        if cls.kind() == "input":
+            return rudder_craft or bool(used)
+        return True
 
     def with_effects(self, effects: Iterable[Effect]) -> Model:
         """Return the model with these effects added, or put in place of those of the same name."""
@@ -204,8 +222,10 @@ class Model:
                 total[axis] += factors.get(e.name, sp.S.One) * term
         return total
 
-    def _commanded(self, owner: str, motion: SimpleNamespace) -> dict[Signal, sp.Expr]:
-        """Let the effects change the commands on their way; return their states' derivatives."""
+    def _command_way(
+        self, owner: str, motion: SimpleNamespace
+    ) -> tuple[dict[Signal, sp.Expr], SimpleNamespace]:
+        """Let the effects change the commands on their way; return their states' derivatives and the way."""
         thrusts = {f.name: f.force().symbol for f in self.fans} or {THRUST.name: motion.thrust}
         way = SimpleNamespace(
             thrusts=thrusts, rudder=motion.rudder, time=time, units=self.input_units(), delay=None
@@ -215,35 +235,65 @@ class Model:
             states |= e.commands(e.symbols(owner), way)
         motion.thrust, motion.rudder = way.thrusts.get(THRUST.name, motion.thrust), way.rudder
         _add_forces(motion, self.fans, owner, way.thrusts)
-        return states
+        return states, way
+
+    def _seen(self, owner: str) -> SimpleNamespace:
+        """Let the effects change what sensors see of the motion."""
+        symbols = {signal.name: signal.symbol for signal in MOTION}
+        seen = SimpleNamespace(**symbols, true=SimpleNamespace(**symbols), late=None)
+        for e in sorted(self.effects, key=lambda e: e.order):
+            e.measured(e.symbols(owner), seen)
+        return seen
 
     def measurements(self, owner: str = "plant") -> dict[str, sp.Expr]:
         """Return what sensors see of the motion where it is not the motion itself, by ``u, v, r``...
 
         Expressions in the plant's states and parameters; empty if the model has no measurement effect.
         """
-        symbols = {signal.name: signal.symbol for signal in MOTION}
-        seen = SimpleNamespace(**symbols, true=SimpleNamespace(**symbols), late=None)
-        for e in sorted(self.effects, key=lambda e: e.order):
-            e.measured(e.symbols(owner), seen)
-        return {name: getattr(seen, name) for name in symbols if getattr(seen, name) != symbols[name]}
+        seen = self._seen(owner)
+        every = {s.name: getattr(seen, s.name) for s in MOTION}
+        return {name: e for name, e in every.items() if e != getattr(seen.true, name)}
 
-    def plant(self, name: str = "plant") -> Block:
+    def timing(self, owner: str = "plant") -> tuple[str, str]:
+        """Return the parameters that say how late commands act and how late measurements are, or ``""``.
+
+        No equation of the plant holds them: those who simulate shift its inputs, those who read logs their
+        clock.
+        """
+        s = motion_symbols(self.fans, owner)
+        delay = self._command_way(owner, s)[1].delay
+        seen = self._seen(owner)
+        return str(delay or ""), str(seen.late or "")
+
+    def plant(self, name: str = "plant", *, late: bool = False) -> Block:
         """Return the plant: rigid-body motion (C17 (8), (11)) with the model's effects.
 
         Parameters
         ----------
         name : str, optional
             Name of the Block, the prefix of its parameter keys.
+        late : bool, optional
+            Whether the caller shifts commands and clock itself (:meth:`timing`), which no equation does.
 
         Returns
         -------
         Block
             States ``x, y, psi, u, v, r`` and those of lags (``thrust_lagged``); outputs the motion and, where
             a sensor sees something else, that (``r_measured``); inputs those commands that an effect uses.
+
+        Raises
+        ------
+        InputError
+            If the model has a delay or a clock offset and `late` is not set.
         """
+        if not late and any(self.timing(name)):
+            what = next(t for t in self.timing(name) if t).removeprefix(f"{name}.")
+            raise InputError(
+                f"model {self.name!r}: {what!r} shifts a clock, which no equation of a plant says: shift the "
+                "commands and take plant(late=True), or leave the effect out"
+            )
         s = motion_symbols(self.fans, name)
-        lags = self._commanded(name, s)
+        lags, _ = self._command_way(name, s)
         force = self.accelerations(name, s)
         used = set().union(*(f.free_symbols for f in (*force.values(), *lags.values())))
         seen = {measured(channel): e for channel, e in self.measurements(name).items()}

@@ -33,17 +33,33 @@ class Coefficient:
         Bounds.
     default : float, optional
         Value where none is given; without it the value is required.
+    neutral : float, optional
+        The value at which the effect is not there; none (NaN) for a number that does not scale it.
     """
 
     unit: str
     lower: float = -math.inf
     upper: float = math.inf
     default: float | None = None
+    neutral: float = 0.0
 
 
 @dataclass(frozen=True)
 class Shape(Coefficient):
-    """A number of an effect that shapes its terms and need not enter linearly (a width, a time)."""
+    """A number of an effect that shapes its terms and need not enter linearly (a width, a time).
+
+    Parameters
+    ----------
+    search : tuple of float, optional
+        Values from which a search for the effect starts.
+    of : {"", "input", "speed", "time"}, optional
+        What they are parts of: nothing, the largest thrust, the craft's speed along the effect's axis (root
+        mean square), the length of the log.
+    """
+
+    neutral: float = math.nan
+    search: tuple[float, ...] = ()
+    of: str = ""
 
 
 #: Smallest width of regularised dry friction: zero would divide.
@@ -194,7 +210,8 @@ class Effect:
         Returns
         -------
         dict of Signal to sympy.Expr
-            States that the effect needs, with their derivatives.
+            States that the effect needs, with their derivatives; one that follows from the commands alone is
+            named ``..._lagged``.
         """
         return {}
 

@@ -14,8 +14,8 @@ class ParameterJump(Effect):
     """All drag coefficients jump to a multiple at one time (another floor, less air in the skirt)."""
 
     name, source = "parameter_jump", "C17 section VIII-B: drag 25 % above the prior run with less air"
-    factor = Shape("1", lower=TINY)
-    seconds = Shape("s")
+    factor = Shape("1", lower=TINY, neutral=1.0, search=(1.1,))
+    seconds = Shape("s", search=tuple(k / 16 for k in range(1, 16)), of="time")
 
     def factors(self, c: Any, s: Any) -> dict[str, sp.Expr]:
         jump = sp.Piecewise((sp.S.One, s.time < c.seconds), (c.factor, True))

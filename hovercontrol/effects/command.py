@@ -14,7 +14,7 @@ class InputDelay(Effect):
     """Commands that act late by a fixed time; before the beginning they were zero."""
 
     name, source, order = "input_delay", "transport delay of a radio link", 1
-    seconds = Shape("s", lower=0.0)
+    seconds = Shape("s", lower=0.0, neutral=0.0, search=(0.02, 0.06, 0.15))
 
     def commands(self, c: Any, s: Any) -> dict[Signal, sp.Expr]:
         s.delay = c.seconds  # of all commands: no expression can say it, the faces of a Block do
@@ -33,7 +33,7 @@ class ThrustLag(_Lag):
     """Thrust that follows its command with a lag of first order, from rest."""
 
     name, source, order = "thrust_lag", "first order of a motor and its propeller", 2
-    seconds = Shape("s", lower=TINY)
+    seconds = Shape("s", lower=TINY, neutral=0.0, search=(0.05, 0.15, 0.4))
 
     def commands(self, c: Any, s: Any) -> dict[Signal, sp.Expr]:
         states = {}
@@ -47,7 +47,7 @@ class RudderLag(_Lag):
     """A rudder that follows its command with a lag of first order, from rest."""
 
     name, source, order = "rudder_lag", "first order of a servo", 2
-    seconds = Shape("s", lower=TINY)
+    seconds = Shape("s", lower=TINY, neutral=0.0, search=(0.05, 0.15, 0.4))
 
     def commands(self, c: Any, s: Any) -> dict[Signal, sp.Expr]:
         state, slope = self.lagged(c, s, "rudder", s.rudder)
@@ -59,7 +59,7 @@ class ThrustDeadzone(Effect):
     """Small thrust commands that do nothing: max(0, T - d), odd in T."""
 
     name, source, order = "thrust_deadzone", "static friction of a motor", 3
-    width = Shape("{thrust}", lower=0.0)
+    width = Shape("{thrust}", lower=0.0, neutral=0.0, search=(0.05, 0.1, 0.2, 0.3), of="input")
 
     def commands(self, c: Any, s: Any) -> dict[Signal, sp.Expr]:
         for name, T in s.thrusts.items():
@@ -71,7 +71,7 @@ class ThrustSaturation(Effect):
     """Thrust that does not grow beyond a limit: min(T, s), odd in T."""
 
     name, source, order = "thrust_saturation", "limit of a supply's current", 4
-    limit = Shape("{thrust}", lower=TINY)
+    limit = Shape("{thrust}", lower=TINY, search=(0.5, 0.65, 0.8, 0.9), of="input")
 
     def commands(self, c: Any, s: Any) -> dict[Signal, sp.Expr]:
         for name, T in s.thrusts.items():

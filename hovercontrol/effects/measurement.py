@@ -23,7 +23,7 @@ class VelocityMisalignment(Effect):
     """A velocity sensor turned on the hull: measured (u, v) are turned by minus its angle."""
 
     name, source, order = "velocity_misalignment", "rotation of axes", 2
-    value = Shape("rad")
+    value = Shape("rad", neutral=0.0, search=(0.01,))
 
     def measured(self, c: Any, s: Any) -> None:
         cos, sin = sp.cos(c.value), sp.sin(c.value)
@@ -54,7 +54,7 @@ class TimeOffset(Effect):
     """Measurements whose clock is late against the commands' clock."""
 
     name, source, order = "time_offset", "two clocks that were not set together", 4
-    seconds = Shape("s")
+    seconds = Shape("s", neutral=0.0, search=(0.02, 0.06, 0.15))
 
     def measured(self, c: Any, s: Any) -> None:
         s.late = c.seconds  # of all channels: no expression can say it, those who read logs do

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import sympy as sp
 
@@ -67,7 +68,7 @@ def regression(block: Block, coefficients: Sequence[str] | None = None) -> Regre
     Matrix([[0, -thrust*sin(rudder)]])
     """
     if coefficients is None:
-        names = _linear_parameters(block)
+        names = list(linear_parameters(block))
         if not names:
             raise InputError(f"block {block.name!r} is linear in none of its parameters")
     else:
@@ -104,7 +105,8 @@ def regression(block: Block, coefficients: Sequence[str] | None = None) -> Regre
     )
 
 
-def _linear_parameters(block: Block) -> list[str]:
+@lru_cache(maxsize=256)
+def linear_parameters(block: Block) -> tuple[str, ...]:
     """Return the largest leading set of parameters in which all derivatives are jointly linear."""
     names = [p.name for p in block.parameters]
     entries = {k: block.expand(e) for k, e in partial_derivatives(block, "derivatives", names).items()}
@@ -120,4 +122,4 @@ def _linear_parameters(block: Block) -> list[str]:
             and not any(own in e.free_symbols for e in before)
         ):
             chosen.append(name)
-    return chosen
+    return tuple(chosen)

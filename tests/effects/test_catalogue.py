@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from hovercontrol.effects import effect, effect_class, effect_names
+from hovercontrol.errors import InputError
 from hovercontrol.model import Model
 from hovercontrol.vehicles import c17_simulation, four_fan
 
@@ -168,3 +169,12 @@ def test_drag_takes_energy_wherever_its_coefficient_is_allowed(axis, law):
     for state in np.random.default_rng(0).normal(size=(50, 6)):
         dx = functions.derivatives(0.0, state)
         assert state[3:] @ dx[3:] <= 1e-12
+
+
+@pytest.mark.parametrize("name", ["input_delay", "time_offset"])
+def test_a_shifted_clock_is_never_left_out_silently(name):
+    model = c17_simulation().with_effects([effect(name, seconds=0.1)])
+    with pytest.raises(InputError, match=f"'{name}_seconds' shifts a clock"):
+        model.plant()
+    assert model.plant(late=True).states == c17_simulation().plant().states
+    assert f"plant.{name}_seconds" in model.timing()

@@ -1,0 +1,226 @@
+"""Any Block as a model to which effects can be added: a servo with friction, a ship, a plant of your own."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from types import SimpleNamespace
+from typing import Any
+
+import sympy as sp
+
+from hovercontrol.block import Block, Expressions
+from hovercontrol.effects import Effect, Shape, effect_class
+from hovercontrol.errors import InputError, did_you_mean
+from hovercontrol.estimators.regression import linear_parameters
+from hovercontrol.signals import Signal, time
+
+
+@dataclass(frozen=True)
+class BlockModel:
+    """A Block and the effects added to it.
+
+    What effects see (``s`` in ``terms(c, s)``) are the Block's states and inputs by name, and ``time``; what
+    they add to is named by state. In ``commands``, ``s.thrusts`` holds every input.
+
+    Parameters
+    ----------
+    block : Block
+        Linear in its force coefficients.
+    catalogue : sequence of str
+        Names of the effects that may be missing.
+    effects : sequence of Effect, optional
+        Those that it has.
+
+    Raises
+    ------
+    InputError
+        If an effect is unknown, stands twice, or acts on a state that the Block does not have.
+
+    Examples
+    --------
+    >>> from hovercontrol.effects import effect
+    >>> v, k = Signal("v", "m/s"), Signal("k", "1/s", start=1.0)
+    >>> cart = Block("cart", [v], [], [v], [k], {"v": -k.symbol * v.symbol})
+    >>> model = BlockModel(cart, ["input_delay"])
+    >>> model.linear_coefficients(), model.coefficients()
+    (('k',), {'k': 1.0})
+    """
+
+    block: Block
+    catalogue: tuple[str, ...] = ()
+    effects: tuple[Effect, ...] = field(default=())
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "catalogue", tuple(self.catalogue))
+        object.__setattr__(self, "effects", tuple(self.effects))
+        for name in self.catalogue:
+            effect_class(name)
+        names = [e.name for e in self.effects]
+        for name in names:
+            if names.count(name) > 1:
+                raise InputError(f"model {self.name!r}: the effect {name!r} stands twice")
+
+    @property
+    def name(self) -> str:
+        """The Block's name."""
+        return self.block.name
+
+    @property
+    def fans(self) -> tuple[()]:
+        """None: a Block's inputs are its own."""
+        return ()
+
+    @property
+    def signature(self) -> tuple[Hashable, ...]:
+        """What the plant's equations depend on: all but the numbers."""
+        return (self.name, tuple(self.block.derivatives.items()), *(type(e) for e in self.effects))
+
+    def accepts(self, cls: type[Effect]) -> bool:
+        """Tell whether an effect may be missing."""
+        return cls.name in self.catalogue
+
+    def effect(self, name: str) -> Effect:
+        """Return the effect of that name.
+
+        Raises
+        ------
+        InputError
+            If the model has none; the nearest is named.
+        """
+        for e in self.effects:
+            if e.name == name:
+                return e
+        hint = did_you_mean(name, [e.name for e in self.effects])
+        raise InputError(f"model {self.name!r} has no effect {name!r}{hint}")
+
+    def with_effects(self, effects: Iterable[Effect]) -> BlockModel:
+        """Return the model with these effects added, or put in place of those of the same name."""
+        new = {e.name: e for e in self.effects} | {e.name: e for e in effects}
+        return replace(self, effects=tuple(new.values()))
+
+    def linear_coefficients(self) -> tuple[str, ...]:
+        """Return the names of all coefficients: those in which the Block is linear, and the effects'."""
+        own = tuple(name.rpartition(".")[2] for name in linear_parameters(self.block))
+        added = (
+            e.parameter(k) for e in self.effects for k, n in e.numbers.items() if not isinstance(n, Shape)
+        )
+        return (*own, *added)
+
+    def coefficients(self) -> dict[str, float]:
+        """Return every coefficient's value, and every number of every effect."""
+        own = {
+            name.rpartition(".")[2]: self.block.signal(name).start for name in linear_parameters(self.block)
+        }
+        return own | {e.parameter(k): v for e in self.effects for k, v in e.values.items()}
+
+    def with_coefficients(self, values: Mapping[str, float]) -> BlockModel:
+        """Return the model with other numbers.
+
+        Raises
+        ------
+        InputError
+            If a name is unknown or a value out of bounds.
+        """
+        known = self.coefficients()
+        for name in values:
+            if name not in known:
+                raise InputError(
+                    f"model {self.name!r} has no coefficient {name!r}{did_you_mean(name, known)}"
+                )
+        changed = [
+            type(e)(**{k: values.get(e.parameter(k), v) for k, v in e.values.items()}) for e in self.effects
+        ]
+        added = {e.parameter(k) for e in self.effects for k in e.values}
+        own = {name: value for name, value in values.items() if name not in added}
+        return replace(self, block=self.block.with_values(own), effects=tuple(changed))
+
+    def input_units(self) -> dict[str, str]:
+        """Return the unit of each input."""
+        return {s.name: s.unit for s in self.block.inputs}
+
+    def timing(self, owner: str = "") -> tuple[str, str]:
+        """Return the parameters that say how late inputs act and how late measurements are, or ``""``."""
+        _, way = self._way()
+        return str(way.delay or ""), str(self._seen().late or "")
+
+    def _way(self) -> tuple[dict[Signal, sp.Expr], SimpleNamespace]:
+        way = SimpleNamespace(
+            thrusts={s.name: s.symbol for s in self.block.inputs},
+            rudder=sp.Symbol("rudder", real=True),
+            time=time,
+            units=self.input_units(),
+            delay=None,
+        )
+        states: dict[Signal, sp.Expr] = {}
+        for e in sorted(self.effects, key=lambda e: e.order):
+            states |= e.commands(e.symbols(self.name), way)
+        return states, way
+
+    def _seen(self) -> SimpleNamespace:
+        every: dict[str, Any] = {s.name: s.symbol for s in self.block.states}
+        every |= {s.name: self.block.output_expressions[s.name] for s in self.block.outputs}
+        seen = SimpleNamespace(**every, true=SimpleNamespace(**every), late=None)
+        for e in sorted(self.effects, key=lambda e: e.order):
+            e.measured(e.symbols(self.name), seen)
+        return seen
+
+    def plant(self, *, late: bool = False) -> Block:
+        """Return the Block with the effects; as of a :class:`~hovercontrol.model.Model`.
+
+        Raises
+        ------
+        InputError
+            If the model has a delay or a clock offset and `late` is not set.
+        """
+        if not late and any(self.timing()):
+            raise InputError(
+                f"model {self.name!r}: an effect shifts a clock, which no equation says: shift the inputs "
+                "and take plant(late=True)"
+            )
+        if not self.effects:
+            return self.block
+        block = self.block
+        lags, way = self._way()
+        swap = {s.symbol: way.thrusts[s.name] for s in block.inputs}
+        derivatives = {name: e.xreplace(swap) for name, e in block.derivatives.items()}
+        motion = SimpleNamespace(
+            **{s.name: s.symbol for s in (*block.states, *block.parameters) if "." not in s.name},
+            **way.thrusts,
+            time=time,
+        )
+        for e in self.effects:
+            for state, term in e.terms(e.symbols(self.name), motion).items():
+                if state not in derivatives:
+                    hint = did_you_mean(state, derivatives)
+                    raise InputError(f"effect {e.name}: {self.name!r} has no state {state!r}{hint}")
+                derivatives[state] += term
+        seen = self._seen()
+        changed = {
+            s: getattr(seen, s.name)
+            for s in block.outputs
+            if getattr(seen, s.name) != getattr(seen.true, s.name)
+        }
+        measured = {s.but(name=f"{s.name}_measured"): e for s, e in changed.items()}
+        return Block(
+            block.name,
+            states=(*block.states, *lags),
+            inputs=block.inputs,
+            outputs=(*block.outputs, *measured),
+            parameters=(
+                *block.parameters,
+                *(p for e in self.effects for p in e.signals(self.name, self.input_units())),
+            ),
+            derivatives={**derivatives, **{s.name: slope for s, slope in lags.items()}},
+            output_expressions=Expressions(
+                {
+                    **{
+                        s.name: block.output_expressions[s.name].xreplace(swap)
+                        for s in block.outputs
+                        if s.name not in block.derivatives
+                    },
+                    **{s.name: e for s, e in measured.items()},
+                }
+            ),
+            definitions={name: e.xreplace(swap) for name, e in block.definitions.items()},
+        )

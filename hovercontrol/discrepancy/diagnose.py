@@ -1,0 +1,330 @@
+"""Find where model and measurement disagree, name the missing effect, add it, show the gap shrink."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from hovercontrol.discrepancy.fit import Fit, fit
+from hovercontrol.discrepancy.holdout import Gap, gap
+from hovercontrol.discrepancy.localize import Missing, localize, regime
+from hovercontrol.discrepancy.probes import Sign, probe
+from hovercontrol.discrepancy.select import EXPLAINED, Rival, Selection, ladder, noise_of, select
+from hovercontrol.discrepancy.windowed import Data, Subject, gather
+from hovercontrol.errors import InputError
+from hovercontrol.files import write_whole
+from hovercontrol.logs import Log
+from hovercontrol.model import Model
+
+Verdict = Literal["effect", "none", "ambiguous", "unexplained"]
+
+#: chi2 per degree of freedom from which on probes for the unknown are worth their time.
+PROBED = 1.04
+
+
+@dataclass(frozen=True)
+class Found:
+    """One number of an effect that was added.
+
+    Attributes
+    ----------
+    effect, parameter : str
+        ``"slope"``, ``"slope_x"``.
+    acts_in : str
+        Where it acts: ``"u' v'"``, ``"thrust"``, ``"measured r"``.
+    value, std : float
+        Estimate and its standard error.
+    unit : str
+    """
+
+    effect: str
+    parameter: str
+    acts_in: str
+    value: float
+    std: float
+    unit: str
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """The 95 % interval."""
+        return self.value - 1.96 * self.std, self.value + 1.96 * self.std
+
+
+@dataclass(frozen=True, eq=False)
+class Diagnosis:
+    """What a model lacks, with the evidence.
+
+    Attributes
+    ----------
+    verdict : {"effect", "none", "ambiguous", "unexplained"}
+    effects : tuple of Found
+        Numbers of the effects that are named; empty if the verdict is not to name any.
+    rivals : tuple of Rival
+        Effects that these logs cannot tell from named ones.
+    signs : tuple of Sign
+        Of something that is not in the catalogue.
+    model, amended : Model
+        As given; with the named effects and all coefficients fitted.
+    refitted : Model
+        As given, its coefficients fitted like those of `amended`.
+    before, after : Gap or None
+        On the hold-out log, of `refitted` and `amended`.
+    train_before, train_after : Gap
+        On the training logs.
+    selection : Selection
+        The search itself.
+    missing : tuple of Missing
+        The force that the given model lacks, by log and equation.
+    regime : str
+        In words, where that force is.
+    rows_dropped : int
+    """
+
+    verdict: Verdict
+    effects: tuple[Found, ...]
+    rivals: tuple[Rival, ...]
+    signs: tuple[Sign, ...]
+    model: Subject
+    amended: Subject
+    refitted: Subject
+    before: Gap | None
+    after: Gap | None
+    train_before: Gap
+    train_after: Gap
+    selection: Selection
+    missing: tuple[Missing, ...]
+    regime: str
+    rows_dropped: int
+
+    def missing_after(self) -> tuple[Missing, ...]:
+        """Return the force that the amended model still lacks on the training logs."""
+        final = self.selection.final
+        return _missing(self.amended, self.model, final.windowed.data)[0]
+
+    def result(self) -> dict[str, Any]:
+        """Return what ``result.json`` holds."""
+        held = self.before is not None and self.after is not None
+        names = dict.fromkeys(e.effect for e in self.effects)
+        numbers = {name: [e for e in self.effects if e.effect == name] for name in names}
+        return {
+            "verdict": self.verdict,
+            "effects": [
+                {
+                    "name": name,
+                    "equation": own[0].acts_in,
+                    "coefficient": own[0].value,
+                    "std": own[0].std,
+                    "unit": own[0].unit,
+                    "numbers": {e.parameter: {"value": e.value, "std": e.std, "unit": e.unit} for e in own},
+                }
+                for name, own in numbers.items()
+            ],
+            "rivals": [
+                {
+                    "name": r.name,
+                    "reason": f"instead of {r.instead_of}: behind by {r.behind:.1f} in twice the log "
+                    f"likelihood; correlation of signatures {r.correlation:.3f}",
+                }
+                for r in self.rivals
+            ],
+            "gap": {
+                "train": {"before": self.train_before.nrmse, "after": self.train_after.nrmse},
+                "holdout": {
+                    "before": self.before.nrmse if self.before else {},
+                    "after": self.after.nrmse if self.after else {},
+                    "floor": self.after.floor if self.after else {},
+                }
+                if held
+                else {},
+            },
+            "where": self._where(),
+            "signs": [{"kind": s.kind, "text": s.text, "gain": s.gain} for s in self.signs],
+            "process_noise": self._process(),
+            "next_experiment": None,
+            "rows_dropped": self.rows_dropped,
+        }
+
+    def _where(self) -> dict[str, Any]:
+        """Return in which equation, when (of the first log in which it shows) and in which regime."""
+        worst = max(self.missing, key=lambda m: m.share * m.rms, default=None)
+        if worst is None or not worst.segments:
+            return {"equation": None, "segments": [], "regime": self.regime}
+        return {
+            "equation": worst.equation,
+            "log": worst.log,
+            "segments": [list(s) for s in worst.segments],
+            "regime": self.regime,
+        }
+
+    def _process(self) -> dict[str, float]:
+        final = self.selection.final
+        names = [final.windowed.block.states[i].name for i in final.windowed.free]
+        return {f"{n}'": float(v) for n, v in zip(names, final.noise.process, strict=True) if v > 0}
+
+    def save(self, folder: str | Path) -> list[Path]:
+        """Write ``result.json`` and, where effects are named, ``model.toml`` to a folder."""
+        from hovercontrol.modelfile import save_model
+
+        folder = Path(folder)
+        text = json.dumps(self.result(), indent=2, allow_nan=False, default=float) + "\n"
+        files = [write_whole(folder / "result.json", lambda path: path.write_text(text, encoding="utf-8"))]
+        if isinstance(self.amended, Model):
+            files.append(save_model(self.amended, folder / "model.toml"))
+        return files
+
+
+def diagnose(
+    model: Subject,
+    logs: Sequence[Log],
+    holdout: Log | None = None,
+    *,
+    names: Sequence[str] | None = None,
+    max_effects: int = 3,
+    progress: Callable[[float, str], None] | None = None,
+) -> Diagnosis:
+    """Find what a model lacks.
+
+    Parameters
+    ----------
+    model : Model or BlockModel
+        Its coefficients may be off: all are fitted again.
+    logs : sequence of Log
+        Measured; with the model's inputs, and pose, body velocities or both.
+    holdout : Log, optional
+        A log that takes no part, on which the gap is shown.
+    names : sequence of str, optional
+        Effects to consider; default: the whole catalogue.
+    max_effects : int, optional
+        Most effects that are added.
+    progress : callable, optional
+        Called with the part done (0 to 1) and a word on what is being done.
+
+    Returns
+    -------
+    Diagnosis
+
+    Raises
+    ------
+    InputError
+        If there is no log, one lacks an input of the model or shows nothing of it, or the hold-out log
+        is one of the others.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hovercontrol.effects import effect
+    >>> from hovercontrol.vehicles import c17_simulation
+    >>> rng, t = np.random.default_rng(0), np.arange(0.0, 20.0, 0.05)
+    >>> truth = c17_simulation().with_effects([effect("slope", x=0.1)])
+    >>> thrust, rudder = np.repeat(rng.uniform(1, 4, 20), 20), np.repeat(rng.uniform(-0.4, 0.4, 20), 20)
+    >>> run = truth.plant().compile(friction="smooth").simulate(t, [thrust, rudder])
+    >>> seen = {k: y + 1e-3 * rng.normal(size=t.size) for k, y in zip(run.output_labels, run.outputs)}
+    >>> found = diagnose(c17_simulation(), [Log("demo", t, {**seen, "thrust": thrust, "rudder": rudder})])
+    >>> found.verdict, [e.effect for e in found.effects][:1]
+    ('effect', ['slope'])
+    """
+    tell = progress or (lambda part, what: None)
+    if not logs:
+        raise InputError("diagnosis needs at least one log")
+    if holdout is not None:
+        for log in logs:
+            if _same(log, holdout):
+                raise InputError(
+                    f"{holdout.name}: the hold-out log is the training log {log.name}: it must take no part"
+                )
+    tell(0.0, "reading what was measured")
+    data = gather(model, logs)
+    held = gather(model, [holdout]) if holdout is not None else None
+    selection = select(model, data, names=names, max_effects=max_effects, tell=tell)
+    final = selection.final
+    tell(0.9, "looking for what is not in the catalogue")
+    doubtful = selection.process or final.chi2_per_dof > PROBED
+    signs = tuple(probe(final)) if doubtful else ()
+    verdict = _verdict(selection, signs)
+    named = verdict in ("effect", "ambiguous")
+    amended = final.model if named or verdict == "none" else selection.base.model
+    refitted = final.model if verdict == "none" else selection.base.model
+    length = ladder(data)[:2][-1]
+    tell(0.93, "looking where it is")
+    missing, regime_found = _missing(refitted, model, data)
+    tell(0.97, "measuring the gap")
+    found = Diagnosis(
+        verdict=verdict,
+        effects=_numbers(final, selection.effects) if named else (),
+        rivals=tuple(selection.rivals) if named else (),
+        signs=signs,
+        model=model,
+        amended=amended,
+        refitted=refitted,
+        before=gap(refitted, held, length) if held else None,
+        after=gap(amended, held, length) if held else None,
+        train_before=gap(refitted, data, length),
+        train_after=gap(amended, data, length),
+        selection=selection,
+        missing=missing,
+        regime=regime_found,
+        rows_dropped=sum(int((~np.isfinite(m.values)).any(axis=0).sum()) for m in data.logs),
+    )
+    tell(1.0, "done")
+    return found
+
+
+def _missing(model: Subject, prior: Subject, data: Data) -> tuple[tuple[Missing, ...], str]:
+    """Return the force that a model lacks on logs, and in words where."""
+    near = fit(model, data, ladder(data)[:2][-1], prior_model=prior)
+    found = localize(near, noise_of(near))
+    return tuple(found), regime(near, found)
+
+
+def _verdict(selection: Selection, signs: Sequence[Sign]) -> Verdict:
+    if signs or (not selection.process and selection.final.chi2_per_dof > EXPLAINED):
+        return "unexplained"
+    if selection.rivals:
+        return "ambiguous"
+    return "effect" if selection.effects else "none"
+
+
+def _same(one: Log, other: Log) -> bool:
+    return (
+        len(one) == len(other)
+        and set(one.columns) == set(other.columns)
+        and bool(np.array_equal(one.time - one.time[:1], other.time - other.time[:1]))
+        and all(np.array_equal(one[c], other[c], equal_nan=True) for c in one.columns)
+    )
+
+
+def _numbers(fit: Fit, names: Sequence[str]) -> tuple[Found, ...]:
+    w, C = fit.windowed, fit.covariance
+    found = []
+    for name in names:
+        e = w.model.effect(name)
+        for key in e.numbers:
+            parameter = e.parameter(key)
+            if parameter not in w.names or (key == "width" and e.numbers[key].neutral != 0.0):
+                continue
+            j = w.names.index(parameter)
+            unit = w.block.parameter(parameter).unit
+            std = math.sqrt(max(C[j, j], 0.0))
+            found.append(Found(name, parameter, acts_in(fit, name), float(fit.p[j]), std, unit))
+    return tuple(found)
+
+
+def acts_in(fit: Fit, name: str) -> str:
+    """Return where an effect acts, in words of the equations."""
+    w = fit.windowed
+    e = w.model.effect(name)
+    own = {w.block.parameter(e.parameter(k)).symbol for k in e.numbers}
+    block = w.block
+    rows = [f"{s.name}'" for s in block.states if block.expand(block.derivatives[s.name]).free_symbols & own]
+    rows += [
+        o.name.replace("_measured", " as measured")
+        for o in block.outputs
+        if block.expand(block.output_expressions[o.name]).free_symbols & own
+    ]
+    return " ".join(rows) or ("all commands" if type(e).kind() == "input" else "the log's clock")

@@ -1,0 +1,58 @@
+"""The gap on a log that took no part: windows run free from fitted states, coefficients as they are."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hovercontrol.discrepancy.fit import fit
+from hovercontrol.discrepancy.windowed import Data, Subject
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Gap:
+    """Errors of a model on logs.
+
+    Attributes
+    ----------
+    rms : dict of str to float
+        Of each channel, in its unit.
+    nrmse : dict of str to float
+        Over the channel's root mean square about its mean.
+    floor : dict of str to float
+        The measurement noise, likewise over the channel's: no model can do better.
+    """
+
+    rms: dict[str, float]
+    nrmse: dict[str, float]
+    floor: dict[str, float]
+
+
+def gap(model: Subject, data: Data, length: float) -> Gap:
+    """Return how far windows of `length` seconds run from what was measured.
+
+    Parameters
+    ----------
+    model : Model or BlockModel
+        Its coefficients stay.
+    data : Data
+    length : float
+        Of the windows [s].
+    """
+    found = fit(model, data, length, frozen=True)
+    w = found.windowed
+    seen = w.seen.reshape(-1, w.seen.shape[-1])
+    residual = found.residual.reshape(seen.shape)
+    values = w.cut.values.reshape(len(w.cut.values), -1)
+    rms, nrmse, floor = {}, {}, {}
+    for c, channel in enumerate(data.channels):
+        count = max(int(seen[:, c].sum()), 1)
+        rms[channel] = float(np.sqrt((residual[:, c] ** 2).sum() / count))
+        size = float(np.nanstd(values[c])) or 1.0
+        nrmse[channel] = rms[channel] / size
+        floor[channel] = float(data.noise[c]) / size
+    return Gap(rms, nrmse, floor)

@@ -1,0 +1,335 @@
+"""Which effects a model lacks: forward by score, confirmed by refitting, dropped, swapped, or not named."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hovercontrol.discrepancy.candidates import Scored, Scores, Signatures, candidates, zoom
+from hovercontrol.discrepancy.fit import Fit, fit, forced_states
+from hovercontrol.discrepancy.noise import Noise, estimate
+from hovercontrol.discrepancy.windowed import Data, Subject
+from hovercontrol.effects import Effect
+
+Array = NDArray[np.float64]
+
+#: Windows [s], one after the other: short ones find the way, long ones weigh the evidence.
+LADDER = (0.25, 1.0, 3.0)
+
+#: chi2 per degree of freedom beyond which longer windows only get lost.
+GROSS = 1.3
+
+#: chi2 per degree of freedom at which an effect explains all: others with less of a score need no fit.
+SETTLED = 1.03
+
+#: Effects at most that are fitted to find the best.
+MOST_TRIES = 4
+
+#: How far a rival's score may lie behind the named effect's to be fitted in short windows, and the misfit it
+#: may leave there to be fitted in long ones; in parts of the named effect's.
+NEAR, CLOSE = 0.4, 0.05
+
+#: Fall of minus twice the log likelihood that an effect must bring, beyond EACH for each of its numbers: some
+#: sixty trials are looked at.
+LEAST, EACH = 20.0, 4.0
+
+#: A rival that is no more than this behind (odds of e^6) cannot be told apart.
+APART = 12.0
+
+#: chi2 per degree of freedom beyond which noise of the measurements alone does not explain what remains.
+EXPLAINED = 1.1
+
+
+@dataclass(frozen=True, eq=False)
+class Rival:
+    """An effect that the logs cannot tell from a named one."""
+
+    name: str
+    instead_of: str
+    behind: float
+    correlation: float
+
+
+@dataclass(eq=False)
+class Selection:
+    """What was selected.
+
+    Attributes
+    ----------
+    base, final : Fit
+        The given model and the amended one, fitted alike.
+    effects : list of str
+        Names of what was added.
+    gains : dict of str to float
+        Fall of minus twice the log likelihood that each brings.
+    rivals : list of Rival
+    steps : list of (str, float)
+        What was added in which order, with its score.
+    rejected : list of (str, str)
+        Effects that fit but may not be, with the reason.
+    process : bool
+        Whether process noise was needed.
+    """
+
+    base: Fit
+    final: Fit
+    effects: list[str] = field(default_factory=list)
+    gains: dict[str, float] = field(default_factory=dict)
+    rivals: list[Rival] = field(default_factory=list)
+    steps: list[tuple[str, float]] = field(default_factory=list)
+    rejected: list[tuple[str, str]] = field(default_factory=list)
+    process: bool = False
+
+
+def select(
+    model: Subject,
+    data: Data,
+    *,
+    names: Sequence[str] | None = None,
+    max_effects: int = 3,
+    tell: Callable[[float, str], None] = lambda part, what: None,
+) -> Selection:
+    """Return which effects a model lacks.
+
+    Parameters
+    ----------
+    model : Model or BlockModel
+    data : Data
+    names : sequence of str, optional
+        Effects to consider; default: the whole catalogue.
+    max_effects : int, optional
+    tell : callable, optional
+        Progress.
+    """
+    return _Search(model, data, names, max_effects, tell).run()
+
+
+def ladder(data: Data) -> tuple[float, ...]:
+    """Return the lengths of windows [s] that the logs hold."""
+    longest = max(m.time[b - 1] - m.time[a] for m in data.logs for a, b in m.segments)
+    return tuple(length for length in LADDER if length <= longest / 2) or LADDER[:1]
+
+
+class _Search:
+    """One search; `found` is where it stands."""
+
+    def __init__(
+        self,
+        model: Subject,
+        data: Data,
+        names: Sequence[str] | None,
+        max_effects: int,
+        tell: Callable[[float, str], None],
+    ) -> None:
+        self.model, self.data, self.names, self.max_effects = model, data, names, max_effects
+        self.rungs, self._tell = ladder(data), tell
+        tell(0.05, "fitting the model as it is")
+        base = fit(model, data, self.rungs[0])
+        self.plain = base.noise
+        self.found = Selection(base, base)
+
+    def run(self) -> Selection:
+        """Search in short windows, then in longer ones; drop and swap."""
+        found = self.found
+        self._short()
+        if not found.final.noise.has_process:
+            self._climb()
+            if found.final.chi2_per_dof > EXPLAINED and found.effects:
+                self.swap()
+                self._climb()
+            if found.final.chi2_per_dof > EXPLAINED:
+                found.final = self.fit(found.final.model, found.final, length=self.rungs[0], noise=self.plain)
+                self._short(always=True)
+        found.process = found.final.noise.has_process
+        self._drop()
+        found.rivals.clear()
+        self.swap()
+        return found
+
+    def fit(
+        self, model: Subject, near: Fit, *, length: float | None = None, noise: Noise | None = None
+    ) -> Fit:
+        """Fit from where `near` ended, by default over windows and with noise like its own."""
+        length = length or near.windowed.length
+        return fit(model, self.data, length, noise or near.noise, prior_model=self.model, near=near)
+
+    def _progress(self, what: str) -> None:
+        self._tell(0.1 + 0.7 * (1 - 0.6 ** (1 + len(self.found.steps))), what)
+
+    def _short(self, always: bool = False) -> None:
+        """Add effects in short windows as long as the misfit is gross, with process noise if that says more.
+
+        With gusts the motion leaves the free run, and in long windows dry friction is then far from linear.
+        """
+        found = self.found
+        while found.final.chi2_per_dof > EXPLAINED or always:
+            current = found.final
+            signatures = Signatures(current, candidates(current, self.names))
+            plain = Scores(current, signatures, self.plain)
+            best = self._worth(plain, current.chi2_per_dof)
+            noise = self.plain
+            if always or not self._explains(current, plain, best):
+                self._progress("estimating process noise")
+                gusty = noise_of(current)
+                scores = Scores(current, signatures, gusty)
+                with_gusts = self._worth(scores, 1.0)
+                if scores.cost - _top(with_gusts) < plain.cost - _top(best) - APART:
+                    noise, best = gusty, with_gusts
+            if noise is not current.noise:
+                current = self.fit(current.model, current, noise=noise)
+            new = self._add(current, best) if len(found.effects) < self.max_effects else None
+            found.final = new or current
+            if new is None:
+                return
+
+    def _explains(self, current: Fit, scores: Scores, best: Sequence[Scored]) -> bool:
+        """Whether the best effect takes nearly all the misfit: process noise need not be thought of."""
+        if not best:
+            return False
+        count = int(current.windowed.seen.sum())
+        whole = count * (current.chi2_per_dof - 1.0)
+        return best[0].gain > 0.8 * whole
+
+    def _climb(self) -> None:
+        """Add effects in longer and longer windows, where smaller ones show."""
+        found = self.found
+        for length in self.rungs:
+            if length < found.final.windowed.length:
+                continue
+            if length > found.final.windowed.length:
+                found.final = self.fit(found.final.model, found.final, length=length)
+            last = length == self.rungs[-1]
+            while len(found.effects) < self.max_effects and (last or found.final.chi2_per_dof > GROSS):
+                current = found.final
+                signatures = Signatures(current, candidates(current, self.names))
+                best = self._worth(Scores(current, signatures), current.chi2_per_dof)
+                new = self._add(current, best)
+                if new is None:
+                    break
+                found.final = new
+            if found.final.chi2_per_dof > GROSS:
+                break
+
+    def _worth(self, scores: Scores, chi2_per_dof: float) -> list[Scored]:
+        """Return the effects whose gain is worth their numbers; note those that may not be."""
+        best = scores.best()
+        bar = max(1.0, chi2_per_dof)
+        worth = [s for s in best if s.allowed and s.gain > _bar(s) * bar]
+        least = worth[0].gain if worth else 0.0
+        for s in best:
+            if not s.allowed and s.gain > max(_bar(s) * bar, least):
+                why = "fits best with a sign that its bounds forbid (a drag would feed energy)"
+                if (s.candidate.name, why) not in self.found.rejected:
+                    self.found.rejected.append((s.candidate.name, why))
+        return worth
+
+    def _add(self, current: Fit, worth: Sequence[Scored]) -> Fit | None:
+        """Return the fit with the effect that takes most, or None if none takes enough."""
+        tries: list[tuple[float, Scored, Fit]] = []
+        for scored in worth[:MOST_TRIES]:
+            explained = tries and min(t[2].chi2_per_dof for t in tries) < SETTLED
+            if tries and scored.gain < (0.9 if explained else 0.4) * worth[0].gain:
+                break
+            self._progress(f"trying {scored.candidate.name}")
+            near = zoom(current, scored)
+            new = self.fit(current.model.with_effects([near.effect]), current)
+            tries.append((new.cost, near, new))
+        if not tries:
+            return None
+        cost, scored, new = min(tries, key=lambda t: t[0])
+        if not cost < current.cost - _bar(scored):
+            return None
+        self.found.steps.append((scored.candidate.name, scored.gain))
+        self.found.effects.append(scored.candidate.name)
+        return new
+
+    def _drop(self) -> None:
+        """Leave out what is not needed any more, and note what each effect brings."""
+        found = self.found
+        while found.effects:
+            found.gains = {name: _wald(found.final, name) for name in found.effects}
+            weakest = min(found.gains, key=found.gains.__getitem__)
+            if found.gains[weakest] > LEAST:
+                return
+            found.effects.remove(weakest)
+            found.final = self.fit(_without(found.final.model, weakest), found.final)
+
+    def swap(self) -> None:
+        """Put other effects in the place of each; take a better one, note those that cannot be told apart."""
+        found = self.found
+        for name in list(found.effects):
+            self._progress(f"looking for rivals of {name}")
+            final = found.final
+            bare_model = _without(final.model, name)
+            length = final.windowed.length
+            short = length if final.noise.has_process else self.rungs[0]
+            bare = self.fit(bare_model, final, length=short)
+            whole = final if short == length else self.fit(final.model, final, length=short)
+            scores = Scores(bare, Signatures(bare, candidates(bare, self.names)))
+            best = scores.best()
+            top = next((s for s in best if s.candidate.name == name), None)
+            if top is None:
+                continue
+            taken = bare.cost - whole.cost
+            for scored in best:
+                other_name = scored.candidate.name
+                if other_name == name or other_name in found.effects or not scored.allowed:
+                    continue
+                far = top.gain - scored.gain > max(3 * APART, NEAR * top.gain)
+                if far and not _kin(scored.candidate.trial, top.candidate.trial):
+                    continue
+                near = self.fit(bare_model.with_effects([zoom(bare, scored).effect]), bare)
+                if near.cost - whole.cost > APART + CLOSE * taken:
+                    continue
+                other = near if short == length else self.fit(near.model, near, length=length)
+                behind = other.cost - found.final.cost
+                correlation = scores.correlation(scored.columns, top.columns)
+                if behind < -APART:
+                    found.effects[found.effects.index(name)] = other_name
+                    found.final, name = other, other_name
+                    found.rivals = [r for r in found.rivals if r.instead_of in found.effects]
+                elif behind < APART:
+                    found.rivals.append(Rival(other_name, name, float(behind), correlation))
+
+
+def _kin(one: Effect, other: Effect) -> bool:
+    """Whether two effects are drags along the same axis, which widths of friction blend."""
+    return getattr(one, "axis", None) == getattr(other, "axis", 0)
+
+
+def _top(worth: Sequence[Scored]) -> float:
+    return worth[0].gain if worth else 0.0
+
+
+def _bar(scored: Scored) -> float:
+    return LEAST + EACH * len(scored.candidate.amplitudes)
+
+
+def _without(model: Subject, name: str) -> Subject:
+    return replace(model, effects=tuple(e for e in model.effects if e.name != name))
+
+
+def _wald(final: Fit, name: str) -> float:
+    """Return how many standard errors an effect is from not being there, squared."""
+    w, C = final.windowed, final.covariance
+    e = w.model.effect(name)
+    own = [
+        (w.names.index(e.parameter(k)), n.neutral)
+        for k, n in e.numbers.items()
+        if not np.isnan(n.neutral) and e.parameter(k) in w.names
+    ]
+    if not own:
+        return float("inf")
+    rows = [j for j, _ in own]
+    away = np.array([final.p[j] - neutral for j, neutral in own])
+    return float(away @ np.linalg.pinv(C[np.ix_(rows, rows)], hermitian=True) @ away)
+
+
+def noise_of(f: Fit) -> Noise:
+    """Return the noise that fits the residuals of a fit best, process noise included."""
+    w = f.windowed
+    columns = np.concatenate([f.residual[..., None], f.jacobian], axis=-1)
+    return estimate(columns, w.seen, len(w.free), f.noise, f.response, forced_states(f))[0]

@@ -1,0 +1,365 @@
+"""Free runs of a model over windows of logs, linearised: the residuals that all else is made of.
+
+A window begins at states of its own, which are unknown and eliminated (Schur complement), so that errors
+cannot pile up over a log and the problem stays nearly linear (Bock 1987). States that follow from the
+commands alone come from the whole log (:mod:`.arrival`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hovercontrol.block import Block
+from hovercontrol.blockmodel import BlockModel
+from hovercontrol.discrepancy.arrival import Arrival, input_states
+from hovercontrol.effects import Shape
+from hovercontrol.identify.measure import Measured, measure_all
+from hovercontrol.identify.shooting import cut, stable_step
+from hovercontrol.identify.windows import noise_levels, windows
+from hovercontrol.logs import Log
+from hovercontrol.model import Model
+
+Array = NDArray[np.float64]
+
+#: What can be diagnosed.
+Subject = Model | BlockModel
+
+#: Longest sub-step [s].
+STEP = 0.01
+
+#: Most sub-steps between two rows.
+MOST = 20
+
+#: Relative size of the perturbations of one-sided differences.
+NUDGE = 1e-6
+
+#: Narrowest friction [m/s, rad/s] that a fit tells from a jump.
+NARROWEST = 5e-4
+
+
+@dataclass(frozen=True, eq=False)
+class Data:
+    """Logs as a model's Block sees them.
+
+    Attributes
+    ----------
+    logs : tuple of Measured
+    channels : tuple of str
+        All that was measured in any.
+    noise : ndarray, shape (n_channels,)
+        Measurement noise, from third differences.
+    """
+
+    logs: tuple[Measured, ...]
+    channels: tuple[str, ...]
+    noise: Array
+
+    @property
+    def duration(self) -> float:
+        """Length of the longest log [s]."""
+        return max(float(m.time[-1] - m.time[0]) for m in self.logs)
+
+
+def gather(model: Subject, logs: Sequence[Log], most_rows: int = 60_000) -> Data:
+    """Return what logs say about a model (:func:`hovercontrol.identify.measure.measure`)."""
+    measured = tuple(measure_all(structure(model), logs, most_rows))
+    channels = tuple(dict.fromkeys(c for m in measured for c in m.channels))
+    return Data(measured, channels, noise_levels(measured, channels))
+
+
+class Windowed:
+    """One model over windows of one length.
+
+    Parameters
+    ----------
+    model : Model or BlockModel
+    data : Data
+    length : float
+        Of the windows [s].
+    guess : sequence of ndarray, shape (n_states, n), optional
+        Where the states of each log may be; default: as measured.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Unknown parameters: coefficients, friction widths, shapes of effects.
+    x : ndarray, shape (K, n_states, W)
+        States at every row of the last simulation.
+    """
+
+    def __init__(
+        self, model: Subject, data: Data, length: float, guess: Sequence[Array] | None = None
+    ) -> None:
+        self.model, self.data, self.length = model, data, length
+        self.block: Block = structure(model)
+        self.names = unknowns(model)
+        values = model.coefficients()
+        signals = [self.block.parameter(name) for name in self.names]
+        keys = [p.name for p in self.block.parameters]
+        self._at = [keys.index(s.name) for s in signals]
+        self.lower = np.array([s.lower for s in signals])
+        self.upper = np.array([s.upper for s in signals])
+        self.is_width = np.array([name.endswith("_width") for name in self.names], dtype=bool)
+        self.lower = np.where(self.is_width, np.maximum(self.lower, NARROWEST), self.lower)
+        self.start = np.array([values[name] for name in self.names])
+        self.size = np.array([abs(v) or 1.0 for v in self.start])
+        self._every = [
+            values.get(key.rpartition(".")[2], s) for key, s in self.block.default_parameters.items()
+        ]
+        self._timing = [keys.index(name) if name else None for name in model.timing()]
+        known = input_states(self.block)
+        self.free = [i for i in range(len(self.block.states)) if i not in known]
+        self.ranges = windows(data.logs, length)
+        self.ranges.sort(key=lambda r: r[1] - r[2])
+        states = [_states(self.block, m) for m in data.logs]
+        for found, near in zip(states, guess or (), strict=False):
+            count = min(len(found), len(near))
+            found[:count] = np.where(np.isfinite(near[:count]), near[:count], found[:count])
+        self.cut = cut(data.logs, states, data.channels, self.ranges)
+        self.seen = np.isfinite(self.cut.values).transpose(1, 2, 0)  # W, K, C
+        self.arrivals = [self.arrival(self.block, m) for m in data.logs]
+        self._log_of = np.array([i for i, _, _ in self.ranges])
+        outputs, names = [s.name for s in self.block.outputs], [s.name for s in self.block.states]
+        self.picked = [
+            (outputs.index(f"{c}_measured"), False)
+            if f"{c}_measured" in outputs
+            else ((names.index(c), True) if c in names else (outputs.index(c), False))
+            for c in data.channels
+        ]
+        self._derivatives, self._outputs = self.block.to_numpy().vector
+        self._in_motion = self._depends_on_inputs()
+        self.x = np.empty(0)
+
+    @staticmethod
+    def arrival(block: Block, log: Measured) -> Arrival:
+        """Return the commands of a log on their way to a Block."""
+        return Arrival(block, log.time - log.origin, log.inputs)
+
+    def _depends_on_inputs(self) -> list[int]:
+        """Return which unknowns change how commands arrive."""
+        symbols = {self.block.states[i].symbol for i in input_states(self.block)}
+        laws = [self.block.derivatives[s.name].free_symbols for s in self.block.states if s.symbol in symbols]
+        acting: set[str] = set().union(*({str(s) for s in law} for law in laws))
+        acting |= {name for name in self.model.timing() if name}
+        return [j for j, name in enumerate(self.names) if self.block.parameter(name).name in acting]
+
+    def blocks(self, seconds: float = 2.0) -> NDArray[np.intp]:
+        """Return which windows lie in the same stretch of so many seconds, as numbers from 0, shape (W,)."""
+        places = [(i, int(self.data.logs[i].time[a] // seconds)) for i, a, _ in self.ranges]
+        order = {place: k for k, place in enumerate(sorted(set(places)))}
+        return np.array([order[place] for place in places], dtype=np.intp)
+
+    def tracks(self) -> list[Array]:
+        """Return the states of the last simulation by log, (n_states, n); NaN outside the windows."""
+        found = [np.full((len(self.block.states), m.time.size), np.nan) for m in self.data.logs]
+        for w, (i, first, stop) in enumerate(self.ranges):
+            found[i][:, first:stop] = self.x[: stop - first, :, w].T
+        return found
+
+    # ---- simulation ------------------------------------------------------------------------------------
+
+    def parameters(self, p: Array) -> list[float]:
+        """Return every parameter of the Block, the unknowns as in `p`."""
+        every = list(self._every)
+        for at, value in zip(self._at, p.tolist(), strict=True):
+            every[at] = value
+        return every
+
+    def set_step(self, p: Array) -> None:
+        """Choose sub-steps at which friction as stiff as now neither chatters nor smears."""
+        step = 2.0 * stable_step(self.block, self.cut, self.parameters(p), 0.5 * STEP)
+        longest = float(np.diff(self.cut.time, axis=1).max())
+        self.pieces = int(np.clip(np.ceil(longest / step - 1e-9), 1, MOST))
+        dt = np.diff(self.cut.time, axis=1).T
+        self.h = dt / self.pieces  # K-1, W
+        parts = np.arange(self.pieces)[:, None, None]
+        self.t = self.cut.time.T[None, :-1] + parts * self.h  # S, K-1, W
+
+    def delay(self, parameters: Sequence[float]) -> float:
+        """Return how late commands act on what is measured, against the log's clock [s]."""
+        return sum(parameters[at] for at in self._timing if at is not None)
+
+    def commands(self, parameters: Sequence[float], t: Array, h: Array) -> tuple[Array, dict[int, Array]]:
+        """Return inputs' means over steps from t to t + h, and input states in their middles.
+
+        Parameters
+        ----------
+        parameters : sequence of float
+        t, h : ndarray, shapes (S, K-1, W) and (K-1, W)
+
+        Returns
+        -------
+        ndarray, shape (n_inputs, S, K-1, W)
+        dict of int to ndarray, shape (S, K-1, W)
+        """
+        delay = self.delay(parameters)
+        u = np.empty((len(self.block.inputs), *t.shape))
+        lagged = {i: np.empty(t.shape) for i in input_states(self.block)}
+        padded = np.where(h > 0, h, 1e-9)
+        for k, arrival in enumerate(self.arrivals):
+            own = np.flatnonzero(self._log_of == k)
+            begin, width = t[..., own], padded[:, own]
+            u[..., own] = arrival.mean(begin, begin + width, delay)
+            for i, values in arrival.lagged(begin + 0.5 * width, parameters, delay).items():
+                lagged[i][..., own] = values
+        return u, lagged
+
+    def linearise(self, p: Array, x0: Array, jacobian: bool = True) -> tuple[Array, Array]:
+        """Simulate all windows.
+
+        Parameters
+        ----------
+        p : ndarray, shape (P,)
+        x0 : ndarray, shape (n_states, W)
+
+        Returns
+        -------
+        residual : ndarray, shape (W, K, C)
+            Measured minus simulated; zero where nothing was measured.
+        jacobian : ndarray, shape (W, K, C, n + P)
+            Of the channels by the free initial states and the unknowns.
+        """
+        n, P = len(self.free), len(p) if jacobian else 0
+        n = n if jacobian else 0
+        values: list[float | Array] = list(self.parameters(p))
+        lanes = np.repeat(x0[:, None, :], 1 + n + P, axis=1)
+        width = np.empty(n + P)
+        for j, i in enumerate(self.free[:n]):
+            width[j] = NUDGE * self.block.states[i].nominal
+            lanes[i, 1 + j] += width[j]
+        moved: dict[int, list[float]] = {}
+        for j, at in enumerate(self._at[:P]):
+            step = NUDGE * max(abs(p[j]), 0.1 * self.size[j])
+            width[n + j] = step if p[j] + step <= self.upper[j] else -step
+            column = np.full((lanes.shape[1], 1), p[j])
+            column[1 + n + j] += width[n + j]
+            values[at] = column
+            if j in self._in_motion:
+                other = p.copy()
+                other[j] += width[n + j]
+                moved[1 + n + j] = self.parameters(other)
+        x = self._run(lanes, values, self.parameters(p), moved)
+        y = self._channels(x, values)
+        self.x = x[:, :, 0]
+        residual = np.where(
+            self.seen, self.cut.values.transpose(1, 2, 0) - y[:, :, 0].transpose(2, 0, 1), 0.0
+        )
+        if not jacobian:
+            return residual, np.empty(0)
+        J = (y[:, :, 1:] - y[:, :, :1]) / width[:, None]  # K, C, n+P, W
+        return residual, np.where(self.seen[..., None], J.transpose(3, 0, 1, 2), 0.0)
+
+    def _run(
+        self,
+        lanes: Array,
+        values: Sequence[float | Array],
+        parameters: Sequence[float],
+        moved: dict[int, list[float]],
+    ) -> Array:
+        """Return the states at every row, (K, n_states, L, W): classical Runge-Kutta."""
+        u, lagged = self.commands(parameters, self.t, self.h)
+        u, lagged = u[:, :, :, None, :], {i: v[:, :, None, :] for i, v in lagged.items()}
+        if moved:
+            L = lanes.shape[1]
+            u = np.repeat(u, L, axis=3)
+            lagged = {i: np.repeat(v, L, axis=2) for i, v in lagged.items()}
+            for lane, other in moved.items():
+                own, states = self.commands(other, self.t, self.h)
+                u[:, :, :, lane] = own
+                for i, v in states.items():
+                    lagged[i][:, :, lane] = v
+        K = self.cut.time.shape[1]
+        X = np.empty((K, *lanes.shape))
+        x = lanes.copy()
+        for i, v in lagged.items():
+            x[i] = v[0, 0]
+        X[0] = x
+        slope = np.empty_like(x)
+        derivatives, known = self._derivatives, list(lagged)
+
+        def f(t: Array, x: Array, u: Array) -> Array:
+            k = np.empty_like(x)
+            for i, value in enumerate(derivatives(t, x, u, values)):
+                k[i] = value
+            for i in known:
+                k[i] = 0.0
+            return k
+
+        with np.errstate(all="ignore"):
+            for row in range(K - 1):
+                h = self.h[row]
+                for s in range(self.pieces):
+                    t, now = self.t[s, row], u[:, s, row]
+                    for i, v in lagged.items():
+                        x[i] = v[s, row]
+                    k1 = f(t, x, now)
+                    k2 = f(t + 0.5 * h, x + (0.5 * h) * k1, now)
+                    k3 = f(t + 0.5 * h, x + (0.5 * h) * k2, now)
+                    slope = f(t + h, x + h * k3, now)
+                    k2 += k3
+                    k2 *= 2.0
+                    k2 += k1
+                    k2 += slope
+                    x = x + (h / 6.0) * k2
+                X[row + 1] = x
+        return X
+
+    def _channels(self, x: Array, values: Sequence[float | Array]) -> Array:
+        """Return the channels at every row, (K, C, L, W)."""
+        y = np.empty((x.shape[0], len(self.picked), *x.shape[2:]))
+        computed: Sequence[Array] = ()
+        if not all(is_state for _, is_state in self.picked):
+            time = self.cut.time.T[:, None, :]
+            u = np.moveaxis(self.cut.inputs, 2, 1)[:, :, None, :]
+            with np.errstate(all="ignore"):
+                computed = self._outputs(time, np.moveaxis(x, 1, 0), u, values)
+        for c, (i, is_state) in enumerate(self.picked):
+            y[:, c] = x[:, i] if is_state else computed[i]
+        return y
+
+
+_STRUCTURES: dict[tuple[object, ...], Block] = {}
+
+
+def structure(model: Subject) -> Block:
+    """Return a Block with the equations of a model, whatever its numbers; made once for a set of effects."""
+    key = (type(model), *model.signature)
+    if key not in _STRUCTURES:
+        if len(_STRUCTURES) > 500:
+            _STRUCTURES.clear()
+        _STRUCTURES[key] = model.plant(late=True)
+    return _STRUCTURES[key]
+
+
+def unknowns(model: Subject) -> tuple[str, ...]:
+    """Return the parameters of a model that a fit seeks: coefficients, widths of dry friction, shapes.
+
+    A time at which something jumps is none: residuals do not change smoothly with it.
+
+    Examples
+    --------
+    >>> from hovercontrol.vehicles import hoverdemon
+    >>> unknowns(hoverdemon())
+    ('thrust', 'rudder_torque')
+    """
+    shapes = [
+        e.parameter(k)
+        for e in model.effects
+        for k, n in e.numbers.items()
+        if isinstance(n, Shape) and n.of != "time"
+    ]
+    return (*model.linear_coefficients(), *shapes)
+
+
+def _states(block: Block, measured: Measured) -> Array:
+    """Return a guess of all states at all rows: as measured, else their start values."""
+    found = np.full((len(block.states), measured.time.size), 0.0)
+    found[:] = np.array([s.start for s in block.states])[:, None]
+    count = min(len(measured.states), len(found))
+    known = np.isfinite(measured.states[:count])
+    found[:count] = np.where(known, measured.states[:count], found[:count])
+    return found

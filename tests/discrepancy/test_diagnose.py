@@ -1,0 +1,113 @@
+"""A reduced blind test: what is hidden is found, named, or honestly not named."""
+
+import numpy as np
+import pytest
+
+from hovercontrol.discrepancy import diagnose
+from hovercontrol.errors import InputError
+
+from .generator import Conditions, make, mild, outside
+
+SHORT = Conditions(duration=25.0)
+
+
+def named(found):
+    return sorted({e.effect for e in found.effects})
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        ["surge_quadratic_drag"],
+        ["yaw_stribeck"],
+        ["slope"],
+        ["thrust_lag"],
+        ["thrust_saturation"],
+        ["gyro_scale"],
+        ["rudder_offset", "thrust_yaw_torque"],
+        ["munk_moment", "sway_yaw_coupling"],
+    ],
+    ids="+".join,
+)
+def test_hidden_effects_are_named_and_close_the_gap(names):
+    case = make(11, names, SHORT)
+    found = diagnose(case.model, case.logs, case.holdout)
+    assert found.verdict == "effect"
+    assert named(found) == sorted(names)
+    truth = {e.name: e for e in case.truth.effects}
+    for number in found.effects:
+        e = truth[number.effect]
+        value = next(v for k, v in e.values.items() if e.parameter(k) == number.parameter)
+        assert number.value == pytest.approx(value, abs=5 * number.std + 1e-3 * abs(value))
+    for channel, after in found.after.nrmse.items():
+        assert after < 1.15 * found.after.floor[channel]
+        assert after <= 1.02 * found.before.nrmse[channel]
+
+
+def test_a_jump_is_found_with_its_time():
+    case = make(100, ["parameter_jump"])
+    found = diagnose(case.model, case.logs)
+    assert named(found) == ["parameter_jump"]
+    jump = case.truth.effect("parameter_jump").values
+    assert found.amended.effect("parameter_jump").values["seconds"] == pytest.approx(
+        jump["seconds"], abs=0.05
+    )
+    assert found.effects[0].value == pytest.approx(jump["factor"], rel=0.01)
+
+
+def test_nothing_is_found_where_nothing_is_missing():
+    case = make(12, [], SHORT)
+    found = diagnose(case.model, case.logs, case.holdout)
+    assert (found.verdict, found.effects, found.rivals, found.signs) == ("none", (), (), ())
+    assert found.selection.final.chi2_per_dof == pytest.approx(1.0, abs=0.1)
+
+
+def test_late_commands_and_a_late_clock_cannot_be_told_apart():
+    case = make(13, ["input_delay"], SHORT)
+    found = diagnose(case.model, case.logs)
+    assert found.verdict == "ambiguous"
+    assert {*named(found), *(r.name for r in found.rivals)} == {"input_delay", "time_offset"}
+    assert found.rivals[0].correlation > 0.999
+
+
+def test_measurements_ahead_of_the_commands_are_a_clock():
+    case = make(3, ["time_offset"], SHORT)
+    seconds = case.truth.effect("time_offset").values["seconds"]
+    assert seconds < 0
+    found = diagnose(case.model, case.logs)
+    assert (found.verdict, named(found)) == ("effect", ["time_offset"])
+    assert found.effects[0].value == pytest.approx(seconds, abs=2e-3)
+
+
+@pytest.mark.parametrize("kind", ["oscillator", "patch", "mass"])
+def test_what_no_effect_says_is_not_named(kind):
+    case = outside(1, kind, Conditions(duration=40.0))
+    found = diagnose(case.model, case.logs)
+    assert found.verdict == "unexplained"
+    assert found.effects == () and found.signs
+
+
+def test_gusts_are_no_effect_and_hide_none():
+    case = make(14, ["slope"], Conditions(duration=40.0, gusts=True))
+    found = diagnose(case.model, case.logs)
+    assert found.verdict == "effect" and named(found) == ["slope"]
+    level = found.selection.final.noise.process[3:]
+    np.testing.assert_allclose(level, [0.05, 0.05, 0.15], rtol=0.5)
+    calm = make(15, [], Conditions(duration=40.0, gusts=True))
+    assert diagnose(calm.model, calm.logs).verdict == "none"
+
+
+def test_mild_laps_name_an_effect_too():
+    case = make(16, ["munk_moment"], Conditions(duration=40.0, commands=mild))
+    assert named(diagnose(case.model, case.logs)) == ["munk_moment"]
+
+
+def test_the_hold_out_log_must_take_no_part():
+    case = make(17, [], Conditions(duration=5.0, logs=1))
+    with pytest.raises(InputError, match="hold-out log is the training log"):
+        diagnose(case.model, case.logs, case.logs[0])
+
+
+def test_without_logs_there_is_nothing_to_say():
+    with pytest.raises(InputError, match="at least one log"):
+        diagnose(make(17, [], Conditions(duration=5.0, logs=1)).model, [])
