@@ -11,7 +11,7 @@ demo: .venv/ready  ## the paper's Table I, then coefficients from the sample log
 	@echo "Look at out/table1/tracking_error.png and out/identify/free_run_rudder_craft.png"
 
 test: .venv/ready check  ## style, types, all tests
-	$(BIN)/python -m pytest -n 2
+	$(BIN)/python -m pytest -n 2 --dist worksteal
 
 check: .venv/ready
 	$(BIN)/ruff check .

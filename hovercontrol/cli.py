@@ -253,8 +253,8 @@ def export(
     friction: Annotated[
         str, typer.Option(help="Dry friction: events (sticks at exactly zero velocity) or smooth.")
     ] = "events",
-    stop: Annotated[float | None, typer.Option(help="End of the default experiment [s].")] = None,
-    step: Annotated[float | None, typer.Option(help="Its communication step [s].")] = None,
+    stop: Annotated[float | None, typer.Option(help="End of the default experiment, in seconds.")] = None,
+    step: Annotated[float | None, typer.Option(help="Its communication step, in seconds.")] = None,
     list_: Annotated[bool, typer.Option("--list", help="List what can be exported and leave.")] = False,
 ) -> int:
     """Write an FMU (FMI 2.0 or 3.0, Model Exchange and Co-Simulation in one file)."""

@@ -313,5 +313,5 @@ def test_every_known_effect_makes_a_plant():
             key: n.default if n.default is not None else min(max(0.5, n.lower), n.upper)
             for key, n in effect_class(name).numbers.items()
         }
-        plant = Model("one", [effect(name, **numbers)], fans=fans).plant()
+        plant = Model("one", [effect(name, **numbers)], fans=fans).plant(late=True)
         assert len(plant.states) >= 6, name
