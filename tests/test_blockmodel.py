@@ -36,6 +36,17 @@ class ServoCoulomb(Effect):
         return {"rate": -c.value * sgn(s.rate, c.width)}
 
 
+OWN = {cls.name: Effect.known.pop(cls.name) for cls in (ServoCogging, ServoCoulomb)}
+
+
+@pytest.fixture(autouse=True, scope="module")
+def known_here_only():
+    Effect.known.update(OWN)
+    yield
+    for name in OWN:
+        Effect.known.pop(name)
+
+
 def servo():
     angle, rate = Signal("angle", "rad"), Signal("rate", "rad/s")
     current = Signal("current", "A")

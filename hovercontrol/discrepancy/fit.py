@@ -66,7 +66,8 @@ class Fit:
     def model(self) -> Subject:
         """The model with the values found."""
         w = self.windowed
-        return w.model.with_coefficients(dict(zip(w.names, self.p.tolist(), strict=True)))
+        inside = np.clip(self.p, w.lower, w.upper)  # a step to a bound may end a rounding error beyond it
+        return w.model.with_coefficients(dict(zip(w.names, inside.tolist(), strict=True)))
 
     @property
     def covariance(self) -> Array:
