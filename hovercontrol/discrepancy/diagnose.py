@@ -14,9 +14,10 @@ import numpy as np
 from hovercontrol.discrepancy.fit import Fit, fit
 from hovercontrol.discrepancy.holdout import Gap, gap
 from hovercontrol.discrepancy.localize import Missing, localize, regime
+from hovercontrol.discrepancy.noise import Noise
 from hovercontrol.discrepancy.probes import Sign, probe
 from hovercontrol.discrepancy.select import EXPLAINED, Rival, Selection, ladder, noise_of, select
-from hovercontrol.discrepancy.windowed import Data, Subject, gather
+from hovercontrol.discrepancy.windowed import Subject, gather
 from hovercontrol.errors import InputError
 from hovercontrol.files import write_whole
 from hovercontrol.logs import Log
@@ -26,6 +27,9 @@ Verdict = Literal["effect", "none", "ambiguous", "unexplained"]
 
 #: chi2 per degree of freedom from which on probes for the unknown are worth their time.
 PROBED = 1.04
+
+#: Rise of twice the negative log likelihood on the hold-out log that no effect survives.
+VETO = 12.0
 
 
 @dataclass(frozen=True)
@@ -79,6 +83,8 @@ class Diagnosis:
         On the training logs.
     selection : Selection
         The search itself.
+    noise : Noise
+        Of the given model's fit, what it lacks taken as process noise.
     missing : tuple of Missing
         The force that the given model lacks, by log and equation.
     regime : str
@@ -98,14 +104,16 @@ class Diagnosis:
     train_before: Gap
     train_after: Gap
     selection: Selection
+    noise: Noise
     missing: tuple[Missing, ...]
     regime: str
     rows_dropped: int
 
     def missing_after(self) -> tuple[Missing, ...]:
         """Return the force that the amended model still lacks on the training logs."""
-        final = self.selection.final
-        return _missing(self.amended, self.model, final.windowed.data)[0]
+        data = self.selection.final.windowed.data
+        near = fit(self.amended, data, ladder(data)[:2][-1], frozen=True)
+        return tuple(localize(near, self.noise.like(len(near.windowed.free))))
 
     def result(self) -> dict[str, Any]:
         """Return what ``result.json`` holds."""
@@ -172,11 +180,20 @@ class Diagnosis:
         from hovercontrol.modelfile import save_model
 
         folder = Path(folder)
-        text = json.dumps(self.result(), indent=2, allow_nan=False, default=float) + "\n"
+        text = json.dumps(_finite(self.result()), indent=2, allow_nan=False, default=float) + "\n"
         files = [write_whole(folder / "result.json", lambda path: path.write_text(text, encoding="utf-8"))]
         if isinstance(self.amended, Model):
             files.append(save_model(self.amended, folder / "model.toml"))
         return files
+
+
+def _finite(value: Any) -> Any:
+    """Return a result with null where a number is not finite: JSON knows no NaN."""
+    if isinstance(value, dict):
+        return {k: _finite(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(v) for v in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def diagnose(
@@ -243,43 +260,66 @@ def diagnose(
     held = gather(model, [holdout]) if holdout is not None else None
     selection = select(model, data, names=names, max_effects=max_effects, tell=tell)
     final = selection.final
-    tell(0.9, "looking for what is not in the catalogue")
+    data = final.windowed.data
+    tell(0.88, "looking for what is not in the catalogue")
     doubtful = selection.process or final.chi2_per_dof > PROBED
     signs = tuple(probe(final)) if doubtful else ()
+    tell(0.92, "measuring the gap")
+    length = ladder(data)[:2][-1]
+    like = (final.windowed.length, final.noise) if selection.process else (length, None)
+    bare = fit(selection.base.model, data, *like, prior_model=model) if selection.effects else final
+    before, after = (gap(f.model, held, length) if held else None for f in (bare, final))
+    signs += _slow(selection) + _veto(selection, before, after)
     verdict = _verdict(selection, signs)
     named = verdict in ("effect", "ambiguous")
-    amended = final.model if named or verdict == "none" else selection.base.model
-    refitted = final.model if verdict == "none" else selection.base.model
-    length = ladder(data)[:2][-1]
-    tell(0.93, "looking where it is")
-    missing, regime_found = _missing(refitted, model, data)
-    tell(0.97, "measuring the gap")
+    tell(0.96, "looking where it is")
+    near = fit(bare.model, data, length, prior_model=model) if selection.process else bare
+    noise = noise_of(near)
+    missing = tuple(localize(near, noise))
     found = Diagnosis(
         verdict=verdict,
         effects=_numbers(final, selection.effects) if named else (),
         rivals=tuple(selection.rivals) if named else (),
         signs=signs,
         model=model,
-        amended=amended,
-        refitted=refitted,
-        before=gap(refitted, held, length) if held else None,
-        after=gap(amended, held, length) if held else None,
-        train_before=gap(refitted, data, length),
-        train_after=gap(amended, data, length),
+        amended=final.model if named or verdict == "none" else bare.model,
+        refitted=bare.model,
+        before=before,
+        after=after if named or verdict == "none" else before,
+        train_before=gap(bare.model, data, length),
+        train_after=gap(final.model if named or verdict == "none" else bare.model, data, length),
         selection=selection,
+        noise=noise,
         missing=missing,
-        regime=regime_found,
+        regime=regime(near, list(missing)),
         rows_dropped=sum(int((~np.isfinite(m.values)).any(axis=0).sum()) for m in data.logs),
     )
     tell(1.0, "done")
     return found
 
 
-def _missing(model: Subject, prior: Subject, data: Data) -> tuple[tuple[Missing, ...], str]:
-    """Return the force that a model lacks on logs, and in words where."""
-    near = fit(model, data, ladder(data)[:2][-1], prior_model=prior)
-    found = localize(near, noise_of(near))
-    return tuple(found), regime(near, found)
+def _slow(selection: Selection) -> tuple[Sign, ...]:
+    """Return a sign if long windows leave what short ones do not show."""
+    if not selection.slow:
+        return ()
+    text = (
+        f"windows of {selection.final.windowed.length:g} s are explained, longer ones are not "
+        f"(chi2 per degree of freedom {selection.slow:.3g}): something small that lasts"
+    )
+    count = int(selection.final.windowed.seen.sum())
+    return (Sign("slow", text, (selection.slow - 1.0) * count, 1),)
+
+
+def _veto(selection: Selection, before: Gap | None, after: Gap | None) -> tuple[Sign, ...]:
+    """Return a sign if the amended model is worse on the hold-out log than the given one."""
+    if not (selection.effects and before and after):
+        return ()
+    worse = after.chi2 - before.chi2
+    if worse < VETO * max(1.0, after.chi2 / max(after.count, 1)):
+        return ()
+    names = " and ".join(selection.effects)
+    text = f"{names} would fit the training logs, but the hold-out log is predicted worse with it"
+    return (Sign("hold-out", text, worse, len(selection.effects)),)
 
 
 def _verdict(selection: Selection, signs: Sequence[Sign]) -> Verdict:

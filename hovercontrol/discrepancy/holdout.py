@@ -25,11 +25,17 @@ class Gap:
         Over the channel's root mean square about its mean.
     floor : dict of str to float
         The measurement noise, likewise over the channel's: no model can do better.
+    chi2 : float
+        Sum of squares over the measurement noise's.
+    count : int
+        Samples.
     """
 
     rms: dict[str, float]
     nrmse: dict[str, float]
     floor: dict[str, float]
+    chi2: float
+    count: int
 
 
 def gap(model: Subject, data: Data, length: float) -> Gap:
@@ -55,4 +61,5 @@ def gap(model: Subject, data: Data, length: float) -> Gap:
         size = float(np.nanstd(values[c])) or 1.0
         nrmse[channel] = rms[channel] / size
         floor[channel] = float(data.noise[c]) / size
-    return Gap(rms, nrmse, floor)
+    chi2 = float(((residual / data.noise) ** 2).sum())
+    return Gap(rms, nrmse, floor, chi2, int(seen.sum()))

@@ -62,9 +62,8 @@ class Missing:
 
     @property
     def rms(self) -> float:
-        """Root mean square of the force, what the band makes of it taken off."""
-        square = float(np.nanmean(self.force**2 - self.band**2))
-        return math.sqrt(max(0.0, square))
+        """Root mean square of the force."""
+        return math.sqrt(float(np.nanmean(self.force**2)))
 
 
 def localize(fit: Fit, noise: Noise) -> list[Missing]:

@@ -56,6 +56,12 @@ class Noise:
         """Whether there is process noise."""
         return bool((self.process > 0).any())
 
+    def like(self, states: int) -> Noise:
+        """Return this noise for a model of more or fewer free states behind these."""
+        process = np.zeros(states)
+        process[: len(self.process)] = self.process[:states]
+        return self.but(process=process)
+
     def but(self, **changes: Any) -> Noise:
         """Return a copy with some fields changed."""
         return replace(self, **changes)

@@ -32,6 +32,9 @@ PAST = (0.3, 0.6, 1.2)
 #: Frequencies [rad/s] and damping of loads that may swing on the craft.
 SWINGS, DAMPING = (2.0, 3.0, 4.5, 6.5, 10.0, 15.0, 22.0), 0.15
 
+#: Part of what the model's own forces do beyond which random ones are no mere disturbance.
+LARGE = 0.25
+
 #: Rows apart at which whitened residuals are compared, and the rows of a window in which that says something.
 LAGS, SHORTEST = 15, 40
 
@@ -43,7 +46,7 @@ class Sign:
     Attributes
     ----------
     kind : str
-        ``"drift"``, ``"place"``, ``"memory"``, ``"oscillation"``, ``"bursts"``.
+        ``"drift"``, ``"place"``, ``"memory"``, ``"oscillation"``, ``"bursts"``, ``"process"``.
     text : str
         A sentence for a person.
     gain, numbers : float, int
@@ -73,7 +76,7 @@ def probe(fit: Fit) -> list[Sign]:
             gain, count = _gain(S, g, whole, columns)
             if count and chi2.sf(gain, count) < level:
                 found.append(Sign(kind, text, gain, count))
-    found += _residual_signs(fit)
+    found += _residual_signs(fit) + _large_process(fit)
     return sorted(found, key=lambda s: s.numbers - s.gain)
 
 
@@ -202,6 +205,25 @@ def _gain(S: Array, g: Array, whole: Array, columns: list[int]) -> tuple[float, 
     kept = values > 1e-6
     parts = vectors.T @ (g[own] / size)
     return float((parts[kept] ** 2 / values[kept]).sum()), int(kept.sum())
+
+
+def _large_process(fit: Fit) -> list[Sign]:
+    """Return signs that the process noise is no mere disturbance but a force that the model should say."""
+    w = fit.windowed
+    values = dict(zip(w.names, fit.p.tolist(), strict=True))
+    sizes = np.array([values[name] for name in w.model.linear_coefficients()])
+    forces = _regressors(fit, 0.0) * sizes
+    own = np.sqrt((forces**2).mean(axis=(0, 1)).sum(axis=-1))
+    found = []
+    for k in forced_states(fit):
+        level, signal = float(fit.noise.process[k]), w.block.states[w.free[k]]
+        if level > LARGE * own[k]:
+            text = (
+                f"random forces of {level:.2g} in {signal.name}' ({signal.unit} per second), "
+                f"{level / own[k]:.0%} of all that the model knows there"
+            )
+            found.append(Sign("process", text, (level / float(w.data.noise.min())) ** 2, 1))
+    return found
 
 
 def _residual_signs(fit: Fit) -> list[Sign]:

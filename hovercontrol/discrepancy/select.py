@@ -11,10 +11,14 @@ from numpy.typing import NDArray
 from hovercontrol.discrepancy.candidates import Scored, Scores, Signatures, candidates, zoom
 from hovercontrol.discrepancy.fit import Fit, fit, forced_states
 from hovercontrol.discrepancy.noise import Noise, estimate
+from hovercontrol.discrepancy.outliers import without_outliers
 from hovercontrol.discrepancy.windowed import Data, Subject
 from hovercontrol.effects import Effect
 
 Array = NDArray[np.float64]
+
+#: Times at most that outliers are looked for: large ones hide small ones.
+CLEANED = 3
 
 #: Windows [s], one after the other: short ones find the way, long ones weigh the evidence.
 LADDER = (0.25, 1.0, 3.0)
@@ -72,6 +76,9 @@ class Selection:
         Effects that fit but may not be, with the reason.
     process : bool
         Whether process noise was needed.
+    slow : float
+        chi2 per degree of freedom that longer windows leave, where neither effects nor process noise explain
+        it; else 0.
     """
 
     base: Fit
@@ -82,6 +89,7 @@ class Selection:
     steps: list[tuple[str, float]] = field(default_factory=list)
     rejected: list[tuple[str, str]] = field(default_factory=list)
     process: bool = False
+    slow: float = 0.0
 
 
 def select(
@@ -128,6 +136,12 @@ class _Search:
         self.rungs, self._tell = ladder(data), tell
         tell(0.05, "fitting the model as it is")
         base = fit(model, data, self.rungs[0])
+        for _ in range(CLEANED):
+            clean = without_outliers(base)
+            if clean is None:
+                break
+            self.data = clean
+            base = fit(model, clean, self.rungs[0], near=base)
         self.plain = base.noise
         self.found = Selection(base, base)
 
@@ -141,9 +155,12 @@ class _Search:
                 self.swap()
                 self._climb()
             if found.final.chi2_per_dof > EXPLAINED:
+                found.slow = found.final.chi2_per_dof
                 found.final = self.fit(found.final.model, found.final, length=self.rungs[0], noise=self.plain)
                 self._short(always=True)
         found.process = found.final.noise.has_process
+        if found.process:
+            found.slow = 0.0
         self._drop()
         found.rivals.clear()
         self.swap()

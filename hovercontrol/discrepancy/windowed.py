@@ -8,7 +8,8 @@ commands alone come from the whole log (:mod:`.arrival`).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +23,7 @@ from hovercontrol.identify.shooting import cut, stable_step
 from hovercontrol.identify.windows import noise_levels, windows
 from hovercontrol.logs import Log
 from hovercontrol.model import Model
+from hovercontrol.targets.shoot import shoot
 
 Array = NDArray[np.float64]
 
@@ -66,9 +68,22 @@ class Data:
 
 def gather(model: Subject, logs: Sequence[Log], most_rows: int = 60_000) -> Data:
     """Return what logs say about a model (:func:`hovercontrol.identify.measure.measure`)."""
-    measured = tuple(measure_all(structure(model), logs, most_rows))
+    measured = tuple(_without_doubtful_steps(m) for m in measure_all(structure(model), logs, most_rows))
     channels = tuple(dict.fromkeys(c for m in measured for c in m.channels))
     return Data(measured, channels, noise_levels(measured, channels))
+
+
+def _without_doubtful_steps(log: Measured) -> Measured:
+    """Break segments where a command changed while rows are missing: when it did is not known."""
+    step = np.diff(log.time)
+    gap = step > 1.5 * float(np.median(step))
+    changed = (np.diff(log.inputs, axis=1) != 0).any(axis=0)
+    at = np.flatnonzero(gap & changed) + 1
+    segments = []
+    for first, stop in log.segments:
+        edges = [first, *at[(at > first) & (at < stop)].tolist(), stop]
+        segments += [(a, b) for a, b in pairwise(edges) if b - a > 1]
+    return replace(log, segments=tuple(segments))
 
 
 class Windowed:
@@ -130,7 +145,7 @@ class Windowed:
             else ((names.index(c), True) if c in names else (outputs.index(c), False))
             for c in data.channels
         ]
-        self._derivatives, self._outputs = self.block.to_numpy().vector
+        self._outputs = self.block.to_numpy().vector[1]
         self._in_motion = self._depends_on_inputs()
         self.x = np.empty(0)
 
@@ -272,41 +287,8 @@ class Windowed:
                 u[:, :, :, lane] = own
                 for i, v in states.items():
                     lagged[i][:, :, lane] = v
-        K = self.cut.time.shape[1]
-        X = np.empty((K, *lanes.shape))
-        x = lanes.copy()
-        for i, v in lagged.items():
-            x[i] = v[0, 0]
-        X[0] = x
-        slope = np.empty_like(x)
-        derivatives, known = self._derivatives, list(lagged)
-
-        def f(t: Array, x: Array, u: Array) -> Array:
-            k = np.empty_like(x)
-            for i, value in enumerate(derivatives(t, x, u, values)):
-                k[i] = value
-            for i in known:
-                k[i] = 0.0
-            return k
-
-        with np.errstate(all="ignore"):
-            for row in range(K - 1):
-                h = self.h[row]
-                for s in range(self.pieces):
-                    t, now = self.t[s, row], u[:, s, row]
-                    for i, v in lagged.items():
-                        x[i] = v[s, row]
-                    k1 = f(t, x, now)
-                    k2 = f(t + 0.5 * h, x + (0.5 * h) * k1, now)
-                    k3 = f(t + 0.5 * h, x + (0.5 * h) * k2, now)
-                    slope = f(t + h, x + h * k3, now)
-                    k2 += k3
-                    k2 *= 2.0
-                    k2 += k1
-                    k2 += slope
-                    x = x + (h / 6.0) * k2
-                X[row + 1] = x
-        return X
+        p = np.array([np.broadcast_to(np.ravel(v), lanes.shape[1]) for v in values])
+        return shoot(self.block, self.t, self.h, u, lagged, p, lanes)
 
     def _channels(self, x: Array, values: Sequence[float | Array]) -> Array:
         """Return the channels at every row, (K, C, L, W)."""

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hovercontrol.errors import InputError
 from hovercontrol.identify.measure import Array, Measured, steps
@@ -95,13 +96,10 @@ def noise_levels(logs: Sequence[Measured], channels: Sequence[str]) -> Array:
     """
     levels = []
     for channel in channels:
-        rows = [
-            m.values[m.channels.index(channel), a:b]
-            for m in logs
-            if channel in m.channels
-            for a, b in m.segments
-        ]
-        jumps = np.concatenate([np.abs(np.diff(row, 3)) for row in rows])
+        spans = [(m, a, b) for m in logs if channel in m.channels for a, b in m.segments]
+        rows = [m.values[m.channels.index(channel), a:b] for m, a, b in spans]
+        thirds = [(np.diff(row, 3), _even(m.time[a:b])) for row, (m, a, b) in zip(rows, spans, strict=True)]
+        jumps = np.abs(np.concatenate([third[even if even.any() else ...] for third, even in thirds]))
         jumps = jumps[np.isfinite(jumps)]
         every = np.concatenate(rows)
         jumped = np.concatenate([steps(row[np.isfinite(row)]) for row in rows])
@@ -111,3 +109,12 @@ def noise_levels(logs: Sequence[Measured], channels: Sequence[str]) -> Array:
         level = float(np.median(jumps)) / (0.6745 * np.sqrt(20.0)) if jumps.size else 0.0
         levels.append(max(level, 1e-6 * float(np.nanstd(every)), float(jumped.min()) / np.sqrt(12.0), 1e-12))
     return np.array(levels)
+
+
+def _even(time: Array) -> NDArray[np.bool_]:
+    """Tell which four rows in a row follow each other evenly: across a missing row motion enters."""
+    step = np.diff(time)
+    if step.size < 3:
+        return np.zeros(0, dtype=bool)
+    widest = np.maximum(np.maximum(step[:-2], step[1:-1]), step[2:])
+    return widest < 1.5 * float(np.median(step))

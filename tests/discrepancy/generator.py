@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 import sympy as sp
@@ -19,6 +20,8 @@ from hovercontrol.effects import Effect, effect
 from hovercontrol.logs import Log
 from hovercontrol.model import Model
 from hovercontrol.signals import Signal, time
+
+from .closed import tracked
 
 Array = NDArray[np.float64]
 Random = np.random.Generator
@@ -162,6 +165,7 @@ class Conditions:
     gusts: bool = False
     channels: Sequence[str] = tuple(NOISE)
     faults: bool = False  # outliers, dropped rows, jittered stamps
+    laps: bool = False  # commands of the tracking controller
 
 
 @dataclass(frozen=True)
@@ -181,9 +185,12 @@ def make(seed: int, names: Sequence[str], conditions: Conditions | None = None) 
     rng = np.random.default_rng(seed)
     model = craft(rng)
     truth = model.with_effects([hidden(name, rng, model, conditions.scale) for name in names])
+    believed = given(model, np.random.default_rng([seed, 1]))
+    if conditions.laps:
+        conditions = replace(conditions, commands=partial(tracked, believed, truth))
     runs = [simulated(truth, rng, conditions, f"log {k + 1}") for k in range(conditions.logs)]
     clean = replace(conditions, faults=False)
-    return Case(given(model, rng), runs, simulated(truth, rng, clean, "hold-out"), truth, tuple(names))
+    return Case(believed, runs, simulated(truth, rng, clean, "hold-out"), truth, tuple(names))
 
 
 def simulated(model: Model, rng: Random, conditions: Conditions, name: str) -> Log:

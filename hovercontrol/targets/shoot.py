@@ -1,0 +1,213 @@
+"""Windows of logs simulated: many windows, and many perturbed copies of each, at once.
+
+Classical Runge-Kutta in equal pieces from row to row, dry friction smooth. NumPy does it until a library is
+built, where there is a compiler whose vectors gain something; the two agree but for rounding.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+from collections.abc import Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
+from functools import cache, lru_cache, partial
+from importlib import resources
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hovercontrol.block import Block
+from hovercontrol.targets.c import lanes_source
+from hovercontrol.targets.compiler import (
+    NoCompilerError,
+    NotCachedError,
+    find_compiler,
+    generated,
+    load_library,
+)
+
+Array = NDArray[np.float64]
+
+#: Windows that are worth a thread.
+SHARE = 32
+
+_RUNTIME = ("hc_shoot.c", "hc_shoot.h", "hc_lanes.h", "hc_lanes_math.h", "hc_model.h")
+_EXPORTS = """#include "hc_shoot.h"
+#ifdef _WIN32
+#define EXPORT __declspec(dllexport)
+#else
+#define EXPORT __attribute__((visibility("default")))
+#endif
+EXPORT int block_shoot(const hc_shoot *shoot, long from, long to)
+{
+    return hc_model_lanes ? hc_shoot_run(shoot, hc_model_lanes, from, to) : -1;
+}
+"""
+
+
+class _Shoot(ctypes.Structure):
+    """hc_shoot of hc_shoot.h."""
+
+    _fields_ = (
+        *((name, ctypes.c_int) for name in ("n_states", "n_inputs", "n_parameters", "n_known")),
+        *((name, ctypes.c_long) for name in ("windows", "rows", "pieces", "copies", "ways")),
+        *((name, ctypes.c_void_p) for name in ("known", "time", "step", "inputs", "values")),
+        *((name, ctypes.c_void_p) for name in ("parameters", "states")),
+    )
+
+
+def shoot(
+    block: Block,
+    time: Array,
+    step: Array,
+    inputs: Array,
+    known: Mapping[int, Array],
+    parameters: Array,
+    start: Array,
+) -> Array:
+    """Simulate windows.
+
+    Parameters
+    ----------
+    block : Block
+    time : ndarray, shape (S, K-1, W)
+        Begin of each of the S pieces of a step from row to row [s].
+    step : ndarray, shape (K-1, W)
+        Length of such a piece [s].
+    inputs : ndarray, shape (n_inputs, S, K-1, C or 1, W)
+        Held over a piece; 1 if the same for all copies.
+    known : dict of int to ndarray, shape (S, K-1, C or 1, W)
+        States that are given.
+    parameters : ndarray, shape (n_parameters, C)
+    start : ndarray, shape (n_states, C, W)
+
+    Returns
+    -------
+    ndarray, shape (K, n_states, C, W)
+        Infinite or NaN where the simulation runs away.
+    """
+    states = np.empty((time.shape[1] + 1, *start.shape))
+    states[0] = start
+    for i, values in known.items():
+        states[0, i] = values[0, 0]
+    compiled = _compiled(block)
+    if compiled:
+        compiled.run(time, step, inputs, known, parameters, states)
+    else:
+        _run(block, time, step, inputs, known, parameters, states)
+    return states
+
+
+def _run(
+    block: Block,
+    time: Array,
+    step: Array,
+    inputs: Array,
+    known: Mapping[int, Array],
+    parameters: Array,
+    states: Array,
+) -> None:
+    derivatives, p = block.to_numpy().vector[0], parameters[..., None]
+
+    def slope(t: Array, x: Array, u: Array) -> Array:
+        k = np.empty_like(x)
+        for i, value in enumerate(derivatives(t, x, u, p)):
+            k[i] = value
+        k[list(known)] = 0.0
+        return k
+
+    x = states[0].copy()
+    with np.errstate(all="ignore"):
+        for row, h in enumerate(step):
+            for piece, begin in enumerate(time[:, row]):
+                u = inputs[:, piece, row]
+                for i, values in known.items():
+                    x[i] = values[piece, row]
+                k1 = slope(begin, x, u)
+                k2 = slope(begin + 0.5 * h, x + (0.5 * h) * k1, u)
+                k3 = slope(begin + 0.5 * h, x + (0.5 * h) * k2, u)
+                k4 = slope(begin + h, x + h * k3, u)
+                k2 += k3
+                k2 *= 2.0
+                k2 += k1
+                k2 += k4
+                x = x + (h / 6.0) * k2
+            states[row + 1] = x
+
+
+class _Compiled:
+    """The library of one Block."""
+
+    def __init__(self, block: Block, files: Mapping[str, str], *, build: bool = True) -> None:
+        self._sizes = len(block.states), len(block.inputs), len(block.parameters)
+        self._call = load_library(block.name, files, build=build).block_shoot
+        self._call.argtypes = [ctypes.c_void_p, ctypes.c_long, ctypes.c_long]
+        if self._call(ctypes.byref(_Shoot()), 0, 0) < 0:
+            raise NoCompilerError("this machine's vectors gain nothing")
+
+    def run(
+        self,
+        time: Array,
+        step: Array,
+        inputs: Array,
+        known: Mapping[int, Array],
+        parameters: Array,
+        states: Array,
+    ) -> None:
+        pieces, rows, windows = time.shape
+        which = np.array(list(known), dtype=np.intc)
+        given = np.array(list(known.values())) if known else np.empty(0)
+        arrays = [which, *(np.ascontiguousarray(a) for a in (time, step, inputs, given, parameters)), states]
+        numbers = windows, rows + 1, pieces, states.shape[2], inputs.shape[3]
+        shoot = _Shoot(*self._sizes, len(known), *numbers, *(a.ctypes.data for a in arrays))
+        parts = min(threads(), max(windows // SHARE, 1))
+        edges = np.linspace(0, windows, parts + 1).astype(int).tolist()
+        jobs = [(ctypes.byref(shoot), a, b) for a, b in pairwise(edges)]
+        failed = list(_pool().map(self._job, jobs)) if parts > 1 else [self._job(jobs[0])]
+        if any(failed):
+            raise MemoryError("no memory for the windows' simulation")
+
+    def _job(self, job: tuple[object, int, int]) -> int:
+        return int(self._call(*job))
+
+
+def threads() -> int:
+    """Return how many threads simulate windows: all cores, or what ``OMP_NUM_THREADS`` says."""
+    said = os.environ.get("OMP_NUM_THREADS", "")
+    return max(int(said), 1) if said.isdigit() else os.cpu_count() or 1
+
+
+@cache
+def _pool() -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(threads())
+
+
+@lru_cache(maxsize=500)
+def _build(block: Block) -> Future[_Compiled]:
+    """Load a Block's library, or let it be built behind the caller's back."""
+    done: Future[_Compiled] = Future()
+    try:
+        find_compiler()
+        runtime = resources.files("hovercontrol") / "fmu"
+        files = {name: (runtime / name).read_text(encoding="utf-8") for name in _RUNTIME}
+        files["exports.c"] = _EXPORTS
+        lanes = partial(lanes_source, block, friction="smooth")
+        files["lanes.c"] = generated(block, "lanes.c smooth True", lanes)
+        done.set_result(_Compiled(block, files, build=False))
+    except NotCachedError:
+        return _builder().submit(_Compiled, block, files)
+    except NoCompilerError as error:
+        done.set_exception(error)
+    return done
+
+
+@cache
+def _builder() -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(1)
+
+
+def _compiled(block: Block) -> _Compiled | None:
+    """Return the compiled runs of a Block; None while they are built, or where that cannot be."""
+    building = _build(block)
+    return building.result() if building.done() and not building.exception() else None

@@ -1,0 +1,297 @@
+"""The blind test as a table: ``python -m tests.discrepancy.table``.
+
+Every case hides effects in a craft, makes logs, and lets :func:`hovercontrol.discrepancy.diagnose` look at
+the logs and at a model whose coefficients are off. Cases are written to a CSV file as they come, so that a
+run that was stopped goes on where it was; the table is made from that file.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import datetime
+import os
+import platform
+import sys
+import time
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import asdict, dataclass, fields, replace
+from pathlib import Path
+
+import numpy as np
+
+from hovercontrol.discrepancy import Diagnosis, diagnose
+from hovercontrol.discrepancy.fit import fit
+from hovercontrol.discrepancy.holdout import gap
+from hovercontrol.discrepancy.select import EACH, LEAST
+from hovercontrol.discrepancy.windowed import gather
+
+from .generator import OUTSIDE, SIZES, VELOCITY_ONLY, Case, Conditions, make, mild, outside
+
+#: In every log a delay of the commands is a clock that is late: these two may be named together.
+SAME = {"input_delay", "time_offset"}
+
+POSE, VELOCITIES = ("x", "y", "psi"), ("u", "v", "r")
+ONE = tuple((name,) for name in SIZES)
+TWINS = (
+    ("rudder_offset", "thrust_yaw_torque"),
+    ("slope", "wind"),
+    ("munk_moment", "sway_yaw_coupling"),
+)
+MORE = (
+    *TWINS,
+    ("surge_quadratic_drag", "thrust_lag"),
+    ("yaw_quadratic_drag", "rudder_lag"),
+    ("slope", "gyro_bias"),
+    ("wind", "input_delay"),
+    ("thrust_deadzone", "sway_yaw_coupling"),
+    ("yaw_stribeck", "rudder_offset"),
+    ("battery_sag", "surge_quadratic_drag"),
+    ("sensor_lever_arm", "munk_moment"),
+    ("slope", "thrust_lag", "yaw_quadratic_drag"),
+    ("rudder_offset", "sway_quadratic_drag", "gyro_scale"),
+    ("thrust_saturation", "munk_moment", "body_side_force"),
+)
+SEEN_IN_POSE = tuple(n for n in ONE if n[0] not in VELOCITY_ONLY)
+SEEN_IN_VELOCITIES = tuple(n for n in ONE if n[0] not in ("slope", "wind", "velocity_misalignment"))
+
+
+@dataclass(frozen=True)
+class Axis:
+    """One row of the table."""
+
+    text: str
+    conditions: Conditions
+    hidden: Sequence[tuple[str, ...]]
+    seeds: int
+    wanted: str
+
+
+BASE = Conditions()
+TENTH = replace(BASE, scale=0.1)
+AXES = {
+    "rich": Axis("rich steps, noise x1", BASE, ONE, 5, "exact >= 99 %, wrong 0"),
+    "rich3": Axis("rich steps, noise x3", replace(BASE, noise=3.0), ONE, 5, "exact >= 99 %, wrong 0"),
+    "mild": Axis("mild laps", replace(BASE, commands=mild), ONE, 5, "exact >= 99 %, wrong 0"),
+    "none": Axis("nothing hidden, rich", BASE, ((),), 15, "false alarms <= 1 of 60"),
+    "none3": Axis("nothing hidden, noise x3", replace(BASE, noise=3.0), ((),), 15, "as above"),
+    "none_mild": Axis("nothing hidden, mild", replace(BASE, commands=mild), ((),), 15, "as above"),
+    "none_gusts": Axis("nothing hidden, gusts", replace(BASE, gusts=True), ((),), 15, "as above"),
+    "pairs": Axis("pairs, near twins, triples", BASE, MORE, 3, "exact >= 98 %, the rest ambiguous"),
+    "gusts": Axis("process noise", replace(BASE, gusts=True), ONE, 3, "exact >= 95 %, wrong <= 1 %"),
+    "tenth": Axis("a tenth of the size", TENTH, ONE, 3, "exact >= 95 %, the rest honest"),
+    "tenth10": Axis("a tenth, noise x10", replace(TENTH, noise=10.0), ONE, 3, "exact >= 85 %, rest honest"),
+    "short": Axis("one 10 s log", replace(BASE, duration=10.0, logs=1), ONE, 3, "exact or honest >= 97 %"),
+    "pose": Axis(
+        "pose only", replace(BASE, channels=POSE), SEEN_IN_POSE, 3, "exact or honest >= 95 %, wrong <= 1 %"
+    ),
+    "velocities": Axis(
+        "velocities only",
+        replace(BASE, channels=VELOCITIES),
+        SEEN_IN_VELOCITIES,
+        3,
+        "exact or honest >= 95 %, wrong <= 1 %",
+    ),
+    "faults": Axis(
+        "outliers, gaps, jitter", replace(BASE, faults=True), ONE, 2, "as without, within 2 points"
+    ),
+    "laps": Axis("closed-loop laps", replace(BASE, laps=True), ONE, 3, "exact >= 98 %, rest honest"),
+    "outside": Axis("not in the catalogue", BASE, tuple((k,) for k in OUTSIDE), 10, "unexplained >= 95 %"),
+}
+
+
+@dataclass(frozen=True)
+class Row:
+    """What came of one case."""
+
+    axis: str
+    hidden: str
+    seed: int
+    verdict: str
+    named: str
+    rivals: str
+    outcome: str
+    chi2_per_dof: float
+    ratio: float  # hold-out error over that of the true structure, fitted alike
+    inside: int  # 95 % intervals that hold the truth
+    intervals: int
+    seconds: float
+
+
+def run(axis: str, hidden: tuple[str, ...], seed: int) -> Row:
+    """Return what comes of one case."""
+    a = AXES[axis]
+    number = 1000 * list(AXES).index(axis) + 100 * seed + a.hidden.index(hidden)
+    of = outside(number, hidden[0], a.conditions) if axis == "outside" else make(number, hidden, a.conditions)
+    begin = time.perf_counter()
+    found = diagnose(of.model, of.logs, of.holdout)
+    seconds = time.perf_counter() - begin
+    named = sorted({e.effect for e in found.effects})
+    known = axis != "outside"
+    ratio, invisible = _against_truth(of, found) if known else (np.nan, False)
+    inside, count = _coverage(of, found) if known else (0, 0)
+    outcome = judge(of.names, found, invisible) if known else _outside(found)
+    rivals = sorted({r.name for r in found.rivals})
+    chi2 = found.selection.final.chi2_per_dof
+    return Row(
+        axis, "+".join(hidden), seed, found.verdict, "+".join(named), "+".join(rivals), outcome,
+        round(chi2, 4), round(ratio, 5), inside, count, round(seconds, 2),
+    )  # fmt: skip
+
+
+def judge(hidden: Sequence[str], found: Diagnosis, invisible: bool) -> str:
+    """Return ``exact``, ``honest``, ``missed`` or ``wrong``.
+
+    Exact includes a delay named with the clock as its rival, and `none` where even the true effect would not
+    pass the threshold. Honest: `ambiguous` with the truth inside, or `unexplained`.
+    """
+    truth, named = set(hidden), {e.effect for e in found.effects}
+    inside = named | {r.name for r in found.rivals}
+    if found.verdict == "none":
+        return "exact" if not truth or invisible else "missed"
+    if found.verdict == "unexplained":
+        return "honest" if truth else "wrong"
+    if found.verdict == "effect":
+        return "exact" if named == truth else "wrong"
+    same = {*named, *truth} - {*named} | {r.name for r in found.rivals}
+    if truth & SAME and same <= SAME and inside - SAME == truth - SAME:
+        return "exact"
+    return "honest" if truth and truth <= inside else "wrong"
+
+
+def _outside(found: Diagnosis) -> str:
+    return {"unexplained": "exact", "none": "missed"}.get(found.verdict, "wrong")
+
+
+def _against_truth(of: Case, found: Diagnosis) -> tuple[float, bool]:
+    """Return the hold-out error over the true structure's, and whether the truth could not be seen."""
+    final = found.selection.final
+    true = fit(of.truth, final.windowed.data, final.windowed.length, final.noise, prior_model=of.model)
+    numbers = sum(len(e.numbers) for e in of.truth.effects if e.name in of.names)
+    held = gather(of.model, [of.holdout])
+    length = final.windowed.length
+    ours, best = (gap(m, held, length).rms for m in (found.amended, true.model))
+    ratio = float(np.sqrt(np.mean([(ours[c] / best[c]) ** 2 for c in ours])))
+    return ratio, final.cost - true.cost < LEAST + EACH * numbers
+
+
+def _coverage(of: Case, found: Diagnosis) -> tuple[int, int]:
+    """Return how many 95 % intervals of coefficients hold the truth, where the set is exact."""
+    if {e.effect for e in found.effects} != set(of.names) or found.verdict not in ("effect", "none"):
+        return 0, 0
+    final = found.selection.final
+    std = np.sqrt(np.diag(final.covariance))
+    truth = of.truth.coefficients()
+    own = [(j, truth[n]) for j, n in enumerate(final.windowed.names) if not n.endswith("_width")]
+    inside = [abs(final.p[j] - value) <= 1.96 * std[j] for j, value in own]
+    return sum(inside), len(inside)
+
+
+def cases(axes: Sequence[str], seeds: int | None) -> Iterator[tuple[str, tuple[str, ...], int]]:
+    """Return all cases, seeds outermost."""
+    for seed in range(max(AXES[a].seeds for a in axes)):
+        for axis in axes:
+            if seed < min(AXES[axis].seeds, seeds or AXES[axis].seeds):
+                yield from ((axis, hidden, seed) for hidden in AXES[axis].hidden)
+
+
+def table(rows: Sequence[Row]) -> str:
+    """Return the table as Markdown."""
+    by_axis: dict[str, list[Row]] = defaultdict(list)
+    for row in rows:
+        by_axis[row.axis].append(row)
+    lines = [
+        f"Blind test of {datetime.date.today()}: {len(rows)} cases "
+        f"({platform.machine()}, {os.cpu_count()} cores). `python -m tests.discrepancy.table`",
+        "",
+        "| axis | cases | exact | honest | missed | wrong | must reach |",
+        "|---|---|---|---|---|---|---|",
+    ]
+    for axis, a in AXES.items():
+        own = by_axis.get(axis, [])
+        if own:
+            parts = [100 * sum(r.outcome == o for r in own) / len(own) for o in OUTCOMES]
+            shares = " | ".join(f"{p:.1f} %" for p in parts)
+            lines.append(f"| {a.text} | {len(own)} | {shares} | {a.wanted} |")
+    exact = [r for r in rows if r.outcome == "exact" and np.isfinite(r.ratio)]
+    if exact:
+        ratios = np.array([r.ratio for r in exact])
+        held, count = sum(r.inside for r in rows), max(sum(r.intervals for r in rows), 1)
+        lines += [
+            "",
+            f"Hold-out error over the true structure's, {len(exact)} exact cases: "
+            f"median {np.median(ratios):.4f}, worst {ratios.max():.4f} (asked: 1.005, 1.05).",
+            f"95 % intervals that hold the truth: {100 * held / count:.1f} % of {count} (asked: 92-98 %).",
+        ]
+    kinds = (("none", 0), ("one effect", 1), ("two", 2), ("three", 3))
+    times = [
+        f"{text} {np.median(t):.1f} s"
+        for text, n in kinds
+        if (t := [r.seconds for r in rows if r.axis in ("rich", "none", "pairs") and _count(r) == n])
+    ]
+    lines.append(f"Median time, two 60 s logs and hold-out, several at once: {', '.join(times)}.")
+    bad = [r for r in rows if r.outcome in ("wrong", "missed")]
+    lines += ["", "Not right:", ""] if bad else []
+    lines += [
+        f"- {r.axis} {r.hidden or 'none'} (seed {r.seed}): {r.verdict} {r.named}"
+        + (f" (rivals {r.rivals})" if r.rivals else "")
+        + f", chi2/dof {r.chi2_per_dof:.3f}, hold-out {r.ratio:.4f}"
+        for r in bad
+    ]
+    return "\n".join(lines) + "\n"
+
+
+OUTCOMES = ("exact", "honest", "missed", "wrong")
+
+
+def _count(row: Row) -> int:
+    return len([n for n in row.hidden.split("+") if n])
+
+
+def _read(path: Path) -> list[Row]:
+    if not path.exists():
+        return []
+    kinds = {f.name: {"str": str, "int": int, "float": float}[str(f.type)] for f in fields(Row)}
+    with path.open(newline="", encoding="utf-8") as file:
+        return [Row(**{k: kinds[k](v) for k, v in line.items()}) for line in csv.DictReader(file)]
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--axes", nargs="+", default=list(AXES), choices=list(AXES), metavar="AXIS")
+    parser.add_argument("--seeds", type=int, help="at most so many of each axis")
+    parser.add_argument("--jobs", type=int, default=os.cpu_count())
+    parser.add_argument("--out", type=Path, default=Path("out/blind"))
+    given = parser.parse_args(arguments)
+    given.out.mkdir(parents=True, exist_ok=True)
+    path = given.out / "cases.csv"
+    rows = _read(path)
+    done = {(r.axis, r.hidden, r.seed) for r in rows}
+    todo = [c for c in cases(given.axes, given.seeds) if (c[0], "+".join(c[1]), c[2]) not in done]
+    fresh = not path.exists()
+    with path.open("a", newline="", encoding="utf-8") as file, ProcessPoolExecutor(given.jobs) as pool:
+        writer = csv.DictWriter(file, [f.name for f in fields(Row)])
+        if fresh:
+            writer.writeheader()
+        waiting = {pool.submit(run, *case): case for case in todo}
+        for k, future in enumerate(as_completed(waiting)):
+            row = future.result()
+            rows.append(row)
+            writer.writerow(asdict(row))
+            file.flush()
+            note = (
+                f"{row.axis} {row.hidden} {row.seed}: {row.outcome} ({row.verdict} {row.named} {row.rivals})"
+            )
+            print(f"{k + 1}/{len(todo)} {row.seconds:.1f} s {note}", file=sys.stderr, flush=True)
+    text = table(rows)
+    (given.out / "table.md").write_text(text, encoding="utf-8")
+    print(text)
+    return 0
+
+
+if __name__ == "__main__":
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    sys.exit(main())
