@@ -7,6 +7,7 @@ A Block knows its signals and their expressions and nothing of solvers, vehicles
 from __future__ import annotations
 
 import hashlib
+import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, fields, replace
@@ -87,13 +88,16 @@ class Block:
         Names are unique within the Block; an output may carry the name of a state, an input or a
         definition when it is just that.
     derivatives : mapping of str to sympy.Expr
-        The time derivative of each state.
+        The time derivative of each state; of a sampled Block its next value.
     output_expressions : mapping of str to sympy.Expr, optional
         One for each output; an output named like a state, an input or a definition may be left out.
     definitions : mapping of str to sympy.Expr, optional
         Named intermediate quantities, in any order, that other expressions use.
     definition_signals : sequence of Signal, optional
         Unit and description of definitions, where they are known; derived otherwise.
+    period : float, optional
+        Of a sampled Block [s]: at every multiple its outputs are computed and held, then its states take
+        their next values. 0 (the default) for a continuous one.
 
     Raises
     ------
@@ -119,10 +123,13 @@ class Block:
     output_expressions: Mapping[str, sp.Expr] = field(default_factory=Expressions)
     definitions: Mapping[str, sp.Expr] = field(default_factory=Expressions)
     definition_signals: tuple[Signal, ...] = ()
+    period: float = 0.0
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not re.fullmatch(r"[A-Za-z_]\w*", self.name):
             raise InputError(f"{self.name!r} is no block name: letters, digits and _ wanted")
+        if not 0 <= self.period < math.inf:
+            raise InputError(self._where(f"period must not be negative, found {self.period!r}"))
         for kind in ("states", "inputs", "outputs", "parameters", "definition_signals"):
             signals = getattr(self, kind)
             if isinstance(signals, str | Signal) or not all(isinstance(s, Signal) for s in signals):
@@ -228,12 +235,11 @@ class Block:
             derive.declare(signal.symbol, signal.dimension)
             described.append(signal)
         object.__setattr__(self, "definition_signals", tuple(described))
-        per_second = dimension("s")
+        per = DIMENSIONLESS if self.period else dimension("s")
         for state in self.states:
-            e = self.derivatives[state.name]
-            wanted = tuple(a - b for a, b in zip(state.dimension, per_second, strict=True))
-            found = self._dimension(derive, f"{state.name}'", e)
-            self._need(f"{state.name}'", e, found, wanted, unit_text(wanted))
+            e, label = self.derivatives[state.name], self.update_text(state.name)
+            wanted = tuple(a - b for a, b in zip(state.dimension, per, strict=True))
+            self._need(label, e, self._dimension(derive, label, e), wanted, unit_text(wanted))
         for output in self.outputs:
             e = self.output_expressions[output.name]
             found = self._dimension(derive, output.name, e)
@@ -253,8 +259,19 @@ class Block:
     def _all_expressions(self) -> Iterator[tuple[str, sp.Expr]]:
         yield from self.definitions.items()
         for name, expression in self.derivatives.items():
-            yield f"{name}'", expression
+            yield self.update_text(name), expression
         yield from self.output_expressions.items()
+
+    def update_text(self, state: str) -> str:
+        """Return how texts call what `derivatives` has of a state: ``u'``, or ``next mode`` if sampled."""
+        return f"next {state}" if self.period else f"{state}'"
+
+    def need_continuous(self, face: str) -> None:
+        """Refuse a sampled Block where it has no such face; raises :class:`InputError`."""
+        if self.period:
+            raise InputError(
+                self._where(f"sampled every {self.period:g} s, it has no {face}; simulate_hybrid runs it")
+            )
 
     # ---- what can be asked ---------------------------------------------------------------------------
 
@@ -464,7 +481,10 @@ class Block:
         return numpy_functions(self)
 
     def to_control(self, name: str | None = None) -> control.NonlinearIOSystem:
-        """Return the Block as one python-control system (:mod:`hovercontrol.targets.control`)."""
+        """Return the Block as one python-control system (:mod:`hovercontrol.targets.control`).
+
+        A sampled Block becomes a discrete-time system of its period.
+        """
         from hovercontrol.targets.control import to_control
 
         return to_control(self, name)
@@ -479,6 +499,8 @@ class Block:
             as the other faces compute it.
         """
         from hovercontrol.targets.compiled import compile_block
+
+        self.need_continuous("compiled form")
 
         return compile_block(self, friction=friction)
 
@@ -525,6 +547,7 @@ class Block:
         """
         from hovercontrol.fmi.export import export_fmu
 
+        self.need_continuous("FMU")
         return export_fmu(
             self,
             path,

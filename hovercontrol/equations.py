@@ -20,7 +20,7 @@ def text_equations(block: Block) -> str:
         return str(e.replace(sgn, lambda v, w: sp.Function("sgn")(v)))
 
     lines = [f"{name} = {_text(e)}" for name, e in block.definitions.items()]
-    lines += [f"{name}' = {_text(e)}" for name, e in block.derivatives.items()]
+    lines += [f"{block.update_text(name)} = {_text(e)}" for name, e in block.derivatives.items()]
     lines += [f"{name} = {_text(e)}" for name, e in _computed_outputs(block)]
     return "\n".join(lines)
 
@@ -32,12 +32,14 @@ def latex_equations(block: Block) -> str:
     def latex(e: sp.Expr) -> str:
         return str(sp.latex(e, symbol_names=symbols))
 
-    def line(name: str, e: sp.Expr, dot: bool = False) -> str:
+    mark = "{}^{{+}}" if block.period else r"\dot{{{}}}"
+
+    def line(name: str, e: sp.Expr, marked: bool = False) -> str:
         left = latex(sp.Symbol(name, real=True))
-        return (rf"\dot{{{left}}}" if dot else left) + " &= " + latex(e)
+        return (mark.format(left) if marked else left) + " &= " + latex(e)
 
     lines = [line(name, e) for name, e in block.definitions.items()]
-    lines += [line(name, e, dot=True) for name, e in block.derivatives.items()]
+    lines += [line(name, e, marked=True) for name, e in block.derivatives.items()]
     lines += [line(name, e) for name, e in _computed_outputs(block)]
     return "\\begin{align*}\n" + " \\\\\n".join(lines) + "\n\\end{align*}"
 

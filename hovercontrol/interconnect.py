@@ -122,8 +122,8 @@ def interconnect(
     ------
     InputError
         If two outputs or two Blocks have one name, units differ along a wire, a wanted signal is not
-        there, an input stays open that `inputs` does not name, or an algebraic loop closes; the loop
-        is spelled out.
+        there, an input stays open that `inputs` does not name, Blocks tick at different times, or an
+        algebraic loop closes; the loop is spelled out.
 
     Examples
     --------
@@ -172,7 +172,24 @@ def interconnect(
         output_expressions=Expressions((s.name, plain[s.name]) for s in shown if s.name in plain),
         definitions=Expressions(definitions),
         definition_signals=tuple(signals),
+        period=_common_period(blocks),
     )
+
+
+def _common_period(blocks: Sequence[Block]) -> float:
+    """Return the period of the whole; Blocks without states tick with those that are sampled."""
+    sampled = {block.period: block for block in blocks if block.period}
+    if not sampled:
+        return 0.0
+    period, first = next(iter(sampled.items()))
+    for block in (*sampled.values(), *(b for b in blocks if b.states)):
+        if block.period != period:
+            other = f"every {block.period:g} s" if block.period else "not at all"
+            raise InputError(
+                f"interconnect: block {first.name!r} ticks every {period:g} s and {block.name!r} {other}: "
+                "simulate_hybrid runs them together"
+            )
+    return period
 
 
 def _plain_outputs(parts: Sequence[_Part]) -> dict[str, sp.Expr]:

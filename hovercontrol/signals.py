@@ -9,7 +9,7 @@ from typing import Any
 
 import sympy as sp
 
-from hovercontrol.errors import InputError
+from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.units import Dimension, dimension, is_plain_si, plain_si
 
 #: The independent variable, in seconds. Expressions that depend on time use this symbol.
@@ -36,11 +36,14 @@ class Signal:
         Typical size, for scaling; positive.
     lower, upper : float, optional
         Bounds.
+    modes : sequence of str, optional
+        Names of the values 0, 1, 2... of a mode, a plain number; its bounds follow.
 
     Raises
     ------
     InputError
-        If the name is no identifier, the unit unknown or not SI (deg, km), or start outside the bounds.
+        If the name is no identifier, the unit unknown or not SI (deg, km), start outside the bounds, or a
+        mode has a unit or two modes one name.
 
     Examples
     --------
@@ -55,8 +58,11 @@ class Signal:
     nominal: float = 1.0
     lower: float = -math.inf
     upper: float = math.inf
+    modes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
+        if self.modes:
+            self._become_mode()
         if not isinstance(self.name, str) or not _NAME.fullmatch(self.name):
             raise InputError(f"{self.name!r} is no signal name: letters, digits, _ and dots wanted")
         if self.name == time.name:
@@ -75,6 +81,34 @@ class Signal:
         self.check(self.start)
         if not 0 < self.nominal < math.inf:
             raise InputError(f"{self.name}: nominal must be positive, found {self.nominal:g}")
+
+    def _become_mode(self) -> None:
+        given: Any = self.modes
+        names = tuple(given)
+        if isinstance(given, str) or not all(isinstance(n, str) for n in names):
+            raise InputError(f"{self.name}: modes must be a sequence of names, found {given!r}")
+        if len(set(names)) < len(names) or self.unit != "1":
+            raise InputError(f"{self.name}: a mode has different names and no unit, found {names!r}")
+        object.__setattr__(self, "modes", names)
+        object.__setattr__(self, "lower", 0)
+        object.__setattr__(self, "upper", len(names) - 1)
+
+    def mode(self, name: str) -> int:
+        """Return the value of a mode by its name.
+
+        Raises
+        ------
+        InputError
+            If there is no such mode; the nearest is named.
+
+        Examples
+        --------
+        >>> Signal("mode", modes=("stop", "turn")).mode("turn")
+        1
+        """
+        if name not in self.modes:
+            raise InputError(f"{self.name}: unknown mode {name!r}{did_you_mean(name, self.modes)}")
+        return self.modes.index(name)
 
     def check(self, value: float, name: str = "") -> float:
         """Return a value of this signal if it lies within the bounds.

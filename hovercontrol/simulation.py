@@ -82,6 +82,7 @@ def simulate(
     >>> response.outputs.round(6).tolist()
     [0.0, 0.0, 1.0]
     """
+    block.need_continuous("solution between its ticks")
     times = checked_times(time)
     u = input_rows(block, inputs, len(times))
     x = initial_state(block, x0)

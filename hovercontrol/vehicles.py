@@ -8,10 +8,44 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 
 from hovercontrol.effects import Effect, effect
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.model import RUDDER, THRUST, Fan, Model
+from hovercontrol.tables import positive
+
+
+@dataclass(frozen=True)
+class Body:
+    """What a law on momenta must know of a craft.
+
+    Parameters
+    ----------
+    mass : float
+        m [kg]
+    inertia : float
+        J [kg m^2]
+    arm : float
+        d [m], the rudder behind the centre of mass.
+
+    Raises
+    ------
+    InputError
+        If one is not positive.
+    """
+
+    mass: float
+    inertia: float
+    arm: float
+
+    def __post_init__(self) -> None:
+        for key in ("mass", "inertia", "arm"):
+            object.__setattr__(self, key, positive(f"body: {key}", getattr(self, key)))
+
+
+#: K06's craft: table 4.1 prints 1.6 kg, but 5.7 lb are 2.6 kg, and tables 6.2-6.3 agree with that.
+HOVERDEMON_BODY = Body(mass=2.6, inertia=0.096, arm=0.32)
 
 
 def _c17_effects(rudder_torque: float) -> tuple[Effect, ...]:
@@ -49,14 +83,14 @@ def c17_experiment() -> Model:
 
 
 def hoverdemon() -> Model:
-    """Return K06's craft: m = 2.6 kg (table 4.1 prints 1.6), J = 0.096 kg m^2, arm 0.32 m; no drag.
+    """Return K06's craft, :data:`HOVERDEMON_BODY`; no drag.
 
     The thrust command is the propeller's force in newton.
     """
-    mass, inertia, arm = 2.6, 0.096, 0.32
+    body = HOVERDEMON_BODY
     return Model(
         "hoverdemon",
-        (effect("thrust", 1 / mass), effect("rudder_torque", arm / inertia)),
+        (effect("thrust", 1 / body.mass), effect("rudder_torque", body.arm / body.inertia)),
         thrust=THRUST.but(unit="N", description="force of the propeller"),
     )
 

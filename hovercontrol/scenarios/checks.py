@@ -5,11 +5,13 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from hovercontrol.errors import InputError
+from hovercontrol.errors import InputError, did_you_mean
+from hovercontrol.scenarios.parts import loop_parts
+from hovercontrol.signals import Signal
 from hovercontrol.tables import check_keys
 
 if TYPE_CHECKING:
-    from hovercontrol.scenarios.definition import Metric, Scenario
+    from hovercontrol.scenarios.definition import Metric, Sampling, Scenario
 
 #: Most rows of a log; the signals of a loop with an estimator then take about 1 GB.
 MAX_ROWS = 2_000_000
@@ -28,6 +30,7 @@ def check_scenario(scenario: Scenario) -> None:
     """
     _check_rows(scenario)
     _check_commands(scenario)
+    _check_law(scenario)
     for metric in scenario.metrics:
         _check_metric(scenario, metric)
 
@@ -39,12 +42,36 @@ def _check_rows(scenario: Scenario) -> None:
             "sampling.measurement": scenario.sampling.measurement,
             "sampling.command": scenario.sampling.command,
         }
+        _check_log(scenario.sampling)
     for key, step in steps.items():
         rows = scenario.end / step + 1
         if rows > MAX_ROWS:
             raise InputError(
                 f"{key} = {step:g} s gives {rows:.3g} rows in {scenario.end:g} s, expected at most {MAX_ROWS}"
             )
+
+
+def _check_log(sampling: Sampling) -> None:
+    every = sampling.log / sampling.measurement
+    if sampling.log and not math.isclose(every, max(1, round(every)), rel_tol=SAME_TIME):
+        raise InputError(
+            f"sampling.log = {sampling.log:g} s: expected a multiple of sampling.measurement = "
+            f"{sampling.measurement:g} s"
+        )
+
+
+def _check_law(scenario: Scenario) -> None:
+    """Refuse set points that no law takes, or that are out of bounds."""
+    inputs: dict[str, Signal] = {}
+    if scenario.controller is not None and not scenario.tracks:
+        parts = loop_parts(scenario)
+        inputs = {s.name: s for s in parts["reference"].outputs} if "reference" in parts else {}
+    for phase in scenario.phases:
+        for name, value in phase.setpoints.items():
+            if name not in inputs:
+                hint = did_you_mean(name, inputs)
+                raise InputError(f"phase {phase.name!r}: set: no law is told {name!r}{hint}")
+            inputs[name].check(value, f"phase {phase.name!r}: set.{name}")
 
 
 def _check_commands(scenario: Scenario) -> None:
@@ -66,22 +93,29 @@ def _check_commands(scenario: Scenario) -> None:
 def _check_metric(scenario: Scenario, metric: Metric) -> None:
     where = f"metric {metric.name!r}"
     needs = {
-        "tracking_error": ("a [controller]", scenario.controller is not None),
+        "tracking_error": ("a [controller]", scenario.tracks),
         "estimation_error": (
             "an [estimator] and controller.adapt",
             scenario.estimator is not None and bool((scenario.controller or {}).get("adapt")),
         ),
     }
-    part, there = needs[metric.of]
+    part, there = needs.get(metric.of, ("", True))
     if not there:
         raise InputError(f"{where}: {metric.of} needs {part}")
+    known = [*needs, *_signals(scenario)]
+    if metric.of not in known:
+        raise InputError(f"{where}: unknown quantity {metric.of!r}{did_you_mean(metric.of, known)}")
     if metric.start < 0:
         raise InputError(f"{where}: from = {metric.start:g} must not be negative")
     if metric.start > metric.end:
         raise InputError(f"{where}: from = {metric.start:g} is later than to = {metric.end:g}")
     if metric.end > scenario.end + SAME_TIME:
         raise InputError(f"{where}: to = {metric.end:g} is beyond the scenario's end at {scenario.end:g} s")
-    step = scenario.step if scenario.sampling is None else scenario.sampling.measurement
+    step = (
+        scenario.step
+        if scenario.sampling is None
+        else (scenario.sampling.log or scenario.sampling.measurement)
+    )
     samples = [step * math.ceil((metric.start - SAME_TIME) / step)]
     if scenario.sampling is None:
         samples += [phase.until for phase in scenario.phases]
@@ -90,3 +124,11 @@ def _check_metric(scenario: Scenario, metric: Metric) -> None:
             f"{where}: no sample between from = {metric.start:g} and to = {metric.end:g}; "
             f"there is one every {step:g} s"
         )
+
+
+def _signals(scenario: Scenario) -> list[str]:
+    """Return the names of the signals that every run of a scenario has."""
+    plant = scenario.plant.plant()
+    if scenario.controller is None or scenario.tracks:
+        return [s.name for s in (*plant.outputs, *plant.inputs)]
+    return [s.name for block in loop_parts(scenario).values() for s in block.outputs]

@@ -1,23 +1,14 @@
-"""A scenario: a craft, what it is told to do, and how the run is divided into phases; written as TOML."""
+"""A scenario: a craft, what it is told to do, and how the run is divided into phases."""
 
 from __future__ import annotations
 
-import inspect
-import itertools
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
-from importlib import resources
-from pathlib import Path
+from dataclasses import dataclass, field
 from typing import Any
 
-from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.model import Model
-from hovercontrol.modelfile import load_model
-from hovercontrol.references import REFERENCES
-from hovercontrol.scenarios.checks import check_scenario
-from hovercontrol.tables import check_keys, number, positive, read_toml, table, text
-from hovercontrol.vehicles import vehicle
+from hovercontrol.vehicles import HOVERDEMON_BODY, Body
 
 
 @dataclass(frozen=True)
@@ -33,17 +24,37 @@ class Phase:
         Factors on the plant's coefficients, by name.
     adaptation : float, optional
         Share of the estimates in the controller: 0 the model's values, 1 the estimates.
+    setpoints : mapping, optional
+        What a law is told to hold, by the name of its input (``yaw_rate_ref``); else the start value.
     """
 
     name: str
     until: float
     scale: Mapping[str, float] = field(default_factory=dict)
     adaptation: float = 0.0
+    setpoints: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class Metric:
-    """A figure of merit: the mean of a quantity over a window, and what is expected of it."""
+    """A figure of merit: a statistic of a quantity over a window, and what is expected of it.
+
+    Parameters
+    ----------
+    name : str
+    of : str
+        ``tracking_error``, ``estimation_error``, or a signal of the run (``r``).
+    start, end : float
+        The window [s], both included.
+    low, high : float, optional
+        The range expected.
+    unit, paper : str, optional
+        Unit of the value; what the source document says.
+    statistic : str, optional
+        One of :data:`hovercontrol.scenarios.measures.STATISTICS`.
+    target, within : float, optional
+        For ``reached`` and ``settled``: the value and how near it counts.
+    """
 
     name: str
     of: str
@@ -53,6 +64,9 @@ class Metric:
     high: float = math.inf
     unit: str = "m"
     paper: str = ""
+    statistic: str = "mean"
+    target: float = 0.0
+    within: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -67,6 +81,11 @@ class Sampling:
         Period of the commands in closed loop [s] (default: that of the measurements).
     position_noise, heading_noise : float
         Standard deviations [m, rad].
+    velocity_noise, rate_noise : float, optional
+        Standard deviations [m/s, rad/s] of body velocities that are measured themselves; where neither is
+        given, velocities are backward differences of the pose.
+    log : float, optional
+        Period of the log's rows [s], a multiple of that of the measurements; 0 for the same.
     seed : int
     """
 
@@ -74,16 +93,21 @@ class Sampling:
     command: float = 0.0
     position_noise: float = 0.0
     heading_noise: float = 0.0
+    velocity_noise: float | None = None
+    rate_noise: float | None = None
+    log: float = 0.0
     seed: int = 0
 
 
 @dataclass(frozen=True)
 class Scenario:
-    """Everything a run needs; made by :func:`load_scenario`.
+    """Everything a run needs; made by :func:`hovercontrol.scenarios.load_scenario`.
 
-    ``plant`` is the craft that moves, ``belief`` what the controller knows of it. Either ``reference``
-    and ``controller`` close the loop, or ``commands`` are played (columns by name, each held until the next).
-    ``file`` is the path it was loaded from, if it is not one of the package's; errors name it.
+    ``plant`` is the craft that moves, ``belief`` what the controller knows of it. Either a ``controller``
+    closes the loop, or ``commands`` are played (columns by name, each held until the next). The tracking
+    controller follows ``reference``; one of K06's laws is told set points by the phases, or by ``guidance``,
+    and knows ``body``. ``file`` is the path it was loaded from, if it is not one of the package's; errors
+    name it.
     """
 
     name: str
@@ -95,7 +119,10 @@ class Scenario:
     start: Mapping[str, float]
     phases: tuple[Phase, ...]
     reference: Mapping[str, Any] | None = None
+    guidance: Mapping[str, Any] | None = None
     controller: Mapping[str, Any] | None = None
+    actuation: Mapping[str, Any] = field(default_factory=dict)
+    body: Body = HOVERDEMON_BODY
     estimator: Mapping[str, Any] | None = None
     commands: Mapping[str, tuple[float, ...]] | None = None
     sampling: Sampling | None = None
@@ -107,250 +134,7 @@ class Scenario:
         """Length of the run [s]."""
         return self.phases[-1].until
 
-
-def scenario_names() -> list[str]:
-    """Return the names of the scenarios that come with the package."""
-    folder = resources.files("hovercontrol.scenarios")
-    return sorted(f.name.removesuffix(".toml") for f in folder.iterdir() if f.name.endswith(".toml"))
-
-
-def load_scenario(name: str | Path) -> Scenario:
-    """Return a scenario by name, or from a TOML file.
-
-    Parameters
-    ----------
-    name : str or path
-        ``"table1"``, or a file that ends in ``.toml``.
-
-    Raises
-    ------
-    InputError
-        If there is no such scenario (the nearest is named) or the file has an error; the line names the key.
-    """
-    own = str(name).endswith(".toml")
-    if own:
-        path = Path(name)
-    else:
-        if name not in scenario_names():
-            raise InputError(f"unknown scenario {str(name)!r}{did_you_mean(str(name), scenario_names())}")
-        path = Path(str(resources.files("hovercontrol.scenarios") / f"{name}.toml"))
-    content = read_toml(path)
-    try:
-        scenario = replace(_scenario(path, content), file=str(path) if own else "")
-        check_scenario(scenario)
-        return scenario
-    except InputError as error:
-        raise type(error)(f"{path}: {error}") from None
-
-
-def _scenario(path: Path, content: dict[str, Any]) -> Scenario:
-    sections = {
-        "scenario",
-        "plant",
-        "reference",
-        "controller",
-        "estimator",
-        "commands",
-        "sampling",
-        "phase",
-        "metric",
-    }
-    check_keys("section", content, sections)
-    head = _section(content, "scenario", {"title": str, "source": str, "step": float}, required=("step",))
-    positive("scenario.step", head["step"])
-    plant = _section(content, "plant", {"vehicle": str, "model": str, "start": dict, "coefficients": dict})
-    belief = _model(path, plant)
-    craft = belief.with_coefficients(_numbers("plant.coefficients", plant.get("coefficients", {})))
-    start = _numbers("plant.start", plant.get("start", {}))
-    check_keys("state in plant.start", start, {"x", "y", "psi", "u", "v", "r"})
-    closed = "controller" in content
-    if closed == ("commands" in content):
-        raise InputError("expected either [controller] with [reference], or [commands]")
-    if closed and "reference" not in content:
-        raise InputError("[controller] needs a [reference]")
-    scenario = Scenario(
-        name=path.stem,
-        title=head.get("title", path.stem),
-        source=head.get("source", ""),
-        step=float(head["step"]),
-        plant=craft,
-        belief=belief,
-        start=start,
-        phases=_phases(content, craft),
-        reference=_reference(content),
-        controller=_section(
-            content,
-            "controller",
-            {"control_point": float, "k1": float, "k2": float, "adapt": list, "limits": bool},
-        )
-        if closed
-        else None,
-        estimator=_estimator(content),
-        commands=_commands(content) if not closed else None,
-        sampling=_sampling(content),
-        metrics=_metrics(content),
-    )
-    adapt = (scenario.controller or {}).get("adapt", [])
-    if adapt and scenario.estimator is None:
-        raise InputError("controller.adapt needs an [estimator]")
-    for name in adapt:
-        if name not in (scenario.estimator or {}).get("estimate", [name]):
-            raise InputError(f"controller.adapt: {name!r} is not in estimator.estimate")
-    return scenario
-
-
-def _estimator(content: Mapping[str, Any]) -> dict[str, Any] | None:
-    if "estimator" not in content:
-        return None
-    given = _section(content, "estimator", {"R": object, "Q": object, "P0": object, "estimate": list})
-    for key in ("R", "Q", "P0"):
-        value = given.get(key, 0.0)
-        for one in value if isinstance(value, list) else [value]:
-            if isinstance(one, bool) or not isinstance(one, int | float):
-                raise InputError(f"estimator.{key} must be a number or a list of numbers, found {value!r}")
-    return given
-
-
-def _model(path: Path, plant: Mapping[str, Any]) -> Model:
-    if ("vehicle" in plant) == ("model" in plant):
-        raise InputError("[plant] needs either vehicle = NAME or model = FILE")
-    return vehicle(plant["vehicle"]) if "vehicle" in plant else load_model(path.parent / plant["model"])
-
-
-def _phases(content: Mapping[str, Any], craft: Model) -> tuple[Phase, ...]:
-    phases: list[Phase] = []
-    for k, entry in enumerate(_entries(content, "phase", required=True)):
-        where = f"phase {k + 1}"
-        given = _check(
-            where, entry, {"name": str, "until": float, "scale": dict, "adaptation": float}, ("until",)
-        )
-        scale = _numbers(f"{where}.scale", given.get("scale", {}))
-        for name in scale:
-            if name not in craft.coefficients():
-                hint = did_you_mean(name, craft.coefficients())
-                raise InputError(f"{where}.scale: unknown coefficient {name!r}{hint}")
-        before = phases[-1].until if phases else 0.0
-        if not before < given["until"] < math.inf:
-            raise InputError(f"{where}: until = {given['until']:g} must be later than {before:g}")
-        share = float(given.get("adaptation", 0.0))
-        if not 0 <= share <= 1:
-            raise InputError(f"{where}: adaptation = {share:g} is out of [0, 1]")
-        phases.append(Phase(given.get("name", where), float(given["until"]), scale, share))
-    return tuple(phases)
-
-
-def _metrics(content: Mapping[str, Any]) -> tuple[Metric, ...]:
-    kinds = {
-        "name": str,
-        "of": str,
-        "from": float,
-        "to": float,
-        "low": float,
-        "high": float,
-        "unit": str,
-        "paper": str,
-    }
-    metrics = []
-    for k, entry in enumerate(_entries(content, "metric")):
-        g = _check(f"metric {k + 1}", entry, kinds, ("name", "of", "from", "to"))
-        if g["of"] not in ("tracking_error", "estimation_error"):
-            hint = did_you_mean(g["of"], ("tracking_error", "estimation_error"))
-            raise InputError(f"metric {k + 1}: unknown quantity {g['of']!r}{hint}")
-        rest = {key: g[key] for key in ("low", "high", "unit", "paper") if key in g}
-        metrics.append(Metric(g["name"], g["of"], float(g["from"]), float(g["to"]), **rest))
-    return tuple(metrics)
-
-
-def _reference(content: Mapping[str, Any]) -> dict[str, Any] | None:
-    if "reference" not in content:
-        return None
-    given = dict(table("reference", content["reference"]))
-    kind = text("reference.kind", given.get("kind"))
-    if kind not in REFERENCES:
-        raise InputError(f"reference.kind: unknown {kind!r}{did_you_mean(kind, REFERENCES)}")
-    accepted = inspect.signature(REFERENCES[kind]).parameters
-    check_keys("key in [reference]", given, {"kind", *accepted} - {"name"})
-    for key, parameter in accepted.items():
-        if parameter.default is inspect.Parameter.empty and key not in given:
-            raise InputError(f"reference: {key!r} is missing for kind = {kind!r}")
-    REFERENCES[kind](**{key: value for key, value in given.items() if key != "kind"})  # refuses wrong values
-    return given
-
-
-def _sampling(content: Mapping[str, Any]) -> Sampling | None:
-    if "sampling" not in content:
-        return None
-    kinds = {
-        "measurement": float,
-        "command": float,
-        "position_noise": float,
-        "heading_noise": float,
-        "seed": int,
-    }
-    given = _section(content, "sampling", kinds, required=("measurement",))
-    given.setdefault("command", given["measurement"])
-    for key in ("measurement", "command"):
-        positive(f"sampling.{key}", given[key])
-    for key in ("position_noise", "heading_noise"):
-        if not 0 <= given.get(key, 0.0) < math.inf:
-            raise InputError(f"sampling.{key} must not be negative, found {given[key]!r}")
-    if given.get("seed", 0) < 0:
-        raise InputError(f"sampling.seed must not be negative, found {given['seed']}")
-    return Sampling(**given)
-
-
-def _commands(content: Mapping[str, Any]) -> dict[str, tuple[float, ...]]:
-    given = table("commands", content["commands"])
-    if "time" not in given:
-        raise InputError("commands: 'time' is missing")
-    columns = {}
-    for name, values in given.items():
-        numbers = values if isinstance(values, list) else [values]
-        columns[name] = tuple(number(f"commands.{name}", v) for v in numbers)
-    time = columns["time"]
-    for name, column in columns.items():
-        if len(column) != len(time):
-            raise InputError(
-                f"commands.{name}: expected {len(time)} values as in commands.time, found {len(column)}"
-            )
-    if time[:1] != (0.0,) or any(b <= a for a, b in itertools.pairwise(time)):
-        raise InputError("commands.time must begin with 0 and increase")
-    return columns
-
-
-def _entries(content: Mapping[str, Any], name: str, required: bool = False) -> list[Mapping[str, Any]]:
-    entries = content.get(name, [])
-    if not isinstance(entries, list) or (required and not entries):
-        raise InputError(f"expected one or more [[{name}]] sections")
-    return [table(f"{name} {k + 1}", entry) for k, entry in enumerate(entries)]
-
-
-def _section(
-    content: Mapping[str, Any], name: str, kinds: Mapping[str, type], required: tuple[str, ...] = ()
-) -> dict[str, Any]:
-    if name not in content:
-        raise InputError(f"the section [{name}] is missing")
-    return _check(name, table(name, content[name]), kinds, required)
-
-
-def _numbers(where: str, entries: Any) -> dict[str, float]:
-    return {key: number(f"{where}.{key}", value) for key, value in table(where, entries).items()}
-
-
-def _check(
-    where: str, given: Mapping[str, Any], kinds: Mapping[str, type], required: tuple[str, ...]
-) -> dict[str, Any]:
-    check_keys(f"key in {where}", given, kinds)
-    for key in required:
-        if key not in given:
-            raise InputError(f"{where}: {key!r} is missing")
-    for key, value in given.items():
-        kind = kinds[key]
-        if kind is float:
-            number(f"{where}.{key}", value)
-        elif kind is list:
-            if not isinstance(value, list) or not all(isinstance(v, str) for v in value):
-                raise InputError(f"{where}.{key} must be a list of text, found {value!r}")
-        elif not isinstance(value, kind) or (kind is int and isinstance(value, bool)):
-            raise InputError(f"{where}.{key} must be a {kind.__name__}, found {value!r}")
-    return dict(given)
+    @property
+    def tracks(self) -> bool:
+        """Whether the tracking controller closes the loop."""
+        return self.controller is not None and "kind" not in self.controller

@@ -4,20 +4,17 @@ from __future__ import annotations
 
 import inspect
 import math
-from collections.abc import Mapping
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from hovercontrol.references import REFERENCES
+from hovercontrol.scenarios.law_figures import law_figures
 from hovercontrol.scenarios.result import Run
+from hovercontrol.scenarios.sheet import in_time, mark_phases, sheet, title
 
 Array = NDArray[np.float64]
-
-#: So many letters of a title fit in an inch.
-TITLE_LETTERS_PER_INCH = 11
 
 #: Coefficients that bear the name of something else: what a legend calls them.
 CALLED = {name: f"{name} coefficient" for name in ("thrust", "rudder_torque")}
@@ -32,59 +29,14 @@ def figures(run: Run) -> dict[str, Figure]:
     if run.estimates():
         drawn["estimates"] = _estimates(run)
         drawn["estimation_error"] = _estimation_error(run)
+    if run.scenario.controller is not None and not run.scenario.tracks:
+        drawn |= law_figures(run)
     for signal in (run.scenario.plant.thrust, run.scenario.plant.rudder):
         if signal.name in run.columns:
             drawn[signal.name] = _command(run, signal.name, signal.unit)
     for fan in run.scenario.plant.fans:
         drawn[fan.name] = _command(run, fan.name, "N")
     return drawn
-
-
-def _sheet(run: Run, what: str, rows: int = 1, height: float = 3.4) -> tuple[Figure, list[Axes]]:
-    figure = Figure(figsize=(8.0, height), layout="constrained")
-    axes = figure.subplots(rows, 1, sharex=True, squeeze=False)[:, 0].tolist()
-    _title(run, figure, what)
-    return figure, axes
-
-
-def _title(run: Run, figure: Figure, what: str) -> None:
-    """Write the scenario's title and what is shown, on two lines if one is too short."""
-    title = f"{run.scenario.title} - {what}"
-    broken = f"{run.scenario.title}\n{what}"
-    width = figure.get_figwidth() * TITLE_LETTERS_PER_INCH
-    figure.suptitle(title if len(title) <= width else broken, fontsize=11)
-
-
-def _phases(run: Run, axes: Axes, named: bool = True) -> None:
-    """Mark where phases change, as the vertical bars in C17 do, and name them along the top."""
-    begin = 0.0
-    for phase in run.scenario.phases:
-        if begin > 0:
-            axes.axvline(begin, color="0.35", linewidth=0.9, linestyle="--")
-        if named and len(run.scenario.phases) > 1:
-            axes.text(
-                (begin + phase.until) / 2,
-                1.01,
-                phase.name,
-                transform=axes.get_xaxis_transform(),
-                ha="center",
-                va="bottom",
-                fontsize=8,
-                color="0.35",
-            )
-        begin = phase.until
-    axes.set_xlim(run.time[0], run.time[-1])
-    axes.grid(alpha=0.3)
-
-
-def _in_time(
-    run: Run, axes: Axes, curves: Mapping[str, Array], unit: str, styles: tuple[str, ...] = ()
-) -> None:
-    for k, (label, values) in enumerate(curves.items()):
-        axes.plot(run.time, values, styles[k] if styles else "-", linewidth=1.1, label=label)
-    axes.set_ylabel(unit)
-    if any(curves):
-        axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=8, frameon=False)
 
 
 def _path(run: Run) -> Figure:
@@ -108,11 +60,13 @@ def _path(run: Run) -> Figure:
         begin = phase.until
     start = "start of the craft" + (f" ({label})" if label != "craft" else "")
     axes.plot(x[0], y[0], "kx", markersize=8, label=start, zorder=4)
+    if "goal_x_ref" in c:
+        axes.plot(c["goal_x_ref"][-1], c["goal_y_ref"][-1], "C3+", markersize=11, label="goal", zorder=4)
     axes.set(xlabel="x [m]", ylabel="y [m]")
     axes.set_aspect("equal", adjustable="datalim")
     axes.grid(alpha=0.3)
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.09), ncols=2, fontsize=8, frameon=False)
-    _title(run, figure, "path")
+    title(run, figure, "path")
     return figure
 
 
@@ -127,23 +81,27 @@ def _lap(run: Run) -> float:
 
 
 def _tracking_error(run: Run, error: Array) -> Figure:
-    figure, (axes,) = _sheet(run, "tracking error (distance of the control point from the reference)")
-    _phases(run, axes)
-    _in_time(run, axes, {"": error}, "distance [m]")
+    figure, (axes,) = sheet(run, "tracking error (distance of the control point from the reference)")
+    mark_phases(run, axes)
+    in_time(run, axes, {"": error}, "distance [m]")
     axes.set_ylim(bottom=0.0)
     axes.set_xlabel("time [s]")
     return figure
 
 
 def _velocities(run: Run) -> Figure:
-    figure, axes = _sheet(run, "body velocities", 3, 6.0)
+    figure, axes = sheet(run, "body velocities", 3, 6.0)
     units = {"u": "surge u [m/s]", "v": "sway v [m/s]", "r": "yaw rate r [deg/s]"}
+    told = {"u": "surge_ref", "r": "yaw_rate_ref"}
     for k, (name, unit) in enumerate(units.items()):
         factor = math.degrees(1.0) if name == "r" else 1.0
         curves = {"measured": run.columns[name] * factor} if f"true_{name}" in run.columns else {}
         curves["true" if curves else ""] = run.columns.get(f"true_{name}", run.columns[name]) * factor
-        _phases(run, axes[k], named=k == 0)
-        _in_time(run, axes[k], curves, unit)
+        mark_phases(run, axes[k], named=k == 0)
+        if told.get(name) in run.columns:
+            curves = {"craft" if key == "" else key: values for key, values in curves.items()}
+            in_time(run, axes[k], {"wanted": run.columns[told[name]] * factor}, unit, ("k--",))
+        in_time(run, axes[k], curves, unit)
     axes[-1].set_xlabel("time [s]")
     return figure
 
@@ -159,11 +117,11 @@ def _families(run: Run) -> list[tuple[str, list[str]]]:
 
 def _estimates(run: Run) -> Figure:
     groups = _families(run)
-    figure, axes = _sheet(run, "estimates (truth dashed)", len(groups), 1.0 + 1.7 * len(groups))
+    figure, axes = sheet(run, "estimates (truth dashed)", len(groups), 1.0 + 1.7 * len(groups))
     estimates, truth = run.estimates(), run.truth()
     for k, (unit, names) in enumerate(groups):
-        _phases(run, axes[k], named=k == 0)
-        _in_time(run, axes[k], {CALLED.get(n, n): estimates[n] for n in names}, f"estimate [{unit}]")
+        mark_phases(run, axes[k], named=k == 0)
+        in_time(run, axes[k], {CALLED.get(n, n): estimates[n] for n in names}, f"estimate [{unit}]")
         for line, name in zip(list(axes[k].lines)[-len(names) :], names, strict=True):
             axes[k].plot(run.time, truth[name], linestyle="--", linewidth=0.9, color=line.get_color())
     axes[-1].set_xlabel("time [s]")
@@ -172,19 +130,19 @@ def _estimates(run: Run) -> Figure:
 
 def _estimation_error(run: Run) -> Figure:
     groups = _families(run)
-    figure, axes = _sheet(run, "estimation error (estimate - truth)", len(groups), 1.0 + 1.7 * len(groups))
+    figure, axes = sheet(run, "estimation error (estimate - truth)", len(groups), 1.0 + 1.7 * len(groups))
     estimates, truth = run.estimates(), run.truth()
     for k, (unit, names) in enumerate(groups):
-        _phases(run, axes[k], named=k == 0)
-        _in_time(run, axes[k], {CALLED.get(n, n): estimates[n] - truth[n] for n in names}, f"error [{unit}]")
+        mark_phases(run, axes[k], named=k == 0)
+        in_time(run, axes[k], {CALLED.get(n, n): estimates[n] - truth[n] for n in names}, f"error [{unit}]")
     axes[-1].set_xlabel("time [s]")
     return figure
 
 
 def _command(run: Run, name: str, unit: str) -> Figure:
-    figure, (axes,) = _sheet(run, f"{name} command")
+    figure, (axes,) = sheet(run, f"{name} command")
     angle = unit == "rad"
-    _phases(run, axes)
+    mark_phases(run, axes)
     values = run.columns[name] * (math.degrees(1.0) if angle else 1.0)
     axes.step(run.time, values, where="post", linewidth=1.0)
     axes.set_ylabel(f"{name} [{'deg' if angle else unit}]")

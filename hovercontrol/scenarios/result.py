@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from hovercontrol.files import write_folder
 from hovercontrol.logs import Log
 from hovercontrol.scenarios.definition import Metric, Scenario
+from hovercontrol.scenarios.measures import measure
 
 Array = NDArray[np.float64]
 
@@ -87,11 +88,10 @@ class Run:
         quantities = {"tracking_error": self.tracking_error(), "estimation_error": self.estimation_error()}
         measured = []
         for metric in self.scenario.metrics:
-            values = quantities[metric.of]
+            signal = self.columns.get(f"true_{metric.of}", self.columns.get(metric.of))
+            values = quantities.get(metric.of, signal)
             if values is not None:
-                last = np.searchsorted(self.time, metric.end + 1e-9)
-                first = np.searchsorted(self.time, metric.start - 1e-9)
-                measured.append(Measured(metric, float(values[first:last].mean())))
+                measured.append(Measured(metric, measure(metric, self.time, values)))
         return measured
 
     def save(self, folder: str | Path) -> list[Path]:

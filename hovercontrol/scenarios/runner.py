@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any
 
 import numpy as np
 
-from hovercontrol.block import Block
-from hovercontrol.controllers import tracking_controller
 from hovercontrol.errors import InputError
-from hovercontrol.estimators import kalman_bucy
 from hovercontrol.interconnect import interconnect
-from hovercontrol.references import REFERENCES
 from hovercontrol.scenarios.checks import check_scenario
-from hovercontrol.scenarios.definition import Phase, Scenario
+from hovercontrol.scenarios.definition import Scenario
+from hovercontrol.scenarios.parts import loop_parts, phase_parameters
 from hovercontrol.scenarios.result import Run
 from hovercontrol.simulation import simulate
+
+__all__ = ["loop_parts", "phase_grid", "phase_parameters", "run_scenario"]
 
 Progress = Callable[[float], None]
 
@@ -75,30 +73,6 @@ def _run_continuous(scenario: Scenario, progress: Progress | None) -> Run:
         begin = phase.until
     joined = {key: np.concatenate([p[key] for p in pieces]) for key in pieces[0]}
     return Run(scenario, joined.pop("time"), joined)
-
-
-def loop_parts(scenario: Scenario) -> dict[str, Block]:
-    """Return the Blocks of a scenario's loop by role: plant, reference, controller, estimator."""
-    parts = {"plant": scenario.plant.plant().with_values(scenario.start)}
-    if scenario.controller is None or scenario.reference is None:
-        return parts
-    reference: dict[str, Any] = dict(scenario.reference)
-    parts["reference"] = REFERENCES[reference.pop("kind")](**reference)
-    parts["controller"] = tracking_controller(scenario.belief, **scenario.controller)
-    if scenario.estimator is not None:
-        parts["estimator"] = kalman_bucy(
-            scenario.belief.plant().with_values(scenario.start), **scenario.estimator
-        )
-    return parts
-
-
-def phase_parameters(scenario: Scenario, phase: Phase) -> dict[str, float]:
-    """Return the parameters that hold in a phase, by key."""
-    own = scenario.plant.coefficients()
-    params = {f"plant.{name}": factor * own[name] for name, factor in phase.scale.items()}
-    if scenario.controller is not None and scenario.controller.get("adapt"):
-        params["controller.adaptation"] = phase.adaptation
-    return params
 
 
 def phase_grid(begin: float, end: float, step: float) -> np.ndarray:

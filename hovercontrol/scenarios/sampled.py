@@ -7,21 +7,21 @@ experiment measures the pose at 100 Hz, differences it for velocities and sends 
 from __future__ import annotations
 
 import math
+from bisect import bisect_right
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from fractions import Fraction
 
 import numpy as np
 
 from hovercontrol.block import Block
 from hovercontrol.estimators.sampled import SampledEstimator
+from hovercontrol.hybrid import MAX_STEP, Ticking
+from hovercontrol.interconnect import interconnect
 from hovercontrol.scenarios.definition import Phase, Sampling, Scenario
 from hovercontrol.scenarios.result import Run
 from hovercontrol.simulation import rk4
 from hovercontrol.targets.numpy import call_scalar, numpy_functions
-
-#: Longest step of the fixed-step solver between events [s]: friction of width 0.01 settles in about 7 ms.
-MAX_STEP = 0.0025
+from hovercontrol.ticks import Clock
 
 MOTION = ("x", "y", "psi", "u", "v", "r")
 
@@ -31,6 +31,7 @@ class _Event:
     time: float
     measure: bool
     command: bool
+    row: bool
     phase: Phase
 
 
@@ -45,7 +46,7 @@ def run_sampled(
     assert scenario.sampling is not None
     plant = _Plant(scenario, parts["plant"])
     sensor = _Sensor(scenario.sampling, plant.state)
-    pilot = _Pilot(scenario, parts) if "controller" in parts else _Player(scenario, parts["plant"])
+    pilot = _pilot(scenario, parts)
     rows: list[dict[str, float]] = []
     for event in _events(scenario):
         plant.advance(event.time)
@@ -55,7 +56,7 @@ def run_sampled(
             pilot.sense(event.time, motion, plant.commands)
         if event.command:
             plant.commands = pilot.command(event.time, motion, event.phase)
-        if event.measure:
+        if event.row:
             truth = {f"true_{n}": v for n, v in zip(MOTION, plant.state, strict=True)}
             commands = dict(zip(plant.names, plant.commands, strict=True))
             rows.append(
@@ -71,26 +72,21 @@ def _events(scenario: Scenario) -> Iterator[_Event]:
     """Yield every tick once, in order; periods are counted exactly, so ticks that fall together are one."""
     sampling = scenario.sampling
     assert sampling is not None
-    measure, command = (Fraction(str(p)) for p in (sampling.measurement, sampling.command))
-    end = Fraction(str(scenario.end))
-    times = {k * measure for k in range(int(end / measure) + 1)}
-    if scenario.controller is not None:
-        times |= {k * command for k in range(int(end / command) + 1)}
-    else:
-        assert scenario.commands is not None
-        times |= {Fraction(str(t)) for t in scenario.commands["time"] if t <= scenario.end}
-    times |= {Fraction(str(phase.until)) for phase in scenario.phases}
-    phases = iter(scenario.phases)
-    phase = next(phases)
-    for time in sorted(times):
-        while time >= Fraction(str(phase.until)) and phase is not scenario.phases[-1]:
-            phase = next(phases)
-        played = scenario.commands is not None and float(time) in scenario.commands["time"]
+    played = () if scenario.commands is None else scenario.commands["time"]
+    periods = [sampling.measurement] if played else [sampling.measurement, sampling.command]
+    also = [*(t for t in played if t <= scenario.end), *(phase.until for phase in scenario.phases)]
+    clock = Clock([*periods, *also])
+    measure, command = clock.count(sampling.measurement), clock.count(periods[-1])
+    row = measure * round((sampling.log or sampling.measurement) / sampling.measurement)
+    commanded = {clock.count(t) for t in played}
+    ends = [clock.count(phase.until) for phase in scenario.phases[:-1]]
+    for now in clock.instants(periods, scenario.end, also):
         yield _Event(
-            float(time),
-            time % measure == 0,
-            time % command == 0 if scenario.commands is None else played,
-            phase,
+            clock.seconds(now),
+            now % measure == 0,
+            now in commanded if played else now % command == 0,
+            now % row == 0,
+            scenario.phases[bisect_right(ends, now)],
         )
 
 
@@ -105,9 +101,13 @@ class _Plant:
         self.state = [s.start for s in block.states]
         self.commands = [s.start for s in block.inputs]
         self.params: Sequence[float] = block.parameter_values()
+        self.phase: Phase | None = None
         self.time = 0.0
 
     def enter(self, phase: Phase) -> None:
+        if phase is self.phase:
+            return
+        self.phase = phase
         own = self.scenario.plant.coefficients()
         changed = {f"plant.{name}": factor * own[name] for name, factor in phase.scale.items()}
         self.params = self.block.parameter_values(changed)
@@ -120,19 +120,22 @@ class _Plant:
 
 
 class _Sensor:
-    """Motion capture: the pose with noise, velocities by backward difference (C17 section VIII-B)."""
+    """The pose with noise; velocities by backward difference (C17 section VIII-B) or measured with noise."""
 
     def __init__(self, sampling: Sampling, state: Sequence[float]) -> None:
         self.random = np.random.default_rng(sampling.seed)
         self.noise = (sampling.position_noise, sampling.position_noise, sampling.heading_noise)
+        own = (sampling.velocity_noise, sampling.rate_noise)
+        surge, rate = (noise or 0.0 for noise in own)
+        self.velocity_noise = None if own == (None, None) else (surge, surge, rate)
         self.before: tuple[float, list[float]] | None = None
         self.first = list(state)
 
     def measure(self, time: float, state: Sequence[float]) -> dict[str, float]:
-        pose = [
-            value + s * self.random.standard_normal() for value, s in zip(state[:3], self.noise, strict=True)
-        ]
-        if self.before is None:
+        pose = self._noisy(state[:3], self.noise)
+        if self.velocity_noise is not None:
+            velocity = self._noisy(state[3:6], self.velocity_noise)
+        elif self.before is None:
             velocity = self.first[3:]
         else:
             then, old = self.before
@@ -142,9 +145,43 @@ class _Sensor:
         self.before = (time, pose)
         return dict(zip(MOTION, [*pose, *velocity], strict=True))
 
+    def _noisy(self, values: Sequence[float], noise: Sequence[float]) -> list[float]:
+        return [v + s * self.random.standard_normal() for v, s in zip(values, noise, strict=True)]
 
-class _Pilot:
-    """Estimator and controller on the sampled motion."""
+
+def _pilot(scenario: Scenario, parts: Mapping[str, Block]) -> _Tracker | _Law | _Player:
+    if scenario.controller is None:
+        return _Player(scenario, parts["plant"])
+    return _Tracker(scenario, parts) if scenario.tracks else _Law(scenario, parts)
+
+
+class _Law:
+    """One of K06's laws, and what tells it its set points, on the sampled motion."""
+
+    def __init__(self, scenario: Scenario, parts: Mapping[str, Block]) -> None:
+        own = [block for role, block in parts.items() if role != "plant"]
+        self.law = Ticking(interconnect(own, "law"))
+        self.plant_inputs = [s.name for s in parts["plant"].inputs]
+        self.told: dict[str, float] = {}
+        self.phase: Phase | None = None
+
+    def sense(self, time: float, motion: Mapping[str, float], commands: Sequence[float]) -> None:
+        """Keep nothing: a law sees the motion at its tick."""
+
+    def command(self, time: float, motion: Mapping[str, float], phase: Phase) -> list[float]:
+        if phase is not self.phase:
+            self.law.set_parameters({f"reference.{name}": value for name, value in phase.setpoints.items()})
+            self.phase = phase
+        self.told = self.law.tick(time, motion)
+        return [self.told[name] for name in self.plant_inputs]
+
+    def columns(self, time: float, state: Sequence[float]) -> dict[str, float]:
+        """Return what the parts of the law told each other at the last tick."""
+        return {k: v for k, v in self.told.items() if k not in self.plant_inputs}
+
+
+class _Tracker:
+    """Estimator and tracking controller on the sampled motion."""
 
     def __init__(self, scenario: Scenario, parts: Mapping[str, Block]) -> None:
         self.controller, self.reference = parts["controller"], parts["reference"]

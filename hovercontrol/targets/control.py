@@ -56,7 +56,7 @@ class BlockSystem(control.NonlinearIOSystem):
             outputs=[s.name for s in block.outputs],
             states=[s.name for s in block.states],
             name=name or block.name,
-            dt=0,
+            dt=block.period,
         )
         self._prepare()
 

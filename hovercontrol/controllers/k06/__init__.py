@@ -1,0 +1,27 @@
+"""K06's controllers: laws on the body velocities, what tells them their references, and what they push with.
+
+The laws (:mod:`.laws`) are continuous; the hybrid controllers of a heading (:mod:`.heading`) and of a pose
+(:mod:`.origin`) are sampled and tell a law its references; :func:`setpoints` tells constants and
+:func:`force_to_command` makes commands of forces.
+"""
+
+from hovercontrol.controllers.k06.actuation import force_driven, force_to_command
+from hovercontrol.controllers.k06.heading import bang_bang_heading, proportional_heading
+from hovercontrol.controllers.k06.laws import drive, forward, forward_alternate, reverse, stop, turn
+from hovercontrol.controllers.k06.origin import origin
+from hovercontrol.controllers.k06.setpoints import setpoints
+
+__all__ = [
+    "bang_bang_heading",
+    "drive",
+    "force_driven",
+    "force_to_command",
+    "forward",
+    "forward_alternate",
+    "origin",
+    "proportional_heading",
+    "reverse",
+    "setpoints",
+    "stop",
+    "turn",
+]

@@ -1,0 +1,89 @@
+"""The Blocks of a scenario's loop, by their role."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from hovercontrol.block import Block
+from hovercontrol.controllers import tracking_controller
+from hovercontrol.controllers.k06 import (
+    bang_bang_heading,
+    drive,
+    force_to_command,
+    forward,
+    forward_alternate,
+    origin,
+    proportional_heading,
+    reverse,
+    setpoints,
+    stop,
+    turn,
+)
+from hovercontrol.errors import InputError
+from hovercontrol.estimators import kalman_bucy
+from hovercontrol.references import REFERENCES
+from hovercontrol.scenarios.definition import Phase, Scenario
+
+#: What ``controller.kind`` may be; without a kind it is the tracking controller.
+LAWS: dict[str, Callable[..., Block]] = {
+    "stop": stop,
+    "forward": forward,
+    "forward_alternate": forward_alternate,
+    "reverse": reverse,
+    "turn": turn,
+    "drive": drive,
+}
+
+#: What ``guidance.kind`` may be: sampled, tells a law its set points.
+GUIDANCE: dict[str, Callable[..., Block]] = {
+    "heading_bang_bang": bang_bang_heading,
+    "heading_proportional": proportional_heading,
+    "origin": origin,
+}
+
+
+def loop_parts(scenario: Scenario) -> dict[str, Block]:
+    """Return the Blocks of a scenario's loop by role.
+
+    Roles are plant; for the tracking controller reference, controller, estimator; for one of K06's laws
+    reference (its set points), guidance, controller, actuation.
+    """
+    parts = {"plant": scenario.plant.plant().with_values(scenario.start)}
+    if scenario.controller is None:
+        return parts
+    if scenario.tracks:
+        return parts | _tracking_parts(scenario)
+    given = dict(scenario.controller)
+    law = {"controller": LAWS[given.pop("kind")](body=scenario.body, **given)}
+    if scenario.guidance is not None:
+        given = dict(scenario.guidance)
+        if scenario.sampling is None:
+            raise InputError("[guidance] is sampled: it needs a [sampling], and ticks with its commands")
+        tick = {"body": scenario.body, "period": scenario.sampling.command}
+        law = {"guidance": GUIDANCE[given.pop("kind")](**tick, **given), **law}
+    reference = setpoints(law.values())
+    if reference.outputs:
+        parts["reference"] = reference
+    return parts | law | {"actuation": force_to_command(**scenario.actuation)}
+
+
+def _tracking_parts(scenario: Scenario) -> dict[str, Block]:
+    assert scenario.controller is not None and scenario.reference is not None
+    reference: dict[str, Any] = dict(scenario.reference)
+    parts = {"reference": REFERENCES[reference.pop("kind")](**reference)}
+    parts["controller"] = tracking_controller(scenario.belief, **scenario.controller)
+    if scenario.estimator is not None:
+        parts["estimator"] = kalman_bucy(
+            scenario.belief.plant().with_values(scenario.start), **scenario.estimator
+        )
+    return parts
+
+
+def phase_parameters(scenario: Scenario, phase: Phase) -> dict[str, float]:
+    """Return the parameters that hold in a phase, by key."""
+    own = scenario.plant.coefficients()
+    params = {f"plant.{name}": factor * own[name] for name, factor in phase.scale.items()}
+    if scenario.controller is not None and scenario.controller.get("adapt"):
+        params["controller.adaptation"] = phase.adaptation
+    return params | {f"reference.{name}": value for name, value in phase.setpoints.items()}

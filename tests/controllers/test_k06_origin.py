@@ -1,0 +1,90 @@
+"""K06's six-step pose controller: the order of its steps, and that it takes the craft to the goal (2.3.1)."""
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+
+from hovercontrol.controllers.k06 import drive, force_to_command, origin, setpoints
+from hovercontrol.controllers.k06.origin import GOAL, MODE
+from hovercontrol.errors import InputError
+from hovercontrol.hybrid import Ticking, simulate_hybrid
+from hovercontrol.interconnect import interconnect
+from hovercontrol.vehicles import hoverdemon
+
+#: What may follow a step (K06's steps 1 to 6; a goal already near is not driven to).
+NEXT = {
+    "point": {"drive", "halt"},
+    "drive": {"halt"},
+    "halt": {"orient", "point"},
+    "orient": {"rest", "point"},
+    "rest": {"halt"},
+}
+
+
+def tick(block, *, x=0.0, y=0.0, psi=0.0, u=0.0, v=0.0, r=0.0, goal=(0.0, 0.0, 0.0)):
+    motion = {"x": x, "y": y, "psi": psi, "u": u, "v": v, "r": r}
+    told = block.tick(0.0, motion | {s.name: g for s, g in zip(GOAL, goal, strict=True)})
+    return MODE.modes[int(told["mode"])], told
+
+
+def test_the_six_steps_in_order():
+    block = Ticking(origin())
+    goal = (2.0, 0.0, 1.0)
+    step, told = tick(block, psi=-1.0, goal=goal)
+    assert (step, told["yaw_rate_ref"], told["surge_ref"]) == ("point", 0.8, 0.0)
+    step, told = tick(block, psi=0.0, goal=goal)
+    assert (step, told["yaw_rate_ref"], told["surge_ref"]) == ("drive", 0.0, 0.4)
+    _, told = tick(block, x=1.5, u=0.3, goal=goal)
+    assert told["surge_ref"] == pytest.approx(0.4 * 0.5)  # slower near the goal
+    assert tick(block, x=1.9, u=0.2, goal=goal)[0] == "halt"
+    assert tick(block, x=1.9, u=0.2, goal=goal)[0] == "halt"  # until it is at rest
+    step, told = tick(block, x=1.9, goal=goal)
+    assert (step, told["yaw_rate_ref"]) == ("orient", 0.8)
+    assert tick(block, x=1.9, psi=1.0, goal=goal)[0] == "rest"
+
+
+def test_a_goal_missed_is_tried_again():
+    block = Ticking(origin())
+    goal = (2.0, 0.0, 0.0)
+    assert tick(block, goal=goal)[0] == "drive"
+    assert tick(block, x=2.0, y=0.5, goal=goal)[0] == "halt"  # abeam
+    assert tick(block, x=2.0, y=0.5, goal=goal)[0] == "point"
+
+
+def test_it_points_the_short_way_round():
+    _, told = tick(Ticking(origin()), psi=3.0, goal=(-2.0, -0.5, 0.0))
+    assert told["yaw_rate_ref"] == 0.8  # from 172 to 194 degrees
+
+
+def test_at_rest_it_bears_twice_the_tolerance():
+    block = Ticking(origin())
+    while tick(block)[0] != "rest":
+        pass
+    assert tick(block, x=0.29)[0] == "rest"
+    assert tick(block, x=0.31)[0] == "halt"
+
+
+@pytest.mark.parametrize("goal", [(3.0, 2.0, 1.5), (-2.0, 1.0, 3.0)])
+def test_the_ideal_craft_comes_to_its_goal(goal):
+    law = [origin(period=0.005), drive(k1=8.0, k2=4.0), force_to_command()]
+    told = setpoints(law, {s.name: g for s, g in zip(GOAL, goal, strict=True)})
+    pilot = interconnect([told, *law], "pilot")
+    run = simulate_hybrid(hoverdemon().plant(), pilot, 60.0)
+    c = dict(zip(run.output_labels, run.outputs, strict=True))
+    steps = [MODE.modes[int(m)] for m in c["mode"][np.flatnonzero(np.diff(c["mode"], prepend=-1))]]
+    assert steps[:2] == ["point", "drive"]
+    assert "rest" in steps
+    assert all(b in NEXT[a] for a, b in itertools.pairwise(steps))
+    resting = c["mode"] == MODE.mode("rest")
+    assert c["distance"][resting].max() < 0.31
+    off = np.abs(np.angle(np.exp(1j * (c["psi"][resting] - goal[2]))))
+    assert off.max() < math.radians(6.1)
+    assert np.hypot(c["x"] - goal[0], c["y"] - goal[1])[run.time > 50].max() < 0.4
+
+
+@pytest.mark.parametrize("key", ["surge", "slow_down", "position_tolerance", "rest_energy", "yaw_rate"])
+def test_wrong_numbers_are_refused(key):
+    with pytest.raises(InputError, match=f"guidance: {key} must be positive"):
+        origin(**{key: 0.0})
