@@ -11,6 +11,8 @@ from typing import Any, Literal
 
 import numpy as np
 
+from hovercontrol.discrepancy.checks import check_excitation, check_logs
+from hovercontrol.discrepancy.experiment import BADLY, Experiment, separate, sharpen
 from hovercontrol.discrepancy.fit import Fit, fit
 from hovercontrol.discrepancy.holdout import Gap, gap
 from hovercontrol.discrepancy.localize import Missing, localize, regime
@@ -90,6 +92,12 @@ class Diagnosis:
     regime : str
         In words, where that force is.
     rows_dropped : int
+    warnings : tuple of str
+        About the logs, one line each.
+    experiment : Experiment or None
+        What to drive next, where that would settle an ambiguous case or tell a coefficient better.
+    advice : str
+        That in one sentence, or why there is no such experiment; empty where none is wanted.
     """
 
     verdict: Verdict
@@ -108,6 +116,9 @@ class Diagnosis:
     missing: tuple[Missing, ...]
     regime: str
     rows_dropped: int
+    warnings: tuple[str, ...] = ()
+    experiment: Experiment | None = None
+    advice: str = ""
 
     def missing_after(self) -> tuple[Missing, ...]:
         """Return the force that the amended model still lacks on the training logs."""
@@ -154,7 +165,7 @@ class Diagnosis:
             "where": self._where(),
             "signs": [{"kind": s.kind, "text": s.text, "gain": s.gain} for s in self.signs],
             "process_noise": self._process(),
-            "next_experiment": None,
+            "next_experiment": self.advice or None,
             "rows_dropped": self.rows_dropped,
         }
 
@@ -176,7 +187,7 @@ class Diagnosis:
         return {f"{n}'": float(v) for n, v in zip(names, final.noise.process, strict=True) if v > 0}
 
     def save(self, folder: str | Path) -> list[Path]:
-        """Write ``result.json`` and, where effects are named, ``model.toml`` to a folder."""
+        """Write ``result.json``, ``model.toml`` and, where there is one, ``next_experiment.csv``."""
         from hovercontrol.modelfile import save_model
 
         folder = Path(folder)
@@ -184,6 +195,8 @@ class Diagnosis:
         files = [write_whole(folder / "result.json", lambda path: path.write_text(text, encoding="utf-8"))]
         if isinstance(self.amended, Model):
             files.append(save_model(self.amended, folder / "model.toml"))
+        if self.experiment:
+            files.append(self.experiment.save(folder / "next_experiment.csv"))
         return files
 
 
@@ -229,8 +242,7 @@ def diagnose(
     Raises
     ------
     InputError
-        If there is no log, one lacks an input of the model or shows nothing of it, or the hold-out log
-        is one of the others.
+        If there is no log, or one from which nothing right can follow (:func:`.checks.check_logs`).
 
     Examples
     --------
@@ -249,14 +261,10 @@ def diagnose(
     tell = progress or (lambda part, what: None)
     if not logs:
         raise InputError("diagnosis needs at least one log")
-    if holdout is not None:
-        for log in logs:
-            if _same(log, holdout):
-                raise InputError(
-                    f"{holdout.name}: the hold-out log is the training log {log.name}: it must take no part"
-                )
+    warnings = check_logs(model, logs, holdout)
     tell(0.0, "reading what was measured")
     data = gather(model, logs)
+    warnings += check_excitation(model, data)
     held = gather(model, [holdout]) if holdout is not None else None
     selection = select(model, data, names=names, max_effects=max_effects, tell=tell)
     final = selection.final
@@ -276,6 +284,7 @@ def diagnose(
     near = fit(bare.model, data, length, prior_model=model) if selection.process else bare
     noise = noise_of(near)
     missing = tuple(localize(near, noise))
+    experiment, advice = _next(selection) if named else (None, "")
     found = Diagnosis(
         verdict=verdict,
         effects=_numbers(final, selection.effects) if named else (),
@@ -293,9 +302,27 @@ def diagnose(
         missing=missing,
         regime=regime(near, list(missing)),
         rows_dropped=sum(int((~np.isfinite(m.values)).any(axis=0).sum()) for m in data.logs),
+        warnings=tuple(warnings),
+        experiment=experiment,
+        advice=advice,
     )
     tell(1.0, "done")
     return found
+
+
+def _next(selection: Selection) -> tuple[Experiment | None, str]:
+    """Return what to drive next, and a sentence on it."""
+    final = selection.final
+    if selection.rivals:
+        rival = selection.rivals[0]
+        found = separate(final, final.model, rival.model, (rival.instead_of, rival.name))
+        return (None, found) if isinstance(found, str) else (found, found.text)
+    numbers = [n for n in _numbers(final, selection.effects) if abs(n.std) > BADLY * abs(n.value)]
+    if not numbers:
+        return None, ""
+    worst = max(numbers, key=lambda n: abs(n.std) / max(abs(n.value), 1e-12))
+    sharper = sharpen(final, worst.parameter)
+    return sharper, sharper.text if sharper else ""
 
 
 def _slow(selection: Selection) -> tuple[Sign, ...]:
@@ -328,15 +355,6 @@ def _verdict(selection: Selection, signs: Sequence[Sign]) -> Verdict:
     if selection.rivals:
         return "ambiguous"
     return "effect" if selection.effects else "none"
-
-
-def _same(one: Log, other: Log) -> bool:
-    return (
-        len(one) == len(other)
-        and set(one.columns) == set(other.columns)
-        and bool(np.array_equal(one.time - one.time[:1], other.time - other.time[:1]))
-        and all(np.array_equal(one[c], other[c], equal_nan=True) for c in one.columns)
-    )
 
 
 def _numbers(fit: Fit, names: Sequence[str]) -> tuple[Found, ...]:

@@ -49,12 +49,24 @@ EXPLAINED = 1.1
 
 @dataclass(frozen=True, eq=False)
 class Rival:
-    """An effect that the logs cannot tell from a named one."""
+    """An effect that the logs cannot tell from a named one.
+
+    Attributes
+    ----------
+    name, instead_of : str
+    behind : float
+        How much less likely it is, in twice the log likelihood.
+    correlation : float
+        Of the two signatures, the model's own unknowns projected out.
+    model : Model
+        With this effect in the other's place, fitted.
+    """
 
     name: str
     instead_of: str
     behind: float
     correlation: float
+    model: Subject
 
 
 @dataclass(eq=False)
@@ -149,6 +161,8 @@ class _Search:
         """Search in short windows, then in longer ones; drop and swap."""
         found = self.found
         self._short()
+        if found.final.noise.has_process and found.final.chi2_per_dof < EXPLAINED:
+            found.final = self.fit(found.final.model, found.final, noise=self.plain)  # no gusts after all
         if not found.final.noise.has_process:
             self._climb()
             if found.final.chi2_per_dof > EXPLAINED and found.effects:
@@ -309,7 +323,7 @@ class _Search:
                     found.final, name = other, other_name
                     found.rivals = [r for r in found.rivals if r.instead_of in found.effects]
                 elif behind < APART:
-                    found.rivals.append(Rival(other_name, name, float(behind), correlation))
+                    found.rivals.append(Rival(other_name, name, float(behind), correlation, other.model))
 
 
 def _kin(one: Effect, other: Effect) -> bool:

@@ -36,16 +36,16 @@ def _equation(name: str, e: sp.Expr, dot: bool = False) -> str:
         e = e.xreplace({number: sp.Float(number, 6) for number in e.atoms(sp.Float)})
         text = str(e.replace(sgn, lambda v, w: sp.Function("sgn")(v))).replace("**", "^").replace("*", " · ")
         return f"<p class='long'>{escape(name)}{'′' if dot else ''} = {escape(text)}</p>"
-    left = _symbol(name)
+    left = symbol_markup(name)
     if dot:
         rate = "<mfrac><mi>d</mi><mrow><mi>d</mi><mi>t</mi></mrow></mfrac>"
         short = left.startswith("<mi>")
         left = f"<mover accent='true'>{left}<mo>˙</mo></mover>" if short else f"{rate}{left}"
-    right = _Printer().doprint(e)
+    right = MathPrinter().doprint(e)
     return f"<div class='eq'><math><mrow>{left}<mo>=</mo>{right}</mrow></math></div>"
 
 
-def _symbol(name: str) -> str:
+def symbol_markup(name: str) -> str:
     """Return a name as MathML: one letter in italics, words upright, an index below."""
     stem, _, index = name.partition("[")
     owner, dot, last = stem.rpartition(".")
@@ -57,16 +57,17 @@ def _symbol(name: str) -> str:
     return f"<msub>{letter}<mn>{escape(index.rstrip(']'))}</mn></msub>" if index else letter
 
 
-class _Printer(MathMLPresentationPrinter):
+class MathPrinter(MathMLPresentationPrinter):
     """SymPy's printer with our names, numbers, cases and sgn; symbols pass as marks, replaced in the text."""
 
     def __init__(self) -> None:
         super().__init__({"mul_symbol": "dot"})
 
     def doprint(self, expr: sp.Basic) -> str:
+        """Return an expression as MathML."""
         text = self._print(expr).toxml().replace("<mo><</mo>", "<mo>&lt;</mo>")
         text = re.sub(r"<mo>([()])</mo>", r"<mo stretchy='false'>\1</mo>", text)
-        return re.sub(r"<mi>\x24(.*?)\x24</mi>", lambda found: _symbol(found[1]), text)
+        return re.sub(r"<mi>\x24(.*?)\x24</mi>", lambda found: symbol_markup(found[1]), text)
 
     def _node(self, tag: str, *inside: Any) -> Any:
         node = self.dom.createElement(tag)

@@ -1,0 +1,97 @@
+"""``hovercontrol diagnose``: find what a model lacks."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from hovercontrol.commands import given
+from hovercontrol.commands.progress import progress_bar
+from hovercontrol.errors import InputError
+from hovercontrol.files import check_folder, write_folder
+
+EXAMPLE = "Example: hovercontrol diagnose a.csv b.csv --holdout c.csv --model craft.toml --out out/diagnose"
+
+
+def diagnose(
+    logs: given.Logs = None,
+    out: given.Out = None,
+    model: given.ModelFile = None,
+    vehicle: given.Vehicle = None,
+    holdout: Annotated[
+        str | None, typer.Option(help="A log that takes no part, on which the gap is shown.")
+    ] = None,
+    effects: Annotated[
+        str, typer.Option(help="Look for these effects only, separated by commas (else for all).")
+    ] = "",
+    max_effects: Annotated[int, typer.Option(help="Most effects that are added.", min=1)] = 3,
+    columns: given.Columns = "",
+    bench: given.Bench = None,
+    bench_fans: given.BenchFans = 2,
+    only_while: given.OnlyWhile = "",
+    settle: given.Settle = 1.0,
+    allow_gaps: given.AllowGaps = False,
+) -> int:
+    """Find what a model lacks: name the missing effect, add it, show the gap shrink on a held-out log.
+
+    Writes report.html, to be looked at in any browser, model.toml (the amended model), result.json
+
+    and, where it would tell more, next_experiment.csv: commands to drive next.
+
+    Exit status 1 if something is missing that these logs cannot tell, or that no known effect explains.
+    """
+    from hovercontrol.discrepancy import diagnose as find
+    from hovercontrol.discrepancy.report import gap_sentence, headline, write_report
+    from hovercontrol.effects import effect_class
+
+    if not logs:
+        raise InputError("diagnose: expected one or more logs")
+    out = out or Path("out") / "diagnose"
+    check_folder(out)
+    given.refuse_twice("diagnose", [*logs, *([holdout] if holdout else [])])
+    names = given.listed(effects)
+    for name in names or []:
+        effect_class(name)
+    craft = given.craft("diagnose", model, vehicle)
+    inputs = [s.name for s in craft.plant(late=True).inputs]
+    read = given.reader(inputs, columns, bench, bench_fans, only_while, settle, allow_gaps)
+    with progress_bar("diagnose", 1.0) as report:
+        report(0.0, "reading logs")
+        training, held = [read(name) for name in logs], read(holdout) if holdout else None
+        found = find(
+            craft,
+            training,
+            held,
+            names=names,
+            max_effects=max_effects,
+            progress=lambda part, what: report(0.05 + 0.85 * part, what),
+        )
+        report(0.9, "writing the report")
+
+        def write(folder: Path) -> None:
+            found.save(folder)
+            page = folder / "report.html"
+            write_report(found, held, page, names=names, warnings=found.warnings, command=_command())
+
+        files = write_folder(out, write)
+    for warning in found.warnings:
+        print(f"warning: {warning}", file=sys.stderr)
+    print(headline(found))
+    print(gap_sentence(found))
+    print(f"wrote {', '.join(f.name for f in files)} to {out}")
+    return 1 if found.verdict in ("ambiguous", "unexplained") else 0
+
+
+def _command() -> str:
+    """Return the command line with file names only: the page tells nothing of the machine."""
+    words = [word.partition("=") for word in sys.argv[1:]]
+    bare = [f"{_name(a)}{sign}{_name(b)}" for a, sign, b in words]
+    return shlex.join(["hovercontrol", *bare])
+
+
+def _name(text: str) -> str:
+    return "+".join(Path(part).name if Path(part).is_absolute() else part for part in text.split("+"))

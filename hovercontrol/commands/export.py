@@ -1,0 +1,79 @@
+"""``hovercontrol export``: write an FMU."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from hovercontrol.commands.progress import progress_bar
+from hovercontrol.errors import InputError
+
+EXAMPLE = "Example: hovercontrol export table1:plant -o plant.fmu --platforms x86_64-linux,x86_64-windows"
+
+
+def export(
+    block: Annotated[
+        str,
+        typer.Argument(
+            help="A scenario or its TOML file: its whole closed loop; SCENARIO:PART: one part of it (plant, "
+            "reference, controller, estimator); a craft or a model file: its plant. --list shows them."
+        ),
+    ] = "",
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", help="The FMU to write (else out/NAME.fmu).")
+    ] = None,
+    fmi: Annotated[int, typer.Option(help="Version of FMI: 2 or 3.")] = 3,
+    platforms: Annotated[
+        str | None,
+        typer.Option(help="Names separated by commas, or all (else this machine's); others need ziglang."),
+    ] = None,
+    friction: Annotated[
+        str, typer.Option(help="Dry friction: events (sticks at exactly zero velocity) or smooth.")
+    ] = "events",
+    stop: Annotated[float | None, typer.Option(help="End of the default experiment, in seconds.")] = None,
+    step: Annotated[float | None, typer.Option(help="Its communication step, in seconds.")] = None,
+    list_: Annotated[bool, typer.Option("--list", help="List what can be exported and leave.")] = False,
+) -> int:
+    """Write an FMU (FMI 2.0 or 3.0, Model Exchange and Co-Simulation in one file)."""
+    from hovercontrol.fmi.binaries import PLATFORMS, chosen_platforms
+    from hovercontrol.fmi.choose import choices, choose
+    from hovercontrol.fmi.export import export_fmu
+    from hovercontrol.fmi.variables import Interface
+
+    if list_:
+        for name, text in choices():
+            print(f"{name:24} {text}")
+        print(
+            f"a model file or a scenario file (TOML), FILE.toml or FILE.toml:PART\n{'platforms':24} ", end=""
+        )
+        print(", ".join(PLATFORMS))
+        return 0
+    if not block:
+        raise InputError("export: expected what to export; hovercontrol export --list shows what there is")
+    wanted = chosen_platforms(platforms)
+    chosen = choose(block)
+    out = out or Path("out") / f"{chosen.block.name}.fmu"
+    stop, step = chosen.stop if stop is None else stop, chosen.step if step is None else step
+    with progress_bar(f"export {block}", 1.0) as report:
+        path = export_fmu(
+            chosen.block,
+            out,
+            version=fmi,  # type: ignore[arg-type]
+            platforms=[p.name for p in wanted],
+            friction=friction,  # type: ignore[arg-type]
+            stop=stop,
+            step=step,
+            description=chosen.text,
+            progress=report,
+        )
+    interface = Interface(chosen.block, friction)  # type: ignore[arg-type]
+    kinds = (("input", "inputs"), ("parameter", "parameters"), ("state", "states"))
+    counts = ", ".join(f"{len(interface.of(kind))} {word}" for kind, word in kinds)  # type: ignore[arg-type]
+    print(
+        f"wrote {path}: FMI {fmi}.0, {path.stat().st_size / 1000:.0f} kB for "
+        f"{', '.join(p.name for p in wanted)}; {len(interface.variables)} variables "
+        f"({counts}, {len(interface.outputs)} outputs)"
+    )
+    return 0

@@ -1,0 +1,113 @@
+"""What several commands are given: logs from files, and the craft they are of."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from hovercontrol.errors import InputError
+
+if TYPE_CHECKING:
+    from hovercontrol.logs import Log
+    from hovercontrol.model import Model
+
+Out = Annotated[
+    Path | None, typer.Option("--out", "-o", help="Folder for the results (else out/NAME); made if need be.")
+]
+Logs = Annotated[
+    list[str] | None,
+    typer.Argument(metavar="LOG...", help="CSV or Parquet; POSE.csv+COMMANDS.csv for a run in two files."),
+]
+ModelFile = Annotated[Path | None, typer.Option("--model", help="Model file to start from.")]
+Vehicle = Annotated[
+    str | None, typer.Option("--vehicle", help="Or one of the package's craft (else c17_experiment).")
+]
+Columns = Annotated[str, typer.Option("--columns", help="Names in the files: time=stamp,x=pose.x")]
+Bench = Annotated[
+    Path | None, typer.Option("--bench", help="Bench table: column pwm_NAME becomes the force of input NAME.")
+]
+BenchFans = Annotated[
+    int, typer.Option("--bench-fans", help="Fans that pushed together on the bench.", min=1)
+]
+OnlyWhile = Annotated[str, typer.Option("--while", help="Use only rows where this holds: 'pwm_lift>1000'")]
+Settle = Annotated[float, typer.Option("--settle", help="Seconds to leave out where that begins.", min=0.0)]
+AllowGaps = Annotated[bool, typer.Option("--allow-gaps", help="Accept logs in which rows are missing.")]
+
+
+def craft(command: str, model: Path | None, vehicle: str | None) -> Model:
+    """Return the craft of a model file, or one of the package's.
+
+    Raises
+    ------
+    InputError
+        If both are given, or either is unknown.
+    """
+    from hovercontrol.modelfile import load_model
+    from hovercontrol.vehicles import vehicle as known_vehicle
+
+    if model and vehicle:
+        raise InputError(f"{command}: --model and --vehicle exclude each other")
+    return load_model(model) if model else known_vehicle(vehicle or "c17_experiment")
+
+
+def refuse_twice(command: str, names: Sequence[str]) -> None:
+    """Refuse logs of which two are the same file, under whatever spelling."""
+    from hovercontrol.logs.gather import split_files
+
+    given: dict[Path, str] = {}
+    for name in names:
+        measured = split_files(name)[0].resolve()  # commands may be those of several runs
+        if measured in given:
+            known = "" if given[measured] == name else f" (as {given[measured]})"
+            raise InputError(
+                f"{command}: {name} is given twice{known}; a hold-out log must take no part in the fit"
+            )
+        given[measured] = name
+
+
+def reader(
+    inputs: Sequence[str],
+    columns: str,
+    bench: Path | None,
+    bench_fans: int,
+    only_while: str,
+    settle: float,
+    allow_gaps: bool,
+) -> Callable[[str], Log]:
+    """Return what reads a log of a craft with these inputs, as the options of the command say."""
+    from hovercontrol.logs import BenchTable, Condition, gather
+
+    table = BenchTable.from_csv(bench, fans=bench_fans) if bench else None
+    condition = Condition.parse(only_while) if only_while else None
+    renamed = _pairs(columns)
+
+    def read(files: str) -> Log:
+        return gather(
+            files,
+            inputs,
+            columns=renamed,
+            bench=table,
+            only_while=condition,
+            settle=settle,
+            allow_gaps=allow_gaps,
+        )
+
+    return read
+
+
+def listed(text: str) -> list[str] | None:
+    """Return the parts of a list separated by commas, None if there are none."""
+    return [part.strip() for part in text.split(",") if part.strip()] or None
+
+
+def _pairs(text: str) -> dict[str, str]:
+    pairs = {}
+    for part in listed(text) or []:
+        ours, equals, theirs = part.partition("=")
+        if not (ours and equals and theirs):
+            raise InputError(f"--columns: expected NAME=COLUMN, found {part!r}")
+        pairs[ours.strip()] = theirs.strip()
+    return pairs

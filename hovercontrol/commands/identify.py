@@ -1,0 +1,81 @@
+"""``hovercontrol identify``: estimate a model's coefficients from logs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from hovercontrol.commands import given
+from hovercontrol.commands.progress import progress_bar
+from hovercontrol.errors import InputError
+from hovercontrol.files import check_folder
+
+EXAMPLE = "Example: hovercontrol identify a.csv b.csv --holdout c.csv --model craft.toml --out out/identify"
+
+
+def identify(
+    logs: given.Logs = None,
+    out: given.Out = None,
+    model: given.ModelFile = None,
+    vehicle: given.Vehicle = None,
+    holdout: Annotated[
+        list[str] | None, typer.Option(help="A log that takes no part in the fit; may be repeated.")
+    ] = None,
+    coefficients: Annotated[
+        str, typer.Option(help="Only these, separated by commas; the others keep their value.")
+    ] = "",
+    columns: given.Columns = "",
+    bench: given.Bench = None,
+    bench_fans: given.BenchFans = 2,
+    only_while: given.OnlyWhile = "",
+    settle: given.Settle = 1.0,
+    window: Annotated[float, typer.Option(help="Length of the fit's windows in seconds.")] = 1.0,
+    allow_gaps: given.AllowGaps = False,
+    sample: Annotated[
+        bool, typer.Option("--sample", help="Use the sample log that comes with the package.")
+    ] = False,
+) -> int:
+    """Estimate a model's coefficients from logs, with standard errors and what the logs leave open.
+
+    Writes model.toml, coefficients.csv, prediction.csv and rejected.csv,
+
+    and for each log a picture of the free-running simulation over the measurement.
+
+    Exit status 1 if a coefficient is not excited by the logs, or a body velocity of a held-out log is
+
+    predicted worse 1 s ahead than by saying that it stays as it is.
+    """
+    from hovercontrol.identify.study import Study
+    from hovercontrol.samples import sample_path
+
+    names = [*(logs or []), *([str(sample_path())] if sample else [])]
+    held = holdout or []
+    if not names:
+        raise InputError("identify: expected one or more logs (or --sample)")
+    if window <= 0:
+        raise InputError(f"identify: --window must be positive, found {window:g}")
+    out = out or Path("out") / "identify"
+    check_folder(out)
+    given.refuse_twice("identify", [*names, *held])
+    craft = given.craft("identify", model, vehicle)
+    inputs = [s.name for s in craft.plant().inputs]
+    read = given.reader(inputs, columns, bench, bench_fans, only_while, settle, allow_gaps)
+    with progress_bar("identify", 1.0) as report:
+        every = []
+        for k, name in enumerate([*names, *held]):
+            every.append(read(name))
+            report(0.1 * (k + 1) / (len(names) + len(held)))
+        study = Study.make(
+            craft,
+            every[: len(names)],
+            every[len(names) :],
+            coefficients=given.listed(coefficients),
+            window=window,
+            progress=lambda part, what: report(0.1 + 0.9 * part, what),
+        )
+    files = study.save(out)
+    print(study.text())
+    print(f"wrote {', '.join(f.name for f in files)} to {out}")
+    return 1 if study.negative else 0

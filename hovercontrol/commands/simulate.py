@@ -1,0 +1,69 @@
+"""``hovercontrol simulate``: run a scenario."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from hovercontrol.commands.given import Out
+from hovercontrol.commands.progress import progress_bar
+from hovercontrol.errors import InputError
+from hovercontrol.files import check_folder
+
+if TYPE_CHECKING:
+    from hovercontrol.scenarios import Run
+
+EXAMPLE = "Example: hovercontrol simulate table1 --out out/table1"
+
+
+def simulate(
+    scenario: Annotated[
+        str, typer.Argument(help="A scenario's name (--list shows them) or a TOML file.")
+    ] = "",
+    out: Out = None,
+    list_: Annotated[bool, typer.Option("--list", help="List the scenarios and leave.")] = False,
+) -> int:
+    """Run a scenario; write its log, a table of its figures of merit, and pictures.
+
+    Exit status 1 if a figure of merit is outside the range that the scenario states.
+    """
+    from hovercontrol.scenarios import load_scenario, run_scenario, scenario_names
+
+    if list_:
+        for name in scenario_names():
+            print(f"{name:24} {load_scenario(name).title}")
+        return 0
+    if not scenario:
+        raise InputError(
+            f"simulate: expected a scenario's name ({', '.join(scenario_names())}) or a TOML file"
+        )
+    loaded = load_scenario(scenario)
+    out = out or Path("out") / loaded.name
+    check_folder(out)
+    with progress_bar(f"simulate {loaded.name}", loaded.end) as report:
+        run = run_scenario(loaded, report)
+    files = run.save(out)
+    _show_metrics(run)
+    print(f"wrote {', '.join(f.name for f in files)} to {out}")
+    return 0 if all(m.met for m in run.metrics()) else 1
+
+
+def _show_metrics(run: Run) -> None:
+    if not run.scenario.metrics:
+        return
+    table = Table(title=f"{run.scenario.title} ({run.scenario.source})", title_justify="left")
+    for heading in ("figure", "window", "measured", "expected", "the paper says"):
+        table.add_column(heading)
+    for m in run.metrics():
+        d = m.metric
+        window = f"{d.start:g} s" if d.start == d.end else f"{d.start:g}-{d.end:g} s"
+        wanted = f"< {d.high:g}" if d.low == -float("inf") else f"{d.low:g} to {d.high:g}"
+        wanted = f"> {d.low:g}" if d.high == float("inf") else wanted
+        wanted = "" if d.low == -d.high == -float("inf") else wanted
+        mark = "" if m.met else "  [red]outside[/red]"
+        table.add_row(d.name, window, f"{m.value:.3g} {d.unit}{mark}", wanted, d.paper)
+    Console().print(table)

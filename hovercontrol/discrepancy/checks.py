@@ -1,0 +1,258 @@
+"""What logs must satisfy before a model is diagnosed from them: refused in one line, or warned about."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hovercontrol.block import Block
+from hovercontrol.discrepancy.clocks import clock_warnings, refuse_units
+from hovercontrol.discrepancy.fit import fit
+from hovercontrol.discrepancy.windowed import Data, Subject, structure
+from hovercontrol.errors import InputError, did_you_mean
+from hovercontrol.identify.excitation import (
+    covariance,
+    idle_inputs,
+    named_directions,
+    reason,
+    unexcited_directions,
+)
+from hovercontrol.identify.measure import steps
+from hovercontrol.logs import Log
+from hovercontrol.logs.check import check_heading
+
+Array = NDArray[np.float64]
+
+#: Shortest stretch without a break from which anything can be said, and from which on most can [s].
+SHORTEST, SHORT = 2.0, 10.0
+
+#: Part of a hold-out log's rows that may be those of a training log by chance.
+SHARED = 0.02
+
+#: Seconds for which a sensor may say the same while others move, in rows at least.
+STUCK, STUCK_ROWS = 0.5, 10
+
+#: Part of the rows at its largest value, and visits there, that make a command look cut off.
+CUT_OFF, VISITS = 0.05, 3
+
+
+def check_logs(model: Subject, logs: Sequence[Log], holdout: Log | None = None) -> list[str]:
+    """Refuse logs from which nothing right can follow; return warnings about the others.
+
+    Parameters
+    ----------
+    model : Model or BlockModel
+    logs : sequence of Log
+    holdout : Log, optional
+
+    Returns
+    -------
+    list of str
+        One line each: stuck sensors, commands at a limit, clocks that drift, short logs.
+
+    Raises
+    ------
+    InputError
+        If a log lacks an input of the model (the nearest column is named), is too short, holds a channel that
+        is empty or constant or in wrong units, or the hold-out log shares rows with a training log.
+
+    Examples
+    --------
+    >>> from hovercontrol.vehicles import c17_simulation
+    >>> check_logs(c17_simulation(), [Log("a", [0.0, 0.1], {"u": [0, 1], "trust": [1, 1], "rudder": [0, 0]})])
+    Traceback (most recent call last):
+        ...
+    hovercontrol.errors.InputError: a: no column 'thrust', an input of the model; did you mean 'trust'?
+    """
+    block = structure(model)
+    every = [*logs, *([holdout] if holdout is not None else [])]
+    warnings = []
+    for log in every:
+        _refuse_inputs(block, log)
+        warnings += _length(log)
+        channels = _channels(block, log)
+        _refuse_dead(log, channels)
+        refuse_units(log)
+        if log.has("psi"):
+            known = np.isfinite(log["psi"])
+            rate = log["r"][known] if log.has("r") and np.isfinite(log["r"][known]).all() else None
+            check_heading(log.name, "psi", log.time[known], log["psi"][known], rate)
+        warnings += _stuck(log, channels) + _cut_off(log, [s.name for s in block.inputs])
+    _refuse_other_pace(every)
+    if holdout is not None:
+        for log in logs:
+            _refuse_shared(log, holdout)
+    for log in every:
+        warnings += clock_warnings(model, log)
+    return warnings
+
+
+def check_excitation(model: Subject, data: Data) -> list[str]:
+    """Return which coefficients the logs say nothing of, one line each.
+
+    Parameters
+    ----------
+    model : Model or BlockModel
+    data : Data
+        Of the training logs.
+
+    Raises
+    ------
+    InputError
+        If that is true of all: the craft hardly moves.
+    """
+    longest = max(m.time[b - 1] - m.time[a] for m in data.logs for a, b in m.segments)
+    found = fit(model, data, min(1.0, float(longest)), frozen=True)
+    w = found.windowed
+    linear = set(model.linear_coefficients())
+    own = [j for j, name in enumerate(w.names) if name in linear]
+    names, size = [w.names[j] for j in own], w.size[own]
+    C = covariance(found.normal.S[np.ix_(own, own)], found.normal.scores[:, own], size)
+    std = np.sqrt(np.diag(C))
+    alone = 1.0 / np.sqrt(np.maximum(np.diag(found.normal.S)[own], 1e-300))
+    directions = named_directions(unexcited_directions(C, size), size, names)
+    moving = [any(np.any(m.inputs[i] != 0.0) for m in data.logs) for i in range(len(w.block.inputs))]
+    blind = [j for j in range(len(own)) if std[j] > size[j]]
+    if blind and len(blind) == len(own):
+        logs = ", ".join(m.name for m in data.logs)
+        raise InputError(
+            f"{logs}: no coefficient of the model can be known from it: the craft or its commands hardly move"
+        )
+    said = []
+    for j in blind:
+        signal = w.block.parameter(names[j])
+        idle = idle_inputs(w.block, signal.name, moving)
+        why = reason(names[j], std[j], size[j], alone[j], directions, signal.unit, idle)
+        said.append(f"{names[j]} cannot be known from these logs: {why}")
+    return said
+
+
+def _refuse_inputs(block: Block, log: Log) -> None:
+    missing = [s.name for s in block.inputs if not log.has(s.name)]
+    if not missing:
+        return
+    if len(missing) == len(block.inputs) > 1:
+        raise InputError(
+            f"{log.name}: expected the model's inputs {', '.join(missing)}, found columns "
+            f"{', '.join(log.columns)}: is the model of this craft?"
+        )
+    hint = did_you_mean(missing[0], log.columns)
+    raise InputError(f"{log.name}: no column {missing[0]!r}, an input of the model{hint}")
+
+
+def _channels(block: Block, log: Log) -> list[str]:
+    inputs = {s.name for s in block.inputs}
+    names = dict.fromkeys(s.name for s in (*block.outputs, *block.states))
+    return [name for name in names if log.has(name) and name not in inputs]
+
+
+def _length(log: Log) -> list[str]:
+    step = float(np.median(np.diff(log.time))) if len(log) > 1 else 0.0
+    if step > 1.0:
+        raise InputError(f"{log.name}: rows are {step:g} s apart: is its time in seconds?")
+    edges = (
+        [float(log.time[0]), *(t for gap in log.gaps for t in gap), float(log.time[-1])] if len(log) else []
+    )
+    longest = max((b - a for a, b in zip(edges[::2], edges[1::2], strict=True)), default=0.0)
+    if longest < SHORTEST:
+        raise InputError(
+            f"{log.name}: too short: the longest stretch without a break is {longest:.3g} s, expected "
+            f"{SHORTEST:g} s or more"
+        )
+    if longest < SHORT:
+        return [f"{log.name}: {longest:.3g} s without a break are little: effects may not show"]
+    return []
+
+
+def _refuse_dead(log: Log, channels: Sequence[str]) -> None:
+    """Refuse a channel without a number, or of one number while others move."""
+    for c in channels:
+        known = log[c][np.isfinite(log[c])]
+        if not known.size:
+            raise InputError(f"{log.name}: column {c!r} is empty: NaN in all {len(log)} rows")
+        if not steps(known).size:
+            others = [o for o in channels if o != c and steps(log[o][np.isfinite(log[o])]).size]
+            but = f" while {others[0]} moves" if others else ""
+            raise InputError(f"{log.name}: column {c!r} is constant{but}: is the sensor stuck? Leave it out")
+
+
+def _stuck(log: Log, channels: Sequence[str]) -> list[str]:
+    """Warn of a sensor that says the same for a while and then goes on elsewhere."""
+    said = []
+    for c in channels:
+        row = log[c]
+        resolution = steps(row[np.isfinite(row)])
+        noise = (
+            float(np.median(np.abs(np.diff(row, 3)[np.isfinite(np.diff(row, 3))]))) if row.size > 3 else 0.0
+        )
+        if noise == 0.0 or (resolution.size and resolution.min() > 0.5 * noise):
+            continue  # a signal without noise, or coarser than its noise, repeats by itself
+        same = np.concatenate([[0], (np.diff(row) == 0.0).astype(int), [0]])
+        edges = np.flatnonzero(np.diff(same)).reshape(-1, 2)
+        spans = [(a, b) for a, b in edges if b - a >= STUCK_ROWS and log.time[b] - log.time[a] >= STUCK]
+        if spans:
+            a, b = max(spans, key=lambda s: float(log.time[s[1]] - log.time[s[0]]))
+            more = f", and {len(spans) - 1} times more" if len(spans) > 1 else ""
+            said.append(
+                f"{log.name}: {c!r} stays at {row[a]:.4g} from {log.time[a]:.2f} to {log.time[b]:.2f} s"
+                f"{more}: a stuck sensor?"
+            )
+    return said
+
+
+def _cut_off(log: Log, inputs: Sequence[str]) -> list[str]:
+    """Warn of commands that come to one largest value again and again: what lies beyond is not in the log."""
+    said = []
+    for name in inputs:
+        row = log[name]
+        if np.unique(row).size <= 5:
+            continue  # switched, not cut off
+        for value in (float(row.max()), float(row.min())):
+            at = row == value
+            visits = int((np.diff(np.concatenate([[0], at.astype(int)])) == 1).sum())
+            if value != 0.0 and at.mean() > CUT_OFF and visits >= VISITS:
+                said.append(
+                    f"{log.name}: {name} is at its limit of {value:.4g} in {100 * at.mean():.0f} % of the "
+                    "rows: saturated? An effect that acts beyond it cannot show"
+                )
+    return said
+
+
+def _refuse_other_pace(logs: Sequence[Log]) -> None:
+    """Refuse logs whose rows are a thousand times as far apart as another's: their times differ in unit."""
+    paces = [(float(np.median(np.diff(log.time))), log.name) for log in logs if len(log) > 1]
+    for (slow, one), (fast, other) in pairwise(sorted(paces, reverse=True)):
+        if slow > 300.0 * fast:
+            raise InputError(
+                f"{one}: rows are {slow:.3g} s apart, those of {other} {fast:.3g} s: are their times in the "
+                "same unit?"
+            )
+
+
+def _refuse_shared(log: Log, holdout: Log) -> None:
+    """Refuse a hold-out log that is a training log, or overlaps one."""
+    if set(log.columns) != set(holdout.columns):
+        return
+    names = sorted(log.columns)
+    ours = {row.tobytes() for row in _moving_rows(log, names)}
+    rows = _moving_rows(holdout, names)
+    shared = sum(row.tobytes() in ours for row in rows)
+    if not len(rows) or shared <= SHARED * len(rows):
+        return
+    if shared == len(rows) == len(ours):
+        raise InputError(
+            f"{holdout.name}: the hold-out log is the training log {log.name}: it must take no part"
+        )
+    raise InputError(
+        f"{holdout.name}: the hold-out log shares {shared} rows with the training log {log.name}: it must "
+        "take no part"
+    )
+
+
+def _moving_rows(log: Log, names: Sequence[str]) -> Array:
+    """Return the rows that differ from the one before: at rest any two logs are alike."""
+    rows = log.stack(*names) + 0.0  # minus zero is zero
+    return np.ascontiguousarray(rows[1:][(np.diff(rows, axis=0) != 0.0).any(axis=1)])

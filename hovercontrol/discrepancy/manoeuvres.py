@@ -1,0 +1,128 @@
+"""A family of manoeuvres within limits of the commands."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Limits = Mapping[str, tuple[float, float]]
+
+#: Length of every manoeuvre [s].
+SECONDS = 20.0
+
+
+@dataclass(frozen=True, eq=False)
+class Manoeuvre:
+    """Commands over time.
+
+    Attributes
+    ----------
+    name, text : str
+        ``"spin"``; what is done, in words that follow "Drive".
+    time : ndarray, shape (n,)
+        [s].
+    commands : dict of str to ndarray, shape (n,)
+    """
+
+    name: str
+    text: str
+    time: Array
+    commands: Mapping[str, Array]
+
+
+def family(limits: Limits, step: float) -> list[Manoeuvre]:
+    """Return the manoeuvres that a craft with these commands can drive.
+
+    Parameters
+    ----------
+    limits : dict of str to (float, float)
+        Least and largest value of each command.
+    step : float
+        From row to row [s].
+
+    Examples
+    --------
+    >>> [m.name for m in family({"thrust": (0.0, 3.0), "rudder": (-0.4, 0.4)}, 0.02)]
+    ['steps', 'fast steps', 'coast-down', 'spin', 'figure eight', 'circle', 'ramp']
+    >>> [m.name for m in family({"force": (-1.0, 1.0)}, 0.01)]
+    ['steps', 'fast steps', 'coast-down', 'ramp']
+    """
+    t = np.arange(0.0, SECONDS, step)
+    makers: list[tuple[str, str, Callable[[Array, Limits], dict[str, Array]]]] = [
+        ("steps", "steps of all commands, held 1 to 2 s", lambda t, x: _steps(t, x, 1.5)),
+        ("fast steps", "steps of all commands, held 0.3 to 0.6 s", lambda t, x: _steps(t, x, 0.45)),
+        ("coast-down", "pushes of 2.5 s, each followed by a coast-down of 2.5 s", _coast),
+    ]
+    if {"thrust", "rudder"} <= set(limits):
+        makers += [
+            ("spin", "turns at full rudder to either side, with pauses", _spin),
+            ("figure eight", "a figure eight at two speeds", _eight),
+            ("circle", "circles, the thrust changed every 4 s", _circle),
+        ]
+        if limits["thrust"][0] < 0:
+            makers.append(("reverse", "ahead and astern by turns, the rudder amidships", _reverse))
+    makers.append(("ramp", "slow ramps of all commands from one limit to the other", _ramp))
+    return [Manoeuvre(name, text, t, make(t, limits)) for name, text, make in makers]
+
+
+def _steps(t: Array, limits: Limits, hold: float) -> dict[str, Array]:
+    """Return stairs that visit the range evenly, each command at times of its own (golden ratio)."""
+    found = {}
+    for i, (name, (low, high)) in enumerate(limits.items()):
+        own = hold * (1.0 + 0.3 * i)
+        place = (0.5 + 0.618033988749895 * (np.floor(t / own) + 3.7 * i)) % 1.0
+        found[name] = low + (high - low) * place
+    return found
+
+
+def _coast(t: Array, limits: Limits) -> dict[str, Array]:
+    push = (t % 5.0) < 2.5
+    part = 1.0 - 0.25 * np.floor(t / 5.0)
+    return {
+        name: np.where(push, part * high, np.clip(0.0, low, high)) if name != "rudder" else np.zeros_like(t)
+        for name, (low, high) in limits.items()
+    }
+
+
+def _spin(t: Array, limits: Limits) -> dict[str, Array]:
+    (low, high), (left, right) = limits["thrust"], limits["rudder"]
+    push = (t % 4.0) < 2.5
+    side = np.where((t % 8.0) < 4.0, right, left)
+    return _rest(t, limits) | {"thrust": np.where(push, high, max(low, 0.0)), "rudder": side}
+
+
+def _eight(t: Array, limits: Limits) -> dict[str, Array]:
+    (low, high), (left, right) = limits["thrust"], limits["rudder"]
+    wave = np.sin(2 * np.pi * t / 5.0)
+    speed = np.where(t < SECONDS / 2, 0.4, 0.9)
+    rudder = 0.5 * (left + right) + 0.35 * (right - left) * wave
+    return _rest(t, limits) | {"thrust": max(low, 0.0) + speed * (high - max(low, 0.0)), "rudder": rudder}
+
+
+def _circle(t: Array, limits: Limits) -> dict[str, Array]:
+    (low, high), (left, right) = limits["thrust"], limits["rudder"]
+    stairs = np.array([0.3, 0.9, 0.5, 1.0, 0.2])[np.minimum((t // 4.0).astype(int), 4)]
+    side = np.where(t < SECONDS / 2, 0.5 * right, 0.5 * left)
+    return _rest(t, limits) | {"thrust": max(low, 0.0) + stairs * (high - max(low, 0.0)), "rudder": side}
+
+
+def _reverse(t: Array, limits: Limits) -> dict[str, Array]:
+    low, high = limits["thrust"]
+    return _rest(t, limits) | {"thrust": np.where((t % 5.0) < 2.5, high, low), "rudder": np.zeros_like(t)}
+
+
+def _ramp(t: Array, limits: Limits) -> dict[str, Array]:
+    found = {}
+    for i, (name, (low, high)) in enumerate(limits.items()):
+        phase = (t / (SECONDS / (1.0 + i))) % 1.0
+        found[name] = low + (high - low) * np.abs(2.0 * phase - 1.0)
+    return found
+
+
+def _rest(t: Array, limits: Limits) -> dict[str, Array]:
+    """Return commands of zero, or what is nearest to it."""
+    return {name: np.full_like(t, np.clip(0.0, low, high)) for name, (low, high) in limits.items()}

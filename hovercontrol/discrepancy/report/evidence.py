@@ -1,0 +1,117 @@
+"""Candidates with their evidence: what was named, what else was tried, what cannot be told apart, and why."""
+
+from __future__ import annotations
+
+import math
+
+from hovercontrol.discrepancy.candidates import Scored, Scores
+from hovercontrol.discrepancy.probes import Sign
+from hovercontrol.discrepancy.report.html import folded, items, paragraph, table
+from hovercontrol.discrepancy.report.material import Material
+from hovercontrol.discrepancy.report.verdict import first_of_kind
+from hovercontrol.discrepancy.report.words import effect_words, listed, minus, prime, unit
+from hovercontrol.discrepancy.select import APART, EACH, LEAST
+from hovercontrol.effects.base import resolved_unit
+
+#: Candidates shown before the rest is folded away.
+SHOWN = 8
+
+
+def evidence(m: Material) -> str:
+    """Return the section on candidates, rivals, what was rejected, and signs of the unknown."""
+    rejected = [f"{effect_words(name)}: {why}" for name, why in m.diagnosis.selection.rejected]
+    signs = [_sign(m, s) for s in first_of_kind(m.diagnosis.signs)]
+    return (
+        f"<h2>Evidence</h2>{_named(m)}{items('Cannot be told apart by these logs', _rivals(m))}{_next(m)}"
+        f"{items('Signs of something outside the catalogue', signs)}{_candidates(m)}"
+        f"{items('Rejected', rejected)}"
+    )
+
+
+def _sign(m: Material, sign: Sign) -> str:
+    others = sum(s.kind == sign.kind for s in m.diagnosis.signs) - 1
+    more = f", and {others} more of this kind" if others else ""
+    chance = "chance alone gives about as much as there are numbers"
+    return f"{prime(sign.text)} (gain {sign.gain:.0f} with {sign.numbers} numbers; {chance}){more}"
+
+
+def _named(m: Material) -> str:
+    if not m.named:
+        return ""
+    gains = m.diagnosis.selection.gains
+    rows = [(effect_words(name), _size(gains.get(name, math.nan))) for name in m.named]
+    said = (
+        "Each named effect is needed: how many standard errors it is away from not being there, squared. "
+        f"{LEAST:g} is the least that counts."
+    )
+    return paragraph(said) + table(("named", "evidence"), rows)
+
+
+def _rivals(m: Material) -> list[str]:
+    said = []
+    for r in m.diagnosis.rivals:
+        ahead = f"behind by {r.behind:.1f}" if r.behind >= 0 else f"ahead by {-r.behind:.1f}"
+        ahead = "equal" if abs(r.behind) < 0.05 else ahead
+        said.append(
+            f"{effect_words(r.name)} instead of {effect_words(r.instead_of)}: {ahead} in twice the log "
+            f"likelihood, where {APART:g} would tell them apart. What they leave in these logs is alike: "
+            f"correlation {r.correlation:.3f} once the coefficients are fitted."
+        )
+    if said:
+        first = listed([effect_words(n) for n in m.named])
+        said.append(f"The amended model in this report has {first}; a rival in its place errs as little.")
+    return said
+
+
+def _next(m: Material) -> str:
+    if not m.diagnosis.advice:
+        return ""
+    where = " The commands are in next_experiment.csv." if m.diagnosis.experiment else ""
+    advice = m.diagnosis.advice[0].upper() + m.diagnosis.advice[1:].rstrip(".")
+    return f"<h3>What to drive next</h3>{paragraph(advice + '.' + where)}"
+
+
+def _candidates(m: Material) -> str:
+    if m.diagnosis.verdict == "unexplained":
+        return paragraph(
+            "Candidates are not listed: with something unknown in the logs the best of them would be a wrong "
+            "name."
+        )
+    rows = [_row(m, s) for s in m.scores.best()]
+    head = ("effect", "gain", "at its best", "would show from", "")
+    text = (
+        "How much twice the log likelihood would rise if the effect were added to the model as it was and "
+        "everything fitted again, to first order. Effects alike gain alike: naming is decided by fits of the "
+        "best, not by this list. The fourth column is the size from which on these logs would show it."
+    )
+    more = folded(f"{len(rows) - SHOWN} more", table(head, rows[SHOWN:])) if len(rows) > SHOWN else ""
+    return f"<h3>All candidates, one at a time</h3>{paragraph(text)}{table(head, rows[:SHOWN])}{more}"
+
+
+def _row(m: Material, s: Scored) -> tuple[str, ...]:
+    name = s.candidate.name
+    note = "" if s.allowed else "not with this sign"
+    note = "rival" if any(r.name == name for r in m.diagnosis.rivals) else note
+    note = "named" if name in m.named else note
+    return effect_words(name), _size(s.gain), *_sizes(m.scores, s, m), note
+
+
+def _sizes(scores: Scores, s: Scored, m: Material) -> tuple[str, str]:
+    """Return an effect's numbers at its linear best, and from which size on it would show."""
+    trial = s.candidate.trial
+    units = m.diagnosis.model.input_units()
+    bar = (LEAST + EACH * len(s.candidate.amplitudes)) * scores.inflation
+    best, least = [], []
+    for key, part, column in zip(s.candidate.amplitudes, s.parts, s.columns, strict=False):
+        number = type(trial).numbers[key]
+        step = trial.values[key] - number.neutral
+        text = unit(resolved_unit(number.unit, units))
+        best.append(minus(f"{number.neutral + part * step:.2g} {text}").strip())
+        information = float(scores.S[column, column])
+        if information > 0:
+            least.append(f"{abs(step) * math.sqrt(bar / information):.1g} {text}".strip())
+    return ", ".join(best), ", ".join(least)
+
+
+def _size(gain: float) -> str:
+    return "" if not math.isfinite(gain) else f"{gain:,.0f}".replace(",", "\u202f")

@@ -1,0 +1,114 @@
+"""Numbers, units and effects in words."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+
+from hovercontrol.discrepancy.diagnose import Found
+from hovercontrol.effects import effect_class
+
+_RAISED = str.maketrans("23456789*", "²³⁴⁵⁶⁷⁸⁹ ", "^")
+_AXES = ("surge", "sway", "yaw")
+_KINDS = {"coulomb": "dry friction", "stribeck": "Stribeck friction"}
+
+
+def unit(text: str) -> str:
+    """Return a unit as a person writes it; nothing for a plain number.
+
+    Examples
+    --------
+    >>> unit("rad/s^2"), unit("1")
+    ('rad/s²', '')
+    """
+    return "" if text == "1" else text.translate(_RAISED)
+
+
+def prime(text: str) -> str:
+    """Return names of derivatives with a prime, ``u'`` as u′."""
+    return text.replace("'", "′")
+
+
+def effect_words(name: str) -> str:
+    """Return an effect's name in words.
+
+    Examples
+    --------
+    >>> effect_words("yaw_coulomb"), effect_words("input_delay")
+    ('dry friction in yaw', 'input delay')
+    """
+    axis, _, rest = name.partition("_")
+    if axis in _AXES and rest and "_" not in rest.removesuffix("_drag"):
+        return f"{_KINDS.get(rest, rest.replace('_', ' '))} in {axis}"
+    words = name.replace("_", " ")
+    return re.sub(r"\b(munk|coriolis)\b", lambda m: m[0].capitalize(), words)
+
+
+def meaning(name: str) -> str:
+    """Return the sentence in which an effect explains itself."""
+    return " ".join((effect_class(name).__doc__ or "").split("\n\n")[0].split())
+
+
+def plus_minus(value: float, half: float) -> str:
+    """Return a value with half its 95 % interval, to two digits of that.
+
+    Examples
+    --------
+    >>> plus_minus(0.41987, 0.0123), plus_minus(1234.0, 56.0), plus_minus(0.1, 0.0)
+    ('0.420 ± 0.012', '1234 ± 56', '0.1')
+    """
+    if not (half > 0 and math.isfinite(half)):
+        return minus(f"{value:.4g}")
+    digits = max(0, 1 - math.floor(math.log10(half)))
+    return minus(f"{value:.{digits}f} ± {half:.{digits}f}")
+
+
+def minus(text: str) -> str:
+    """Return a number with the sign that is as wide as a plus.
+
+    Examples
+    --------
+    >>> minus("-0.5 m")
+    '−0.5 m'
+    """
+    return text.replace("-", "−")
+
+
+def number_of(found: Found) -> str:
+    """Return an effect's number with its 95 % interval and unit."""
+    return f"{plus_minus(found.value, 1.96 * found.std)} {unit(found.unit)}".strip()
+
+
+def percent(part: float) -> str:
+    """Return a part in percent.
+
+    Examples
+    --------
+    >>> percent(0.034), percent(1.7), percent(0.00021)
+    ('3.4 %', '170 %', '0.021 %')
+    """
+    value = 100.0 * part
+    return f"{value:.0f} %" if value >= 99.5 else f"{value:.2g} %"
+
+
+def times(value: float) -> str:
+    """Return how many times, to three digits or so.
+
+    Examples
+    --------
+    >>> times(0.9871), times(19.42), times(1234.0)
+    ('0.99', '19.4', '1234')
+    """
+    return f"{value:.2f}" if value < 9.995 else f"{value:.1f}" if value < 99.95 else f"{value:.0f}"
+
+
+def listed(parts: Sequence[str], last: str = "and") -> str:
+    """Return parts as a list in a sentence.
+
+    Examples
+    --------
+    >>> listed(["a", "b", "c"]), listed(["a", "b"], "or")
+    ('a, b and c', 'a or b')
+    """
+    return f" {last} ".join([", ".join(parts[:-1]), parts[-1]]) if len(parts) > 1 else "".join(parts)

@@ -1,0 +1,136 @@
+"""``hovercontrol diagnose`` as a user meets it."""
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from hovercontrol import cli
+from hovercontrol.logs import Log
+from hovercontrol.modelfile import load_model, save_model
+
+from .generator import Conditions, make
+
+RUN = [sys.executable, "-m", "hovercontrol.cli", "diagnose"]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A model file, a training log and a hold-out log of a craft on a slope."""
+    folder = tmp_path_factory.mktemp("diagnose")
+    case = make(11, ["slope"], Conditions(duration=12.0, logs=1))
+    save_model(case.model, folder / "craft.toml")
+    case.logs[0].save(folder / "a.csv")
+    case.holdout.save(folder / "c.csv")
+    return folder
+
+
+def fails(args, monkeypatch, capsys, where):
+    """Return the line of a call that ends with status 2."""
+    monkeypatch.chdir(where)
+    monkeypatch.setattr(sys, "argv", ["hovercontrol", "diagnose", *args])
+    with pytest.raises(SystemExit) as end:
+        cli.main()
+    out, err = capsys.readouterr()
+    assert end.value.code == 2, err
+    lines = [line for line in err.strip().splitlines() if not line.startswith("warning")]
+    assert out == "" and len(lines) == 1
+    return lines[0]
+
+
+def test_a_missing_slope_is_found_named_added_and_shown(folder, tmp_path):
+    args = [str(folder / "a.csv"), "--holdout", str(folder / "c.csv"), "--model", str(folder / "craft.toml")]
+    done = subprocess.run(
+        [*RUN, *args, "--effects", "slope,gyro_bias", "--out", "out"],
+        capture_output=True,
+        text=True,
+        cwd=tmp_path,
+        timeout=120,
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith("The model has no slope: slope_x ") and "falls from" in done.stdout
+    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == [
+        "model.toml",
+        "report.html",
+        "result.json",
+    ]
+    result = json.loads((tmp_path / "out" / "result.json").read_text())
+    assert result["verdict"] == "effect" and result["effects"][0]["name"] == "slope"
+    assert load_model(tmp_path / "out" / "model.toml").effect("slope").values["x"] == pytest.approx(
+        result["effects"][0]["coefficient"]
+    )
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert "hovercontrol diagnose a.csv --holdout c.csv --model craft.toml" in page
+    assert str(folder) not in page and str(tmp_path) not in page
+
+
+def test_ambiguous_ends_with_status_1(folder, tmp_path, monkeypatch, capsys):
+    case = make(13, ["input_delay"], Conditions(duration=12.0, logs=1))
+    case.logs[0].save(tmp_path / "late.csv")
+    save_model(case.model, tmp_path / "late.toml")
+    monkeypatch.chdir(tmp_path)
+    args = ["late.csv", "--model", "late.toml", "--effects", "input_delay,time_offset"]
+    monkeypatch.setattr(sys, "argv", ["hovercontrol", "diagnose", *args])
+    with pytest.raises(SystemExit) as end:
+        cli.main()
+    assert end.value.code == 1
+    assert "cannot tell what: " in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("args", "said"),
+    [
+        ([], "diagnose: expected one or more logs"),
+        (["a.csv", "--model", "none.toml"], "none.toml: no such file"),
+        (["a.csv", "--model", "craft.toml", "--holdout", "./a.csv"], "./a.csv is given twice (as a.csv)"),
+        (["a.csv", "--model", "craft.toml", "--effects", "sloep"], "did you mean 'slope'?"),
+        (["a.csv", "--vehicle", "four_fan"], "no column 'rear_left'"),
+        (["a.csv", "--model", "craft.toml", "--max-effects", "0"], "greater than or equal to 1"),
+        (["gone.csv", "--model", "craft.toml"], "gone.csv"),
+    ],
+)
+def test_a_wrong_call_is_one_line(folder, args, said, monkeypatch, capsys):
+    assert said in fails([*args, "--out", "out"], monkeypatch, capsys, folder)
+    assert not (folder / "out").exists()
+
+
+def test_help_shows_an_example(capsys):
+    cli.app(["diagnose", "--help"], standalone_mode=False)
+    assert "Example: hovercontrol diagnose" in " ".join(capsys.readouterr().out.split())
+
+
+def bad(log, kind):
+    columns = dict(log.columns)
+    if kind == "copy":
+        return Log("bad", log.time, {k: v for k, v in columns.items()})
+    if kind == "short":
+        return log.select(slice(0, 60))
+    if kind == "degrees":
+        columns["psi"] = np.degrees(columns["psi"])
+    if kind == "constant":
+        columns["v"] = np.zeros(len(log))
+    if kind == "empty":
+        columns["u"] = np.full(len(log), np.nan)
+    return Log("bad", log.time, columns)
+
+
+@pytest.mark.parametrize(
+    ("kind", "said"),
+    [
+        ("copy", "bad.csv: the hold-out log is the training log a.csv"),
+        ("short", "bad.csv: too short"),
+        ("degrees", "bad.csv: column 'psi': expected a heading in rad"),
+        ("constant", "bad.csv: column 'v' is constant while x moves"),
+        ("empty", "bad.csv: column 'u' is empty"),
+    ],
+)
+def test_a_bad_log_is_one_line_and_nothing_is_written(folder, kind, said, monkeypatch, capsys):
+    from hovercontrol.logs import read_log
+
+    log = read_log(folder / "a.csv", None, ["thrust", "rudder"])
+    bad(log, kind).save(folder / "bad.csv")
+    args = ["a.csv", "--holdout", "bad.csv", "--model", "craft.toml", "--out", "out"]
+    line = fails(args, monkeypatch, capsys, folder)
+    assert said in line and not (folder / "out").exists()
