@@ -7,12 +7,12 @@ from typing import Annotated
 
 import typer
 
-from hovercontrol.commands import diagnose, export, identify, simulate
+from hovercontrol.commands import analyze, diagnose, export, identify, simulate
 from hovercontrol.errors import InputError
 
 app = typer.Typer(
     name="hovercontrol",
-    help="Model-based control of hovercraft: simulate, identify, diagnose, export.",
+    help="Model-based control of hovercraft: simulate, identify, diagnose, export, analyze.",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
@@ -63,6 +63,7 @@ for command, example in (
     (identify.identify, identify.EXAMPLE),
     (diagnose.diagnose, diagnose.EXAMPLE),
     (export.export, export.EXAMPLE),
+    (analyze.analyze, analyze.EXAMPLE),
 ):
     app.command(epilog=example)(command)
 

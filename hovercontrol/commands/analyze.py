@@ -1,0 +1,68 @@
+"""``hovercontrol analyze``: draw a figure of stability, gain or beta regions."""
+
+from __future__ import annotations
+
+import ast
+import importlib.util
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Any, cast
+
+import typer
+
+import hovercontrol
+from hovercontrol.commands.given import Out
+from hovercontrol.commands.progress import progress_bar
+from hovercontrol.errors import InputError, did_you_mean
+from hovercontrol.files import check_folder
+
+EXAMPLE = "Example: hovercontrol analyze c17_gain_region --out out/gains"
+
+_PACKAGE = Path(hovercontrol.__file__).parent
+#: Where the scripts are: inside the installed package, beside it in a checkout.
+FOLDERS = (_PACKAGE / "analyses", _PACKAGE.parent / "analyses")
+
+
+def analyze(
+    name: Annotated[str, typer.Argument(help="An analysis (--list shows them).")] = "",
+    out: Out = None,
+    list_: Annotated[bool, typer.Option("--list", help="List the analyses and leave.")] = False,
+) -> int:
+    """Run an analysis; write its picture (PNG, SVG), its table (CSV) and its findings in words."""
+    scripts = _scripts()
+    if list_:
+        for known, path in scripts.items():
+            print(f"{known:24} {_title(path)}")
+        return 0
+    if not name:
+        raise InputError(f"analyze: expected an analysis: {', '.join(scripts)}")
+    if name not in scripts:
+        raise InputError(f"analyze: unknown analysis {name!r}{did_you_mean(name, scripts)}")
+    out = out or Path("out") / name
+    check_folder(out)
+    with progress_bar(f"analyze {name}", 1.0) as report:
+        files = _main(scripts[name])(out, lambda part: report(part, ""))
+    for file in files:
+        if file.suffix == ".txt":
+            print(file.read_text(encoding="utf-8"), end="")
+    print(f"wrote {', '.join(f.name for f in files)} to {out}")
+    return 0
+
+
+def _scripts() -> dict[str, Path]:
+    folder = next((f for f in FOLDERS if f.is_dir()), None)
+    found = sorted(folder.glob("[!_]*.py")) if folder else []
+    return {path.stem: path for path in found}
+
+
+def _title(path: Path) -> str:
+    text = ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or ""
+    return text.partition("\n")[0]
+
+
+def _main(path: Path) -> Callable[..., list[Path]]:
+    spec = importlib.util.spec_from_file_location(path.stem, path)
+    assert spec and spec.loader
+    module: Any = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return cast(Callable[..., list[Path]], module.main)
