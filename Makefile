@@ -5,10 +5,15 @@ BIN := .venv/bin
 .PHONY: demo test check benchmarks clean
 .DELETE_ON_ERROR:
 
-demo: .venv/ready  ## the paper's Table I, then coefficients from the sample log
+demo: .venv/ready  ## the paper's Table I, coefficients from the sample log, what K06's model lacked
 	$(BIN)/hovercontrol simulate table1 --out out/table1
 	$(BIN)/hovercontrol identify --sample --out out/identify
-	@echo "Look at out/table1/tracking_error.png and out/identify/free_run_rudder_craft.png"
+	$(BIN)/hovercontrol simulate k06-field-turn --out out/k06-field-turn
+	$(BIN)/hovercontrol simulate k06-field-holdout --out out/k06-field-holdout
+	$(BIN)/hovercontrol diagnose out/k06-field-turn/log.csv --holdout out/k06-field-holdout/log.csv \
+	  --vehicle hoverdemon --out out/diagnose
+	@echo "Look at out/table1/tracking_error.png, out/identify/free_run_rudder_craft.png"
+	@echo "and, in a browser, out/diagnose/report.html"
 
 test: .venv/ready check  ## style, types, all tests
 	$(BIN)/python -m pytest -n 2 --dist worksteal

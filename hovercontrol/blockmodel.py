@@ -139,6 +139,12 @@ class BlockModel:
         """Return the unit of each input."""
         return {s.name: s.unit for s in self.block.inputs}
 
+    def _units(self) -> dict[str, str]:
+        """Return the units of the inputs, and what effects call ``{thrust}``: the one that all share."""
+        units = self.input_units()
+        shared = set(units.values())
+        return {"thrust": shared.pop(), **units} if len(shared) == 1 else units
+
     def timing(self, owner: str = "") -> tuple[str, str]:
         """Return the parameters that say how late inputs act and how late measurements are, or ``""``."""
         _, way = self._way()
@@ -209,7 +215,7 @@ class BlockModel:
             outputs=(*block.outputs, *measured),
             parameters=(
                 *block.parameters,
-                *(p for e in self.effects for p in e.signals(self.name, self.input_units())),
+                *(p for e in self.effects for p in e.signals(self.name, self._units())),
             ),
             derivatives={**derivatives, **{s.name: slope for s, slope in lags.items()}},
             output_expressions=Expressions(

@@ -345,18 +345,20 @@ class Scores:
     def __init__(self, fit: Fit, signatures: Signatures, noise: Noise | None = None) -> None:
         w = fit.windowed
         noise = noise or fit.noise
-        columns = np.concatenate([fit.residual[..., None], fit.jacobian, signatures.columns], axis=-1)
+        n, movable = len(w.free), fit.movable
+        own = fit.jacobian[..., np.concatenate([np.arange(n), n + movable])]
+        columns = np.concatenate([fit.residual[..., None], own, signatures.columns], axis=-1)
         white, det = whiten(columns, w.seen, noise, fit.response)
-        normal = reduce(white, len(w.free))
-        P = len(fit.p)
+        normal = reduce(white, n)
+        P = len(movable)
         S, g = normal.S.copy(), normal.g.copy()
-        S[np.arange(P), np.arange(P)] += fit.prior
+        S[np.arange(P), np.arange(P)] += fit.prior[movable]
         inverse = scaled_inverse(S[:P, :P])
         self.S = S[P:, P:] - S[P:, :P] @ inverse @ S[:P, P:]
         self.g = g[P:] - S[P:, :P] @ inverse @ g[:P]
         self._whole = np.diag(S)[P:]
-        own = normal.scores[:, P:] - normal.scores[:, :P] @ inverse @ S[:P, P:]
-        self.inflation = inflation(own, self.S, w.blocks()) if noise.has_process else 1.0
+        each = normal.scores[:, P:] - normal.scores[:, :P] @ inverse @ S[:P, P:]
+        self.inflation = inflation(each, self.S, w.blocks()) if noise.has_process else 1.0
         self.cost = normal.rest - float(g[:P] @ inverse @ g[:P]) + float(det.sum())
         self._signatures = signatures
 

@@ -282,7 +282,7 @@ def diagnose(
     named = verdict in ("effect", "ambiguous")
     tell(0.96, "looking where it is")
     near = fit(bare.model, data, length, prior_model=model) if selection.process else bare
-    noise = noise_of(near)
+    noise = noise_of(near, rough=True)
     missing = tuple(localize(near, noise))
     experiment, advice = _next(selection) if named else (None, "")
     found = Diagnosis(

@@ -157,7 +157,7 @@ def predicted(model: Subject, like: Data, manoeuvre: Manoeuvre) -> Data:
     )
     data = Data((empty,), like.channels, like.noise)
     w = Windowed(model, data, float(manoeuvre.time[-1]) + 1.0)
-    w.set_step(w.start)
+    w.set_step(w.start, w.cut.start)
     residual, _ = w.linearise(w.start, w.cut.start, jacobian=False)
     seen = Measured(
         empty.name, empty.time, 0.0, inputs, empty.channels, -residual[0].T, w.x[:, :, 0].T,

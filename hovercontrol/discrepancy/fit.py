@@ -70,6 +70,13 @@ class Fit:
         return w.model.with_coefficients(dict(zip(w.names, inside.tolist(), strict=True)))
 
     @property
+    def movable(self) -> NDArray[np.intp]:
+        """Places of the unknowns that are not held by a bound, shape (m,): a drag at zero goes no lower."""
+        w, g, near = self.windowed, self.normal.g, 1e-6 * self.windowed.size
+        held = ((self.p <= w.lower + near) & (g < 0.0)) | ((self.p >= w.upper - near) & (g > 0.0))
+        return np.flatnonzero(~held)
+
+    @property
     def covariance(self) -> Array:
         """Of the unknowns, shape (P, P)."""
         return scaled_inverse(self.normal.S + np.diag(self.prior))
@@ -115,7 +122,7 @@ def fit(
     p = np.clip(w.start, w.lower, w.upper)
     x0 = w.cut.start.copy()
     n = len(w.free)
-    w.set_step(p)
+    w.set_step(p, x0, near.windowed.pieces if near else 1)
 
     def evaluate(p: Array, x0: Array) -> tuple[Array, Array, Array, float]:
         """Return residual, Jacobian, each window's cost and the whole."""

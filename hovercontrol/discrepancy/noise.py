@@ -21,7 +21,7 @@ from hovercontrol.discrepancy.response import Response
 Array = NDArray[np.float64]
 
 #: Windows at most from which the noise is estimated, spread evenly.
-WINDOWS = 40
+WINDOWS = 120
 
 #: Rounds of the estimate, and the factors a level is tried at in each.
 ROUNDS, FACTORS = 8, (0.25, 0.5, 2.0, 4.0)
@@ -167,6 +167,7 @@ def estimate(
     forced: Sequence[int],
     *,
     with_clock: bool = False,
+    rough: bool = False,
 ) -> tuple[Noise, float]:
     """Return the noise of the largest likelihood, and the fall of minus twice the log likelihood.
 
@@ -184,9 +185,11 @@ def estimate(
         Free states in whose derivatives forces act.
     with_clock : bool, optional
         Also estimate how far the rows' times scatter.
+    rough : bool, optional
+        Within a factor of two is enough.
     """
-    W = len(columns)
-    some = np.unique(np.linspace(0, W - 1, min(W, WINDOWS)).astype(int))
+    W, rounds = len(columns), ROUNDS // 2 if rough else ROUNDS
+    some = np.unique(np.linspace(0, W - 1, min(W, WINDOWS // 4 if rough else WINDOWS)).astype(int))
     part, columns, seen = response.of(some), columns[some], seen[some]
     share = W / len(some)
 
@@ -215,7 +218,7 @@ def estimate(
             zip(costs(tries := [best.but(clock=c) for c in (0.0, 3e-4, 1e-3, 3e-3)]), tries, strict=True),
             key=lambda c: c[0],
         )
-    for round_ in range(ROUNDS):
+    for round_ in range(rounds):
         power = 1.0 if round_ < ROUNDS // 2 else 0.35
         tried = []
         for i in forced:

@@ -181,12 +181,14 @@ def _cells(x: Array, y: Array) -> list[tuple[str, Array]]:
 def _scores(fit: Fit, forcing: Array) -> tuple[Array, Array, Array]:
     w = fit.windowed
     answer = fit.response.to(forcing)
-    columns = np.concatenate([fit.residual[..., None], fit.jacobian, answer], axis=-1)
+    n, movable = len(w.free), fit.movable
+    jacobian = fit.jacobian[..., np.concatenate([np.arange(n), n + movable])]
+    columns = np.concatenate([fit.residual[..., None], jacobian, answer], axis=-1)
     white, _ = whiten(columns, w.seen, fit.noise, fit.response)
-    normal = reduce(white, len(w.free))
-    P = len(fit.p)
+    normal = reduce(white, n)
+    P = len(movable)
     S, g = normal.S.copy(), normal.g.copy()
-    S[np.arange(P), np.arange(P)] += fit.prior
+    S[np.arange(P), np.arange(P)] += fit.prior[movable]
     inverse = scaled_inverse(S[:P, :P])
     left, score = S[P:, P:] - S[P:, :P] @ inverse @ S[:P, P:], g[P:] - S[P:, :P] @ inverse @ g[:P]
     own = normal.scores[:, P:] - normal.scores[:, :P] @ inverse @ S[:P, P:]

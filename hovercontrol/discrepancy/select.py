@@ -14,6 +14,7 @@ from hovercontrol.discrepancy.noise import Noise, estimate
 from hovercontrol.discrepancy.outliers import without_outliers
 from hovercontrol.discrepancy.windowed import Data, Subject
 from hovercontrol.effects import Effect
+from hovercontrol.errors import InputError
 
 Array = NDArray[np.float64]
 
@@ -35,6 +36,12 @@ MOST_TRIES = 4
 #: How far a rival's score may lie behind the named effect's to be fitted in short windows, and the misfit it
 #: may leave there to be fitted in long ones; in parts of the named effect's.
 NEAR, CLOSE = 0.4, 0.05
+
+#: Times at most that better effects are looked for in place of the named ones.
+ROUNDS = 3
+
+#: Effects at most that are fitted to stand for several.
+FEW = 3
 
 #: Fall of minus twice the log likelihood that an effect must bring, beyond EACH for each of its numbers: some
 #: sixty trials are looked at.
@@ -176,8 +183,14 @@ class _Search:
         if found.process:
             found.slow = 0.0
         self._drop()
-        found.rivals.clear()
-        self.swap()
+        self._simplify()
+        for _ in range(ROUNDS):
+            before = list(found.effects)
+            found.rivals.clear()
+            self.swap()
+            if found.effects == before:
+                break
+            self._drop()  # with a better one in its place another may not be needed
         return found
 
     def fit(
@@ -288,6 +301,30 @@ class _Search:
             found.effects.remove(weakest)
             found.final = self.fit(_without(found.final.model, weakest), found.final)
 
+    def _simplify(self) -> None:
+        """Take one effect instead of several if it says nearly as much: two may share what one does alone."""
+        found = self.found
+        if len(found.effects) < 2:
+            return
+        self._progress("looking for one effect instead of several")
+        final = found.final
+        bare = final.model
+        for name in found.effects:
+            bare = _without(bare, name)
+        try:
+            alone = self.fit(bare, final)
+        except InputError:  # without them it runs away in such windows: none alone will do
+            return
+        scores = Scores(alone, Signatures(alone, candidates(alone, self.names)))
+        for scored in self._worth(scores, 1.0)[:FEW]:
+            if scored.gain < 0.5 * (alone.cost - final.cost):
+                return
+            one = self.fit(bare.with_effects([zoom(alone, scored).effect]), alone)
+            if one.cost < final.cost + LEAST:
+                found.effects[:], found.final = [scored.candidate.name], one
+                self._drop()
+                return
+
     def swap(self) -> None:
         """Put other effects in the place of each; take a better one, note those that cannot be told apart."""
         found = self.found
@@ -359,8 +396,8 @@ def _wald(final: Fit, name: str) -> float:
     return float(away @ np.linalg.pinv(C[np.ix_(rows, rows)], hermitian=True) @ away)
 
 
-def noise_of(f: Fit) -> Noise:
-    """Return the noise that fits the residuals of a fit best, process noise included."""
+def noise_of(f: Fit, *, rough: bool = False) -> Noise:
+    """Return the noise that fits the residuals of a fit best, process noise included; rough is faster."""
     w = f.windowed
     columns = np.concatenate([f.residual[..., None], f.jacobian], axis=-1)
-    return estimate(columns, w.seen, len(w.free), f.noise, f.response, forced_states(f))[0]
+    return estimate(columns, w.seen, len(w.free), f.noise, f.response, forced_states(f), rough=rough)[0]

@@ -68,7 +68,7 @@ def traces(near: Fit, length: float = np.inf) -> list[Trace]:
         longest = max(float(log.time[b - 1] - log.time[a]) for a, b in log.segments)
         alone = Data((log,), data.channels, data.noise)
         w = Windowed(model, alone, min(length, longest), [states])
-        w.set_step(near.p)
+        w.set_step(near.p, w.cut.start, near.windowed.pieces)
         residual, _ = w.linearise(near.p, w.cut.start, jacobian=False)
         own = [data.channels.index(c) for c in log.channels]
         simulated = np.full(log.values.shape, np.nan)

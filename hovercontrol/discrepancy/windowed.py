@@ -34,7 +34,13 @@ Subject = Model | BlockModel
 STEP = 0.01
 
 #: Most sub-steps between two rows.
-MOST = 20
+MOST = 64
+
+#: What half as long sub-steps may change, in standard deviations of the noise.
+ACCURATE = 0.1
+
+#: Rows to either side between which a measured state's slope is taken.
+REACH = 3
 
 #: Relative size of the perturbations of one-sided differences.
 NUDGE = 1e-6
@@ -184,11 +190,30 @@ class Windowed:
             every[at] = value
         return every
 
-    def set_step(self, p: Array) -> None:
-        """Choose sub-steps at which friction as stiff as now neither chatters nor smears."""
+    def set_step(self, p: Array, x0: Array, least: int = 1) -> None:
+        """Choose sub-steps: stable in friction as stiff as now, and fine enough for the noise.
+
+        Parameters
+        ----------
+        p : ndarray, shape (P,)
+        x0 : ndarray, shape (n_states, W)
+        least : int, optional
+            Sub-steps between two rows that are known to be needed.
+        """
         step = 2.0 * stable_step(self.block, self.cut, self.parameters(p), 0.5 * STEP)
         longest = float(np.diff(self.cut.time, axis=1).max())
-        self.pieces = int(np.clip(np.ceil(longest / step - 1e-9), 1, MOST))
+        self._set_pieces(max(int(np.ceil(longest / step - 1e-9)), least))
+        while self.pieces < MOST:
+            coarse, now = self.linearise(p, x0, jacobian=False)[0], self.pieces
+            self._set_pieces(2 * now)
+            change = (self.linearise(p, x0, jacobian=False)[0] - coarse) / self.data.noise
+            known = change[np.isfinite(change)]
+            if not known.size or float(np.sqrt(np.mean(known**2))) < ACCURATE:
+                self._set_pieces(now)
+                return
+
+    def _set_pieces(self, pieces: int) -> None:
+        self.pieces = int(np.clip(pieces, 1, MOST))
         dt = np.diff(self.cut.time, axis=1).T
         self.h = dt / self.pieces  # K-1, W
         parts = np.arange(self.pieces)[:, None, None]
@@ -338,10 +363,23 @@ def unknowns(model: Subject) -> tuple[str, ...]:
 
 
 def _states(block: Block, measured: Measured) -> Array:
-    """Return a guess of all states at all rows: as measured, else their start values."""
+    """Return a guess of all states at all rows: as measured, or the slope of what was, else their start."""
     found = np.full((len(block.states), measured.time.size), 0.0)
     found[:] = np.array([s.start for s in block.states])[:, None]
     count = min(len(measured.states), len(found))
     known = np.isfinite(measured.states[:count])
     found[:count] = np.where(known, measured.states[:count], found[:count])
+    for i, j in _slopes(block):
+        if j < count and known[j].all() and not (i < count and known[i].any()):
+            at = np.arange(measured.time.size)
+            before, after = np.maximum(at - REACH, 0), np.minimum(at + REACH, at[-1])
+            rise = found[j, after] - found[j, before]
+            found[i] = rise / np.maximum(measured.time[after] - measured.time[before], 1e-12)
     return found
+
+
+def _slopes(block: Block) -> list[tuple[int, int]]:
+    """Return which states are just the slope of another, with that one: ``position' = velocity``."""
+    symbols = [s.symbol for s in block.states]
+    slopes = [block.expand(block.derivatives[s.name]) for s in block.states]
+    return [(symbols.index(e), j) for j, e in enumerate(slopes) if e in symbols]

@@ -340,7 +340,10 @@ class _Printer(C99CodePrinter):
     """C99 with numbers in full and small powers as products."""
 
     def __init__(self) -> None:
-        super().__init__({"precision": 17})
+        super().__init__({"precision": 17, "math_macros": {}})  # C99 has no M_PI
+
+    def _print_NumberSymbol(self, expr: sp.NumberSymbol) -> str:
+        return str(self._print(expr.evalf(17)))
 
     def _print_Mod(
         self, expr: sp.Mod

@@ -1,0 +1,129 @@
+"""The amended model gives one set of hold-out figures, whoever simulates it: report, FMU, python-control."""
+
+import control
+import fmpy
+import numpy as np
+import pytest
+
+from hovercontrol.discrepancy import diagnose
+from hovercontrol.discrepancy.fit import fit
+from hovercontrol.discrepancy.windowed import gather
+from hovercontrol.modelfile import load_model
+from hovercontrol.targets.compiler import NoCompilerError, find_compiler
+
+from .generator import NOISE, Conditions, make
+
+try:
+    find_compiler()
+except NoCompilerError:
+    pytest.skip("no C compiler on this machine", allow_module_level=True)
+
+TIGHT = {"rtol": 1e-10, "atol": 1e-12}
+DT = 0.02
+
+
+@pytest.fixture(scope="module")
+def diagnosed():
+    case = make(21, ["thrust_lag", "slope"], Conditions(duration=12.0, logs=1, dt=DT))
+    return case, diagnose(
+        case.model, case.logs, case.holdout, names=["thrust_lag", "slope", "thrust_deadzone"]
+    )
+
+
+@pytest.fixture(scope="module")
+def amended(diagnosed, tmp_path_factory):
+    """The plant of the model file that the diagnosis saves, and its FMU."""
+    folder = tmp_path_factory.mktemp("amended")
+    diagnosed[1].save(folder)
+    block = load_model(folder / "model.toml").plant()
+    return block, block.to_fmu(folder / "amended.fmu", friction="smooth", step=DT)
+
+
+@pytest.fixture(scope="module")
+def windows(diagnosed, amended):
+    """First row, row behind the last and initial state of the windows that the figures are made of."""
+    case, found = diagnosed
+    near = fit(found.amended, gather(case.model, [case.holdout]), 1.0, frozen=True).windowed
+    starts = {a: (b, near.x[0, :, w].copy()) for w, (_, a, b) in enumerate(near.ranges)}
+    block, log = amended[0], case.holdout
+    lag = [s.name for s in block.states].index("thrust_lagged")  # the search has it in the middle of steps
+    whole = block.compile(friction="smooth").simulate(log.time, commands(block, log), **TIGHT)
+    for a, (_, x0) in starts.items():
+        x0[lag] = whole.states[lag, a]
+    return [(a, b, x0) for a, (b, x0) in sorted(starts.items())]
+
+
+def commands(block, log):
+    return log.stack(*(s.name for s in block.inputs)).T
+
+
+def by_machine_code(block, fmu, time, inputs, x0):
+    return block.compile(friction="smooth").simulate(time, inputs, x0, **TIGHT).outputs
+
+
+def by_python_control(block, fmu, time, inputs, x0):
+    """Inputs that hold: one call for each interval, for python-control interpolates between samples."""
+    system, x, rows = block.to_control(), x0, []
+    for k in range(len(time) - 1):
+        run = control.input_output_response(
+            system,
+            time[k : k + 2],
+            np.repeat(inputs[:, k : k + 1], 2, axis=1),
+            x,
+            solve_ivp_method="DOP853",
+            solve_ivp_kwargs=TIGHT,
+        )
+        x = run.states[:, -1]
+        rows += [run.outputs[:, -1]] if k else run.outputs.T.tolist()
+    return np.transpose(rows)
+
+
+def by_fmpy(block, fmu, time, inputs, x0):
+    names = [s.name for s in block.inputs]
+    table = np.array(
+        list(zip(time, *inputs, strict=True)), dtype=[("time", float), *((name, float) for name in names)]
+    )
+    result = fmpy.simulate_fmu(
+        str(fmu),
+        fmi_type="CoSimulation",
+        start_values=dict(zip((s.name for s in block.states), x0, strict=True)),
+        input=table,
+        stop_time=time[-1],
+        output_interval=DT,
+        relative_tolerance=TIGHT["rtol"],
+    )
+    np.testing.assert_allclose(result["time"], time, atol=1e-9)
+    return np.array([result[s.name] for s in block.outputs])
+
+
+def figures(face, amended, log, windows):
+    """Root mean square errors of runs that start where told and follow the log's commands alone."""
+    block, fmu = amended
+    inputs = commands(block, log)
+    names = [s.name for s in block.outputs]
+    errors = []
+    for a, b, x0 in windows:
+        run = face(block, fmu, DT * np.arange(b - a), inputs[:, a:b], x0)
+        errors.append(run[[names.index(c) for c in NOISE]] - log.stack(*NOISE).T[:, a:b])
+    return np.sqrt(np.mean(np.concatenate(errors, axis=1) ** 2, axis=1))
+
+
+def test_the_saved_model_has_the_effects_that_were_named(diagnosed, amended):
+    _, found = diagnosed
+    assert {e.effect for e in found.effects} == {"thrust_lag", "slope"}
+    assert "thrust_lagged" in [s.name for s in amended[0].states]
+
+
+def test_the_reports_figures_are_those_of_the_saved_model(diagnosed, amended, windows):
+    case, found = diagnosed
+    measured = figures(by_machine_code, amended, case.holdout, windows)
+    np.testing.assert_allclose(measured, [found.after.rms[c] for c in NOISE], rtol=1e-3)
+    np.testing.assert_allclose(measured, list(NOISE.values()), rtol=0.15)
+
+
+@pytest.mark.parametrize("face", [by_fmpy, by_python_control])
+def test_every_face_gives_the_same_figures(face, diagnosed, amended, windows):
+    log = diagnosed[0].holdout
+    for spans in (windows[:5], [(0, len(log), windows[0][2])]):
+        expected = figures(by_machine_code, amended, log, spans)
+        np.testing.assert_allclose(figures(face, amended, log, spans), expected, rtol=1e-6)
