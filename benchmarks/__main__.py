@@ -8,12 +8,13 @@ import sys
 from pathlib import Path
 
 import hovercontrol
-from benchmarks import compiled, derive, do_step, estimator, fmu, fused, large_log, real_logs, tables
+from benchmarks import cluster, compiled, derive, do_step, estimator, fmu, fused, large_log, real_logs, tables
 
 ALL = {
     "tables": tables,
     "fused": fused,
     "compiled": compiled,
+    "cluster": cluster,
     "do_step": do_step,
     "fmu": fmu,
     "derive": derive,

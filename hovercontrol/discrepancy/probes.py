@@ -15,7 +15,7 @@ from scipy.linalg import expm
 from scipy.stats import chi2
 
 from hovercontrol.discrepancy.fit import Fit, forced_states
-from hovercontrol.discrepancy.noise import whiten
+from hovercontrol.discrepancy.noise import Noise, whiten
 from hovercontrol.discrepancy.reduce import inflation, reduce, scaled_inverse
 
 Array = NDArray[np.float64]
@@ -76,7 +76,7 @@ def probe(fit: Fit) -> list[Sign]:
             gain, count = _gain(S, g, whole, columns)
             if count and chi2.sf(gain, count) < level:
                 found.append(Sign(kind, text, gain, count))
-    found += _residual_signs(fit) + _large_process(fit)
+    found += _residual_signs(fit) + large_process(fit, fit.noise)
     return sorted(found, key=lambda s: s.numbers - s.gain)
 
 
@@ -209,8 +209,8 @@ def _gain(S: Array, g: Array, whole: Array, columns: list[int]) -> tuple[float, 
     return float((parts[kept] ** 2 / values[kept]).sum()), int(kept.sum())
 
 
-def _large_process(fit: Fit) -> list[Sign]:
-    """Return signs that the process noise is no mere disturbance but a force that the model should say."""
+def large_process(fit: Fit, noise: Noise) -> list[Sign]:
+    """Return signs that process noise is no mere disturbance but a force that the model should say."""
     w = fit.windowed
     values = dict(zip(w.names, fit.p.tolist(), strict=True))
     sizes = np.array([values[name] for name in w.model.linear_coefficients()])
@@ -218,7 +218,7 @@ def _large_process(fit: Fit) -> list[Sign]:
     own = np.sqrt((forces**2).mean(axis=(0, 1)).sum(axis=-1))
     found = []
     for k in forced_states(fit):
-        level, signal = float(fit.noise.process[k]), w.block.states[w.free[k]]
+        level, signal = float(noise.process[k]), w.block.states[w.free[k]]
         if level > LARGE * own[k]:
             text = (
                 f"random forces of {level:.2g} in {signal.name}' ({signal.unit} per second), "

@@ -12,6 +12,7 @@ from hovercontrol.discrepancy.candidates import Scored, Scores, Signatures, cand
 from hovercontrol.discrepancy.fit import Fit, fit, forced_states
 from hovercontrol.discrepancy.noise import Noise, estimate
 from hovercontrol.discrepancy.outliers import without_outliers
+from hovercontrol.discrepancy.probes import large_process
 from hovercontrol.discrepancy.windowed import Data, Subject
 from hovercontrol.effects import Effect
 from hovercontrol.errors import InputError
@@ -176,9 +177,7 @@ class _Search:
                 self.swap()
                 self._climb()
             if found.final.chi2_per_dof > EXPLAINED:
-                found.slow = found.final.chi2_per_dof
-                found.final = self.fit(found.final.model, found.final, length=self.rungs[0], noise=self.plain)
-                self._short(always=True)
+                self._once_more()
         found.process = found.final.noise.has_process
         if found.process:
             found.slow = 0.0
@@ -192,6 +191,22 @@ class _Search:
                 break
             self._drop()  # with a better one in its place another may not be needed
         return found
+
+    def _once_more(self) -> None:
+        """Begin again in short windows, where the way was lost in long ones, and climb with what is found."""
+        found = self.found
+        found.slow = found.final.chi2_per_dof
+        before = list(found.effects)
+        found.final = self.fit(found.final.model, found.final, length=self.rungs[0], noise=self.plain)
+        self._short(always=True)
+        if found.final.noise.has_process or found.effects == before:
+            return
+        short, named = found.final, list(found.effects)
+        self._climb()
+        if found.final.chi2_per_dof < EXPLAINED:
+            found.slow = 0.0
+        else:
+            found.final, found.effects[:] = short, named
 
     def fit(
         self, model: Subject, near: Fit, *, length: float | None = None, noise: Noise | None = None
@@ -207,6 +222,7 @@ class _Search:
         """Add effects in short windows as long as the misfit is gross, with process noise if that says more.
 
         With gusts the motion leaves the free run, and in long windows dry friction is then far from linear.
+        Gusts that rival the model's own forces are the last resort: they would hide what is missing.
         """
         found = self.found
         while found.final.chi2_per_dof > EXPLAINED or always:
@@ -220,7 +236,9 @@ class _Search:
                 gusty = noise_of(current)
                 scores = Scores(current, signatures, gusty)
                 with_gusts = self._worth(scores, 1.0)
-                if scores.cost - _top(with_gusts) < plain.cost - _top(best) - APART:
+                better = scores.cost - _top(with_gusts) < plain.cost - _top(best) - APART
+                room = best and len(found.effects) < self.max_effects
+                if better and not (room and large_process(current, gusty)):
                     noise, best = gusty, with_gusts
             if noise is not current.noise:
                 current = self.fit(current.model, current, noise=noise)
@@ -246,7 +264,7 @@ class _Search:
             if length > found.final.windowed.length:
                 found.final = self.fit(found.final.model, found.final, length=length)
             last = length == self.rungs[-1]
-            while len(found.effects) < self.max_effects and (last or found.final.chi2_per_dof > GROSS):
+            while len(found.effects) < self.max_effects and (last or found.final.chi2_per_dof > EXPLAINED):
                 current = found.final
                 signatures = Signatures(current, candidates(current, self.names))
                 best = self._worth(Scores(current, signatures), current.chi2_per_dof)

@@ -9,8 +9,10 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Callable, Mapping
+from concurrent.futures import Executor, ThreadPoolExecutor
 from functools import cache, lru_cache
 from itertools import pairwise
+from pathlib import Path
 from typing import Any, Literal
 
 import control
@@ -21,6 +23,7 @@ from hovercontrol.block import Block, Rows
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.simulation import checked_times, initial_state, input_rows, rk4, simulate, time_response
 from hovercontrol.targets.compiler import NoCompilerError
+from hovercontrol.targets.executors import sweep_on
 from hovercontrol.targets.library import METHODS, Array, Library, Point, Solver, check_point
 from hovercontrol.targets.numpy import call_scalar, numpy_functions
 from hovercontrol.targets.sweep import (
@@ -30,6 +33,7 @@ from hovercontrol.targets.sweep import (
     SweepResult,
     in_threads,
     number_of_runs,
+    number_of_threads,
     rows_by_state,
     settling_bands,
     values_of_runs,
@@ -195,6 +199,8 @@ class CompiledBlock:
         rtol: float = 1e-6,
         atol: float = 1e-9,
         progress: Callable[[int], None] | None = None,
+        executor: Executor | None = None,
+        checkpoint: str | Path | None = None,
     ) -> SweepResult:
         """Simulate many times over one grid and keep each run's figures, not its trajectory.
 
@@ -220,6 +226,10 @@ class CompiledBlock:
             place, and results are those of :meth:`simulate` to rounding.
         progress : callable, optional
             Called now and then with the number of runs done.
+        executor : concurrent.futures.Executor, optional
+            Have it done there, on processes or a cluster; see :mod:`.executors`.
+        checkpoint : path, optional
+            Folder from which the same sweep resumes, likewise.
 
         Returns
         -------
@@ -231,6 +241,13 @@ class CompiledBlock:
         InputError
             If a name, a shape or a value is wrong.
         """
+        if executor is not None or checkpoint is not None:
+            with ThreadPoolExecutor(number_of_threads(threads)) as here:
+                return sweep_on(
+                    executor or here, self, time, params=params, x0=x0, checkpoint=checkpoint,
+                    progress=progress, inputs=inputs, start=start, band=band, method=method, step=step,
+                    rtol=rtol, atol=atol,
+                )  # fmt: skip
         block = self.block
         times = checked_times(time)
         u = input_rows(block, inputs, len(times))

@@ -6,7 +6,7 @@ import math
 import os
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor, as_completed
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -31,7 +31,9 @@ REASONS = (  # in the order of hc_solver.h
     "a derivative is not a number",
     "the step becomes too small to meet the tolerance",
     "too many steps",
+    "its worker failed",  # of :mod:`.executors`
 )
+WORKER_FAILED = len(REASONS) - 1
 
 
 @dataclass(frozen=True)
@@ -75,6 +77,8 @@ class SweepResult:
         Where a run ended, or failed.
     status : ndarray of int (n_runs,)
         0 where all went well.
+    errors : dict of int to str
+        What was wrong with a run that failed in its worker.
     """
 
     outputs: tuple[str, ...]
@@ -88,6 +92,7 @@ class SweepResult:
     settling: Array
     states_final: Array
     status: NDArray[np.intc]
+    errors: dict[int, str] = field(default_factory=dict, init=False)
 
     def __len__(self) -> int:
         return len(self.status)
@@ -103,23 +108,31 @@ class SweepResult:
         """The runs that failed, with the reason and the values they were given."""
         given = self._given()
         return tuple(
-            Failure(int(k), REASONS[self.status[k]], {name: float(v[k]) for name, v in given.items()})
-            for k in np.flatnonzero(self.status)
+            Failure(
+                k, self.errors.get(k, REASONS[self.status[k]]), {n: float(v[k]) for n, v in given.items()}
+            )
+            for k in np.flatnonzero(self.status).tolist()
         )
 
     def _given(self) -> dict[str, Array]:
         return {**self.parameters, **{f"{name}.start": v for name, v in self.x0.items()}}
 
-    def to_table(self) -> pyarrow.Table:
-        """Return one row for each run: what was given, its status, ``OUTPUT.FIGURE``, ``STATE.end``."""
+    def to_table(self, runs: slice = slice(None)) -> pyarrow.Table:
+        """Return one row for each run: what was given, its status, ``OUTPUT.FIGURE``, ``STATE.end``.
+
+        Parameters
+        ----------
+        runs : slice, optional
+            Default all.
+        """
         import pyarrow
 
         columns: dict[str, Any] = {"run": np.arange(len(self)), **self._given()}
-        columns["status"] = [REASONS[k] for k in self.status]
+        columns["status"] = np.array(REASONS)[self.status]
         for name in self.outputs:
             columns |= {f"{name}.{figure}": getattr(self[name], figure) for figure in FIGURES}
         columns |= {f"{name}.end": self.states_final[:, k] for k, name in enumerate(self.states)}
-        return pyarrow.table(columns)
+        return pyarrow.table({name: values[runs] for name, values in columns.items()})
 
     def save(self, path: str | Path) -> Path:
         """Write the table as CSV or Parquet by the suffix; the file appears whole or not at all."""
@@ -199,6 +212,14 @@ def settling_bands(block: Block, band: float | Mapping[str, float]) -> Array:
     return np.array(list(bands.values()))
 
 
+def number_of_threads(threads: int | None) -> int:
+    """Return the number of threads: as given, or one for each core."""
+    if threads is not None and threads < 1:
+        raise InputError(f"threads must be 1 or more, found {threads}")
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return threads or cores
+
+
 def in_threads(
     work: Callable[[int], int],
     firsts: range,
@@ -206,10 +227,7 @@ def in_threads(
     progress: Callable[[int], None] | None,
 ) -> None:
     """Do the work from each of `firsts` on, in threads; an error or Ctrl-C stops what has not begun."""
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    if threads is not None and threads < 1:
-        raise InputError(f"threads must be 1 or more, found {threads}")
-    with ThreadPoolExecutor(threads or cores) as pool:
+    with ThreadPoolExecutor(number_of_threads(threads)) as pool:
         futures = [pool.submit(work, first) for first in firsts]
         try:
             done = 0

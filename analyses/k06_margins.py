@@ -1,0 +1,124 @@
+"""What delay, jitter and loss K06's forward law bears, and C17's tracking loop along its ellipse."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pyarrow
+import pyarrow.csv
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from hovercontrol import interconnect, tracking_controller, vehicle
+from hovercontrol.analysis.law_regions import ROUND_TRIP, force_craft
+from hovercontrol.analysis.loops import c17_ellipse, on_reference
+from hovercontrol.analysis.margins import FrozenMargins, Margins, margins, margins_along
+from hovercontrol.analysis.output import Progress, save, script
+from hovercontrol.analysis.packet_loss import Lost, packet_loop
+from hovercontrol.block import Block
+from hovercontrol.controllers.k06 import forward, setpoints
+
+Array = NDArray[np.float64]
+
+#: K06 table 6.2: gains [kg/s], and the surge velocity [m/s] that the law is told.
+K1, K2, SURGE = 1.0, 4.0, 1.1
+#: C17's commands are sent so often [s].
+SENT = 0.0225
+
+
+def main(out: Path, progress: Progress | None = None, *, points: int = 40, instants: int = 60) -> list[Path]:
+    """Draw delay and jitter margins over k2 and along the ellipse, and the loss borne over the period."""
+    tell = progress or (lambda share: None)
+    gains, periods = np.linspace(0.5, 12.0, points), np.linspace(0.02, 0.34, points)
+    by_gain = [margins(_forward(k2), "force_y", {"craft.u": SURGE}) for k2 in gains.tolist()]
+    tell(0.4)
+    loss = {"hold": _critical(periods, "hold"), "zero": _critical(periods, "zero")}
+    tell(0.6)
+    along = _along_ellipse(instants)
+    figure = Figure(figsize=(16.0, 6.0), layout="constrained")
+    left, middle, right = figure.subplots(1, 3)
+    _draw_gains(left, gains, by_gain)
+    for (lost, critical), style in zip(loss.items(), ("-", "--"), strict=True):
+        middle.plot(1000 * periods, critical, "k" + style, label=f"{lost} on loss")
+    middle.set(
+        xlabel="time from packet to packet [ms]", ylabel="critical probability of loss", ylim=(0.0, 1.0)
+    )
+    middle.set_title("K06 forward law: stable in the mean square below", fontsize=10)
+    middle.legend(frameon=False)
+    time = along.times - along.times[0]
+    right.plot(time, 1000 * along["delay"], "k-", label="constant delay")
+    right.plot(time, 1000 * along["jitter"], "k--", label="jitter")
+    right.axhline(1000 * SENT, color="black", ls=":", label="C17 sends commands every 22.5 ms")
+    right.set(
+        xlabel="time along the ellipse [s]", ylabel="delay of the rudder that is borne [ms]", ylim=(0.0, None)
+    )
+    right.set_title("C17 simulation: frozen linearisations", fontsize=10)
+    right.legend(frameon=False)
+    worst, table_62 = along.worst, margins(_forward(K2), "force_y", {"craft.u": SURGE})
+    findings = [
+        f"K06 forward law, table 6.2 (k2 = {K2:g} kg/s, {SURGE:g} m/s), side force: phase margin "
+        f"{table_62.phase:.1f} deg at {table_62.crossover:.2f} rad/s; it bears a delay of "
+        f"{1000 * table_62.delay:.0f} ms, and any that varies up to {1000 * table_62.jitter:.0f} ms; the "
+        f"link's mean round trip is {1000 * ROUND_TRIP:.0f} ms.",
+        f"C17 along the ellipse, rudder, frozen: phase margin {worst.phase:.1f} deg at worst, delay "
+        f"{1000 * worst.delay:.0f} ms.",
+    ]
+    tables = {
+        "k06_margins_gain": _writer(
+            {"k2 [kg/s]": gains}
+            | {f"{n} [s]": np.array([getattr(m, n) for m in by_gain]) for n in ("delay", "jitter")}
+        ),
+        "k06_margins_loss": _writer({"period [s]": periods, **loss}),
+        "k06_margins_ellipse": _writer(
+            {
+                "time [s]": time,
+                "delay [s]": along["delay"],
+                "jitter [s]": along["jitter"],
+                "phase [deg]": along["phase"],
+            }
+        ),
+    }
+    tell(1.0)
+    return save(out, "k06_margins", figure, tables, findings)
+
+
+def _forward(k2: float) -> list[Block]:
+    law = forward(k1=K1, k2=k2, name="law")
+    return [force_craft(), law, setpoints([law], {"surge_ref": SURGE})]
+
+
+def _critical(periods: Array, lost: Lost) -> Array:
+    wires, ahead = ["force_x", "force_y"], {"craft.u": SURGE}
+    loops = (packet_loop(_forward(K2), wires, period, ahead, lost=lost) for period in periods.tolist())
+    return np.array([min(loop.critical, 1.0) for loop in loops])
+
+
+def _along_ellipse(instants: int) -> FrozenMargins:
+    model, reference, arm = vehicle("c17_simulation"), c17_ellipse(), 0.2
+    blocks = [model.plant(), tracking_controller(model, control_point=arm, k1=2.0, k2=2.0), reference]
+    loop = interconnect(blocks, "loop").compile()
+    begin = {k: v for k, v in on_reference(reference, arm).items() if k.startswith("plant")}
+    settled = loop.simulate([0.0, 20 * np.pi], x0=begin).states[:, -1]
+    motion = loop.simulate(np.linspace(20 * np.pi, 22 * np.pi, instants + 1), x0=settled)
+    return margins_along(blocks, "rudder", motion)
+
+
+def _draw_gains(axes: Axes, gains: Array, found: list[Margins]) -> None:
+    for name, style, label in (("delay", "-", "constant delay"), ("jitter", "--", "jitter, section 5.3.3")):
+        axes.plot(gains, [1000 * getattr(m, name) for m in found], "k" + style, label=label)
+    axes.axhline(1000 * ROUND_TRIP, color="black", ls=":", label="mean round trip of the link, table 5.1")
+    axes.axvline(K2, color="0.6", lw=1.0, label="k2 of table 6.2")
+    axes.set(xlabel="gain k2 [kg/s]", ylabel="delay of the side force that is borne [ms]", ylim=(0.0, None))
+    axes.set_title(f"K06 forward law at {SURGE:g} m/s", fontsize=10)
+    axes.legend(frameon=False)
+
+
+def _writer(columns: dict[str, Array]) -> Callable[[Path], object]:
+    return lambda path: pyarrow.csv.write_csv(pyarrow.table(columns), path)
+
+
+if __name__ == "__main__":
+    script(main, __doc__ or "")

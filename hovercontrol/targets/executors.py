@@ -1,0 +1,280 @@
+"""Sweeps on any ``concurrent.futures.Executor``: threads, processes, a Dask cluster; and where they resume.
+
+A sweep is cut into parts of some runs each, whatever the executor, so that results cannot depend on it. A
+part is simulated by :meth:`~hovercontrol.targets.compiled.CompiledBlock.sweep` where the executor has it
+done; what comes back is put in place here and, if wanted, kept in a folder of Parquet files.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import importlib
+import math
+import pickle
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import (
+    BrokenExecutor,
+    CancelledError,
+    Executor,
+    Future,
+    ThreadPoolExecutor,
+    as_completed,
+)
+from contextlib import contextmanager
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hovercontrol.errors import InputError
+from hovercontrol.simulation import checked_times
+from hovercontrol.tables import positive
+from hovercontrol.targets.checkpoint import Checkpoint, fingerprint
+from hovercontrol.targets.resting import without_resting_states
+from hovercontrol.targets.sweep import (
+    FIGURES,
+    WORKER_FAILED,
+    Array,
+    Many,
+    SweepResult,
+    number_of_runs,
+    rows_by_state,
+    values_of_runs,
+)
+
+if TYPE_CHECKING:
+    from hovercontrol.targets.compiled import CompiledBlock
+
+#: A sweep is cut into about as many parts; a part has a multiple of so many runs, as many as go side by side.
+PARTS, TOGETHER = 64, 16
+
+
+def sweep_on(
+    executor: Executor,
+    ready: CompiledBlock,
+    time: ArrayLike,
+    *,
+    params: Many | None = None,
+    x0: Many | ArrayLike | None = None,
+    checkpoint: str | Path | None = None,
+    progress: Callable[[int], None] | None = None,
+    **options: Any,
+) -> SweepResult:
+    """Simulate many times, as ``ready.sweep`` does and with its results to the last bit, on an executor.
+
+    Parameters
+    ----------
+    executor : concurrent.futures.Executor
+        Threads, processes, or a cluster's (see :func:`cluster`). It is not shut down.
+    ready : CompiledBlock
+        Each worker loads its library from its own cache, or builds it.
+    time, params, x0
+        As for :meth:`~hovercontrol.targets.compiled.CompiledBlock.sweep`.
+    checkpoint : path, optional
+        Folder that keeps the results as they come, one Parquet file for each part; together they are
+        :meth:`~hovercontrol.targets.sweep.SweepResult.to_table`. The same sweep with the same folder goes on
+        where it was interrupted; runs that failed in a worker are tried again.
+    progress : callable, optional
+        Called now and then with the number of runs done.
+    **options
+        ``inputs``, ``start``, ``band``, ``method``, ``step``, ``rtol``, ``atol`` of that sweep.
+
+    Returns
+    -------
+    SweepResult
+        A run that fails is marked there, and the others go on: also one that takes its worker with it, once
+        it has failed alone. Results are the same to the bit where processors and compilers are.
+
+    Raises
+    ------
+    InputError
+        As by ``ready.sweep``, and if the folder is that of another sweep.
+    RuntimeError
+        If all parts fail, or the executor breaks: a process pool does when a process is killed, a Dask
+        cluster gives its tasks to others. What the checkpoint holds is kept.
+
+    Examples
+    --------
+    >>> from concurrent.futures import ThreadPoolExecutor
+    >>> from hovercontrol import Block, Signal
+    >>> v, k = Signal("v", "m/s", start=1.0), Signal("k", "1/s", start=2.0, lower=0.0)
+    >>> decay = Block("decay", [v], [], [v], [k], {"v": -k.symbol * v.symbol}).compile()
+    >>> with ThreadPoolExecutor(2) as threads:
+    ...     result = sweep_on(threads, decay, [0.0, 1.0], params={"decay.k": [0.0, 1.0, 2.0]})
+    >>> result["v"].final.round(5).tolist()
+    [1.0, 0.36788, 0.13534]
+    """
+    work = _work(ready, checked_times(time), params, x0, options)
+    runs, size = len(work.x), TOGETHER * math.ceil(len(work.x) / (PARTS * TOGETHER))
+    result = _empty(work)
+    kept = None
+    todo = [slice(first, min(first + size, runs)) for first in range(0, runs, size)]
+    if checkpoint is not None:
+        kept = Checkpoint(Path(checkpoint), fingerprint(ready, *work[1:]))
+        kept.load(result)
+        todo = [part for part in todo if (result.status[part] == WORKER_FAILED).any()]
+    told = _Told(runs - sum(part.stop - part.start for part in todo), progress)
+    failed = _run(executor, work, todo, result, kept, told)
+    if failed and len(failed) == len(todo):
+        raise RuntimeError(f"all parts of the sweep failed, the first so: {failed[0][1]}")
+    alone = [slice(k, k + 1) for part, _ in failed for k in range(part.start, part.stop)]
+    for part, text in _run(executor, work, alone, result, kept, told):
+        result.errors[part.start] = text
+        told.more(1)
+    return result
+
+
+@contextmanager
+def cluster(address: str, timeout: float = 10.0) -> Iterator[Executor]:
+    """Give a Dask cluster as an executor; needs ``pip install 'hovercontrol[cluster]'``.
+
+    Parameters
+    ----------
+    address : str
+        Of its scheduler, such as ``tcp://127.0.0.1:8786``.
+    timeout : float, optional
+        How long the scheduler, and then a worker, may take to answer [s].
+
+    Raises
+    ------
+    InputError
+        If they do not answer in time, the address is none, or Dask is not installed.
+    """
+    positive("cluster: timeout", timeout)
+    try:
+        distributed = importlib.import_module("distributed")
+    except ImportError:
+        raise InputError("a cluster needs Dask: pip install 'hovercontrol[cluster]'") from None
+    with ThreadPoolExecutor(1) as apart:  # the caller may have an event loop of its own
+        apart.submit(asyncio.run, _answers(distributed, address, timeout)).result()
+    with distributed.Client(address, timeout=timeout, set_as_default=False) as client:
+        try:
+            client.wait_for_workers(1, timeout=timeout)
+        except TimeoutError:
+            raise InputError(f"cluster {address!r}: no worker within {timeout:g} s") from None
+        yield client.get_executor(pure=False)
+
+
+async def _answers(distributed: Any, address: str, timeout: float) -> None:
+    """Refuse an address where no scheduler answers: Dask itself waits for ever for a greeting."""
+    try:
+        greeting = distributed.comm.connect(address, timeout=timeout)
+        (await asyncio.wait_for(greeting, timeout)).abort()
+    except (OSError, TimeoutError):
+        raise InputError(f"cluster {address!r}: does not answer within {timeout:g} s") from None
+    except Exception as error:
+        raise InputError(f"cluster {address!r}: no Dask scheduler: {error}") from None
+
+
+class _Work(NamedTuple):
+    """What all runs share, as a worker gets it, and what each has: its initial state, its parameters."""
+
+    ready: bytes
+    times: Array
+    options: dict[str, Any]
+    x: Array
+    params: dict[str, Array]
+    x0: dict[str, Array]
+
+
+class _Told:
+    """The number of runs done, told to whoever asked for it."""
+
+    def __init__(self, done: int, progress: Callable[[int], None] | None) -> None:
+        self.done, self._progress = 0, progress
+        if done:
+            self.more(done)
+
+    def more(self, runs: int) -> None:
+        self.done += runs
+        if self._progress is not None:
+            self._progress(self.done)
+
+
+def _work(
+    ready: CompiledBlock,
+    times: Array,
+    params: Many | None,
+    x0: Many | ArrayLike | None,
+    options: Mapping[str, Any],
+) -> _Work:
+    block = ready.block
+    if x0 is not None and not isinstance(x0, Mapping):
+        x0 = rows_by_state(block, x0)
+    runs = number_of_runs({**(params or {}), **(x0 or {})})
+    by_key = {block.parameter_key(s.name): s for s in block.parameters}
+    _, p = values_of_runs(block, by_key, params, runs, "parameter")
+    x, given = values_of_runs(block, {s.name: s for s in block.states}, x0, runs, "state")
+    resting = np.delete(np.arange(len(block.states)), without_resting_states(block)[1])
+    moved = np.flatnonzero(x[:, resting].any(axis=1))
+    if moved.size:  # one run computes all states, so that all do, in whichever part they are
+        start = {block.states[k].name: float(x[moved[0], k]) for k in resting}
+        ready = block.with_values(start).compile(friction=ready.friction)
+    return _Work(pickle.dumps(ready), times, dict(options), x, p, given)
+
+
+def _empty(work: _Work) -> SweepResult:
+    """Return a result in which no run is done."""
+    block, runs = _load(work.ready).block, len(work.x)
+    outputs, states = (tuple(s.name for s in group) for group in (block.outputs, block.states))
+    figures: dict[str, Any] = {name: np.full((runs, len(outputs)), np.nan) for name in FIGURES}
+    last, status = np.full((runs, len(states)), np.nan), np.full(runs, WORKER_FAILED, dtype=np.intc)
+    return SweepResult(outputs, states, work.params, work.x0, **figures, states_final=last, status=status)
+
+
+def _run(
+    executor: Executor,
+    work: _Work,
+    parts: list[slice],
+    result: SweepResult,
+    kept: Checkpoint | None,
+    told: _Told,
+) -> list[tuple[slice, str]]:
+    """Do the parts; return those that failed in their worker, with the reason."""
+    failed: list[tuple[slice, str]] = []
+    futures: dict[Future[dict[str, Any]], slice] = {}
+    try:
+        for part in parts:
+            params = {key: values[part] for key, values in work.params.items()}
+            call = (work.ready, work.times, params, work.x[part], work.options)
+            futures[executor.submit(_simulate, *call)] = part
+        for future in as_completed(futures):
+            part = futures[future]
+            try:
+                found = future.result()
+            except (BrokenExecutor, CancelledError, InputError):
+                raise
+            except Exception as error:
+                failed.append((part, f"{type(error).__name__}: {error}".splitlines()[0]))
+                continue
+            for name, values in found.items():
+                getattr(result, name)[part] = values
+            if kept is not None:
+                kept.add(result, part)
+            told.more(part.stop - part.start)
+    except (BrokenExecutor, CancelledError) as error:
+        where = "; the checkpoint keeps what was done" if kept is not None else ""
+        reason = str(error) or type(error).__name__
+        raise RuntimeError(
+            f"the executor broke after {told.done} of {len(work.x)} runs: {reason}{where}"
+        ) from error
+    finally:  # Ctrl-C as well: what has not begun is not begun any more
+        for future in futures:
+            future.cancel()
+    return failed
+
+
+def _simulate(
+    ready: bytes, times: Array, params: dict[str, Array], x: Array, options: dict[str, Any]
+) -> dict[str, Any]:
+    """Simulate a part, in whatever process this is."""
+    result = _load(ready).sweep(times, params=params, x0=x, threads=1, **options)
+    return {name: getattr(result, name) for name in (*FIGURES, "states_final", "status")}
+
+
+@lru_cache(maxsize=8)
+def _load(ready: bytes) -> CompiledBlock:
+    loaded: CompiledBlock = pickle.loads(ready)
+    return loaded
