@@ -8,7 +8,19 @@ import sys
 from pathlib import Path
 
 import hovercontrol
-from benchmarks import cluster, compiled, derive, do_step, estimator, fmu, fused, large_log, real_logs, tables
+from benchmarks import (
+    cluster,
+    compiled,
+    derive,
+    do_step,
+    estimator,
+    fmu,
+    fused,
+    lacking,
+    large_log,
+    real_logs,
+    tables,
+)
 
 ALL = {
     "tables": tables,
@@ -20,6 +32,7 @@ ALL = {
     "derive": derive,
     "estimator": estimator,
     "real_logs": real_logs,
+    "lacking": lacking,
     "large_log": large_log,
 }
 

@@ -78,8 +78,22 @@ class Fit:
 
     @property
     def covariance(self) -> Array:
-        """Of the unknowns, shape (P, P)."""
-        return scaled_inverse(self.normal.S + np.diag(self.prior))
+        """Of the unknowns, shape (P, P).
+
+        With process noise windows depend on their neighbours, which gusts outlast: each variance is then
+        raised to what the scatter of the scores from stretch to stretch makes it (Huber 1967), where that
+        is more.
+        """
+        C = scaled_inverse(self.normal.S + np.diag(self.prior))
+        if not self.noise.has_process:
+            return C
+        blocks = self.windowed.blocks()
+        sums = np.zeros((int(blocks.max()) + 1, len(C)))
+        np.add.at(sums, blocks, self.normal.scores)
+        scatter = np.einsum("ij,bj->bi", C, sums)
+        own = np.diag(C)
+        raised = np.sqrt(np.maximum((scatter**2).sum(axis=0) / np.where(own > 0, own, 1.0), 1.0))
+        return C * np.outer(raised, raised)
 
 
 def fit(

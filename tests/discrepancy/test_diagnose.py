@@ -97,6 +97,19 @@ def test_gusts_are_no_effect_and_hide_none():
     assert diagnose(calm.model, calm.logs).verdict == "none"
 
 
+def test_a_drag_held_by_its_bound_hides_no_other():
+    case = make(22, ["yaw_stribeck"], Conditions(duration=30.0, logs=1, channels=("u", "v", "r")))
+    found = diagnose(case.model, case.logs, case.holdout)  # fitted without it, the linear drag in yaw is zero
+    assert (found.verdict, named(found)) == ("effect", ["yaw_stribeck"])
+
+
+def test_faulty_logs_say_what_clean_ones_say():
+    case = make(1, ["slope"], Conditions(duration=25.0, faults=True))
+    found = diagnose(case.model, case.logs, case.holdout)
+    assert (found.verdict, named(found)) == ("effect", ["slope"])
+    assert found.rows_dropped > 0.03 * sum(len(log) for log in case.logs)
+
+
 def test_mild_laps_name_an_effect_too():
     case = make(16, ["munk_moment"], Conditions(duration=40.0, commands=mild))
     assert named(diagnose(case.model, case.logs)) == ["munk_moment"]

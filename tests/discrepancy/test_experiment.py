@@ -1,0 +1,76 @@
+"""The proposed experiment settles an ambiguous case, whichever rival is true."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from hovercontrol.discrepancy import diagnose
+from hovercontrol.discrepancy.manoeuvres import SECONDS, family
+
+from .generator import Conditions, make, simulated
+
+SEED, SHORT = 11009, Conditions(duration=10.0, logs=1)
+LIMITS = {"thrust": (-1.0, 3.0), "rudder": (-0.4, 0.4)}
+
+
+@pytest.fixture(scope="module")
+def unclear():
+    case = make(SEED, ["wind"], SHORT)
+    return case, diagnose(case.model, case.logs)
+
+
+def driven(truth, experiment, seed):
+    """Return the log of a craft that drives the proposal."""
+    step = float(experiment.time[1] - experiment.time[0])
+    conditions = replace(
+        SHORT, duration=SECONDS, dt=step, commands=lambda rng, duration, dt: dict(experiment.commands)
+    )
+    return simulated(truth, np.random.default_rng(seed), conditions, "proposed")
+
+
+def test_an_ambiguous_answer_comes_with_a_proposal(unclear, tmp_path):
+    case, found = unclear
+    assert found.verdict == "ambiguous"
+    assert {e.effect for e in found.effects} | {r.name for r in found.rivals} >= {"wind", "slope"}
+    assert found.experiment.worth > 40
+    assert found.advice.startswith("Drive ") and "wind" in found.advice and "slope" in found.advice
+    assert found.result()["next_experiment"] == found.advice
+    found.save(tmp_path)
+    rows = np.genfromtxt(tmp_path / "next_experiment.csv", delimiter=",", names=True)
+    assert rows.dtype.names == ("time", "thrust", "rudder")
+    for name in ("thrust", "rudder"):
+        measured = case.logs[0][name]
+        assert rows[name].min() >= measured.min() - 1e-6 and rows[name].max() <= measured.max() + 1e-6
+
+
+@pytest.mark.parametrize("truth", ["named", "rival"])
+def test_the_added_log_settles_it(unclear, truth):
+    case, found = unclear
+    rival = found.rivals[0]
+    model = found.amended if truth == "named" else rival.model
+    wanted = rival.instead_of if truth == "named" else rival.name
+    again = simulated(model, np.random.default_rng(5), SHORT, "first")
+    settled = diagnose(case.model, [again, driven(model, found.experiment, 6)])
+    assert settled.verdict == "effect"
+    assert {e.effect for e in settled.effects} == {wanted}
+
+
+def test_rivals_that_are_the_same_have_no_experiment():
+    case = make(13, ["input_delay"], Conditions(duration=20.0))
+    found = diagnose(case.model, case.logs, names=["input_delay", "time_offset"])
+    assert found.verdict == "ambiguous" and found.experiment is None
+    assert "no manoeuvre within the commands so far tells" in found.advice
+
+
+@pytest.mark.parametrize(
+    "limits", [LIMITS, {"thrust": (0.0, 2.0), "rudder": (-0.2, 0.4)}, {"force": (-1.0, 1.0)}]
+)
+def test_manoeuvres_keep_within_the_commands_limits(limits):
+    for manoeuvre in family(limits, 0.02):
+        assert set(manoeuvre.commands) == set(limits)
+        for name, (low, high) in limits.items():
+            values = manoeuvre.commands[name]
+            assert values.shape == manoeuvre.time.shape
+            assert values.min() >= low - 1e-12 and values.max() <= high + 1e-12
+    assert any(m.name == "reverse" for m in family(LIMITS, 0.02))
