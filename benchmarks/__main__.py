@@ -19,6 +19,7 @@ from benchmarks import (
     lacking,
     large_log,
     real_logs,
+    regions,
     tables,
 )
 
@@ -33,6 +34,7 @@ ALL = {
     "estimator": estimator,
     "real_logs": real_logs,
     "lacking": lacking,
+    "regions": regions,
     "large_log": large_log,
 }
 

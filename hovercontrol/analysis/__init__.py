@@ -3,6 +3,7 @@
 from hovercontrol.analysis.basins import turn_basins
 from hovercontrol.analysis.directions import Direction
 from hovercontrol.analysis.excitation import Excitation, FunctionSet, excitation, signals_of
+from hovercontrol.analysis.experiment_design import ExpectedErrors, ellipse_errors, expected_errors
 from hovercontrol.analysis.gains import beta_region, gain_region
 from hovercontrol.analysis.interconnection import clopper_pearson, region_of_attraction
 from hovercontrol.analysis.iss import IssGain, iss_gain, lyapunov_gain, mismatch, peak_gain, simulated_errors
@@ -19,6 +20,7 @@ from hovercontrol.analysis.zero_dynamics import ZeroDynamics, arm_region, predic
 __all__ = [
     "Direction", "Excitation", "FunctionSet", "excitation", "signals_of",
     "Gramian", "SlidingGramian", "observability_gramian",
+    "ExpectedErrors", "expected_errors", "ellipse_errors",
     "NormalForm", "normal_form", "LyapunovFunction", "lyapunov_function", "Decay", "decay", "fastest_beta",
     "Axis", "axis", "Region", "beta_region", "gain_region",
     "ZeroDynamics", "zero_dynamics", "predict", "arm_region",

@@ -9,6 +9,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from concurrent.futures import Executor
+from pathlib import Path
 
 import numpy as np
 import sympy as sp
@@ -59,7 +61,9 @@ def turn_loop(*, k1: float, k2: float, yaw_rate: float) -> Block:
     InputError
         If a gain is not positive, or the yaw rate zero: then both limit points are one.
     """
-    if number("yaw_rate", yaw_rate) == 0:
+    if not math.isfinite(number("yaw_rate", yaw_rate)):
+        raise InputError(f"yaw_rate must be finite, found {yaw_rate!r}")
+    if yaw_rate == 0:
         raise InputError("yaw_rate: expected a turn, found 0 rad/s: the two limit points are one")
     law = turn(k1=k1, k2=k2, name="law")
     u, v, r = (s.symbol for s in MOVING)
@@ -89,6 +93,8 @@ def turn_basins(
     k1: float = 0.5,
     k2: float = 3.5,
     duration: float = 300.0,
+    executor: Executor | None = None,
+    checkpoint: str | Path | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> Region:
     """Return, over a plane of initial velocities, which limit point the turn law takes the craft to.
@@ -107,6 +113,10 @@ def turn_basins(
         [kg/s], likewise.
     duration : float, optional
         Of each simulation [s]. The approach to the unwanted point is slow, as 1/t: an eigenvalue is 0.
+    executor : concurrent.futures.Executor, optional
+        Where the simulations are done; default threads of this machine.
+    checkpoint : path, optional
+        Folder from which the same map resumes.
     progress : callable, optional
         Called now and then with the number of runs done.
 
@@ -130,15 +140,17 @@ def turn_basins(
     ([], [])
     """
     x, y = _axes(plane, points)
-    start = _start(plane, x, y, at or {})
     positive("duration", duration)
     ready = turn_loop(k1=k1, k2=k2, yaw_rate=yaw_rate).compile()
     refuse_large(ready, points**2, _SECONDS_PER_RUN)
+    start = _start(plane, x, y, at or {})
     runs = ready.sweep(
         [0.0, duration],
         x0={f"craft.{name}": values for name, values in start.items()},
         rtol=1e-9,
         atol=1e-12,
+        executor=executor,
+        checkpoint=checkpoint,
         progress=progress,
     )
     body = HOVERDEMON_BODY
@@ -189,6 +201,8 @@ def levels(yaw_rate: float, body: Body = HOVERDEMON_BODY) -> tuple[float, float]
 
 
 def _axes(plane: Plane, points: int) -> tuple[Axis, Axis]:
+    if not isinstance(plane, Mapping):
+        raise InputError(f"plane: expected ranges by name, found {plane!r}")
     for name in plane:
         if name not in _ABOUT:
             raise InputError(f"plane: unknown velocity {name!r}{did_you_mean(str(name), _ABOUT)}")

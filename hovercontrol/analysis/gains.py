@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from concurrent.futures import Executor
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hovercontrol.analysis.loops import initial_errors, tracking_loop
 from hovercontrol.analysis.lyapunov import decay, fastest_beta, lyapunov_function
-from hovercontrol.analysis.regions import Region, axis, mesh, sweep_map
-from hovercontrol.errors import InputError
+from hovercontrol.analysis.regions import Region, axis, mesh, positive_axis, subfolder, sweep_map
 from hovercontrol.model import Model
 from hovercontrol.tables import positive
 from hovercontrol.vehicles import c17_experiment, c17_simulation
@@ -85,6 +86,8 @@ def gain_region(
     duration: float = 20.0,
     tolerance: float = 0.01,
     start: Mapping[str, float] = START,
+    executor: Executor | None = None,
+    checkpoint: str | Path | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> Region:
     """Return the gains with which the craft is on C17's ellipse in time: promised, exact, simulated.
@@ -103,6 +106,10 @@ def gain_region(
         The error [m] to stay below during the last tenth of it.
     start : mapping, optional
         Initial state by ``plant.NAME``, over zero.
+    executor : concurrent.futures.Executor, optional
+        Where the simulations are done; default threads of this machine.
+    checkpoint : path, optional
+        Folder from which the same map resumes.
     progress : callable, optional
         Called now and then with the number of runs done.
 
@@ -119,11 +126,8 @@ def gain_region(
     """
     positive("duration", duration)
     positive("tolerance", tolerance)
-    for name, span in (("k1", k1), ("k2", k2)):
-        if min(span) <= 0:
-            raise InputError(f"{name}: gains must be positive, found {min(span):g}")
-    x = axis("k1", "1/s^2", k1, points, "position gain k1")
-    y = axis("k2", "1/s", k2, points, "velocity gain k2")
+    x = positive_axis("k1", "1/s^2", k1, points, "position gain k1")
+    y = positive_axis("k2", "1/s", k2, points, "velocity gain k2")
     model = c17_simulation() if model is None else model
     limited = replace(model, thrust=c17_experiment().thrust, rudder=c17_experiment().rudder)
     last = 0.9 * duration
@@ -140,6 +144,8 @@ def gain_region(
             start=last,
             method="rk4",
             step=STEP,
+            executor=executor,
+            checkpoint=subfolder(checkpoint, name),
             progress=progress,
         )
         below = (runs.status == 0) & (runs["tracking_error"].maximum < tolerance)

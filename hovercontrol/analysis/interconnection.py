@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from concurrent.futures import Executor
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -73,6 +75,8 @@ def region_of_attraction(
     duration: float = 20.0,
     tolerance: float = 0.05,
     seed: int = 0,
+    executor: Executor | None = None,
+    checkpoint: str | Path | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> Region:
     """Return how often the loop with its estimator gets to C17's ellipse, by initial errors.
@@ -94,6 +98,10 @@ def region_of_attraction(
     tolerance : float, optional
         The error [m] below which the craft is on the reference.
     seed : int, optional
+    executor : concurrent.futures.Executor, optional
+        Where the simulations are done; default threads of this machine.
+    checkpoint : path, optional
+        Folder from which the same map resumes.
     progress : callable, optional
         Called now and then with the number of runs done.
 
@@ -108,14 +116,11 @@ def region_of_attraction(
     InputError
         If a range is none or negative, a count or time is not positive, or the sweep is too large.
     """
-    for name, span in (("coefficient_error", coefficient_error), ("tracking_error", tracking_error)):
-        if min(span) < 0:
-            raise InputError(f"{name}: errors are sizes, not negative, found {min(span):g}")
     x = _cells("coefficient_error", "SI units", coefficient_error, cells, "initial max |c_i - c_hat_i|")
     y = _cells("tracking_error", "m", tracking_error, cells, "initial |z1|")
     for name, value in (("deadline", deadline), ("duration", duration), ("tolerance", tolerance)):
         positive(name, value)
-    if not isinstance(runs, int) or runs < 1:
+    if isinstance(runs, bool) or not isinstance(runs, int) or runs < 1:
         raise InputError(f"runs: expected 1 or more in a cell, found {runs!r}")
     model = c17_simulation() if model is None else model
     if limits:
@@ -126,7 +131,10 @@ def region_of_attraction(
     refuse_large(loop, cells * cells * runs, SECONDS_PER_RUN)
     start = _draw(model, x, y, runs, np.random.default_rng(seed))
     times = np.linspace(0.0, duration, 1 + max(2, round(10 * duration)))
-    found = loop.sweep(times, x0=start, band=tolerance / 2, method="rk4", step=STEP, progress=progress)
+    found = loop.sweep(
+        times, x0=start, band=tolerance / 2, method="rk4", step=STEP,
+        executor=executor, checkpoint=checkpoint, progress=progress,
+    )  # fmt: skip
     error = found["tracking_error"]
     there = (found.status == 0) & (error.final < tolerance / 2)
     maps: dict[str, Array] = {}
@@ -151,6 +159,8 @@ def _cells(name: str, unit: str, span: tuple[float, float], cells: int, label: s
     edges = axis(name, unit, span, cells + 1, label) if isinstance(cells, int) else None
     if edges is None or cells < 2:
         raise InputError(f"{name}: expected 2 or more cells, found {cells!r}")
+    if edges.values[0] < 0:
+        raise InputError(f"{name}: errors are sizes, not negative, found {edges.values[0]:g}")
     return replace(edges, values=(edges.values[1:] + edges.values[:-1]) / 2)
 
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
+from concurrent.futures import Executor
+from pathlib import Path
 
 import control
 import numpy as np
@@ -10,7 +12,16 @@ import sympy as sp
 from numpy.typing import NDArray
 
 from hovercontrol.analysis.normal_form import symbol
-from hovercontrol.analysis.regions import Axis, Region, axis, mesh, refuse_large, sweep_map
+from hovercontrol.analysis.regions import (
+    Axis,
+    Region,
+    axis,
+    mesh,
+    positive_axis,
+    refuse_large,
+    subfolder,
+    sweep_map,
+)
 from hovercontrol.block import Block
 from hovercontrol.controllers.k06 import force_to_command, forward, reverse
 from hovercontrol.controllers.k06.laws import FORCE_X, FORCE_Y, SURGE_REF
@@ -136,6 +147,8 @@ def forward_region(
     *,
     k1: float = 1.0,
     duration: float = 120.0,
+    executor: Executor | None = None,
+    checkpoint: str | Path | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> Region:
     """Return the speeds and gains with which K06's forward law is stable: by theorem, linearly, simulated.
@@ -150,6 +163,10 @@ def forward_region(
         [kg/s]
     duration : float, optional
         Of each simulation [s].
+    executor : concurrent.futures.Executor, optional
+        Where the simulations are done; default threads of this machine.
+    checkpoint : path, optional
+        Folder from which the same map resumes.
     progress : callable, optional
         Called now and then with the number of runs done.
 
@@ -164,9 +181,9 @@ def forward_region(
     InputError
         If a speed or gain is not positive, a range is none, or the map is too large.
     """
-    _refuse_sign("forward", speed, 1)
     x = axis("speed", "m/s", speed, points, "wanted surge velocity u_ref")
-    y = axis("k2", "kg/s", _positive("k2", k2), points, "gain k2")
+    _refuse_sign("forward", x.values, 1)
+    y = positive_axis("k2", "kg/s", k2, points, "gain k2")
     body = HOVERDEMON_BODY
     ratio = body.mass * x.values / body.arm
     maps = _judged(
@@ -175,7 +192,9 @@ def forward_region(
         y,
         lambda a, b: {"reference.speed": a, "law.k2": b},
         duration,
-        progress,
+        executor=executor,
+        checkpoint=checkpoint,
+        progress=progress,
     )
     theorem = mesh(x, y)[1] > np.tile(ratio, points)
     return _region(
@@ -194,6 +213,8 @@ def reverse_region(
     k1: float = 1.5,
     k2: float = 1.0,
     duration: float = 600.0,
+    executor: Executor | None = None,
+    checkpoint: str | Path | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> Region:
     """Return the speeds and weights alpha with which K06's reverse law is stable.
@@ -204,7 +225,7 @@ def reverse_region(
         Range of u_ref [m/s], negative.
     alpha : tuple of float, optional
         Range, positive.
-    points, progress
+    points, executor, checkpoint, progress
         As for :func:`forward_region`.
     k1, k2 : float, optional
         [kg/s]
@@ -221,9 +242,9 @@ def reverse_region(
     InputError
         If the law is asked to go forward, a gain is not positive, a range is none, or the map is too large.
     """
-    _refuse_sign("reverse", speed, -1)
     x = axis("speed", "m/s", speed, points, "wanted surge velocity u_ref")
-    y = axis("alpha", "1", _positive("alpha", alpha), points, "weight alpha of the yaw rate")
+    _refuse_sign("reverse", x.values, -1)
+    y = positive_axis("alpha", "1", alpha, points, "weight alpha of the yaw rate")
     body = HOVERDEMON_BODY
     least = body.inertia / (body.arm**2 * body.mass)
     maps = _judged(
@@ -232,7 +253,9 @@ def reverse_region(
         y,
         lambda a, b: {"reference.speed": a, "law.alpha": b},
         duration,
-        progress,
+        executor=executor,
+        checkpoint=checkpoint,
+        progress=progress,
     )
     return _region(
         "K06 reverse law", x, y, {**maps, "theorem": mesh(x, y)[1] > least},
@@ -248,6 +271,9 @@ def _judged(
     y: Axis,
     params: Callable[[Array, Array], dict[str, Array]],
     duration: float,
+    *,
+    executor: Executor | None,
+    checkpoint: str | Path | None,
     progress: Callable[[int], None] | None,
 ) -> dict[str, NDArray[np.bool_]]:
     """Return where the law is stable, simulated and linearly, with and without delay, each (n,)."""
@@ -261,10 +287,11 @@ def _judged(
         loop = law_loop(law, delay=late)
         linear["linear delayed" if late else "linear"] = linearly_stable(loop, params(*mesh(x, y)))
         ready, well = loop.compile(), np.ones(len(x.values) * len(y.values), dtype=bool)
-        for start in STARTS:
+        for k, start in enumerate(STARTS):
             x0 = {f"craft.{s.name}": value for s, value in zip(MOVING, start, strict=True)}
             runs = sweep_map(
                 ready, x, y, params, times, x0=x0, start=0.9 * duration, method="rk4", step=0.02,
+                executor=executor, checkpoint=subfolder(checkpoint, f"{'late' if late else 'prompt'}_{k}"),
                 progress=progress,
             )  # fmt: skip
             well &= (runs.status == 0) & (runs["distance"].maximum < CLOSE)
@@ -293,14 +320,8 @@ def _region(
     return Region(title, x, y, both, labels=said, lines=lines, marks=marks)
 
 
-def _refuse_sign(law: str, speed: Sequence[float], sign: int) -> None:
-    wrong = [value for value in speed if sign * value <= 0]
-    if wrong:
+def _refuse_sign(law: str, speed: Array, sign: int) -> None:
+    worst = float((sign * speed).min())
+    if worst <= 0:
         wanted = "positive" if sign > 0 else "negative"
-        raise InputError(f"{law} law: u_ref must be {wanted}, found {wrong[0]:g} m/s")
-
-
-def _positive(name: str, span: tuple[float, float]) -> tuple[float, float]:
-    if min(span) <= 0:
-        raise InputError(f"{name} must be positive, found {min(span):g}")
-    return span
+        raise InputError(f"{law} law: u_ref must be {wanted}, found {sign * worst:g} m/s")

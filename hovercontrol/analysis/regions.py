@@ -96,6 +96,20 @@ def axis(name: str, unit: str, span: tuple[float, float], points: int, label: st
     return Axis(name, unit, np.linspace(low, high, points), label)
 
 
+def positive_axis(name: str, unit: str, span: tuple[float, float], points: int, label: str = "") -> Axis:
+    """Return an axis of a parameter that must be positive.
+
+    Raises
+    ------
+    InputError
+        As for :func:`axis`, and if it is not.
+    """
+    found = axis(name, unit, span, points, label)
+    if not found.values[0] > 0:
+        raise InputError(f"{name} must be positive, found {found.values[0]:g}")
+    return found
+
+
 @dataclass(frozen=True, eq=False)
 class Region:
     """Maps over two parameters.
@@ -307,6 +321,11 @@ def refuse_large(loop: CompiledBlock, runs: int, seconds_per_run: float) -> None
         )
 
 
+def subfolder(checkpoint: str | Path | None, name: str) -> Path | None:
+    """Return the folder for one of the sweeps of a map."""
+    return None if checkpoint is None else Path(checkpoint) / name
+
+
 def _trial(
     loop: CompiledBlock, x: Axis, y: Axis, params: Callable[..., Any], grid: ArrayLike, options: Any
 ) -> float:
@@ -314,7 +333,7 @@ def _trial(
     place = np.linspace(0.0, 1.0, 32)
     few = [np.interp(place, np.linspace(0.0, 1.0, len(a.values)), a.values) for a in (x, y)]
     given = params(few[0], few[1])
-    keep = {k: v for k, v in options.items() if k not in ("x0", "band")}
+    keep = {k: v for k, v in options.items() if k not in ("x0", "band", "executor", "checkpoint")}
     times = np.asarray(grid, dtype=float)
     loop.sweep(times, params=given, **keep)  # builds, if need be
     begin = time.perf_counter()

@@ -7,7 +7,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from concurrent.futures import Executor
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,11 +18,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from hovercontrol.analysis.loops import c17_ellipse, on_reference, tracking_loop
 from hovercontrol.analysis.normal_form import ERRORS, coefficient, normal_form, once_for_equations, symbol
-from hovercontrol.analysis.regions import Axis, Region, axis, mesh, refuse_large, sweep_map
+from hovercontrol.analysis.regions import Axis, Region, axis, mesh, refuse_large, subfolder, sweep_map
 from hovercontrol.errors import InputError
 from hovercontrol.model import Model
 from hovercontrol.sgn import sgn
-from hovercontrol.tables import positive
+from hovercontrol.tables import number, positive
 from hovercontrol.targets.sweep import SweepResult
 from hovercontrol.vehicles import c17_simulation
 
@@ -153,7 +155,8 @@ def predict(
     Raises
     ------
     InputError
-        If mass, inertia or speed is not positive, or ``arm * control_point = inertia/mass`` at a point.
+        If mass, inertia or speed is not positive, a length is not finite, or ``arm * control_point =
+        inertia/mass`` at a point.
 
     Examples
     --------
@@ -164,6 +167,8 @@ def predict(
     model = c17_simulation() if model is None else model
     mass, inertia, speed = positive("mass", mass), positive("inertia", inertia), positive("speed", speed)
     a, dx = np.broadcast_arrays(np.asarray(arm, dtype=float), np.asarray(control_point, dtype=float))
+    if not (np.isfinite(a).all() and np.isfinite(dx).all()):
+        raise InputError("zero dynamics: arm and control point must be finite")
     near = np.abs(a * dx * mass / inertia - 1) < 1e-9
     if near.any():
         k = np.unravel_index(int(near.argmax()), near.shape)
@@ -203,6 +208,8 @@ def arm_region(
     inertia: float = 0.01,
     heading: float = 0.0,
     duration: float = 30.0,
+    executor: Executor | None = None,
+    checkpoint: str | Path | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> tuple[Region, Region]:
     """Return which arms and control points let the craft go nose-first, stern-first or spin away.
@@ -219,6 +226,10 @@ def arm_region(
         Angle from the course to the heading at the start [rad]; default nose-first.
     duration : float, optional
         Of each simulation along C17's ellipse [s].
+    executor : concurrent.futures.Executor, optional
+        Where the simulations are done; default threads of this machine.
+    checkpoint : path, optional
+        Folder from which the same map resumes.
     progress : callable, optional
         Called now and then with the number of runs done.
 
@@ -238,6 +249,13 @@ def arm_region(
     model = c17_simulation() if model is None else model
     x = axis("arm", "m", arm, points, "rudder arm a (negative: ahead of the centre of mass)")
     y = axis("control_point", "m", control_point, points, "control point delta_x")
+    mass, inertia, duration = (
+        positive("mass", mass),
+        positive("inertia", inertia),
+        positive("duration", duration),
+    )
+    if not math.isfinite(number("heading", heading)):
+        raise InputError(f"heading must be finite, found {heading!r}")
     reference, gain = c17_ellipse(), model.coefficients()["thrust"] * mass / inertia
     loop = tracking_loop(model, reference).compile(friction="smooth")
     refuse_large(loop, points**2, SECONDS_PER_RUN)
@@ -256,12 +274,16 @@ def arm_region(
     late = 2 / 3 * duration  # a start off the stable side may turn fast at first
     options: dict[str, Any] = {"x0": start, "start": late, "method": "rk4", "step": STEP}
     times = np.linspace(0.0, duration, 1 + max(2, round(10 * duration)))
-    runs = sweep_map(loop, x, y, params, times, progress=progress, **options)
+    kept = subfolder(checkpoint, "all")
+    runs = sweep_map(
+        loop, x, y, params, times, executor=executor, checkpoint=kept, progress=progress, **options
+    )
     bounded = _bounded(runs)
     doubtful = np.flatnonzero(theory.bounded & ~bounded)  # near a dx = J/m the loop is too fast for the step
     if doubtful.size:
         options |= {"x0": {name: v[doubtful] for name, v in start.items()}, "step": STEP / 20}
-        again = loop.sweep(times, params=params(*(g[doubtful] for g in grid)), **options)
+        fine, kept = params(*(g[doubtful] for g in grid)), subfolder(checkpoint, "doubtful")
+        again = loop.sweep(times, params=fine, executor=executor, checkpoint=kept, **options)
         bounded[doubtful] = _bounded(again)
         runs["facing"].final[doubtful] = again["facing"].final
     facing = runs["facing"].final

@@ -114,7 +114,7 @@ def test_no_simulated_loop_contradicts_theorem_3_and_it_covers_nearly_all():
         (lambda: decay(np.nan, 1.0), "k1 must be positive"),
         (lambda: beta_region(0.0), "k1 must be positive"),
         (lambda: beta_region(k2=(3.0, 1.0)), "k2: the range 3 to 1 1/s is reversed"),
-        (lambda: gain_region(k1=(-1.0, 1.0)), "k1: gains must be positive"),
+        (lambda: gain_region(k1=(-1.0, 1.0)), "k1 must be positive"),
         (lambda: gain_region(k2=(1.0, 1.0)), "k2: the range 1 to 1 1/s is empty"),
         (lambda: gain_region(points=1), "needs 2 or more points"),
         (lambda: gain_region(tolerance=0.0), "tolerance must be positive"),

@@ -6,7 +6,10 @@ import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
+from hovercontrol.analysis.basins import turn_basins
+from hovercontrol.analysis.experiment_design import ellipse_errors
 from hovercontrol.analysis.gains import beta_region, gain_region
+from hovercontrol.analysis.interconnection import region_of_attraction
 from hovercontrol.analysis.law_regions import forward_region, reverse_region
 from hovercontrol.analysis.output import save
 from hovercontrol.analysis.regions import Region, axis, mesh, refuse_large, sweep_map
@@ -86,7 +89,7 @@ def test_a_grid_of_a_thousand_million_points_is_refused_with_time_and_memory():
         sweep_map(decaying().compile(), x, y, lambda a, b: {"decay.k": a + b}, [0.0, 1.0])
 
 
-@pytest.mark.parametrize("region", [gain_region, arm_region, forward_region, reverse_region])
+@pytest.mark.parametrize("region", [gain_region, arm_region, forward_region, reverse_region, turn_basins])
 def test_every_simulated_map_refuses_a_thousand_million_points(region):
     with pytest.raises(InputError, match=r"e\+\d+ runs would take .* and .* GiB of memory"):
         region(points=31623)
@@ -118,6 +121,59 @@ def test_a_sweep_of_hours_is_refused_though_it_fits_in_memory():
 def test_a_range_that_is_none_is_refused(span, points, text):
     with pytest.raises(InputError, match=rf"^a: .*{text}|^a.*{text}"):
         axis("a", "m", span, points)
+
+
+RANGES = (
+    (beta_region, "k2"),
+    (gain_region, "k1"),
+    (gain_region, "k2"),
+    (arm_region, "arm"),
+    (arm_region, "control_point"),
+    (forward_region, "speed"),
+    (forward_region, "k2"),
+    (reverse_region, "speed"),
+    (reverse_region, "alpha"),
+    (region_of_attraction, "tracking_error"),
+    (region_of_attraction, "coefficient_error"),
+    (ellipse_errors, "semi_x"),
+)
+
+
+@pytest.mark.parametrize(
+    "span", [3.0, None, "ab", (), (1.0,), ("a", "b"), (1.0, None), (1.0, 1.0), (2.0, 1.0)]
+)
+@pytest.mark.parametrize(("region", "name"), RANGES)
+def test_every_map_refuses_what_is_no_range_in_one_line(region, name, span):
+    with pytest.raises(InputError, match=rf"^{name}.*(range|number)") as refused:
+        region(**{name: span})
+    assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("call", "line"),
+    [
+        (lambda: gain_region(k2=(0.0, 1.0)), "^k2 must be positive, found 0$"),
+        (lambda: gain_region(k1=(-2.0, 1.0)), "^k1 must be positive, found -2$"),
+        (lambda: reverse_region(speed=(0.5, 1.0)), "^reverse law: u_ref must be negative, found 1 m/s$"),
+        (lambda: reverse_region(speed=(-1.0, 0.0)), "^reverse law: u_ref must be negative"),
+        (lambda: arm_region(inertia=0.0), "^inertia must be positive"),
+        (lambda: arm_region(heading=np.inf), "^heading must be finite"),
+        (lambda: arm_region((0.1, 0.2), (0.01 / 0.585 / 0.1, 0.5), 3), r"arm = 0\.1 m .* gives a dx = J/m"),
+        (lambda: turn_basins(yaw_rate=np.inf), "^yaw_rate must be finite"),
+        (lambda: turn_basins(3.0), "^plane: expected ranges by name"),
+    ],
+)
+def test_gains_signs_and_the_singular_line_are_refused_in_one_line(call, line):
+    with pytest.raises(InputError, match=line) as refused:
+        call()
+    assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize("region", [gain_region, arm_region, forward_region, reverse_region, turn_basins])
+@pytest.mark.parametrize("duration", [0.0, -1.0, np.nan, np.inf, "x"])
+def test_every_simulation_takes_a_positive_time(region, duration):
+    with pytest.raises(InputError, match=r"^duration must be (positive|a number)"):
+        region(points=2, duration=duration)
 
 
 def test_unknown_maps_and_wrong_shapes_are_refused():

@@ -15,6 +15,7 @@ SMALL = {
     "c17_zero_dynamics": {"points": 8},
     "c17_iss_gain": {"sizes": 4, "runs": 4},
     "c17_interconnection": {"cells": 2, "runs": 4},
+    "c17_excitation": {"points": 4},
     "k06_forward_region": {"points": 4},
     "k06_reverse_region": {"points": 4},
 }
