@@ -394,12 +394,18 @@ class Scores:
     def correlation(self, one: Sequence[int], other: Sequence[int]) -> float:
         """Return the largest correlation of two sets of signatures, the model's unknowns projected out."""
         a, b = list(one), list(other)
-        Saa, Sbb = self.S[np.ix_(a, a)], self.S[np.ix_(b, b)]
-        whiten_a, whiten_b = (
-            np.linalg.inv(np.linalg.cholesky(M + 1e-12 * np.diag(np.diag(M)))) for M in (Saa, Sbb)
-        )
+        whiten_a, whiten_b = (_root_of_inverse(self.S[np.ix_(own, own)]) for own in (a, b))
         between = whiten_a @ self.S[np.ix_(a, b)] @ whiten_b.T
-        return float(np.linalg.svd(between, compute_uv=False)[0])
+        return float(np.linalg.svd(between, compute_uv=False).max(initial=0.0))
+
+
+def _root_of_inverse(M: Array) -> Array:
+    """Return R with R M R' = 1 in the directions of which M says something."""
+    size = np.sqrt(np.maximum(np.diag(M), 1e-300))
+    values, vectors = np.linalg.eigh(M / np.outer(size, size))
+    kept = values > 1e-9
+    root: Array = (vectors[:, kept] / np.sqrt(values[kept])).T / size
+    return root
 
 
 def _worth(scored: Scored) -> float:

@@ -136,7 +136,12 @@ def fit(
     p = np.clip(w.start, w.lower, w.upper)
     x0 = w.cut.start.copy()
     n = len(w.free)
-    w.set_step(p, x0, near.windowed.pieces if near else 1)
+    w.set_step(
+        p,
+        x0,
+        near.windowed.pieces if near else 1,
+        enough=near is not None and near.windowed.length == length,
+    )
 
     def evaluate(p: Array, x0: Array) -> tuple[Array, Array, Array, float]:
         """Return residual, Jacobian, each window's cost and the whole."""

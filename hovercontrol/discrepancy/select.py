@@ -13,7 +13,7 @@ from hovercontrol.discrepancy.fit import Fit, fit, forced_states
 from hovercontrol.discrepancy.noise import Noise, estimate
 from hovercontrol.discrepancy.outliers import without_outliers
 from hovercontrol.discrepancy.probes import large_process
-from hovercontrol.discrepancy.windowed import Data, Subject
+from hovercontrol.discrepancy.windowed import Data, Subject, structure
 from hovercontrol.effects import Effect
 from hovercontrol.errors import InputError
 
@@ -141,6 +141,15 @@ def ladder(data: Data) -> tuple[float, ...]:
     return tuple(length for length in LADDER if length <= longest / 2) or LADDER[:1]
 
 
+def _rungs(model: Subject, data: Data) -> tuple[float, ...]:
+    """Return the lengths of windows to search in: where no velocity is measured short ones say nothing."""
+    every = ladder(data)
+    block = structure(model)
+    slopes = {str(block.expand(e)) for e in block.derivatives.values()}
+    moving = [s.name for s in block.states if s.name in slopes or s.name in ("u", "v", "r")]
+    return every if not moving or set(moving) & set(data.channels) else every[1:] or every
+
+
 class _Search:
     """One search; `found` is where it stands."""
 
@@ -153,7 +162,7 @@ class _Search:
         tell: Callable[[float, str], None],
     ) -> None:
         self.model, self.data, self.names, self.max_effects = model, data, names, max_effects
-        self.rungs, self._tell = ladder(data), tell
+        self.rungs, self._tell = _rungs(model, data), tell
         tell(0.05, "fitting the model as it is")
         base = fit(model, data, self.rungs[0])
         for _ in range(CLEANED):

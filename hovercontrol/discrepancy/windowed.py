@@ -36,8 +36,9 @@ STEP = 0.01
 #: Most sub-steps between two rows.
 MOST = 64
 
-#: What half as long sub-steps may change, in standard deviations of the noise.
-ACCURATE = 0.1
+#: What half as long sub-steps may change, in standard deviations of the noise, in this part of the windows: a
+#: few may begin where a hair decides whether the craft sticks.
+ACCURATE, MANY = 0.1, 0.9
 
 #: Rows to either side between which a measured state's slope is taken.
 REACH = 3
@@ -190,7 +191,7 @@ class Windowed:
             every[at] = value
         return every
 
-    def set_step(self, p: Array, x0: Array, least: int = 1) -> None:
+    def set_step(self, p: Array, x0: Array, least: int = 1, *, enough: bool = False) -> None:
         """Choose sub-steps: stable in friction as stiff as now, and fine enough for the noise.
 
         Parameters
@@ -199,16 +200,18 @@ class Windowed:
         x0 : ndarray, shape (n_states, W)
         least : int, optional
             Sub-steps between two rows that are known to be needed.
+        enough : bool, optional
+            Whether they are known to be fine enough.
         """
         step = 2.0 * stable_step(self.block, self.cut, self.parameters(p), 0.5 * STEP)
         longest = float(np.diff(self.cut.time, axis=1).max())
         self._set_pieces(max(int(np.ceil(longest / step - 1e-9)), least))
-        while self.pieces < MOST:
+        while self.pieces < MOST and not enough:
             coarse, now = self.linearise(p, x0, jacobian=False)[0], self.pieces
             self._set_pieces(2 * now)
             change = (self.linearise(p, x0, jacobian=False)[0] - coarse) / self.data.noise
-            known = change[np.isfinite(change)]
-            if not known.size or float(np.sqrt(np.mean(known**2))) < ACCURATE:
+            known = np.where(np.isfinite(change), change, 0.0)
+            if float(np.quantile((known**2).mean(axis=(1, 2)), MANY)) < ACCURATE**2:
                 self._set_pieces(now)
                 return
 
