@@ -199,11 +199,12 @@ def cases(axes: Sequence[str], seeds: int | None) -> Iterator[tuple[str, tuple[s
 
 def table(rows: Sequence[Row]) -> str:
     """Return the table as Markdown."""
+    planned = sum(a.seeds * len(a.hidden) for a in AXES.values())
     by_axis: dict[str, list[Row]] = defaultdict(list)
     for row in rows:
         by_axis[row.axis].append(row)
     lines = [
-        f"Blind test of {datetime.date.today()}: {len(rows)} cases "
+        f"Blind test of {datetime.date.today()}: {len(rows)} of {planned} cases that are planned "
         f"({platform.machine()}, {os.cpu_count()} cores). `python -m tests.discrepancy.table`",
         "",
         "| axis | cases | exact | honest | missed | wrong | must reach |",
