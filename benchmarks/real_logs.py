@@ -7,6 +7,7 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
+from hovercontrol.discrepancy import diagnose
 from hovercontrol.identify.study import Study
 from hovercontrol.logs import BenchTable, Condition, Log, gather
 from hovercontrol.vehicles import vehicle
@@ -50,3 +51,10 @@ def rows() -> Iterator[tuple[str, str, str, bool | None]]:
     yield "fit on a + b, yaw rate of c 1 s ahead: rms error", f"{p.rms['r']:.2f} rad/s", "", None
     yield "... if the rate stayed as it is (no model)", f"{p.trivial['r']:.2f} rad/s", "", None
     yield "chi^2/dof of the fit (1: the model lacks nothing)", f"{study.found.chi2_per_dof:.3g}", "", None
+    found = diagnose(craft, [read("a"), read("b")], read("c"))
+    names = " + ".join(dict.fromkeys(e.effect for e in found.effects)) or "no name"
+    yield "diagnosis of a + b, c held out", f"{found.verdict}, {names}", "", None
+    yield "where the missing force is", found.regime, "", None
+    for m in found.missing:
+        if m.log == found.missing[0].log:
+            yield f"... in {m.equation} of {m.log}, root mean square", f"{m.rms:.2g} {m.unit}", "", None

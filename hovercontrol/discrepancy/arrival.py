@@ -102,6 +102,6 @@ class Arrival:
                 value = g + (value - g) * f
                 values.append(value)
             start = np.array(values)
-            later = when - delay - self.time[at]
+            later = np.maximum(when - delay - self.time[at], 0.0)  # before the log commands rest
             found[i] = np.where(row < 0, 0.0, goal[at] + (start[at] - goal[at]) * np.exp(a * later))
         return found
