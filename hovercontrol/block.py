@@ -7,7 +7,6 @@ A Block knows its signals and their expressions and nothing of solvers, vehicles
 from __future__ import annotations
 
 import hashlib
-import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, fields, replace
@@ -18,16 +17,10 @@ from typing import TYPE_CHECKING, Any, Literal
 import sympy as sp
 from numpy.typing import ArrayLike
 
+from hovercontrol.checking import check
 from hovercontrol.errors import InputError, did_you_mean
-from hovercontrol.signals import Signal, time
-from hovercontrol.units import (
-    DIMENSIONLESS,
-    Dimension,
-    DimensionChecker,
-    UnitError,
-    dimension,
-    unit_text,
-)
+from hovercontrol.expressions import Expressions
+from hovercontrol.signals import Signal
 
 if TYPE_CHECKING:
     import control
@@ -39,41 +32,24 @@ Rows = Literal["derivatives", "outputs"]
 Columns = Literal["states", "inputs", "parameters"]
 
 
-class Expressions(Mapping[str, sp.Expr]):
-    """An immutable, ordered, hashable mapping from a signal's name to its expression."""
+@dataclass(frozen=True)
+class Tick:
+    """What happens at every multiple of a period in a hybrid Block.
 
-    __slots__ = ("_items",)
+    Parameters
+    ----------
+    name : str
+        Of the sampled Block that it was.
+    period : float
+        [s]
+    updates : mapping of str to sympy.Expr
+        The states that it sets, each to its expression; all see the values before the tick, and those that
+        an earlier tick of the same instant has set.
+    """
 
-    def __init__(self, items: Mapping[str, Any] | Iterable[tuple[str, Any]] = ()) -> None:
-        pairs = items.items() if isinstance(items, Mapping) else items
-        self._items = {str(name): _as_expression(name, value) for name, value in pairs}
-
-    def __getitem__(self, name: str) -> sp.Expr:
-        return self._items[name]
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._items)
-
-    def __len__(self) -> int:
-        return len(self._items)
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, Expressions) and list(self.items()) == list(other.items())
-
-    def __hash__(self) -> int:
-        return hash(tuple(self._items.items()))
-
-    def __repr__(self) -> str:
-        return f"Expressions({self._items})"
-
-
-def _as_expression(name: str, value: Any) -> sp.Expr:
-    if isinstance(value, str):
-        raise InputError(f"{name}: expected a SymPy expression, found the text {value!r}")
-    expression = sp.sympify(value)
-    if not isinstance(expression, sp.Expr):
-        raise InputError(f"{name}: expected a SymPy expression, found {value!r}")
-    return expression
+    name: str
+    period: float
+    updates: Expressions
 
 
 @dataclass(frozen=True)
@@ -98,6 +74,9 @@ class Block:
     period : float, optional
         Of a sampled Block [s]: at every multiple its outputs are computed and held, then its states take
         their next values. 0 (the default) for a continuous one.
+    ticks : sequence of Tick, optional
+        Of a hybrid Block, made by :func:`~hovercontrol.interconnect.interconnect`: what sets the last of its
+        states, which hold their values in between.
 
     Raises
     ------
@@ -124,143 +103,41 @@ class Block:
     definitions: Mapping[str, sp.Expr] = field(default_factory=Expressions)
     definition_signals: tuple[Signal, ...] = ()
     period: float = 0.0
+    ticks: tuple[Tick, ...] = ()
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not re.fullmatch(r"[A-Za-z_]\w*", self.name):
             raise InputError(f"{self.name!r} is no block name: letters, digits and _ wanted")
-        if not 0 <= self.period < math.inf:
-            raise InputError(self._where(f"period must not be negative, found {self.period!r}"))
         for kind in ("states", "inputs", "outputs", "parameters", "definition_signals"):
             signals = getattr(self, kind)
             if isinstance(signals, str | Signal) or not all(isinstance(s, Signal) for s in signals):
-                raise InputError(self._where(f"{kind} must be a sequence of Signal, found {signals!r}"))
+                raise InputError(self.where(f"{kind} must be a sequence of Signal, found {signals!r}"))
             object.__setattr__(self, kind, tuple(signals))
         for kind in ("derivatives", "output_expressions", "definitions"):
             if not isinstance(getattr(self, kind), Expressions):
                 object.__setattr__(self, kind, Expressions(getattr(self, kind)))
-        self._check_names()
-        self._complete_outputs()
-        self._check_keys("derivative", self.derivatives, [s.name for s in self.states])
-        self._check_keys("output", self.output_expressions, [s.name for s in self.outputs])
-        object.__setattr__(self, "definitions", self._sorted_definitions())
-        self._check_symbols()
-        self._check_units()
+        object.__setattr__(self, "ticks", tuple(self.ticks))
+        check(self)
 
-    # ---- what must hold ------------------------------------------------------------------------------
+    # ---- what can be asked ---------------------------------------------------------------------------
 
-    def _where(self, text: str) -> str:
+    def where(self, text: str) -> str:
+        """Return a text for an error, the Block's name in front."""
         return f"block {self.name!r}: {text}"
 
-    def _check_names(self) -> None:
-        seen: set[str] = set()
-        own = [s.name for s in (*self.states, *self.inputs, *self.parameters)] + list(self.definitions)
-        for name in own:
-            if name in seen:
-                raise InputError(self._where(f"the name {name!r} is used twice"))
-            seen.add(name)
-        keys = [self.parameter_key(p.name) for p in self.parameters]
-        for key in keys:
-            if keys.count(key) > 1:
-                raise InputError(self._where(f"two parameters have the key {key!r}"))
-        names = [s.name for s in self.outputs]
-        for name in names:
-            if names.count(name) > 1:
-                raise InputError(self._where(f"two outputs are named {name!r}"))
-
-    def _complete_outputs(self) -> None:
-        known = {s.name for s in (*self.states, *self.inputs)} | set(self.definitions)
-        full = {}
-        for output in self.outputs:
-            given = self.output_expressions.get(output.name)
-            if output.name in known:
-                if given is not None and given != output.symbol:
-                    text = f"output {output.name!r} has the name of another signal but is {given}"
-                    raise InputError(self._where(text))
-                given = output.symbol
-            if given is not None:
-                full[output.name] = given
-        extra = {k: v for k, v in self.output_expressions.items() if k not in full}
-        object.__setattr__(self, "output_expressions", Expressions(full | extra))
-
-    def _check_keys(self, kind: str, expressions: Mapping[str, sp.Expr], names: list[str]) -> None:
-        for name in names:
-            if name not in expressions:
-                raise InputError(self._where(f"no {kind} expression for {name!r}"))
-        for name in expressions:
-            if name not in names:
-                hint = did_you_mean(name, names)
-                raise InputError(self._where(f"{kind} expression for unknown signal {name!r}{hint}"))
-        ordered = Expressions((name, expressions[name]) for name in names)
-        attribute = "derivatives" if kind == "derivative" else "output_expressions"
-        object.__setattr__(self, attribute, ordered)
-
-    def _sorted_definitions(self) -> Expressions:
-        symbols = {sp.Symbol(name, real=True): name for name in self.definitions}
-        done: dict[str, sp.Expr] = {}
-
-        def visit(name: str, path: tuple[str, ...]) -> None:
-            if name in path:
-                circle = " -> ".join((*path[path.index(name) :], name))
-                raise InputError(self._where(f"definitions are circular: {circle}"))
-            if name not in done:
-                needed = self.definitions[name].free_symbols & symbols.keys()
-                for symbol in sorted(needed, key=str):
-                    visit(symbols[symbol], (*path, name))
-                done[name] = self.definitions[name]
-
-        for name in self.definitions:
-            visit(name, ())
-        return Expressions(done)
-
-    def _check_symbols(self) -> None:
-        known = {s.symbol for s in (*self.states, *self.inputs, *self.parameters)}
-        known |= {sp.Symbol(name, real=True) for name in self.definitions} | {time}
-        for name, expression in self._all_expressions():
-            for symbol in sorted(expression.free_symbols - known, key=str):
-                hint = did_you_mean(symbol.name, [s.name for s in known])
-                if symbol.name in {s.name for s in known}:
-                    hint = " (it must be real: use Signal.symbol)"
-                raise InputError(self._where(f"unknown symbol {symbol.name!r} in {name}{hint}"))
-
-    def _check_units(self) -> None:
-        symbols = {s.symbol: s.dimension for s in (*self.states, *self.inputs, *self.parameters)}
-        units = {s.symbol: s.unit for s in (*self.states, *self.inputs, *self.parameters)}
-        derive = DimensionChecker({**symbols, time: dimension("s")}, units)
-        given = {s.name: s for s in self.definition_signals}
-        described = []
-        for name, expression in self.definitions.items():
-            found = self._dimension(derive, name, expression)
-            signal = given.get(name) or Signal(name, unit_text(found or DIMENSIONLESS))
-            self._need(name, expression, found, signal.dimension, signal.unit)
-            derive.declare(signal.symbol, signal.dimension)
-            described.append(signal)
-        object.__setattr__(self, "definition_signals", tuple(described))
-        per = DIMENSIONLESS if self.period else dimension("s")
-        for state in self.states:
-            e, label = self.derivatives[state.name], self.update_text(state.name)
-            wanted = tuple(a - b for a, b in zip(state.dimension, per, strict=True))
-            self._need(label, e, self._dimension(derive, label, e), wanted, unit_text(wanted))
-        for output in self.outputs:
-            e = self.output_expressions[output.name]
-            found = self._dimension(derive, output.name, e)
-            self._need(output.name, e, found, output.dimension, output.unit)
-
-    def _dimension(self, derive: DimensionChecker, name: str, e: sp.Expr) -> Dimension | None:
-        try:
-            return derive(e)
-        except UnitError as error:
-            raise UnitError(self._where(f"{name}: {error}")) from None
-
-    def _need(self, name: str, e: sp.Expr, found: Dimension | None, wanted: Dimension, unit: str) -> None:
-        if found is not None and found != wanted:
-            text = f"{name} must be in {unit}, but '{e}' is in {unit_text(found)}"
-            raise UnitError(self._where(text))
-
-    def _all_expressions(self) -> Iterator[tuple[str, sp.Expr]]:
+    def all_expressions(self) -> Iterator[tuple[str, sp.Expr]]:
+        """Yield every expression and what texts call it."""
         yield from self.definitions.items()
         for name, expression in self.derivatives.items():
             yield self.update_text(name), expression
+        for tick in self.ticks:
+            yield from ((f"next {name}", expression) for name, expression in tick.updates.items())
         yield from self.output_expressions.items()
+
+    @cached_property
+    def n_continuous(self) -> int:
+        """Number of states that no tick sets; they come first."""
+        return len(self.states) - sum(len(tick.updates) for tick in self.ticks)
 
     def update_text(self, state: str) -> str:
         """Return how texts call what `derivatives` has of a state: ``u'``, or ``next mode`` if sampled."""
@@ -270,10 +147,8 @@ class Block:
         """Refuse a sampled Block where it has no such face; raises :class:`InputError`."""
         if self.period:
             raise InputError(
-                self._where(f"sampled every {self.period:g} s, it has no {face}; simulate_hybrid runs it")
+                self.where(f"sampled every {self.period:g} s, it has no {face}; simulate_hybrid runs it")
             )
-
-    # ---- what can be asked ---------------------------------------------------------------------------
 
     def signal(self, name: str) -> Signal:
         """Return the state, input, parameter, output or definition of that name.
@@ -287,7 +162,7 @@ class Block:
         every = {s.name: s for group in reversed(groups) for s in group}
         if name not in every:
             hint = did_you_mean(name, every)
-            raise InputError(self._where(f"no signal {name!r}{hint}"))
+            raise InputError(self.where(f"no signal {name!r}{hint}"))
         return every[name]
 
     def parameter_key(self, name: str) -> str:
@@ -321,14 +196,14 @@ class Block:
         for key, value in (params or {}).items():
             if key not in values:
                 hint = did_you_mean(key, values)
-                raise InputError(self._where(f"unknown parameter {key!r}{hint}"))
+                raise InputError(self.where(f"unknown parameter {key!r}{hint}"))
             try:
                 values[key] = signals[key].check(float(value), key) if bounded else float(value)
             except (TypeError, ValueError) as error:
                 if isinstance(error, InputError):
-                    raise InputError(self._where(str(error))) from None
+                    raise InputError(self.where(str(error))) from None
                 text = f"parameter {key!r} must be a number, found {value!r}"
-                raise InputError(self._where(text)) from None
+                raise InputError(self.where(text)) from None
         return tuple(values.values())
 
     def with_values(self, values: Mapping[str, float]) -> Block:
@@ -358,7 +233,7 @@ class Block:
         new = {kind: changed(getattr(self, kind)) for kind in ("states", "inputs", "parameters")}
         if left:
             self.signal(next(iter(left)))
-            raise InputError(self._where(f"{next(iter(left))!r} is computed, it has no start value"))
+            raise InputError(self.where(f"{next(iter(left))!r} is computed, it has no start value"))
         return self.unchecked(**new)
 
     def parameter(self, name: str) -> Signal:
@@ -374,7 +249,7 @@ class Block:
         if name in every or len(short) == 1:
             return every.get(name) or short[0]
         hint = did_you_mean(name, [*every, *(key.rpartition(".")[2] for key in every)])
-        raise InputError(self._where(f"no parameter {name!r}{hint}"))
+        raise InputError(self.where(f"no parameter {name!r}{hint}"))
 
     def named(self, name: str) -> Block:
         """Return the Block under another name; its own parameters' keys follow."""
