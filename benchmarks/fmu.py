@@ -35,7 +35,7 @@ PYTHON_FMU = """
 from pythonfmu import Fmi2Causality, Fmi2Slave, Real
 from scipy.integrate import solve_ivp
 from hovercontrol import vehicle
-from hovercontrol.simulation import rk4
+from hovercontrol.targets.runge_kutta import rk4
 
 class Plant(Fmi2Slave):
     def __init__(self, **kwargs):

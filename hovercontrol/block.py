@@ -43,8 +43,8 @@ class Tick:
     period : float
         [s]
     updates : mapping of str to sympy.Expr
-        The states that it sets, each to its expression; all see the values before the tick, and those that
-        an earlier tick of the same instant has set.
+        The states that it sets, each to its expression; all see the values before the tick, where an earlier
+        tick of the same instant has not set them.
     """
 
     name: str
@@ -143,12 +143,25 @@ class Block:
         """Return how texts call what `derivatives` has of a state: ``u'``, or ``next mode`` if sampled."""
         return f"next {state}" if self.period else f"{state}'"
 
-    def need_continuous(self, face: str) -> None:
-        """Refuse a sampled Block where it has no such face; raises :class:`InputError`."""
+    def need_continuous(self, face: str, *, hybrid: bool = True) -> None:
+        """Refuse a sampled Block where it has no such face; raises :class:`InputError`.
+
+        Parameters
+        ----------
+        face : str
+            What it has not.
+        hybrid : bool, optional
+            Whether a hybrid Block has it.
+        """
         if self.period:
             raise InputError(
-                self.where(f"sampled every {self.period:g} s, it has no {face}; simulate_hybrid runs it")
+                self.where(
+                    f"sampled every {self.period:g} s, it has no {face}: interconnect it with what it "
+                    "measures and drives"
+                )
             )
+        if self.ticks and not hybrid:
+            raise InputError(self.where(f"it has parts that tick and so no {face}"))
 
     def signal(self, name: str) -> Signal:
         """Return the state, input, parameter, output or definition of that name.
@@ -262,12 +275,8 @@ class Block:
     def with_parameter_names(self, names: Mapping[str, str]) -> Block:
         """Return the Block with other names for some parameters, old to new."""
         swap = {sp.Symbol(a, real=True): sp.Symbol(b, real=True) for a, b in names.items()}
-        changed: dict[str, Any] = {
-            kind: Expressions((k, e.xreplace(swap)) for k, e in getattr(self, kind).items())
-            for kind in ("derivatives", "definitions", "output_expressions")
-        }
         parameters = tuple(p.but(name=names.get(p.name, p.name)) for p in self.parameters)
-        return replace(self, parameters=parameters, **changed)
+        return replace(self, parameters=parameters, **self.swapped(swap))
 
     @cached_property
     def feedthrough(self) -> dict[str, tuple[str, ...]]:
@@ -340,6 +349,17 @@ class Block:
     def __getstate__(self) -> dict[str, Any]:
         return {f.name: getattr(self, f.name) for f in fields(self)}
 
+    def swapped(self, swap: Mapping[sp.Expr, sp.Expr]) -> dict[str, Any]:
+        """Return all groups of expressions, one thing put for another, as fields of a new Block."""
+
+        def group(expressions: Mapping[str, sp.Expr]) -> Expressions:
+            return Expressions((name, e.xreplace(swap)) for name, e in expressions.items())
+
+        fields_: dict[str, Any] = {
+            kind: group(getattr(self, kind)) for kind in ("derivatives", "definitions", "output_expressions")
+        }
+        return fields_ | {"ticks": tuple(replace(tick, updates=group(tick.updates)) for tick in self.ticks)}
+
     def unchecked(self, **changes: Any) -> Block:
         """Return a copy with changed fields that are not checked, for code that derives Blocks."""
         block = object.__new__(Block)
@@ -355,14 +375,14 @@ class Block:
 
         return numpy_functions(self)
 
-    def to_control(self, name: str | None = None) -> control.NonlinearIOSystem:
+    def to_control(self, name: str | None = None, *, step: float | None = None) -> control.NonlinearIOSystem:
         """Return the Block as one python-control system (:mod:`hovercontrol.targets.control`).
 
-        A sampled Block becomes a discrete-time system of its period.
+        A sampled Block becomes a discrete-time system of its period, a hybrid one of `step` [s].
         """
         from hovercontrol.targets.control import to_control
 
-        return to_control(self, name)
+        return to_control(self, name, step=step)
 
     def compile(self, *, friction: Literal["events", "smooth"] = "events") -> CompiledBlock:
         """Return the Block as machine code, for fast simulation and sweeps over many runs.

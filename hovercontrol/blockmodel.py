@@ -9,10 +9,11 @@ from typing import Any
 
 import sympy as sp
 
-from hovercontrol.block import Block, Expressions
+from hovercontrol.block import Block
 from hovercontrol.effects import Effect, Shape, effect_class
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.estimators.regression import linear_parameters
+from hovercontrol.expressions import Expressions
 from hovercontrol.signals import Signal, time
 
 

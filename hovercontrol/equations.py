@@ -20,7 +20,9 @@ def text_equations(block: Block) -> str:
         return str(e.replace(sgn, lambda v, w: sp.Function("sgn")(v)))
 
     lines = [f"{name} = {_text(e)}" for name, e in block.definitions.items()]
-    lines += [f"{block.update_text(name)} = {_text(e)}" for name, e in block.derivatives.items()]
+    lines += [f"{block.update_text(name)} = {_text(e)}" for name, e in _changing(block)]
+    for tick in block.ticks:
+        lines += [f"every {tick.period:g} s: next {n} = {_text(e)}" for n, e in tick.updates.items()]
     lines += [f"{name} = {_text(e)}" for name, e in _computed_outputs(block)]
     return "\n".join(lines)
 
@@ -34,14 +36,20 @@ def latex_equations(block: Block) -> str:
 
     mark = "{}^{{+}}" if block.period else r"\dot{{{}}}"
 
-    def line(name: str, e: sp.Expr, marked: bool = False) -> str:
-        left = latex(sp.Symbol(name, real=True))
-        return (mark.format(left) if marked else left) + " &= " + latex(e)
+    def line(name: str, e: sp.Expr, mark: str = "{}", after: str = "") -> str:
+        return mark.format(latex(sp.Symbol(name, real=True))) + " &= " + latex(e) + after
 
     lines = [line(name, e) for name, e in block.definitions.items()]
-    lines += [line(name, e, marked=True) for name, e in block.derivatives.items()]
+    lines += [line(name, e, mark) for name, e in _changing(block)]
+    for tick in block.ticks:
+        after = rf" \quad \text{{every {tick.period:g} s}}"
+        lines += [line(name, e, "{}^{{+}}", after) for name, e in tick.updates.items()]
     lines += [line(name, e) for name, e in _computed_outputs(block)]
     return "\\begin{align*}\n" + " \\\\\n".join(lines) + "\n\\end{align*}"
+
+
+def _changing(block: Block) -> list[tuple[str, sp.Expr]]:
+    return list(block.derivatives.items())[: block.n_continuous]
 
 
 def _computed_outputs(block: Block) -> list[tuple[str, sp.Expr]]:

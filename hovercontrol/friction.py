@@ -10,8 +10,9 @@ from dataclasses import dataclass
 
 import sympy as sp
 
-from hovercontrol.block import Block, Expressions
+from hovercontrol.block import Block
 from hovercontrol.errors import InputError
+from hovercontrol.expressions import Expressions
 from hovercontrol.sgn import sgn
 
 

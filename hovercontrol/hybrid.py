@@ -1,8 +1,7 @@
-"""A continuous Block in a loop with sampled ones: integrated between ticks, which are exactly on time.
+"""A hybrid Block in time: integrated between ticks, which are exactly on time.
 
-At a tick a sampled Block sees the continuous outputs as they are, computes its own, which are held until its
-next tick, and takes its states' next values. Blocks that tick together do so in the order given, so that one
-sees what an earlier one has just told.
+At a tick a sampled Block sees the continuous outputs as they are and what the others tell at that instant,
+computes its own outputs, which are held until its next tick, and takes its states' next values.
 """
 
 from __future__ import annotations
@@ -14,13 +13,10 @@ import control
 import numpy as np
 
 from hovercontrol.block import Block
-from hovercontrol.errors import InputError, did_you_mean
-from hovercontrol.simulation import initial_state, rk4, time_response
+from hovercontrol.errors import InputError
+from hovercontrol.interconnect import interconnect
+from hovercontrol.simulation import initial_state, simulate, time_response
 from hovercontrol.targets.numpy import call_scalar, numpy_functions
-from hovercontrol.ticks import Clock
-
-#: Longest step of the fixed-step solver between ticks [s]: friction of width 0.01 settles in about 7 ms.
-MAX_STEP = 0.0025
 
 #: Most rows that a simulation returns.
 MAX_ROWS = 2_000_000
@@ -91,6 +87,9 @@ def simulate_hybrid(
 ) -> control.TimeResponseData:
     """Simulate a continuous Block with sampled Blocks in the loop, wired by signal name.
 
+    Short for :func:`~hovercontrol.interconnect.interconnect` and :func:`~hovercontrol.simulation.simulate`,
+    with the plant's own names.
+
     Parameters
     ----------
     plant : Block
@@ -132,70 +131,33 @@ def simulate_hybrid(
     """
     blocks = [sampled] if isinstance(sampled, Block) else list(sampled)
     _check(plant, blocks)
-    values = _shared(params or {}, [plant, *blocks])
-    ticking = [Ticking(block, values[block.name]) for block in blocks]
+    whole = interconnect([plant, *blocks], inputs=[])
     step = min(block.period for block in blocks) if step is None else step
     if not (math.isfinite(until) and until > 0 and math.isfinite(step) and step > 0):
         raise InputError(f"simulate_hybrid: until and step must be positive, found {until!r} and {step!r}")
     if until / step > MAX_ROWS:
         raise InputError(f"simulate_hybrid: {until:g} s in steps of {step:g} s are too many rows")
-    clock = Clock([step, until, *(block.period for block in blocks)])
-    periods, every = [clock.count(block.period) for block in blocks], clock.count(step)
-    rhs, see = (numpy_functions(plant).scalar_pair(rows) for rows in ("derivatives", "outputs"))
-    p = plant.parameter_values(values[plant.name])
-    inputs, outputs = [s.name for s in plant.inputs], [s.name for s in plant.outputs]
-    state: Sequence[float] = initial_state(plant, x0).tolist()
-    held = {s.name: s.start for block in blocks for s in block.outputs}
-    rows: list[tuple[float, Sequence[float], list[float], list[float]]] = []
-    now = 0.0
-    for count in clock.instants([step, *(block.period for block in blocks)], until, [until]):
-        u = [held[name] for name in inputs]
-        time = clock.seconds(count)
-        if time > now:
-            steps = math.ceil((time - now) / MAX_STEP - 1e-9)
-            state = rk4(rhs, now, state, u, p, time, steps)
-            now = time
-        for part, period in zip(ticking, periods, strict=True):
-            if count % period == 0:
-                seen = dict(zip(outputs, call_scalar(see, time, state, u, p), strict=True))
-                held |= part.tick(time, {**held, **seen})
-        if count % every == 0:
-            u = [held[name] for name in inputs]
-            rows.append((time, state, u, [*call_scalar(see, time, state, u, p), *held.values()]))
-            if progress is not None:
-                progress(time)
-    times, states, us, seen_rows = (np.array(column, dtype=float) for column in zip(*rows, strict=True))
-    shown = plant.unchecked(outputs=(*plant.outputs, *(s for b in blocks for s in b.outputs)))
-    return time_response(shown, times, seen_rows.T, states.T, us.T)
+    start = {
+        f"{plant.name}.{s.name}": value
+        for s, value in zip(plant.states, initial_state(plant, x0), strict=True)
+    }
+    times = np.array([k * step for k in range(math.floor(until / step * (1 + 1e-12)) + 1)])
+    run = simulate(whole, times, x0=start, params=params, progress=progress)
+    n = len(plant.states)
+    outputs = np.atleast_2d(run.outputs)
+    names = [s.name for s in whole.outputs]
+    driven = np.array([outputs[names.index(s.name)] for s in plant.inputs]).reshape(-1, len(times))
+    shown = plant.unchecked(outputs=whole.outputs)
+    return time_response(shown, times, outputs, np.atleast_2d(run.states)[:n], driven)
 
 
 def _check(plant: Block, blocks: Sequence[Block]) -> None:
     if not blocks:
         raise InputError("simulate_hybrid: expected at least one sampled block")
-    plant.need_continuous("part between ticks")
+    plant.need_continuous("part between ticks", hybrid=False)
     for block in blocks:
         if not block.period:
             raise InputError(
                 f"simulate_hybrid: block {block.name!r} is continuous: by interconnect, join it with the "
                 "plant or, if it has no states, with a sampled block"
             )
-    outputs = [s.name for block in (plant, *blocks) for s in block.outputs]
-    for block in (plant, *blocks):
-        for signal in block.inputs:
-            if signal.name not in outputs:
-                hint = did_you_mean(signal.name, outputs)
-                raise InputError(
-                    f"simulate_hybrid: nothing drives {signal.name!r} of block {block.name!r}{hint}"
-                )
-    for name in outputs:
-        if outputs.count(name) > 1:
-            raise InputError(f"simulate_hybrid: two blocks have an output {name!r}")
-
-
-def _shared(params: Mapping[str, float], blocks: Sequence[Block]) -> dict[str, dict[str, float]]:
-    """Return each Block's own parameter values."""
-    known = [key for block in blocks for key in block.default_parameters]
-    for key in params:
-        if key not in known:
-            raise InputError(f"simulate_hybrid: unknown parameter {key!r}{did_you_mean(key, known)}")
-    return {b.name: {k: v for k, v in params.items() if k in b.default_parameters} for b in blocks}

@@ -3,6 +3,10 @@
 An output drives every input of the same name; inputs that nothing drives become inputs of the whole. In the
 whole, states and parameters carry their Block's name in front (``plant.u``, ``plant.yaw_coulomb``); outputs
 and inputs keep their signal names.
+
+Continuous and sampled Blocks, or sampled ones of different periods, give a hybrid Block: each output of a
+sampled Block becomes a state that holds it (``pilot.rudder_held``), and what the Block does at its ticks one
+:class:`~hovercontrol.block.Tick`.
 """
 
 from __future__ import annotations
@@ -12,9 +16,11 @@ from dataclasses import dataclass, replace
 
 import sympy as sp
 
-from hovercontrol.block import Block, Expressions
+from hovercontrol.block import Block, Tick
 from hovercontrol.errors import InputError, did_you_mean
+from hovercontrol.expressions import Expressions
 from hovercontrol.signals import Signal
+from hovercontrol.tick_order import tick_order
 
 
 def rename(block: Block, signals: Mapping[str, str]) -> Block:
@@ -51,17 +57,12 @@ def rename(block: Block, signals: Mapping[str, str]) -> Block:
     def renamed(group: Iterable[Signal]) -> list[Signal]:
         return [s.but(name=signals.get(s.name, s.name)) for s in group]
 
-    def swapped(expressions: Mapping[str, sp.Expr]) -> Expressions:
-        return Expressions((name, e.xreplace(swap)) for name, e in expressions.items())
-
     outputs = [(signals.get(name, name), e.xreplace(swap)) for name, e in block.output_expressions.items()]
     return replace(
         block,
         inputs=tuple(renamed(block.inputs)),
         outputs=tuple(renamed(block.outputs)),
-        derivatives=swapped(block.derivatives),
-        definitions=swapped(block.definitions),
-        output_expressions=Expressions(outputs),
+        **block.swapped(swap) | {"output_expressions": Expressions(outputs)},
     )
 
 
@@ -88,10 +89,11 @@ def prefix(block: Block, name: str) -> Block:
 
 @dataclass(frozen=True)
 class _Part:
-    """One Block in the whole: its symbols and what each becomes there."""
+    """One Block in the whole: its symbols and what each becomes there; of one that ticks, what it holds."""
 
     block: Block
     own: dict[sp.Symbol, sp.Symbol]
+    held: tuple[Signal, ...] = ()
 
 
 def interconnect(
@@ -106,7 +108,8 @@ def interconnect(
     Parameters
     ----------
     blocks : sequence of Block
-        With different names.
+        With different names; their order does not matter. Where sampled Blocks tick at one instant, each sees
+        what the others tell at that instant.
     name : str, optional
         Name of the whole.
     inputs : sequence of str, optional
@@ -117,13 +120,14 @@ def interconnect(
     Returns
     -------
     Block
+        Sampled if all Blocks that have states tick together, hybrid if some do.
 
     Raises
     ------
     InputError
         If two outputs or two Blocks have one name, units differ along a wire, a wanted signal is not
-        there, an input stays open that `inputs` does not name, Blocks tick at different times, or an
-        algebraic loop closes; the loop is spelled out.
+        there, an input stays open that `inputs` does not name, or an algebraic loop closes; the loop is
+        spelled out.
 
     Examples
     --------
@@ -134,6 +138,15 @@ def interconnect(
     a = -brake.k*cart.v
     cart.v' = a
     v = cart.v
+
+    The same brake on a computer that ticks four times a second:
+
+    >>> sampled = Block("brake", [], [v], [a], [k], brake.derivatives, brake.output_expressions, period=0.25)
+    >>> print(interconnect([cart, sampled], "loop").equations())
+    cart.v' = brake.a_held
+    every 0.25 s: next brake.a_held = -brake.k*cart.v
+    v = cart.v
+    a = brake.a_held
     """
     if isinstance(blocks, Block) or not all(isinstance(b, Block) for b in blocks):
         raise InputError(f"interconnect: expected a sequence of Blocks, found {blocks!r:.80}")
@@ -142,14 +155,18 @@ def interconnect(
     _refuse_clashes(blocks)
     drivers = {s.name: (block, s) for block in blocks for s in block.outputs}
     open_inputs = _open_inputs(blocks, drivers)
+    period = _common_period(blocks)
     _refuse_loops(blocks, drivers)
 
-    parts = [_part(block) for block in blocks]
+    parts = [_part(block, hybrid=period is None) for block in blocks]
     plain = _plain_outputs(parts)
     outside = {sp.Symbol(n, real=True): e for n, e in plain.items()}
     definitions: dict[str, sp.Expr] = {}
     signals: list[Signal] = []
+    states: list[Signal] = []
+    held: list[Signal] = []
     derivatives: dict[str, sp.Expr] = {}
+    ticks: dict[str, list[Tick]] = {}
     for part in parts:
         block, swap = part.block, {**outside, **part.own}
         for signal in block.definition_signals:
@@ -159,12 +176,32 @@ def interconnect(
             if output.name not in plain:
                 signals.append(output)
                 definitions[output.name] = block.output_expressions[output.name].xreplace(swap)
-        for state in block.states:
-            derivatives[part.own[state.symbol].name] = block.derivatives[state.name].xreplace(swap)
+        moved = [_moved(part, s) for s in block.states]
+        if period is None and block.period:
+            held += [*part.held, *moved]
+            derivatives.update({s.name: sp.S.Zero for s in (*part.held, *moved)})
+            tells, takes = (
+                Expressions((s.name, e.xreplace(swap)) for s, e in zip(signals_, group.values(), strict=True))
+                for signals_, group in ((part.held, block.output_expressions), (moved, block.derivatives))
+            )
+            ticks[block.name] = [Tick(block.name, block.period, tells), Tick(block.name, block.period, takes)]
+            continue
+        states += moved[: block.n_continuous]
+        held += moved[block.n_continuous :]
+        for signal, e in zip(moved, block.derivatives.values(), strict=True):
+            derivatives[signal.name] = e.xreplace(swap)
+        ticks[block.name] = [
+            Tick(
+                tick.name,
+                tick.period,
+                Expressions((f"{block.name}.{n}", e.xreplace(swap)) for n, e in tick.updates.items()),
+            )
+            for tick in block.ticks
+        ]
     shown = _chosen({n: s for n, (_, s) in drivers.items()}, outputs, "output")
     return Block(
         name=name,
-        states=tuple(_moved(part, s) for part in parts for s in part.block.states),
+        states=(*states, *held),
         inputs=tuple(_chosen(open_inputs, inputs, "input", strict=True)),
         outputs=tuple(shown),
         parameters=tuple(_moved(part, s) for part in parts for s in part.block.parameters),
@@ -172,44 +209,62 @@ def interconnect(
         output_expressions=Expressions((s.name, plain[s.name]) for s in shown if s.name in plain),
         definitions=Expressions(definitions),
         definition_signals=tuple(signals),
-        period=_common_period(blocks),
+        period=period or 0.0,
+        ticks=tuple(_in_order(blocks, drivers, ticks)) if period is None else (),
     )
 
 
-def _common_period(blocks: Sequence[Block]) -> float:
-    """Return the period of the whole; Blocks without states tick with those that are sampled."""
-    sampled = {block.period: block for block in blocks if block.period}
-    if not sampled:
-        return 0.0
-    period, first = next(iter(sampled.items()))
-    for block in (*sampled.values(), *(b for b in blocks if b.states)):
-        if block.period != period:
-            other = f"every {block.period:g} s" if block.period else "not at all"
-            raise InputError(
-                f"interconnect: block {first.name!r} ticks every {period:g} s and {block.name!r} {other}: "
-                "simulate_hybrid runs them together"
-            )
-    return period
+def _in_order(
+    blocks: Sequence[Block],
+    drivers: Mapping[str, tuple[Block, Signal]],
+    ticks: Mapping[str, Sequence[Tick]],
+) -> list[Tick]:
+    """Return all ticks in order; what a Block tells and its next states are one tick where they can be."""
+    first: list[Tick] = []
+    last: list[Tick] = []
+    for block, late in tick_order(blocks, {name: driver for name, (driver, _) in drivers.items()}):
+        if block.ticks:
+            first += ticks[block.name]
+            continue
+        tells, takes = ticks[block.name]
+        if late:
+            first.append(tells)
+            last.append(takes)
+        else:
+            first.append(replace(tells, updates=Expressions({**tells.updates, **takes.updates})))
+    return [tick for tick in (*first, *last) if tick.updates]
+
+
+def _common_period(blocks: Sequence[Block]) -> float | None:
+    """Return the period of the whole, None of a hybrid one; Blocks without states tick with the others."""
+    periods = {block.period for block in blocks if block.period or block.states}
+    if len(periods) > 1 or any(block.ticks for block in blocks):
+        return None
+    return periods.pop() if periods else 0.0
 
 
 def _plain_outputs(parts: Sequence[_Part]) -> dict[str, sp.Expr]:
-    """Return the outputs that are just a state or a definition of their Block: they need no own line."""
-    return {
-        name: part.own[e]
-        for part in parts
-        for name, e in part.block.output_expressions.items()
-        if e in part.own
-    }
+    """Return the outputs that are just a state or a definition: they need no own line."""
+    found = {}
+    for part in parts:
+        outputs = part.block.output_expressions
+        if part.held:
+            found.update({name: s.symbol for name, s in zip(outputs, part.held, strict=True)})
+        else:
+            found.update({name: part.own[e] for name, e in outputs.items() if e in part.own})
+    return found
 
 
-def _part(block: Block) -> _Part:
+def _part(block: Block, hybrid: bool) -> _Part:
     local = [*block.states, *block.parameters, *block.definition_signals]
+    holds = block.outputs if hybrid and block.period else ()
     return _Part(
         block,
         {
             s.symbol: sp.Symbol(f"{block.name}.{s.name}" if _is_local(block, s) else s.name, real=True)
             for s in local
         },
+        tuple(s.but(name=f"{block.name}.{s.name}_held") for s in holds),
     )
 
 

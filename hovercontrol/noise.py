@@ -98,7 +98,7 @@ def random_numbers(
         raise InputError(f"random_numbers: kind must be 'normal' or 'uniform', found {kind!r}")
     if not (isinstance(seed, int) and 0 <= seed <= LARGEST_SEED):
         raise InputError(f"random_numbers: a seed is a whole number from 0 to {LARGEST_SEED}, found {seed!r}")
-    key = Signal("seed", "1", "of the random numbers", start=float(seed), lower=0.0, upper=float(LARGEST_SEED))
+    key = Signal("seed", "1", "of the random numbers", start=seed, lower=0.0, upper=LARGEST_SEED)
     states = tuple(
         Signal(f"{prefix}_{row}{k}", "1", "of the random number generator") for row in "pq" for k in range(3)
     )
@@ -114,7 +114,8 @@ def random_numbers(
         p = define(f"p_next{k}", _rest(A12 * now[1] - A13 * now[0], M1, define, f"p{k}"))
         q = define(f"q_next{k}", _rest(A21 * now[5] - A23 * now[3], M2, define, f"q{k}"))
         now = [now[1], now[2], p, now[4], now[5], q]
-        uniform.append(define(f"uniform{k}", sp.Piecewise((p - q, p > q), (p - q + M1, True)) / (M1 + 1)))
+        apart = define(f"difference{k}", sp.Piecewise((p - q, p > q), (p - q + M1, True)))
+        uniform.append(define(f"uniform{k}", apart / (M1 + 1)))
     values = uniform
     if kind == "normal":
         values = []

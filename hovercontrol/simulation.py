@@ -7,7 +7,7 @@ holds until the next (or is interpolated, if asked for), and the solver restarts
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from itertools import pairwise
 from typing import Any, Literal
 
@@ -19,7 +19,8 @@ from scipy.integrate import solve_ivp
 from hovercontrol.block import Block
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.switching import longest_step
-from hovercontrol.targets.numpy import FunctionPair, call_scalar, numpy_functions
+from hovercontrol.targets.numpy import call_scalar, numpy_functions
+from hovercontrol.targets.ticking import run_hybrid
 
 Array = NDArray[np.float64]
 
@@ -60,6 +61,7 @@ def simulate(
     method, rtol, atol, max_step
         As for :func:`scipy.integrate.solve_ivp`. Where the Block switches by the clock (waypoints, pulses),
         steps are at most half as long as the shortest time between two switches: none is stepped over.
+        A hybrid Block goes from tick to tick in Runge-Kutta steps of at most `max_step` and 2.5 ms.
     progress : callable, optional
         Called now and then with the time reached.
 
@@ -91,6 +93,12 @@ def simulate(
         raise InputError(f"unknown method {method!r}{did_you_mean(str(method), METHODS)}")
     if hold not in ("zero", "linear"):
         raise InputError(f"hold must be 'zero' or 'linear', found {hold!r}")
+    if block.ticks:
+        if hold != "zero":
+            raise InputError(f"block {block.name!r}: the inputs of a hybrid block hold, found hold={hold!r}")
+        states = run_hybrid(block, times, u, x, p, longest=max_step, progress=progress)
+        outputs = numpy_functions(block).outputs(times, states, u, params)
+        return time_response(block, times, outputs, states, u)
     states = np.empty((len(block.states), len(times)))
     states[:, 0] = x
     rhs = numpy_functions(block).scalar_pair("derivatives")
@@ -151,51 +159,9 @@ def time_response(
     )
 
 
-def rk4(
-    rhs: FunctionPair,
-    t: float,
-    x: Sequence[float],
-    u: Sequence[float],
-    p: Sequence[float],
-    until: float,
-    steps: int,
-) -> list[float]:
-    """Integrate with inputs held, by the classical Runge-Kutta method in equal steps.
-
-    Parameters
-    ----------
-    rhs : pair of functions
-        As ``block.to_numpy().scalar_pair("derivatives")`` gives it.
-    t, until : float
-        From and to [s].
-    x, u, p : sequence of float
-        State at t, inputs, parameter values in order.
-    steps : int
-        How many equal steps.
-
-    Returns
-    -------
-    list of float
-        State at `until`.
-    """
-    h = (until - t) / steps
-    state = list(x)
-    for k in range(steps):
-        now = t + k * h
-        k1 = call_scalar(rhs, now, state, u, p)
-        k2 = call_scalar(rhs, now + h / 2, [a + h / 2 * b for a, b in zip(state, k1, strict=True)], u, p)
-        k3 = call_scalar(rhs, now + h / 2, [a + h / 2 * b for a, b in zip(state, k2, strict=True)], u, p)
-        k4 = call_scalar(rhs, now + h, [a + h * b for a, b in zip(state, k3, strict=True)], u, p)
-        state = [
-            a + h / 6 * (b1 + 2 * (b2 + b3) + b4)
-            for a, b1, b2, b3, b4 in zip(state, k1, k2, k3, k4, strict=True)
-        ]
-    return state
-
-
 def checked_times(time: ArrayLike) -> Array:
     """Return a time grid, shape (n,); refuse what does not increase."""
-    times = np.asarray(time, dtype=float)
+    times = np.ascontiguousarray(time, dtype=float)  # C reads it
     if times.ndim != 1 or len(times) < 2 or not np.isfinite(times).all() or (np.diff(times) <= 0).any():
         raise InputError("time must be two or more finite, increasing numbers")
     return times

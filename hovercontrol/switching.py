@@ -64,7 +64,7 @@ def switching_conditions(block: Block) -> tuple[tuple[sp.Expr, sp.Expr], ...]:
         *block.definitions.values(),
         *block.derivatives.values(),
         *block.output_expressions.values(),
-    ]
+    ]  # ticks look at time when they are due
     curves = {r.lhs - r.rhs for e in expressions for r in e.atoms(Relational)}
     curves |= {h.args[0] for e in expressions for h in e.atoms(sp.Heaviside)}
     found = []

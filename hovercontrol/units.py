@@ -15,6 +15,7 @@ from sympy.core.relational import Relational
 from sympy.logic.boolalg import Boolean, BooleanAtom
 
 from hovercontrol.errors import InputError
+from hovercontrol.lookup import entry
 from hovercontrol.sgn import sgn
 
 BASE = ("kg", "m", "s", "A", "K", "mol", "cd")  #: SI base units, in FMI's order (``rad`` apart)
@@ -207,6 +208,9 @@ class DimensionChecker:
             return DIMENSIONLESS
         if isinstance(e, sp.sign):
             self(e.args[0])
+            return DIMENSIONLESS
+        if isinstance(e, entry):
+            self._need_dimensionless(e, e.args[:1])
             return DIMENSIONLESS
         if isinstance(e, KNOWN_FUNCTIONS):
             self._need_dimensionless(e, e.args)

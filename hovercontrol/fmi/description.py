@@ -217,23 +217,24 @@ def _structure(parent: Element, interface: Interface, version: Version) -> None:
     computed = {v.reference for v in interface.variables if v.initial == "calculated"}
     unknowns = (*structure.derivatives, *structure.outputs)
     initial = [_at_initialization(u) for u in unknowns if u.reference in computed]
+    held = set(interface.held.values())
     lists: dict[str, Iterable[Unknown]]
     if version == 3:
         lists = {
-            "Output": structure.outputs,
-            "ContinuousStateDerivative": structure.derivatives,
+            "Output": [_without(u, held) for u in structure.outputs],
+            "ContinuousStateDerivative": [_without(u, held) for u in structure.derivatives],
             "InitialUnknown": initial,
-            "EventIndicator": structure.events,
+            "EventIndicator": [_without(u, held) for u in structure.events],
         }
         for name, found in lists.items():
             for u in found:
                 SubElement(parent, name, {"valueReference": str(u.reference)} | _knowns(u, {}))
         return
     index = {v.reference: k for k, v in enumerate((v for v in interface.variables if v.kind != "event"), 1)}
-    parameters = {v.reference for v in interface.of("parameter")}
+    others = held | {v.reference for v in interface.of("parameter")}
     lists = {
-        "Outputs": [_without(u, parameters) for u in structure.outputs],
-        "Derivatives": [_without(u, parameters) for u in structure.derivatives],
+        "Outputs": [_without(u, others) for u in structure.outputs],
+        "Derivatives": [_without(u, others) for u in structure.derivatives],
         "InitialUnknowns": sorted(initial, key=lambda u: u.reference),
     }
     for name, found in lists.items():

@@ -15,7 +15,7 @@ from hovercontrol.targets.compiler import generated
 
 Version = Literal[2, 3]
 
-_RUNTIME = ("hc_component.c", "hc_solver.c", "hc_events.c", "hc_friction.c")
+_RUNTIME = ("hc_component.c", "hc_solver.c", "hc_events.c", "hc_friction.c", "hc_ticks.c")
 
 
 def fmu_sources(interface: Interface, version: Version, rtol: float, atol: float) -> dict[str, str]:

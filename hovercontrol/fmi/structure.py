@@ -38,7 +38,7 @@ class Structure:
     Attributes
     ----------
     outputs, derivatives, events : tuple of Unknown
-        Knowns are time, states, inputs and parameters.
+        Knowns are time, states (those that ticks set at initialization only), inputs and parameters.
     """
 
     def __init__(self, interface: Interface) -> None:
@@ -63,6 +63,7 @@ class Structure:
         self.derivatives = tuple(
             unknown(interface.first("derivative") + k, _form(e, defined), name in velocities)
             for k, (name, e) in enumerate(block.derivatives.items())
+            if name not in interface.held
         )
         self.outputs = tuple(
             unknown(v.reference, _form(e, defined))

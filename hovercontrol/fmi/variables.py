@@ -1,7 +1,8 @@
 """The variables of an FMU: one table from which descriptions, C tables and documentation are made.
 
 Value references are the same in FMI 2 and 3, in this order: time; states; derivatives; inputs; parameters;
-outputs; event indicators; friction modes (``hc_component.c`` counts them the same way).
+outputs; event indicators; friction modes (``hc_component.c`` counts them the same way). States that ticks set
+come last among the states and have no derivative, though a reference is kept for one.
 """
 
 from __future__ import annotations
@@ -88,6 +89,12 @@ class Interface:
         return self._first[order.index(kind)]
 
     @cached_property
+    def held(self) -> dict[str, int]:
+        """States that ticks set, with their value references."""
+        n = self.block.n_continuous
+        return {s.name: self.first("state") + n + k for k, s in enumerate(self.block.states[n:])}
+
+    @cached_property
     def merged(self) -> dict[str, int]:
         """Outputs that are states of the same name, with the state's value reference."""
         states = {s.name: self.first("state") + k for k, s in enumerate(self.block.states)}
@@ -120,8 +127,10 @@ class Interface:
         )
         for k, s in enumerate(block.states, self.first("state")):
             causality = "output" if s.name in self.merged else "local"
-            yield self._known(k, "state", names[s.name], s, causality, reinit=s.name in velocities)
-        for k, s in enumerate(block.states):
+            held = s.name in self.held
+            variability = "discrete" if held else "continuous"
+            yield self._known(k, "state", names[s.name], s, causality, variability, s.name in velocities)
+        for k, s in enumerate(block.states[: block.n_continuous]):
             reference = self.first("derivative") + k
             text = f"time derivative of {names[s.name]}"
             unit = fmi_unit(s.unit, per_second=True)
@@ -131,7 +140,7 @@ class Interface:
         for k, s in enumerate(block.inputs, self.first("input")):
             yield self._known(k, "input", names[s.name], s, "input")
         for k, (key, s) in enumerate(zip(keys, block.parameters, strict=True), self.first("parameter")):
-            yield self._known(k, "parameter", key, s, "parameter")
+            yield self._known(k, "parameter", key, s, "parameter", "tunable")
         for k, s in enumerate(block.outputs, self.first("output")):
             if s.name not in self.merged:
                 name = self._name(s.name, "out")
@@ -149,11 +158,17 @@ class Interface:
             yield Variable(k, "mode", name, *of_mode, lower=-1.0, upper=1.0)
 
     def _known(
-        self, reference: int, kind: Kind, name: str, s: Signal, causality: str, reinit: bool = False
+        self,
+        reference: int,
+        kind: Kind,
+        name: str,
+        s: Signal,
+        causality: str,
+        variability: str = "continuous",
+        reinit: bool = False,
     ) -> Variable:
         if not math.isfinite(s.start):
             raise InputError(f"block {self.block.name!r}: {s.name} starts at {s.start:g}, FMI wants a number")
-        variability = "tunable" if kind == "parameter" else "continuous"
         return Variable(
             reference,
             kind,

@@ -206,7 +206,7 @@ static hc_component *allocate(const hc_log_type *log, int kind, const char *name
     const size_t real = (size_t)(1 + 2 * n + m->n_inputs + m->n_parameters + m->n_outputs + k);
     const size_t work = (size_t)(2 * k + m->n_partials + known + n + m->n_outputs);
     hc_component *c = calloc(1, sizeof *c);
-    double *block = calloc(real + work, sizeof *block);
+    double *block = calloc(real + work + hc_ticks_size(m), sizeof *block);
     if (!c || !block) {
         free(c);
         free(block);
@@ -228,6 +228,7 @@ static hc_component *allocate(const hc_log_type *log, int kind, const char *name
     c->partial = take(&block, m->n_partials);
     c->seed = take(&block, known);
     c->product = take(&block, n + m->n_outputs);
+    hc_ticks_place(&c->ticks, m, block);
     c->mode = calloc(2 * (size_t)k + 1, sizeof *c->mode);
     c->name = malloc(strlen(name) + 1);
     if (kind == HC_CO_SIMULATION) {
@@ -397,12 +398,34 @@ static int check_finite(hc_component *c, unsigned vr)
     return hc_discard(c, "%s is not finite at time %.17g", called(c, vr, text), c->value[0]);
 }
 
+static int fail_ticks(hc_component *c)
+{
+    return hc_fail(c, "what ticks at time %.17g set is not finite", c->value[0]);
+}
+
+/* Hand the solver what was set; ticks of this time are taken, or taken again. */
+static int tell_solver(hc_component *c)
+{
+    hc_solver *s = c->solver;
+    const int goes_on = c->model->n_ticks > 0 && s->started && s->t == c->value[0];
+    const int status = hc_solver_set(s, c->value[0], goes_on ? NULL : c->x, c->u, c->p);
+    c->changed = c->event = 0;
+    if (c->model->n_ticks > 0) {
+        c->valid = 0;
+        read_states(c);
+    }
+    return status;
+}
+
 int hc_exit_initialization(hc_component *c)
 {
     if (find_modes(c) != HC_OK)
         return hc_fail(c, "the forces at the start are not finite");
     c->updated = 0;
     c->changed = 1;
+    hc_ticks_start(&c->ticks, c->value[0]);
+    if (c->model->n_ticks > 0 && c->solver && tell_solver(c) != HC_OK)
+        return fail_ticks(c);
     if (c->kind == HC_MODEL_EXCHANGE || c->event_mode_used)
         c->state = HC_EVENT;
     else
@@ -617,7 +640,7 @@ static int check_length(hc_component *c, const void *values, size_t n, size_t ex
 
 int hc_set_states(hc_component *c, const double *x, size_t n)
 {
-    if (check_length(c, x, n, (size_t)c->model->n_states, "continuous states"))
+    if (check_length(c, x, n, hc_n_continuous(c), "continuous states"))
         return HC_ERROR;
     for (size_t i = 0; i < n; i++)
         if (!hc_is_finite(x[i]))
@@ -632,7 +655,8 @@ int hc_get_part(hc_component *c, int part, double *into, size_t n)
     static const char *const words[] = {"", "continuous states", "derivatives", "", "", "", "event indicators"};
     const unsigned first = c->first[part];
     int status = HC_DONE;
-    if (check_length(c, into, n, c->first[part + 1] - first, words[part]))
+    const size_t held = part == HC_STATES || part == HC_DERIVATIVES ? (size_t)c->model->n_held : 0;
+    if (check_length(c, into, n, c->first[part + 1] - first - held, words[part]))
         return HC_ERROR;
     evaluate(c, part);
     for (unsigned i = 0; i < n && status == HC_DONE; i++)
@@ -644,7 +668,7 @@ int hc_get_part(hc_component *c, int part, double *into, size_t n)
 
 int hc_get_nominals(hc_component *c, double *into, size_t n)
 {
-    if (check_length(c, into, n, (size_t)c->model->n_states, "continuous states"))
+    if (check_length(c, into, n, hc_n_continuous(c), "continuous states"))
         return HC_ERROR;
     if (n > 0)
         memcpy(into, hc_description.nominal, n * sizeof *into);
@@ -732,19 +756,38 @@ static int update_modes(hc_component *c, int *states_changed)
     return HC_DONE;
 }
 
+/* Take the ticks that are due, or those of this time again, with what was set since. */
+static int update_ticks(hc_component *c)
+{
+    const hc_model_type *m = c->model;
+    const double t = c->value[0];
+    if (hc_ticks_due(&c->ticks, t))
+        hc_ticks_take(&c->ticks, t, c->x, c->u, c->p, c->mode);
+    else if (c->ticks.ticked && c->ticks.at == t)
+        hc_ticks_again(&c->ticks, t, c->x, c->u, c->p, c->mode);
+    for (int i = m->n_states - m->n_held; i < m->n_states; i++)
+        if (!hc_is_finite(c->x[i]))
+            return fail_ticks(c);
+    return HC_DONE;
+}
+
 int hc_update_discrete_states(hc_component *c, int *states_changed, double *next)
 {
     int status = HC_DONE;
     *states_changed = 0;
     look_for_switch(c);
     if (c->kind == HC_MODEL_EXCHANGE) {
-        status = update_modes(c, states_changed);
+        status = update_ticks(c);
+        if (status == HC_DONE)
+            status = update_modes(c, states_changed);
         c->changed = 0;
         c->valid = VALID_STATES | VALID_MODES;
     } else {
         invalidate(c);
+        if (c->changed && c->model->n_ticks > 0 && tell_solver(c) != HC_OK)
+            status = fail_ticks(c);
     }
-    *next = c->next_switch;
+    *next = c->ticks.next < c->next_switch ? c->ticks.next : c->next_switch;
     c->updated = 1;
     return status;
 }
@@ -755,6 +798,8 @@ int hc_leave_event_mode(hc_component *c, unsigned state)
         return hc_fail(c, "the discrete states must be updated first");
     if (c->kind == HC_MODEL_EXCHANGE && c->changed) { /* set after that */
         look_for_switch(c);
+        if (c->model->n_ticks > 0 && update_ticks(c) != HC_DONE)
+            return HC_ERROR;
         if (c->model->n_friction > 0)
             hc_friction_modes(c->model, model_time(c), c->x, c->u, c->p, c->mode, c->a, c->b);
         c->changed = 0;
@@ -820,10 +865,9 @@ int hc_do_step(hc_component *c, double time, double length, int *event, int *ear
     c->changed_before = c->changed;
     if (c->changed) {
         read_states(c);
-        status = hc_solver_set(s, c->value[0], c->x, c->u, c->p);
+        status = tell_solver(c);
         if (status != HC_OK)
             return fail_step(c, status);
-        c->changed = c->event = 0;
     }
     for (long steps = 0;; steps++) {
         if (c->event && s->t <= end) {
@@ -842,6 +886,8 @@ int hc_do_step(hc_component *c, double time, double length, int *event, int *ear
         if (steps > MAX_STEPS)
             return fail_step(c, HC_TOO_MANY_STEPS);
         const long events = s->counts[HC_EVENTS];
+        if (hc_ticks_due(&s->ticks, end) && !hc_ticks_before(&s->ticks, end))
+            stop = end; /* ticks of that time see inputs that are set then */
         status = hc_solver_step(s, stop);
         c->event = s->counts[HC_EVENTS] != events || s->t >= s->next_switch;
         if (status != HC_OK && s->t > end) { /* what failed may never come: begin the next step anew */
@@ -879,15 +925,17 @@ static void copy(double *own, int n, double **buffer, int load)
     *buffer += n;
 }
 
-enum { N_NUMBERS = 6, N_WHOLE = 7 };
+enum { N_NUMBERS = 8, N_WHOLE = 8 };
 
 /* Copy all that the instance knows to the buffer, or from it. */
 static void transfer(hc_component *c, double *buffer, int load)
 {
     const hc_model_type *m = c->model;
     double *const numbers[N_NUMBERS] = {&c->earliest,   &c->latest,    &c->next_switch,
-                                        &c->start_time, &c->stop_time, &c->rtol};
-    double whole[N_WHOLE] = {c->kind, c->state, c->valid, c->updated, c->changed, c->changed_before, c->event};
+                                        &c->start_time, &c->stop_time, &c->rtol,
+                                        &c->ticks.next, &c->ticks.at};
+    double whole[N_WHOLE] = {c->kind,    c->state,          c->valid, c->updated,
+                             c->changed, c->changed_before, c->event, c->ticks.ticked};
     copy(whole, N_WHOLE, &buffer, load);
     for (int i = 0; i < N_NUMBERS; i++)
         copy(numbers[i], 1, &buffer, load);
@@ -895,6 +943,7 @@ static void transfer(hc_component *c, double *buffer, int load)
     copy(c->x, m->n_states, &buffer, load);
     copy(c->u, m->n_inputs, &buffer, load);
     copy(c->p, m->n_parameters, &buffer, load);
+    copy(c->ticks.due, (int)hc_ticks_size(m), &buffer, load);
     for (int k = 0; k < m->n_friction; k++) {
         double mode = c->mode[k];
         copy(&mode, 1, &buffer, load);
@@ -907,6 +956,7 @@ static void transfer(hc_component *c, double *buffer, int load)
         c->changed = (int)whole[4];
         c->changed_before = (int)whole[5];
         c->event = (int)whole[6];
+        c->ticks.ticked = (int)whole[7];
         if (c->solver)
             hc_solver_load(c->solver, buffer);
     } else if (c->solver) {
@@ -918,6 +968,7 @@ static size_t count_state(const hc_component *c)
 {
     const hc_model_type *m = c->model;
     return N_WHOLE + N_NUMBERS + 1 + (size_t)(m->n_states + m->n_inputs + m->n_parameters + m->n_friction) +
+           hc_ticks_size(m) +
            (c->solver ? hc_solver_size(c->solver) : 0);
 }
 

@@ -16,6 +16,7 @@
 
 #include "hc_description.h"
 #include "hc_solver.h"
+#include "hc_ticks.h"
 
 enum { HC_DONE = 0, HC_WARNING = 1, HC_DISCARD = 2, HC_ERROR = 3 }; /* as FMI 2 and FMI 3 number them */
 
@@ -60,12 +61,19 @@ typedef struct {
     double rtol;
     int updated; /* discrete states were updated in this Event Mode */
 
+    hc_ticks ticks;    /* Model Exchange only: the solver has its own */
     hc_solver *solver; /* Co-Simulation only */
     int changed;       /* values were set since the solver got them */
     int changed_before; /* likewise at the last step */
     int event;         /* the solver's last step ended at an event */
     double *initial;   /* the state of a new instance */
 } hc_component;
+
+/* States that move between ticks; those that are held come after them. */
+static inline size_t hc_n_continuous(const hc_component *c)
+{
+    return (size_t)(c->model->n_states - c->model->n_held);
+}
 
 /* ---- life ---- */
 

@@ -521,7 +521,7 @@ fmi3Status FMI3(GetNumberOfContinuousStates)(HC_ARGUMENTS, size_t *n)
 {
     ENTER_ME(GetNumberOfContinuousStates, ANY);
     NOT_NULL(n);
-    *n = (size_t)c->model->n_states;
+    *n = hc_n_continuous(c);
     return fmi3OK;
 }
 

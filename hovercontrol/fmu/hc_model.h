@@ -14,7 +14,7 @@
 typedef struct {
     int n_states, n_inputs, n_parameters, n_outputs, n_friction;
     const int *friction_state;
-    /* dx = derivatives; a sticking velocity has dx = 0 */
+    /* dx = derivatives, not of held states; a sticking velocity has dx = 0 */
     void (*derivatives)(double t, const double *x, const double *u, const double *p, const int *mode, double *dx);
     void (*outputs)(double t, const double *x, const double *u, const double *p, const int *mode, double *y);
     /* a[k], b[k] of every dry friction as above (the other frictions in their modes) */
@@ -27,6 +27,13 @@ typedef struct {
     void (*partials)(double t, const double *x, const double *u, const double *p, const int *mode, double *value);
     /* the first time after t at which a condition on time changes; DBL_MAX: never. May be NULL: never. */
     double (*next_switch)(double t, const double *p);
+    /* A hybrid model: the last n_held states hold their values between ticks and have no derivative. Tick k is due at
+     * every multiple of tick_period[k] / fractions seconds, both whole numbers below 2^53; ticks that are due together
+     * are taken in their order. tick writes what it sets to next, which has the held states, and leaves the others. */
+    int n_held, n_ticks;
+    const double *tick_period;
+    double fractions;
+    void (*tick)(int k, double t, const double *x, const double *u, const double *p, const int *mode, double *next);
 } hc_model_type;
 
 extern const hc_model_type hc_model;

@@ -110,7 +110,7 @@ static int open_run(hc_run *run, const hc_model_type *model, const hc_part *part
     run->x = malloc(((size_t)model->n_states + 1) * sizeof *run->x);
     if (!run->solver || !run->x)
         return HC_NO_MEMORY;
-    run->solver->n_mean = n_all(model, part);
+    run->solver->n_mean = n_all(model, part) - model->n_held;
     return HC_OK;
 }
 
@@ -145,6 +145,23 @@ int hc_simulate(const hc_model_type *model, const hc_options *options, const dou
                 double *x, const double *u, const double *p, double *states, double *outputs, double *reached)
 {
     return hc_simulate_part(model, NULL, options, times, n_times, x, u, p, states, outputs, reached);
+}
+
+int hc_advance(const hc_model_type *model, const hc_options *options, double t, double until, double *x,
+               const double *u, const double *p)
+{
+    hc_solver *solver = hc_solver_new(model, options);
+    int status;
+    if (!solver)
+        return HC_NO_MEMORY;
+    if (until > t)
+        solver->quiet_from = until;
+    status = hc_solver_set(solver, t, x, u, p);
+    if (status == HC_OK)
+        status = hc_solver_advance(solver, until);
+    memcpy(x, hc_solver_states(solver), (size_t)model->n_states * sizeof *x);
+    hc_solver_free(solver);
+    return status;
 }
 
 /* ---- sweeps ---- */

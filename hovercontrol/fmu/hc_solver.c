@@ -26,7 +26,7 @@ hc_solver *hc_solver_new(const hc_model_type *model, const hc_options *options)
 {
     const int n = model->n_states, m = model->n_friction;
     const size_t doubles = 16 * ((size_t)n + 8) + ((size_t)model->n_inputs + 8) + ((size_t)model->n_parameters + 8) +
-                           2 * ((size_t)HC_SAMPLES * (size_t)m + 8) + ((size_t)m + 8);
+                           2 * ((size_t)HC_SAMPLES * (size_t)m + 8) + ((size_t)m + 8) + hc_ticks_size(model);
     hc_solver *s = calloc(1, sizeof *s);
     double *block = calloc(doubles, sizeof *block);
     int *modes = calloc(2 * (size_t)m + 1, sizeof *modes);
@@ -37,7 +37,8 @@ hc_solver *hc_solver_new(const hc_model_type *model, const hc_options *options)
         return NULL;
     }
     s->model = model;
-    s->n = s->n_mean = n;
+    s->n = s->n_mean = n - model->n_held;
+    s->n_held = model->n_held;
     s->n_friction = m;
     s->method = options->method;
     s->longest = options->step > 0 ? options->step : DBL_MAX;
@@ -57,11 +58,12 @@ hc_solver *hc_solver_new(const hc_model_type *model, const hc_options *options)
     s->a = take(&block, HC_SAMPLES * m);
     s->b = take(&block, HC_SAMPLES * m);
     s->theta = take(&block, m);
+    hc_ticks_place(&s->ticks, model, block);
     s->mode = modes;
     s->mode0 = modes + m;
     hc_solver_tolerance(s, options->rtol, options->atol, options->nominal);
     s->t_event = -DBL_MAX;
-    s->next_switch = DBL_MAX;
+    s->next_switch = s->quiet_from = DBL_MAX;
     return s;
 }
 
@@ -245,16 +247,20 @@ void hc_interpolate(const hc_solver *s, double theta, double *restrict x)
 const int *hc_solver_inside(hc_solver *s, double t, double *x)
 {
     if (t >= s->t || s->length == 0.0) {
-        memcpy(x, s->x, (size_t)s->n * sizeof *x);
+        memcpy(x, s->x, (size_t)(s->n + s->n_held) * sizeof *x);
         return s->mode;
     }
-    if (!s->fresh && !s->has_dense) { /* RK4, which leaves f open */
-        hc_right_hand_side(s, s->t, s->x, s->f);
-        s->fresh = 1;
+    if (!s->has_dense && s->f_open) { /* as it was before the ticks at the end of the step */
+        memcpy(s->stage, s->x, (size_t)s->n * sizeof *x);
+        hc_ticks_hold(s->model, s->stage, s->x0);
+        hc_right_hand_side(s, s->t, s->stage, s->f);
+        s->f_open = 0;
+        s->fresh = !s->ticks.ticked;
     }
     if (!s->has_dense)
         hc_make_dense(s);
     hc_interpolate(s, (t - s->t0) / s->length, x);
+    hc_ticks_hold(s->model, x, s->x0);
     return s->mode0;
 }
 
@@ -386,6 +392,46 @@ static void look_for_switch(hc_solver *s)
     s->latest = next < DBL_MAX ? next - room * fabs(next) : DBL_MAX;
 }
 
+static int find_modes(hc_solver *s)
+{
+    for (int k = 0; k < s->n_friction; k++) {
+        const double v = s->x[s->model->friction_state[k]];
+        s->mode[k] = v > 0.0 ? 1 : v < 0.0 ? -1 : 0;
+    }
+    if (s->n_friction == 0)
+        return HC_OK;
+    return hc_friction_modes(s->model, hc_model_time(s, s->t), s->x, s->u, s->p, s->mode, s->a, s->b);
+}
+
+/* What follows when held states have jumped. */
+static int after_ticks(hc_solver *s)
+{
+    s->fresh = 0;
+    if (!all_finite(s->n_held, s->x + s->n))
+        return HC_NOT_FINITE;
+    return find_modes(s);
+}
+
+static int pass_ticks(hc_solver *s)
+{
+    s->ticks.ticked = 0;
+    if (!hc_ticks_due(&s->ticks, s->t) || s->t >= s->quiet_from)
+        return HC_OK;
+    hc_ticks_take(&s->ticks, s->t, s->x, s->u, s->p, s->mode);
+    return after_ticks(s);
+}
+
+/* Between ticks nothing moves. */
+static int step_over(hc_solver *s, double stop)
+{
+    hc_ticks_hold(s->model, s->x0, s->x);
+    s->t0 = s->t;
+    s->length = stop - s->t;
+    s->t = stop;
+    s->f_open = s->has_dense = 0;
+    return pass_ticks(s);
+}
+
 int hc_solver_step(hc_solver *s, double stop)
 {
     int status;
@@ -397,10 +443,11 @@ int hc_solver_step(hc_solver *s, double stop)
     }
     if (stop > s->next_switch)
         stop = s->next_switch;
-    if (s->n == 0) {
-        s->t = stop;
-        return HC_OK;
-    }
+    if (hc_ticks_before(&s->ticks, stop))
+        stop = s->ticks.next;
+    if (s->n == 0)
+        return step_over(s, stop);
+    hc_ticks_hold(s->model, s->stage, s->x);
     if (!s->fresh) {
         hc_right_hand_side(s, s->t, s->x, s->f);
         if (!all_finite(s->n, s->f))
@@ -412,6 +459,7 @@ int hc_solver_step(hc_solver *s, double stop)
     s->t0 = s->t;
     swap(&s->x, &s->x0);
     swap(&s->f, &s->f0);
+    hc_ticks_hold(s->model, s->x, s->x0);
     s->cubic = 0;
     if (short_step(s, stop))
         status = HC_OK;
@@ -426,11 +474,12 @@ int hc_solver_step(hc_solver *s, double stop)
     s->counts[HC_ACCEPTED]++;
     s->t = s->length == stop - s->t0 ? stop : s->t0 + s->length;
     s->fresh = s->method == HC_DORMAND_PRINCE || s->n_friction > 0;
+    s->f_open = !s->fresh;
     if (s->n_friction > 0) {
         memcpy(s->mode0, s->mode, (size_t)s->n_friction * sizeof *s->mode);
-        return hc_pass_events(s);
+        status = hc_pass_events(s);
     }
-    return HC_OK;
+    return status == HC_OK ? pass_ticks(s) : status;
 }
 
 /* ---- what users call ---- */
@@ -445,23 +494,32 @@ void hc_solver_restart(hc_solver *s)
 
 int hc_solver_set(hc_solver *s, double t, const double *x, const double *u, const double *p)
 {
+    const int anew = x || t != s->t || !s->started;
+    int status;
     s->t = t;
     if (x)
-        memcpy(s->x, x, (size_t)s->n * sizeof *x);
+        memcpy(s->x, x, (size_t)(s->n + s->n_held) * sizeof *x);
     if (u)
         memcpy(s->u, u, (size_t)s->model->n_inputs * sizeof *u);
     if (p)
         memcpy(s->p, p, (size_t)s->model->n_parameters * sizeof *p);
+    s->started = 1;
     look_for_switch(s);
-    s->fresh = 0;
+    s->fresh = s->f_open = 0;
     s->has_dense = 0;
     s->length = 0.0;
     s->events_here = 0;
-    for (int k = 0; k < s->n_friction; k++) {
-        const double v = s->x[s->model->friction_state[k]];
-        s->mode[k] = v > 0.0 ? 1 : v < 0.0 ? -1 : 0;
-    }
-    return s->n_friction > 0 ? hc_friction_modes(s->model, hc_model_time(s, s->t), s->x, s->u, s->p, s->mode, s->a, s->b) : HC_OK;
+    if (anew)
+        hc_ticks_start(&s->ticks, t);
+    status = find_modes(s);
+    if (status != HC_OK || s->model->n_ticks == 0)
+        return status;
+    if (anew)
+        return pass_ticks(s);
+    if (!s->ticks.ticked)
+        return HC_OK;
+    hc_ticks_again(&s->ticks, t, s->x, s->u, s->p, s->mode);
+    return after_ticks(s);
 }
 
 int hc_solver_advance(hc_solver *s, double until)
@@ -502,27 +560,36 @@ static void copy(double *own, int n, double **buffer, int load)
     *buffer += n;
 }
 
+enum { N_NUMBERS = 13, N_ARRAYS = 13, N_WHOLE = 8 };
+
 /* Whole numbers below 2^53 are exact doubles; work space is left out. */
 static void transfer(hc_solver *s, double *buffer, int load)
 {
-    double *const numbers[] = {&s->rtol,   &s->longest, &s->t, &s->earliest,  &s->latest, &s->next_switch, &s->t0,
-                               &s->length, &s->h,       &s->log_error, &s->t_event};
-    double *const arrays[] = {s->x, s->f, s->x0, s->f0, s->absolute, s->k[0], s->k[1], s->k[2], s->k[3], s->k[4],
-                              s->dense[0], s->dense[1], s->dense[2], s->dense[3], s->dense[4]};
-    double whole[] = {s->method, (double)s->steps, s->fresh, s->has_dense, s->events_here, s->cubic};
-    for (size_t i = 0; i < sizeof numbers / sizeof *numbers; i++)
+    double *const numbers[N_NUMBERS] = {&s->rtol,        &s->longest, &s->t,      &s->earliest, &s->latest,
+                                        &s->next_switch, &s->t0,      &s->length, &s->h,        &s->log_error,
+                                        &s->t_event,     &s->ticks.next, &s->ticks.at};
+    double *const arrays[N_ARRAYS] = {s->f, s->f0, s->absolute, s->k[0], s->k[1], s->k[2], s->k[3], s->k[4],
+                                      s->dense[0], s->dense[1], s->dense[2], s->dense[3], s->dense[4]};
+    int *const whole[N_WHOLE] = {&s->method, &s->fresh, &s->f_open, &s->has_dense, &s->events_here,
+                                 &s->cubic, &s->started, &s->ticks.ticked};
+    const int n_all = s->n + s->n_held;
+    double steps = (double)s->steps;
+    for (int i = 0; i < N_NUMBERS; i++)
         copy(numbers[i], 1, &buffer, load);
-    for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++)
+    for (int i = 0; i < N_ARRAYS; i++)
         copy(arrays[i], s->n, &buffer, load);
+    copy(s->x, n_all, &buffer, load);
+    copy(s->x0, n_all, &buffer, load);
     copy(s->u, s->model->n_inputs, &buffer, load);
     copy(s->p, s->model->n_parameters, &buffer, load);
-    copy(whole, 6, &buffer, load);
-    s->method = (int)whole[0];
-    s->steps = (long)whole[1];
-    s->fresh = (int)whole[2];
-    s->has_dense = (int)whole[3];
-    s->events_here = (int)whole[4];
-    s->cubic = (int)whole[5];
+    copy(s->ticks.due, (int)hc_ticks_size(s->model), &buffer, load);
+    copy(&steps, 1, &buffer, load);
+    s->steps = (long)steps;
+    for (int i = 0; i < N_WHOLE; i++) {
+        double number = *whole[i];
+        copy(&number, 1, &buffer, load);
+        *whole[i] = (int)number;
+    }
     for (int k = 0; k < 4; k++) {
         double count = (double)s->counts[k];
         copy(&count, 1, &buffer, load);
@@ -537,7 +604,10 @@ static void transfer(hc_solver *s, double *buffer, int load)
 
 size_t hc_solver_size(const hc_solver *s)
 {
-    return (size_t)(11 + 15 * s->n + s->model->n_inputs + s->model->n_parameters + 6 + 4 + 2 * s->n_friction);
+    const int n_all = s->n + s->n_held;
+    return (size_t)(N_NUMBERS + N_ARRAYS * s->n + 2 * n_all + s->model->n_inputs + s->model->n_parameters + 1 + N_WHOLE +
+                    4 + 2 * s->n_friction) +
+           hc_ticks_size(s->model);
 }
 
 void hc_solver_save(const hc_solver *s, double *into)

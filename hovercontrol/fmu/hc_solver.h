@@ -1,6 +1,6 @@
 /* Integration of a model with dry friction: adaptive Dormand-Prince 5(4) with dense output and located events, or
- * classical Runge-Kutta in fixed steps. Steps end where the model switches by the clock. No allocation after
- * hc_solver_new; one solver belongs to one thread.
+ * classical Runge-Kutta in fixed steps. Steps end where the model switches by the clock, and where it ticks. No
+ * allocation after hc_solver_new; one solver belongs to one thread.
  */
 #ifndef HC_SOLVER_H
 #define HC_SOLVER_H
@@ -39,7 +39,8 @@ void hc_solver_tolerance(hc_solver *solver, double rtol, double atol, const doub
 
 /* Set time, states, inputs and parameters (all copied) and find the friction modes that fit: a velocity of exactly
  * zero sticks if it can. Also to be called when inputs or parameters jump: modes are found anew, the step size is
- * kept. A NULL leaves that array as it is. */
+ * kept. A NULL leaves that array as it is. Ticks due at t are taken; where neither t nor x is new those that were taken
+ * at t are taken again, with the new inputs. */
 int hc_solver_set(hc_solver *solver, double t, const double *x, const double *u, const double *p);
 
 /* Integrate to time `until`, inputs held. On an error the solver stays at the time it reached. */

@@ -5,6 +5,7 @@
 #define HC_SOLVER_INTERNAL_H
 
 #include "hc_steps.h"
+#include "hc_ticks.h"
 
 #include <float.h>
 #include <math.h>
@@ -13,7 +14,7 @@
 
 struct hc_solver {
     const hc_model_type *model;
-    int n, n_friction, method;
+    int n, n_held, n_friction, method; /* n: states that move; after them come those that are held */
     int n_mean;                /* of states that a mean error counts: more than n where others stay zero */
     double rtol, longest;
     long max_steps, steps;
@@ -29,8 +30,12 @@ struct hc_solver {
     double *a, *b, *theta;     /* frictions, and where in the step each has its event */
     double t_event;
     int *mode, *mode0, fresh, has_dense, events_here;
+    int f_open;                /* f at the end of the last step was not computed: RK4 does without */
     int short_steps;           /* steps cut short by much may be of order 3 */
     int cubic;                 /* the last step was */
+    hc_ticks ticks;
+    int started;               /* states were set */
+    double quiet_from;         /* ticks at this time and after are not taken */
     long counts[4];
 };
 

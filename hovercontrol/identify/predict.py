@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 import sympy as sp
 
-from hovercontrol.block import Block, Expressions
+from hovercontrol.block import Block
 from hovercontrol.errors import InputError
+from hovercontrol.expressions import Expressions
 from hovercontrol.identify.measure import Array, Measured, measure
 from hovercontrol.identify.shooting import STEP, Shooter, Windows, cut, known_states, stable_step
 from hovercontrol.logs import Log, Span

@@ -15,12 +15,13 @@ import numpy as np
 
 from hovercontrol.block import Block
 from hovercontrol.estimators.sampled import SampledEstimator
-from hovercontrol.hybrid import MAX_STEP, Ticking
+from hovercontrol.hybrid import Ticking
 from hovercontrol.interconnect import interconnect
 from hovercontrol.scenarios.definition import Phase, Sampling, Scenario
 from hovercontrol.scenarios.result import Run
-from hovercontrol.simulation import rk4
 from hovercontrol.targets.numpy import call_scalar, numpy_functions
+from hovercontrol.targets.runge_kutta import rk4
+from hovercontrol.targets.ticking import MAX_STEP
 from hovercontrol.ticks import Clock
 
 MOTION = ("x", "y", "psi", "u", "v", "r")

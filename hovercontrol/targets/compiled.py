@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
 from functools import cache, lru_cache
 from itertools import pairwise
@@ -21,11 +21,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from hovercontrol.block import Block, Rows
 from hovercontrol.errors import InputError, did_you_mean
-from hovercontrol.simulation import checked_times, initial_state, input_rows, rk4, simulate, time_response
+from hovercontrol.simulation import checked_times, initial_state, input_rows, simulate, time_response
 from hovercontrol.targets.compiler import NoCompilerError
 from hovercontrol.targets.executors import sweep_on
 from hovercontrol.targets.library import METHODS, Array, Library, Point, Solver, check_point
 from hovercontrol.targets.numpy import call_scalar, numpy_functions
+from hovercontrol.targets.runge_kutta import rk4
 from hovercontrol.targets.sweep import (
     FIGURES,
     REASONS,
@@ -38,6 +39,7 @@ from hovercontrol.targets.sweep import (
     settling_bands,
     values_of_runs,
 )
+from hovercontrol.targets.ticking import Running
 
 Friction = Literal["events", "smooth"]
 Method = Literal["dormand-prince", "rk4"]
@@ -86,6 +88,7 @@ class CompiledBlock:
             raise InputError(f"friction must be 'events' or 'smooth', found {friction!r}")
         self.block, self.friction = block, friction
         self._engine = _engine(block, friction, whole=False)
+        self._whole: Library | _Numpy | None = None
         self._defaults = block.parameter_values()
         self._point = lru_cache(maxsize=16)(self._make_point)
 
@@ -129,10 +132,70 @@ class CompiledBlock:
     def point_function(self, rows: Rows, params: Mapping[str, float] | None = None) -> Point:
         """Return the function ``(t, x, u) -> array`` at fixed parameters, for the loops of other solvers."""
         values = self.block.parameter_values(params, bounded=False) if params else self._defaults
+        return self.point_values(rows, values)
+
+    def point_values(self, rows: Rows, values: tuple[float, ...]) -> Point:
+        """Return the same function for all parameter values in order, unchecked."""
         return self._point(rows, values)
 
     def _make_point(self, rows: Rows, values: tuple[float, ...]) -> Point:
         return _engine(self.block, "smooth").point(rows, values)
+
+    def advance(
+        self,
+        t: float,
+        until: float,
+        x: ArrayLike,
+        u: ArrayLike = (),
+        params: Mapping[str, float] | None = None,
+        *,
+        rtol: float = 1e-6,
+        atol: float = 1e-9,
+    ) -> Array:
+        """Return the states at a later time, for loops that go on in steps: an animation, a pilot.
+
+        Parameters
+        ----------
+        t, until : float
+            From and to [s]. A hybrid Block takes its ticks at `t` and not those at `until`: with `until` at
+            `t` the states after the ticks are returned.
+        x : array_like, shape (n_states,)
+        u : array_like, shape (n_inputs,)
+            Held.
+        params, rtol, atol
+            As for :meth:`simulate`.
+
+        Returns
+        -------
+        ndarray, shape (n_states,)
+
+        Raises
+        ------
+        InputError
+            If a shape is wrong, time goes back, or the solver fails.
+        """
+        check_point(self.block, x, u)
+        if not t <= until < math.inf:
+            raise InputError(f"expected a time from {t!r} s on, found {until!r}")
+        values = self.block.parameter_values(params) if params else self._defaults
+        return self.advance_values(t, until, x, u, values, _solver("dormand-prince", None, rtol, atol))
+
+    def advance_values(
+        self, t: float, until: float, x: ArrayLike, u: ArrayLike, values: Sequence[float], solver: Solver
+    ) -> Array:
+        """Do the same unchecked, with all parameter values in order."""
+        engine = self._whole or self._look_for_whole()
+        states, p = np.array(x, dtype=float), np.array(values)
+        status = engine.advance(solver, t, until, states, np.array(u, dtype=float), p)
+        if status:
+            raise InputError(
+                f"block {self.block.name!r}: the simulation stops after t = {t:.6g} s: {REASONS[status]}"
+            )
+        return states
+
+    def _look_for_whole(self) -> Library | _Numpy:
+        self._whole = _engine(self.block, self.friction)
+        return self._whole
 
     def simulate(
         self,
@@ -277,7 +340,7 @@ class CompiledBlock:
             engine.sweep(solver, times, u, x[part], p[part], since, bands, results)
             return part.stop - part.start
 
-        engine = self._engine_from(x, lanes=method == "rk4")
+        engine = self._engine_from(x, lanes=method == "rk4" and not block.ticks)
         size = max(1, runs // 256)  # not of the number of threads, so that results cannot depend on it
         if isinstance(engine, Library):
             size = engine.lanes * math.ceil(size / engine.lanes)
@@ -304,11 +367,25 @@ class _Numpy:
 
         return function
 
+    def advance(self, solver: Solver, t: float, until: float, x: Array, u: Array, p: Array) -> int:
+        if self.block.ticks:
+            run = Running(self.block, t, x.tolist(), u.tolist(), p.tolist())
+            run.advance(until, open_end=True)
+            x[:] = run.state
+            return 0
+        if until > t:
+            status, _, states, _ = self.simulate(
+                solver, np.array([t, until]), np.repeat(u[:, None], 2, axis=1), x, p
+            )
+            x[:] = states[-1]
+            return status
+        return 0
+
     def simulate(
         self, solver: Solver, times: Array, u: Array, x: Array, p: Array
     ) -> tuple[int, float, Array, Array]:
         params = dict(zip(self.block.default_parameters, p.tolist(), strict=True))
-        if solver.method == "dormand-prince":
+        if solver.method == "dormand-prince" or self.block.ticks:
             longest, rtol, atol = solver.step or math.inf, solver.rtol, solver.atol
             r = simulate(self.block, times, u, x, params, rtol=rtol, atol=atol, max_step=longest)
             return 0, times[-1], np.atleast_2d(r.states).T, np.atleast_2d(r.outputs).T

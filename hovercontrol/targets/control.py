@@ -11,11 +11,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from hovercontrol.block import Block
 from hovercontrol.errors import InputError, did_you_mean
-from hovercontrol.targets.library import Point
+from hovercontrol.targets.library import Point, Solver
 from hovercontrol.targets.numpy import numpy_functions
 from hovercontrol.targets.points import points
 
 Array = NDArray[np.float64]
+
+#: How a hybrid Block is integrated from step to step.
+_STEPS = Solver("dormand-prince", 0.0, 1e-6, 1e-9)
 
 
 class _Params(dict[str, float]):
@@ -163,7 +166,56 @@ class BlockSystem(control.NonlinearIOSystem):
         return control.StateSpace(*matrices, **{"name": f"{self.name}$linearized", **labels, **kwargs})
 
 
-def to_control(block: Block, name: str | None = None) -> BlockSystem:
+class HybridSystem(BlockSystem):
+    """The python-control face of a hybrid Block: a discrete-time system, exact between its steps.
+
+    From one step to the next the Block is integrated, and its ticks are taken when they are due, also those
+    between two steps. Inputs hold from step to step.
+
+    Parameters
+    ----------
+    block : Block
+    name : str, optional
+    step : float
+        [s]
+    """
+
+    def __init__(self, block: Block, name: str | None, step: float) -> None:
+        super().__init__(block, name)
+        self.dt = step
+
+    def _prepare(self) -> None:
+        self._compiled = self.block.compile()
+        self._values = self.block.parameter_values()
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {k: v for k, v in self.__dict__.items() if k != "_compiled"}
+
+    def _advanced(self, t: float, until: float, x: Any, u: Any) -> Array:
+        return self._compiled.advance_values(t, until, np.ravel(x), np.ravel(u), self._values, _STEPS)
+
+    def _rhs(self, t: float, x: Any, u: Any) -> Array:
+        return self._advanced(t, t + self.dt, x, u)
+
+    def _out(self, t: float, x: Any, u: Any) -> Array:
+        outputs = self._compiled.point_values("outputs", self._values)
+        return outputs(t, self._advanced(t, t, x, u), np.ravel(u))
+
+    def _updates(self, t: float, x: Any, u: Any, params: Mapping[str, float]) -> Array:
+        self._update_params(params)
+        return self._rhs(t, x, u)
+
+    def _outputs(self, t: float, x: Any, u: Any, params: Mapping[str, float]) -> Array:
+        self._update_params(params)
+        return self._out(t, x, u)
+
+    def linearize(self, *args: Any, **kwargs: Any) -> control.StateSpace:
+        """Refuse: what ticks has no derivative; raises :class:`InputError`."""
+        self.block.need_continuous("linearisation", hybrid=False)
+        raise AssertionError
+
+
+def to_control(block: Block, name: str | None = None, *, step: float | None = None) -> BlockSystem:
     """Return a Block as one :class:`control.NonlinearIOSystem`.
 
     Parameters
@@ -171,6 +223,14 @@ def to_control(block: Block, name: str | None = None) -> BlockSystem:
     block : Block
     name : str, optional
         System name (default: the Block's).
+    step : float, optional
+        Of a hybrid Block, which becomes a discrete-time system of that step [s] (default: the shortest of its
+        periods). Its ticks are on time whatever the step.
+
+    Raises
+    ------
+    InputError
+        If the step is not positive, or the Block is not hybrid and has none.
 
     Examples
     --------
@@ -180,7 +240,14 @@ def to_control(block: Block, name: str | None = None) -> BlockSystem:
     >>> float(system.dynamics(0, [1.0], [], params={"decay.k": 3.0})[0])
     -3.0
     """
-    return BlockSystem(block, name)
+    if not block.ticks:
+        if step is not None:
+            raise InputError(f"block {block.name!r}: only a hybrid block is stepped, found step={step!r}")
+        return BlockSystem(block, name)
+    step = min(tick.period for tick in block.ticks) if step is None else step
+    if not 0 < step < np.inf:
+        raise InputError(f"block {block.name!r}: step must be positive, found {step!r}")
+    return HybridSystem(block, name, step)
 
 
 def _point(values: ArrayLike, n: int, kind: str, name: str) -> Array:

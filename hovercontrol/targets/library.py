@@ -25,7 +25,7 @@ Point = Callable[[float, ArrayLike, ArrayLike], Array]
 MAX_STEPS = 10_000_000
 NO_MEMORY = 1  # of hc_solver.h
 METHODS = ("dormand-prince", "rk4")  # in the order of hc_solver.h
-_RUNTIME = ("hc_solver.c", "hc_events.c", "hc_friction.c", "hc_simulate.c", "hc_lanes.c")
+_RUNTIME = ("hc_solver.c", "hc_events.c", "hc_friction.c", "hc_ticks.c", "hc_simulate.c", "hc_lanes.c")
 _EXPORTS = """#include "hc_simulate.h"
 #ifdef _WIN32
 #define EXPORT __declspec(dllexport)
@@ -49,6 +49,11 @@ EXPORT int block_simulate(const hc_part *part, const hc_options *options, const 
                           double *reached)
 {
     return hc_simulate_part(&hc_model, part, options, times, n_times, x, u, p, states, outputs, reached);
+}
+EXPORT int block_advance(const hc_options *options, const double *times, double *x, const double *u,
+                         const double *p)
+{
+    return hc_advance(&hc_model, options, times[0], times[1], x, u, p);
 }
 EXPORT int block_sweep(const hc_part *part, const hc_options *options, const double *times, long n_times,
                        long n_runs, const double *x, const double *u, const double *p, double from,
@@ -174,6 +179,8 @@ class Library:
         self._simulate, self._sweep = library.block_simulate, library.block_sweep
         self._simulate.argtypes = [pointer, pointer, pointer, count, *[pointer] * 6]
         self._sweep.argtypes = [*[pointer] * 3, count, count, *[pointer] * 3, real, *[pointer] * 4]
+        self._advance = library.block_advance
+        self._advance.argtypes = [pointer] * 5
         # A right-hand side takes less time than to let go of the interpreter's lock and to take it again.
         short = ctypes.PyDLL(library._name)
         self._rows = {"derivatives": short.block_derivatives, "outputs": short.block_outputs}
@@ -192,6 +199,14 @@ class Library:
             return ready.result.copy()
 
         return function
+
+    def advance(self, solver: Solver, t: float, until: float, x: Array, u: Array, p: Array) -> int:
+        """Change states x at t to those at `until`; return the status.
+
+        Ticks at t are taken, those at `until` not. Where `until` is t, nothing but those ticks happens.
+        """
+        options, times = _options(solver), np.array([t, until])
+        return self._advance(ctypes.byref(options), *(a.ctypes.data for a in (times, x, u, p)))
 
     def simulate(
         self, solver: Solver, times: Array, u: Array, x: Array, p: Array

@@ -101,6 +101,10 @@ class NumpyFunctions:
         """
         return self._pair(rows)
 
+    def tick_pair(self, k: int) -> FunctionPair:
+        """Return the same of a hybrid Block's k-th tick: what it sets, in the order of its updates."""
+        return self._pair(k)
+
     @cached_property
     def vector(self) -> FunctionPair:
         """Derivatives and outputs as functions ``(t, x, u, p) -> tuple`` of arrays, without any checks."""
@@ -109,13 +113,16 @@ class NumpyFunctions:
     # ---- inside --------------------------------------------------------------------------------------
 
     @cached_property
-    def _pairs(self) -> dict[str, FunctionPair]:
+    def _pairs(self) -> dict[str | int, FunctionPair]:
         return {}
 
-    def _pair(self, rows: Rows) -> FunctionPair:
+    def _pair(self, rows: Rows | int) -> FunctionPair:
         if rows not in self._pairs:
             block = self.block
-            wanted = block.derivatives if rows == "derivatives" else block.output_expressions
+            if isinstance(rows, int):
+                wanted: Mapping[str, sp.Expr] = block.ticks[rows].updates
+            else:
+                wanted = block.derivatives if rows == "derivatives" else block.output_expressions
             source = Program(block, list(wanted.values()))
             self._pairs[rows] = (
                 _compile(source, "math", self._groups),

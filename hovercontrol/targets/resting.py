@@ -11,7 +11,8 @@ from functools import lru_cache
 
 import sympy as sp
 
-from hovercontrol.block import Block, Expressions
+from hovercontrol.block import Block
+from hovercontrol.expressions import Expressions
 
 
 @lru_cache(maxsize=64)
@@ -40,6 +41,8 @@ def without_resting_states(block: Block) -> tuple[Block, tuple[int, ...]]:
     >>> without_resting_states(Block("two", [x, y], [], [x], [k], f))[1]
     (0,)
     """
+    if block.ticks:  # what ticks set is not looked at
+        return block, tuple(range(len(block.states)))
     rest = {s.symbol for s in block.states if s.start == 0.0}
     while True:
         zeros = dict.fromkeys(rest, sp.S.Zero)

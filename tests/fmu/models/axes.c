@@ -43,7 +43,7 @@ static void outputs(double t, const double *x, const double *u, const double *p,
         y[6 + k] = mode[k];
 }
 
-const hc_model_type hc_model = {6, 0, 6, 9, 3, friction_state, derivatives, outputs, friction, 0, 0, 0, 0, 0};
+const hc_model_type hc_model = {6, 0, 6, 9, 3, friction_state, derivatives, outputs, friction, 0, 0, 0, 0, 0, 0, 0, 0, 1, 0};
 
 /* The same by Moreau's time stepping, which knows neither modes nor events (error proportional to the step): states
  * after every `every` steps. */

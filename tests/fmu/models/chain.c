@@ -16,4 +16,4 @@ static void outputs(double t, const double *x, const double *u, const double *p,
     y[1] = x[0];
 }
 
-const hc_model_type hc_model = {N, 1, 1, 2, 0, 0, derivatives, outputs, 0, 0, 0, 0, 0, 0};
+const hc_model_type hc_model = {N, 1, 1, 2, 0, 0, derivatives, outputs, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1, 0};

@@ -23,4 +23,4 @@ static void outputs(double t, const double *x, const double *u, const double *p,
     y[0] = x[0];
 }
 
-const hc_model_type hc_model = {1, 0, 0, 1, 1, friction_state, derivatives, outputs, friction, 0, 0, 0, 0, 0};
+const hc_model_type hc_model = {1, 0, 0, 1, 1, friction_state, derivatives, outputs, friction, 0, 0, 0, 0, 0, 0, 0, 0, 1, 0};

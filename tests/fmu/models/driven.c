@@ -35,4 +35,4 @@ static void outputs(double t, const double *x, const double *u, const double *p,
     }
 }
 
-const hc_model_type hc_model = {3, 0, 6, 6, 3, friction_state, derivatives, outputs, friction, 0, 0, 0, 0, 0};
+const hc_model_type hc_model = {3, 0, 6, 6, 3, friction_state, derivatives, outputs, friction, 0, 0, 0, 0, 0, 0, 0, 0, 1, 0};

@@ -34,4 +34,4 @@ static void outputs(double t, const double *x, const double *u, const double *p,
     }
 }
 
-const hc_model_type hc_model = {2, 2, 3, 4, 2, friction_state, derivatives, outputs, friction, 0, 0, 0, 0, 0};
+const hc_model_type hc_model = {2, 2, 3, 4, 2, friction_state, derivatives, outputs, friction, 0, 0, 0, 0, 0, 0, 0, 0, 1, 0};

@@ -26,4 +26,4 @@ static void outputs(double t, const double *x, const double *u, const double *p,
     y[1] = x[1];
 }
 
-const hc_model_type hc_model = {2, 1, 2, 2, 1, friction_state, derivatives, outputs, friction, 0, 0, 0, 0, 0};
+const hc_model_type hc_model = {2, 1, 2, 2, 1, friction_state, derivatives, outputs, friction, 0, 0, 0, 0, 0, 0, 0, 0, 1, 0};

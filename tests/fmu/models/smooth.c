@@ -22,4 +22,4 @@ static void outputs(double t, const double *x, const double *u, const double *p,
         y[i] = x[i];
 }
 
-const hc_model_type hc_model = {6, 0, 3, 6, 0, 0, derivatives, outputs, 0, 0, 0, 0, 0, 0};
+const hc_model_type hc_model = {6, 0, 3, 6, 0, 0, derivatives, outputs, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1, 0};

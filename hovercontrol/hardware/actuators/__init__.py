@@ -1,0 +1,49 @@
+"""K06's actuators: what lies between the force a law asks for and the force the craft gets.
+
+In the order of the signals: :func:`force_command` (dead zone, polar coordinates), :func:`rudder_lookup` and
+:func:`thrust_lookup` (calibration tables), then, where they act, :func:`rudder_servo`,
+:func:`speed_controller`, :func:`fan_motor` and :func:`thrust_force`, whose outputs the plant takes. Each is a
+Block and stands alone; :func:`actuators` returns all of them for a loop.
+"""
+
+from hovercontrol.hardware.actuators.chain import Actuators, actuators
+from hovercontrol.hardware.actuators.command import force_command
+from hovercontrol.hardware.actuators.k06 import (
+    fan_force,
+    fan_tables,
+    force_angle_of_rudder,
+    forward_thrust,
+    ideal_fan,
+    ideal_servo,
+    reverse_ratio,
+    rudder_of_force_angle,
+    servo_table,
+)
+from hovercontrol.hardware.actuators.rudder import rudder_lookup, rudder_servo
+from hovercontrol.hardware.actuators.speed import fan_motor, speed_controller
+from hovercontrol.hardware.actuators.tables import FanTable, ServoTable, read_fan_table
+from hovercontrol.hardware.actuators.thrust import thrust_force, thrust_lookup
+
+__all__ = [
+    "actuators",
+    "Actuators",
+    "force_command",
+    "rudder_lookup",
+    "thrust_lookup",
+    "rudder_servo",
+    "speed_controller",
+    "fan_motor",
+    "thrust_force",
+    "FanTable",
+    "ServoTable",
+    "read_fan_table",
+    "fan_tables",
+    "servo_table",
+    "ideal_fan",
+    "ideal_servo",
+    "fan_force",
+    "forward_thrust",
+    "reverse_ratio",
+    "rudder_of_force_angle",
+    "force_angle_of_rudder",
+]

@@ -1,0 +1,181 @@
+"""K06's calibration (section 4.3): what is published of it, and stand-ins for the tables that are not.
+
+Published are the regression (4.3), the ratio (4.4), and what the tables are like: 14 rudder angles 5 degrees
+apart by 161 forces 0.025 N apart, speeds of 3000 to 12 000 RPM, force quadratic in the speed and falling
+with the rudder angle, about 1.45 N at 10 000 RPM (figure 4.5). The entries are not published. **The tables
+here are stand-ins, generated from these facts**; who has measured ones reads them by
+:func:`~hovercontrol.hardware.actuators.read_fan_table`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hovercontrol.hardware.actuators.signals import DEGREE
+from hovercontrol.hardware.actuators.tables import FanTable, Floats, ServoTable
+
+#: (4.3): rudder angle = SLOPE phi + OFFSET. K06's hovercraft angle phi has F_Y = -|F| sin(phi), (4.2): it is
+#: the opposite of the force's angle from the bow.
+RUDDER_SLOPE, RUDDER_OFFSET = -1.40, 0.566 * DEGREE
+
+#: (4.4): coefficients of x^3 ... 1, x = RPM/1000, and where it holds.
+REVERSE_RATIO, RATIO_RANGE = (9.734e-4, -3.277e-2, 3.833e-1, -1.099), (6.0, 12.0)
+
+#: Forward thrust [N] at 10 000 RPM and rudder 0, read off figure 4.5.
+THRUST_AT_10000 = 1.45
+
+#: The tables' axes: rudder angles [degree] as figure 4.3 spans them, forces [N]; speeds used [RPM].
+RUDDER_ROWS = np.arange(-35.0, 31.0, 5.0)
+FORCE_COLUMNS = np.linspace(-2.0, 2.0, 161)
+LOWEST_SPEED, HIGHEST_SPEED = 3000.0, 12000.0
+
+#: Column step of the force table [RPM]; a line between two columns is then within 0.3 mN of the parabola.
+SPEED_STEP = 250.0
+
+
+def rudder_of_force_angle(angle: Any, slope: Any = RUDDER_SLOPE, offset: Any = RUDDER_OFFSET) -> Any:
+    """Return the rudder angle [rad] that turns the force to an angle from the bow [rad], by (4.3).
+
+    Examples
+    --------
+    >>> phi = 14.6  # K06 table 4.2, trial 1: rudder at -20 degrees
+    >>> round(rudder_of_force_angle(-phi * DEGREE) / DEGREE, 1)
+    -19.9
+    """
+    return offset - slope * angle
+
+
+def force_angle_of_rudder(rudder: Any, slope: Any = RUDDER_SLOPE, offset: Any = RUDDER_OFFSET) -> Any:
+    """Return the angle of the force from the bow [rad] at a rudder angle [rad], the inverse of (4.3)."""
+    return (offset - rudder) / slope
+
+
+def forward_thrust(speed: ArrayLike, rudder: ArrayLike = 0.0) -> Floats:
+    """Return the fan's forward force [N]: the stand-in for K06's quadratic fits, one for each rudder angle.
+
+    ``1.45 N (speed/10 000 RPM)^2 cos(rudder)``: the cosine is what a turned vane leaves of the axial
+    momentum; K06 says only that the force falls with the angle.
+
+    Parameters
+    ----------
+    speed : array_like
+        [RPM]
+    rudder : array_like, optional
+        [degree]
+    """
+    n = np.asarray(speed, dtype=float) / 1e4
+    return np.asarray(THRUST_AT_10000 * n**2 * np.cos(np.asarray(rudder, dtype=float) * DEGREE))
+
+
+def reverse_ratio(speed: ArrayLike) -> Floats:
+    """Return reverse by forward force at a speed [RPM], (4.4); outside 6000 ... 12 000 RPM that of the end.
+
+    Below 4000 RPM the cubic itself is negative.
+
+    Examples
+    --------
+    >>> reverse_ratio([1000, 6000, 12000]).round(3).tolist()
+    [0.231, 0.231, 0.464]
+    """
+    return np.asarray(np.polyval(REVERSE_RATIO, np.clip(np.abs(speed) / 1e3, *RATIO_RANGE)))
+
+
+def fan_force(speed: ArrayLike, rudder: ArrayLike = 0.0) -> Floats:
+    """Return the force [N] of the fan at a speed [RPM], negative in reverse, and a rudder angle [degree]."""
+    n = np.asarray(speed, dtype=float)
+    return np.where(n < 0, -reverse_ratio(n), 1.0) * forward_thrust(n, rudder)
+
+
+def fan_tables(
+    force: Callable[[Floats, float], ArrayLike] = fan_force,
+    *,
+    name: str = "K06 stand-in",
+    rudder: ArrayLike = RUDDER_ROWS,
+    columns: ArrayLike = FORCE_COLUMNS,
+    lowest: float = LOWEST_SPEED,
+    highest: float = HIGHEST_SPEED,
+    step: float = SPEED_STEP,
+) -> tuple[FanTable, FanTable]:
+    """Return the table of speeds over forces, K06's lookup table, and its reverse, from a model of the force.
+
+    Speeds beyond the highest are cut to it and those below the lowest raised to it; at zero force the fan
+    stands. Speeds are whole RPM.
+
+    Parameters
+    ----------
+    force : callable, optional
+        Of speeds [RPM] and one rudder angle [degree]: forces [N], increasing with the speed. Default:
+        :func:`fan_force`, the stand-in.
+    name : str, optional
+        What error lines call the tables.
+    rudder, columns : array_like, optional
+        Axes: rudder angles [degree], forces [N].
+    lowest, highest : float, optional
+        Range of the speed [RPM].
+    step : float, optional
+        Of the reverse table's speeds [RPM].
+
+    Returns
+    -------
+    tuple of two FanTable
+        Speeds [RPM] over forces, and forces [N] over speeds.
+
+    Examples
+    --------
+    >>> lookup, reverse = fan_tables()
+    >>> lookup.shape, float(lookup.values.min()), float(lookup.values.max())
+    ((14, 161), -12000.0, 12000.0)
+    """
+    angles, wanted = (np.asarray(a, dtype=float) for a in (rudder, columns))
+    half = step * np.arange(1, round(highest / step) + 1)
+    speeds = np.concatenate([-half[::-1], [0.0], half])
+    fine = np.linspace(-highest, highest, 4801)
+    rows = []
+    for angle in angles:
+        found = np.interp(wanted, np.asarray(force(fine, float(angle))), fine)
+        found = np.sign(wanted) * np.maximum(np.abs(found), lowest)
+        rows.append(np.round(found))
+    forces = [np.asarray(force(speeds, float(angle))) for angle in angles]
+    return (
+        FanTable(name, "force", angles, wanted, np.array(rows)),
+        FanTable(f"{name}, reverse", "speed", angles, speeds, np.array(forces)),
+    )
+
+
+def servo_table() -> ServoTable:
+    """Return rudder angle against pulse, 1 to 2 ms in steps of 0.05 ms: a stand-in for figure 4.2.
+
+    K06 stepped the servo like this and found a curve that is "nonlinear", between -40 and 40 degrees. Here it
+    is that of a rod between two arms: the sine of the servo's angle, which is 60 degrees at the ends.
+    """
+    pulse = np.round(np.linspace(1.0, 2.0, 21), 2)
+    angle = 38.0 * np.sin(np.radians(120.0 * (pulse - 1.5))) / np.sin(np.radians(60.0))
+    return ServoTable("K06 stand-in", pulse, angle)
+
+
+def ideal_fan(force: float = 20.0, angle: float = 180.0) -> tuple[FanTable, FanTable]:
+    """Return tables of a fan without imperfection: force in proportion to speed, at any rudder angle.
+
+    With them, tables are switched off. :func:`ideal_servo` does that to the servo's.
+
+    Parameters
+    ----------
+    force : float, optional
+        Largest force [N], at 12 000 RPM.
+    angle : float, optional
+        Largest rudder angle [degree].
+    """
+    rows, n, f = (-angle, angle), HIGHEST_SPEED, force
+    return (
+        FanTable("ideal", "force", rows, (-f, f), ((-n, n), (-n, n))),  # type: ignore[arg-type]
+        FanTable("ideal, reverse", "speed", rows, (-n, n), ((-f, f), (-f, f))),  # type: ignore[arg-type]
+    )
+
+
+def ideal_servo(angle: float = 180.0) -> ServoTable:
+    """Return a servo's table without imperfection: angle in proportion to pulse, up to `angle` [degree]."""
+    return ServoTable("ideal", (1.0, 2.0), (-angle, angle))  # type: ignore[arg-type]

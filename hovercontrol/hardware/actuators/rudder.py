@@ -1,0 +1,183 @@
+"""The rudder: the angle that a force needs, the pulse that the angle needs, and the servo (4.2.2, 4.3.1)."""
+
+from __future__ import annotations
+
+import numpy as np
+import sympy as sp
+
+from hovercontrol.block import Block
+from hovercontrol.hardware.actuators.k06 import (
+    RUDDER_OFFSET,
+    RUDDER_SLOPE,
+    rudder_of_force_angle,
+    servo_table,
+)
+from hovercontrol.hardware.actuators.signals import (
+    DEGREE,
+    FORCE_ANGLE_COMMAND,
+    MILLISECOND,
+    RUDDER_ANGLE,
+    RUDDER_ANGLE_COMMAND,
+    SERVO_COMMAND,
+    TICK,
+    UPDATE,
+    not_negative,
+)
+from hovercontrol.hardware.actuators.tables import ServoTable
+from hovercontrol.lookup import linear
+from hovercontrol.signals import Signal
+from hovercontrol.tables import number, positive
+
+#: The unit of the servo's table, as a parameter: pulses stretched by a wrong clock.
+_UNIT = Signal("pulse_unit", "s", "one millisecond of the table", start=MILLISECOND, nominal=MILLISECOND)
+
+
+def regression_signals(slope: float, offset: float, name: str) -> tuple[Signal, Signal]:
+    """Return slope and offset [rad] of (4.3) as parameters of a Block; refuse a slope that is zero."""
+    positive(f"{name}: size of the slope", abs(number(f"{name}: slope", slope)))
+    return (
+        Signal("slope", "1", "rudder angle per hovercraft angle, (4.3)", start=slope),
+        Signal("offset", "rad", "rudder angle at which the force is straight, (4.3)", start=offset),
+    )
+
+
+def counted(outside: sp.Basic, name: str) -> tuple[Signal, Signal, dict[str, sp.Expr]]:
+    """Return a state, an output and its definition that count the ticks at which a lookup was clipped."""
+    last = Signal("last_clipped", "1", "ticks clipped up to the last one", lower=0.0)
+    count = Signal(
+        f"{name}_clipped", "1", "ticks at which the table was left and its border taken", lower=0.0
+    )
+    return last, count, {count.name: last.symbol + sp.Piecewise((1, outside), (0, True))}
+
+
+def rudder_lookup(
+    *,
+    table: ServoTable | None = None,
+    slope: float = RUDDER_SLOPE,
+    offset: float = RUDDER_OFFSET,
+    period: float = TICK,
+    name: str = "rudder_lookup",
+) -> Block:
+    """Return the lookup of the servo's pulse: rudder angle by (4.3), then the servo's table backwards.
+
+    Parameters
+    ----------
+    table : ServoTable, optional
+        Default: :func:`~hovercontrol.hardware.actuators.k06.servo_table`, a stand-in.
+    slope, offset : float, optional
+        Of (4.3); the offset in rad. An ideal rudder has -1 and 0.
+    period : float, optional
+        [s]; 0 for a Block without the counter, to be joined with others.
+    name : str, optional
+
+    Returns
+    -------
+    Block
+        Input ``force_angle_command`` [rad]; outputs ``rudder_angle_command`` [rad], as (4.3) has it,
+        ``servo_command`` [s], its angle kept within the table, and ``rudder_clipped``, the count of ticks at
+        which it was not.
+
+    Raises
+    ------
+    InputError
+        If the period is negative or the slope zero.
+
+    Examples
+    --------
+    >>> block = rudder_lookup(period=0.0)
+    >>> block.to_numpy().outputs(0.0, (), [0.0]).round(6).tolist()  # 0.566 degrees: 1.506 ms
+    [0.009879, 0.001506]
+    """
+    not_negative(f"{name}: period", period)
+    known = servo_table() if table is None else table
+    parameters = (*regression_signals(slope, offset, name), _UNIT)
+    K, b, ms = (p.symbol for p in parameters)
+    wanted = RUDDER_ANGLE_COMMAND.symbol
+    angles, pulses = known.angle, known.pulse
+    if angles[-1] < angles[0]:
+        angles, pulses = angles[::-1], pulses[::-1]
+    definitions = {RUDDER_ANGLE_COMMAND.name: rudder_of_force_angle(FORCE_ANGLE_COMMAND.symbol, K, b)}
+    states: tuple[Signal, ...] = ()
+    outputs: tuple[Signal, ...] = (RUDDER_ANGLE_COMMAND, SERVO_COMMAND)
+    if period:
+        margin = 1e-9  # an angle at the border, converted twice, is not outside
+        outside = sp.Or(wanted / DEGREE < angles[0] - margin, wanted / DEGREE > angles[-1] + margin)
+        last, count, defined = counted(outside, "rudder")
+        states, outputs, definitions = (last,), (*outputs, count), definitions | defined
+    return Block(
+        name,
+        states=states,
+        inputs=(FORCE_ANGLE_COMMAND,),
+        outputs=outputs,
+        parameters=parameters,
+        definitions=definitions,
+        definition_signals=(RUDDER_ANGLE_COMMAND, *outputs[2:]),
+        derivatives={s.name: outputs[2].symbol for s in states},
+        output_expressions={SERVO_COMMAND.name: ms * linear(wanted / DEGREE, angles, pulses)},
+        period=period,
+    )
+
+
+def rudder_servo(
+    *,
+    table: ServoTable | None = None,
+    slew: float = 0.0,
+    period: float = UPDATE,
+    name: str = "rudder_servo",
+) -> Block:
+    """Return the rudder's servo: it takes a new pulse every 20 ms and goes to the table's angle.
+
+    Pulses beyond the table's ends leave it at its end, K06's actuator limits.
+
+    Parameters
+    ----------
+    table : ServoTable, optional
+        Default: :func:`~hovercontrol.hardware.actuators.k06.servo_table`, a stand-in.
+    slew : float, optional
+        Fastest turn [rad/s]; 0 (the default) for no limit: K06 gives none. Hobby servos do about 6 rad/s.
+    period : float, optional
+        [s]
+    name : str, optional
+
+    Returns
+    -------
+    Block
+        Sampled. Input ``servo_command`` [s]; output ``rudder_angle`` [rad].
+
+    Raises
+    ------
+    InputError
+        If the period is not positive or the slew negative.
+
+    Examples
+    --------
+    >>> from hovercontrol.hybrid import Ticking
+    >>> servo = Ticking(rudder_servo(slew=1.0))
+    >>> [round(servo.tick(0.02 * k, {"servo_command": 2e-3})["rudder_angle"], 3) for k in range(3)]
+    [0.02, 0.04, 0.06]
+    """
+    positive(f"{name}: period", period)
+    known = servo_table() if table is None else table
+    rate = Signal(
+        "slew", "rad/s", "fastest turn; 0: any", start=not_negative(f"{name}: slew", slew), lower=0.0
+    )
+    step = Signal("update", "s", "time between two pulses", start=period, lower=0.0)
+    neutral = float(np.interp(SERVO_COMMAND.start / MILLISECOND, known.pulse, known.angle)) * DEGREE
+    last = RUDDER_ANGLE.but(name="last_rudder_angle", description="its angle so far", start=neutral)
+    aim = Signal("aim", "rad", "angle of the pulse")
+    most = rate.symbol * step.symbol
+    turned = last.symbol + sp.Max(-most, sp.Min(most, aim.symbol - last.symbol))
+    return Block(
+        name,
+        states=(last,),
+        inputs=(SERVO_COMMAND,),
+        outputs=(RUDDER_ANGLE,),
+        parameters=(_UNIT, rate, step),
+        definitions={
+            "aim": DEGREE * linear(SERVO_COMMAND.symbol / _UNIT.symbol, known.pulse, known.angle),
+            RUDDER_ANGLE.name: sp.Piecewise((turned, rate.symbol > 0), (aim.symbol, True)),
+        },
+        definition_signals=(aim, RUDDER_ANGLE),
+        derivatives={last.name: RUDDER_ANGLE.symbol},
+        period=period,
+    )

@@ -1,0 +1,192 @@
+"""Messages under way: a register of those sent last, each with its values, when it was sent and will arrive.
+
+When one is sent, all move one place on and it enters. The receiver knows their sequence numbers: it shows the
+newest that has arrived, and throws away what arrives after a newer one. All times are whole numbers of ticks,
+so that nothing is rounded.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from fractions import Fraction
+
+import sympy as sp
+
+from hovercontrol.block import Block
+from hovercontrol.errors import InputError
+from hovercontrol.signals import Signal
+from hovercontrol.tables import number
+
+#: When what never arrives would arrive [ticks]: later than any run lasts.
+NEVER = 2**50
+
+
+def not_negative(where: str, value: float) -> float:
+    """Return a number that must not be negative, and finite; raises :class:`InputError`."""
+    if not 0 <= number(where, value) < math.inf:
+        raise InputError(f"{where} must not be negative, found {value!r}")
+    return float(value)
+
+
+def fixed(name: str, value: float, description: str) -> Signal:
+    """Return a time [s] that a Block's structure stands on: a parameter that has no other value."""
+    return Signal(name, "s", f"{description}; fixed", start=value, lower=value, upper=value)
+
+
+def passed_through(name: str, signals: Sequence[Signal], suffix: str) -> tuple[Signal, ...]:
+    """Return the signals that a link is for.
+
+    Raises
+    ------
+    InputError
+        If there are none, one is no Signal, two have one name, or there is no suffix.
+    """
+    if isinstance(signals, str | Signal) or not all(isinstance(s, Signal) for s in signals):
+        raise InputError(f"{name}: signals must be a sequence of Signal, found {signals!r}")
+    names = [s.name for s in signals]
+    if not names or len(set(names)) < len(names):
+        raise InputError(f"{name}: expected signals of different names, found {names}")
+    if not suffix:
+        raise InputError(f"{name}: outputs cannot have the names of inputs: give a suffix")
+    return tuple(signals)
+
+
+def received(signal: Signal, suffix: str) -> Signal:
+    """Return a signal as it is called behind the link."""
+    return signal.but(name=signal.name + suffix, description=f"{signal.description or signal.name}, received")
+
+
+@dataclass
+class Transmission:
+    """What happens to the message that is sent at a tick.
+
+    Parameters
+    ----------
+    wait : sympy.Expr
+        Ticks until it arrives, not negative.
+    longest : int
+        Most ticks that can be.
+    lost : sympy Boolean, optional
+        That it never arrives.
+    states, following, definitions, parameters
+        Of the Block, that `wait` and `lost` stand on.
+    """
+
+    wait: sp.Expr
+    longest: int
+    lost: sp.logic.boolalg.Boolean = sp.false
+    states: list[Signal] = field(default_factory=list)
+    following: dict[str, sp.Expr] = field(default_factory=dict)
+    definitions: dict[str, sp.Expr] = field(default_factory=dict)
+    parameters: list[Signal] = field(default_factory=list)
+
+
+class MessageLink:
+    """The states, definitions and outputs of a link, as they are put together.
+
+    Parameters
+    ----------
+    name : str
+        Of the Block, and the prefix of its own names.
+    every : fractions.Fraction
+        Ticks from message to message, at least 1.
+    transmission : Transmission
+    """
+
+    def __init__(self, name: str, every: Fraction, transmission: Transmission) -> None:
+        self.name, self.every = name, every
+        self.states, self.following = list(transmission.states), dict(transmission.following)
+        self.definitions, self.wait = dict(transmission.definitions), transmission.wait
+        self.lost, self.longest = transmission.lost, transmission.longest
+        self.order = Signal("in_order", "1", "1: a message waits for the one before it", lower=0.0, upper=1.0)
+        self.parameters = [*transmission.parameters, self.order]
+        self.now = self._state("ticks", "ticks so far")
+        self.following[self.now.name] = self.now + 1
+        # Exact for any two periods: counted in fractions of a tick that divide both.
+        due = self._state("due", "until the next message is sent, in fractions of a tick")
+        self.sending = due <= 0
+        again = sp.Piecewise((every.numerator, self.sending), (0, True))
+        self.following[due.name] = due - every.denominator + again
+
+    def _state(self, key: str, description: str, start: float = 0.0) -> sp.Symbol:
+        signal = Signal(f"{self.name}_{key}", "1", description, start=start)
+        self.states.append(signal)
+        return signal.symbol
+
+    def define(self, name: str, e: sp.Expr) -> sp.Symbol:
+        """Return the symbol of a new definition."""
+        self.definitions[name] = e
+        return sp.Symbol(name, real=True)
+
+    def count(self, key: str, description: str, more: sp.Expr) -> Signal:
+        """Return a counter, which already has what this tick adds."""
+        before = self._state(f"{key}_before", f"{description}, before this tick")
+        self.following[before.name] = self.define(f"{self.name}_{key}", before + more)
+        return Signal(f"{self.name}_{key}", "1", description)
+
+    def arrival(self) -> sp.Expr:
+        """Return at which tick the message that is sent now arrives."""
+        latest = self._state("latest", "tick at which the last of the messages so far arrives")
+        tick = self.define(f"{self.name}_arrival", sp.Max(self.now + self.wait, self.order.symbol * latest))
+        goes = sp.And(self.sending, sp.Not(self.lost))
+        self.following[latest.name] = sp.Piecewise((sp.Max(tick, latest), goes), (latest, True))
+        return sp.Piecewise((NEVER, self.lost), (tick, True))
+
+    def register(self, signal: Signal, entering: sp.Expr) -> list[sp.Symbol]:
+        """Return one thing of every message under way, the newest first, with what is sent now."""
+        # The message k places on is floor(k every) ticks old or more; none that may still arrive falls out.
+        count = math.ceil((self.longest + 1) / self.every)
+        places = [signal.but(name=f"{signal.name}_place{k}") for k in range(count)]
+        self.states += places
+        line = []
+        for before, place in zip([entering, *(p.symbol for p in places)], places, strict=False):
+            moved = sp.Piecewise((before, self.sending), (place.symbol, True))
+            line.append(self.define(f"{place.name}_now", moved))
+            self.following[place.name] = line[-1]
+        return line
+
+    def newest(self, signal: Signal, line: Sequence[sp.Symbol], arrived: Sequence[sp.Expr]) -> sp.Symbol:
+        """Return the newest that has arrived, or what was shown before; `signal` is that at the start."""
+        held = signal.but(name=f"{signal.name}_held")
+        self.states.append(held)
+        chain = (*zip(line, arrived, strict=True), (held.symbol, True))
+        self.following[held.name] = self.define(f"{signal.name}_shown", sp.Piecewise(*chain))
+        return self.following[held.name]
+
+    def block(self, signals: Sequence[Signal], suffix: str, tick: float) -> Block:
+        """Return the Block: the register, the receiver and their counters."""
+        never = Signal(f"{self.name}_arrival", "1", "tick of arrival", start=NEVER)
+        first = Signal(f"{self.name}_sent", "1", "tick of sending", start=-1.0)
+        arrivals, sent = self.register(never, self.arrival()), self.register(first, self.now)
+        arrived = [at <= self.now for at in arrivals]
+        shown = self.newest(first, sent, arrived)
+        outputs, told = [], {}
+        for s in signals:
+            outputs.append(received(s, suffix))
+            told[s.name + suffix] = self.newest(s, self.register(s, s.symbol), arrived)
+        step = fixed("tick", tick, "from tick to tick")
+        age = Signal(f"{self.name}_age", "s", "how long ago the message received was sent")
+        told[age.name] = (self.now - sp.Max(shown, 0)) * step.symbol
+        fresh = sp.Piecewise((1, shown > sp.Symbol(f"{first.name}_held", real=True)), (0, True))
+        come = sp.Add(*(sp.Piecewise((1, sp.Eq(at, self.now)), (0, True)) for at in arrivals))
+        one = sp.Piecewise((1, self.sending), (0, True))
+        gone = sp.Piecewise((1, sp.And(self.sending, self.lost)), (0, True))
+        counters = [
+            self.count("messages", "messages sent", one),
+            self.count("delivered", "messages received", fresh),
+            self.count("stale", "messages thrown away as a newer one had arrived", come - fresh),
+            self.count("lost", "messages given up after the last retransmission", gone),
+        ]
+        return Block(
+            self.name,
+            states=tuple(self.states),
+            inputs=tuple(signals),
+            outputs=(*outputs, age, *counters),
+            parameters=(*self.parameters, step),
+            derivatives=self.following,
+            output_expressions=told,
+            definitions=self.definitions,
+            period=tick,
+        )

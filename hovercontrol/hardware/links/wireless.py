@@ -1,0 +1,201 @@
+"""Wireless links: messages that take their time, differ in it, overtake each other and get lost."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from fractions import Fraction
+
+import sympy as sp
+
+from hovercontrol.block import Block
+from hovercontrol.errors import InputError
+from hovercontrol.hardware.links.distributions import Delays
+from hovercontrol.hardware.links.messages import (
+    MessageLink,
+    Transmission,
+    not_negative,
+    passed_through,
+)
+from hovercontrol.noise import random_numbers
+from hovercontrol.signals import Signal
+from hovercontrol.tables import number, positive
+
+#: K06's base tick [s].
+TICK = 0.001
+
+
+def empirical_delay(
+    signals: Sequence[Signal],
+    delays: Delays | float,
+    period: float,
+    *,
+    tick: float = TICK,
+    seed: int = 1,
+    suffix: str = "_received",
+    name: str = "link",
+) -> Block:
+    """Return a link on which every message has its own delay.
+
+    Parameters
+    ----------
+    signals : sequence of Signal
+        What each message holds.
+    delays : Delays or float
+        What delays are drawn from, as :func:`~hovercontrol.hardware.links.table_5_1.bluetooth_delays`, or
+        one delay for all [s]. They are rounded to whole ticks, as K06's are to milliseconds.
+    period : float
+        From message to message [s]: at the first tick from each multiple on, the inputs are sent as they are.
+    tick : float, optional
+        Period of the receiver and of the Block [s].
+    seed : int, optional
+        Start value of the parameter ``seed``; links of different names differ even so.
+    suffix : str, optional
+        Of the outputs' names.
+    name : str, optional
+
+    Returns
+    -------
+    Block
+        Sampled. Inputs `signals`; outputs the same with the suffix, as the newest message holds that has
+        arrived (before the first: start values), and ``<name>_age`` [s], how long ago that was sent;
+        and counters: ``<name>_messages`` sent, ``<name>_delivered``, ``<name>_stale`` (thrown away, as a
+        newer one had arrived) and ``<name>_lost``. The rest is under way.
+
+        Parameters: ``delay_scale`` (0: no delay, 1: all), ``in_order`` (1: the link keeps the order, as a
+        serial line over Bluetooth does; a message then waits for the one before it) and, where delays
+        differ, ``jitter`` (0: all are the mean) and ``seed``.
+
+    Raises
+    ------
+    InputError
+        If a delay is negative, the period or tick not positive, the period shorter than the tick, or there
+        are no signals or two of one name.
+
+    Examples
+    --------
+    >>> from hovercontrol.hardware.links import bluetooth_delays
+    >>> from hovercontrol.hybrid import Ticking
+    >>> uplink = empirical_delay([Signal("thrust", "N")], bluetooth_delays("linksys_22.0_uplink"), 0.02)
+    >>> run = Ticking(uplink)
+    >>> seen = [run.tick(0.001 * k, {"thrust": 3.0}) for k in range(200)]
+    >>> 0.022 <= 0.001 * [row["thrust_received"] for row in seen].index(3.0) <= 0.09
+    True
+    """
+    return _link(name, signals, delays, period, tick, suffix, seed)
+
+
+def lossy_link(
+    signals: Sequence[Signal],
+    loss: float,
+    period: float,
+    *,
+    retransmissions: int = 0,
+    timeout: float = 0.0,
+    delays: Delays | float = 0.0,
+    tick: float = TICK,
+    seed: int = 1,
+    suffix: str = "_received",
+    name: str = "link",
+) -> Block:
+    """Return a link whose transmissions get lost, each with the same probability, and are repeated.
+
+    K06 5.3.2-5.3.3: a packet that fails its check is sent again until it comes through or is given up.
+
+    Parameters
+    ----------
+    signals, delays, period, tick, seed, suffix, name
+        As for :func:`empirical_delay`; without `delays` what is not lost arrives at once.
+    loss : float
+        Probability that a transmission is lost, 0 to below 1.
+    retransmissions : int, optional
+        How often a message is sent again at most; then it is given up.
+    timeout : float, optional
+        From a lost transmission to the next [s]; positive if there are retransmissions.
+
+    Returns
+    -------
+    Block
+        As of :func:`empirical_delay`, with one more parameter, ``loss``. A message that is going to be given
+        up counts as lost when it is first sent.
+
+    Raises
+    ------
+    InputError
+        As there, and if the probability is not in [0, 1), `retransmissions` no whole number from 0 on, or the
+        timeout negative, or zero although there are retransmissions.
+
+    Examples
+    --------
+    >>> from hovercontrol.hybrid import Ticking
+    >>> link = Ticking(lossy_link([Signal("y")], 0.5, 0.02, retransmissions=2, timeout=0.005))
+    >>> last = [link.tick(0.001 * k, {"y": 1.0}) for k in range(1000)][-1]
+    >>> int(last["link_messages"]), int(last["link_delivered"] + last["link_lost"])
+    (50, 50)
+    """
+    if not 0 <= number(f"{name}: loss", loss) < 1:
+        raise InputError(f"{name}: loss must be a probability in [0, 1), found {loss!r}")
+    if not (isinstance(retransmissions, int) and retransmissions >= 0):
+        raise InputError(
+            f"{name}: retransmissions must be a whole number from 0 on, found {retransmissions!r}"
+        )
+    if not_negative(f"{name}: timeout", timeout) == 0 and retransmissions:
+        raise InputError(f"{name}: with retransmissions, timeout must be positive, found {timeout!r}")
+    repeat = (float(loss), retransmissions, float(timeout))
+    return _link(name, signals, delays, period, tick, suffix, seed, repeat)
+
+
+def _link(
+    name: str,
+    signals: Sequence[Signal],
+    delays: Delays | float,
+    period: float,
+    tick: float,
+    suffix: str,
+    seed: int,
+    repeat: tuple[float, int, float] | None = None,
+) -> Block:
+    signals = passed_through(name, signals, suffix)
+    positive(f"{name}: period", period)
+    positive(f"{name}: tick", tick)
+    every = Fraction(str(period)) / Fraction(str(tick))
+    if every < 1:
+        raise InputError(f"{name}: period {period:g} s must not be shorter than the tick, {tick:g} s")
+    transmission = _transmission(name, delays, tick, seed, repeat)
+    return MessageLink(name, every, transmission).block(signals, suffix, tick)
+
+
+def _transmission(
+    name: str, delays: Delays | float, tick: float, seed: int, repeat: tuple[float, int, float] | None
+) -> Transmission:
+    """Return how long a message takes, and whether it gets lost."""
+    scale = Signal("delay_scale", "1", "share of the delays, 0: none", start=1.0, lower=0.0, upper=1.0)
+    parameters, drawn = [scale], repeat is not None
+    if isinstance(delays, Delays):
+        jitter = Signal("jitter", "1", "share of the spread about the mean", start=1.0, lower=0.0, upper=1.0)
+        parameters.append(jitter)
+        noise = random_numbers(2, salt=name, kind="uniform", seed=seed)
+        seconds = delays.mean + jitter.symbol * (delays.quantile(noise.values[1]) - delays.mean)
+        longest, drawn = delays.most, True
+    else:
+        noise = random_numbers(1, salt=name, kind="uniform", seed=seed)
+        seconds = longest = not_negative(f"{name}: delay (or a distribution of delays)", delays)
+    seconds = scale.symbol * seconds
+    lost = sp.false
+    if repeat is not None:
+        probability, retransmissions, timeout = repeat
+        p = Signal("loss", "1", "probability that a transmission is lost", probability, lower=0.0, upper=1.0)
+        parameters.append(p)
+        # As many transmissions fail as powers of the probability exceed the number drawn.
+        fails = [noise.values[0] < p.symbol**k for k in range(1, retransmissions + 2)]
+        seconds += timeout * sp.Add(*(sp.Piecewise((1, f), (0, True)) for f in fails[:-1]))
+        longest += timeout * retransmissions
+        lost = fails[-1]
+    wait = sp.Symbol(f"{name}_wait", real=True)
+    most = math.floor(longest / tick + 0.5 + 1e-6)  # rounded, it may not come out less than the wait itself
+    found = Transmission(wait, most, lost, parameters=parameters)
+    if drawn:
+        found.states, found.following = list(noise.states), dict(noise.next_values)
+        found.definitions, found.parameters = dict(noise.definitions), [*parameters, *noise.parameters]
+    found.definitions[wait.name] = sp.floor(seconds / tick + sp.Rational(1, 2))
+    return found
