@@ -20,7 +20,8 @@ from hovercontrol.block import Block
 from hovercontrol.controllers import tracking_controller
 from hovercontrol.effects import Coefficient, Effect, Shape, effect, effect_names
 from hovercontrol.errors import InputError
-from hovercontrol.estimators import kalman_bucy, regression
+from hovercontrol.estimators.kalman_bucy import kalman_bucy
+from hovercontrol.estimators.regression import regression
 from hovercontrol.interconnect import interconnect, prefix, rename
 from hovercontrol.model import Fan, Model
 from hovercontrol.modelfile import load_model, save_model
