@@ -1,0 +1,42 @@
+"""What the page is told once: the craft, the laws and the disturbances, with units and bounds."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from hovercontrol.cockpit.laws import full_stick
+from hovercontrol.cockpit.loop import Loop
+from hovercontrol.signals import Signal
+from hovercontrol.vehicles import HOVERDEMON_BODY
+
+
+def about(loop: Loop) -> dict[str, Any]:
+    """Return what the page must know of a loop once: craft, laws, disturbances, with units and bounds."""
+    return {
+        "craft": loop.model.name,
+        "arm": _drawn_arm(loop),
+        "fans": [{"name": f.name, "x": f.x, "y": f.y, "direction": f.direction} for f in loop.model.fans],
+        "inputs": [{**_shown_signal(s), "full": full_stick(s)} for s in loop.inputs],
+        "laws": {
+            key: {"title": c.title, "references": [_shown_signal(s) for s in c.references]}
+            for key, c in loop.choices.items()
+        },
+        "disturbances": {
+            key: {"title": d.title, "knobs": [_shown_signal(k.signal) for k in d.knobs]}
+            for key, d in loop.disturbances.items()
+        },
+        "energy": len(loop.choices) > 1,
+    }
+
+
+def _drawn_arm(loop: Loop) -> float:
+    """Return the distance from the centre of mass to the stern that the craft is drawn with [m]."""
+    if loop.model.fans:
+        return 1.6 * max(abs(f.x) for f in loop.model.fans)
+    return HOVERDEMON_BODY.arm if len(loop.choices) > 1 else 0.14  # C17's craft
+
+
+def _shown_signal(s: Signal) -> dict[str, Any]:
+    finite = {key: v for key, v in (("lower", s.lower), ("upper", s.upper)) if math.isfinite(v)}
+    return {"name": s.name, "unit": s.unit, "text": s.description, "start": s.start, **finite}

@@ -1,0 +1,52 @@
+"""Numbers that come from a page: each is looked at before the craft is told."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from hovercontrol.errors import InputError, did_you_mean
+from hovercontrol.signals import Signal
+
+
+def checked_number(signal: Signal, value: Any) -> float:
+    """Return a value for a signal.
+
+    Raises
+    ------
+    InputError
+        If it is no number within the signal's bounds.
+
+    Examples
+    --------
+    >>> checked_number(Signal("surge_ref", "m/s", upper=1.5), 1)
+    1.0
+    """
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise InputError(f"{signal.name}: expected a number ({signal.unit}), found {value!r}")
+    return signal.check(float(value))
+
+
+def checked_numbers(
+    what: str, known: Iterable[Signal], before: Mapping[str, float], given: Mapping[str, Any]
+) -> dict[str, float]:
+    """Return the values before, with those given put in their place.
+
+    Parameters
+    ----------
+    what : str
+        What error lines call it.
+    known : iterable of Signal
+    before, given : mapping
+        By signal's name.
+
+    Raises
+    ------
+    InputError
+        If a name is unknown (the nearest is named), or a value is wrong.
+    """
+    signals = {s.name: s for s in known}
+    for name in given:
+        if name not in signals:
+            raise InputError(f"{what}: unknown value {name!r}{did_you_mean(str(name), signals)}")
+    return {**before, **{name: checked_number(signals[name], value) for name, value in given.items()}}

@@ -1,0 +1,56 @@
+"""Gusts: a wind that comes and goes, drawn anew at each tick."""
+
+from __future__ import annotations
+
+import sympy as sp
+
+from hovercontrol.block import Block
+from hovercontrol.noise import random_numbers
+from hovercontrol.signals import Signal
+
+GUST = (
+    Signal("gust_x", "m/s", "gust, earth frame"),
+    Signal("gust_y", "m/s", "gust, earth frame"),
+)
+
+
+def gusts(*, period: float = 0.02, name: str = "gusts") -> Block:
+    """Return a wind of mean zero whose parts along x and y forget themselves within a second.
+
+    A Gauss-Markov process of first order, exact at its ticks: ``g' = a g + sqrt(1 - a^2) s n`` with
+    ``a = exp(-1/ticks)`` and n of variance 1.
+
+    Parameters
+    ----------
+    period : float, optional
+        [s]
+    name : str, optional
+
+    Returns
+    -------
+    Block
+        Sampled. Outputs ``gust_x, gust_y`` [m/s]; parameters ``speed``, their standard deviation s [m/s],
+        ``ticks`` in which a gust fades (those of one second), and ``seed``.
+
+    Examples
+    --------
+    >>> sorted(gusts().default_parameters)
+    ['gusts.seed', 'gusts.speed', 'gusts.ticks']
+    """
+    noise = random_numbers(2, salt=name)
+    speed = Signal("speed", "m/s", "standard deviation", start=1.0, lower=0.0)
+    ticks = Signal("ticks", "1", "in which a gust fades", start=1.0 / period, lower=1.0)
+    states = tuple(s.but(name=f"{s.name}_held") for s in GUST)
+    kept = sp.exp(-1 / ticks.symbol)
+    fresh = speed.symbol * sp.sqrt(1 - kept**2)
+    following = {s.name: kept * s.symbol + fresh * n for s, n in zip(states, noise.values, strict=True)}
+    return Block(
+        name,
+        states=(*states, *noise.states),
+        outputs=GUST,
+        parameters=(speed, ticks, *noise.parameters),
+        derivatives={**following, **noise.next_values},
+        definitions=noise.definitions,
+        output_expressions={g.name: s.symbol for g, s in zip(GUST, states, strict=True)},
+        period=period,
+    )

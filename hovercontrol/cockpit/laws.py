@@ -1,0 +1,169 @@
+"""What the pilot may choose to fly with: the stick, or one of K06's laws with the gains of its trials."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import sympy as sp
+
+from hovercontrol.block import Block
+from hovercontrol.controllers.k06 import force_to_command
+from hovercontrol.controllers.k06.energy import body_signals, kinetic_energy
+from hovercontrol.controllers.k06.heading import HEADING_REF
+from hovercontrol.controllers.k06.laws import SURGE_REF, YAW_RATE_REF
+from hovercontrol.controllers.k06.origin import GOAL
+from hovercontrol.interconnect import interconnect
+from hovercontrol.model import MOTION, THRUST, Fan, Model
+from hovercontrol.signals import Signal
+from hovercontrol.vehicles import HOVERDEMON_BODY
+
+#: Full stick where a model states no bounds: the ends of K06's table of forces (figure 4.5), in N and rad.
+FULL_THRUST, FULL_RUDDER = 2.0, math.radians(35.0)
+
+#: Force components no larger than this [N] count as zero: a rudder without thrust has no direction.
+DEAD_ZONE = 0.002
+
+STICK = (
+    Signal("stick_ahead", "1", "stick, forward", lower=-1.0, upper=1.0),
+    Signal("stick_right", "1", "stick, to the right", lower=-1.0, upper=1.0),
+)
+
+
+@dataclass(frozen=True)
+class Choice:
+    """A law that the pilot may choose.
+
+    Parameters
+    ----------
+    title : str
+        What the page calls it.
+    scenario : str
+        The scenario of the package whose gains it takes; ``""`` for the stick.
+    references : tuple of Signal, optional
+        What the pilot tells it, with the bounds of the sliders.
+    """
+
+    title: str
+    scenario: str = ""
+    references: tuple[Signal, ...] = ()
+
+
+_HEADING = HEADING_REF.but(description="wanted heading", lower=-math.pi, upper=math.pi)
+_GOAL = (
+    GOAL[0].but(lower=-20.0, upper=20.0),
+    GOAL[1].but(lower=-20.0, upper=20.0),
+    GOAL[2].but(lower=-math.pi, upper=math.pi),
+)
+
+#: Every choice by its key.
+CHOICES: dict[str, Choice] = {
+    "manual": Choice("Manual"),
+    "stop": Choice("Stop", "k06-stop"),
+    "forward": Choice("Forward", "k06-forward", (SURGE_REF.but(start=1.1, lower=0.0, upper=1.5),)),
+    "reverse": Choice("Reverse", "k06-reverse", (SURGE_REF.but(start=-0.76, lower=-1.0, upper=0.0),)),
+    "turn": Choice("Turn", "k06-turn", (YAW_RATE_REF.but(start=1.5, lower=-4.0, upper=4.0),)),
+    "goal": Choice("Goal", "k06-origin", _GOAL),
+    "heading": Choice("Heading, bang-bang", "k06-heading-bangbang", (_HEADING,)),
+    "heading_proportional": Choice("Heading, proportional", "k06-heading-proportional", (_HEADING,)),
+}
+
+
+def choices(model: Model) -> dict[str, Choice]:
+    """Return what a craft can be flown with: K06's laws ask for a force in newton at a rudder."""
+    if {"thrust", "rudder"} <= {s.name for s in model.plant().inputs} and model.thrust.unit == "N":
+        return CHOICES
+    return {"manual": CHOICES["manual"]}
+
+
+def law(key: str, model: Model) -> Block:
+    """Return a choice as one Block, from motion, stick and references to the craft's commands.
+
+    Parameters
+    ----------
+    key : str
+        Of :data:`CHOICES`.
+    model : Model
+
+    Returns
+    -------
+    Block
+        Sampled where the law has a guidance, else without states. The references are parameters
+        ``reference.NAME``; the outputs have the plant's inputs among them. The laws believe in K06's craft.
+
+    Examples
+    --------
+    >>> from hovercontrol.vehicles import vehicle
+    >>> [s.name for s in law("forward", vehicle("hoverdemon")).outputs]
+    ['surge_ref', 'force_x', 'force_y', 'thrust', 'rudder']
+    """
+    from hovercontrol.scenarios import load_scenario
+    from hovercontrol.scenarios.parts import loop_parts
+
+    choice = CHOICES[key]
+    if not choice.scenario:
+        return manual(model)
+    parts = loop_parts(load_scenario(choice.scenario))
+    parts["actuation"] = force_to_command(dead_zone=DEAD_ZONE, reversing=True)
+    return interconnect([block for role, block in parts.items() if role != "plant"], "law")
+
+
+def manual(model: Model) -> Block:
+    """Return the stick: forward is thrust, to the right turns the bow to the right when there is thrust.
+
+    Parameters
+    ----------
+    model : Model
+        Full stick is at the bounds of its commands; without bounds at those of K06's force table.
+
+    Returns
+    -------
+    Block
+        Inputs ``stick_ahead, stick_right`` (-1 to 1); outputs the plant's inputs.
+
+    Examples
+    --------
+    >>> from hovercontrol.vehicles import vehicle
+    >>> manual(vehicle("four_fan")).to_numpy().outputs(0.0, (), [0.0, 1.0]).tolist()  # turns to the right
+    [0.0, 0.1, 0.1, 0.0]
+    """
+    ahead, right = (s.symbol for s in STICK)
+    inputs = model.plant().inputs
+    wanted = {"thrust": ahead, "rudder": right} | {f.name: _share(f, ahead, right) for f in model.fans}
+    full = {s.name: Signal(f"manual.{s.name}", s.unit, "at full stick", start=full_stick(s)) for s in inputs}
+    return Block(
+        "manual",
+        inputs=STICK,
+        outputs=inputs,
+        parameters=tuple(full.values()),
+        output_expressions={s.name: full[s.name].symbol * wanted[s.name] for s in inputs},
+    )
+
+
+def full_stick(command: Signal) -> float:
+    """Return a command at full stick."""
+    if math.isfinite(command.upper):
+        return command.upper
+    if command.unit == "rad":
+        return FULL_RUDDER
+    return FULL_THRUST if command.name == THRUST.name else command.nominal
+
+
+def _share(fan: Fan, ahead: sp.Expr, right: sp.Expr) -> sp.Expr:
+    """Return a fan's part of its full force: those push that point, or turn, as the stick wants."""
+    turning = sp.sign(fan.lever_arm("manual").start)
+    return sp.Min(1, sp.Max(0, round(math.cos(fan.direction)) * ahead - turning * right))
+
+
+def energy() -> Block:
+    """Return the kinetic energy of K06's craft as a Block (K06 (2.40))."""
+    mass, inertia, arm = body_signals(HOVERDEMON_BODY)
+    moving = tuple(s for s in MOTION if s.name in ("u", "v", "r"))
+    value = kinetic_energy(mass.symbol, inertia.symbol, *(s.symbol for s in moving))
+    return Block(
+        "energy",
+        inputs=moving,
+        outputs=(Signal("energy", "J", "kinetic energy"),),
+        parameters=(mass, inertia, arm),
+        output_expressions={"energy": value},
+    )

@@ -1,0 +1,261 @@
+"""The craft under a law, tick by tick: what the pilot commands, and what there is to see."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from hovercontrol.cockpit.checks import checked_number, checked_numbers
+from hovercontrol.cockpit.disturbances import possible, with_disturbances
+from hovercontrol.cockpit.gusts import GUST, gusts
+from hovercontrol.cockpit.laws import STICK, choices, energy, law
+from hovercontrol.controllers.k06.heading import TICK
+from hovercontrol.errors import InputError, did_you_mean
+from hovercontrol.hybrid import Ticking
+from hovercontrol.model import MOTION, Model
+from hovercontrol.targets.numpy import call_scalar, numpy_functions
+from hovercontrol.targets.runge_kutta import rk4
+
+_GUSTS = tuple(s.name for s in GUST)
+
+
+class Loop:
+    """A craft in the loop with what the pilot chose to fly it with; simulated time, no clock on the wall.
+
+    Commands take effect at once; the law sees the motion as sensors measure it and its commands are
+    held for the tick, limited to the bounds of the plant's inputs. Pacer and page know no more of it than
+    stands here, so that another simulation with these methods and attributes may take its place.
+
+    Parameters
+    ----------
+    model : Model
+
+    Attributes
+    ----------
+    model : Model
+        With the effects that disturbances need.
+    inputs : tuple of Signal
+        The plant's.
+    choices : dict of str to Choice
+        What it can be flown with.
+    disturbances : dict of str to Disturbance
+        What can be switched on.
+    law : str
+        Key of the present choice.
+    references : dict of str to dict of str to float
+        What each law is told, by its key.
+    switched_on : dict of str to dict of str to float
+        The numbers of the disturbances that act.
+    stick : tuple of float
+        Forward, to the right.
+
+    Raises
+    ------
+    InputError
+        If the model has an effect that no equation says (a delay).
+
+    Examples
+    --------
+    >>> from hovercontrol.vehicles import vehicle
+    >>> loop = Loop(vehicle("hoverdemon"))
+    >>> loop.command(law="forward", references={"surge_ref": 1.0})
+    >>> loop.advance(1.0)
+    >>> round(loop.signals()["u"], 2)  # 1 - exp(-k1 t/m)
+    0.32
+    """
+
+    def __init__(self, model: Model) -> None:
+        self.choices, self.disturbances = choices(model), possible(model)
+        self.model = with_disturbances(model)
+        plant = self.model.plant()
+        self.inputs = plant.inputs
+        self._plant = plant
+        self._rhs, self._see = (
+            numpy_functions(plant).scalar_pair(rows) for rows in ("derivatives", "outputs")
+        )
+        self._limits = [(s.lower, s.upper) for s in plant.inputs]
+        self._own = plant.parameter_values()
+        self._places = {p.name: k for k, p in enumerate(plant.parameters)}
+        self._blocks = {key: law(key, model) for key in self.choices}
+        self._gust_block = gusts()
+        self._gust_every = round(self._gust_block.period / TICK)
+        self._energy = Ticking(energy()) if len(self.choices) > 1 else None
+        for block in self._blocks.values():
+            Ticking(block)  # its functions are made now, not while the craft flies
+        self.references = {key: {s.name: s.start for s in c.references} for key, c in self.choices.items()}
+        self.switched_on: dict[str, dict[str, float]] = {}
+        self.law, self.stick = "manual", (0.0, 0.0)
+        self.reset()
+
+    def reset(self) -> None:
+        """Put the craft where it started, at rest and at time 0; law, references, disturbances stay."""
+        self._count = self._next_gust = 0
+        self._state = [s.start for s in self._plant.states]
+        self._gusts = Ticking(self._gust_block, {"gusts.speed": self._gust_speed()})
+        self._gust = dict.fromkeys(_GUSTS, 0.0)
+        self._told: dict[str, float] = {}
+        self._fresh = False
+        self._take_law()
+        self._set_plant()
+
+    @property
+    def time(self) -> float:
+        """Simulated time [s]."""
+        return round(self._count * TICK, 9)
+
+    def modes(self) -> dict[str, tuple[str, ...]]:
+        """Return the names of the modes that the present law tells, by signal."""
+        return {s.name: s.modes for s in self._blocks[self.law].outputs if s.modes}
+
+    def command(
+        self,
+        *,
+        law: str | None = None,
+        references: Mapping[str, Any] | None = None,
+        stick: tuple[Any, Any] | None = None,
+        disturbances: Mapping[str, Mapping[str, Any] | None] | None = None,
+    ) -> None:
+        """Tell the loop what the pilot wants from now on; all of it or, if wrong, nothing.
+
+        Parameters
+        ----------
+        law : str, optional
+            Key of one of the choices. The motion of the craft goes on as it is.
+        references : mapping of str to float, optional
+            Of that law, by name (``surge_ref``); SI units. A wanted heading is taken as the nearest turn.
+        stick : tuple of float, optional
+            Forward and to the right, -1 to 1; only the law ``manual`` looks at it.
+        disturbances : mapping, optional
+            By key its numbers by name, or None to switch it off.
+
+        Raises
+        ------
+        InputError
+            If a name is unknown (the nearest is named) or a value is no number within its bounds.
+        """
+        key = self.law if law is None else str(law)
+        if key not in self.choices:
+            raise InputError(f"unknown law {key!r}{did_you_mean(key, self.choices)}")
+        known, before = self.choices[key].references, self.references[key]
+        told = checked_numbers(f"law {key}", known, before, references or {})
+        push = self.stick
+        if stick is not None:
+            push = (checked_number(STICK[0], stick[0]), checked_number(STICK[1], stick[1]))
+        acting = dict(self.switched_on)
+        for name, values in (disturbances or {}).items():
+            if name not in self.disturbances:
+                raise InputError(f"unknown disturbance {name!r}{did_you_mean(name, self.disturbances)}")
+            knobs = [knob.signal for knob in self.disturbances[name].knobs]
+            held = acting.pop(name, {s.name: s.start for s in knobs})
+            if values is not None:
+                acting[name] = checked_numbers(name, knobs, held, values)
+        if self._fresh:  # what was told at this instant is told anew
+            self._law.state, self._fresh = self._before, False
+        changed, self.law, self.stick = key != self.law, key, push
+        self.references[key] = told
+        if changed:
+            self._take_law()
+        elif references:
+            self._set_law()
+        if disturbances:
+            self.switched_on = acting
+            self._gusts.set_parameters({"gusts.speed": self._gust_speed()})
+            self._set_plant()
+
+    def advance(self, until: float) -> None:
+        """Let simulated time go on to `until` [s], a multiple of the tick.
+
+        Raises
+        ------
+        InputError
+            If the motion is no longer a number.
+        """
+        last = round(until / TICK)
+        while self._count < last:
+            self._tick()
+            held = [self._told[s.name] for s in self.inputs]
+            now = self._count * TICK
+            self._state = rk4(self._rhs, now, self._state, held, self._values, now + TICK, 1)
+            self._count += 1
+            self._fresh = False
+        if not all(map(math.isfinite, self._state)):
+            raise InputError(f"the craft's motion is no longer a number at {self.time:.2f} s: reset it")
+
+    def signals(self) -> dict[str, float]:
+        """Return what there is to see now, by name, in SI units.
+
+        Returns
+        -------
+        dict of str to float
+            ``time``; the motion, and ``..._measured`` where a sensor sees it otherwise; the commands that
+            hold from now on; what the law tells besides (``surge_ref``, ``mode``); ``wind_x, wind_y`` [m/s]
+            with its gusts, earth frame; and ``energy`` [J] of K06's craft.
+        """
+        self._tick()
+        seen = self._outputs()
+        found = {"time": self.time, **seen, **self._told}
+        found |= {name: self._values[self._places[f"plant.{name}"]] for name in ("wind_x", "wind_y")}
+        if self._energy is not None:
+            found |= self._energy.tick(self.time, seen)
+        return found
+
+    def notes(self) -> str:
+        """Return what the pilot should know of the disturbances, or ``""``."""
+        blowing = {"wind", "gusts"} & set(self.switched_on)
+        drags = [self._values[self._places[f"plant.{axis}_linear_drag"]] for axis in ("surge", "sway")]
+        if blowing and not any(drags):
+            return "Wind and gusts act through air drag, of which this craft has none: switch it on, too."
+        return ""
+
+    # ---- inside --------------------------------------------------------------------------------------
+
+    def _outputs(self) -> dict[str, float]:
+        held = [self._told.get(s.name, 0.0) for s in self.inputs]
+        values = call_scalar(self._see, self.time, self._state, held, self._values)
+        return dict(zip([s.name for s in self._plant.outputs], values, strict=True))
+
+    def _tick(self) -> None:
+        """Let everything sampled take its step, once at an instant."""
+        if self._fresh:
+            return
+        if "gusts" in self.switched_on and self._count >= self._next_gust:
+            self._gust = self._gusts.tick(self.time, {})
+            self._next_gust = self._count + self._gust_every
+            self._set_plant()
+        seen = self._outputs()
+        for s in MOTION:
+            seen[s.name] = seen.get(f"{s.name}_measured", seen[s.name])
+        pushed = dict(zip([s.name for s in STICK], self.stick, strict=True))
+        self._before = self._law.state
+        self._told = self._law.tick(self.time, {**seen, **pushed})
+        for signal, (lower, upper) in zip(self.inputs, self._limits, strict=True):
+            self._told[signal.name] = min(max(self._told[signal.name], lower), upper)
+        self._fresh = True
+
+    def _take_law(self) -> None:
+        self._law = Ticking(self._blocks[self.law])
+        self._set_law()
+
+    def _set_law(self) -> None:
+        told = dict(self.references[self.law])
+        if "heading_ref" in told:  # it is not wrapped, and neither is psi
+            psi = self._state[2]
+            told["heading_ref"] = psi + math.remainder(told["heading_ref"] - psi, math.tau)
+        self._law.set_parameters({f"reference.{name}": value for name, value in told.items()})
+
+    def _gust_speed(self) -> float:
+        return self.switched_on.get("gusts", {}).get("speed", 0.0)
+
+    def _set_plant(self) -> None:
+        values = list(self._own)
+        for name, numbers in self.switched_on.items():
+            for knob in self.disturbances[name].knobs:
+                for parameter in knob.parameters:
+                    values[self._places[f"plant.{parameter}"]] += numbers[knob.signal.name]
+        if "gusts" in self.switched_on:
+            for axis, gust in zip("xy", _GUSTS, strict=True):
+                values[self._places[f"plant.wind_{axis}"]] += self._gust[gust]
+        else:
+            self._gust = dict.fromkeys(_GUSTS, 0.0)
+        self._values = tuple(values)

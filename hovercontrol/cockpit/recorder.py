@@ -1,0 +1,84 @@
+"""What the pilot records: rows of the standard log, kept until they are saved."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from hovercontrol.errors import InputError
+from hovercontrol.logs import POSE, VELOCITY, Log
+
+#: Longest recording [s].
+LONGEST = 3600.0
+
+_NAME = re.compile(r"pilot-(\d+)\.csv")
+
+
+class Recorder:
+    """Rows of time, pose, body velocities as measured, and commands.
+
+    Parameters
+    ----------
+    inputs : sequence of str
+        Names of the commands.
+
+    Examples
+    --------
+    >>> recorder = Recorder(["thrust"])
+    >>> motion = dict.fromkeys(["x", "y", "psi", "u", "v", "r"], 0.0)
+    >>> for k in range(2):
+    ...     recorder.add({"time": 0.01 * k, "thrust": 1.0, **motion})
+    >>> list(recorder.log().columns)
+    ['x', 'y', 'psi', 'u', 'v', 'r', 'thrust']
+    """
+
+    def __init__(self, inputs: Sequence[str]) -> None:
+        self.names = ("time", *POSE, *VELOCITY, *inputs)
+        self._rows: list[list[float]] = []
+
+    def add(self, signals: Mapping[str, float]) -> None:
+        """Keep a row; where a sensor sees a motion otherwise than it is, that is what a log has."""
+        self._rows.append([signals.get(f"{name}_measured", signals[name]) for name in self.names])
+
+    @property
+    def seconds(self) -> float:
+        """Length of what was recorded [s]."""
+        return self._rows[-1][0] - self._rows[0][0] if self._rows else 0.0
+
+    def log(self, name: str = "pilot") -> Log:
+        """Return the log.
+
+        Raises
+        ------
+        InputError
+            If it has less than two rows.
+        """
+        if len(self._rows) < 2:
+            raise InputError("nothing was recorded: let time go on between the beginning and the end")
+        columns = dict(zip(self.names, np.array(self._rows).T, strict=True))
+        return Log(name, columns.pop("time"), columns)
+
+    def save(self, folder: Path) -> Path:
+        """Write the log to the next free ``pilot-001.csv`` of a folder and return its path.
+
+        Raises
+        ------
+        InputError
+            If there is nothing to save, or the folder cannot be written.
+        """
+        taken = [int(found[1]) for found in map(_NAME.fullmatch, names_in(folder)) if found]
+        path = folder / f"pilot-{max(taken, default=0) + 1:03d}.csv"
+        self.log(path.name).save(path)
+        return path
+
+
+def names_in(folder: Path) -> list[str]:
+    """Return the names of the logs in a folder, sorted; hidden files are no logs."""
+    if not folder.is_dir():
+        return []
+    kinds = (".csv", ".parquet", ".pq")
+    files = (f.name for f in folder.iterdir() if f.is_file() and f.suffix.lower() in kinds)
+    return sorted(name for name in files if not name.startswith("."))

@@ -1,0 +1,248 @@
+"""The server of the page: the page itself, frames and orders over a websocket, logs to look at again."""
+
+from __future__ import annotations
+
+import asyncio
+import errno
+import json
+import os
+import signal
+import socket
+from collections.abc import Callable
+from contextlib import suppress
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from aiohttp import WSMsgType, web
+
+from hovercontrol.cockpit.about import about
+from hovercontrol.cockpit.guard import guard
+from hovercontrol.cockpit.pacer import Pacer
+from hovercontrol.cockpit.shelf import Shelf
+from hovercontrol.errors import InputError, did_you_mean
+
+#: Largest log that the page may send [bytes].
+LARGEST_UPLOAD = 64 * 2**20
+
+_TYPES = {"html": "text/html", "css": "text/css", "js": "text/javascript", "svg": "image/svg+xml"}
+
+
+class Console:
+    """The page's side of a pacer: who is the pilot, who watches, where logs are.
+
+    Parameters
+    ----------
+    pacer : Pacer
+    folder : Path
+        Where recordings are saved.
+    replay : Path, optional
+        A log that the page shows first.
+
+    Attributes
+    ----------
+    saved : list of str
+        Names of the recordings that were saved.
+    """
+
+    def __init__(self, pacer: Pacer, folder: Path, replay: Path | None = None) -> None:
+        self.pacer, self.shelf = pacer, Shelf(folder, replay)
+        self.watchers: dict[web.WebSocketResponse, asyncio.Event] = {}
+        self.pilot: web.WebSocketResponse | None = None
+        self.saved: list[str] = []
+        self._flown = False
+
+    def application(self, token: str = "") -> web.Application:
+        """Return the web application; see :func:`.guard.guard` for the token."""
+        app = web.Application(middlewares=[guard(token)], client_max_size=LARGEST_UPLOAD)
+        app.add_routes(
+            [
+                web.get("/", self._page),
+                web.get("/page/{name}", self._page),
+                web.get("/ws", self._talk),
+                *self.shelf.routes(),
+            ]
+        )
+        app.cleanup_ctx.append(self._running)
+        return app
+
+    async def _running(self, app: web.Application) -> Any:
+        loop = asyncio.get_running_loop()
+
+        def tell() -> None:
+            with suppress(RuntimeError):  # the loop of events has ended
+                loop.call_soon_threadsafe(self._wake)
+
+        self.pacer.listeners.append(tell)
+        self.pacer.start()
+        yield
+        await asyncio.to_thread(self.pacer.stop)
+        self.pacer.listeners.remove(tell)
+        self.pacer.record(False)
+        await self._save_finished()
+        for socket_ in list(self.watchers):
+            await socket_.close(code=1001, message=b"the server has ended")
+
+    def _wake(self) -> None:
+        for event in self.watchers.values():
+            event.set()
+
+    # ---- the page ------------------------------------------------------------------------------------
+
+    async def _page(self, request: web.Request) -> web.Response:
+        name = request.match_info.get("name", "index.html")
+        file = resources.files("hovercontrol.cockpit") / "page" / name
+        kind = _TYPES.get(name.rpartition(".")[2])
+        if kind is None or not file.is_file():
+            raise web.HTTPNotFound(text=f"404: there is no {name}\n")
+        return web.Response(body=file.read_bytes(), content_type=kind, charset="utf-8")
+
+    # ---- frames and orders ---------------------------------------------------------------------------
+
+    async def _talk(self, request: web.Request) -> web.WebSocketResponse:
+        talk = web.WebSocketResponse(heartbeat=10.0, max_msg_size=64 * 1024, compress=False)
+        await talk.prepare(request)
+        self.watchers[talk] = asyncio.Event()
+        if self.pilot is None:
+            self._give(talk)
+        frames = asyncio.create_task(self._send_frames(talk))
+        try:
+            await talk.send_json({"about": about(self.pacer.loop), "replay": self.shelf.replay is not None})
+            async for message in talk:
+                if message.type is WSMsgType.TEXT:
+                    await self._hear(talk, message.data)
+        finally:
+            frames.cancel()
+            del self.watchers[talk]
+            if self.pilot is talk:
+                self.pilot = None
+                self.pacer.left()
+        return talk
+
+    async def _send_frames(self, talk: web.WebSocketResponse) -> None:
+        sent, event = -1, self.watchers[talk]
+        with suppress(ConnectionError):
+            while not talk.closed:
+                await event.wait()
+                event.clear()
+                await self._save_finished()
+                state = self.pacer.state
+                if state["frame"] != sent:
+                    sent = state["frame"]
+                    await talk.send_str(_json({**state, "pilot": self.pilot is talk}))
+
+    async def _hear(self, talk: web.WebSocketResponse, text: str) -> None:
+        try:
+            message = json.loads(text, parse_constant=_refuse)
+            if not isinstance(message, dict):
+                raise InputError("expected an object")
+            await self._obey(talk, message)
+        except (InputError, json.JSONDecodeError) as error:
+            await talk.send_json({"error": str(error)})
+
+    async def _obey(self, talk: web.WebSocketResponse, message: dict[str, Any]) -> None:
+        if message.get("take"):
+            self._give(talk)
+        if self.pilot is not talk:
+            if message.keys() - {"stick", "take"}:
+                raise InputError("another page flies this craft: take control first")
+            return
+        stick = message.pop("stick", None)
+        if stick is not None and not (isinstance(stick, list) and len(stick) == 2):
+            raise InputError(f"stick: expected two numbers, found {stick!r}")
+        self.pacer.heard(tuple(stick) if stick else None)
+        orders = {"command": dict, "pause": bool, "record": bool, "reset": bool, "take": bool}
+        for key, value in message.items():
+            if key not in orders:
+                raise InputError(f"unknown order {key!r}{did_you_mean(key, orders)}")
+            if not isinstance(value, orders[key]):
+                raise InputError(f"{key}: expected {orders[key].__name__}, found {value!r}")
+        if "command" in message:
+            self._command(message["command"])
+        if "pause" in message:
+            self.pacer.pause(message["pause"])
+        if message.get("reset"):
+            self.pacer.reset()
+        if "record" in message:
+            self.pacer.record(message["record"])
+            await self._save_finished()
+
+    def _command(self, order: dict[str, Any]) -> None:
+        known = ("law", "references", "disturbances")
+        for key in order:
+            if key not in known:
+                raise InputError(f"command: unknown {key!r}{did_you_mean(key, known)}")
+        for key in known[1:]:
+            if not isinstance(order.get(key, {}), dict):
+                raise InputError(f"{key}: expected an object, found {order[key]!r}")
+        for key, values in order.get("disturbances", {}).items():
+            if not isinstance(values, dict | None):
+                raise InputError(f"disturbance {key}: expected an object or null, found {values!r}")
+        self.pacer.command(**order)
+
+    def _give(self, talk: web.WebSocketResponse) -> None:
+        """Let this page be the pilot's; the first one of all starts time."""
+        self.pilot = talk
+        self.pacer.heard((0.0, 0.0))
+        if not self._flown:
+            self._flown = True
+            self.pacer.pause(self.shelf.replay is not None)
+
+    async def _save_finished(self) -> None:
+        for recording in self.pacer.finished():
+            news: dict[str, Any] = {"seconds": recording.seconds}
+            try:
+                news["saved"] = (await asyncio.to_thread(recording.save, self.shelf.folder)).name
+                self.saved.append(news["saved"])
+            except InputError as error:
+                news = {"error": str(error)}
+            for talk in list(self.watchers):
+                with suppress(ConnectionError):
+                    await talk.send_json(news)
+
+
+def _json(content: Any) -> str:
+    return json.dumps(content, allow_nan=False, separators=(",", ":"))
+
+
+def _refuse(text: str) -> None:
+    raise InputError(f"{text} is no number")
+
+
+def listen(host: str, port: int) -> socket.socket:
+    """Return a socket that listens.
+
+    Raises
+    ------
+    InputError
+        If the port is taken or not allowed, or there is no such address.
+    """
+    try:
+        family, _, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
+        return socket.create_server(address[:2], family=family, backlog=16)
+    except PermissionError:
+        raise InputError(f"cockpit: port {port} is not allowed: choose one above 1023, or --port 0") from None
+    except OSError as error:
+        if isinstance(error, socket.gaierror) or error.errno == errno.EADDRNOTAVAIL:
+            line = f"--host: {host!r} is no address of this machine"
+        elif error.errno == errno.EADDRINUSE:
+            line = f"port {port} is in use: choose another, or --port 0 for any"
+        else:
+            line = f"cannot listen at {host}, port {port}: {os.strerror(error.errno or 0)}"
+        raise InputError(f"cockpit: {line}") from None
+
+
+async def serve(console: Console, listening: socket.socket, token: str, ready: Callable[[], object]) -> None:
+    """Serve until an interrupt; `ready` is called when the page can be opened."""
+    runner = web.AppRunner(console.application(token), access_log=None, shutdown_timeout=1.0)
+    end = asyncio.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        with suppress(NotImplementedError):  # Windows: an interrupt is an exception there
+            asyncio.get_running_loop().add_signal_handler(number, end.set)
+    await runner.setup()
+    try:
+        await web.SockSite(runner, listening).start()
+        ready()
+        await end.wait()
+    finally:
+        await runner.cleanup()

@@ -1,0 +1,101 @@
+"""Logs that the page looks at again: recordings in a folder, one given at the start, or one that it sends."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+import tempfile
+from pathlib import Path
+
+import numpy as np
+from aiohttp import web
+
+from hovercontrol.cockpit.recorder import names_in
+from hovercontrol.errors import InputError
+from hovercontrol.logs import POSE, read_log
+from hovercontrol.logs.log import PARQUET
+
+#: Most rows of a log that the page is given.
+MOST_ROWS = 20_000
+
+
+class Shelf:
+    """Where the page finds logs.
+
+    Parameters
+    ----------
+    folder : Path
+        Where recordings are saved.
+    replay : Path, optional
+        A log that the page shows first.
+    """
+
+    def __init__(self, folder: Path, replay: Path | None = None) -> None:
+        self.folder, self.replay = folder, replay
+
+    def routes(self) -> list[web.RouteDef]:
+        """Return what the server answers."""
+        return [
+            web.get("/logs", self._logs),
+            web.get("/logs/{name}", self._download),
+            web.get("/logs/{name}/columns", self._columns),
+            web.get("/replay", self._replay),
+            web.post("/upload", self._upload),
+        ]
+
+    async def _logs(self, request: web.Request) -> web.Response:
+        return web.json_response(names_in(self.folder))
+
+    def _named(self, request: web.Request) -> Path:
+        name = request.match_info["name"]
+        if name not in names_in(self.folder):  # no path leads out of the folder
+            raise web.HTTPNotFound(text=f"there is no log {name!r} in {self.folder}\n")
+        return self.folder / name
+
+    async def _download(self, request: web.Request) -> web.FileResponse:
+        path = self._named(request)
+        return web.FileResponse(path, headers={"Content-Disposition": f'attachment; filename="{path.name}"'})
+
+    async def _columns(self, request: web.Request) -> web.Response:
+        return await self._shown(self._named(request))
+
+    async def _replay(self, request: web.Request) -> web.Response:
+        if self.replay is None:
+            raise web.HTTPNotFound(text="no log was given with --replay\n")
+        return await self._shown(self.replay)
+
+    async def _upload(self, request: web.Request) -> web.Response:
+        name = Path(request.query.get("name", "log.csv")).name
+        body = await request.read()
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / ("log.parquet" if name.lower().endswith(PARQUET) else "log.csv")
+            await asyncio.to_thread(path.write_bytes, body)
+            return await self._shown(path, name)
+
+    async def _shown(self, path: Path, name: str = "") -> web.Response:
+        try:
+            columns = await asyncio.to_thread(log_columns, path)
+        except InputError as error:
+            raise web.HTTPBadRequest(text=str(error).replace(str(path), name or path.name)) from None
+        return web.json_response({"name": name or path.name, "columns": columns})
+
+
+def log_columns(path: str | Path) -> dict[str, list[float]]:
+    """Return the columns of a log that the page draws, every so many rows of a long one.
+
+    Columns in which numbers are missing are left out; pose and time have none.
+
+    Raises
+    ------
+    InputError
+        If it is no log, or has no pose.
+    """
+    try:
+        log = read_log(path)
+    except InputError as error:  # its advice to rename columns is for other commands
+        raise InputError(str(error).partition(" (a column of another name")[0]) from None
+    if not log.has(*POSE):
+        raise InputError(f"{path}: expected the pose x, y, psi to draw; this log has only velocities")
+    every = max(1, math.ceil(len(log) / MOST_ROWS))
+    rest = (name for name in log.columns if name not in POSE and np.isfinite(log[name]).all())
+    return {name: log[name][::every].tolist() for name in ("time", *POSE, *rest)}

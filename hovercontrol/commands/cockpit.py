@@ -1,0 +1,88 @@
+"""``hovercontrol cockpit``: fly a craft from the browser."""
+
+from __future__ import annotations
+
+import asyncio
+import secrets
+import threading
+import webbrowser
+from contextlib import suppress
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from hovercontrol.commands import given
+from hovercontrol.errors import InputError
+from hovercontrol.files import check_folder
+
+EXAMPLE = "Example: hovercontrol cockpit --vehicle hoverdemon --out flights"
+
+
+def cockpit(
+    model: given.ModelFile = None,
+    vehicle: Annotated[
+        str | None, typer.Option("--vehicle", help="Or one of the package's craft (else hoverdemon).")
+    ] = None,
+    out: Annotated[Path, typer.Option("--out", "-o", help="Folder for recordings; made if need be.")] = Path(
+        "out/cockpit"
+    ),
+    replay: Annotated[
+        Path | None, typer.Option("--replay", help="Show this log (CSV or Parquet) first.")
+    ] = None,
+    port: Annotated[int, typer.Option(help="0 takes any free one.", min=0, max=65535)] = 8321,
+    host: Annotated[
+        str, typer.Option(help="Address to serve at; beyond this machine the page needs a token.")
+    ] = "127.0.0.1",
+    open_: Annotated[bool, typer.Option("--open/--no-open", help="Open the page in the browser.")] = True,
+) -> int:
+    """Fly a craft from a page in the browser, in real time: by hand or under one of K06's laws.
+
+    The stick is the keyboard (arrows or WASD), a pad for mouse and touch, or a gamepad.
+
+    K06's laws (stop, forward, reverse, turn, heading, goal) need a craft whose thrust is in newton.
+
+    Wind, slopes and friction can be switched on. Recordings are logs for identify and diagnose.
+
+    Commands go to zero when the page is gone or silent for 0.4 s. Ctrl-C ends the server.
+    """
+    try:
+        from hovercontrol.cockpit.guard import is_loopback
+        from hovercontrol.cockpit.server import Console, listen, serve
+        from hovercontrol.cockpit.shelf import log_columns
+    except ModuleNotFoundError as error:
+        if error.name != "aiohttp":
+            raise
+        raise InputError("cockpit: needs aiohttp: pip install 'hovercontrol[cockpit]'") from None
+    from hovercontrol.cockpit.loop import Loop
+    from hovercontrol.cockpit.pacer import Pacer
+
+    check_folder(out)
+    if replay is not None:
+        log_columns(replay)
+    craft = given.craft("cockpit", model, vehicle or (None if model else "hoverdemon"))
+    listening = listen(host, port)
+    loop = Loop(craft)
+    token = "" if is_loopback(host) else secrets.token_urlsafe(16)
+    address = f"http://{_written(host)}:{listening.getsockname()[1]}/" + (f"?token={token}" if token else "")
+
+    def ready() -> None:
+        print(f"{loop.model.name}: {address}  (Ctrl-C ends)", flush=True)
+        if open_:
+            threading.Thread(target=webbrowser.open, args=(address,), daemon=True).start()
+
+    console = Console(Pacer(loop), out, replay)
+    with suppress(KeyboardInterrupt):  # where signals are exceptions
+        asyncio.run(serve(console, listening, token, ready))
+    wrote = f"wrote {', '.join(console.saved)} to {out}" if console.saved else "nothing was recorded"
+    print(f"ended; {wrote}")
+    return 0
+
+
+def _written(host: str) -> str:
+    """Return a host as an address has it; all interfaces are reached by this machine's name."""
+    if host in ("0.0.0.0", "::"):
+        import socket
+
+        return socket.gethostname()
+    return f"[{host}]" if ":" in host else host
