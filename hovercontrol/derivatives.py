@@ -6,7 +6,7 @@ definition is used: the fused C17 loop with its estimator has 83 states and stil
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Literal
 
 import sympy as sp
@@ -45,14 +45,25 @@ def partial_derivatives(
                     total[j] = total.get(j, sp.S.Zero) + local * inner
         return {j: value for j, value in total.items() if value != 0}
 
-    for name, expression in block.definitions.items():
-        through[sp.Symbol(name, real=True)] = gradient(expression)
     expressions = block.derivatives if rows == "derivatives" else block.output_expressions
+    for name in needed_definitions(block, expressions.values()):  # others only ticks may use
+        through[sp.Symbol(name, real=True)] = gradient(block.definitions[name])
     return {
         (i, j): value
         for i, expression in enumerate(expressions.values())
         for j, value in gradient(expression).items()
     }
+
+
+def needed_definitions(block: Block, wanted: Iterable[sp.Expr]) -> list[str]:
+    """Return the definitions that some expressions use, also through others, in their order."""
+    symbols: set[sp.Symbol] = set().union(*(e.free_symbols for e in wanted))
+    needed = []
+    for name, e in reversed(list(block.definitions.items())):
+        if sp.Symbol(name, real=True) in symbols:
+            needed.append(name)
+            symbols |= e.free_symbols
+    return needed[::-1]
 
 
 def _almost_everywhere(derivative: sp.Expr) -> sp.Expr:

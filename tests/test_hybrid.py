@@ -106,7 +106,7 @@ def test_blocks_without_states_tick_with_sampled_ones_and_others_make_a_hybrid()
         0.0,
         [("counter", 0.1), ("brake", 0.25)],
     )
-    assert [s.name for s in whole.states] == ["cart.v", "counter.count_held", "counter.n", "brake.a_held"]
+    assert [s.name for s in whole.states] == ["cart.v", "counter.held_count", "counter.n", "brake.held_a"]
     assert whole.n_continuous == 1
     assert interconnect([counter(), brake()]).n_continuous == 0
 

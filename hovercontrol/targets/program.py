@@ -13,6 +13,7 @@ import sympy as sp
 from sympy.core.relational import Relational
 
 from hovercontrol.block import Block
+from hovercontrol.derivatives import needed_definitions
 from hovercontrol.sgn import regularise
 
 
@@ -26,6 +27,11 @@ class Program:
     wanted : sequence of sympy.Expr
         The results; ``sgn`` is computed in its smooth form.
 
+    Raises
+    ------
+    InputError
+        If inputs of the Block act late, which no program at a point can say.
+
     Attributes
     ----------
     steps : list of (sympy.Symbol, sympy.Expr)
@@ -34,7 +40,8 @@ class Program:
     """
 
     def __init__(self, block: Block, wanted: Sequence[sp.Expr]) -> None:
-        used = _needed_definitions(block, wanted)
+        block.need_prompt_inputs("a function of one instant")
+        used = needed_definitions(block, wanted)
         definitions = [(sp.Symbol(n, real=True), regularise(block.definitions[n])) for n in used]
         results = [regularise(e) for e in wanted]
         taken = {s.name for e in (*results, *(e for _, e in definitions)) for s in e.free_symbols}
@@ -82,16 +89,6 @@ class Program:
         """All symbols that occur."""
         every = [*(e for _, e in self.steps), *self.results]
         return set().union(*(e.free_symbols for e in every))
-
-
-def _needed_definitions(block: Block, wanted: Iterable[sp.Expr]) -> list[str]:
-    symbols: set[sp.Symbol] = set().union(*(e.free_symbols for e in wanted))
-    needed = []
-    for name, e in reversed(list(block.definitions.items())):
-        if sp.Symbol(name, real=True) in symbols:
-            needed.append(name)
-            symbols |= e.free_symbols
-    return needed[::-1]
 
 
 def _in_order(

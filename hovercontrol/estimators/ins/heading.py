@@ -1,0 +1,87 @@
+"""K06's heading filter: the errors of the integrated heading and of the gyro, (3.31) and (3.35)."""
+
+from __future__ import annotations
+
+import sympy as sp
+
+from hovercontrol.block import Block
+from hovercontrol.estimators.ins.imu import HEADING_AID, IMU_PERIOD, YAW_RATE, valid
+from hovercontrol.estimators.ins.kalman import remember, variance_parameters, wrapped
+from hovercontrol.estimators.ins.mechanisation import PSI_HAT, STARTED, clock
+from hovercontrol.estimators.ins.noise import K06_NOISE, InsNoise
+from hovercontrol.signals import Signal
+
+_ERRORS = (Signal("dpsi", "rad", "heading error"), Signal("b_g", "rad/s", "gyro bias"))
+
+
+def heading_filter(
+    *, noise: InsNoise = K06_NOISE, period: float = IMU_PERIOD, name: str = "heading_filter"
+) -> Block:
+    """Return K06's heading filter, x1 = [dpsi, b_g] (section 5.4.5), fed forward.
+
+    Parameters
+    ----------
+    noise : InsNoise, optional
+        Of which Q1, R1, P1 count.
+    period : float, optional
+        Of the IMU [s].
+    name : str, optional
+
+    Returns
+    -------
+    Block
+        Sampled. Inputs ``psi_ins``, ``yaw_rate``, ``heading_aid``, ``heading_aid_valid``; outputs
+        ``psi_hat``, ``r_hat``, ``gyro_bias_hat``, ``heading_aid_innovation`` [rad] (0 without a measurement),
+        its variance ``heading_aid_innovation_variance``, and ``P1[i,j]``, i <= j: the covariance of
+        ``psi_hat - psi`` and of ``b_g - gyro_bias_hat`` (in this sense). Parameters ``Q1[i,i]``,
+        ``R1[0,0]``, ``dt``.
+
+    Raises
+    ------
+    InputError
+        If the period is not positive.
+
+    Examples
+    --------
+    >>> [s.name for s in heading_filter().outputs[:3]]
+    ['psi_hat', 'r_hat', 'gyro_bias_hat']
+    """
+    psi_ins = Signal("psi_ins", "rad", "heading, integrated from the gyro")
+    use = valid("heading_aid")
+    dt, elapsed, equations = clock(name, period)
+    memory = remember("x1", "P1", _ERRORS, noise.P1)
+    Q = variance_parameters("Q1", [s.unit for s in _ERRORS], noise.Q1)
+    (R,) = variance_parameters("R1", ["rad"], [noise.R1])
+
+    dpsi, b_g = memory.estimate.x
+    error = sp.Matrix([dpsi + b_g * elapsed, b_g])
+    process = STARTED.symbol * sp.diag(*(q.symbol for q in Q))
+    expected = equations.predict("expected", error, error.jacobian([dpsi, b_g]), memory.estimate.P, process)
+    # (3.34): the heading error is what the integrated heading has more than the measured one.
+    seen = wrapped(psi_ins.symbol - HEADING_AID.symbol - expected.x[0])
+    H = sp.Matrix([dpsi]).jacobian([dpsi, b_g])
+    new = equations.correct("heading_aid", expected, H, seen, R.symbol, use.symbol)
+    outputs = (
+        PSI_HAT,
+        Signal("r_hat", "rad/s", "yaw rate, estimated"),
+        Signal("gyro_bias_hat", "rad/s", "bias of the gyro, estimated"),
+        Signal("heading_aid_innovation", "rad", "heading measured, as an error, less expected"),
+        Signal("heading_aid_innovation_variance", "rad^2", "its variance"),
+        *memory.outputs(),
+    )
+    return Block(
+        name,
+        states=(*memory.states, STARTED),
+        inputs=(psi_ins, YAW_RATE, HEADING_AID, use),
+        outputs=outputs,
+        parameters=(*Q, R, dt),
+        derivatives={**memory.next_values(new), STARTED.name: 1},
+        output_expressions={
+            "psi_hat": psi_ins.symbol - new.x[0],
+            "r_hat": YAW_RATE.symbol - new.x[1],
+            "gyro_bias_hat": new.x[1],
+            **memory.output_values(new),
+        },
+        definitions=equations.definitions,
+        period=period,
+    )

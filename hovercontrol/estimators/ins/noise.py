@@ -1,0 +1,153 @@
+"""How noisy the filters take their sensors to be: K06's printed matrices, and such as follow from sensors.
+
+K06's printed Q1 and Q2 (5.4)-(5.5) are, as its section 3.3.3.6 says, variances of the sensors' samples:
+sqrt(4.9e-4) rad/s = 1.27 deg/s. Its discrete model (5.4.5) adds that noise to the heading *itself* at each
+tick, which needs the variance times dt^2: as printed the heading walks 1.27 deg per tick, 15.7 deg in a
+second, 1/dt^2 = 23 283 times the variance that such a gyro gives; the velocity walks 2.3 m/s in a second.
+The biases walk 1.28 deg/s per tick and begin at 57 deg/s and 1 m/s^2, where K06's simulation has 1 deg/s and
+2.5 cm/s^2, and a gyro noise of 0.5 deg/s. So its filters all but copy their aids.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from hovercontrol.errors import InputError
+from hovercontrol.estimators.ins.imu import IMU_PERIOD
+from hovercontrol.estimators.kalman_bucy import diagonal
+from hovercontrol.tables import number, positive
+
+_SIZES = {"Q1": 2, "R1": 1, "P1": 2, "Q2": 4, "R2": 2, "P2": 6}
+_MAY_BE_ZERO = ("gyro_noise", "gyro_walk", "acceleration_walk")
+
+
+@dataclass(frozen=True)
+class InsNoise:
+    """Diagonals of the covariances, of both filters; the defaults are K06's (section 5.4.5).
+
+    Parameters
+    ----------
+    Q1 : sequence of 2 float, optional
+        Added at each tick to the heading error [rad^2] and the gyro bias [rad^2/s^2].
+    R1 : float, optional
+        Of the heading aid [rad^2].
+    P1 : sequence of 2 float, optional
+        At the start: heading error [rad^2], gyro bias [rad^2/s^2].
+    Q2 : sequence of 4 float, optional
+        Added at each tick to the velocity error, forward and sideways [m^2/s^2], and to the accelerometers'
+        biases [m^2/s^4].
+    R2 : sequence of 2 float, optional
+        Of the fix, x and y [m^2].
+    P2 : sequence of 6 float, optional
+        At the start: velocity error x, y [m^2/s^2], position error x, y [m^2], the biases x, y [m^2/s^4].
+
+    Raises
+    ------
+    InputError
+        If a number of values is wrong, a variance is negative, or one of R1, R2, P1, P2 is zero.
+
+    Examples
+    --------
+    >>> InsNoise(Q1=(1e-6, 1e-9)).Q1
+    (1e-06, 1e-09)
+    """
+
+    Q1: tuple[float, ...] = (4.9e-4, 5e-4)
+    R1: float = 1.6e-4
+    P1: tuple[float, ...] = (1.6e-4, 1.0)
+    Q2: tuple[float, ...] = (3.4e-2, 2.7e-2, 5e-4, 5e-4)
+    R2: tuple[float, ...] = (5.6e-4, 5.6e-4)
+    P2: tuple[float, ...] = (1.0, 1.0, 5.6e-4, 5.6e-4, 1.0, 1.0)
+
+    def __post_init__(self) -> None:
+        for name, size in _SIZES.items():
+            values = diagonal(name, getattr(self, name), size, positive=name[0] in "RP")
+            object.__setattr__(self, name, values[0] if name == "R1" else tuple(values))
+
+
+#: K06's matrices as printed.
+K06_NOISE = InsNoise()
+
+
+@dataclass(frozen=True)
+class SensorErrors:
+    """Standard deviations of sensor errors.
+
+    Parameters
+    ----------
+    gyro_noise, gyro_bias : float, optional
+        Of one sample, and of the bias at switch-on [rad/s]. K06's simulation: 0.5 and 1 deg/s.
+    acceleration_noise : tuple of 2 float, optional
+        Of one sample, forward and sideways [m/s^2]: the roots of K06's Q2, taken from a sensor at rest.
+    acceleration_bias : float, optional
+        At switch-on [m/s^2]. K06's simulation: 2.5 cm/s^2.
+    gyro_walk, acceleration_walk : float, optional
+        How far the biases walk in one second [rad/s, m/s^2]; K06 tuned these in simulation.
+    heading_aid, fix : float, optional
+        [rad], [m]: the roots of K06's R1 and R2.
+    heading, velocity, position : float, optional
+        Of what is told at the start [rad, m/s, m].
+
+    Raises
+    ------
+    InputError
+        If one is negative, or zero where a filter needs it positive.
+    """
+
+    gyro_noise: float = math.radians(0.5)
+    gyro_bias: float = math.radians(1.0)
+    acceleration_noise: tuple[float, float] = (math.sqrt(3.4e-2), math.sqrt(2.7e-2))
+    acceleration_bias: float = 0.025
+    gyro_walk: float = 1e-4
+    acceleration_walk: float = 1e-3
+    heading_aid: float = math.sqrt(1.6e-4)
+    fix: float = math.sqrt(5.6e-4)
+    heading: float = math.sqrt(1.6e-4)
+    velocity: float = 0.1
+    position: float = math.sqrt(5.6e-4)
+
+    def __post_init__(self) -> None:
+        for name in self.__dataclass_fields__:
+            given = getattr(self, name)
+            if name == "acceleration_noise":
+                diagonal("SensorErrors: acceleration_noise", given, 2)
+            elif name not in _MAY_BE_ZERO:
+                positive(f"SensorErrors: {name}", given)
+            elif not 0 <= number(f"SensorErrors: {name}", given) < math.inf:
+                raise InputError(f"SensorErrors: {name} must not be negative, found {given!r}")
+
+
+def noise_from_sensors(sensors: SensorErrors | None = None, *, period: float = IMU_PERIOD) -> InsNoise:
+    """Return covariances that agree with the errors of the sensors.
+
+    The noise s of one sample moves what is integrated from it by ``s * period``, a bias that walks by s in a
+    second by ``s * sqrt(period)``.
+
+    Parameters
+    ----------
+    sensors : SensorErrors, optional
+    period : float, optional
+        Of the IMU [s].
+
+    Raises
+    ------
+    InputError
+        If the period is not positive.
+
+    Examples
+    --------
+    >>> round(K06_NOISE.Q1[0] / noise_from_sensors(SensorErrors(gyro_noise=4.9e-4**0.5)).Q1[0])
+    23283
+    """
+    s, dt = sensors or SensorErrors(), positive("noise_from_sensors: period", period)
+    forward, sideways = diagonal("acceleration_noise", s.acceleration_noise, 2)
+    walk = s.acceleration_walk**2 * dt
+    return InsNoise(
+        Q1=((s.gyro_noise * dt) ** 2, s.gyro_walk**2 * dt),
+        R1=s.heading_aid**2,
+        P1=(s.heading**2, s.gyro_bias**2),
+        Q2=((forward * dt) ** 2, (sideways * dt) ** 2, walk, walk),
+        R2=(s.fix**2, s.fix**2),
+        P2=(*[s.velocity**2] * 2, *[s.position**2] * 2, *[s.acceleration_bias**2] * 2),
+    )

@@ -1,0 +1,48 @@
+"""Sensors as sampled Blocks, every error a parameter that can be switched off (K06 chapters 3, 5 and 6).
+
+* :mod:`.motion`: specific force, derived from a plant; :mod:`.inertial`: accelerometers and gyro;
+  :mod:`.gyro`: the gyro's dynamics and their compensation
+* :mod:`.magnetometer`: the field and its heading
+* :mod:`.beacons`, :mod:`.ranging`, :mod:`.cone`: ultrasonic ranges and their correction; :mod:`.bancroft`,
+  :mod:`.cricket`, :mod:`.two_units`: positions of them, and the heading of two units
+* :mod:`.mocap`: motion capture; :mod:`.arrivals`: for readers faster than a sensor
+"""
+
+from hovercontrol.hardware.sensors.arrivals import arrivals, ranges_by_unit
+from hovercontrol.hardware.sensors.bancroft import locate, range_solver
+from hovercontrol.hardware.sensors.beacons import Beacons, k06_beacons
+from hovercontrol.hardware.sensors.cone import cone_correction, corrected_range
+from hovercontrol.hardware.sensors.cricket import cricket, cricket_fixes, k06_cricket
+from hovercontrol.hardware.sensors.gyro import gyro_compensation, gyro_dynamics
+from hovercontrol.hardware.sensors.inertial import imu, k06_imu
+from hovercontrol.hardware.sensors.magnetometer import k06_magnetometer, magnetic_heading, magnetometer
+from hovercontrol.hardware.sensors.mocap import mocap, noisy_motion
+from hovercontrol.hardware.sensors.motion import with_specific_force
+from hovercontrol.hardware.sensors.ranging import cricket_ranges
+from hovercontrol.hardware.sensors.two_units import two_unit_heading
+
+__all__ = [
+    "with_specific_force",
+    "imu",
+    "k06_imu",
+    "gyro_dynamics",
+    "gyro_compensation",
+    "magnetometer",
+    "k06_magnetometer",
+    "magnetic_heading",
+    "Beacons",
+    "k06_beacons",
+    "cricket",
+    "k06_cricket",
+    "cricket_ranges",
+    "cricket_fixes",
+    "range_solver",
+    "cone_correction",
+    "corrected_range",
+    "locate",
+    "two_unit_heading",
+    "arrivals",
+    "ranges_by_unit",
+    "mocap",
+    "noisy_motion",
+]

@@ -1,0 +1,80 @@
+"""Where the beacons of a ranging system hang."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from hovercontrol.errors import InputError
+from hovercontrol.hardware.sensors._parts import pair
+from hovercontrol.signals import Signal
+from hovercontrol.tables import positive
+
+#: Beacons whose smaller spread is less than this part of the larger one hang in a line.
+NARROW = 1e-3
+
+
+@dataclass(frozen=True)
+class Beacons:
+    """Beacons above the floor.
+
+    Parameters
+    ----------
+    positions : sequence of (float, float)
+        Places over the floor, earth frame [m]; at least three, not in a line.
+    heights : float or sequence of float
+        Above the units that hear them [m].
+
+    Raises
+    ------
+    InputError
+        If there are fewer than three, they hang in a line, or a height is not positive.
+
+    Examples
+    --------
+    >>> len(Beacons([(0, 0), (2, 0), (0, 2)], 2.5).heights)
+    3
+    """
+
+    positions: tuple[tuple[float, float], ...]
+    heights: tuple[float, ...]
+
+    def __init__(self, positions: Sequence[Sequence[float]], heights: float | Sequence[float]) -> None:
+        if not hasattr(positions, "__len__"):
+            raise InputError(f"beacons: expected a sequence of positions, found {positions!r}")
+        places = tuple(pair(f"beacon {k}: position", p) for k, p in enumerate(positions, 1))
+        if len(places) < 3:
+            raise InputError(f"beacons: expected at least three, found {len(places)}")
+        above = heights if isinstance(heights, Sequence | np.ndarray) else [heights] * len(places)
+        if len(above) != len(places):
+            raise InputError(f"beacons: expected {len(places)} heights, found {len(above)}")
+        spread = np.linalg.svd(np.array(places) - np.mean(places, axis=0), compute_uv=False)
+        if spread[1] <= NARROW * spread[0]:
+            raise InputError(f"beacons: expected some out of line, found {places}")
+        object.__setattr__(self, "positions", places)
+        object.__setattr__(
+            self, "heights", tuple(positive(f"beacon {k}: height", h) for k, h in enumerate(above, 1))
+        )
+
+    def signals(self) -> tuple[tuple[Signal, Signal, Signal], ...]:
+        """Return parameters for each beacon: ``beacon_1_x, beacon_1_y, beacon_1_height`` and so on [m]."""
+        text = "place of the beacon, earth frame"
+        return tuple(
+            (
+                Signal(f"beacon_{k}_x", "m", text, start=x),
+                Signal(f"beacon_{k}_y", "m", text, start=y),
+                Signal(f"beacon_{k}_height", "m", "above the unit", start=h, lower=1e-3),
+            )
+            for k, ((x, y), h) in enumerate(zip(self.positions, self.heights, strict=True), 1)
+        )
+
+
+def k06_beacons() -> Beacons:
+    """Return four beacons on the corners of a square of 2.44 m, 2.7048 m up.
+
+    The height is that of K06's table 5.2; K06 does not print where its beacons hang.
+    """
+    side = 2.44
+    return Beacons([(0.0, 0.0), (side, 0.0), (side, side), (0.0, side)], 2.7048)

@@ -1,0 +1,184 @@
+"""Cricket, K06's ultrasonic positioning system (section 5.5): from ranges to fixes and a heading."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import sympy as sp
+
+from hovercontrol.block import Block
+from hovercontrol.errors import InputError
+from hovercontrol.hardware.sensors._parts import tick
+from hovercontrol.hardware.sensors.bancroft import RANGE_UNIT, range_solver
+from hovercontrol.hardware.sensors.beacons import Beacons, k06_beacons
+from hovercontrol.hardware.sensors.cone import K06_CONE
+from hovercontrol.hardware.sensors.ranging import K06_UNITS, SLOT, SLOTS, cricket_ranges, unit_places
+from hovercontrol.hardware.sensors.two_units import two_unit_heading
+from hovercontrol.interconnect import interconnect
+from hovercontrol.signals import Signal
+
+
+def cricket_fixes(count: int = 2, *, slot: float = SLOT, name: str = "cricket_fixes") -> Block:
+    """Return what sorts solved positions by unit and holds them.
+
+    Parameters
+    ----------
+    count : int, optional
+        How many units there are.
+    slot : float, optional
+        Period [s].
+    name : str, optional
+
+    Returns
+    -------
+    Block
+        Inputs ``solved_x, solved_y, solved_bias`` [m], ``solved`` and ``range_unit``; outputs ``fix_x,
+        fix_y`` [m], the place of the first unit, ``fix_valid``, 1 at the tick of a new one, and ``fix_bias``
+        [m], what its ranges were too long by; for the others ``fix_2_x, fix_2_y, fix_2_valid`` and so on.
+
+    Raises
+    ------
+    InputError
+        If the slot is not positive or there are no units.
+    """
+    if not isinstance(count, int) or count < 1:
+        raise InputError(f"{name}: expected at least one unit, found {count!r}")
+    solved = {
+        "x": Signal("solved_x", "m", "position of the unit"),
+        "y": Signal("solved_y", "m", "position of the unit"),
+        "bias": Signal("solved_bias", "m", "what all ranges are too long by"),
+    }
+    good = Signal("solved", "1", "1 where the ranges give a position")
+    states, outputs = [], []
+    definitions: dict[str, sp.Expr] = {}
+    for k in range(1, count + 1):
+        label = "fix" if k == 1 else f"fix_{k}"
+        mine = sp.And(good.symbol > 0, RANGE_UNIT.symbol > k - 0.5, RANGE_UNIT.symbol < k + 0.5)
+        valid = Signal(f"{label}_valid", "1", "1 at the tick of a new fix")
+        definitions[valid.name] = sp.Piecewise((1, mine), (0, True))
+        for what, source in solved.items():
+            if what == "bias" and k > 1:
+                continue
+            told = source.but(name=f"{label}_{what}", description=f"{source.description}, unit {k}")
+            held = told.but(name=f"{told.name}_held")
+            definitions[told.name] = sp.Piecewise((source.symbol, valid.symbol > 0), (held.symbol, True))
+            states.append(held)
+            outputs.append(told)
+        outputs.append(valid)
+    return Block(
+        name,
+        states=tuple(states),
+        inputs=(*solved.values(), good, RANGE_UNIT),
+        outputs=tuple(outputs),
+        definitions=definitions,
+        definition_signals=tuple(outputs),
+        derivatives={s.name: sp.Symbol(s.name.removesuffix("_held"), real=True) for s in states},
+        period=tick(name, slot).start,
+    )
+
+
+def cricket(
+    beacons: Beacons,
+    units: Sequence[Sequence[float]] = K06_UNITS,
+    *,
+    slot: float = SLOT,
+    slots: int = SLOTS,
+    noise: float = 0.0,
+    bias: float = 0.0,
+    cone: tuple[float, float] = (0.0, 0.0),
+    cone_limit: float = 0.0,
+    latency: bool = False,
+    corrected: bool = True,
+    assisted: bool = False,
+    seed: int = 1,
+    name: str = "cricket",
+) -> Block:
+    """Return the whole: ranges, positions by Bancroft's method, and with two units a heading.
+
+    It joins :func:`~hovercontrol.hardware.sensors.ranging.cricket_ranges`,
+    :func:`~hovercontrol.hardware.sensors.bancroft.range_solver`, :func:`cricket_fixes` and
+    :func:`~hovercontrol.hardware.sensors.two_units.two_unit_heading`; parameters have these names in front
+    (``cricket_ranges.noise``).
+
+    Parameters
+    ----------
+    beacons, units, slot, slots, noise, bias, cone, cone_limit, latency, seed
+        As for :func:`~hovercontrol.hardware.sensors.ranging.cricket_ranges`.
+    corrected : bool, optional
+        Whether the solver corrects ranges for the cone angle, by (5.9).
+    assisted : bool, optional
+        Whether an INS moves the first unit's fix to the second's time.
+    name : str, optional
+
+    Returns
+    -------
+    Block
+        Inputs ``x, y`` [m], ``psi`` [rad], if assisted also those of the two-unit heading; outputs those of
+        all parts: ``fix_x, fix_y`` [m], ``fix_valid``, ``range_1...``, ``range_valid``, with two units
+        ``heading_fix`` [rad], ``heading_fix_valid``, and so on.
+
+    Raises
+    ------
+    InputError
+        As of the parts.
+    """
+    places = unit_places(units, slots)
+    ranges = cricket_ranges(
+        beacons,
+        places,
+        slot=slot,
+        slots=slots,
+        noise=noise,
+        bias=bias,
+        cone=cone,
+        cone_limit=cone_limit,
+        latency=latency,
+        seed=seed,
+    )
+    solver = range_solver(beacons, cone=cone if corrected else (0.0, 0.0))
+    parts = [ranges, solver, cricket_fixes(len(places), slot=slot)]
+    if len(places) == 2:
+        parts.append(two_unit_heading(places, assisted=assisted, latency=latency, slot=slot))
+    elif assisted:
+        raise InputError(f"{name}: a heading wants two units, found {len(places)}")
+    return interconnect(parts, name)
+
+
+def k06_cricket(
+    beacons: Beacons | None = None,
+    units: Sequence[Sequence[float]] = K06_UNITS,
+    *,
+    assisted: bool = False,
+    latency: bool = True,
+    seed: int = 1,
+    name: str = "cricket",
+) -> Block:
+    """Return K06's Cricket: cone-angle error and its correction, 45 degrees of hearing, a slot of latency.
+
+    K06 prints no range noise; 3.5 mm give its static circular error probable of about 0.5 cm in the middle of
+    :func:`~hovercontrol.hardware.sensors.beacons.k06_beacons`.
+
+    Parameters
+    ----------
+    beacons : Beacons, optional
+        Default: :func:`~hovercontrol.hardware.sensors.beacons.k06_beacons`.
+    units, assisted, latency, seed, name
+        As for :func:`cricket`.
+
+    Examples
+    --------
+    >>> [s.name for s in k06_cricket().inputs]
+    ['x', 'y', 'psi']
+    """
+    return cricket(
+        beacons or k06_beacons(),
+        units,
+        noise=0.0035,
+        cone=K06_CONE,
+        cone_limit=math.radians(45.0),
+        latency=latency,
+        assisted=assisted,
+        seed=seed,
+        name=name,
+    )

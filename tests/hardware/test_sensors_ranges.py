@@ -1,0 +1,164 @@
+"""Ranges and positions: the cone angle against table 5.2, Bancroft's method against geometry and scipy."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+from scipy.optimize import brentq, least_squares
+
+from hovercontrol.errors import InputError
+from hovercontrol.hardware.sensors import (
+    Beacons,
+    cone_correction,
+    corrected_range,
+    k06_beacons,
+    locate,
+    range_solver,
+)
+
+HEIGHT = 2.7048
+TABLE_5_2 = {
+    0: (2.7048, 2.7048),
+    10: (2.7465, 2.7483),
+    20: (2.8784, 2.8883),
+    30: (3.1232, 3.1507),
+    35: (3.3020, 3.3425),
+}
+NO_CONE = (0.0, 0.0)
+place = st.tuples(st.floats(-4, 4), st.floats(-4, 4))
+
+
+def error_ratio(angle):
+    return -0.038 * angle**2 + 0.0032 * angle + 1  # (5.7) as printed
+
+
+# ---- the cone angle ---------------------------------------------------------------------------------
+
+
+def test_correction_brings_table_5_2_to_the_true_ranges_within_half_a_millimetre():
+    true, measured = np.transpose(list(TABLE_5_2.values()))
+    assert np.abs(measured - true).max() > 0.04
+    assert np.abs(corrected_range(measured, HEIGHT) - true).max() < 5e-4
+
+
+@given(st.floats(0.01, math.radians(45)), st.floats(1.0, 4.0))
+def test_five_steps_of_newton_solve_5_9_to_a_microradian(angle, height):
+    true = height / math.cos(angle)
+    measured = true / error_ratio(angle)
+    # Below 0.003 rad the left side of (5.9) rises: its other root there is not meant.
+    theirs = brentq(lambda a: error_ratio(a) * math.cos(a) - height / measured, 0.003, 1.2, xtol=1e-14)
+    corrected, found = cone_correction().to_numpy().outputs(0.0, (), [measured, height])
+    assert found == pytest.approx(theirs, abs=1e-6)
+    assert corrected == pytest.approx(true, abs=1e-9)
+
+
+@given(st.floats(0.9, 1.0))
+def test_a_range_that_noise_made_shorter_than_the_height_is_left_alone(part):
+    assert corrected_range(part * HEIGHT, HEIGHT) == pytest.approx(part * HEIGHT, rel=3e-5)
+
+
+def test_without_a_cone_error_there_is_no_correction(rng):
+    measured = rng.uniform(2.0, 6.0, 50)
+    found = cone_correction(cone=NO_CONE).to_numpy().outputs(0.0, (), [measured, np.full(50, HEIGHT)])
+    np.testing.assert_array_equal(found[0], measured)
+
+
+SOLVER = range_solver(Beacons([(0, 0), (1, 0), (0, 1)], 2.0), cone=NO_CONE).to_numpy()
+
+# ---- positions --------------------------------------------------------------------------------------
+
+
+def ranges_to(beacons, x, y, bias=0.0):
+    px, py = np.transpose(beacons.positions)
+    return np.sqrt((x - px) ** 2 + (y - py) ** 2 + np.array(beacons.heights) ** 2) + bias
+
+
+@given(st.lists(place, min_size=3, max_size=3), place, st.lists(st.floats(1, 4), min_size=3, max_size=3))
+def test_three_exact_ranges_give_the_exact_place(positions, at, heights):
+    spread = np.linalg.svd(np.array(positions) - np.mean(positions, axis=0), compute_uv=False)
+    assume(spread[1] > 0.1 * spread[0] > 0.1)
+    beacons = Beacons(positions, heights)
+    hung = {f"range_solver.{s.name}": s.start for beacon in beacons.signals() for s in beacon}
+    x, y, b, solved = SOLVER.outputs(0.0, (), [*ranges_to(beacons, *at), 1, 1, 1], hung)
+    assert (x, y, b) == pytest.approx((*at, 0.0), abs=1e-9)
+    assert solved == 1
+
+
+@given(st.lists(st.tuples(place, place), min_size=1, max_size=20), st.floats(-0.1, 0.1))
+def test_more_than_three_exact_ranges_give_place_and_bias(pairs, bias):
+    beacons = Beacons([(-2, -2), (2.5, -2), (2, 2), (-2, 1.5), (0.5, 0)], [2.7, 2.7, 2.5, 2.7, 2.6])
+    at = np.transpose([p for p, _ in pairs])
+    rho = np.transpose([ranges_to(beacons, x, y, bias) for x, y in at.T])
+    found = locate(rho, beacons, cone=NO_CONE)
+    assert np.abs(found - [*at, np.full(len(pairs), bias)]).max() < 1e-9
+
+
+def test_with_noise_it_is_as_good_as_nonlinear_least_squares_on_5_6(rng):
+    beacons = k06_beacons()
+    ours, theirs = [], []
+    for _ in range(60):
+        at = rng.uniform(0.4, 2.0, 2)
+        rho = ranges_to(beacons, *at) + rng.normal(0, 0.003, 4)
+        best = least_squares(lambda s, r=rho: ranges_to(beacons, *s) - r, [1.2, 1.2, 0.0])
+        ours.append(locate(rho, beacons, cone=NO_CONE)[:2] - at)
+        theirs.append(best.x[:2] - at)
+    assert np.std(ours) < 1.1 * np.std(theirs)
+    assert np.abs(np.array(ours) - theirs).max() < 0.005
+
+
+def test_cone_error_and_its_correction_leave_nothing(rng):
+    beacons = k06_beacons()
+    at = rng.uniform(0.2, 2.2, (2, 100))
+    true = np.transpose([ranges_to(beacons, *p) for p in at.T])
+    measured = true / error_ratio(np.arccos(HEIGHT / true))
+    assert np.abs(locate(measured, beacons)[:2] - at).max() < 1e-6
+    assert np.abs(locate(measured, beacons, cone=NO_CONE)[:2] - at).max() > 0.01  # what K06 saves
+
+
+def test_two_ranges_or_beacons_in_a_line_give_no_place():
+    row = Beacons([(0, 0), (1, 0), (2, 0), (0, 2)], 2.5)
+    rho = ranges_to(row, 0.7, 0.4)
+    for deaf in ([0, 1], [3]):
+        heard = np.where(np.isin(np.arange(4), deaf), np.nan, rho)
+        assert np.isnan(locate(heard, row, cone=NO_CONE)).all()
+        told = (
+            range_solver(row, cone=NO_CONE)
+            .to_numpy()
+            .outputs(0.0, (), [*np.nan_to_num(heard), *~np.isnan(heard)])
+        )
+        assert np.isfinite(told).all() and told[-1] == 0
+    heard = np.where(np.arange(4) == 1, np.nan, rho)
+    assert locate(heard, row, cone=NO_CONE) == pytest.approx([0.7, 0.4, 0.0], abs=1e-9)
+
+
+def test_a_survey_error_moves_the_place():
+    """Performance is most limited by how well beacon places are known (section 5.5.5)."""
+    beacons = k06_beacons()
+    solver = range_solver(beacons, cone=NO_CONE)
+    inputs = [*ranges_to(beacons, 1.0, 1.4), 1, 1, 1, 1]
+    wrong = {"range_solver.beacon_1_x": 0.05}
+    found = solver.to_numpy().outputs(0.0, (), inputs, wrong)[:2]
+    assert 0.005 < math.dist(found, (1.0, 1.4)) < 0.05
+
+
+@pytest.mark.parametrize(
+    ("make", "said"),
+    [
+        (lambda: Beacons(5, 2.0), "sequence of positions, found 5"),
+        (lambda: Beacons([(0, 0), (1, 0)], 2.0), "at least three, found 2"),
+        (lambda: Beacons([(0, 0), (1, 1), (2, 2)], 2.0), "out of line"),
+        (lambda: Beacons([(1, 1)] * 3, 2.0), "out of line"),
+        (lambda: Beacons([(0, 0), (1, 0), (0, 1)], 0.0), "beacon 1: height must be positive"),
+        (lambda: Beacons([(0, 0), (1, 0), (0, 1)], [2.0, 2.0]), "expected 3 heights, found 2"),
+        (lambda: Beacons([(0, 0), (1, 0), (0,)], 2.0), "beacon 3: position: expected two numbers"),
+        (lambda: locate([2.0, 2.0], k06_beacons()), "expected 4 ranges"),
+        (lambda: corrected_range(2.0, 0.0), "heights must be positive"),
+        (lambda: corrected_range(math.nan, 2.0), "found nan"),
+        (lambda: cone_correction(cone=(0.0, 1.0)), "out of its bounds"),
+    ],
+)
+def test_what_gives_no_place_is_refused(make, said):
+    with pytest.raises(InputError, match=said):
+        make()
