@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from hovercontrol.commands import analyze, cockpit, diagnose, export, identify, simulate
+from hovercontrol.commands import analyze, cockpit, diagnose, export, identify, simulate, sweep
 from hovercontrol.errors import InputError
 
 app = typer.Typer(
@@ -64,6 +64,7 @@ for command, example in (
     (diagnose.diagnose, diagnose.EXAMPLE),
     (export.export, export.EXAMPLE),
     (analyze.analyze, analyze.EXAMPLE),
+    (sweep.sweep, sweep.EXAMPLE),
     (cockpit.cockpit, cockpit.EXAMPLE),
 ):
     app.command(epilog=example)(command)

@@ -1,0 +1,79 @@
+"""``hovercontrol sweep``: fly a scenario over a range of its numbers."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+from numpy.typing import NDArray
+
+from hovercontrol.commands.given import Out
+from hovercontrol.commands.progress import progress_bar
+from hovercontrol.errors import InputError
+from hovercontrol.files import check_folder
+
+EXAMPLE = "Example: hovercontrol sweep k06-turn --vary controller.k2=0.5:6:200 --of r --figure final"
+
+
+def sweep(
+    scenario: Annotated[str, typer.Argument(help="A scenario's name or a TOML file.")],
+    vary: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--vary", metavar="KEY=FROM:TO:POINTS", help="A parameter or start value; twice: a map."
+        ),
+    ] = None,
+    of: Annotated[str, typer.Option("--of", help="The signal asked about (else error_x or u).")] = "",
+    figure: Annotated[
+        str, typer.Option("--figure", help="final, maximum, minimum, rms or settling, in the last phase.")
+    ] = "rms",
+    out: Out = None,
+) -> int:
+    """Fly a scenario at every point of a range or a grid; write a table and a picture.
+
+    Exit status 1 if some runs fail; the others are there.
+    """
+    from hovercontrol.scenarios import load_scenario
+    from hovercontrol.scenarios.varied import vary as fly
+
+    ranges = dict(_range(text) for text in vary or [])
+    if len(ranges) != len(vary or []) or not ranges:
+        raise InputError("sweep: expected one or two different --vary KEY=FROM:TO:POINTS")
+    loaded = load_scenario(scenario)
+    out = out or Path("out") / f"{loaded.name}-sweep"
+    check_folder(out)
+    with progress_bar(f"sweep {loaded.name}", 1.0) as report:
+        found = fly(loaded, ranges, of, figure, progress=lambda done: report(done))
+    files = found.save(out)
+    values = found.values.ravel()
+    if np.isfinite(values).any():
+        for word, k in (("smallest", np.nanargmin(values)), ("largest", np.nanargmax(values))):
+            at = np.unravel_index(k, found.values.shape)
+            where = ", ".join(
+                f"{axis.name} = {axis.values[i]:.4g} {axis.unit}"
+                for axis, i in zip(found.axes, at, strict=True)
+            )
+            print(f"{word} {figure} of {found.of}: {values[k]:.4g} {found.unit} at {where}")
+    failures = found.result.failures
+    if failures:
+        print(f"{len(failures)} of {len(values)} runs fail; the first: {failures[0]}")
+    print(f"wrote {', '.join(f.name for f in files)} to {out}")
+    return 1 if failures else 0
+
+
+def _range(text: str) -> tuple[str, NDArray[np.float64]]:
+    key, equals, rest = text.partition("=")
+    parts = rest.split(":")
+    try:
+        low, high, points = float(parts[0]), float(parts[1]), int(parts[2])
+    except (ValueError, IndexError):
+        low = high = math.nan
+        points = 0
+    if not (key and equals and len(parts) == 3 and points):
+        raise InputError(f"--vary: expected KEY=FROM:TO:POINTS, found {text!r}")
+    from hovercontrol.analysis.regions import axis
+
+    return key, axis(f"--vary {key}", "", (low, high), points).values

@@ -1,0 +1,183 @@
+"""A scenario flown many times: one or two of its numbers varied, the figures of its signals kept."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from hovercontrol.analysis.regions import Axis
+from hovercontrol.block import Block
+from hovercontrol.errors import InputError, did_you_mean
+from hovercontrol.files import write_folder
+from hovercontrol.interconnect import interconnect
+from hovercontrol.scenarios.definition import Scenario
+from hovercontrol.scenarios.parts import loop_parts, phase_parameters
+from hovercontrol.scenarios.runner import phase_grid
+from hovercontrol.targets.sweep import FIGURES, SweepResult
+
+Array = NDArray[np.float64]
+
+#: Most runs: a picture with more points shows no more.
+MAX_RUNS = 1_000_000
+
+
+@dataclass(frozen=True, eq=False)
+class Varied:
+    """The figures of many runs of a scenario.
+
+    Attributes
+    ----------
+    scenario : Scenario
+    axes : tuple of one or two Axis
+        What was varied; the first runs slowest.
+    of, figure : str
+        The signal and the figure that pictures show.
+    unit : str
+    result : SweepResult
+        Of the last phase; a run that failed in an earlier one is marked there, too.
+    """
+
+    scenario: Scenario
+    axes: tuple[Axis, ...]
+    of: str
+    figure: str
+    unit: str
+    result: SweepResult
+
+    @property
+    def values(self) -> Array:
+        """The figure over the grid, shape (n,) or (n, m); NaN where a run failed."""
+        found: Array = getattr(self.result[self.of], self.figure)
+        return found.reshape([len(axis.values) for axis in self.axes])
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the figure as a curve over one number, or as a map over two."""
+        ax = Figure(figsize=(7, 4.5), layout="constrained").subplots() if ax is None else ax
+        label = f"{self.figure} of {self.of} [{self.unit}]"
+        ax.set_title(self.scenario.title)
+        ax.set_xlabel(str(self.axes[-1]))
+        if len(self.axes) == 1:
+            ax.plot(self.axes[0].values, self.values, "k.-")
+            ax.set_ylabel(label)
+            ax.grid(alpha=0.3)
+            return ax
+        shown = ax.pcolormesh(self.axes[1].values, self.axes[0].values, self.values, cmap="Greys")
+        ax.set_ylabel(str(self.axes[0]))
+        ax.figure.colorbar(shown, ax=ax, label=label)
+        return ax
+
+    def save(self, folder: str | Path) -> list[Path]:
+        """Write ``sweep.csv`` (all figures of all outputs), ``sweep.png`` and ``sweep.svg``; whole or not."""
+
+        def write(place: Path) -> None:
+            import pyarrow.csv
+
+            pyarrow.csv.write_csv(self.result.to_table(), place / "sweep.csv")
+            picture = Figure(figsize=(7, 4.5), layout="constrained")
+            self.plot(picture.subplots())
+            for kind in ("png", "svg"):
+                picture.savefig(place / f"sweep.{kind}", dpi=150)
+
+        return write_folder(folder, write)
+
+
+def vary(
+    scenario: Scenario,
+    ranges: Mapping[str, Array],
+    of: str = "",
+    figure: str = "rms",
+    *,
+    progress: Callable[[float], None] | None = None,
+) -> Varied:
+    """Fly a scenario at every point of a grid, compiled and on all cores.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        Without sampling.
+    ranges : mapping of str to ndarray
+        One or two parameters by key (``controller.k1``), or states to start from (``plant.u``), each with its
+        values, increasing.
+    of : str, optional
+        The output that is asked about; default ``error_x`` of a tracking loop, else ``u``.
+    figure : str, optional
+        final, maximum, minimum, rms or settling of the last phase.
+    progress : callable, optional
+        Called with the share that is done.
+
+    Returns
+    -------
+    Varied
+
+    Raises
+    ------
+    InputError
+        If a name or a range is wrong, or the scenario is sampled.
+    """
+    where = scenario.file or scenario.name
+    if scenario.sampling is not None or scenario.commands is not None:
+        raise InputError(f"{where}: only scenarios without [sampling] and [commands] are varied")
+    if not 1 <= len(ranges) <= 2:
+        raise InputError(f"{where}: one or two numbers are varied, found {len(ranges)}")
+    if figure not in FIGURES:
+        raise InputError(f"unknown figure {figure!r}{did_you_mean(figure, FIGURES)}: {', '.join(FIGURES)}")
+    loop = interconnect([*loop_parts(scenario).values()], "loop")
+    outputs = [s.name for s in loop.outputs]
+    of = of or ("error_x" if "error_x" in outputs else "u")
+    if of not in outputs:
+        raise InputError(f"{where}: no output {of!r}{did_you_mean(of, outputs)}")
+    axes = tuple(_axis(loop, name, values, where) for name, values in ranges.items())
+    if np.prod([len(axis.values) for axis in axes]) > MAX_RUNS:
+        raise InputError(f"{where}: more than {MAX_RUNS} runs: take fewer points")
+    result = _flown(scenario, loop, axes, progress or (lambda done: None))
+    unit = "s" if figure == "settling" else loop.signal(of).unit
+    return Varied(scenario, axes, of, figure, unit, result)
+
+
+def _flown(
+    scenario: Scenario, loop: Block, axes: tuple[Axis, ...], progress: Callable[[float], None]
+) -> SweepResult:
+    """Fly phase by phase, each from where the one before ended."""
+    grid = np.meshgrid(*(axis.values for axis in axes), indexing="ij")
+    given = {axis.name: values.ravel() for axis, values in zip(axes, grid, strict=True)}
+    keys = set(loop.default_parameters)
+    own = {name: values for name, values in given.items() if name in keys}
+    runs = len(next(iter(given.values())))
+    x0 = {s.name: np.full(runs, s.start) for s in loop.states}
+    x0 |= {name: values for name, values in given.items() if name not in keys}
+    compiled = loop.compile(friction="smooth")  # as one run of the scenario has it
+    failed = np.zeros(runs, dtype=np.intc)
+    bounds = [0.0, *(phase.until for phase in scenario.phases)]
+    for phase, (begin, end) in zip(scenario.phases, pairwise(bounds), strict=True):
+        times = phase_grid(begin, end, scenario.step)
+
+        def told(done: int, begin: float = begin, end: float = end) -> None:
+            progress((begin + (end - begin) * done / runs) / scenario.end)
+
+        params = phase_parameters(scenario, phase) | own
+        result = compiled.sweep(times, params=params, x0=x0, progress=told)
+        failed = np.where(failed, failed, result.status)
+        x0 = dict(zip(result.states, result.states_final.T, strict=True))
+        x0 = {name: np.where(failed, 0.0, values) for name, values in x0.items()}
+    result.status[:] = failed
+    for name in FIGURES:
+        getattr(result, name)[failed != 0] = np.nan
+    return result
+
+
+def _axis(loop: Block, name: str, values: Array, where: str) -> Axis:
+    parameters = dict(zip(loop.default_parameters, loop.parameters, strict=True))
+    known = parameters | {s.name: s for s in loop.states}
+    if name not in known:
+        raise InputError(f"{where}: no parameter or state {name!r}{did_you_mean(name, known)}")
+    values = np.asarray(values, dtype=float)
+    for value in (values[0], values[-1]):
+        known[name].check(float(value), name)
+    return Axis(name, known[name].unit, values)
