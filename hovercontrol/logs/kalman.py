@@ -2,7 +2,9 @@
 
 Each channel has its own process ``p''' = w`` with ``E[w(t) w(s)] = jerk * delta(t - s)`` and is
 seen as ``z = p + e`` with ``E[e^2] = noise``. All channels share the times and the choice of
-samples used, and run through the recursions together as the leading axis of the arrays.
+samples used, and run through the recursions together as the leading axis of the arrays. Where rows
+follow each other evenly the covariances soon stand still; from then on only the means are
+computed, block by block.
 
 Source: Bar-Shalom, Li, Kirubarajan, "Estimation with Applications to Tracking and Navigation"
 (2001), 6.2.3 (white-jerk model) and 8.6 (fixed-interval smoother); Rauch, Tung, Striebel, AIAA J.
@@ -19,6 +21,12 @@ from hovercontrol.logs.log import Floats, Mask
 
 SMALLEST = 1e-16
 """Measurement variance that is always assumed, for simulated logs without noise."""
+
+STANDS = 1e-12
+"""Largest relative change, from row to row, of covariances that stand still."""
+
+BLOCK = 32
+"""Rows of a block whose means are computed at once."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +90,21 @@ def run_filter(
     innovation, variance = np.zeros((n, c)), np.zeros((n, c))
     x, P = np.zeros((c, 3)), fresh
     scale = jerk[:, None, None]
-    for i in range(n):
+    even = _even_until(time, used & ~restart)
+    i = 0
+    while i < n:
+        if even[i] - i > BLOCK and _same(spread[i - 1], spread[i - 2]) and even[i] == even[i - 2]:
+            rows = slice(i, even[i])
+            K = spread[i - 1][:, :, 0] / variance[i - 1][:, None]
+            step = transition[i] - (transition[i] @ K[:, :, None]) * unit[:, 0]  # F (I - K h)
+            drive = (transition[i] @ K[:, :, None])[..., 0] * z[i - 1 : even[i] - 1, :, None]
+            predicted[rows] = _recursion(step, drive, predicted[i - 1])
+            spread[rows], variance[rows] = spread[i - 1], variance[i - 1]
+            innovation[rows] = z[rows] - predicted[rows, :, 0]
+            mean[rows] = predicted[rows] + K * innovation[rows, :, None]
+            covariance[rows] = covariance[i - 1]
+            x, P, i = mean[even[i] - 1], covariance[i - 1], even[i]
+            continue
         if restart[i]:
             x, P = z[i][:, None] * unit[:, 0], fresh
         else:
@@ -97,6 +119,7 @@ def run_filter(
             x = x + K * innovation[i][:, None]
             P = P - K[:, :, None] * P[:, None, 0, :]
         mean[i], covariance[i] = x, P
+        i += 1
     return Filtered(mean, covariance, predicted, spread, innovation, variance, transition)
 
 
@@ -107,12 +130,79 @@ def run_smoother(filtered: Filtered) -> Estimate:
     G = np.linalg.solve(P_next, F @ filtered.covariance[:-1]).swapaxes(-1, -2)
     mean, covariance = filtered.mean.copy(), filtered.covariance.copy()
     x, P = mean[-1], covariance[-1]
-    for i in range(len(mean) - 2, -1, -1):
-        g = G[i]
+    last = _alike_from(G, P_next, covariance)
+    i = len(mean) - 2
+    while i >= 0:
+        g, first = G[i], last[i]
+        if i - first > BLOCK and i + 2 < len(mean) and _same(covariance[i + 1], covariance[i + 2]):
+            drive = (
+                filtered.mean[first : i + 1]
+                - (g @ filtered.predicted_mean[first + 1 : i + 2, ..., None])[..., 0]
+            )
+            mean[first : i + 1] = _recursion(g, drive[::-1], x)[::-1]
+            covariance[first : i + 1] = P
+            x, i = mean[first], first - 1
+            continue
         x = mean[i] + (g @ (x - filtered.predicted_mean[i + 1])[..., None])[..., 0]
         P = covariance[i] + g @ (P - P_next[i]) @ g.swapaxes(-1, -2)
         mean[i], covariance[i] = x, P
+        i -= 1
     return Estimate(mean, covariance)
+
+
+def _recursion(A: Floats, b: Floats, x: Floats) -> Floats:
+    """Return x of x[k] = A x[k-1] + b[k], shape (n, c, 3), from the x before the first.
+
+    Parameters
+    ----------
+    A : ndarray (c, 3, 3)
+    b : ndarray (n, c, 3)
+    x : ndarray (c, 3)
+    """
+    n, c, size = b.shape
+    powers = [np.broadcast_to(np.eye(size), A.shape)]
+    for _ in range(BLOCK):
+        powers.append(A @ powers[-1])
+    blocks = -(-n // BLOCK)
+    padded = np.concatenate([b, np.zeros((blocks * BLOCK - n, c, size))]).reshape(blocks, BLOCK, c, size)
+    own = padded.copy()  # of a block that begins at zero
+    for k in range(1, BLOCK):
+        own[:, k] += (A @ own[:, k - 1, ..., None])[..., 0]
+    starts = np.empty((blocks, c, size))
+    for j in range(blocks):
+        starts[j] = x
+        x = (powers[BLOCK] @ x[..., None])[..., 0] + own[j, -1]
+    every = np.stack(powers[1:])  # BLOCK, c, 3, 3
+    found = own + (every @ starts[:, None, ..., None])[..., 0]
+    return found.reshape(-1, c, size)[:n]
+
+
+def _same(one: Floats, other: Floats) -> bool:
+    return bool((np.abs(one - other) <= STANDS * np.abs(other).max(axis=(-1, -2), keepdims=True)).all())
+
+
+def _even_until(time: Floats, plain: Mask) -> list[int]:
+    """Return for each row the end of the run of plain rows, a step apart, that it is in; itself if none."""
+    step = np.diff(time, prepend=time[0] - 1.0)
+    joined = plain & (np.abs(step - np.roll(step, 1)) <= 1e-9 * np.abs(step))
+    ends = np.flatnonzero(~joined)
+    places = np.arange(time.size)
+    following = np.append(ends, time.size)[np.searchsorted(ends, places)]
+    found: list[int] = np.where(joined, following, places).tolist()
+    return found
+
+
+def _alike_from(G: Floats, ahead: Floats, covariance: Floats) -> list[int]:
+    """Return for each row the first of the run of rows whose gains and covariances are those of this row."""
+    same = np.zeros(len(G), dtype=bool)
+    same[1:] = (
+        (G[1:] == G[:-1]).all(axis=(1, 2, 3))
+        & (ahead[1:] == ahead[:-1]).all(axis=(1, 2, 3))
+        & (covariance[1:-1] == covariance[:-2]).all(axis=(1, 2, 3))
+    )
+    places = np.arange(len(G))
+    found: list[int] = np.maximum.accumulate(np.where(same, 0, places)).tolist()
+    return found
 
 
 def fit_noise(

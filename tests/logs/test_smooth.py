@@ -7,6 +7,7 @@ import pytest
 
 from hovercontrol.errors import InputError
 from hovercontrol.logs import Log, Smoothed, fit_clock, smooth_pose, steady
+from hovercontrol.logs.kalman import run_filter, run_smoother
 
 POSITION_NOISE, HEADING_NOISE = 1.0e-4, 2.0e-3  # m, rad: as measured at the real craft
 
@@ -233,3 +234,22 @@ def test_stamps_that_tell_the_sampling_time_are_kept() -> None:
     assert not fit_clock(time, pose).steady
     poisson = Log("run", np.cumsum(rng.exponential(0.02, 1000)), {})
     assert np.array_equal(steady(poisson).time, poisson.time)
+
+
+def test_rows_at_even_steps_are_smoothed_as_any_others():
+    """Where covariances stand still the means come block by block; a row a hair off its step forbids that."""
+    rng = np.random.default_rng(3)
+    t = 0.02 * np.arange(900)
+    uneven = t.copy()
+    uneven[1::2] += 1e-10  # too little to matter, enough to be another step each time
+    motion = 1e-3 * np.cumsum(np.cumsum(rng.normal(size=(900, 3)), axis=0), axis=0)
+    z = motion + 0.01 * rng.normal(size=(900, 3))
+    used, restart = np.ones(900, dtype=bool), np.zeros(900, dtype=bool)
+    used[400:430], restart[[0, 430]] = False, True
+    known = np.array([3.0, 3.0, 40.0]), np.array([1e-4, 1e-4, 2e-4]), np.array([[1.0, 25.0, 1e4]] * 3)
+    even, other = (run_filter(time, z, used, restart, *known) for time in (t, uneven))
+    assert even.innovation == pytest.approx(other.innovation, rel=1e-6, abs=1e-7)
+    assert even.innovation_variance == pytest.approx(other.innovation_variance, rel=1e-6)
+    even, other = run_smoother(even), run_smoother(other)
+    assert even.mean == pytest.approx(other.mean, rel=1e-6, abs=1e-6)
+    assert even.covariance == pytest.approx(other.covariance, rel=1e-5, abs=1e-8)
