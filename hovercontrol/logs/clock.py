@@ -4,7 +4,8 @@ A motion-capture system samples at a fixed rate, but a log written over a networ
 sample when it arrives: several at once, then none for 0.2 s. Velocities from such stamps are
 nonsense (a 0.3 rad turn within 0.1 ms). Each arrival time is ``start + frame * period + delay``
 with a delay that is near zero most of the time; the lower envelope of the delays shows the frames
-that were lost on the way.
+that were lost on the way. Stamps that only scatter, by less than half a period, are counted
+step by step.
 """
 
 from __future__ import annotations
@@ -21,6 +22,9 @@ WINDOW = 50
 
 PUNCTUAL = 0.7
 """Share of stamps within a quarter period of the clock, below which there is none (chance: 0.5)."""
+
+EXACT = 1e-6
+"""Of a period: stamps that are this near to the clock are kept as they are."""
 
 FEWEST = 20
 """Stamps from which a clock is fitted."""
@@ -87,10 +91,16 @@ def fit_clock(arrival: Floats, pose: Floats | None = None) -> Clock:
     time = np.empty_like(arrival)
     lost = 0
     for part in np.split(np.arange(arrival.size), gap_rows(arrival)):
-        frame = _frames(arrival[part], period)
+        frame = _counted(arrival[part], period)
+        if frame is None:
+            frame = _frames(arrival[part], period)
+            time[part] = _line(arrival[part], frame, period)
+        else:
+            time[part] = np.polyval(np.polyfit(frame, arrival[part], 1), frame)
         lost += int(frame[-1]) - (part.size - 1)
-        time[part] = _line(arrival[part], frame, period)
     delay = arrival - time
+    if np.abs(delay).max() < EXACT * period:
+        time, delay = arrival, np.zeros_like(arrival)
     if np.mean(np.abs(delay) < 0.25 * period) < PUNCTUAL or not np.all(np.diff(time) > 0):
         return as_stamped
     if pose is not None and _roughness(time, pose) > 1.02 * _roughness(arrival, pose):
@@ -116,6 +126,16 @@ def _roughness(time: Floats, pose: Floats) -> float:
     share = ((time[1:-1] - time[:-2]) / (time[2:] - time[:-2]))[:, None]
     off = pose[1:-1] - (1 - share) * pose[:-2] - share * pose[2:]
     return float(np.exp(np.log(np.abs(off).mean(axis=0) + 1e-12).mean()))
+
+
+def _counted(arrival: Floats, period: float) -> Floats | None:
+    """Return the frame number of each stamp where all scatter by less than half a period, or None."""
+    steps = np.rint(np.diff(arrival) / period)
+    if arrival.size < 3 or (steps < 1).any():
+        return None
+    frame: Floats = np.append(0.0, np.cumsum(steps))
+    pace, start = np.polyfit(frame, arrival, 1)
+    return frame if np.abs(arrival - start - pace * frame).max() < 0.5 * period else None
 
 
 def _frames(arrival: Floats, period: float) -> Floats:

@@ -253,3 +253,16 @@ def test_rows_at_even_steps_are_smoothed_as_any_others():
     even, other = run_smoother(even), run_smoother(other)
     assert even.mean == pytest.approx(other.mean, rel=1e-6, abs=1e-6)
     assert even.covariance == pytest.approx(other.covariance, rel=1e-5, abs=1e-8)
+
+
+def test_stamps_that_scatter_are_counted_though_rows_are_missing():
+    rng = np.random.default_rng(8)
+    true = 0.02 * np.arange(3000.0)
+    kept = rng.random(3000) > 0.05
+    stamps = (true + rng.uniform(-3e-3, 3e-3, 3000))[kept]
+    pose = np.column_stack([np.sin(true), np.cos(0.7 * true), 0.3 * true])[kept]
+    clock = fit_clock(stamps, pose)
+    assert clock.steady and clock.lost == 3000 - kept.sum() - np.argmax(kept) - np.argmax(kept[::-1])
+    assert np.abs(clock.time - true[kept]).max() < 3e-4  # a tenth of the scatter, at its ends
+    exact = fit_clock(true[kept], pose)
+    assert exact.time.tolist() == true[kept].tolist()
