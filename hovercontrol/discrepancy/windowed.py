@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,6 +45,9 @@ REACH = 3
 #: Relative size of the perturbations of one-sided differences.
 NUDGE = 1e-6
 
+#: What a command does is unsure for so long after a change whose time is unknown [s]: it may act late.
+UNSURE = 0.3
+
 #: Narrowest friction [m/s, rad/s] that a fit tells from a jump.
 NARROWEST = 5e-4
 
@@ -81,15 +83,17 @@ def gather(model: Subject, logs: Sequence[Log], most_rows: int = 60_000) -> Data
 
 
 def _without_doubtful_steps(log: Measured) -> Measured:
-    """Break segments where a command changed while rows are missing: when it did is not known."""
+    """Leave out where a command changed while rows are missing: when it did, and acts, is not known."""
     step = np.diff(log.time)
     gap = step > 1.5 * float(np.median(step))
     changed = (np.diff(log.inputs, axis=1) != 0).any(axis=0)
     at = np.flatnonzero(gap & changed) + 1
     segments = []
     for first, stop in log.segments:
-        edges = [first, *at[(at > first) & (at < stop)].tolist(), stop]
-        segments += [(a, b) for a, b in pairwise(edges) if b - a > 1]
+        own = at[(at > first) & (at < stop)]
+        known = np.searchsorted(log.time, log.time[own] + UNSURE)
+        begins, ends = [first, *known.tolist()], [*own.tolist(), stop]
+        segments += [(a, b) for a, b in zip(begins, ends, strict=True) if b - a > 1]
     return replace(log, segments=tuple(segments))
 
 
