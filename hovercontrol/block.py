@@ -77,6 +77,10 @@ class Block:
     ticks : sequence of Tick, optional
         Of a hybrid Block, made by :func:`~hovercontrol.interconnect.interconnect`: what sets the last of its
         states, which hold their values in between.
+    delays : mapping of str to sympy.Expr, optional
+        How late inputs act [s], of parameters alone and never negative. In the expressions the symbol of such
+        an input is its value as it arrives; until the first value arrives that is its start value. See
+        :mod:`hovercontrol.delays`.
 
     Raises
     ------
@@ -104,6 +108,7 @@ class Block:
     definition_signals: tuple[Signal, ...] = ()
     period: float = 0.0
     ticks: tuple[Tick, ...] = ()
+    delays: Mapping[str, sp.Expr] = field(default_factory=Expressions)
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not re.fullmatch(r"[A-Za-z_]\w*", self.name):
@@ -113,7 +118,7 @@ class Block:
             if isinstance(signals, str | Signal) or not all(isinstance(s, Signal) for s in signals):
                 raise InputError(self.where(f"{kind} must be a sequence of Signal, found {signals!r}"))
             object.__setattr__(self, kind, tuple(signals))
-        for kind in ("derivatives", "output_expressions", "definitions"):
+        for kind in ("derivatives", "output_expressions", "definitions", "delays"):
             if not isinstance(getattr(self, kind), Expressions):
                 object.__setattr__(self, kind, Expressions(getattr(self, kind)))
         object.__setattr__(self, "ticks", tuple(self.ticks))
@@ -162,6 +167,35 @@ class Block:
             )
         if self.ticks and not hybrid:
             raise InputError(self.where(f"it has parts that tick and so no {face}"))
+
+    @cached_property
+    def in_continuous_time(self) -> Block:
+        """The Block itself; of a sampled one a hybrid Block that does the same alone, its outputs held.
+
+        States of that have the Block's name in front, as in any interconnection.
+        """
+        if not self.period:
+            return self
+        from hovercontrol.interconnect import interconnect
+
+        return interconnect([self], self.name, hybrid=True)
+
+    def need_prompt_inputs(self, face: str) -> None:
+        """Refuse a Block whose inputs act late where nothing remembers them; raises :class:`InputError`.
+
+        Parameters
+        ----------
+        face : str
+            What needs each input at the instant at which it acts.
+        """
+        for name in self.delays:
+            raise InputError(
+                self.where(
+                    f"the input {name!r} acts with a delay, of which {face} knows nothing: give the inputs "
+                    "as they arrive to hovercontrol.delays.undelayed(block), or approximate by "
+                    "hovercontrol.delays.pade(block, order)"
+                )
+            )
 
     def signal(self, name: str) -> Signal:
         """Return the state, input, parameter, output or definition of that name.
@@ -356,7 +390,8 @@ class Block:
             return Expressions((name, e.xreplace(swap)) for name, e in expressions.items())
 
         fields_: dict[str, Any] = {
-            kind: group(getattr(self, kind)) for kind in ("derivatives", "definitions", "output_expressions")
+            kind: group(getattr(self, kind))
+            for kind in ("derivatives", "definitions", "output_expressions", "delays")
         }
         return fields_ | {"ticks": tuple(replace(tick, updates=group(tick.updates)) for tick in self.ticks)}
 
@@ -370,19 +405,28 @@ class Block:
     # ---- its faces -----------------------------------------------------------------------------------
 
     def to_numpy(self) -> NumpyFunctions:
-        """Return the Block as NumPy functions (:mod:`hovercontrol.targets.numpy`)."""
+        """Return the Block as NumPy functions (:mod:`hovercontrol.targets.numpy`).
+
+        Raises
+        ------
+        InputError
+            If inputs act late: no function of a point knows their past.
+        """
         from hovercontrol.targets.numpy import numpy_functions
 
         return numpy_functions(self)
 
-    def to_control(self, name: str | None = None, *, step: float | None = None) -> control.NonlinearIOSystem:
+    def to_control(
+        self, name: str | None = None, *, step: float | None = None, pade: int | None = None
+    ) -> control.NonlinearIOSystem:
         """Return the Block as one python-control system (:mod:`hovercontrol.targets.control`).
 
-        A sampled Block becomes a discrete-time system of its period, a hybrid one of `step` [s].
+        A sampled Block becomes a discrete-time system of its period, a hybrid one of `step` [s]. Inputs that
+        act late are held in shift registers of `step`, or approximated by Pade's fraction of order `pade`.
         """
         from hovercontrol.targets.control import to_control
 
-        return to_control(self, name, step=step)
+        return to_control(self, name, step=step, pade=pade)
 
     def compile(self, *, friction: Literal["events", "smooth"] = "events") -> CompiledBlock:
         """Return the Block as machine code, for fast simulation and sweeps over many runs.
@@ -395,9 +439,7 @@ class Block:
         """
         from hovercontrol.targets.compiled import compile_block
 
-        self.need_continuous("compiled form")
-
-        return compile_block(self, friction=friction)
+        return compile_block(self.in_continuous_time, friction=friction)
 
     def to_fmu(
         self,
@@ -442,9 +484,8 @@ class Block:
         """
         from hovercontrol.fmi.export import export_fmu
 
-        self.need_continuous("FMU")
         return export_fmu(
-            self,
+            self.in_continuous_time,
             path,
             version=version,
             platforms=platforms,

@@ -14,6 +14,7 @@ from hovercontrol.effects import Effect, Shape, effect_class
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.estimators.regression import linear_parameters
 from hovercontrol.expressions import Expressions
+from hovercontrol.model import delays_of
 from hovercontrol.signals import Signal, time
 
 
@@ -57,6 +58,7 @@ class BlockModel:
         object.__setattr__(self, "effects", tuple(self.effects))
         for name in self.catalogue:
             effect_class(name)
+        self.block.need_prompt_inputs("a model")
         names = [e.name for e in self.effects]
         for name in names:
             if names.count(name) > 1:
@@ -178,13 +180,8 @@ class BlockModel:
         Raises
         ------
         InputError
-            If the model has a delay or a clock offset and `late` is not set.
+            If an effect acts on a state that is not there, or inputs would act before they are sent.
         """
-        if not late and any(self.timing()):
-            raise InputError(
-                f"model {self.name!r}: an effect shifts a clock, which no equation says: shift the inputs "
-                "and take plant(late=True)"
-            )
         if not self.effects:
             return self.block
         block = self.block
@@ -213,6 +210,7 @@ class BlockModel:
             block.name,
             states=(*block.states, *lags),
             inputs=block.inputs,
+            delays={} if late else delays_of(self.timing(), block.inputs, self.coefficients()),
             outputs=(*block.outputs, *measured),
             parameters=(
                 *block.parameters,

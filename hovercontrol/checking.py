@@ -48,6 +48,7 @@ def check(block: Block) -> None:
     _check_ticks(block)
     _check_symbols(block)
     _check_units(block)
+    _check_delays(block)
 
 
 def _set(block: Block, field: str, value: Any) -> None:
@@ -174,6 +175,27 @@ def _check_units(block: Block) -> None:
         e = block.output_expressions[output.name]
         found = _dimension(block, derive, output.name, e)
         _need(block, output.name, e, found, output.dimension, output.unit)
+
+
+def _check_delays(block: Block) -> None:
+    inputs, parameters = [s.name for s in block.inputs], {s.symbol: s for s in block.parameters}
+    if block.delays and block.period:
+        raise InputError(block.where("a sampled block has no delays: hovercontrol.hardware.links has"))
+    derive = DimensionChecker(
+        {symbol: s.dimension for symbol, s in parameters.items()},
+        {symbol: s.unit for symbol, s in parameters.items()},
+    )
+    for name, e in block.delays.items():
+        if name not in inputs:
+            raise InputError(block.where(f"a delay of {name!r}, no input{did_you_mean(name, inputs)}"))
+        for symbol in sorted(e.free_symbols - parameters.keys(), key=str):
+            hint = did_you_mean(symbol.name, [s.name for s in block.parameters])
+            raise InputError(
+                block.where(f"the delay of {name!r} depends on {symbol.name!r}, no parameter{hint}")
+            )
+        label = f"the delay of {name!r}"
+        _need(block, label, e, _dimension(block, derive, label, e), dimension("s"), "s")
+    _set(block, "delays", Expressions((n, block.delays[n]) for n in inputs if n in block.delays))
 
 
 def _dimension(block: Block, derive: DimensionChecker, name: str, e: sp.Expr) -> Dimension | None:

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def text_equations(block: Block) -> str:
-    """Return one line an equation: definitions, derivatives, outputs that are more than a name."""
+    """Return one line an equation: definitions, derivatives, outputs that are more than a name, delays."""
 
     def _text(e: sp.Expr) -> str:
         return str(e.replace(sgn, lambda v, w: sp.Function("sgn")(v)))
@@ -24,6 +24,7 @@ def text_equations(block: Block) -> str:
     for tick in block.ticks:
         lines += [f"every {tick.period:g} s: next {n} = {_text(e)}" for n, e in tick.updates.items()]
     lines += [f"{name} = {_text(e)}" for name, e in _computed_outputs(block)]
+    lines += [f"{name} acts late by {_text(e)}" for name, e in block.delays.items()]
     return "\n".join(lines)
 
 
@@ -45,6 +46,8 @@ def latex_equations(block: Block) -> str:
         after = rf" \quad \text{{every {tick.period:g} s}}"
         lines += [line(name, e, "{}^{{+}}", after) for name, e in tick.updates.items()]
     lines += [line(name, e) for name, e in _computed_outputs(block)]
+    for name, e in block.delays.items():
+        lines.append(latex(sp.Symbol(name, real=True)) + r" &\text{ acts late by } " + latex(e))
     return "\\begin{align*}\n" + " \\\\\n".join(lines) + "\n\\end{align*}"
 
 

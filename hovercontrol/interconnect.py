@@ -5,7 +5,7 @@ whole, states and parameters carry their Block's name in front (``plant.u``, ``p
 and inputs keep their signal names.
 
 Continuous and sampled Blocks, or sampled ones of different periods, give a hybrid Block: each output of a
-sampled Block becomes a state that holds it (``pilot.rudder_held``), and what the Block does at its ticks one
+sampled Block becomes a state that holds it (``pilot.held_rudder``), and what the Block does at its ticks one
 :class:`~hovercontrol.block.Tick`.
 """
 
@@ -62,7 +62,11 @@ def rename(block: Block, signals: Mapping[str, str]) -> Block:
         block,
         inputs=tuple(renamed(block.inputs)),
         outputs=tuple(renamed(block.outputs)),
-        **block.swapped(swap) | {"output_expressions": Expressions(outputs)},
+        **block.swapped(swap)
+        | {
+            "output_expressions": Expressions(outputs),
+            "delays": Expressions((signals.get(name, name), e) for name, e in block.delays.items()),
+        },
     )
 
 
@@ -102,6 +106,7 @@ def interconnect(
     *,
     inputs: Sequence[str] | None = None,
     outputs: Sequence[str] | None = None,
+    hybrid: bool = False,
 ) -> Block:
     """Join Blocks by signal name into one Block.
 
@@ -116,6 +121,8 @@ def interconnect(
         The inputs the whole must have, in this order (default: all that nothing drives).
     outputs : sequence of str, optional
         Which outputs the whole shows (default: all).
+    hybrid : bool, optional
+        Make a hybrid Block of sampled ones that tick together, too: it has faces in continuous time.
 
     Returns
     -------
@@ -127,7 +134,8 @@ def interconnect(
     InputError
         If two outputs or two Blocks have one name, units differ along a wire, a wanted signal is not
         there, an input stays open that `inputs` does not name, or an algebraic loop closes; the loop is
-        spelled out.
+        spelled out. Also if an output drives an input that acts late, or an open input does so differently in
+        two Blocks.
 
     Examples
     --------
@@ -143,10 +151,10 @@ def interconnect(
 
     >>> sampled = Block("brake", [], [v], [a], [k], brake.derivatives, brake.output_expressions, period=0.25)
     >>> print(interconnect([cart, sampled], "loop").equations())
-    cart.v' = brake.a_held
-    every 0.25 s: next brake.a_held = -brake.k*cart.v
+    cart.v' = brake.held_a
+    every 0.25 s: next brake.held_a = -brake.k*cart.v
     v = cart.v
-    a = brake.a_held
+    a = brake.held_a
     """
     if isinstance(blocks, Block) or not all(isinstance(b, Block) for b in blocks):
         raise InputError(f"interconnect: expected a sequence of Blocks, found {blocks!r:.80}")
@@ -155,7 +163,9 @@ def interconnect(
     _refuse_clashes(blocks)
     drivers = {s.name: (block, s) for block in blocks for s in block.outputs}
     open_inputs = _open_inputs(blocks, drivers)
+    _refuse_late_wires(blocks, drivers)
     period = _common_period(blocks)
+    period = None if hybrid and period else period
     _refuse_loops(blocks, drivers)
 
     parts = [_part(block, hybrid=period is None) for block in blocks]
@@ -211,6 +221,7 @@ def interconnect(
         definition_signals=tuple(signals),
         period=period or 0.0,
         ticks=tuple(_in_order(blocks, drivers, ticks)) if period is None else (),
+        delays=_open_delays(parts),
     )
 
 
@@ -264,7 +275,7 @@ def _part(block: Block, hybrid: bool) -> _Part:
             s.symbol: sp.Symbol(f"{block.name}.{s.name}" if _is_local(block, s) else s.name, real=True)
             for s in local
         },
-        tuple(s.but(name=f"{block.name}.{s.name}_held") for s in holds),
+        tuple(s.but(name=f"{block.name}.held_{s.name}") for s in holds),
     )
 
 
@@ -310,6 +321,38 @@ def _open_inputs(blocks: Sequence[Block], drivers: Mapping[str, tuple[Block, Sig
                     f"but in {signal.unit} in block {block.name!r}"
                 )
     return {name: signal for name, (_, signal) in found.items()}
+
+
+def _refuse_late_wires(blocks: Sequence[Block], drivers: Mapping[str, tuple[Block, Signal]]) -> None:
+    """Refuse an output that drives a late input: the whole would have to remember how it was."""
+    for block in blocks:
+        for name in block.delays:
+            if name in drivers:
+                driver = drivers[name][0].name
+                raise InputError(
+                    f"{name!r} acts with a delay in block {block.name!r}, but block {driver!r} "
+                    "drives it and keeps no past: take hovercontrol.delays.undelayed() of the one and put a "
+                    "sampled link of hovercontrol.hardware.links between, or take hovercontrol.delays.pade()"
+                )
+
+
+def _open_delays(parts: Sequence[_Part]) -> Expressions:
+    """Return how late each open input acts; it must be as late in every Block that has it."""
+    found: dict[str, tuple[Block, sp.Expr]] = {}
+    for part in parts:
+        for signal in part.block.inputs:
+            delay = part.block.delays.get(signal.name, sp.S.Zero).xreplace(part.own)
+            other, before = found.setdefault(signal.name, (part.block, delay))
+            if before != delay:
+                raise InputError(
+                    f"the input {signal.name!r} acts {_late(before)} in block {other.name!r} but "
+                    f"{_late(delay)} in block {part.block.name!r}: rename() one of them"
+                )
+    return Expressions((name, delay) for name, (_, delay) in found.items() if delay != 0)
+
+
+def _late(delay: sp.Expr) -> str:
+    return f"late by {delay}" if delay != 0 else "at once"
 
 
 def _refuse_loops(blocks: Sequence[Block], drivers: Mapping[str, tuple[Block, Signal]]) -> None:

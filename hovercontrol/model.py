@@ -257,8 +257,8 @@ class Model:
     def timing(self, owner: str = "plant") -> tuple[str, str]:
         """Return the parameters that say how late commands act and how late measurements are, or ``""``.
 
-        No equation of the plant holds them: those who simulate shift its inputs, those who read logs their
-        clock.
+        No equation of the plant holds them: its inputs act late (:attr:`Block.delays`), and those who read
+        logs shift them.
         """
         s = motion_symbols(self.fans, owner)
         delay = self._command_way(owner, s)[1].delay
@@ -273,35 +273,33 @@ class Model:
         name : str, optional
             Name of the Block, the prefix of its parameter keys.
         late : bool, optional
-            Whether the caller shifts commands and clock itself (:meth:`timing`), which no equation does.
+            Whether the caller shifts commands and clock itself (:meth:`timing`): a plant without delays.
 
         Returns
         -------
         Block
             States ``x, y, psi, u, v, r`` and those of lags (``thrust_lagged``); outputs the motion and, where
             a sensor sees something else, that (``r_measured``); inputs those commands that an effect uses.
+            Where measurements are late, all signals and the time are those of the log's clock: what it shows
+            of a motion follows the commands that much later.
 
         Raises
         ------
         InputError
-            If the model has a delay or a clock offset and `late` is not set.
+            If the clocks make commands act before they are sent.
         """
-        if not late and any(self.timing(name)):
-            what = next(t for t in self.timing(name) if t).removeprefix(f"{name}.")
-            raise InputError(
-                f"model {self.name!r}: {what!r} shifts a clock, which no equation of a plant says: shift the "
-                "commands and take plant(late=True), or leave the effect out"
-            )
         s = motion_symbols(self.fans, name)
         lags, _ = self._command_way(name, s)
         force = self.accelerations(name, s)
         used = set().union(*(f.free_symbols for f in (*force.values(), *lags.values())))
         seen = {measured(channel): e for channel, e in self.measurements(name).items()}
         commands = (self.thrust, self.rudder, *(f.force() for f in self.fans))
+        inputs = tuple(c for c in commands if c.symbol in used)
         return Block(
             name,
             states=(*MOTION, *lags),
-            inputs=tuple(c for c in commands if c.symbol in used),
+            inputs=inputs,
+            delays={} if late else delays_of(self.timing(name), inputs, self.coefficients()),
             outputs=(*MOTION, *seen),
             parameters=self.parameters(name),
             output_expressions={signal.name: e for signal, e in seen.items()},
@@ -315,6 +313,35 @@ class Model:
                 **{state.name: slope for state, slope in lags.items()},
             },
         )
+
+
+def delays_of(
+    timing: tuple[str, str], inputs: Iterable[Signal], values: Mapping[str, float]
+) -> dict[str, sp.Expr]:
+    """Return how late commands act on what is measured: their own delay and that of the measurements' clock.
+
+    Parameters
+    ----------
+    timing : tuple of str
+        As of :meth:`Model.timing`.
+    inputs : iterable of Signal
+    values : mapping
+        Of the coefficients, as :meth:`Model.coefficients`.
+
+    Raises
+    ------
+    InputError
+        If it is negative.
+    """
+    names = [name for name in timing if name]
+    total = sum(values[name.rpartition(".")[2]] for name in names)
+    if total < 0:
+        raise InputError(
+            f"{' + '.join(names)} = {total:g} s: measurements that are early see commands before they are "
+            "sent, which cannot be simulated; shift the log's commands and leave the effect out"
+        )
+    delay = sp.Add(*(sp.Symbol(name, real=True) for name in names))
+    return {s.name: delay for s in inputs} if names else {}
 
 
 def measured(channel: str) -> Signal:

@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import solve_ivp
 
 from hovercontrol.block import Block
+from hovercontrol.delays import arrivals, undelayed
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.switching import longest_step
 from hovercontrol.targets.numpy import call_scalar, numpy_functions
@@ -51,7 +52,7 @@ def simulate(
         Increasing times [s]; results are given at these.
     inputs : array_like of shape (n_inputs, n) or (n_inputs,), or mapping by name, optional
         Values at those times; with one input a plain array of shape (n,) will do. Inputs that are not given
-        keep their start value.
+        keep their start value. One that acts late has its start value until the first one arrives.
     x0 : array_like, shape (n_states,), or mapping by name, optional
         Initial state over the states' start values.
     params : mapping, optional
@@ -61,7 +62,7 @@ def simulate(
     method, rtol, atol, max_step
         As for :func:`scipy.integrate.solve_ivp`. Where the Block switches by the clock (waypoints, pulses),
         steps are at most half as long as the shortest time between two switches: none is stepped over.
-        A hybrid Block goes from tick to tick in Runge-Kutta steps of at most `max_step` and 2.5 ms.
+        A hybrid Block goes from tick to tick by Dormand and Prince's method, whatever `method` says.
     progress : callable, optional
         Called now and then with the time reached.
 
@@ -84,7 +85,7 @@ def simulate(
     >>> response.outputs.round(6).tolist()
     [0.0, 0.0, 1.0]
     """
-    block.need_continuous("solution between its ticks")
+    block = block.in_continuous_time
     times = checked_times(time)
     u = input_rows(block, inputs, len(times))
     x = initial_state(block, x0)
@@ -93,10 +94,23 @@ def simulate(
         raise InputError(f"unknown method {method!r}{did_you_mean(str(method), METHODS)}")
     if hold not in ("zero", "linear"):
         raise InputError(f"hold must be 'zero' or 'linear', found {hold!r}")
+    if block.delays:
+        if hold != "zero":
+            raise InputError(
+                f"block {block.name!r}: the inputs of a block with delays hold, found hold={hold!r}"
+            )
+        late = arrivals(block, times, u, p)
+        run = simulate(
+            undelayed(block), late.times, late.inputs, x, params, method=method, rtol=rtol, atol=atol,
+            max_step=max_step, progress=progress,
+        )  # fmt: skip
+        y, z = (np.reshape(rows, (-1, len(late.times)))[:, late.given] for rows in (run.outputs, run.states))
+        return time_response(block, times, y, z, u)
     if block.ticks:
         if hold != "zero":
             raise InputError(f"block {block.name!r}: the inputs of a hybrid block hold, found hold={hold!r}")
-        states = run_hybrid(block, times, u, x, p, longest=max_step, progress=progress)
+        longest = min(max_step, longest_step(block, params, times[0], times[-1]))
+        states = run_hybrid(block, times, u, x, p, rtol=rtol, atol=atol, longest=longest, progress=progress)
         outputs = numpy_functions(block).outputs(times, states, u, params)
         return time_response(block, times, outputs, states, u)
     states = np.empty((len(block.states), len(times)))

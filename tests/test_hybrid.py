@@ -6,6 +6,7 @@ import control
 import numpy as np
 import pytest
 import sympy as sp
+from fmpy import simulate_fmu
 
 from hovercontrol.block import Block
 from hovercontrol.controllers.k06 import bang_bang_heading, origin, proportional_heading
@@ -68,14 +69,13 @@ def test_a_period_is_finite_and_not_negative(period):
         counter(period)
 
 
-def test_a_sampled_block_has_no_face_that_would_integrate_it(tmp_path):
-    for use in (
-        lambda b: b.compile(),
-        lambda b: b.to_fmu(tmp_path / "x.fmu"),
-        lambda b: simulate(b, [0, 1]),
-    ):
-        with pytest.raises(InputError, match=r"block 'counter': sampled every 0\.1 s, it has no"):
-            use(counter())
+def test_a_sampled_block_runs_alone_its_outputs_held(tmp_path):
+    times = [0.0, 0.05, 0.1, 0.25, 0.3]
+    for run in (simulate(counter(), times), counter().compile().simulate(times)):
+        assert np.ravel(run.outputs).tolist() == [0.0, 0.0, 1.0, 2.0, 3.0]
+    path = counter().to_fmu(tmp_path / "counter.fmu", step=0.05, stop=0.3)
+    run = simulate_fmu(str(path), stop_time=0.3, output_interval=0.05)
+    assert run["count"].tolist() == [0.0, 0.0, 1.0, 1.0, 2.0, 2.0, 3.0]
 
 
 def test_its_python_control_face_is_a_discrete_time_system():

@@ -216,3 +216,20 @@ def test_a_sweep_over_the_seed_is_as_many_runs():
     each = [compiled.simulate([0.0, 0.5], params={"sensor.seed": s}).states[0, -1] for s in seeds]
     assert swept.tolist() == each
     assert len(set(each)) == 3
+
+
+def test_rows_a_hair_before_a_tick_are_at_it():
+    """``k * period`` in floating point may be less than the exact instant."""
+    whole = interconnect([CART, brake(), sensor(), watch(0.0065536)])
+    grid = np.arange(150) * 0.0065536
+    for run in (simulate(whole, grid), whole.compile().simulate(grid)):
+        assert rows(run)["ticks"].tolist() == list(range(1, 151))
+
+
+def test_what_is_fast_between_ticks_is_integrated_to_its_tolerance():
+    x = Signal("x", start=1.0)
+    lag = Block("lag", [x], [], [x], derivatives={"x": -x.symbol / Signal("T", "s", start=1e-3).symbol},
+                parameters=[Signal("T", "s", start=1e-3)])  # fmt: skip
+    grid = np.arange(11) * 0.001
+    for run in (simulate(interconnect([lag, watch(0.01)]), grid, rtol=1e-8, atol=1e-12),):
+        assert rows(run)["x"] == pytest.approx(np.exp(-grid / 1e-3), abs=1e-8)

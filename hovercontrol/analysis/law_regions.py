@@ -6,7 +6,6 @@ from collections.abc import Callable, Mapping
 from concurrent.futures import Executor
 from pathlib import Path
 
-import control
 import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
@@ -25,6 +24,7 @@ from hovercontrol.analysis.regions import (
 from hovercontrol.block import Block
 from hovercontrol.controllers.k06 import force_to_command, forward, reverse
 from hovercontrol.controllers.k06.laws import FORCE_X, FORCE_Y, SURGE_REF
+from hovercontrol.delays import pade
 from hovercontrol.errors import InputError
 from hovercontrol.interconnect import interconnect, rename
 from hovercontrol.model import MOTION
@@ -64,21 +64,17 @@ def delayed_force(seconds: float = ROUND_TRIP, order: int = 4) -> Block:
 
     Inputs ``sent_x, sent_y``, outputs ``force_x, force_y`` [N]; the delay is the parameter ``delay.seconds``.
     """
-    unit = control.tf2ss(control.tf(*control.pade(1.0, order, order - 1)))  # a delay of 1 s; time is scaled
-    A, B, C = (sp.Matrix(m.tolist()) for m in (unit.A, unit.B, unit.C))
     late = Signal("seconds", "s", "delay of the force", start=seconds, lower=0.0)
-    states: list[Signal] = []
-    rates: dict[str, sp.Expr] = {}
-    outputs: dict[str, sp.Expr] = {}
-    for way, force in (("x", FORCE_X), ("y", FORCE_Y)):
-        lags = [Signal(f"late_{way}[{k}]", "N", "state of the delay") for k in range(order)]
-        x = sp.Matrix([s.symbol for s in lags])
-        slope = (A * x + B * symbol(f"sent_{way}")) / late.symbol
-        rates |= {s.name: e for s, e in zip(lags, slope, strict=True)}
-        outputs[force.name] = (C * x)[0]
-        states += lags
-    sent = tuple(f.but(name=f"sent_{way}") for way, f in (("x", FORCE_X), ("y", FORCE_Y)))
-    return Block("delay", tuple(states), sent, (FORCE_X, FORCE_Y), (late,), rates, outputs)
+    sent = {force.name: force.but(name=f"sent_{way}") for way, force in (("x", FORCE_X), ("y", FORCE_Y))}
+    pure = Block(
+        "delay",
+        inputs=tuple(sent.values()),
+        outputs=(FORCE_X, FORCE_Y),
+        parameters=(late,),
+        output_expressions={name: s.symbol for name, s in sent.items()},
+        delays={s.name: late.symbol for s in sent.values()},
+    )
+    return pade(pure, order)
 
 
 def law_loop(law: Block, *, delay: bool = False) -> Block:

@@ -135,6 +135,7 @@ def closed_loop(model: Model, adapt: Iterable[str] = ()) -> tuple[Block, dict[sp
         Time derivatives of the motion and of the reference's position and velocity.
     """
     plant = model.plant(OWNER)
+    plant.need_prompt_inputs("a normal form")
     if len(plant.states) > len(MOTION):
         more = ", ".join(s.name for s in plant.states[len(MOTION) :])
         raise InputError(f"normal form: model {model.name!r} has states beside its motion: {more}")

@@ -17,7 +17,7 @@ class InputDelay(Effect):
     seconds = Shape("s", lower=0.0, neutral=0.0, search=(0.02, 0.06, 0.15))
 
     def commands(self, c: Any, s: Any) -> dict[Signal, sp.Expr]:
-        s.delay = c.seconds  # of all commands: no expression can say it, the faces of a Block do
+        s.delay = c.seconds  # of all commands: becomes the plant's `delays`
         return {}
 
 

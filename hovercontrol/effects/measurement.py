@@ -57,4 +57,4 @@ class TimeOffset(Effect):
     seconds = Shape("s", neutral=0.0, search=(0.02, 0.06, 0.15))
 
     def measured(self, c: Any, s: Any) -> None:
-        s.late = c.seconds  # of all channels: no expression can say it, those who read logs do
+        s.late = c.seconds  # of all channels: a plant that runs by their clock acts that late

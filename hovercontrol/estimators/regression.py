@@ -58,8 +58,8 @@ def regression(block: Block, coefficients: Sequence[str] | None = None) -> Regre
     Raises
     ------
     InputError
-        If a name is unknown, a coefficient is used twice or acts on no state, or the Block is not linear
-        in them; the line names the equation and the expression.
+        If a name is unknown, a coefficient is used twice or acts on no state, the Block is not linear in
+        them (the line names the equation and the expression), or its inputs act late.
 
     Examples
     --------
@@ -67,6 +67,7 @@ def regression(block: Block, coefficients: Sequence[str] | None = None) -> Regre
     >>> regression(hoverdemon().plant()).G[2, :]
     Matrix([[0, -thrust*sin(rudder)]])
     """
+    block.need_prompt_inputs("a regression")
     if coefficients is None:
         names = list(linear_parameters(block))
         if not names:

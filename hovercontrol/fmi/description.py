@@ -137,7 +137,8 @@ def _units(root: Element, listed: Iterable[Variable]) -> None:
     definitions = SubElement(root, "UnitDefinitions")
     for unit in _used_units(listed):
         element = SubElement(definitions, "Unit", name=unit.name)
-        SubElement(element, "BaseUnit", {base: str(power) for base, power in unit.exponents})
+        if unit.exponents is not None:
+            SubElement(element, "BaseUnit", {base: str(power) for base, power in unit.exponents})
         if unit.display:
             SubElement(element, "DisplayUnit", name=unit.display, factor=_text(DEGREES))
 

@@ -100,6 +100,7 @@ def documentation(
         *_variables(interface),
         *_equations(interface),
         *_friction(interface),
+        *_late_inputs(interface),
         *_reference(experiment, list(files)),
         _origin(interface, version, token),
     ]
@@ -181,6 +182,24 @@ def _friction(interface: Interface) -> Iterable[str]:
         names = ", ".join(f"<code>{escape(name)}</code>" for name in velocities)
         text = _FRICTION[interface.friction]
         yield f"<h2>Dry friction</h2>\n<p>Dry friction acts on {names}. {text}</p>"
+
+
+def _late_inputs(interface: Interface) -> Iterable[str]:
+    delays = dict(zip(interface.block.inputs, interface.of("input"), strict=True))
+    late = [
+        f"<code>{escape(v.name)}</code> by {escape(str(interface.block.delays[s.name]))}"
+        for s, v in delays.items()
+        if s.name in interface.block.delays
+    ]
+    if late:
+        yield (
+            f"<h2>Late inputs</h2>\n<p>Inputs act late: {', '.join(late)} (seconds). In the equations each "
+            "has the value with which it arrives; until the first one arrives that is its start value. They "
+            "are discrete: a value holds until the next is set. In Co-Simulation the FMU stops at each "
+            "arrival itself; in Model Exchange an arrival is a time event, and the importer sets such an "
+            "input in an event, as FMI demands. What is under way is part of the FMU state. How late it "
+            "is, is fixed at initialization.</p>"
+        )
 
 
 def _reference(experiment: Experiment, files: list[str]) -> Iterable[str]:

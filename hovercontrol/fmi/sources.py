@@ -9,8 +9,9 @@ from collections.abc import Iterable
 from importlib import resources
 from typing import Literal
 
+from hovercontrol.delays import undelayed
 from hovercontrol.fmi.variables import Interface
-from hovercontrol.targets.c import c_source
+from hovercontrol.targets.c import c_source, delays_source
 from hovercontrol.targets.compiler import generated
 
 Version = Literal[2, 3]
@@ -30,7 +31,11 @@ def fmu_sources(interface: Interface, version: Version, rtol: float, atol: float
         Tolerances of the solver in Co-Simulation; `atol` is times each state's nominal size.
     """
     files = {"model.c": _model(interface)}
-    files |= _with_headers([*_RUNTIME, f"hc_fmi{version}.c"])
+    late = ("hc_delays.c",) if interface.block.delays else ()
+    files |= _with_headers([*_RUNTIME, *late, f"hc_fmi{version}.c"])
+    if late:
+        files["delays.c"] = delays_source(interface.block)
+        files["hc_options.h"] = files["hc_options.h"].replace("HC_DELAYS 0", "HC_DELAYS 1")
     files["description.c"] = c_description(interface, token_of(interface, files), rtol, atol)
     return files
 
@@ -103,5 +108,5 @@ def _with_headers(names: Iterable[str]) -> dict[str, str]:
 
 
 def _model(interface: Interface) -> str:
-    block, friction = interface.block, interface.friction
+    block, friction = undelayed(interface.block), interface.friction
     return generated(block, f"model of an FMU, {friction}", lambda: c_source(block, friction=friction))

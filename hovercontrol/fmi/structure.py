@@ -52,6 +52,7 @@ class Structure:
         parameters = frozenset(s.symbol for s in block.parameters)
         modes = frozenset(f.symbol for f in interface.frictions)
         self._constants = (parameters, parameters | modes)
+        self._late = {s.symbol for s in block.inputs if s.name in block.delays}
         defined: dict[sp.Symbol, Form] = {}
         for name, e in block.definitions.items():
             defined[sp.Symbol(name, real=True)] = _form(e, defined)
@@ -82,7 +83,7 @@ class Structure:
             if symbol not in self._references:  # a mode: no known of FMI's
                 continue
             kind = "dependent"
-            if factor is not None and factor <= discrete:
+            if factor is not None and factor <= discrete and symbol not in self._late:
                 kind = "discrete" if sticks or not factor <= tunable else "tunable" if factor else "constant"
             found.append((self._references[symbol], kind))
         return found

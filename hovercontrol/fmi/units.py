@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
-from hovercontrol.errors import InputError
 from hovercontrol.units import BASE, dimension, registry
 
 #: Degrees in a radian: FMI's factor from a unit to its display unit.
@@ -38,8 +37,9 @@ class Unit:
     Parameters
     ----------
     name : str
-    exponents : tuple of (str, int)
-        The base units that occur, ``rad`` among them; empty for plain numbers.
+    exponents : tuple of (str, int) or None
+        The base units that occur, ``rad`` among them; empty for plain numbers. None where FMI cannot say
+        them: it has whole exponents only, and the density of a noise is in m/s^2.5.
     quantity : str
         A name for the type definition, such as ``AngularVelocity``.
     display : str or None
@@ -47,7 +47,7 @@ class Unit:
     """
 
     name: str
-    exponents: tuple[tuple[str, int], ...]
+    exponents: tuple[tuple[str, int], ...] | None
     quantity: str
     display: str | None
 
@@ -61,11 +61,6 @@ def fmi_unit(text: str, per_second: bool = False) -> Unit:
     text : str
         A signal's unit.
     per_second : bool, optional
-
-    Raises
-    ------
-    InputError
-        If an exponent is no integer, which FMI cannot say.
 
     Examples
     --------
@@ -83,14 +78,9 @@ def fmi_unit(text: str, per_second: bool = False) -> Unit:
     powers = dict(zip(BASE, dims, strict=True))
     powers["s"] -= 1 if per_second else 0
     powers["rad"] = in_base_units.get("radian", 0)
-    exponents = []
-    for base, power in powers.items():
-        if int(power) != power:
-            raise InputError(
-                f"unit {text!r}: FMI has whole exponents of base units only, found {base}^{power}"
-            )
-        if power:
-            exponents.append((base, int(power)))
+    if any(int(power) != power for power in powers.values()):
+        return Unit(name, None, _plain_name(name), None)
+    exponents = [(base, int(power)) for base, power in powers.items() if power]
     known = dict(exponents)
     key = tuple(known.pop(base, 0) for base in ("m", "kg", "s", "rad"))
     quantity = _QUANTITIES.get(key, "") if not known else ""
@@ -108,5 +98,5 @@ def _is_rate_of_angle(name: str) -> bool:
 
 def _plain_name(unit: str) -> str:
     """Return an identifier for a unit that has no quantity of its own: ``m2_per_s3``."""
-    above, *below = unit.replace("^", "").replace("*", "_").split("/")
+    above, *below = unit.replace("^", "").replace("*", "_").replace(".", "_").split("/")
     return "_per_".join(["Quantity_" + above, *below])

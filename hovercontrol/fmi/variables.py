@@ -122,6 +122,7 @@ class Interface:
         block, velocities = self.block, {f.state for f in self.frictions}
         names = {s.name: self._name(s.name) for s in (*block.states, *block.inputs)}
         keys = [self._name(block.parameter_key(s.name)) for s in block.parameters]
+        fixed = {symbol for e in block.delays.values() for symbol in e.free_symbols}
         yield Variable(
             0, "time", self._name("time"), "independent", "continuous", None, fmi_unit("s"), "simulation time"
         )
@@ -138,9 +139,12 @@ class Interface:
             computed = ("local", "continuous", "calculated", unit, text)
             yield Variable(reference, "derivative", name, *computed, derivative_of=self.first("state") + k)
         for k, s in enumerate(block.inputs, self.first("input")):
-            yield self._known(k, "input", names[s.name], s, "input")
+            late = s.name in block.delays
+            yield self._known(k, "input", names[s.name], s, "input", "discrete" if late else "continuous")
         for k, (key, s) in enumerate(zip(keys, block.parameters, strict=True), self.first("parameter")):
-            yield self._known(k, "parameter", key, s, "parameter", "tunable")
+            yield self._known(
+                k, "parameter", key, s, "parameter", "fixed" if s.symbol in fixed else "tunable"
+            )
         for k, s in enumerate(block.outputs, self.first("output")):
             if s.name not in self.merged:
                 name = self._name(s.name, "out")

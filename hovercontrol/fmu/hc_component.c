@@ -184,6 +184,7 @@ static int fail_at(hc_component *c, unsigned vr, const char *what)
 /* ---- life ---- */
 
 static size_t count_state(const hc_component *c);
+static int take_inputs(hc_component *c);
 static void transfer(hc_component *c, double *buffer, int load);
 
 static int is_blank(const char *text)
@@ -238,6 +239,15 @@ static hc_component *allocate(const hc_log_type *log, int kind, const char *name
         if (c->solver)
             c->solver->short_steps = 1;
     }
+    c->in = c->u;
+#if HC_DELAYS
+    c->delays = hc_delays_new(m->n_inputs);
+    if (!c->delays) {
+        hc_component_free(c);
+        return NULL;
+    }
+    c->in = hc_delays_inputs(c->delays);
+#endif
     c->initial = calloc(c->solver || kind == HC_MODEL_EXCHANGE ? count_state(c) : 1, sizeof *c->initial);
     if (!c->mode || !c->name || !c->initial || (kind == HC_CO_SIMULATION && !c->solver)) {
         hc_component_free(c);
@@ -283,6 +293,7 @@ hc_component *hc_component_new(const hc_log_type *log, const char *function, int
         c->p[i] = hc_description.start[m->n_states + m->n_inputs + i];
     c->valid = VALID_STATES;
     c->changed = 1;
+    take_inputs(c);
     transfer(c, c->initial, 0);
     return c;
 }
@@ -292,6 +303,9 @@ void hc_component_free(hc_component *c)
     if (!c)
         return;
     hc_solver_free(c->solver);
+#if HC_DELAYS
+    hc_delays_free(c->delays);
+#endif
     free(c->initial);
     free(c->name);
     free(c->mode);
@@ -340,7 +354,7 @@ static int find_modes(hc_component *c)
         c->mode[k] = v > 0.0 ? 1 : v < 0.0 ? -1 : 0;
     }
     c->valid |= VALID_MODES;
-    return m->n_friction == 0 ? HC_OK : hc_friction_modes(m, model_time(c), c->x, c->u, c->p, c->mode, c->a, c->b);
+    return m->n_friction == 0 ? HC_OK : hc_friction_modes(m, model_time(c), c->x, c->in, c->p, c->mode, c->a, c->b);
 }
 
 /* In Co-Simulation the states and modes are read inside the solver's last step, when they are needed. */
@@ -361,7 +375,7 @@ static void evaluate_indicators(hc_component *c)
 {
     const hc_model_type *m = c->model;
     if (m->n_friction > 0)
-        m->friction(model_time(c), c->x, c->u, c->p, c->mode, c->a, c->b);
+        m->friction(model_time(c), c->x, c->in, c->p, c->mode, c->a, c->b);
     for (int k = 0; k < m->n_friction; k++) {
         const int i = m->friction_state[k];
         if (c->mode[k] != 0)
@@ -378,10 +392,10 @@ static void evaluate(hc_component *c, int kind)
         return;
     read_states(c);
     if (kind == DERIVATIVE && !(c->valid & VALID_DX)) {
-        m->derivatives(model_time(c), c->x, c->u, c->p, c->mode, c->dx);
+        m->derivatives(model_time(c), c->x, c->in, c->p, c->mode, c->dx);
         c->valid |= VALID_DX;
     } else if (kind == OUTPUT && !(c->valid & VALID_Y)) {
-        m->outputs(model_time(c), c->x, c->u, c->p, c->mode, c->y);
+        m->outputs(model_time(c), c->x, c->in, c->p, c->mode, c->y);
         c->valid |= VALID_Y;
     } else if (kind == INDICATOR && !(c->valid & VALID_Z)) {
         evaluate_indicators(c);
@@ -408,7 +422,7 @@ static int tell_solver(hc_component *c)
 {
     hc_solver *s = c->solver;
     const int goes_on = c->model->n_ticks > 0 && s->started && s->t == c->value[0];
-    const int status = hc_solver_set(s, c->value[0], goes_on ? NULL : c->x, c->u, c->p);
+    const int status = hc_solver_set(s, c->value[0], goes_on ? NULL : c->x, c->in, c->p);
     c->changed = c->event = 0;
     if (c->model->n_ticks > 0) {
         c->valid = 0;
@@ -417,8 +431,52 @@ static int tell_solver(hc_component *c)
     return status;
 }
 
+#if HC_DELAYS
+/* Before initialization ends late inputs are at rest; what they have then is sent. */
+static int begin_delays(hc_component *c)
+{
+    const double *start = hc_description.start + c->model->n_states;
+    const int wrong = hc_delays_rest(c->delays, c->u, start, c->p);
+    if (wrong >= 0)
+        return hc_fail(c, "the delay of input %s is negative or not finite",
+                       hc_description.names[c->model->n_states + hc_late.input[wrong]]);
+    return hc_delays_send(c->delays, c->value[0], c->u) ? HC_DONE : hc_fail(c, "no memory");
+}
+
+/* What says how late inputs act is fixed. */
+static int refuse_late(hc_component *c, int kind, unsigned vr, double value)
+{
+    char text[200];
+    if (kind == PARAMETER && value != c->value[vr] && !(c->state & (HC_INSTANTIATED | HC_INITIALIZATION)) &&
+        hc_delays_fixed((int)(vr - c->first[kind])))
+        return hc_fail(c, "%s says how late an input acts: it is fixed at initialization", called(c, vr, text));
+    return HC_DONE;
+}
+#endif
+
+/* What the model sees of the inputs that were set. In Continuous-Time Mode an importer may try times out of order: late
+ * inputs, which are discrete, wait for the next event. */
+static int take_inputs(hc_component *c)
+{
+#if HC_DELAYS
+    if (c->state & (HC_INSTANTIATED | HC_INITIALIZATION))
+        hc_delays_rest(c->delays, c->u, hc_description.start + c->model->n_states, c->p);
+    else if (c->state == HC_CONTINUOUS_TIME)
+        hc_delays_send_prompt(c->delays, c->u);
+    else if (!hc_delays_send(c->delays, c->value[0], c->u))
+        return hc_fail(c, "no memory");
+#else
+    (void)c;
+#endif
+    return HC_DONE;
+}
+
 int hc_exit_initialization(hc_component *c)
 {
+#if HC_DELAYS
+    if (begin_delays(c) != HC_DONE)
+        return HC_ERROR;
+#endif
     if (find_modes(c) != HC_OK)
         return hc_fail(c, "the forces at the start are not finite");
     c->updated = 0;
@@ -517,6 +575,10 @@ static int check_value(hc_component *c, unsigned settable, unsigned vr, double v
     if (value < hc_description.lower[i] || value > hc_description.upper[i])
         return hc_fail(c, "%s is set to %.17g, outside its bounds [%.17g, %.17g]", called(c, vr, text), value,
                        hc_description.lower[i], hc_description.upper[i]);
+#if HC_DELAYS
+    if (refuse_late(c, kind, vr, value) != HC_DONE)
+        return HC_ERROR;
+#endif
     return HC_DONE;
 }
 
@@ -545,7 +607,7 @@ int hc_set_reals(hc_component *c, const unsigned *vr, size_t n, const double *va
         c->value[vr[i]] = value[i];
     invalidate(c);
     c->changed = 1;
-    return HC_DONE;
+    return take_inputs(c);
 }
 
 /* ---- partial derivatives ---- */
@@ -589,7 +651,7 @@ int hc_partial_derivatives(hc_component *c, int adjoint, const unsigned *unknown
         return HC_ERROR;
     read_states(c);
     if (!(c->valid & VALID_PARTIALS) && m->n_partials > 0)
-        m->partials(model_time(c), c->x, c->u, c->p, c->mode, c->partial);
+        m->partials(model_time(c), c->x, c->in, c->p, c->mode, c->partial);
     c->valid |= VALID_PARTIALS;
     memset(c->seed, 0, (size_t)columns * sizeof *c->seed);
     memset(c->product, 0, (size_t)rows * sizeof *c->product);
@@ -601,11 +663,17 @@ int hc_partial_derivatives(hc_component *c, int adjoint, const unsigned *unknown
                 c->product[row_of(c, unknown[i])] += seed[i];
         for (int i = 0; i < m->n_partials; i++)
             c->seed[m->partial_column[i]] += c->partial[i] * c->product[m->partial_row[i]];
+#if HC_DELAYS
+        hc_delays_mask(c->delays, c->seed + m->n_states);
+#endif
         for (size_t i = 0; i < n_known; i++)
             sensitivity[i] = c->seed[column_of(c, known[i])];
     } else {
         for (size_t i = 0; i < n_known; i++)
             c->seed[column_of(c, known[i])] += seed[i];
+#if HC_DELAYS
+        hc_delays_mask(c->delays, c->seed + m->n_states); /* what is set now acts later */
+#endif
         for (int i = 0; i < m->n_partials; i++)
             c->product[m->partial_row[i]] += c->partial[i] * c->seed[m->partial_column[i]];
         for (size_t i = 0; i < n_unknown; i++)
@@ -687,6 +755,10 @@ int hc_completed_step(hc_component *c, int *enter_event_mode)
     for (int k = 0; k < c->model->n_friction; k++)
         if (c->mode[k] == 0 && !is_at_rest(c, k)) /* the importer moved what sticks */
             *enter_event_mode = 1;
+#if HC_DELAYS
+    if (hc_delays_send_prompt(c->delays, c->u))
+        *enter_event_mode = 1;
+#endif
     return HC_DONE;
 }
 
@@ -744,7 +816,7 @@ static int update_modes(hc_component *c, int *states_changed)
             c->mode[k] = *v > 0.0 ? 1 : -1;
     }
     if (m->n_friction > 0 &&
-        hc_friction_modes(m, model_time(c), c->x, c->u, c->p, c->mode, c->a, c->b) != HC_OK)
+        hc_friction_modes(m, model_time(c), c->x, c->in, c->p, c->mode, c->a, c->b) != HC_OK)
         return hc_fail(c, "the forces are not finite at time %.17g", c->value[0]);
     for (int k = 0; k < m->n_friction; k++) {
         double *v = c->x + m->friction_state[k];
@@ -762,9 +834,9 @@ static int update_ticks(hc_component *c)
     const hc_model_type *m = c->model;
     const double t = c->value[0];
     if (hc_ticks_due(&c->ticks, t))
-        hc_ticks_take(&c->ticks, t, c->x, c->u, c->p, c->mode);
+        hc_ticks_take(&c->ticks, t, c->x, c->in, c->p, c->mode);
     else if (c->ticks.ticked && c->ticks.at == t)
-        hc_ticks_again(&c->ticks, t, c->x, c->u, c->p, c->mode);
+        hc_ticks_again(&c->ticks, t, c->x, c->in, c->p, c->mode);
     for (int i = m->n_states - m->n_held; i < m->n_states; i++)
         if (!hc_is_finite(c->x[i]))
             return fail_ticks(c);
@@ -777,6 +849,11 @@ int hc_update_discrete_states(hc_component *c, int *states_changed, double *next
     *states_changed = 0;
     look_for_switch(c);
     if (c->kind == HC_MODEL_EXCHANGE) {
+#if HC_DELAYS
+        if (!hc_delays_send(c->delays, c->value[0], c->u))
+            return hc_fail(c, "no memory");
+        hc_delays_arrive(c->delays, c->value[0]);
+#endif
         status = update_ticks(c);
         if (status == HC_DONE)
             status = update_modes(c, states_changed);
@@ -788,6 +865,10 @@ int hc_update_discrete_states(hc_component *c, int *states_changed, double *next
             status = fail_ticks(c);
     }
     *next = c->ticks.next < c->next_switch ? c->ticks.next : c->next_switch;
+#if HC_DELAYS
+    if (hc_delays_next(c->delays) < *next)
+        *next = hc_delays_next(c->delays);
+#endif
     c->updated = 1;
     return status;
 }
@@ -801,7 +882,7 @@ int hc_leave_event_mode(hc_component *c, unsigned state)
         if (c->model->n_ticks > 0 && update_ticks(c) != HC_DONE)
             return HC_ERROR;
         if (c->model->n_friction > 0)
-            hc_friction_modes(c->model, model_time(c), c->x, c->u, c->p, c->mode, c->a, c->b);
+            hc_friction_modes(c->model, model_time(c), c->x, c->in, c->p, c->mode, c->a, c->b);
         c->changed = 0;
         c->valid = VALID_STATES | VALID_MODES;
     }
@@ -847,6 +928,26 @@ static void pass_event(hc_component *c)
         log_message(&c->log, HC_DONE, NULL, "a condition on time changes at time %.17g", s->t);
 }
 
+#if HC_DELAYS
+/* Let arrive what is due; the solver goes on with it. */
+static int pass_arrivals(hc_component *c)
+{
+    if (!hc_delays_arrive(c->delays, c->solver->t))
+        return HC_OK;
+    c->event = 1;
+    return hc_solver_set(c->solver, c->solver->t, NULL, c->in, NULL);
+}
+
+/* `stop`, or when something arrives before; the end of the step where that is there. */
+static double stop_at_arrival(const hc_component *c, double stop, double end)
+{
+    const double next = hc_delays_next(c->delays);
+    if (fabs(next - end) <= ROOM * fabs(end))
+        return end;
+    return next < stop ? next : stop;
+}
+#endif
+
 int hc_do_step(hc_component *c, double time, double length, int *event, int *early)
 {
     hc_solver *s = c->solver;
@@ -870,6 +971,10 @@ int hc_do_step(hc_component *c, double time, double length, int *event, int *ear
             return fail_step(c, status);
     }
     for (long steps = 0;; steps++) {
+#if HC_DELAYS
+        if (s->t <= end && (status = pass_arrivals(c)) != HC_OK)
+            return fail_step(c, status);
+#endif
         if (c->event && s->t <= end) {
             pass_event(c);
             *event = c->event_mode_used && (c->early_return_allowed || s->t == end);
@@ -888,7 +993,11 @@ int hc_do_step(hc_component *c, double time, double length, int *event, int *ear
         const long events = s->counts[HC_EVENTS];
         if (hc_ticks_due(&s->ticks, end) && !hc_ticks_before(&s->ticks, end))
             stop = end; /* ticks of that time see inputs that are set then */
+#if HC_DELAYS
+        status = hc_solver_step(s, stop_at_arrival(c, stop, end));
+#else
         status = hc_solver_step(s, stop);
+#endif
         c->event = s->counts[HC_EVENTS] != events || s->t >= s->next_switch;
         if (status != HC_OK && s->t > end) { /* what failed may never come: begin the next step anew */
             c->value[0] = end;
@@ -927,7 +1036,7 @@ static void copy(double *own, int n, double **buffer, int load)
 
 enum { N_NUMBERS = 8, N_WHOLE = 8 };
 
-/* Copy all that the instance knows to the buffer, or from it. */
+/* Copy all that the instance knows to the buffer, or from it; what is under way comes last. */
 static void transfer(hc_component *c, double *buffer, int load)
 {
     const hc_model_type *m = c->model;
@@ -962,14 +1071,69 @@ static void transfer(hc_component *c, double *buffer, int load)
     } else if (c->solver) {
         hc_solver_save(c->solver, buffer);
     }
+#if HC_DELAYS
+    buffer += c->solver ? hc_solver_size(c->solver) : 0;
+    if (load)
+        hc_delays_load(c->delays, buffer);
+    else
+        hc_delays_save(c->delays, buffer);
+#endif
 }
 
-static size_t count_state(const hc_component *c)
+/* Without what is under way. */
+static size_t count_fixed(const hc_component *c)
 {
     const hc_model_type *m = c->model;
     return N_WHOLE + N_NUMBERS + 1 + (size_t)(m->n_states + m->n_inputs + m->n_parameters + m->n_friction) +
            hc_ticks_size(m) +
            (c->solver ? hc_solver_size(c->solver) : 0);
+}
+
+static size_t count_state(const hc_component *c)
+{
+#if HC_DELAYS
+    return count_fixed(c) + hc_delays_count(c->delays);
+#else
+    return count_fixed(c);
+#endif
+}
+
+/* Whether a state can be one of this instance; then there is room for it, too. */
+static int fits(hc_component *c, const state_type *state)
+{
+#if HC_DELAYS
+    const size_t fixed = count_fixed(c);
+    if (state->count <= fixed || !hc_delays_fit(c->delays, state->value + fixed, state->count - fixed))
+        return 0;
+#else
+    if (state->count != count_state(c))
+        return 0;
+#endif
+    return state->value[0] == c->kind;
+}
+
+/* Memory for `count` numbers at *state, which may have some already; NULL, with a message, if there is none. */
+static state_type *room_for(hc_component *c, void **state, size_t count)
+{
+    state_type *made = *state;
+    if (made && made->count != count) {
+#if HC_DELAYS
+        free(made);
+        *state = made = NULL;
+#else
+        hc_fail(c, "the FMU state to overwrite belongs to another kind of instance");
+        return NULL;
+#endif
+    }
+    if (!made)
+        made = malloc(sizeof *made + count * sizeof(double));
+    if (!made) {
+        hc_fail(c, "no memory");
+        return NULL;
+    }
+    made->count = count;
+    *state = made;
+    return made;
 }
 
 int hc_state_get(hc_component *c, void **state)
@@ -978,16 +1142,10 @@ int hc_state_get(hc_component *c, void **state)
     state_type *made;
     if (hc_no_null(c, state, "FMUState", 1))
         return HC_ERROR;
-    made = *state;
-    if (made && made->count != count)
-        return hc_fail(c, "the FMU state to overwrite belongs to another kind of instance");
+    made = room_for(c, state, count);
     if (!made)
-        made = malloc(sizeof *made + count * sizeof(double));
-    if (!made)
-        return hc_fail(c, "no memory");
-    made->count = count;
+        return HC_ERROR;
     transfer(c, made->value, 0);
-    *state = made;
     return HC_DONE;
 }
 
@@ -996,7 +1154,7 @@ static int check_state(hc_component *c, const state_type *state)
 {
     if (hc_no_null(c, state, "FMUState", 1))
         return HC_ERROR;
-    if (state->count != count_state(c) || state->value[0] != c->kind)
+    if (!fits(c, state))
         return hc_fail(c, "the FMU state is of another kind of instance: Model Exchange and Co-Simulation differ");
     return HC_DONE;
 }
@@ -1054,16 +1212,17 @@ int hc_state_size(hc_component *c, const void *state, size_t *size)
 {
     if (hc_no_null(c, size, "size", 1) || check_state(c, state))
         return HC_ERROR;
-    *size = HEAD + 8 * count_state(c);
+    *size = HEAD + 8 * ((const state_type *)state)->count;
     return HC_DONE;
 }
 
 int hc_state_write(hc_component *c, const void *state, unsigned char *bytes, size_t size)
 {
     const state_type *from = state;
-    const size_t count = count_state(c);
+    size_t count;
     if (check_state(c, state) || hc_no_null(c, bytes, "serializedState", 1))
         return HC_ERROR;
+    count = from->count;
     if (size != HEAD + 8 * count)
         return hc_fail(c, "room for %zu bytes where a state has %zu", size, HEAD + 8 * count);
     for (size_t i = 0; i < count; i++) {
@@ -1081,7 +1240,8 @@ int hc_state_write(hc_component *c, const void *state, unsigned char *bytes, siz
 
 int hc_state_read(hc_component *c, const unsigned char *bytes, size_t size, void **state)
 {
-    const size_t count = count_state(c);
+    const size_t count = HC_DELAYS && size >= HEAD ? (size - HEAD) / 8 : count_state(c);
+    const int fresh = state && !*state;
     state_type *made;
     if (hc_no_null(c, bytes, "serializedState", 1) || hc_no_null(c, state, "FMUState", 1))
         return HC_ERROR;
@@ -1096,23 +1256,16 @@ int hc_state_read(hc_component *c, const unsigned char *bytes, size_t size, void
         return hc_fail(c, "the state has %zu bytes, one of this kind of instance has %zu", size, HEAD + 8 * count);
     if (read_number(bytes + 32) != digest(bytes + HEAD, 8 * count, DIGEST_START))
         return hc_fail(c, "the state is damaged: its checksum differs");
-    made = *state;
-    if (made && made->count != count)
-        return hc_fail(c, "the FMU state to overwrite belongs to another kind of instance");
+    made = room_for(c, state, count);
     if (!made)
-        made = malloc(sizeof *made + count * sizeof(double));
-    if (!made)
-        return hc_fail(c, "no memory");
-    made->count = count;
+        return HC_ERROR;
     for (size_t i = 0; i < count; i++) {
         const uint64_t number = read_number(bytes + HEAD + 8 * i);
         memcpy(made->value + i, &number, sizeof number);
     }
-    if (made->value[0] != c->kind) {
-        if (!*state)
-            free(made);
-        return hc_fail(c, "the state is of the other kind of instance: Model Exchange and Co-Simulation differ");
-    }
-    *state = made;
-    return HC_DONE;
+    if (check_state(c, made) == HC_DONE)
+        return HC_DONE;
+    if (fresh)
+        hc_state_free(c, state);
+    return HC_ERROR;
 }

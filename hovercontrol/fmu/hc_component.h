@@ -14,6 +14,7 @@
 
 #include <stddef.h>
 
+#include "hc_delays.h"
 #include "hc_description.h"
 #include "hc_solver.h"
 #include "hc_ticks.h"
@@ -51,6 +52,8 @@ typedef struct {
 
     const hc_model_type *model;
     double *value, *x, *dx, *u, *p, *y, *z; /* `value` as above, and where its parts begin */
+    double *in;            /* the inputs as the model sees them: u, where none acts late */
+    hc_delays *delays;     /* of those that do; NULL: none */
     int *mode, *mode_before;
     unsigned first[9]; /* value reference at which each kind of variable begins, and the end */
     unsigned valid;    /* which parts of `value` agree with time, states, inputs, parameters and modes */

@@ -130,7 +130,7 @@ def run_smoother(filtered: Filtered) -> Estimate:
     G = np.linalg.solve(P_next, F @ filtered.covariance[:-1]).swapaxes(-1, -2)
     mean, covariance = filtered.mean.copy(), filtered.covariance.copy()
     x, P = mean[-1], covariance[-1]
-    last = _alike_from(G, P_next, covariance)
+    last = _alike_from(np.asarray(G, dtype=float), P_next, covariance)
     i = len(mean) - 2
     while i >= 0:
         g, first = G[i], last[i]

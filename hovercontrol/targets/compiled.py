@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hovercontrol.block import Block, Rows
+from hovercontrol.delays import arrivals, arrivals_of_runs, undelayed
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.simulation import checked_times, initial_state, input_rows, simulate, time_response
 from hovercontrol.targets.compiler import NoCompilerError
@@ -87,7 +88,8 @@ class CompiledBlock:
         if friction not in ("events", "smooth"):
             raise InputError(f"friction must be 'events' or 'smooth', found {friction!r}")
         self.block, self.friction = block, friction
-        self._engine = _engine(block, friction, whole=False)
+        self._plain = undelayed(block)
+        self._engine = _engine(self._plain, friction, whole=False)
         self._whole: Library | _Numpy | None = None
         self._defaults = block.parameter_values()
         self._point = lru_cache(maxsize=16)(self._make_point)
@@ -103,7 +105,7 @@ class CompiledBlock:
     def _engine_from(self, x: Array, lanes: bool = False) -> Library | _Numpy:
         """Return the engine for initial states: one that leaves out what rests at zero if it rests there."""
         whole = isinstance(self._engine, Library) and bool(x[..., self._engine.resting].any())
-        return _engine(self.block, self.friction, whole, lanes) if whole or lanes else self._engine
+        return _engine(self._plain, self.friction, whole, lanes) if whole or lanes else self._engine
 
     def derivatives(
         self, t: float, x: ArrayLike, u: ArrayLike = (), params: Mapping[str, float] | None = None
@@ -139,6 +141,7 @@ class CompiledBlock:
         return self._point(rows, values)
 
     def _make_point(self, rows: Rows, values: tuple[float, ...]) -> Point:
+        self.block.need_prompt_inputs("a function of one instant")
         return _engine(self.block, "smooth").point(rows, values)
 
     def advance(
@@ -172,7 +175,7 @@ class CompiledBlock:
         Raises
         ------
         InputError
-            If a shape is wrong, time goes back, or the solver fails.
+            If a shape is wrong, time goes back, the solver fails, or inputs act late.
         """
         check_point(self.block, x, u)
         if not t <= until < math.inf:
@@ -184,6 +187,7 @@ class CompiledBlock:
         self, t: float, until: float, x: ArrayLike, u: ArrayLike, values: Sequence[float], solver: Solver
     ) -> Array:
         """Do the same unchecked, with all parameter values in order."""
+        self.block.need_prompt_inputs("a single step")
         engine = self._whole or self._look_for_whole()
         states, p = np.array(x, dtype=float), np.array(values)
         status = engine.advance(solver, t, until, states, np.array(u, dtype=float), p)
@@ -240,12 +244,14 @@ class CompiledBlock:
         x = initial_state(self.block, x0)
         p = np.array(self.block.parameter_values(params))
         solver = _solver(method, step, rtol, atol)
-        status, reached, states, outputs = self._engine_from(x).simulate(solver, times, u, x, p)
+        late = arrivals(self.block, times, u, p)
+        run = self._engine_from(x).simulate(solver, late.times, late.inputs, x, p)
+        status, reached, states, outputs = run
         if status:
             raise InputError(
                 f"block {self.block.name!r}: the simulation stops at t = {reached:.6g} s: {REASONS[status]}"
             )
-        return time_response(self.block, times, outputs.T, states.T, u)
+        return time_response(self.block, times, outputs[late.given].T, states[late.given].T, u)
 
     def sweep(
         self,
@@ -276,7 +282,8 @@ class CompiledBlock:
         x0 : mapping of str to array_like, or array_like of shape (n_runs, n_states), optional
             Initial states, likewise.
         inputs : optional
-            As for :meth:`simulate`; the same in all runs.
+            As for :meth:`simulate`; the same in all runs. Where they act late, the figures look at the
+            instants at which they arrive as well.
         start : float, optional
             Time from which the figures count [s].
         band : float or mapping by output, optional
@@ -334,17 +341,31 @@ class CompiledBlock:
             np.zeros(runs, dtype=np.intc),
         )
 
-        def work(first: int) -> int:
-            part = slice(first, min(first + size, runs))
+        groups = arrivals_of_runs(block, times, u, p)
+        order = np.concatenate([which for which, _ in groups])  # runs with the same delays side by side
+        if len(groups) > 1:
+            x, p = x[order], p[order]
+
+        def work(k: int) -> int:
+            part, late = parts[k]
             results = figures[part], last[part], status[part]
-            engine.sweep(solver, times, u, x[part], p[part], since, bands, results)
+            engine.sweep(solver, late.times, late.inputs, x[part], p[part], since, bands, results)
             return part.stop - part.start
 
         engine = self._engine_from(x, lanes=method == "rk4" and not block.ticks)
         size = max(1, runs // 256)  # not of the number of threads, so that results cannot depend on it
         if isinstance(engine, Library):
             size = engine.lanes * math.ceil(size / engine.lanes)
-        in_threads(work, range(0, runs, size), threads, progress)
+        ends = np.cumsum([len(which) for which, _ in groups]).tolist()
+        parts = [
+            (slice(first, min(first + size, end)), late)
+            for end, (which, late) in zip(ends, groups, strict=True)
+            for first in range(end - len(which), end, size)
+        ]
+        in_threads(work, range(len(parts)), threads, progress)
+        if len(groups) > 1:
+            back = np.argsort(order)
+            figures, last, status = figures[back], last[back], status[back]
         names = tuple(s.name for s in block.outputs)
         each = {name: figures[:, :, k] for k, name in enumerate(FIGURES)}
         return SweepResult(names, tuple(starts), given_p, given_x, **each, states_final=last, status=status)

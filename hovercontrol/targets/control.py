@@ -10,7 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hovercontrol.block import Block
+from hovercontrol.delays import pade as approximated
+from hovercontrol.delays import registers
 from hovercontrol.errors import InputError, did_you_mean
+from hovercontrol.tables import positive
 from hovercontrol.targets.library import Point, Solver
 from hovercontrol.targets.numpy import numpy_functions
 from hovercontrol.targets.points import points
@@ -215,7 +218,9 @@ class HybridSystem(BlockSystem):
         raise AssertionError
 
 
-def to_control(block: Block, name: str | None = None, *, step: float | None = None) -> BlockSystem:
+def to_control(
+    block: Block, name: str | None = None, *, step: float | None = None, pade: int | None = None
+) -> BlockSystem:
     """Return a Block as one :class:`control.NonlinearIOSystem`.
 
     Parameters
@@ -225,12 +230,17 @@ def to_control(block: Block, name: str | None = None, *, step: float | None = No
         System name (default: the Block's).
     step : float, optional
         Of a hybrid Block, which becomes a discrete-time system of that step [s] (default: the shortest of its
-        periods). Its ticks are on time whatever the step.
+        periods). Its ticks are on time whatever the step. Of a Block whose inputs act late, without `pade`:
+        the same, with shift registers of that step, of which each delay is a multiple.
+    pade : int, optional
+        Order of Pade's fraction for the delays of inputs that act late
+        (:func:`hovercontrol.delays.pade`).
 
     Raises
     ------
     InputError
-        If the step is not positive, or the Block is not hybrid and has none.
+        If the step is not positive, or the Block is not hybrid and has none; if inputs act late and neither
+        `step` nor `pade` says what to make of it, or none does and `pade` is given.
 
     Examples
     --------
@@ -240,6 +250,21 @@ def to_control(block: Block, name: str | None = None, *, step: float | None = No
     >>> float(system.dynamics(0, [1.0], [], params={"decay.k": 3.0})[0])
     -3.0
     """
+    if pade is not None:
+        if not block.delays:
+            raise InputError(f"block {block.name!r}: no input acts late, found pade={pade!r}")
+        block = approximated(block, pade)
+    elif block.delays:
+        if step is None:
+            late = next(iter(block.delays))
+            raise InputError(
+                block.where(
+                    f"python-control has no continuous delay, and the input {late!r} acts late: "
+                    "to_control(pade=4) approximates it; to_control(step=h) is exact where inputs change at "
+                    "multiples of h alone and each delay is one"
+                )
+            )
+        block = registers(block, positive(f"block {block.name!r}: step", step))
     if not block.ticks:
         if step is not None:
             raise InputError(f"block {block.name!r}: only a hybrid block is stepped, found step={step!r}")

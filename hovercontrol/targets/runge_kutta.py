@@ -1,7 +1,8 @@
-"""The classical Runge-Kutta method on plain floats."""
+"""Runge-Kutta methods on plain floats: the classical one, and Dormand and Prince's with error control."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 from hovercontrol.targets.numpy import FunctionPair, call_scalar
@@ -47,3 +48,73 @@ def rk4(
             for a, b1, b2, b3, b4 in zip(state, k1, k2, k3, k4, strict=True)
         ]
     return state
+
+
+#: Coefficients of Dormand and Prince's pair (1980): nodes, stages, weights of the error.
+_C = (0.2, 0.3, 0.8, 8 / 9, 1.0, 1.0)
+_A = (
+    (1 / 5,),
+    (3 / 40, 9 / 40),
+    (44 / 45, -56 / 15, 32 / 9),
+    (19372 / 6561, -25360 / 2187, 64448 / 6561, -212 / 729),
+    (9017 / 3168, -355 / 33, 46732 / 5247, 49 / 176, -5103 / 18656),
+    (35 / 384, 0.0, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84),
+)
+_E = (71 / 57600, 0.0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1 / 40)
+
+
+def dormand_prince(
+    rhs: FunctionPair,
+    t: float,
+    x: Sequence[float],
+    u: Sequence[float],
+    p: Sequence[float],
+    until: float,
+    h: float,
+    rtol: float,
+    atol: float,
+    longest: float,
+) -> tuple[list[float], float]:
+    """Integrate with inputs held, in steps as long as the error allows.
+
+    Parameters
+    ----------
+    rhs, t, x, u, p, until
+        As for :func:`rk4`.
+    h : float
+        Step to begin with [s].
+    rtol, atol : float
+        Relative and absolute tolerance.
+    longest : float
+        Longest step [s].
+
+    Returns
+    -------
+    list of float
+        State at `until`; NaN where the steps become too short.
+    float
+        Step to go on with [s].
+    """
+    state, now = list(x), t
+    while now < until:
+        step = min(h, longest, until - now)
+        slopes = [call_scalar(rhs, now, state, u, p)]
+        for c, row in zip(_C, _A, strict=True):
+            new = [
+                v + step * sum(a * k for a, k in zip(row, ks, strict=False))
+                for v, ks in zip(state, zip(*slopes, strict=True), strict=True)
+            ]
+            slopes.append(call_scalar(rhs, now + c * step, new, u, p))
+        error = 0.0
+        for before, after, ks in zip(state, new, zip(*slopes, strict=True), strict=True):
+            off = step * sum(e * k for e, k in zip(_E, ks, strict=True))
+            error += (off / (atol + rtol * max(abs(before), abs(after)))) ** 2
+        error = math.sqrt(error / len(state))
+        if error <= 1.0:
+            now, state = (until, new) if step >= until - now else (now + step, new)
+        factor = min(5.0, max(0.2, 0.9 * error**-0.2)) if 0 < error < math.inf else 5.0 if error == 0 else 0.2
+        if step == h or factor < 1.0:
+            h = step * factor
+        if not h > 1e-14 * max(abs(until), 1e-3):
+            return [math.nan] * len(state), h
+    return state, h

@@ -1,4 +1,4 @@
-"""A hybrid Block on NumPy: Runge-Kutta steps between its ticks."""
+"""A hybrid Block on NumPy: integrated from tick to tick."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from hovercontrol.block import Block
 from hovercontrol.errors import InputError
 from hovercontrol.expressions import Expressions
 from hovercontrol.targets.numpy import call_scalar, numpy_functions
-from hovercontrol.targets.runge_kutta import rk4
+from hovercontrol.targets.runge_kutta import dormand_prince
 from hovercontrol.ticks import ROOM, Schedule
 
 Array = NDArray[np.float64]
 
-#: Longest step between ticks [s]: friction of width 0.01 settles in about 7 ms.
-MAX_STEP = 0.0025
+#: Step to begin with [s].
+FIRST = 1e-3
 
 
 class Running:
@@ -33,6 +33,8 @@ class Running:
         To begin at [s].
     state, inputs, params : sequence of float
         In the Block's order; the ticks due at `time` are taken.
+    rtol, atol : float, optional
+        Tolerances between ticks.
     longest : float, optional
         Longest step [s].
     """
@@ -44,7 +46,9 @@ class Running:
         state: Sequence[float],
         inputs: Sequence[float],
         params: Sequence[float],
-        longest: float = MAX_STEP,
+        rtol: float = 1e-6,
+        atol: float = 1e-9,
+        longest: float = math.inf,
     ) -> None:
         self._n = block.n_continuous
         self._rhs = numpy_functions(between_ticks(block)).scalar_pair("derivatives")
@@ -55,7 +59,7 @@ class Running:
             for k, tick in enumerate(block.ticks)
         ]
         self._schedule = Schedule([tick.period for tick in block.ticks], time)
-        self._longest = min(longest, MAX_STEP)
+        self._step, self._allowed = FIRST, (rtol, atol, longest)
         self.time, self.state = time, list(state)
         self._inputs, self._params = list(inputs), params
         self._before: list[float] = []
@@ -82,11 +86,10 @@ class Running:
         n, schedule = self._n, self._schedule
         while self.time < until:
             stop = until if schedule.time >= until - ROOM * abs(until) else schedule.time
-            steps = math.ceil((stop - self.time) / self._longest - 1e-9)
-            held = [*self._inputs, *self.state[n:]]
             if n:
-                self.state[:n] = rk4(
-                    self._rhs, self.time, self.state[:n], held, self._params, stop, max(steps, 1)
+                held = [*self._inputs, *self.state[n:]]
+                self.state[:n], self._step = dormand_prince(
+                    self._rhs, self.time, self.state[:n], held, self._params, stop, self._step, *self._allowed
                 )
             if not all(map(math.isfinite, self.state)):
                 raise InputError(
@@ -121,7 +124,9 @@ def run_hybrid(
     x: Array,
     p: Sequence[float],
     *,
-    longest: float = MAX_STEP,
+    rtol: float = 1e-6,
+    atol: float = 1e-9,
+    longest: float = math.inf,
     progress: Callable[[float], None] | None = None,
 ) -> Array:
     """Return a hybrid Block's states at some times, shape (n_states, n_times), ticks of a time included.
@@ -135,13 +140,13 @@ def run_hybrid(
     x : ndarray, shape (n_states,)
     p : sequence of float
         Parameter values in order.
-    longest
+    rtol, atol, longest
         As for :class:`Running`.
     progress : callable, optional
         Called with the time reached.
     """
     grid = times.tolist()
-    run = Running(block, grid[0], x.tolist(), u[:, 0].tolist(), p, longest)
+    run = Running(block, grid[0], x.tolist(), u[:, 0].tolist(), p, rtol, atol, longest)
     states = np.empty((len(block.states), len(grid)))
     states[:, 0] = run.state
     for k, time in enumerate(grid[1:], start=1):

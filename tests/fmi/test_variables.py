@@ -71,9 +71,9 @@ def test_rates_are_per_second_and_angles_are_shown_in_degrees():
         assert conversion_factor(unit, fmi_unit(unit).display) == pytest.approx(DEGREES)
 
 
-def test_a_broken_power_of_a_unit_is_refused_in_one_line():
-    with pytest.raises(InputError, match=r"whole exponents of base units only, found m\^1/2"):
-        fmi_unit("m^0.5")
+def test_a_broken_power_of_a_unit_has_a_name_and_no_base_units():
+    unit = fmi_unit("m/s^2.5")
+    assert (unit.name, unit.exponents, unit.quantity) == ("m/s^2.5", None, "Quantity_m_per_s2_5")
 
 
 def test_a_block_with_nothing_to_show_is_refused():

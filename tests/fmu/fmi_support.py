@@ -108,7 +108,24 @@ def controller() -> Block:
     return loop_parts(load_scenario("table1"))["controller"]
 
 
-BLOCKS = {f.__name__: f for f in (driven, axes, follower, plant, controller, fails_late)}
+def remembers() -> Block:
+    """x' = fast + slow - rate x, where `slow` acts late, and shows when it does."""
+    x, fast = Signal("x", "m"), Signal("fast", "m/s")
+    slow = Signal("slow", "m/s", start=0.25)
+    rate, late = Signal("rate", "1/s", start=2.0), Signal("late", "s", start=0.32)
+    return Block(
+        "remembers",
+        (x,),
+        (fast, slow),
+        (x, Signal("felt", "m/s")),
+        (rate, late),
+        {"x": fast.symbol + slow.symbol - rate.symbol * x.symbol},
+        {"felt": slow.symbol},
+        delays={"slow": late.symbol},
+    )
+
+
+BLOCKS = {f.__name__: f for f in (driven, axes, follower, plant, controller, fails_late, remembers)}
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from .fmi_support import BLOCKS, STRICT, run, write_sources
 from .support import MODELS, RUNTIME
 
 HERE = MODELS.parent
-BINDINGS = ["hc_component.c", "hc_fmi2.c", "hc_fmi3.c"]
+BINDINGS = ["hc_component.c", "hc_fmi2.c", "hc_fmi3.c", "hc_delays.c"]
 MEMORY = "-fsanitize=address,undefined,float-divide-by-zero -fno-sanitize-recover=all"
 COMPILERS = [name for name in ("gcc", "clang") if shutil.which(name)]
 
@@ -42,14 +42,15 @@ def test_memory_of_fmi3(compiler, tmp_path, what):
     drive(compiler, tmp_path, 3, "plant", MEMORY, what)
 
 
-@pytest.mark.parametrize("name", ["axes", "follower", "controller"])
+@pytest.mark.parametrize("name", ["axes", "follower", "controller", "remembers"])
 def test_memory_of_other_models(compiler, tmp_path, name):
     for what in ("run", "misuse"):
         drive(compiler, tmp_path, 3, name, MEMORY, what)
 
 
-def test_memory_of_fmi2(compiler, tmp_path):
-    drive(compiler, tmp_path, 2, "plant", MEMORY)
+@pytest.mark.parametrize("name", ["plant", "remembers"])
+def test_memory_of_fmi2(compiler, name, tmp_path):
+    drive(compiler, tmp_path, 2, name, MEMORY)
 
 
 def test_eight_instances_on_eight_threads(compiler, tmp_path):
