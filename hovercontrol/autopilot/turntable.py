@@ -1,0 +1,180 @@
+"""K06's rotating bench (section 6.2.1.1): a platform under control with the craft's sensors on a beam.
+
+The sensors' x axis is tangential and their y axis points to the spin axis (section 6.2.1.4), so a positive
+rate moves them forward.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import sympy as sp
+
+from hovercontrol.block import Block
+from hovercontrol.errors import InputError
+from hovercontrol.model import MOTION
+from hovercontrol.signals import Signal, time
+from hovercontrol.tables import number, positive
+
+#: From the spin axis to the inertial sensors [m]: 12 in.
+ARM = 12 * 0.0254
+#: What the platform may be told to do.
+MOTIONS = ("constant", "square", "sine")
+
+_COMMAND = Signal("rate_command", "rad/s", "rate that the platform is told")
+_GRAVITY = 9.80665
+
+
+def bench_command(
+    motion: str = "constant",
+    *,
+    rate: float = math.radians(-166.0),
+    half_period: float = 3.0,
+    rest: float = 0.0,
+    frequency: float = 5.0,
+    name: str = "command",
+) -> Block:
+    """Return what the platform is told: a constant rate, a square wave of the rate or a sine.
+
+    Parameters
+    ----------
+    motion : {"constant", "square", "sine"}, optional
+        A parameter of the Block, as all that follow.
+    rate : float, optional
+        The rate, or its amplitude [rad/s]; K06's constant ones are -57, -115, -166 and -230 deg/s.
+    half_period : float, optional
+        Of the square wave: how long it spins one way [s]; K06's is 3 s (section 6.2.1.3).
+    rest : float, optional
+        Of the square wave: how long it stands before it spins the other way [s].
+    frequency : float, optional
+        Of the sine [1/s].
+    name : str, optional
+
+    Returns
+    -------
+    Block
+        Without inputs and states; output ``rate_command`` [rad/s].
+
+    Raises
+    ------
+    InputError
+        If the motion is unknown, a time is negative or zero, or a number is none.
+
+    Examples
+    --------
+    >>> told = bench_command("square", rate=5.0).to_numpy()
+    >>> [told.outputs(t, (), ()).tolist() for t in (1.0, 4.0, 7.0)]
+    [[5.0], [-5.0], [5.0]]
+    """
+    if motion not in MOTIONS:
+        raise InputError(f"{name}: motion must be one of {', '.join(MOTIONS)}, found {motion!r}")
+    if not 0 <= number(f"{name}: rest", rest) < math.inf:
+        raise InputError(f"{name}: rest must not be negative, found {rest!r}")
+    mode = Signal("motion", "1", "of the platform", start=MOTIONS.index(motion), modes=MOTIONS)
+    size = Signal("rate", "rad/s", "rate or its amplitude", start=number(f"{name}: rate", rate))
+    spin = Signal(
+        "half_period",
+        "s",
+        "the square wave spins one way",
+        start=positive(f"{name}: half_period", half_period),
+        lower=1e-3,
+    )
+    stand = Signal("rest", "s", "the square wave stands in between", start=rest, lower=0.0)
+    f = Signal("frequency", "1/s", "of the sine", start=positive(f"{name}: frequency", frequency), lower=0.0)
+    part = sp.Mod(time, 2 * (spin.symbol + stand.symbol))
+    turn = spin.symbol + stand.symbol
+    square = sp.Piecewise(
+        (1, part < spin.symbol), (0, part < turn), (-1, part < turn + spin.symbol), (0, True)
+    )
+    shape = sp.Piecewise(
+        (1, mode.symbol < 0.5), (square, mode.symbol < 1.5), (sp.sin(2 * sp.pi * f.symbol * time), True)
+    )
+    return Block(
+        name,
+        outputs=(_COMMAND,),
+        parameters=(mode, size, spin, stand, f),
+        output_expressions={_COMMAND.name: size.symbol * shape},
+    )
+
+
+def turntable(
+    *,
+    arm: float = ARM,
+    lag: float = 0.1,
+    tilt: float = 0.0,
+    centre: Sequence[float] = (0.0, 0.0),
+    rate: float = 0.0,
+    name: str = "turntable",
+) -> Block:
+    """Return the rotating platform with the craft's sensors on a beam.
+
+    Parameters
+    ----------
+    arm : float, optional
+        From the spin axis to the sensors [m]; 0 is in line with it. A parameter, as all but `rate`.
+    lag : float, optional
+        Time constant with which the motor follows its command [s].
+    tilt : float, optional
+        Of the spin axis out of the vertical, about the earth's y [rad]: the accelerometers then feel
+        ``g sin(tilt)`` along the earth's x.
+    centre : (float, float), optional
+        Of the spin axis, earth frame [m].
+    rate : float, optional
+        At the start [rad/s].
+    name : str, optional
+
+    Returns
+    -------
+    Block
+        Continuous. Input ``rate_command`` [rad/s]; states ``psi`` [rad] and ``r`` [rad/s]; outputs of the
+        sensors' place: ``x, y`` [m], ``psi``, ``u, v`` [m/s], ``r``, and ``specific_force_x``,
+        ``specific_force_y`` [m/s^2], forward and left.
+
+    Raises
+    ------
+    InputError
+        If the lag is not positive, the arm is negative, or a number is none.
+
+    Examples
+    --------
+    >>> told = turntable(tilt=0.0).to_numpy().outputs(0.0, [0.0, 2.0], [2.0])
+    >>> told.round(4).tolist()  # x, y, psi, u, v, r, and the centripetal 0.3048 * 2**2
+    [0.0, -0.3048, 0.0, 0.6096, 0.0, 2.0, 0.0, 1.2192]
+    """
+    if not 0 <= number(f"{name}: arm", arm) < math.inf:
+        raise InputError(f"{name}: arm must not be negative, found {arm!r}")
+    if not hasattr(centre, "__len__") or len(centre) != 2:
+        raise InputError(f"{name}: centre must be two numbers, found {centre!r}")
+    radius = Signal("arm", "m", "from the spin axis to the sensors", start=arm, lower=0.0)
+    slow = Signal("lag", "s", "of the motor", start=positive(f"{name}: lag", lag), lower=1e-4)
+    lean = Signal("tilt", "rad", "of the spin axis", start=number(f"{name}: tilt", tilt))
+    gravity = Signal("gravity", "m/s^2", "", start=_GRAVITY)
+    at = [
+        Signal(f"centre_{axis}", "m", "of the spin axis", start=number(f"{name}: centre", value))
+        for axis, value in zip("xy", centre, strict=True)
+    ]
+    psi, r = MOTION[2], MOTION[5]
+    R, cos, sin = radius.symbol, sp.cos(psi.symbol), sp.sin(psi.symbol)
+    turning = (_COMMAND.symbol - r.symbol) / slow.symbol
+    felt = gravity.symbol * sp.sin(lean.symbol)
+    return Block(
+        name,
+        states=(psi.but(start=0.0), r.but(start=number(f"{name}: rate", rate))),
+        inputs=(_COMMAND,),
+        outputs=(
+            *MOTION,
+            Signal("specific_force_x", "m/s^2", "what an accelerometer along the tangent feels"),
+            Signal("specific_force_y", "m/s^2", "what an accelerometer to the spin axis feels"),
+        ),
+        parameters=(radius, slow, lean, gravity, *at),
+        derivatives={"psi": r.symbol, "r": turning},
+        output_expressions={
+            "x": at[0].symbol + R * sin,
+            "y": at[1].symbol - R * cos,
+            "u": R * r.symbol,
+            "v": sp.S.Zero,
+            "specific_force_x": R * turning + felt * cos,
+            "specific_force_y": R * r.symbol**2 - felt * sin,
+        },
+    )
