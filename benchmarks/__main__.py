@@ -9,6 +9,7 @@ from pathlib import Path
 
 import hovercontrol
 from benchmarks import (
+    autopilot,
     cluster,
     compiled,
     derive,
@@ -36,6 +37,7 @@ ALL = {
     "lacking": lacking,
     "regions": regions,
     "large_log": large_log,
+    "autopilot": autopilot,
 }
 
 

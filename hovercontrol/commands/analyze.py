@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import importlib.util
+import inspect
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any, cast
@@ -25,6 +26,9 @@ FOLDERS = (_PACKAGE / "analyses", _PACKAGE.parent / "analyses")
 
 def analyze(
     name: Annotated[str, typer.Argument(help="An analysis (--list shows them).")] = "",
+    trial: Annotated[
+        str, typer.Argument(help="A trial, of analyses of such (k06_budget); else all of them.")
+    ] = "",
     out: Out = None,
     list_: Annotated[bool, typer.Option("--list", help="List the analyses and leave.")] = False,
 ) -> int:
@@ -38,10 +42,14 @@ def analyze(
         raise InputError(f"analyze: expected an analysis: {', '.join(scripts)}")
     if name not in scripts:
         raise InputError(f"analyze: unknown analysis {name!r}{did_you_mean(name, scripts)}")
+    main = _main(scripts[name])
+    about = {"trial": trial} if trial else {}
+    if about and "trial" not in inspect.signature(main).parameters:
+        raise InputError(f"analyze: {name!r} is about no single trial, found {trial!r}")
     out = out or Path("out") / name
     check_folder(out)
     with progress_bar(f"analyze {name}", 1.0) as report:
-        files = _main(scripts[name])(out, lambda part: report(part, ""))
+        files = main(out, lambda part: report(part, ""), **about)
     for file in files:
         if file.suffix == ".txt":
             print(file.read_text(encoding="utf-8"), end="")

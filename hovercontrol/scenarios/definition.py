@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from hovercontrol.autopilot import Imperfections
 from hovercontrol.model import Model
 from hovercontrol.vehicles import HOVERDEMON_BODY, Body
 
@@ -100,14 +101,32 @@ class Sampling:
 
 
 @dataclass(frozen=True)
+class Autopilot:
+    """What stands between a law and the craft: see :func:`hovercontrol.autopilot.autopilot`.
+
+    Parameters
+    ----------
+    navigation : str, optional
+    rudder_loss : float, optional
+    seed : int, optional
+    imperfections : Imperfections, optional
+    """
+
+    navigation: str = "magnetometer"
+    rudder_loss: float = 0.0
+    seed: int = 1
+    imperfections: Imperfections = field(default_factory=Imperfections)
+
+
+@dataclass(frozen=True)
 class Scenario:
     """Everything a run needs; made by :func:`hovercontrol.scenarios.load_scenario`.
 
     ``plant`` is the craft that moves, ``belief`` what the controller knows of it. Either a ``controller``
     closes the loop, or ``commands`` are played (columns by name, each held until the next). The tracking
     controller follows ``reference``; one of K06's laws is told set points by the phases, or by ``guidance``,
-    and knows ``body``. ``file`` is the path it was loaded from, if it is not one of the package's; errors
-    name it.
+    and knows ``body``. With ``autopilot`` that law runs in the real loop, beside the ideal one. ``file`` is
+    the path it was loaded from, if it is not one of the package's; errors name it.
     """
 
     name: str
@@ -126,6 +145,7 @@ class Scenario:
     estimator: Mapping[str, Any] | None = None
     commands: Mapping[str, tuple[float, ...]] | None = None
     sampling: Sampling | None = None
+    autopilot: Autopilot | None = None
     metrics: tuple[Metric, ...] = ()
     file: str = ""
 

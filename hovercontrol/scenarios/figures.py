@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from hovercontrol.references import REFERENCES
 from hovercontrol.scenarios.law_figures import law_figures
+from hovercontrol.scenarios.real_figures import comparison
 from hovercontrol.scenarios.result import Run
 from hovercontrol.scenarios.sheet import in_time, mark_phases, sheet, title
 
@@ -23,6 +24,8 @@ CALLED = {name: f"{name} coefficient" for name in ("thrust", "rudder_torque")}
 def figures(run: Run) -> dict[str, Figure]:
     """Return the pictures of a run by name: path, errors, estimates, velocities, commands."""
     drawn = {"path": _path(run), "velocities": _velocities(run)}
+    if run.scenario.autopilot is not None:
+        drawn["comparison"] = comparison(run)
     error = run.tracking_error()
     if error is not None:
         drawn["tracking_error"] = _tracking_error(run, error)

@@ -16,7 +16,7 @@ from hovercontrol.signals import Signal
 def law_figures(run: Run) -> dict[str, Figure]:
     """Return the pictures by name: forces; of a hybrid controller also heading and modes."""
     drawn = {"forces": _forces(run)}
-    if "heading_ref" in run.columns:
+    if "heading_ref" in run.columns and run.scenario.autopilot is None:  # else the comparison shows it
         drawn["heading"] = _heading(run)
     modes = [s for block in loop_parts(run.scenario).values() for s in block.outputs if s.modes]
     if modes:

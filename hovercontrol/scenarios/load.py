@@ -11,12 +11,15 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
+from hovercontrol.autopilot import SWITCHES, Imperfections
+from hovercontrol.autopilot.navigation import NAVIGATION
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.model import Model
 from hovercontrol.modelfile import load_model, model_from_table
+from hovercontrol.noise import LARGEST_SEED
 from hovercontrol.references import REFERENCES
 from hovercontrol.scenarios.checks import check_scenario
-from hovercontrol.scenarios.definition import Metric, Phase, Sampling, Scenario
+from hovercontrol.scenarios.definition import Autopilot, Metric, Phase, Sampling, Scenario
 from hovercontrol.scenarios.measures import STATISTICS
 from hovercontrol.scenarios.parts import GUIDANCE, LAWS
 from hovercontrol.tables import check_keys, number, positive, read_toml, table, text
@@ -70,6 +73,7 @@ def _scenario(path: Path, content: dict[str, Any]) -> Scenario:
         "estimator",
         "commands",
         "sampling",
+        "autopilot",
         "phase",
         "metric",
     }
@@ -89,7 +93,7 @@ def _scenario(path: Path, content: dict[str, Any]) -> Scenario:
     law = closed and "kind" in table("controller", content["controller"])
     if closed and not law and "reference" not in content:
         raise InputError("[controller] needs a [reference]")
-    for section in ("body", "guidance", "actuation"):
+    for section in ("body", "guidance", "actuation", "autopilot"):
         if section in content and not law:
             raise InputError(f"[{section}] needs a [controller] with a kind: one of {', '.join(LAWS)}")
     for section in ("reference", "estimator"):
@@ -97,6 +101,9 @@ def _scenario(path: Path, content: dict[str, Any]) -> Scenario:
             raise InputError(
                 f"[{section}] is of no use to controller.kind = {content['controller']['kind']!r}"
             )
+    for section in ("sampling", "actuation"):
+        if section in content and "autopilot" in content:
+            raise InputError(f"[{section}] and [autopilot] exclude each other: the autopilot has its own")
     scenario = Scenario(
         name=path.stem,
         title=head.get("title", path.stem),
@@ -116,6 +123,7 @@ def _scenario(path: Path, content: dict[str, Any]) -> Scenario:
         estimator=_estimator(content),
         commands=_commands(content) if not closed else None,
         sampling=_sampling(content),
+        autopilot=_autopilot(content),
         metrics=_metrics(content),
     )
     adapt = (scenario.controller or {}).get("adapt", [])
@@ -272,6 +280,25 @@ def _sampling(content: Mapping[str, Any]) -> Sampling | None:
     if given.get("seed", 0) < 0:
         raise InputError(f"sampling.seed must not be negative, found {given['seed']}")
     return Sampling(**given)
+
+
+def _autopilot(content: Mapping[str, Any]) -> Autopilot | None:
+    if "autopilot" not in content:
+        return None
+    kinds: dict[str, type] = {"navigation": str, "rudder_loss": float, "seed": int}
+    given = _section(content, "autopilot", kinds | dict.fromkeys(SWITCHES, bool))
+    own = {key: given.pop(key) for key in list(given) if key in SWITCHES}
+    navigation = given.get("navigation", "magnetometer")
+    if navigation not in NAVIGATION:
+        hint = did_you_mean(navigation, NAVIGATION)
+        raise InputError(f"autopilot.navigation: unknown {navigation!r}{hint}")
+    if not 0 <= given.get("seed", 0) <= LARGEST_SEED:
+        raise InputError(f"autopilot.seed must be between 0 and {LARGEST_SEED}, found {given['seed']}")
+    if not 0 <= given.get("rudder_loss", 0.0) < 1:
+        raise InputError(
+            f"autopilot.rudder_loss must be at least 0 and less than 1, found {given['rudder_loss']:g}"
+        )
+    return Autopilot(**given, imperfections=Imperfections(**own))
 
 
 def _commands(content: Mapping[str, Any]) -> dict[str, tuple[float, ...]]:

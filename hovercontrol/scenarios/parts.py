@@ -20,6 +20,7 @@ from hovercontrol.controllers.k06 import (
     stop,
     turn,
 )
+from hovercontrol.controllers.k06.heading import TICK
 from hovercontrol.errors import InputError
 from hovercontrol.estimators import kalman_bucy
 from hovercontrol.references import REFERENCES
@@ -58,9 +59,10 @@ def loop_parts(scenario: Scenario) -> dict[str, Block]:
     law = {"controller": LAWS[given.pop("kind")](body=scenario.body, **given)}
     if scenario.guidance is not None:
         given = dict(scenario.guidance)
-        if scenario.sampling is None:
+        if scenario.sampling is None and scenario.autopilot is None:
             raise InputError("[guidance] is sampled: it needs a [sampling], and ticks with its commands")
-        tick = {"body": scenario.body, "period": scenario.sampling.command}
+        period = TICK if scenario.sampling is None else scenario.sampling.command
+        tick = {"body": scenario.body, "period": period}
         law = {"guidance": GUIDANCE[given.pop("kind")](**tick, **given), **law}
     reference = setpoints(law.values())
     if reference.outputs:

@@ -44,6 +44,10 @@ def run_scenario(scenario: Scenario, progress: Progress | None = None) -> Run:
             from hovercontrol.scenarios.sampled import run_sampled
 
             return run_sampled(scenario, loop_parts(scenario), progress)
+        if scenario.autopilot is not None:
+            from hovercontrol.scenarios.real import run_real
+
+            return run_real(scenario, loop_parts(scenario), progress)
         return _run_continuous(scenario, progress)
     except InputError as error:
         raise type(error)(f"{scenario.file or scenario.name}: {error}") from None

@@ -14,7 +14,7 @@ from hovercontrol.scenarios.definition import Phase
 from hovercontrol.scenarios.figures import figures
 from hovercontrol.simulation import simulate
 
-K06 = [name for name in scenario_names() if name.startswith("k06-")]
+K06 = [n for n in scenario_names() if n.startswith("k06-") and load_scenario(n).autopilot is None]
 M, J, D = 2.6, 0.096, 0.32
 
 

@@ -1,0 +1,23 @@
+"""K06's autopilot with all that stands between a law and the craft (section 6.1.1): the real loop.
+
+:func:`autopilot` builds it as one hybrid Block; :class:`Imperfections` names what may be switched off;
+:func:`seeds` gives the runs of a sweep their random numbers; :func:`beside_ideal` sets it beside the ideal
+loop. :func:`error_model` is K06's model of its
+navigation's errors, :func:`nearest_heading` what guidance needs where the craft turns more than once.
+"""
+
+from hovercontrol.autopilot.error_model import error_model
+from hovercontrol.autopilot.heading import nearest_heading
+from hovercontrol.autopilot.imperfections import SWITCHES, Imperfections
+from hovercontrol.autopilot.loop import autopilot, seeds
+from hovercontrol.autopilot.parallel import beside_ideal
+
+__all__ = [
+    "Imperfections",
+    "SWITCHES",
+    "autopilot",
+    "beside_ideal",
+    "error_model",
+    "nearest_heading",
+    "seeds",
+]

@@ -1,0 +1,53 @@
+"""Switches between two ways a signal may go, as a parameter of the loop: nothing is built anew for it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import sympy as sp
+
+from hovercontrol.block import Block
+from hovercontrol.signals import Signal
+
+
+def choice(name: str, description: str, ways: Mapping[Signal, tuple[sp.Expr | str, sp.Expr | str]]) -> Block:
+    """Return a Block that tells signals from one of two sources.
+
+    Parameters
+    ----------
+    name : str
+    description : str
+        Of what is switched.
+    ways : mapping of Signal to two str or sympy.Expr
+        For each output what it is while the parameter ``on`` is 1 and while it is 0: the name of an input of
+        the same unit, or an expression of such.
+
+    Returns
+    -------
+    Block
+        Without states and period: what it tells changes with what it is told. Parameter ``on``, 1 at first.
+
+    Examples
+    --------
+    >>> block = choice("link", "the radio", {Signal("u", "m/s"): ("u_late", "u_now")})
+    >>> block.to_numpy().outputs(0.0, (), [1.0, 2.0], {"link.on": 0.0}).tolist()
+    [2.0]
+    """
+    on = Signal("on", "1", description, start=1.0, modes=("off", "on"))
+    inputs: dict[str, Signal] = {}
+    told: dict[str, sp.Expr] = {}
+    for signal, pair in ways.items():
+        found = []
+        for way in pair:
+            e = sp.Symbol(way, real=True) if isinstance(way, str) else sp.sympify(way)
+            for symbol in sorted(e.free_symbols, key=str):
+                inputs.setdefault(symbol.name, signal.but(name=symbol.name))
+            found.append(e)
+        told[signal.name] = sp.Piecewise((found[0], on.symbol > 0), (found[1], True))
+    return Block(
+        name,
+        inputs=tuple(inputs.values()),
+        outputs=tuple(ways),
+        parameters=(on,),
+        output_expressions=told,
+    )

@@ -1,0 +1,119 @@
+"""K06's model of what is wrong with its navigation (figure 6.2), in place of sensors and filters."""
+
+from __future__ import annotations
+
+import math
+
+import sympy as sp
+
+from hovercontrol.block import Block
+from hovercontrol.model import MOTION
+from hovercontrol.noise import random_numbers
+from hovercontrol.signals import Signal
+from hovercontrol.tables import number, positive
+
+#: K06 simulates the IMU's 6.5536 ms as 6 ms.
+SIMULATED_IMU = 0.006
+
+
+def error_model(
+    *,
+    acceleration_bias: float = 0.025,
+    gyro_bias: float = math.radians(1.0),
+    gyro_noise: float = math.radians(0.5),
+    interval: float = 1.0,
+    period: float = SIMULATED_IMU,
+    seed: int = 1,
+    name: str = "navigation",
+) -> Block:
+    """Return K06's INS block: true motion plus errors that grow from fix to fix (section 6.1.1, figure 6.2).
+
+    Biases that the filters have not found are integrated to errors of velocity and heading; a pulse every
+    second, the rate of K06's fixes, sets those back. K06 says that the biases vary in time, not how fast:
+    here they are drawn anew at each pulse. The position, which K06 leaves out, errs by their second integral.
+
+    Parameters
+    ----------
+    acceleration_bias : float, optional
+        Standard deviation of what is left of the accelerometers' biases [m/s^2]. K06 prints "variances given
+        by 2.5 cm/s^2 ... and 1 deg/s", whose units are those of standard deviations.
+    gyro_bias, gyro_noise : float, optional
+        The same of the gyro's bias, and of its white noise [rad/s].
+    interval : float, optional
+        From pulse to pulse [s]; at the first tick of the Block that is no earlier.
+    period : float, optional
+        [s]
+    seed : int, optional
+    name : str, optional
+
+    Returns
+    -------
+    Block
+        Sampled. Inputs ``x, y, psi, u, v, r``; outputs ``x_hat`` ... ``r_hat``.
+
+    Raises
+    ------
+    InputError
+        If a size is negative or a time not positive.
+
+    Examples
+    --------
+    >>> [s.name for s in error_model().outputs]
+    ['x_hat', 'y_hat', 'psi_hat', 'u_hat', 'v_hat', 'r_hat']
+    """
+    sizes = tuple(
+        Signal(key, unit, text, start=number(f"{name}: {key}", value), lower=0.0)
+        for key, unit, text, value in (
+            ("acceleration_bias", "m/s^2", "standard deviation of either accelerometer's bias",
+             acceleration_bias),
+            ("gyro_bias", "rad/s", "standard deviation of the gyro's bias", gyro_bias),
+            ("gyro_noise", "rad/s", "standard deviation of the gyro's white noise", gyro_noise),
+        )
+    )  # fmt: skip
+    step = Signal("period", "s", "of the ticks, fixed", start=positive(f"{name}: period", period),
+                  lower=period, upper=period)  # fmt: skip
+    pulse = Signal("interval", "s", "from pulse to pulse", start=positive(f"{name}: interval", interval))
+    noise = random_numbers(4, salt=name, seed=seed)
+    since = Signal("since", "s", "time since the pulse")
+    last_since = since.but(name="last_since", description="time since the pulse, at the last tick", start=1e9)
+    biases = [
+        Signal(f"bias_{key}", unit, "what is left of a bias")
+        for key, unit in (("x", "m/s^2"), ("y", "m/s^2"), ("g", "rad/s"))
+    ]
+    last = [b.but(name=f"last_{b.name}") for b in biases]
+    spreads = (sizes[0], sizes[0], sizes[1])
+    definitions = dict(noise.definitions)
+    definitions[since.name] = sp.Piecewise(
+        (last_since.symbol + step.symbol, last_since.symbol + step.symbol < pulse.symbol), (0, True)
+    )
+    for b, old, spread, drawn in zip(biases, last, spreads, noise.values, strict=False):
+        definitions[b.name] = sp.Piecewise((old.symbol, since.symbol > 0), (spread.symbol * drawn, True))
+    x, y, psi, u, v, r = (s.symbol for s in MOTION)
+    b_x, b_y, b_g = (b.symbol for b in biases)
+    t, cos, sin = since.symbol, sp.cos(psi), sp.sin(psi)
+    told = {
+        "x_hat": x + t**2 / 2 * (cos * b_x - sin * b_y),
+        "y_hat": y + t**2 / 2 * (sin * b_x + cos * b_y),
+        "psi_hat": psi + t * b_g,
+        "u_hat": u + t * b_x,
+        "v_hat": v + t * b_y,
+        "r_hat": r + b_g + sizes[2].symbol * noise.values[3],
+    }
+    return Block(
+        name,
+        states=(last_since, *last, *noise.states),
+        inputs=MOTION,
+        outputs=tuple(
+            s.but(name=f"{s.name}_hat", description=f"{s.description}, by the INS") for s in MOTION
+        ),
+        parameters=(*sizes, pulse, step, *noise.parameters),
+        derivatives={
+            last_since.name: since.symbol,
+            **{old.name: b.symbol for old, b in zip(last, biases, strict=True)},
+            **noise.next_values,
+        },
+        output_expressions=told,
+        definitions=definitions,
+        definition_signals=(since, *biases),
+        period=period,
+    )  # fmt: skip

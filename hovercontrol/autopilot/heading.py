@@ -1,0 +1,44 @@
+"""Headings less whole turns: thrown in at 6.4 rad/s, the craft turns several times before it stops."""
+
+from __future__ import annotations
+
+import sympy as sp
+
+from hovercontrol.block import Block
+from hovercontrol.controllers.k06.heading import HEADING_REF
+from hovercontrol.interconnect import interconnect, rename
+from hovercontrol.model import MOTION
+
+
+def nearest_heading(guidance: Block) -> Block:
+    """Return guidance that takes the heading nearest to its goal, whole turns apart, for the craft's heading.
+
+    K06 draws the headings of figure 6.11 within 0 ... 7 rad, though the craft turns several times: whole
+    turns do not count. Goals of 5 and -1.28 rad are then one.
+
+    Parameters
+    ----------
+    guidance : Block
+        Sampled, with inputs ``psi`` and ``heading_ref``; other guidance is returned as it is.
+
+    Examples
+    --------
+    >>> from hovercontrol.controllers.k06 import bang_bang_heading
+    >>> from hovercontrol.hybrid import Ticking
+    >>> calm = {"psi": 7.0, "u": 0.0, "v": 0.0, "r": 0.0, "heading_ref": 0.5}
+    >>> round(Ticking(nearest_heading(bang_bang_heading())).tick(0.0, calm)["heading_error"], 4)
+    0.2168
+    """
+    if HEADING_REF.name not in {s.name for s in guidance.inputs}:
+        return guidance
+    psi = MOTION[2]
+    off = psi.symbol - HEADING_REF.symbol
+    told = psi.but(name="psi_nearest", description="heading less whole turns")
+    turns = Block(
+        "whole_turns",
+        inputs=(psi, HEADING_REF),
+        outputs=(told,),
+        output_expressions={told.name: HEADING_REF.symbol + sp.atan2(sp.sin(off), sp.cos(off))},
+    )
+    outputs = [s.name for s in guidance.outputs]
+    return interconnect([turns, rename(guidance, {psi.name: told.name})], guidance.name, outputs=outputs)

@@ -1,0 +1,148 @@
+"""What tells the law how the craft moves: K06's error model, or its sensors and filters in full."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+
+import sympy as sp
+
+from hovercontrol.autopilot.error_model import SIMULATED_IMU, error_model
+from hovercontrol.block import Block
+from hovercontrol.estimators.ins import IMU_PERIOD, K06_NOISE, InsNoise, aided_ins
+from hovercontrol.hardware.sensors import arrivals, gyro_dynamics, k06_cricket, k06_imu, k06_magnetometer
+from hovercontrol.interconnect import interconnect, rename
+from hovercontrol.model import MOTION
+from hovercontrol.noise import random_numbers
+from hovercontrol.signals import Signal
+from hovercontrol.tables import positive
+
+#: Names of the motion as the navigation tells it.
+HATS = tuple(f"{s.name}_hat" for s in MOTION)
+
+
+def position_fix(
+    *,
+    noise: float = math.sqrt(K06_NOISE.R2[0]),
+    interval: float = 1.0,
+    period: float = IMU_PERIOD,
+    seed: int = 1,
+    name: str = "position_fix",
+) -> Block:
+    """Return fixes of the position once a second anywhere, as noisy as K06's filter takes them (R2, 5.4.5).
+
+    It stands for Cricket where a trial leaves the room in which its beacons are heard: forward at 1.1 m/s the
+    craft is 15 m away after K06's plots.
+
+    Parameters
+    ----------
+    noise : float, optional
+        Standard deviation of each coordinate [m].
+    interval : float, optional
+        From fix to fix [s], as the nearest whole number of ticks.
+    period : float, optional
+        [s]
+    seed : int, optional
+    name : str, optional
+
+    Returns
+    -------
+    Block
+        Sampled. Inputs ``x, y`` [m]; outputs ``fix_x, fix_y`` [m] and ``fix_valid``, 1 at the tick of a fix.
+
+    Examples
+    --------
+    >>> position_fix().period
+    0.0065536
+    """
+    every = max(1, round(positive(f"{name}: interval", interval) / positive(f"{name}: period", period)))
+    size = Signal("noise", "m", "standard deviation of each coordinate", start=noise, lower=0.0)
+    count = Signal("count", "1", "ticks since the last fix")
+    drawn = random_numbers(2, salt=name, seed=seed)
+    x, y = MOTION[:2]
+    outputs = (
+        Signal("fix_x", "m", "position by a fix"),
+        Signal("fix_y", "m", "position by a fix"),
+        Signal("fix_valid", "1", "1 at the tick of a fix", lower=0.0, upper=1.0),
+    )
+    return Block(
+        name,
+        states=(count, *drawn.states),
+        inputs=(x, y),
+        outputs=outputs,
+        parameters=(size, *drawn.parameters),
+        derivatives={
+            count.name: sp.Piecewise((0, count.symbol > every - sp.Rational(3, 2)), (count.symbol + 1, True)),
+            **drawn.next_values,
+        },
+        output_expressions={
+            "fix_x": x.symbol + size.symbol * drawn.values[0],
+            "fix_y": y.symbol + size.symbol * drawn.values[1],
+            "fix_valid": sp.Piecewise((1, count.symbol < sp.Rational(1, 2)), (0, True)),
+        },
+        definitions=drawn.definitions,
+        period=period,
+    )
+
+
+def _modelled(start: Mapping[str, float], noise: InsNoise, seed: int) -> list[Block]:
+    errors = rename(error_model(seed=seed), {"r": "gyro_rate"})
+    return [gyro_dynamics(period=SIMULATED_IMU), errors]
+
+
+def _by_magnetometer(start: Mapping[str, float], noise: InsNoise, seed: int) -> list[Block]:
+    always = Signal("heading_aid_valid", "1", "a magnetometer always measures")
+    return [
+        gyro_dynamics(),
+        k06_imu(rate="gyro_rate", seed=seed),
+        rename(k06_magnetometer(seed=seed), {"heading_magnetic": "heading_aid"}),
+        Block("always", outputs=(always,), output_expressions={always.name: sp.S.One}),
+        position_fix(seed=seed),
+        _filters(start, noise),
+    ]
+
+
+def _by_cricket(start: Mapping[str, float], noise: InsNoise, seed: int) -> list[Block]:
+    aids = {
+        "heading_aid": "heading_fix",
+        "heading_aid_valid": "heading_fix_arrived",
+        "fix_valid": "fix_arrived",
+    }
+    return [
+        gyro_dynamics(),
+        k06_imu(rate="gyro_rate", seed=seed),
+        k06_cricket(assisted=True, seed=seed),
+        arrivals(),
+        rename(_filters(start, noise), aids),
+    ]
+
+
+def _filters(start: Mapping[str, float], noise: InsNoise) -> Block:
+    pose = [start.get(name, 0.0) for name in ("x", "y", "psi")]
+    u, v = (start.get(name, 0.0) for name in "uv")
+    cos, sin = math.cos(pose[2]), math.sin(pose[2])
+    filters = aided_ins(
+        noise=noise, pose=pose, velocity=(cos * u - sin * v, sin * u + cos * v), name="filters"
+    )
+    # What is not shown is not held from tick to tick.
+    return interconnect([filters], "ins", outputs=[*HATS, "v_x_hat", "v_y_hat"])
+
+
+#: By name: the Blocks, and the period at which they tell the motion.
+NAVIGATION: dict[str, tuple[Callable[[Mapping[str, float], InsNoise, int], list[Block]], float]] = {
+    "error_model": (_modelled, SIMULATED_IMU),
+    "magnetometer": (_by_magnetometer, IMU_PERIOD),
+    "cricket": (_by_cricket, IMU_PERIOD),
+}
+
+
+def sampled_motion(period: float, name: str = "ins_sampling") -> Block:
+    """Return the true motion as it was at the last tick of the navigation: ``x_sampled`` ..."""
+    told = tuple(s.but(name=f"{s.name}_sampled") for s in MOTION)
+    return Block(
+        name,
+        inputs=MOTION,
+        outputs=told,
+        output_expressions={t.name: s.symbol for t, s in zip(told, MOTION, strict=True)},
+        period=period,
+    )

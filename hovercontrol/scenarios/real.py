@@ -1,0 +1,101 @@
+"""K06's real loop beside the ideal one, from the same start (figure 6.1)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hovercontrol.autopilot import autopilot, beside_ideal, nearest_heading
+from hovercontrol.block import Block
+from hovercontrol.interconnect import interconnect
+from hovercontrol.model import MOTION
+from hovercontrol.scenarios.definition import Scenario
+from hovercontrol.scenarios.parts import phase_parameters
+from hovercontrol.scenarios.result import Run
+
+Array = NDArray[np.float64]
+
+
+def real_loop(scenario: Scenario, parts: Mapping[str, Block]) -> Block:
+    """Return a scenario's real loop beside the ideal one, its imperfections as parameters.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        With an autopilot.
+    parts : mapping of str to Block
+        By :func:`~hovercontrol.scenarios.parts.loop_parts`.
+    """
+    given = scenario.autopilot
+    assert given is not None
+    if "guidance" in parts:  # the same controller in both loops, as K06 has it
+        parts = {**parts, "guidance": nearest_heading(parts["guidance"])}
+    real = autopilot(
+        parts["controller"],
+        guidance=parts.get("guidance"),
+        references=dict(scenario.phases[0].setpoints),
+        plant=scenario.plant.plant(),
+        start=scenario.start,
+        navigation=given.navigation,
+        rudder_loss=given.rudder_loss,
+        imperfections=given.imperfections,
+        seed=given.seed,
+    )
+    return beside_ideal(real, interconnect([*parts.values()], "loop"), body=scenario.body)
+
+
+def run_real(
+    scenario: Scenario, parts: Mapping[str, Block], progress: Callable[[float], None] | None = None
+) -> Run:
+    """Run the real and the ideal loop; see :func:`hovercontrol.scenarios.runner.run_scenario`.
+
+    The log is that of the navigation: ``x ... r`` are its estimates, ``true_x ... true_r`` the truth,
+    ``u_seen`` ... what had reached the law, ``thrust`` and ``rudder`` what acts by the calibration tables;
+    ``ideal_x ... ideal_r`` are those of the ideal loop.
+    """
+    columns = fly(scenario, real_loop(scenario, parts), progress)
+    names = [s.name for s in MOTION]
+    log = {"time": columns.pop("time")}
+    log |= {name: columns.pop(f"{name}_hat") for name in names}
+    log |= {f"true_{name}": columns.pop(name) for name in names}
+    if "heading_ref" in columns:
+        off = log["true_psi"] - columns["heading_ref"]
+        log["true_heading_error"] = np.arctan2(np.sin(off), np.cos(off))
+    log |= columns
+    return Run(scenario, log.pop("time"), log)
+
+
+def fly(scenario: Scenario, loop: Block, progress: Callable[[float], None] | None = None) -> dict[str, Array]:
+    """Return time and outputs of both loops through a scenario's phases, in machine code.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    loop : Block
+        By :func:`real_loop`.
+    progress : callable, optional
+        Called with the time reached.
+    """
+    from hovercontrol.scenarios.runner import phase_grid
+
+    compiled = loop.compile()
+    state = np.array([s.start for s in loop.states])
+    pieces: list[dict[str, Array]] = []
+    begin = 0.0
+    for phase in scenario.phases:
+        time = phase_grid(begin, phase.until, scenario.step)
+        own = phase_parameters(scenario, phase)
+        params = own | {f"ideal.{key}": value for key, value in own.items()}
+        response = compiled.simulate(time, x0=state, params=params)
+        # The ticks at the end belong to the next phase, which has other set points.
+        state = compiled.advance(begin, phase.until, state, params=params)
+        last = len(time) if phase is scenario.phases[-1] else -1
+        outputs = np.atleast_2d(np.asarray(response.outputs))
+        piece = dict(zip(response.output_labels, outputs[:, :last], strict=True))
+        pieces.append({"time": time[:last], **piece})
+        begin = phase.until
+        if progress is not None:
+            progress(begin)
+    return {key: np.concatenate([p[key] for p in pieces]) for key in pieces[0]}

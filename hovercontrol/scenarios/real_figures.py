@@ -1,0 +1,52 @@
+"""The picture of a real loop over the ideal one, as K06's figures 6.7-6.12."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from hovercontrol.scenarios.result import Run
+from hovercontrol.scenarios.sheet import in_time, mark_phases, sheet
+
+
+def comparison(run: Run) -> Figure:
+    """Return surge, sway, yaw rate, and of a heading trial the heading: reference, real and ideal loop.
+
+    Parameters
+    ----------
+    run : Run
+        Of a scenario with an autopilot.
+    """
+    rows = {"u": "surge u [m/s]", "v": "sway v [m/s]", "r": "yaw rate r [rad/s]"}
+    told = {"u": "surge_ref", "r": "yaw_rate_ref", "psi": "heading_ref"}
+    if "heading_ref" in run.columns:
+        rows["psi"] = "heading psi [deg]"
+        told.pop("r")  # what guidance tells the law changes all the time
+    figure, axes = sheet(run, "by the INS, true and ideal", len(rows), 1.0 + 1.9 * len(rows))
+    for k, (name, unit) in enumerate(rows.items()):
+        factor = math.degrees(1.0) if unit.endswith("[deg]") else 1.0
+        mark_phases(run, axes[k], named=k == 0)
+        shown = _within_a_turn if name == "psi" else np.asarray
+        curves = {
+            "real, by its INS": shown(run.columns[name]) * factor,
+            "real": shown(run.columns[f"true_{name}"]) * factor,
+            "ideal": shown(run.columns[f"ideal_{name}"]) * factor,
+        }
+        styles = ["0.75", "C0", "C3--"]
+        if told.get(name) in run.columns:
+            curves["reference"] = run.columns[told[name]] * factor
+            styles.append("k:")
+        in_time(run, axes[k], curves, unit, tuple(styles))
+    axes[-1].set_xlabel("time [s]")
+    return figure
+
+
+def _within_a_turn(heading: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return a heading within 0 ... 2 pi, as K06 draws it, without lines where it jumps."""
+    wrapped = np.mod(heading, 2 * math.pi)
+    jumps = np.flatnonzero(np.abs(np.diff(wrapped)) > math.pi)
+    wrapped[jumps + 1] = np.nan
+    return wrapped

@@ -1,0 +1,207 @@
+"""K06's real loop beside the ideal one: the thesis' figures over many seeds, logs, pictures, wrong files."""
+
+import importlib.util
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pyarrow.csv
+import pytest
+
+from hovercontrol.analysis.budget import Budget, Cost, budget
+from hovercontrol.autopilot import SWITCHES, Imperfections, seeds
+from hovercontrol.errors import InputError
+from hovercontrol.logs import read_log
+from hovercontrol.scenarios import load_scenario, run_scenario
+from hovercontrol.scenarios.figures import figures
+from hovercontrol.scenarios.parts import loop_parts, phase_parameters
+from hovercontrol.scenarios.real import real_loop
+
+SEEDS = 15
+SCRIPT = Path(__file__).parents[2] / "analyses" / "k06_budget.py"
+
+
+@cache
+def flown(trial):
+    """Fly a trial with many seeds: the times, and true outputs of shape (seeds, times)."""
+    scenario = load_scenario(f"k06-real-{trial}")
+    block = real_loop(scenario, loop_parts(scenario))
+    told = phase_parameters(scenario, scenario.phases[0])
+    times = np.arange(round(scenario.end / 0.02) + 1) * 0.02
+    every = []
+    for seed in range(1, SEEDS + 1):
+        params = told | {f"ideal.{k}": v for k, v in told.items()} | dict.fromkeys(seeds(block, 1), seed)
+        run = block.compile().simulate(times, params=params, method="rk4", step=0.02)
+        every.append(np.asarray(run.outputs))
+    return times, dict(zip(run.output_labels, np.swapaxes(every, 0, 1), strict=True))
+
+
+def first(times, met):
+    return np.where(met.any(axis=1), times[np.argmax(met, axis=1)], np.inf)
+
+
+def settled(times, met):
+    """From when on it is so for good."""
+    late = met.shape[1] - np.argmin(met[:, ::-1], axis=1)
+    return np.where(met.all(axis=1), 0.0, np.append(times, np.inf)[late])
+
+
+def test_the_real_loop_brings_the_craft_to_rest_in_about_10_s():
+    t, c = flown("stop")
+    real, ideal = (settled(t, np.abs(c[name]) < 0.3) for name in ("r", "ideal_r"))
+    assert 8.0 < np.median(real) < 12.0
+    assert np.median(real - ideal) == pytest.approx(5.0, abs=1.5)  # "only 5 seconds longer"
+    assert np.abs(c["u"]).max() > 2 * np.abs(c["ideal_u"]).max()  # "large overshoot"
+
+
+def test_forward_flight_reaches_its_speed_in_about_5_s_and_swings_about_it():
+    t, c = flown("forward")
+    assert 4.0 < np.median(first(t, c["u"] >= 1.0)) < 6.0
+    late = t > 8.0
+    assert np.median(np.abs(c["u"][:, late] - 1.1).max(axis=1)) < 0.2
+    assert np.abs(c["v"][:, late].mean()) < 0.02 and np.abs(c["r"][:, late].mean()) < 0.02
+    assert 0.05 < np.median(np.abs(c["v"][:, late]).max(axis=1)) < 0.25  # the axes of figure 6.8
+    assert 0.1 < np.median(np.abs(c["r"][:, late]).max(axis=1)) < 0.5
+    assert (np.diff(c["ideal_u"]) > 0).all()
+
+
+def test_reverse_flight_reaches_its_speed_in_about_5_s():
+    t, c = flown("reverse")
+    assert 4.0 < np.median(first(t, c["u"] <= -0.71)) < 6.0
+    assert c["u"][:, t > 8.0].mean() == pytest.approx(-0.76, abs=0.05)
+    assert np.abs(c["r"][:, t > 8.0]).max() < 0.5
+
+
+def test_the_turn_holds_3_rad_s_in_the_mean():
+    t, c = flown("turn")
+    late = t > 8.0
+    assert np.abs(c["r"][:, late].mean(axis=1) - 3.0).max() < 0.12
+    assert np.median(c["r"][:, late].mean(axis=1)) == pytest.approx(3.0, abs=0.05)
+    assert np.ptp(c["r"][:, late], axis=1).min() > 0.1 > np.ptp(c["ideal_r"][:, t > 18.0], axis=1).max()
+
+
+# ---- one run ----------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def heading():
+    return run_scenario(load_scenario("k06-real-heading-bangbang"))
+
+
+def test_the_heading_trial_meets_its_figures(heading):
+    assert [(m.metric.name, m.value) for m in heading.metrics() if not m.met] == []
+
+
+def test_the_log_is_that_of_the_navigation(heading, tmp_path):
+    heading.save(tmp_path)
+    log = read_log(tmp_path / "log.csv", inputs=("thrust", "rudder"))
+    assert log.has("x", "y", "psi", "u", "v", "r", "thrust", "rudder")
+    for name in "uvr":
+        assert 1e-3 < np.std(log[name] - log[f"true_{name}"]) < 0.2
+    assert (tmp_path / "comparison.png").stat().st_size > 10_000
+
+
+def test_the_picture_shows_reference_real_and_ideal(heading):
+    drawn = figures(heading)["comparison"]
+    assert [axes.get_ylabel().split()[-1] for axes in drawn.axes] == ["[m/s]", "[m/s]", "[rad/s]", "[deg]"]
+    labels = [line.get_label() for line in drawn.axes[-1].lines]
+    assert labels == ["real, by its INS", "real", "ideal", "reference"]
+    turned = drawn.axes[-1].lines[1].get_ydata()
+    assert np.nanmin(turned) >= 0.0 and np.nanmax(turned) < 360.0
+
+
+# ---- the budget ----------------------------------------------------------------------------
+
+
+def test_ins_noise_dominates_in_forward_flight_and_the_actuators_in_the_turn():
+    forward = budget(load_scenario("k06-real-forward"), runs=8)
+    assert forward.ranking()[0] == "ins_noise"
+    assert forward.share("INS errors") > 0.8 > forward.share("actuators") > forward.share("delays")
+    assert forward.none.mean < 0.001 < forward.whole.mean
+    assert set(forward.alone) - set(forward.without) == {"gyro_dynamics"}
+
+
+def test_the_budget_of_one_trial_as_picture_table_and_words(tmp_path):
+    spec = importlib.util.spec_from_file_location("k06_budget", SCRIPT)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    files = module.main(tmp_path, trial="k06-turn", runs=2)
+    assert {f.name for f in files} == {f"k06_budget.{end}" for end in ("png", "svg", "csv", "txt")}
+    table = pyarrow.csv.read_csv(tmp_path / "k06_budget.csv")
+    assert set(SWITCHES) < set(table["imperfection"].to_pylist())
+    assert "without actuators" in (tmp_path / "k06_budget.txt").read_text()
+    with pytest.raises(InputError, match="unknown trial 'k06-trun'; did you mean 'turn'"):
+        module.main(tmp_path, trial="k06-trun")
+
+
+def test_shares_are_of_the_mean_square():
+    all_, half = Cost(np.array([2.0, 2.0])), Cost(np.array([1.0, 1.0]))
+    found = Budget("trial", all_, half, {"brake": half, "tables": all_}, {"brake": half})
+    assert found.share("brake") == pytest.approx(0.75)
+    assert found.ranking() == ["tables", "brake"]
+
+
+def test_a_budget_wants_a_trial_of_the_real_loop():
+    with pytest.raises(InputError, match="'k06-turn' is no trial of the real loop"):
+        budget(load_scenario("k06-turn"))
+
+
+# ---- files ----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("trial", ["stop", "forward", "reverse", "turn"])
+def test_a_real_trial_is_that_of_its_ideal_one(trial):
+    real, ideal = load_scenario(f"k06-real-{trial}"), load_scenario(f"k06-{trial}")
+    assert (real.plant, real.start, real.controller, real.phases) == (
+        ideal.plant, ideal.start, ideal.controller, ideal.phases,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("trial", ["reverse", "lateral"])
+def test_the_crafts_of_a_field_trial_and_its_hold_out_are_one(trial):
+    one, other = (load_scenario(f"k06-field-{trial}{end}") for end in ("", "-holdout"))
+    assert (one.plant, one.controller) == (other.plant, other.controller)
+    assert one.plant != one.belief
+    assert one.autopilot.seed != other.autopilot.seed
+
+
+GOOD = """
+[scenario]
+step = 0.02
+[plant]
+vehicle = "hoverdemon"
+[controller]
+kind = "turn"
+k1 = 0.5
+k2 = 3.5
+[autopilot]
+brake = false
+[[phase]]
+until = 0.1
+"""
+
+
+def test_a_user_switches_imperfections_off_in_the_file(tmp_path):
+    (tmp_path / "mine.toml").write_text(GOOD)
+    found = load_scenario(tmp_path / "mine.toml").autopilot
+    assert found.imperfections == Imperfections().without("brake")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("brake = false", "brakes = false", "unknown key in autopilot 'brakes'; did you mean 'brake'?"),
+        ("brake = false", "brake = 0.1", "autopilot.brake must be a bool, found 0.1"),
+        ("brake = false", 'navigation = "criket"', "did you mean 'cricket'?"),
+        ("brake = false", "seed = -1", "autopilot.seed must be between 0 and"),
+        ("brake = false", "rudder_loss = 1.5", "autopilot.rudder_loss must be at least 0 and less than 1"),
+        ("[autopilot]", "[sampling]\nmeasurement = 0.02\n[autopilot]", "[sampling] and [autopilot] exclude"),
+    ],
+)
+def test_a_wrong_file_is_refused_in_one_line(tmp_path, old, new, said):
+    path = tmp_path / "mine.toml"
+    path.write_text(GOOD.replace(old, new, 1))
+    with pytest.raises(InputError) as refused:
+        load_scenario(path)
+    assert said in str(refused.value) and "mine.toml" in str(refused.value)
+    assert "\n" not in str(refused.value)
