@@ -64,7 +64,8 @@ def test_draws_have_their_distribution(seed):
 
 
 def test_neighbouring_seeds_and_other_salts_are_independent():
-    first = [drawn(source(1, "uniform"), 1, float(seed))[0, 0] for seed in range(2000)]
+    block = source(1, "uniform")
+    first = [drawn(block, 1, float(seed))[0, 0] for seed in range(2000)]
     assert stats.kstest(first, "uniform").pvalue > 1e-4
     assert abs(np.corrcoef(first[1:], first[:-1])[0, 1]) < 5 / np.sqrt(2000)
     one, other = (drawn(source(1, "normal", salt=salt), 4000)[:, 0] for salt in ("left", "right"))

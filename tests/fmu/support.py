@@ -16,7 +16,9 @@ import hovercontrol
 
 RUNTIME = Path(hovercontrol.__file__).parent / "fmu"
 MODELS = Path(__file__).parent / "models"
-SOURCES = [RUNTIME / f"hc_{part}.c" for part in ("solver", "events", "friction", "ticks", "simulate", "lanes")]
+SOURCES = [
+    RUNTIME / f"hc_{part}.c" for part in ("solver", "events", "friction", "ticks", "simulate", "lanes")
+]
 STRICT = ["-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror"]
 
 DORMAND_PRINCE, RK4 = 0, 1
