@@ -19,6 +19,7 @@ from benchmarks import (
     fused,
     lacking,
     large_log,
+    navigation,
     real_logs,
     regions,
     tables,
@@ -38,6 +39,7 @@ ALL = {
     "regions": regions,
     "large_log": large_log,
     "autopilot": autopilot,
+    "navigation": navigation,
 }
 
 
