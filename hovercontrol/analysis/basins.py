@@ -218,6 +218,8 @@ def _axes(plane: Plane, points: int) -> tuple[Axis, Axis]:
 def _start(plane: Plane, x: Axis, y: Axis, at: Mapping[str, float]) -> dict[str, Array]:
     """Return the initial u, v, r of all runs."""
     third = set(_ABOUT) - set(plane)
+    if not isinstance(at, Mapping):
+        raise InputError(f"at: expected one velocity by name, such as {{'u': 0.0}}, found {at!r}")
     for name in at:
         if name not in third:
             raise InputError(f"at: expected {third.pop()}, which is not of the plane, found {name!r}")

@@ -16,6 +16,7 @@ import sympy as sp
 from numpy.typing import ArrayLike, NDArray
 
 from hovercontrol.analysis.normal_form import ERRORS, coefficient, normal_form, symbol
+from hovercontrol.analysis.regions import as_numbers
 from hovercontrol.errors import InputError
 from hovercontrol.vehicles import c17_simulation
 
@@ -191,8 +192,7 @@ def decay(k1: ArrayLike, k2: ArrayLike, beta: ArrayLike | None = None) -> Decay:
     if beta is None:
         used = np.minimum(fastest_beta(k1, k2), (1 - INSIDE) * bound_19)
     else:
-        used = np.asarray(beta, dtype=float)
-        _refuse(used, "beta")
+        used = _positive(beta, "beta")
     k1, k2, used, bound_18, bound_19 = np.broadcast_arrays(k1, k2, used, bound_18, bound_19)
     P, Q, A = (f.numbers(m, k1, k2, used) for m in (f.P, f.Q, f.A))
     low, high = _relative(P, np.diag([0.5, 0.0]) * k1[..., None, None] + np.diag([0.0, 0.5]))
@@ -221,13 +221,12 @@ def _relative(M: Array, N: Array) -> tuple[Array, Array]:
 
 
 def _gains(k1: ArrayLike, k2: ArrayLike) -> tuple[Array, Array]:
-    both = np.asarray(k1, dtype=float), np.asarray(k2, dtype=float)
-    for name, values in zip(("k1", "k2"), both, strict=True):
-        _refuse(values, name)
-    return both
+    return _positive(k1, "k1"), _positive(k2, "k2")
 
 
-def _refuse(values: Array, name: str) -> None:
+def _positive(given: ArrayLike, name: str) -> Array:
+    values = as_numbers(name, given)
     wrong = ~((values > 0) & np.isfinite(values))
     if wrong.any():
         raise InputError(f"{name} must be positive and finite, found {values[wrong].ravel()[0]:g}")
+    return values

@@ -72,6 +72,14 @@ class Axis:
         return f"{self.label or self.name} [{self.unit}]"
 
 
+def as_numbers(name: str, given: ArrayLike) -> Array:
+    """Return an array of numbers; raises :class:`InputError` where something is none."""
+    try:
+        return np.asarray(given, dtype=float)
+    except (TypeError, ValueError):
+        raise InputError(f"{name} must be numbers, found {given!r:.60}") from None
+
+
 def axis(name: str, unit: str, span: tuple[float, float], points: int, label: str = "") -> Axis:
     """Return an axis of equal steps.
 

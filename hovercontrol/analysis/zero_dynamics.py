@@ -18,7 +18,16 @@ from numpy.typing import ArrayLike, NDArray
 
 from hovercontrol.analysis.loops import c17_ellipse, on_reference, tracking_loop
 from hovercontrol.analysis.normal_form import ERRORS, coefficient, normal_form, once_for_equations, symbol
-from hovercontrol.analysis.regions import Axis, Region, axis, mesh, refuse_large, subfolder, sweep_map
+from hovercontrol.analysis.regions import (
+    Axis,
+    Region,
+    as_numbers,
+    axis,
+    mesh,
+    refuse_large,
+    subfolder,
+    sweep_map,
+)
 from hovercontrol.errors import InputError
 from hovercontrol.model import Model
 from hovercontrol.sgn import sgn
@@ -166,7 +175,7 @@ def predict(
     """
     model = c17_simulation() if model is None else model
     mass, inertia, speed = positive("mass", mass), positive("inertia", inertia), positive("speed", speed)
-    a, dx = np.broadcast_arrays(np.asarray(arm, dtype=float), np.asarray(control_point, dtype=float))
+    a, dx = np.broadcast_arrays(as_numbers("arm", arm), as_numbers("control point", control_point))
     if not (np.isfinite(a).all() and np.isfinite(dx).all()):
         raise InputError("zero dynamics: arm and control point must be finite")
     near = np.abs(a * dx * mass / inertia - 1) < 1e-9

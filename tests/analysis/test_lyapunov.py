@@ -6,10 +6,12 @@ import sympy as sp
 from hypothesis import given
 from hypothesis import strategies as st
 
+from hovercontrol.analysis.basins import turn_basins
 from hovercontrol.analysis.gains import beta_region, gain_region
 from hovercontrol.analysis.loops import tracking_loop
 from hovercontrol.analysis.lyapunov import decay, fastest_beta, lyapunov_function
 from hovercontrol.analysis.normal_form import ERRORS, coefficient, normal_form, symbol
+from hovercontrol.analysis.zero_dynamics import predict
 from hovercontrol.errors import InputError
 from hovercontrol.vehicles import c17_experiment, c17_simulation
 
@@ -123,3 +125,12 @@ def test_no_simulated_loop_contradicts_theorem_3_and_it_covers_nearly_all():
 def test_what_is_no_gain_or_no_range_is_refused(call, text):
     with pytest.raises(InputError, match=text):
         call()
+
+
+def test_what_is_no_number_is_refused_in_one_line():
+    with pytest.raises(InputError, match="k1 must be numbers, found 'a'"):
+        decay("a", 2.0)
+    with pytest.raises(InputError, match="arm must be numbers, found 'a'"):
+        predict("a", 0.1)
+    with pytest.raises(InputError, match="at: expected one velocity by name"):
+        turn_basins(at=3.0)
