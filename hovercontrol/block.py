@@ -456,31 +456,8 @@ class Block:
     ) -> Path:
         """Write the Block as an FMU, Model Exchange and Co-Simulation in one file.
 
-        Parameters
-        ----------
-        path : path
-            Ends in ``.fmu``.
-        version : {2, 3}, optional
-            FMI 2.0 or 3.0.
-        platforms : str or iterable of str, optional
-            Such as ``"x86_64-linux,x86_64-windows"``, or ``"all"``; default: this machine's.
-        friction : {"events", "smooth"}, optional
-            As for :meth:`compile`.
-        step, stop : float, optional
-            Communication step and end of the default experiment [s]; default 0.01 and 10.
-        rtol, atol : float, optional
-            Tolerances of the solver in Co-Simulation.
-        progress : callable, optional
-            Called with the part that is done, 0 to 1.
-
-        Returns
-        -------
-        Path
-
-        Raises
-        ------
-        InputError
-            If an argument is wrong, the folder cannot be written, or there is no compiler for a platform.
+        A sampled Block becomes one whose outputs hold. Arguments, result and errors are those of
+        :func:`hovercontrol.fmi.export.export_fmu`.
         """
         from hovercontrol.fmi.export import export_fmu
 
