@@ -6,7 +6,7 @@ them, from rest at its beginning.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 
 import numpy as np
@@ -51,6 +51,16 @@ def _laws(block: Block) -> tuple[tuple[int, sp.Expr, sp.Expr], ...]:
     return tuple(found)
 
 
+@lru_cache(maxsize=256)
+def _functions(block: Block) -> tuple[tuple[int, Callable[..., float], Callable[..., Array]], ...]:
+    """Return index, a and b of :func:`_laws` as functions of parameters, and of parameters and inputs."""
+    keys = [p.symbol for p in block.parameters]
+    arguments = [keys, [s.symbol for s in block.inputs]]
+    return tuple(
+        (i, sp.lambdify([keys], a), sp.lambdify(arguments, b, modules="numpy")) for i, a, b in _laws(block)
+    )
+
+
 class Arrival:
     """The commands of one log, each value held from its row to the next; zero before the first.
 
@@ -69,12 +79,7 @@ class Arrival:
             [np.zeros((len(inputs), 1)), np.cumsum(inputs * steps, axis=1)], axis=1
         )
         self._knots = np.append(time, time[-1] + 1.0)
-        keys = [p.symbol for p in block.parameters]
-        arguments = [keys, [s.symbol for s in block.inputs]]
-        self._laws = [
-            (i, sp.lambdify([keys], a), sp.lambdify(arguments, b, modules="numpy"))
-            for i, a, b in _laws(block)
-        ]
+        self._laws = _functions(block)
 
     def mean(self, begin: Array, end: Array, delay: float = 0.0) -> Array:
         """Return the inputs' means from `begin` to `end` [s], shape (n_inputs, ...), late by `delay`."""

@@ -21,7 +21,7 @@ from hovercontrol.discrepancy.arrival import input_states
 from hovercontrol.discrepancy.fit import Fit
 from hovercontrol.discrepancy.noise import Noise, whiten
 from hovercontrol.discrepancy.reduce import inflation, reduce, scaled_inverse
-from hovercontrol.discrepancy.windowed import Subject, Windowed, structure
+from hovercontrol.discrepancy.windowed import Subject, Windowed, structure, timing
 from hovercontrol.effects import Effect, Shape, effect_class, effect_names
 from hovercontrol.errors import InputError
 
@@ -260,7 +260,7 @@ class Signatures:
     def _is_late(self, e: Effect) -> bool:
         """Whether the effect is a shift of the log's clock, which commands that act late do as well."""
         w = self._w
-        return w.model.with_effects([e]).timing() != w.model.timing()
+        return timing(w.model.with_effects([e])) != timing(w.model)
 
     def _forcing(self, e: Effect) -> Array:
         """Return what an effect adds to the free states' derivatives, (K-1, W, n)."""
@@ -274,12 +274,11 @@ class Signatures:
         """Return a model's derivatives of the free states, the means from row to row, (n, K-1, W)."""
         w, block = self._w, structure(model)
         every = [values.get(name, start) for name, start in block.default_parameters.items()]
-        timing = [name for name in model.timing() if name]
-        delay = sum(values[name] for name in timing)
+        delay = sum(values[name] for name in timing(model) if name)
         x = np.empty((len(block.states), *self._t.shape))
         x[: len(self._x)] = self._x
         known = input_states(block)
-        same = model.timing() == w.model.timing()
+        same = timing(model) == timing(w.model)
         if self._commands and same and all(i < len(self._x) for i in known):
             u, x = self._commands
             return self._mean(block, x, u, every)

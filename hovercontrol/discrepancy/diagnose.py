@@ -14,7 +14,7 @@ import numpy as np
 from hovercontrol.discrepancy.checks import check_excitation, check_logs
 from hovercontrol.discrepancy.experiment import BADLY, Experiment, separate, sharpen
 from hovercontrol.discrepancy.fit import Fit, fit
-from hovercontrol.discrepancy.holdout import Gap, gap
+from hovercontrol.discrepancy.holdout import Gap, gap, gap_of
 from hovercontrol.discrepancy.localize import Missing, localize, regime
 from hovercontrol.discrepancy.noise import Noise
 from hovercontrol.discrepancy.probes import Sign, probe
@@ -276,27 +276,35 @@ def diagnose(
     length = ladder(data)[:2][-1]
     like = (final.windowed.length, final.noise) if selection.process else (length, None)
     bare = fit(selection.base.model, data, *like, prior_model=model) if selection.effects else final
-    before, after = (gap(f.model, held, length) if held else None for f in (bare, final))
+    before = gap(bare.model, held, length) if held else None
+    after = gap(final.model, held, length) if held and final is not bare else before
     signs += _slow(selection) + _veto(selection, before, after)
     verdict = _verdict(selection, signs)
     named = verdict in ("effect", "ambiguous")
     tell(0.96, "looking where it is")
-    near = fit(bare.model, data, length, prior_model=model) if selection.process else bare
+    near = bare  # without process noise, in windows short enough to see when
+    if selection.process:
+        near = fit(bare.model, data, length, prior_model=model)
+    elif bare.windowed.length > length:
+        near = fit(bare.model, data, length, prior_model=model, near=bare, frozen=True)
     noise = noise_of(near, rough=True)
     missing = tuple(localize(near, noise))
     experiment, advice = _next(selection) if named else (None, "")
+    amended = final if named or verdict == "none" else bare
+    train_before = gap(bare.model, data, length) if selection.process else gap_of(near)
+    train_after = gap(final.model, data, length) if amended is not bare else train_before
     found = Diagnosis(
         verdict=verdict,
         effects=_numbers(final, selection.effects) if named else (),
         rivals=tuple(selection.rivals) if named else (),
         signs=signs,
         model=model,
-        amended=final.model if named or verdict == "none" else bare.model,
+        amended=amended.model,
         refitted=bare.model,
         before=before,
         after=after if named or verdict == "none" else before,
-        train_before=gap(bare.model, data, length),
-        train_after=gap(final.model if named or verdict == "none" else bare.model, data, length),
+        train_before=train_before,
+        train_after=train_after,
         selection=selection,
         noise=noise,
         missing=missing,

@@ -23,7 +23,13 @@ PRIOR = 0.3
 MOST = 15
 
 #: A fall of twice the log likelihood that means nothing.
-SMALL = 0.1
+SMALL = 0.5
+
+#: And a fall in parts of a misfit that is far beyond noise.
+GROSS = 1e-3
+
+#: Steps in a row, each more timid, that may be refused: dry friction has kinks that no slope describes.
+REFUSED = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,7 +138,7 @@ def fit(
         noise = Noise(data.noise, np.zeros(len(w.free)))
     elif len(noise.process) != len(w.free):
         noise = noise.but(process=np.zeros(len(w.free)))
-    centre, precision = _prior(w, prior_model or model)
+    prior = centre, precision = _prior(w, prior_model or model)
     p = np.clip(w.start, w.lower, w.upper)
     x0 = w.cut.start.copy()
     n = len(w.free)
@@ -142,30 +148,16 @@ def fit(
         near.windowed.pieces if near else 1,
         enough=near is not None and near.windowed.length == length,
     )
-
-    def evaluate(p: Array, x0: Array) -> tuple[Array, Array, Array, float]:
-        """Return residual, Jacobian, each window's cost and the whole."""
-        r, J = w.linearise(p, x0)
-        good = np.isfinite(r).all(axis=(1, 2)) & np.isfinite(J).all(axis=(1, 2, 3))
-        bad: NDArray[np.bool_] = np.logical_not(good).reshape(-1)
-        if bad.all():
-            return r, J, np.full(len(r), np.inf), np.inf
-        white, det = whiten(np.where(bad[:, None, None], 0.0, r)[..., None], w.seen, noise, response_at(p))
-        each = np.where(bad, np.inf, (white**2).sum(axis=(1, 2, 3)) + det)
-        return r, J, each, float(each.sum() + precision @ (p - centre) ** 2)
-
-    def response_at(p: Array) -> Response | None:
-        return Response(w, p) if noise.has_process or noise.clock else None
-
-    r, J, each, cost = evaluate(p, x0)
-    if not np.isfinite(cost):
+    now = _Point(w, p, x0, noise, prior)
+    if not np.isfinite(now.cost):
         raise InputError(
             f"model {model.name!r}: the simulation runs away within windows of {length:g} s at the "
             "start values: is the model of this craft, and are all units SI?"
         )
-    damping, converged, stuck = 0.0, False, np.zeros(len(r))
+    damping, converged, refused, stuck = 0.0, False, 0, np.zeros(len(w.ranges))
+    count = int(w.seen.sum())
     for _ in range(MOST):
-        white, _ = whiten(np.concatenate([r[..., None], J], axis=-1), w.seen, noise, response_at(p))
+        white = now.columns()
         normal = reduce(white, n, stuck)
         S = normal.S + np.diag(precision)
         g = normal.g - precision * (p - centre)
@@ -174,32 +166,81 @@ def fit(
         high = np.where(w.is_width, np.minimum(high, p), high)
         dp = np.zeros_like(p) if frozen else bounded_step(S, g, low, high, w.size, damping)
         a, B = normal.back
+        dx = a - B @ dp
         moved = x0.copy()
-        moved[w.free] += (a - B @ dp).T
-        new_r, new_J, new_each, new_cost = evaluate(p + dp, moved)
-        worse = new_each > each + 1e-9 * np.abs(each)
-        if new_cost <= cost + 1e-9 * abs(cost):
-            converged = cost - new_cost < max(small, 1e-6 * abs(new_cost))
-            p, x0, r, J, each, cost = p + dp, moved, new_r, new_J, new_each, new_cost
-            damping = damping / 10 if damping > 1e-6 else 0.0
-            stuck = np.where(worse, np.maximum(10 * stuck, 1e-2), np.where(stuck > 1e-4, stuck / 10, 0.0))
+        moved[w.free] += dx.T
+        told = _told(white, dx, dp)
+        hoped = float(told.sum()) + precision @ ((p - centre) ** 2 - (p + dp - centre) ** 2)
+        misfit = float((white[..., 0] ** 2).sum()) - count
+        enough = max(small, 1e-6 * abs(now.cost), GROSS * misfit)
+        if hoped < enough:
+            converged = True
+            break
+        new = _Point(w, p + dp, moved, noise, prior)
+        fall = now.cost - new.cost
+        off = told - (now.each - new.each)  # how much worse each window became than was told
+        wild = ~(off <= (0.1 if refused else 1.0) + 0.5 * told)
+        if fall >= -1e-9 * abs(now.cost):
+            converged, refused = fall < enough and damping < 1.0, 0
+            p, x0, now = p + dp, moved, new
+            poor = fall < 0.25 * hoped
+            damping = max(4 * damping, 1e-2) if poor else (damping / 10 if damping > 1e-6 else 0.0)
+            stuck = np.where(wild, np.maximum(10 * stuck, 1e-2), np.where(stuck > 1e-4, stuck / 10, 0.0))
             if converged:
                 break
         else:
-            if damping > 1e3:
+            refused += 1
+            if refused > REFUSED:
                 break
-            wild = worse & (new_each - each > 0.5 * (new_each - each)[worse].max(initial=0.0))
-            few = wild.sum() <= 0.1 * len(wild)
-            stuck = np.where(wild if few else worse, np.maximum(10 * stuck, 1e-1), stuck)
-            damping = damping if few else max(10 * damping, 1e-3)
-    w.linearise(p, x0, jacobian=False)
-    response = Response(w, p)
-    white, det = whiten(np.concatenate([r[..., None], J], axis=-1), w.seen, noise, response)
+            few = refused == 1 and 0 < wild.sum() <= 0.1 * len(wild)
+            stuck = np.where(wild, np.maximum(10 * stuck, 1e-1), stuck)
+            damping = damping if few else max(10 * damping, 1e-2)
+    white, r, J = now.columns(), now.residual, now.jacobian
+    w.x = now.x
     normal = reduce(white, n)
-    dof = max(int(w.seen.sum()) - n * len(w.ranges) - len(p), 1)
+    dof = max(count - n * len(w.ranges) - len(p), 1)
     plain = float(((r / data.noise) ** 2).sum()) / dof
-    total = float((white[..., 0] ** 2).sum() + det.sum() + precision @ (p - centre) ** 2)
-    return Fit(w, p, x0, r, J, noise, normal, precision, total, plain, response, converged)
+    response = now.response or Response(w, p)
+    return Fit(w, p, x0, r, J, noise, normal, precision, now.cost, plain, response, converged)
+
+
+class _Point:
+    """Where a fit stands: unknowns and initial states, and the windows' costs there."""
+
+    def __init__(self, w: Windowed, p: Array, x0: Array, noise: Noise, prior: tuple[Array, Array]) -> None:
+        self._w, self._noise, self._p, self._x0 = w, noise, p, x0
+        centre, precision = prior
+        self.residual, _ = w.linearise(p, x0, jacobian=False)
+        self.x = w.x
+        bad: NDArray[np.bool_] = np.logical_not(np.isfinite(self.residual).all(axis=(1, 2)))
+        self.response = Response(w, p) if noise.has_process or noise.clock else None
+        self._columns = np.empty(0)
+        self.each = np.full(len(bad), np.inf)
+        if not bad.all():
+            r = np.where(bad[:, None, None], 0.0, self.residual)
+            white, det = whiten(r[..., None], w.seen, noise, self.response)
+            self.each = np.where(bad, np.inf, (white**2).sum(axis=(1, 2, 3)) + det)
+        self.cost = float(self.each.sum() + precision @ (p - centre) ** 2)
+
+    def columns(self) -> Array:
+        """Return residual and Jacobian, whitened; windows in which it runs away say nothing."""
+        if not self._columns.size:
+            r, J = self._w.linearise(self._p, self._x0)
+            good = np.isfinite(J).all(axis=(1, 2, 3), keepdims=True)
+            self.jacobian = np.where(good, J, 0.0)
+            both = np.concatenate([np.where(good, r[..., None], 0.0), self.jacobian], axis=-1)
+            self._columns, _ = whiten(both, self._w.seen, self._noise, self.response)
+        return self._columns
+
+
+def _told(white: Array, dx: Array, dp: Array) -> Array:
+    """Return by how much each window's cost falls with a step, were all linear, shape (W,)."""
+    W = len(white)
+    step = np.concatenate([dx, np.broadcast_to(dp, (W, len(dp)))], axis=1)
+    columns = white.reshape(W, -1, white.shape[-1])
+    r = columns[..., 0]
+    left = r - (columns[..., 1:] @ step[..., None])[..., 0]
+    return np.asarray((r**2).sum(axis=1) - (left**2).sum(axis=1))
 
 
 def _prior(w: Windowed, model: Subject) -> tuple[Array, Array]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hovercontrol.discrepancy.fit import fit
+from hovercontrol.discrepancy.fit import Fit, fit
 from hovercontrol.discrepancy.windowed import Data, Subject
 
 Array = NDArray[np.float64]
@@ -49,7 +49,12 @@ def gap(model: Subject, data: Data, length: float) -> Gap:
     length : float
         Of the windows [s].
     """
-    found = fit(model, data, length, frozen=True)
+    return gap_of(fit(model, data, length, frozen=True))
+
+
+def gap_of(found: Fit) -> Gap:
+    """Return how far the windows of a fit run from what was measured."""
+    data = found.windowed.data
     w = found.windowed
     seen = w.seen.reshape(-1, w.seen.shape[-1])
     residual = found.residual.reshape(seen.shape)

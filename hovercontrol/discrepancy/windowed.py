@@ -136,7 +136,7 @@ class Windowed:
         self._every = [
             values.get(key.rpartition(".")[2], s) for key, s in self.block.default_parameters.items()
         ]
-        self._timing = [keys.index(name) if name else None for name in model.timing()]
+        self._timing = [keys.index(name) if name else None for name in timing(model)]
         known = input_states(self.block)
         self.free = [i for i in range(len(self.block.states)) if i not in known]
         self.ranges = windows(data.logs, length)
@@ -158,6 +158,7 @@ class Windowed:
         ]
         self._outputs = self.block.to_numpy().vector[1]
         self._in_motion = self._depends_on_inputs()
+        self._arrived: tuple[Array, dict[int, Array]] | None = None
         self.x = np.empty(0)
 
     @staticmethod
@@ -170,7 +171,7 @@ class Windowed:
         symbols = {self.block.states[i].symbol for i in input_states(self.block)}
         laws = [self.block.derivatives[s.name].free_symbols for s in self.block.states if s.symbol in symbols]
         acting: set[str] = set().union(*({str(s) for s in law} for law in laws))
-        acting |= {name for name in self.model.timing() if name}
+        acting |= {name for name in timing(self.model) if name}
         return [j for j, name in enumerate(self.names) if self.block.parameter(name).name in acting]
 
     def blocks(self, seconds: float = 2.0) -> NDArray[np.intp]:
@@ -221,6 +222,7 @@ class Windowed:
 
     def _set_pieces(self, pieces: int) -> None:
         self.pieces = int(np.clip(pieces, 1, MOST))
+        self._arrived = None
         dt = np.diff(self.cut.time, axis=1).T
         self.h = dt / self.pieces  # K-1, W
         parts = np.arange(self.pieces)[:, None, None]
@@ -308,7 +310,9 @@ class Windowed:
         moved: dict[int, list[float]],
     ) -> Array:
         """Return the states at every row, (K, n_states, L, W): classical Runge-Kutta."""
-        u, lagged = self.commands(parameters, self.t, self.h)
+        if not self._arrived or self._in_motion:  # else no unknown moves them
+            self._arrived = self.commands(parameters, self.t, self.h)
+        u, lagged = self._arrived
         u, lagged = u[:, :, :, None, :], {i: v[:, :, None, :] for i, v in lagged.items()}
         if moved:
             L = lanes.shape[1]
@@ -347,6 +351,19 @@ def structure(model: Subject) -> Block:
             _STRUCTURES.clear()
         _STRUCTURES[key] = model.plant(late=True)
     return _STRUCTURES[key]
+
+
+_TIMINGS: dict[tuple[object, ...], tuple[str, str]] = {}
+
+
+def timing(model: Subject) -> tuple[str, str]:
+    """Return which parameters say how late a model's inputs act and measurements are; made once as well."""
+    key = (type(model), *model.signature)
+    if key not in _TIMINGS:
+        if len(_TIMINGS) > 500:
+            _TIMINGS.clear()
+        _TIMINGS[key] = model.timing()
+    return _TIMINGS[key]
 
 
 def unknowns(model: Subject) -> tuple[str, ...]:

@@ -150,7 +150,9 @@ def smooth_pose(log: Log) -> Smoothed:
     chained = accepted.copy()
     for _ in range(2):
         jerk, noise = _fit(time, z, accepted)
-        accepted = _drop_outliers(time, z, accepted, jerk, noise)
+        before, accepted = accepted, _drop_outliers(time, z, accepted, jerk, noise)
+        if (accepted == before).all():
+            break
     estimate = _smooth(time, z, accepted, jerk, noise)
 
     pose, velocity, acceleration = np.moveaxis(estimate.mean, -1, 0)
