@@ -187,7 +187,10 @@ def _width(w: Windowed, fit: Fit, cls: type[Effect], default: float | None) -> f
 
 def _scales(w: Windowed) -> dict[str, float]:
     names = [s.name for s in w.block.states]
-    found = {f"speed_{n}": float(np.sqrt(np.mean(w.x[:, i] ** 2))) or 1.0 for i, n in enumerate(names)}
+    # of a craft that stands still most of the time the speed while it moves
+    squares = [w.x[:, i] ** 2 for i in range(len(names))]
+    speeds = [math.sqrt(float(np.mean(x**2) / max(np.mean(x), 1e-300))) for x in squares]
+    found = {f"speed_{n}": v or 1.0 for n, v in zip(names, speeds, strict=True)}
     thrusts = [i for i, s in enumerate(w.block.inputs) if s.name != "rudder"]
     largest = max((float(np.abs(m.inputs[thrusts]).max(initial=0.0)) for m in w.data.logs), default=0.0)
     return {**found, "input": largest or 1.0, "time": w.data.duration}
@@ -345,18 +348,24 @@ class Scores:
         w = fit.windowed
         noise = noise or fit.noise
         n, movable = len(w.free), fit.movable
-        own = fit.jacobian[..., np.concatenate([np.arange(n), n + movable])]
+        held = np.setdiff1d(np.arange(len(fit.p)), movable)  # by a bound, from which they may come back
+        order = np.concatenate([movable, held])
+        own = fit.jacobian[..., np.concatenate([np.arange(n), n + order])]
         columns = np.concatenate([fit.residual[..., None], own, signatures.columns], axis=-1)
-        white, det = whiten(columns, w.seen, noise, fit.response)
+        white, det = whiten(columns, w.seen, noise, fit.response, w.errors)
         normal = reduce(white, n)
-        P = len(movable)
+        P, every = len(movable), np.arange(len(order))
         S, g = normal.S.copy(), normal.g.copy()
-        S[np.arange(P), np.arange(P)] += fit.prior[movable]
+        S[every, every] += fit.prior[order]
         inverse = scaled_inverse(S[:P, :P])
-        self.S = S[P:, P:] - S[P:, :P] @ inverse @ S[:P, P:]
-        self.g = g[P:] - S[P:, :P] @ inverse @ g[:P]
-        self._whole = np.diag(S)[P:]
+        left = S[P:, P:] - S[P:, :P] @ inverse @ S[:P, P:]
+        pull = g[P:] - S[P:, :P] @ inverse @ g[:P]
+        self._S, self._g, self._held = left, pull, len(held)
+        self._inward = np.where(fit.p[held] <= w.lower[held] + 1e-6 * w.size[held], 1.0, -1.0)
+        self.S, self.g = left[len(held) :, len(held) :], pull[len(held) :]
+        self._whole = np.diag(S)[P + len(held) :]
         each = normal.scores[:, P:] - normal.scores[:, :P] @ inverse @ S[:P, P:]
+        each = each[:, len(held) :]
         self.inflation = inflation(each, self.S, w.blocks()) if noise.has_process else 1.0
         self.cost = normal.rest - float(g[:P] @ inverse @ g[:P]) + float(det.sum())
         self._signatures = signatures
@@ -376,9 +385,16 @@ class Scores:
         left = np.diag(S) > VANISHING * self._whole[own]
         if not left.all():
             return 0.0, np.zeros(len(own))
-        size = np.sqrt(np.diag(S))
-        parts = np.linalg.solve(S / np.outer(size, size) + 1e-9 * np.eye(len(own)), g / size) / size
-        return float(g @ parts) / self.inflation, parts
+        held = np.arange(self._held)
+        while True:  # unknowns at a bound move along where that is inwards
+            both = np.concatenate([held, self._held + np.array(own)])
+            S, g = self._S[np.ix_(both, both)], self._g[both]
+            size = np.sqrt(np.maximum(np.diag(S), 1e-300))
+            parts = np.linalg.solve(S / np.outer(size, size) + 1e-9 * np.eye(len(both)), g / size) / size
+            outwards = parts[: len(held)] * self._inward[held] < 0.0
+            if not outwards.any():
+                return float(g @ parts) / self.inflation, parts[len(held) :]
+            held = held[~outwards]
 
     def best(self) -> list[Scored]:
         """Return the best trial of each effect, by falling gain."""

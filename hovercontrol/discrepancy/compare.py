@@ -189,5 +189,5 @@ def _short_rms(near: Fit, own: NDArray[np.bool_]) -> list[float]:
     """Return the root mean square residual of each channel in some windows."""
     seen = near.windowed.seen[own]
     count = np.maximum(seen.sum(axis=(0, 1)), 1)
-    rms: Array = np.sqrt((near.residual[own] ** 2).sum(axis=(0, 1)) / count)
+    rms: Array = np.sqrt((near.left[own] ** 2).sum(axis=(0, 1)) / count)
     return rms.tolist()

@@ -16,6 +16,7 @@ from hovercontrol.discrepancy.experiment import BADLY, Experiment, separate, sha
 from hovercontrol.discrepancy.fit import Fit, fit
 from hovercontrol.discrepancy.holdout import Gap, gap, gap_of
 from hovercontrol.discrepancy.localize import Missing, localize, regime
+from hovercontrol.discrepancy.navigation import Navigated
 from hovercontrol.discrepancy.noise import Noise
 from hovercontrol.discrepancy.probes import Sign, probe
 from hovercontrol.discrepancy.select import EXPLAINED, Rival, Selection, ladder, noise_of, select
@@ -264,6 +265,7 @@ def diagnose(
     warnings = check_logs(model, logs, holdout)
     tell(0.0, "reading what was measured")
     data = gather(model, logs)
+    warnings += [f"{m.name}: {m.drift}" for m in data.logs if isinstance(m, Navigated)]
     warnings += check_excitation(model, data)
     held = gather(model, [holdout]) if holdout is not None else None
     selection = select(model, data, names=names, max_effects=max_effects, tell=tell)

@@ -76,6 +76,12 @@ class Fit:
         return w.model.with_coefficients(dict(zip(w.names, inside.tolist(), strict=True)))
 
     @property
+    def left(self) -> Array:
+        """The residual less the likeliest drift of a navigation that wrote logs, shape (W, K, C)."""
+        errors = self.windowed.errors
+        return errors.without(self.residual) if errors else self.residual
+
+    @property
     def movable(self) -> NDArray[np.intp]:
         """Places of the unknowns that are not held by a bound, shape (m,): a drag at zero goes no lower."""
         w, g, near = self.windowed, self.normal.g, 1e-6 * self.windowed.size
@@ -112,6 +118,7 @@ def fit(
     near: Fit | None = None,
     small: float = SMALL,
     frozen: bool = False,
+    finer: int = 1,
 ) -> Fit:
     """Fit a model's unknowns.
 
@@ -132,6 +139,8 @@ def fit(
         The fall of the cost at which it ends; a millionth of the cost ends it too.
     frozen : bool, optional
         Whether the unknowns stay, and only the windows' initial states are fitted.
+    finer : int, optional
+        Into how many parts the sub-steps of `near` are cut at least.
     """
     w = Windowed(model, data, length, near.windowed.tracks() if near else None)
     if noise is None:
@@ -145,7 +154,7 @@ def fit(
     w.set_step(
         p,
         x0,
-        near.windowed.pieces if near else 1,
+        finer * near.windowed.pieces if near else 1,
         enough=near is not None and near.windowed.length == length,
     )
     now = _Point(w, p, x0, noise, prior)
@@ -199,7 +208,7 @@ def fit(
     w.x = now.x
     normal = reduce(white, n)
     dof = max(count - n * len(w.ranges) - len(p), 1)
-    plain = float(((r / data.noise) ** 2).sum()) / dof
+    plain = float((w.plainly_white(r) ** 2).sum()) / dof
     response = now.response or Response(w, p)
     return Fit(w, p, x0, r, J, noise, normal, precision, now.cost, plain, response, converged)
 
@@ -218,7 +227,7 @@ class _Point:
         self.each = np.full(len(bad), np.inf)
         if not bad.all():
             r = np.where(bad[:, None, None], 0.0, self.residual)
-            white, det = whiten(r[..., None], w.seen, noise, self.response)
+            white, det = whiten(r[..., None], w.seen, noise, self.response, w.errors)
             self.each = np.where(bad, np.inf, (white**2).sum(axis=(1, 2, 3)) + det)
         self.cost = float(self.each.sum() + precision @ (p - centre) ** 2)
 
@@ -229,7 +238,7 @@ class _Point:
             good = np.isfinite(J).all(axis=(1, 2, 3), keepdims=True)
             self.jacobian = np.where(good, J, 0.0)
             both = np.concatenate([np.where(good, r[..., None], 0.0), self.jacobian], axis=-1)
-            self._columns, _ = whiten(both, self._w.seen, self._noise, self.response)
+            self._columns, _ = whiten(both, self._w.seen, self._noise, self.response, self._w.errors)
         return self._columns
 
 

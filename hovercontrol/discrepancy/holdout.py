@@ -57,7 +57,7 @@ def gap_of(found: Fit) -> Gap:
     data = found.windowed.data
     w = found.windowed
     seen = w.seen.reshape(-1, w.seen.shape[-1])
-    residual = found.residual.reshape(seen.shape)
+    residual = found.left.reshape(seen.shape)
     values = w.cut.values.reshape(len(w.cut.values), -1)
     rms, nrmse, floor = {}, {}, {}
     for c, channel in enumerate(data.channels):
@@ -66,5 +66,5 @@ def gap_of(found: Fit) -> Gap:
         size = float(np.nanstd(values[c])) or 1.0
         nrmse[channel] = rms[channel] / size
         floor[channel] = float(data.noise[c]) / size
-    chi2 = float(((residual / data.noise) ** 2).sum())
+    chi2 = float((w.plainly_white(found.residual) ** 2).sum())
     return Gap(rms, nrmse, floor, chi2, int(seen.sum()))

@@ -78,7 +78,8 @@ def localize(fit: Fit, noise: Noise) -> list[Missing]:
     """
     w, r = fit.windowed, fit.response
     forced = forced_states(fit)
-    W, K, C = fit.residual.shape
+    left = fit.left
+    W, K, C = left.shape
     n, m = len(w.free), len(forced)
     level = np.maximum(noise.process[forced], 1e-9)
     P0 = np.zeros((n + m, n + m))
@@ -102,7 +103,7 @@ def localize(fit: Fit, noise: Noise) -> list[Missing]:
         H[:, :, :n] = r.C[k]
         G = P @ H.swapaxes(1, 2)
         gain = G @ np.linalg.inv(H @ G + R)
-        s = s + gain @ (fit.residual[:, k, :, None] - H @ s)
+        s = s + gain @ (left[:, k, :, None] - H @ s)
         P = P - gain @ G.swapaxes(1, 2)
         P = 0.5 * (P + P.swapaxes(1, 2))
         kept.append((s, P, *before, F.copy()))

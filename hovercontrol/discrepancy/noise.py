@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hovercontrol.discrepancy.navigation import Errors
 from hovercontrol.discrepancy.reduce import Normal, reduce, scaled_inverse
 from hovercontrol.discrepancy.response import Response
 
@@ -70,7 +71,11 @@ class Noise:
 
 
 def whiten(
-    columns: Array, seen: Array, noise: Noise | Sequence[Noise], response: Response | None
+    columns: Array,
+    seen: Array,
+    noise: Noise | Sequence[Noise],
+    response: Response | None,
+    errors: Errors | None = None,
 ) -> tuple[Array, Array]:
     """Return whitened columns and the logarithm of the determinant of each window's covariance.
 
@@ -83,6 +88,8 @@ def whiten(
         Of all windows, or of each; then all have process noise in the same states.
     response : Response or None
         Needed with noise of process or clock.
+    errors : Errors, optional
+        Of a navigation that wrote logs; then noise is that of the measurements alone.
 
     Returns
     -------
@@ -95,6 +102,9 @@ def whiten(
     process = np.array([n.process for n in every])
     acting = np.flatnonzero(process.any(axis=0))
     plain = (seen * (2.0 * np.log(measured))[:, None, :]).sum(axis=(1, 2))
+    if errors:
+        white, gained = errors.whiten(columns, columns / measured[:, None, :, None], measured[0])
+        return white, plain + gained
     if response is None or (not acting.size and not clock.any()):
         return columns / measured[:, None, :, None], plain
     variance = np.zeros((len(every), 1, len(measured[0]), len(measured[0])))

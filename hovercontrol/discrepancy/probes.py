@@ -184,7 +184,7 @@ def _scores(fit: Fit, forcing: Array) -> tuple[Array, Array, Array]:
     n, movable = len(w.free), fit.movable
     jacobian = fit.jacobian[..., np.concatenate([np.arange(n), n + movable])]
     columns = np.concatenate([fit.residual[..., None], jacobian, answer], axis=-1)
-    white, _ = whiten(columns, w.seen, fit.noise, fit.response)
+    white, _ = whiten(columns, w.seen, fit.noise, fit.response, w.errors)
     normal = reduce(white, n)
     P = len(movable)
     S, g = normal.S.copy(), normal.g.copy()
@@ -232,7 +232,7 @@ def _residual_signs(fit: Fit) -> list[Sign]:
     """Return signs that whitened residuals are not white, or come in bursts."""
     w = fit.windowed
     columns = np.concatenate([fit.residual[..., None], fit.jacobian], axis=-1)
-    white, _ = whiten(columns, w.seen, fit.noise, fit.response)
+    white, _ = whiten(columns, w.seen, fit.noise, fit.response, w.errors)
     n = len(w.free)
     z = np.where(w.seen, white[..., 0], 0.0)
     count = int(w.seen.sum())

@@ -25,6 +25,9 @@ CLEANED = 3
 #: Windows [s], one after the other: short ones find the way, long ones weigh the evidence.
 LADDER = (0.25, 1.0, 3.0)
 
+#: A window may be longer than from one correction of a navigation to the next by this factor.
+ROOM = 1.1
+
 #: chi2 per degree of freedom beyond which longer windows only get lost.
 GROSS = 1.3
 
@@ -47,6 +50,9 @@ FEW = 3
 #: Fall of minus twice the log likelihood that an effect must bring, beyond EACH for each of its numbers: some
 #: sixty trials are looked at.
 LEAST, EACH = 20.0, 4.0
+
+#: A smaller fall may as well be that of a fit that hung.
+DOUBTFUL = 500.0
 
 #: A rival that is no more than this behind (odds of e^6) cannot be told apart.
 APART = 12.0
@@ -138,12 +144,15 @@ def select(
 def ladder(data: Data) -> tuple[float, ...]:
     """Return the lengths of windows [s] that the logs hold."""
     longest = max(m.time[b - 1] - m.time[a] for m in data.logs for a, b in m.segments)
-    return tuple(length for length in LADDER if length <= longest / 2) or LADDER[:1]
+    most = ROOM * longest if data.navigated else longest / 2  # from one correction to the next
+    return tuple(length for length in LADDER if length <= most) or LADDER[:1]
 
 
 def _rungs(model: Subject, data: Data) -> tuple[float, ...]:
     """Return the lengths of windows to search in: where no velocity is measured short ones say nothing."""
     every = ladder(data)
+    if data.navigated:  # the longer, the less is its error a ramp
+        return every[:1]
     block = structure(model)
     slopes = {str(block.expand(e)) for e in block.derivatives.values()}
     moving = [s.name for s in block.states if s.name in slopes or s.name in ("u", "v", "r")]
@@ -187,6 +196,7 @@ class _Search:
                 self._climb()
             if found.final.chi2_per_dof > EXPLAINED:
                 self._once_more()
+            self._settle()
         found.process = found.final.noise.has_process
         if found.process:
             found.slow = 0.0
@@ -200,6 +210,18 @@ class _Search:
                 break
             self._drop()  # with a better one in its place another may not be needed
         return found
+
+    def _settle(self) -> None:
+        """Come to the long windows once more from short ones: some may hang where the craft sticks."""
+        final = self.found.final
+        if not self.found.effects or (final.converged and final.chi2_per_dof < SETTLED):
+            return
+        new = fit(final.model, self.data, self.rungs[0], self.plain, prior_model=self.model)
+        for length in self.rungs[1:]:
+            if length <= final.windowed.length:
+                new = self.fit(new.model, new, length=length)
+        if new.windowed.length == final.windowed.length and new.cost < final.cost:
+            self.found.final = new
 
     def _once_more(self) -> None:
         """Begin again in short windows, where the way was lost in long ones, and climb with what is found."""
@@ -218,11 +240,18 @@ class _Search:
             found.final, found.effects[:] = short, named
 
     def fit(
-        self, model: Subject, near: Fit, *, length: float | None = None, noise: Noise | None = None
+        self,
+        model: Subject,
+        near: Fit,
+        *,
+        length: float | None = None,
+        noise: Noise | None = None,
+        finer: int = 1,
     ) -> Fit:
         """Fit from where `near` ended, by default over windows and with noise like its own."""
         length = length or near.windowed.length
-        return fit(model, self.data, length, noise or near.noise, prior_model=self.model, near=near)
+        noise = noise or near.noise
+        return fit(model, self.data, length, noise, prior_model=self.model, near=near, finer=finer)
 
     def _progress(self, what: str) -> None:
         self._tell(0.1 + 0.7 * (1 - 0.6 ** (1 + len(self.found.steps))), what)
@@ -240,20 +269,26 @@ class _Search:
             plain = Scores(current, signatures, self.plain)
             best = self._worth(plain, current.chi2_per_dof)
             noise = self.plain
-            if always or not self._explains(current, plain, best):
+            if not self.data.navigated and (always or not self._explains(current, plain, best)):
                 self._progress("estimating process noise")
                 gusty = noise_of(current)
                 scores = Scores(current, signatures, gusty)
                 with_gusts = self._worth(scores, 1.0)
                 better = scores.cost - _top(with_gusts) < plain.cost - _top(best) - APART
-                room = best and len(found.effects) < self.max_effects
+                room = bool(best) and len(found.effects) < self.max_effects
+                if better and room:
+                    most = scores.cost - _top(with_gusts)
+                    alone, added = self._add(current, best, most)  # far from linear, gusts outdo any score
+                    if added:
+                        found.final = alone
+                        continue
                 if better and not (room and large_process(current, gusty)):
                     noise, best = gusty, with_gusts
             if noise is not current.noise:
                 current = self.fit(current.model, current, noise=noise)
-            new = self._add(current, best) if len(found.effects) < self.max_effects else None
-            found.final = new or current
-            if new is None:
+            room = len(found.effects) < self.max_effects
+            found.final, added = self._add(current, best) if room else (current, False)
+            if not added:
                 return
 
     def _explains(self, current: Fit, scores: Scores, best: Sequence[Scored]) -> bool:
@@ -277,10 +312,9 @@ class _Search:
                 current = found.final
                 signatures = Signatures(current, candidates(current, self.names))
                 best = self._worth(Scores(current, signatures), current.chi2_per_dof)
-                new = self._add(current, best)
-                if new is None:
+                found.final, added = self._add(current, best)
+                if not added:
                     break
-                found.final = new
             if found.final.chi2_per_dof > GROSS:
                 break
 
@@ -297,8 +331,12 @@ class _Search:
                     self.found.rejected.append((s.candidate.name, why))
         return worth
 
-    def _add(self, current: Fit, worth: Sequence[Scored]) -> Fit | None:
-        """Return the fit with the effect that takes most, or None if none takes enough."""
+    def _add(self, current: Fit, worth: Sequence[Scored], most: float = np.inf) -> tuple[Fit, bool]:
+        """Return the fit with the effect that takes most, and whether it takes enough, to a cost of `most`.
+
+        Where the craft may stick or slip a fit can hang, and a coarse step costs likelihood: a small gain is
+        counted again, in finer steps, from the fit without the effect that begins where that with it ended.
+        """
         tries: list[tuple[float, Scored, Fit]] = []
         for scored in worth[:MOST_TRIES]:
             explained = tries and min(t[2].chi2_per_dof for t in tries) < SETTLED
@@ -309,13 +347,16 @@ class _Search:
             new = self.fit(current.model.with_effects([near.effect]), current)
             tries.append((new.cost, near, new))
         if not tries:
-            return None
+            return current, False
         cost, scored, new = min(tries, key=lambda t: t[0])
-        if not cost < current.cost - _bar(scored):
-            return None
+        if _bar(scored) < current.cost - cost < DOUBTFUL:
+            new = self.fit(new.model, new, finer=2)
+            cost, current = new.cost, self.fit(current.model, new)
+        if not cost < min(current.cost - _bar(scored), most):
+            return current, False
         self.found.steps.append((scored.candidate.name, scored.gain))
         self.found.effects.append(scored.candidate.name)
-        return new
+        return new, True
 
     def _drop(self) -> None:
         """Leave out what is not needed any more, and note what each effect brings."""
@@ -325,8 +366,12 @@ class _Search:
             weakest = min(found.gains, key=found.gains.__getitem__)
             if found.gains[weakest] > LEAST:
                 return
+            without = self.fit(_without(found.final.model, weakest), found.final)
+            numbers = len(found.final.model.effect(weakest).numbers)
+            if not found.final.noise.has_process and without.cost - found.final.cost > LEAST + EACH * numbers:
+                return  # far from linear: it says more than its standard errors tell
             found.effects.remove(weakest)
-            found.final = self.fit(_without(found.final.model, weakest), found.final)
+            found.final = without
 
     def _simplify(self) -> None:
         """Take one effect instead of several if it says nearly as much: two may share what one does alone."""
@@ -352,6 +397,11 @@ class _Search:
                 self._drop()
                 return
 
+    def _as_fine(self, one: Fit, other: Fit) -> Fit:
+        """Return a fit in sub-steps no longer than another's: a coarse step costs likelihood."""
+        finer = -(-other.windowed.pieces // one.windowed.pieces)
+        return self.fit(one.model, one, finer=finer) if finer > 1 else one
+
     def swap(self) -> None:
         """Put other effects in the place of each; take a better one, note those that cannot be told apart."""
         found = self.found
@@ -360,7 +410,8 @@ class _Search:
             final = found.final
             bare_model = _without(final.model, name)
             length = final.windowed.length
-            short = length if final.noise.has_process else self.rungs[0]
+            slight = found.gains.get(name, np.inf) < DOUBTFUL  # short windows would not see it
+            short = length if slight or final.noise.has_process else self.rungs[0]
             bare = self.fit(bare_model, final, length=short)
             whole = final if short == length else self.fit(final.model, final, length=short)
             scores = Scores(bare, Signatures(bare, candidates(bare, self.names)))
@@ -380,6 +431,9 @@ class _Search:
                 if near.cost - whole.cost > APART + CLOSE * taken:
                     continue
                 other = near if short == length else self.fit(near.model, near, length=length)
+                if abs(other.cost - found.final.cost) < DOUBTFUL:
+                    other = self._as_fine(other, found.final)
+                    found.final = self._as_fine(found.final, other)
                 behind = other.cost - found.final.cost
                 correlation = scores.correlation(scored.columns, top.columns)
                 if behind < -APART:
@@ -426,5 +480,5 @@ def _wald(final: Fit, name: str) -> float:
 def noise_of(f: Fit, *, rough: bool = False) -> Noise:
     """Return the noise that fits the residuals of a fit best, process noise included; rough is faster."""
     w = f.windowed
-    columns = np.concatenate([f.residual[..., None], f.jacobian], axis=-1)
+    columns = np.concatenate([f.left[..., None], f.jacobian], axis=-1)
     return estimate(columns, w.seen, len(w.free), f.noise, f.response, forced_states(f), rough=rough)[0]

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hovercontrol.discrepancy.fit import Fit
-from hovercontrol.discrepancy.windowed import Data, Windowed
+from hovercontrol.discrepancy.windowed import Windowed
 
 Array = NDArray[np.float64]
 
@@ -66,7 +66,7 @@ def traces(near: Fit, length: float = np.inf) -> list[Trace]:
     data, model, found = near.windowed.data, near.windowed.model, []
     for log, states in zip(data.logs, near.windowed.tracks(), strict=True):
         longest = max(float(log.time[b - 1] - log.time[a]) for a, b in log.segments)
-        alone = Data((log,), data.channels, data.noise)
+        alone = replace(data, logs=(log,))
         w = Windowed(model, alone, min(length, longest), [states])
         w.set_step(near.p, w.cut.start, near.windowed.pieces)
         residual, _ = w.linearise(near.p, w.cut.start, jacobian=False)

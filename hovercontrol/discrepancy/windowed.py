@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from hovercontrol.block import Block
 from hovercontrol.blockmodel import BlockModel
 from hovercontrol.discrepancy.arrival import Arrival, input_states
+from hovercontrol.discrepancy.navigation import Errors, Navigated, measure_navigated
 from hovercontrol.effects import Shape
 from hovercontrol.identify.measure import Measured, measure_all
 from hovercontrol.identify.shooting import cut, stable_step
@@ -74,10 +75,17 @@ class Data:
         """Length of the longest log [s]."""
         return max(float(m.time[-1] - m.time[0]) for m in self.logs)
 
+    @property
+    def navigated(self) -> bool:
+        """Whether a navigation wrote a log."""
+        return any(isinstance(m, Navigated) for m in self.logs)
+
 
 def gather(model: Subject, logs: Sequence[Log], most_rows: int = 60_000) -> Data:
     """Return what logs say about a model (:func:`hovercontrol.identify.measure.measure`)."""
-    measured = tuple(_without_doubtful_steps(m) for m in measure_all(structure(model), logs, most_rows))
+    block = structure(model)
+    every = [measure_navigated(block, log, most_rows) or log for log in logs]
+    measured = tuple(_without_doubtful_steps(m) for m in measure_all(block, every, most_rows))
     channels = tuple(dict.fromkeys(c for m in measured for c in m.channels))
     return Data(measured, channels, noise_levels(measured, channels))
 
@@ -115,6 +123,8 @@ class Windowed:
         Unknown parameters: coefficients, friction widths, shapes of effects.
     x : ndarray, shape (K, n_states, W)
         States at every row of the last simulation.
+    errors : Errors or None
+        Of the velocities, where a navigation wrote the logs.
     """
 
     def __init__(
@@ -147,6 +157,10 @@ class Windowed:
             found[:count] = np.where(np.isfinite(near[:count]), near[:count], found[:count])
         self.cut = cut(data.logs, states, data.channels, self.ranges)
         self.seen = np.isfinite(self.cut.values).transpose(1, 2, 0)  # W, K, C
+        own = [data.logs[i] for i, _, _ in self.ranges]
+        rows = self.cut.values.transpose(1, 2, 0)
+        drifting = any(isinstance(m, Navigated) for m in own)
+        self.errors = Errors(own, data.channels, rows, self.seen, self.cut.time) if drifting else None
         self.arrivals = [self.arrival(self.block, m) for m in data.logs]
         self._log_of = np.array([i for i, _, _ in self.ranges])
         outputs, names = [s.name for s in self.block.outputs], [s.name for s in self.block.states]
@@ -186,6 +200,13 @@ class Windowed:
         for w, (i, first, stop) in enumerate(self.ranges):
             found[i][:, first:stop] = self.x[: stop - first, :, w].T
         return found
+
+    def plainly_white(self, residual: Array) -> Array:
+        """Return residuals, (W, K, C), whitened by the noise of the measurements alone."""
+        white: Array = residual / self.data.noise
+        if self.errors:
+            white = self.errors.whiten(residual[..., None], white[..., None], self.data.noise)[0][..., 0]
+        return white
 
     # ---- simulation ------------------------------------------------------------------------------------
 

@@ -121,7 +121,7 @@ class SurgeStribeck(_Stribeck):
 
     name, axis, source = "surge_stribeck", "u", "Armstrong-Helouvry et al., Automatica 30 (1994)"
     value = Coefficient("m/s^2", lower=0.0)
-    speed = Shape("m/s", lower=TINY, default=0.2, search=(0.1, 0.25, 0.6), of="speed")
+    speed = Shape("m/s", lower=TINY, default=0.2, search=(0.05, 0.12, 0.3, 0.8), of="speed")
     width = Shape("m/s", lower=TINY, default=0.01)
 
 
@@ -130,7 +130,7 @@ class SwayStribeck(_Stribeck):
 
     name, axis, source = "sway_stribeck", "v", "Armstrong-Helouvry et al., Automatica 30 (1994)"
     value = Coefficient("m/s^2", lower=0.0)
-    speed = Shape("m/s", lower=TINY, default=0.2, search=(0.1, 0.25, 0.6), of="speed")
+    speed = Shape("m/s", lower=TINY, default=0.2, search=(0.05, 0.12, 0.3, 0.8), of="speed")
     width = Shape("m/s", lower=TINY, default=0.01)
 
 
@@ -139,5 +139,5 @@ class YawStribeck(_Stribeck):
 
     name, axis, source = "yaw_stribeck", "r", "Armstrong-Helouvry et al., Automatica 30 (1994)"
     value = Coefficient("rad/s^2", lower=0.0)
-    speed = Shape("rad/s", lower=TINY, default=0.5, search=(0.1, 0.25, 0.6), of="speed")
+    speed = Shape("rad/s", lower=TINY, default=0.5, search=(0.05, 0.12, 0.3, 0.8), of="speed")
     width = Shape("rad/s", lower=TINY, default=0.01)

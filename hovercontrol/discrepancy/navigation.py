@@ -1,0 +1,224 @@
+"""Logs that a navigation wrote: between its corrections velocities drift, at them positions jump.
+
+An inertial navigation integrates accelerometers between fixes. Its velocity over ground is then off by an
+offset and a ramp that nobody knows, smooth to a millimetre, and its position, which integrates that, says
+nothing new; at a fix both jump where the craft does not. So windows cross no correction, positions are left
+out, and offset and ramp are noise that lasts through a window: with their covariance residuals are whitened
+(K06 sections 3.5 and 5.4 describe such a navigation).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hovercontrol.block import Block
+from hovercontrol.identify.measure import MOST_ROWS, Measured, measure
+from hovercontrol.identify.windows import FEWEST
+from hovercontrol.logs import POSE, VELOCITY, Log
+
+Array = NDArray[np.float64]
+Rows = NDArray[np.intp]
+
+#: Robust standard deviations by which a correction moves a position beyond what the velocities say.
+JUMP = 8.0
+
+#: Corrections that make a navigation, and the largest part of the rows that may be some.
+LEAST, MOST = 5, 0.2
+
+#: How far a median of sizes is from the standard deviation of normal numbers.
+NORMAL = 0.6745
+
+
+@dataclass(frozen=True)
+class Drift:
+    """Errors of the velocities over ground between two corrections.
+
+    Attributes
+    ----------
+    offset : float
+        Standard deviation of their constant part [m/s].
+    ramp : float
+        Of its growth [m/s^2].
+    white : float
+        Of what differs from row to row [m/s].
+    corrections : int
+        How often the log was corrected.
+    jump : float
+        Root mean square of a correction of the position [m].
+    """
+
+    offset: float
+    ramp: float
+    white: float
+    corrections: int
+    jump: float
+
+    def __str__(self) -> str:
+        return (
+            f"the position jumps {self.corrections} times, by {self.jump:.2g} m, where the velocities say "
+            "nothing of it: corrections of a navigation. Positions are left out, and between corrections the "
+            f"velocities may be off by an offset ({self.offset:.2g} m/s) and a ramp ({self.ramp:.2g} m/s^2)"
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Navigated(Measured):
+    """A log that a navigation wrote, cut at its corrections.
+
+    Attributes
+    ----------
+    drift : Drift
+    """
+
+    drift: Drift
+
+
+def over_ground(log: Log) -> Array:
+    """Return the velocities over ground that a log's heading and body velocities say, shape (2, n) [m/s]."""
+    c, s = np.cos(log["psi"]), np.sin(log["psi"])
+    return np.stack([c * log["u"] - s * log["v"], s * log["u"] + c * log["v"]])
+
+
+def corrections(log: Log) -> Rows:
+    """Return the rows at which the position jumps as no velocity says, and stays there.
+
+    Parameters
+    ----------
+    log : Log
+        With pose and body velocities; else there are none.
+
+    Examples
+    --------
+    >>> t = 0.01 * np.arange(1000)
+    >>> x = t + 1e-4 * np.sin(997.0 * t) + 0.05 * (t // 1 % 2)
+    >>> columns = {"x": x, "y": 0 * t, "psi": 0 * t, "u": 1 + 0 * t, "v": 0 * t, "r": 0 * t}
+    >>> corrections(Log("demo", t, columns)).tolist()
+    [100, 200, 300, 400, 500, 600, 700, 800, 900]
+    """
+    if not log.has(*POSE, *VELOCITY) or len(log) < 8:
+        return np.empty(0, dtype=np.intp)
+    speed, step = over_ground(log), np.diff(log.time)
+    moved = np.diff(log.stack("x", "y"), axis=0).T - 0.5 * (speed[:, 1:] + speed[:, :-1]) * step
+    known = np.isfinite(moved).all(axis=0) & (step < 1.5 * float(np.median(step)))
+    if not known.any():
+        return np.empty(0, dtype=np.intp)
+    level = np.median(np.abs(moved[:, known]), axis=1, keepdims=True) / NORMAL
+    far = known & (np.abs(moved) > JUMP * np.maximum(level, 1e-12)).any(axis=0)
+    alone = far.copy()
+    alone[1:] &= ~far[:-1]  # a sample that stands out jumps there and back
+    alone[:-1] &= ~far[1:]
+    return np.flatnonzero(alone) + 1
+
+
+def measure_navigated(block: Block, log: Log, most_rows: int = MOST_ROWS) -> Navigated | None:
+    """Return what a log says about a Block if a navigation wrote it, else None.
+
+    Parameters
+    ----------
+    block : Block
+    log : Log
+    most_rows : int, optional
+        As for :func:`hovercontrol.identify.measure.measure`.
+    """
+    at = corrections(log)
+    if not LEAST <= at.size <= MOST * len(log):
+        return None
+    speed = over_ground(log)
+    steps = np.sqrt((np.diff(log.stack("x", "y"), axis=0)[at - 1] ** 2).sum(axis=1) / 2)
+    jumps = np.sqrt(((speed[:, at] - speed[:, at - 1]) ** 2).mean())
+    thirds = np.abs(np.diff(speed, 3, axis=1))
+    white = max(float(np.nanmedian(thirds)) / (NORMAL * np.sqrt(20.0)), 1e-12)
+    apart = float(np.median(np.diff(log.time[at])))
+    drift = Drift(float(jumps), float(jumps) / apart, white, int(at.size), float(np.sqrt((steps**2).mean())))
+    columns = {name: values for name, values in log.columns.items() if name not in ("x", "y")}
+    plain = measure(block, Log(log.name, log.time, columns), most_rows)
+    times = log.time[at]
+    cuts = np.searchsorted(plain.time, times - 1e-9)
+    segments = []
+    for first, stop in plain.segments:
+        own = cuts[(cuts > first) & (cuts < stop)].tolist()
+        segments += [(a, b) for a, b in zip([first, *own], [*own, stop], strict=True) if b - a >= FEWEST]
+    given = {f.name: getattr(plain, f.name) for f in fields(Measured)}
+    return Navigated(**{**given, "segments": tuple(segments)}, drift=drift)
+
+
+class Errors:
+    """The errors of a navigation's velocities in windows: whitened, or taken out.
+
+    Parameters
+    ----------
+    logs : sequence of Measured
+        Of each window.
+    channels : sequence of str
+    values, seen : ndarray, shape (W, K, C)
+    time : ndarray, shape (W, K)
+    """
+
+    def __init__(
+        self,
+        logs: Sequence[Measured],
+        channels: Sequence[str],
+        values: Array,
+        seen: NDArray[np.bool_],
+        time: Array,
+    ) -> None:
+        self._at = [channels.index(name) for name in ("psi", "u", "v")]
+        self._own = np.flatnonzero([isinstance(m, Navigated) for m in logs])
+        drifts = [m.drift for m in logs if isinstance(m, Navigated)]
+        K = values.shape[1]
+        psi, u, v = np.moveaxis(np.nan_to_num(values[self._own][..., self._at]), -1, 0)
+        c, s = np.cos(psi), np.sin(psi)
+        # residuals over ground: those of the body turned, and the heading's, which turns the velocity
+        self._turn = np.stack(
+            [np.stack([-s * u - c * v, c, -s], axis=-1), np.stack([c * u - s * v, s, c], axis=-1)], axis=-2
+        )
+        self._known: NDArray[np.bool_] = np.all(seen[self._own][..., self._at], axis=-1, keepdims=False)
+        self._turn *= self._known[..., None, None]
+        offset, ramp, white = np.array([[d.offset, d.ramp, d.white] for d in drifts]).T[..., None]
+        since = time[self._own] - time[self._own, :1]
+        slow = offset[..., None] ** 2 + (ramp * since)[:, :, None] * (ramp * since)[:, None, :]
+        self._slow = slow * self._known[:, :, None] * self._known[:, None, :]
+        whole = self._slow.copy()
+        whole[:, range(K), range(K)] += np.where(self._known, white**2, 1.0)
+        L = np.linalg.cholesky(whole)
+        self._inverse = np.linalg.inv(L)
+        self._spread = 4.0 * np.log(np.diagonal(L, axis1=1, axis2=2)).sum(axis=1)  # of both directions
+
+    def whiten(self, columns: Array, white: Array, measured: Array) -> tuple[Array, Array]:
+        """Return whitened columns, those of the velocities anew, and what the determinants gain.
+
+        Parameters
+        ----------
+        columns, white : ndarray, shape (W, K, C, M)
+            As they are, and over the noise of each channel.
+        measured : ndarray, shape (C,)
+            That noise.
+        """
+        ground = self._over_ground(columns)
+        W, K, _, M = ground.shape
+        found = (self._inverse @ ground.reshape(W, K, 2 * M)).reshape(W, K, 2, M)
+        white = white.copy()
+        for j, c in enumerate(self._at[1:]):
+            white[self._own, :, c] = np.where(self._known[..., None], found[:, :, j], 0.0)
+        gained = np.zeros(len(columns))
+        plain = 2.0 * np.log(measured[self._at[1:]]).sum()
+        gained[self._own] = self._spread - plain * self._known.sum(axis=1)
+        return white, gained
+
+    def without(self, residual: Array) -> Array:
+        """Return residuals, (W, K, C), less the likeliest drift."""
+        ground = self._over_ground(residual[..., None])[..., 0]
+        drift = self._slow @ (self._inverse.swapaxes(1, 2) @ (self._inverse @ ground))
+        body = np.swapaxes(self._turn[..., 1:], -1, -2) @ drift[..., None]
+        left = residual.copy()
+        for j, c in enumerate(self._at[1:]):
+            left[self._own, :, c] -= body[..., j, 0]
+        return left
+
+    def _over_ground(self, columns: Array) -> Array:
+        """Return the residuals of the velocities over ground, (W', K, 2, M)."""
+        return np.asarray(self._turn @ columns[self._own][:, :, self._at])
