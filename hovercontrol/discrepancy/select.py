@@ -340,8 +340,9 @@ class _Search:
         tries: list[tuple[float, Scored, Fit]] = []
         for scored in worth[:MOST_TRIES]:
             explained = tries and min(t[2].chi2_per_dof for t in tries) < SETTLED
-            if tries and scored.gain < (0.9 if explained else 0.4) * worth[0].gain:
-                break
+            kin = _kin(scored.candidate.trial, worth[0].candidate.trial)
+            if tries and scored.gain < (0.9 if explained and not kin else 0.4) * worth[0].gain:
+                continue
             self._progress(f"trying {scored.candidate.name}")
             near = zoom(current, scored)
             new = self.fit(current.model.with_effects([near.effect]), current)
