@@ -189,7 +189,7 @@ def _scales(w: Windowed) -> dict[str, float]:
     names = [s.name for s in w.block.states]
     # of a craft that stands still most of the time the speed while it moves
     squares = [w.x[:, i] ** 2 for i in range(len(names))]
-    speeds = [math.sqrt(float(np.mean(x**2) / max(np.mean(x), 1e-300))) for x in squares]
+    speeds = [math.sqrt(float(np.mean(x**2)) / max(float(np.mean(x)), 1e-300)) for x in squares]
     found = {f"speed_{n}": v or 1.0 for n, v in zip(names, speeds, strict=True)}
     thrusts = [i for i, s in enumerate(w.block.inputs) if s.name != "rudder"]
     largest = max((float(np.abs(m.inputs[thrusts]).max(initial=0.0)) for m in w.data.logs), default=0.0)

@@ -26,6 +26,9 @@ Rows = NDArray[np.intp]
 #: Robust standard deviations by which a correction moves a position beyond what the velocities say.
 JUMP = 8.0
 
+#: Rows to either side of a correction whose medians differ by it.
+BESIDE = 5
+
 #: Corrections that make a navigation, and the largest part of the rows that may be some.
 LEAST, MOST = 5, 0.2
 
@@ -103,15 +106,20 @@ def corrections(log: Log) -> Rows:
         return np.empty(0, dtype=np.intp)
     speed, step = over_ground(log), np.diff(log.time)
     moved = np.diff(log.stack("x", "y"), axis=0).T - 0.5 * (speed[:, 1:] + speed[:, :-1]) * step
-    known = np.isfinite(moved).all(axis=0) & (step < 1.5 * float(np.median(step)))
+    known = np.isfinite(moved).all(axis=0)
     if not known.any():
         return np.empty(0, dtype=np.intp)
     level = np.median(np.abs(moved[:, known]), axis=1, keepdims=True) / NORMAL
-    far = known & (np.abs(moved) > JUMP * np.maximum(level, 1e-12)).any(axis=0)
-    alone = far.copy()
-    alone[1:] &= ~far[:-1]  # a sample that stands out jumps there and back
-    alone[:-1] &= ~far[1:]
-    return np.flatnonzero(alone) + 1
+    longer = np.maximum(step / float(np.median(step)), 1.0)  # velocities may change where rows are missing
+    far = known & (np.abs(moved) > JUMP * longer * np.maximum(level, 1e-12)).any(axis=0)
+    carried = np.concatenate([np.zeros((2, 1)), np.cumsum(np.where(known, moved, 0.0), axis=1)], axis=1)
+    found = []
+    for row in np.flatnonzero(far) + 1:  # a sample that stands out does not stay
+        before, after = carried[:, max(row - BESIDE, 0) : row], carried[:, row : row + BESIDE]
+        stayed = np.median(after, axis=1) - np.median(before, axis=1)
+        if (np.abs(stayed) > np.maximum(0.5 * np.abs(moved[:, row - 1]), JUMP * level[:, 0])).any():
+            found.append(int(row))
+    return np.array(found, dtype=np.intp)
 
 
 def measure_navigated(block: Block, log: Log, most_rows: int = MOST_ROWS) -> Navigated | None:

@@ -1,0 +1,113 @@
+"""Logs that a navigation wrote: corrections are found, drift is whitened, effects named in spite of both."""
+
+import numpy as np
+import pytest
+
+from hovercontrol.discrepancy import diagnose
+from hovercontrol.discrepancy.navigation import Navigated, corrections, measure_navigated, over_ground
+from hovercontrol.discrepancy.windowed import Windowed, gather
+from hovercontrol.logs import Log
+
+from .generator import Conditions, make
+
+#: What the navigation's velocities are off by: an offset [m/s], a ramp [m/s^2]; seconds between fixes.
+OFFSET, RAMP, FIX = 0.05, 0.02, 1.0
+
+
+def navigated(log, rng):
+    """Return a log as a navigation would have written it: drift between fixes, which move the position."""
+    t = log.time - log.time[0]
+    interval = (t // FIX).astype(int)
+    count = interval[-1] + 1
+    since = t - FIX * interval
+    drift = (
+        OFFSET * rng.normal(size=(2, count))[:, interval]
+        + RAMP * rng.normal(size=(2, count))[:, interval] * since
+    )
+    ground = over_ground(log) + drift
+    c, s = np.cos(log["psi"]), np.sin(log["psi"])
+    steps = np.diff(t, prepend=t[0])
+    moved = np.cumsum(ground * steps, axis=1)
+    fixes = 0.05 * rng.normal(size=(2, count))[:, interval]
+    columns = {
+        **log.columns,
+        "u": c * ground[0] + s * ground[1],
+        "v": c * ground[1] - s * ground[0],
+        "x": moved[0] + fixes[0] + 1e-4 * rng.normal(size=t.size),
+        "y": moved[1] + fixes[1] + 1e-4 * rng.normal(size=t.size),
+    }
+    return Log(log.name, log.time, columns)
+
+
+def case_of(seed, names, **conditions):
+    """Return model, training logs and hold-out log of a case whose logs a navigation wrote."""
+    case = make(seed, names, Conditions(duration=40.0, **conditions))
+    rng = np.random.default_rng([seed, 2])
+    return case.model, [navigated(log, rng) for log in case.logs], navigated(case.holdout, rng)
+
+
+def test_corrections_are_found_to_the_row_and_only_where_there_are_some():
+    _, (log, _), _ = case_of(3, [])
+    found = corrections(log)
+    wanted = np.flatnonzero(np.diff(log.time // FIX) > 0) + 1
+    assert set(found) <= set(wanted)
+    assert found.size > 0.8 * wanted.size  # some are smaller than the noise
+    plain = make(3, [], Conditions(duration=40.0))
+    assert not any(corrections(log).size for log in plain.logs)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_outliers_gaps_and_jitter_are_no_corrections(seed):
+    case = make(seed, ["slope"], Conditions(duration=60.0, faults=True))
+    assert not any(measure_navigated(case.model.plant(), log) for log in case.logs)
+
+
+def test_drift_is_whitened_to_independent_numbers_and_taken_out():
+    model, logs, _ = case_of(4, [])
+    data = gather(model, logs)
+    assert data.navigated and "x" not in data.channels
+    assert all(isinstance(m, Navigated) for m in data.logs)
+    w = Windowed(model, data, 1.0)
+    drift, rng = data.logs[0].drift, np.random.default_rng(0)
+    W, K, C = w.seen.shape
+    iu, iv, ipsi = (data.channels.index(c) for c in ("u", "v", "psi"))
+    psi = w.cut.values[ipsi]
+    since = w.cut.time - w.cut.time[:, :1]
+    log_of = np.array([data.logs[i].drift.offset for i, _, _ in w.ranges])
+    assert np.allclose(log_of, drift.offset, rtol=0.5)
+    residual = np.zeros((W, K, C))
+    slow = np.zeros((2, W, K))
+    for j, (i, _, _) in enumerate(w.ranges):
+        own = data.logs[i].drift
+        slow[:, j] = own.offset * rng.normal(size=(2, 1)) + own.ramp * rng.normal(size=(2, 1)) * since[j]
+    white = np.array([data.logs[i].drift.white for i, _, _ in w.ranges])[:, None] * rng.normal(size=(2, W, K))
+    ground = slow + white
+    c, s = np.cos(psi).reshape(W, K), np.sin(psi).reshape(W, K)
+    residual[..., iu] = c * ground[0] + s * ground[1]
+    residual[..., iv] = c * ground[1] - s * ground[0]
+    residual = np.where(w.seen, np.nan_to_num(residual), 0.0)
+    found = w.plainly_white(residual)[..., [iu, iv]][w.seen[..., [iu, iv]]]
+    assert np.mean(found**2) == pytest.approx(1.0, abs=0.05)
+    left = w.errors.without(residual)
+    raw, cleaned = (np.sqrt(np.mean(r[..., [iu, iv]][w.seen[..., [iu, iv]]] ** 2)) for r in (residual, left))
+    assert cleaned < 1.2 * drift.white < 0.5 * raw
+
+
+@pytest.mark.parametrize("name", ["rudder_offset", "reverse_thrust_loss", "surge_quadratic_drag"])
+def test_effects_are_named_in_spite_of_drift(name):
+    model, logs, holdout = case_of(6, [name])
+    found = diagnose(model, logs, holdout)
+    assert (found.verdict, [e.effect for e in found.effects][:1]) == ("effect", [name])
+    hidden = make(6, [name], Conditions(duration=40.0)).truth.effect(name)
+    for number in found.effects:
+        wanted = hidden.values[
+            number.parameter.removeprefix(f"{name}_") if number.parameter != name else "value"
+        ]
+        assert abs(number.value - wanted) < 4 * number.std
+    assert any("corrections of a navigation" in line for line in found.warnings)
+    assert found.after.chi2 < found.before.chi2
+
+
+def test_nothing_is_named_where_only_the_navigation_drifts():
+    model, logs, holdout = case_of(8, [])
+    assert diagnose(model, logs, holdout).verdict == "none"
