@@ -52,6 +52,9 @@ UNSURE = 0.3
 #: Narrowest friction [m/s, rad/s] that a fit tells from a jump.
 NARROWEST = 5e-4
 
+#: Widest, in parts of the speed while the craft moves.
+WIDEST = 0.3
+
 
 @dataclass(frozen=True, eq=False)
 class Data:
@@ -152,6 +155,7 @@ class Windowed:
         self.ranges = windows(data.logs, length)
         self.ranges.sort(key=lambda r: r[1] - r[2])
         states = [_states(self.block, m) for m in data.logs]
+        self._bound_widths(states)
         for found, near in zip(states, guess or (), strict=False):
             count = min(len(found), len(near))
             found[:count] = np.where(np.isfinite(near[:count]), near[:count], found[:count])
@@ -187,6 +191,18 @@ class Windowed:
         acting: set[str] = set().union(*({str(s) for s in law} for law in laws))
         acting |= {name for name in timing(self.model) if name}
         return [j for j, name in enumerate(self.names) if self.block.parameter(name).name in acting]
+
+    def _bound_widths(self, states: Sequence[Array]) -> None:
+        """Let no dry friction grow as wide as the motion is fast: it would be a linear drag."""
+        axes = [s.name for s in self.block.states]
+        for e in self.model.effects:
+            axis = getattr(e, "axis", "")
+            if "width" not in e.numbers or axis not in axes or e.parameter("width") not in self.names:
+                continue
+            squares = np.concatenate([x[axes.index(axis)] for x in states]) ** 2
+            j = self.names.index(e.parameter("width"))
+            widest = WIDEST * np.sqrt(np.nanmean(squares**2) / max(float(np.nanmean(squares)), 1e-300))
+            self.upper[j] = max(min(self.upper[j], widest), self.start[j], self.lower[j])
 
     def blocks(self, seconds: float = 2.0) -> NDArray[np.intp]:
         """Return which windows lie in the same stretch of so many seconds, as numbers from 0, shape (W,)."""

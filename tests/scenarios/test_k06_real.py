@@ -10,6 +10,7 @@ import pytest
 
 from hovercontrol.analysis.budget import Budget, Cost, budget
 from hovercontrol.autopilot import SWITCHES, Imperfections, seeds
+from hovercontrol.discrepancy import diagnose
 from hovercontrol.errors import InputError
 from hovercontrol.logs import read_log
 from hovercontrol.scenarios import load_scenario, run_scenario
@@ -157,12 +158,28 @@ def test_a_real_trial_is_that_of_its_ideal_one(trial):
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("trial", ["reverse", "lateral"])
+@pytest.mark.parametrize("trial", ["real-turn", "reverse", "lateral"])
 def test_the_crafts_of_a_field_trial_and_its_hold_out_are_one(trial):
     one, other = (load_scenario(f"k06-field-{trial}{end}") for end in ("", "-holdout"))
     assert (one.plant, one.controller) == (other.plant, other.controller)
     assert one.plant != one.belief
     assert one.autopilot.seed != other.autopilot.seed
+
+
+def test_with_yaw_friction_the_real_loop_turns_as_the_thesis_craft_did():
+    found = run_scenario(load_scenario("k06-field-real-turn")).metrics()
+    assert len(found) == 3 and [(m.metric.name, m.value) for m in found if not m.met] == []
+
+
+def test_diagnose_names_the_rudders_offset_in_the_log_of_the_crafts_navigation(tmp_path):
+    scenario = load_scenario("k06-field-lateral")
+    run_scenario(scenario).save(tmp_path)
+    found = diagnose(scenario.belief, [read_log(tmp_path / "log.csv")])
+    offset, delay = found.effects
+    assert (offset.effect, delay.effect) == ("rudder_offset", "input_delay")
+    assert offset.value == pytest.approx(scenario.plant.effect("rudder_offset").values["value"], rel=0.05)
+    assert 0.001 < delay.value < 0.0066  # a row holds the last sample of an IMU of 6.5536 ms
+    assert {r.name for r in found.rivals} == {"time_offset"}
 
 
 GOOD = """
