@@ -93,6 +93,12 @@ def test_the_heading_trial_meets_its_figures(heading):
     assert [(m.metric.name, m.value) for m in heading.metrics() if not m.met] == []
 
 
+@pytest.mark.parametrize("law", ["bangbang", "proportional"])
+def test_from_rest_both_laws_come_within_the_pointing_tolerance(law):
+    found = run_scenario(load_scenario(f"k06-real-heading-{law}-rest")).metrics()
+    assert len(found) == 2 and [(m.metric.name, m.value) for m in found if not m.met] == []
+
+
 def test_the_log_is_that_of_the_navigation(heading, tmp_path):
     heading.save(tmp_path)
     log = read_log(tmp_path / "log.csv", inputs=("thrust", "rudder"))
