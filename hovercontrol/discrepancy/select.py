@@ -41,6 +41,9 @@ MOST_TRIES = 4
 #: may leave there to be fitted in long ones; in parts of the named effect's.
 NEAR, CLOSE = 0.4, 0.05
 
+#: Effects at most that are fitted in the place of a named one.
+MOST_RIVALS = 8
+
 #: Times at most that better effects are looked for in place of the named ones.
 ROUNDS = 3
 
@@ -216,12 +219,17 @@ class _Search:
         final = self.found.final
         if not self.found.effects or (final.converged and final.chi2_per_dof < SETTLED):
             return
-        new = fit(final.model, self.data, self.rungs[0], self.plain, prior_model=self.model)
+        self.found.final = self._from_short(final)
+
+    def _from_short(self, hung: Fit) -> Fit:
+        """Return the better of a fit and one that comes to its windows from short ones."""
+        if hung.windowed.length == self.rungs[0]:
+            return hung
+        new = fit(hung.model, self.data, self.rungs[0], self.plain, prior_model=self.model)
         for length in self.rungs[1:]:
-            if length <= final.windowed.length:
+            if length <= hung.windowed.length:
                 new = self.fit(new.model, new, length=length)
-        if new.windowed.length == final.windowed.length and new.cost < final.cost:
-            self.found.final = new
+        return min(hung, new, key=lambda f: f.cost)
 
     def _once_more(self) -> None:
         """Begin again in short windows, where the way was lost in long ones, and climb with what is found."""
@@ -306,7 +314,7 @@ class _Search:
             if length < found.final.windowed.length:
                 continue
             if length > found.final.windowed.length:
-                found.final = self.fit(found.final.model, found.final, length=length)
+                found.final = self._longer(found.final, length)
             last = length == self.rungs[-1]
             while len(found.effects) < self.max_effects and (last or found.final.chi2_per_dof > EXPLAINED):
                 current = found.final
@@ -317,6 +325,21 @@ class _Search:
                     break
             if found.final.chi2_per_dof > GROSS:
                 break
+
+    def _longer(self, short: Fit, length: float) -> Fit:
+        """Return a fit in longer windows; if they get lost, with what the short ones see already."""
+        long = self.fit(short.model, short, length=length)
+        while (
+            long.chi2_per_dof > EXPLAINED > short.chi2_per_dof and len(self.found.effects) < self.max_effects
+        ):
+            best = self._worth(
+                Scores(short, Signatures(short, candidates(short, self.names))), short.chi2_per_dof
+            )
+            short, added = self._add(short, best)
+            if not added:
+                break
+            long = self.fit(short.model, short, length=length)
+        return long
 
     def _worth(self, scores: Scores, chi2_per_dof: float) -> list[Scored]:
         """Return the effects whose gain is worth their numbers; note those that may not be."""
@@ -346,6 +369,8 @@ class _Search:
             self._progress(f"trying {scored.candidate.name}")
             near = zoom(current, scored)
             new = self.fit(current.model.with_effects([near.effect]), current)
+            if not new.noise.has_process and not (new.converged and new.chi2_per_dof < SETTLED):
+                new = self._from_short(new)
             tries.append((new.cost, near, new))
         if not tries:
             return current, False
@@ -420,14 +445,15 @@ class _Search:
             top = next((s for s in best if s.candidate.name == name), None)
             if top is None:
                 continue
-            taken = bare.cost - whole.cost
+            taken, left = bare.cost - whole.cost, MOST_RIVALS
             for scored in best:
                 other_name = scored.candidate.name
-                if other_name == name or other_name in found.effects or not scored.allowed:
+                if other_name == name or other_name in found.effects or not scored.allowed or not left:
                     continue
                 far = top.gain - scored.gain > max(3 * APART, NEAR * top.gain)
                 if far and not _kin(scored.candidate.trial, top.candidate.trial):
                     continue
+                left -= 1
                 near = self.fit(bare_model.with_effects([zoom(bare, scored).effect]), bare)
                 if near.cost - whole.cost > APART + CLOSE * taken:
                     continue

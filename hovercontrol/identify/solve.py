@@ -253,10 +253,23 @@ def bounded_step(S: Array, g: Array, lower: Array, upper: Array, size: Array, da
     scaled = S * np.outer(size, size)
     diagonal = np.diag(scaled)
     scaled = scaled + np.diag(damping * diagonal + 1e-12 * diagonal.max() + 1e-12)
-    L = np.linalg.cholesky(scaled)
+    L = _root(scaled)
     y = np.linalg.solve(L, g * size)
     d = np.linalg.solve(L.T, y)
     low, high = lower / size, upper / size
     if (d < low).any() or (d > high).any():
         d = lsq_linear(L.T, y, (low - 1e-15, high + 1e-15), method="bvls").x
     return np.clip(d, low, high) * size
+
+
+def _root(S: Array) -> Array:
+    """Return the Cholesky factor of S, raised on its diagonal as far as rounding made it indefinite."""
+    raised = 1e-10 * float(np.diag(S).max())
+    while True:
+        try:
+            found: Array = np.asarray(np.linalg.cholesky(S), dtype=float)
+            return found
+        except np.linalg.LinAlgError:
+            if not np.isfinite(S).all():
+                raise
+            S, raised = S + raised * np.eye(len(S)), 10.0 * raised
