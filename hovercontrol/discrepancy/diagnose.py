@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from hovercontrol.discrepancy.checks import check_excitation, check_logs
 from hovercontrol.discrepancy.experiment import BADLY, Experiment, separate, sharpen
@@ -259,9 +260,20 @@ def diagnose(
     >>> found.verdict, [e.effect for e in found.effects][:1]
     ('effect', ['slope'])
     """
-    tell = progress or (lambda part, what: None)
     if not logs:
         raise InputError("diagnosis needs at least one log")
+    with threadpool_limits(1, "blas"):  # its threads would wait for each other at many small matrices
+        return _diagnosed(model, logs, holdout, names, max_effects, progress or (lambda part, what: None))
+
+
+def _diagnosed(
+    model: Subject,
+    logs: Sequence[Log],
+    holdout: Log | None,
+    names: Sequence[str] | None,
+    max_effects: int,
+    tell: Callable[[float, str], None],
+) -> Diagnosis:
     warnings = check_logs(model, logs, holdout)
     tell(0.0, "reading what was measured")
     data = gather(model, logs)

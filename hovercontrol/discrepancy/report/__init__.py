@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from threadpoolctl import threadpool_limits
+
 from hovercontrol.discrepancy.diagnose import Diagnosis
 from hovercontrol.discrepancy.report.appendix import appendix
 from hovercontrol.discrepancy.report.equations import coefficients, equations
@@ -49,7 +51,8 @@ def write_report(
     Path
         Of the page, which appears whole or not at all.
     """
-    m = collect(diagnosis, holdout, names, warnings, command)
+    with threadpool_limits(1, "blas"):  # as in diagnose
+        m = collect(diagnosis, holdout, names, warnings, command)
     top = f'<div class="top"><div>{verdict(diagnosis)}</div><div>{gap(m)}</div></div>'
     sections = [top, equations(m), proof(m), where(m), evidence(m), coefficients(m), appendix(m)]
     text = page(headline(diagnosis), sections)
