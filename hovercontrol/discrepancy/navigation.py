@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hovercontrol.block import Block
-from hovercontrol.identify.measure import MOST_ROWS, Measured, measure
+from hovercontrol.identify.measure import MOST_ROWS, Measured, measure, steps
 from hovercontrol.identify.windows import FEWEST
 from hovercontrol.logs import POSE, VELOCITY, Log
 
@@ -25,6 +25,9 @@ Rows = NDArray[np.intp]
 
 #: Robust standard deviations by which a correction moves a position beyond what the velocities say.
 JUMP = 8.0
+
+#: Steps of a position's resolution that are no correction.
+RESOLVED = 3.0
 
 #: Rows to either side of a correction whose medians differ by it.
 BESIDE = 5
@@ -111,7 +114,11 @@ def corrections(log: Log) -> Rows:
         return np.empty(0, dtype=np.intp)
     level = np.median(np.abs(moved[:, known]), axis=1, keepdims=True) / NORMAL
     longer = np.maximum(step / float(np.median(step)), 1.0)  # velocities may change where rows are missing
-    far = known & (np.abs(moved) > JUMP * longer * np.maximum(level, 1e-12)).any(axis=0)
+    apart = [steps(row[np.isfinite(row)]) for row in log.stack("x", "y").T]
+    finest = np.array([[sizes.min() if sizes.size else 0.0] for sizes in apart])  # their resolution
+    least = np.maximum(JUMP * np.maximum(level, 1e-12), RESOLVED * finest)
+    least = least * longer + np.abs(np.diff(speed)) * step  # a velocity that jumps tells when only to a row
+    far = known & (np.abs(moved) > least).any(axis=0)
     carried = np.concatenate([np.zeros((2, 1)), np.cumsum(np.where(known, moved, 0.0), axis=1)], axis=1)
     found = []
     for row in np.flatnonzero(far) + 1:  # a sample that stands out does not stay
@@ -136,12 +143,12 @@ def measure_navigated(block: Block, log: Log, most_rows: int = MOST_ROWS) -> Nav
     if not LEAST <= at.size <= MOST * len(log):
         return None
     speed = over_ground(log)
-    steps = np.sqrt((np.diff(log.stack("x", "y"), axis=0)[at - 1] ** 2).sum(axis=1) / 2)
+    moved = np.diff(log.stack("x", "y"), axis=0)[at - 1]
     jumps = np.sqrt(((speed[:, at] - speed[:, at - 1]) ** 2).mean())
     thirds = np.abs(np.diff(speed, 3, axis=1))
     white = max(float(np.nanmedian(thirds)) / (NORMAL * np.sqrt(20.0)), 1e-12)
     apart = float(np.median(np.diff(log.time[at])))
-    drift = Drift(float(jumps), float(jumps) / apart, white, int(at.size), float(np.sqrt((steps**2).mean())))
+    drift = Drift(float(jumps), float(jumps) / apart, white, int(at.size), float(np.sqrt((moved**2).mean())))
     columns = {name: values for name, values in log.columns.items() if name not in ("x", "y")}
     plain = measure(block, Log(log.name, log.time, columns), most_rows)
     times = log.time[at]

@@ -62,6 +62,15 @@ def test_outliers_gaps_and_jitter_are_no_corrections(seed):
     assert not any(measure_navigated(case.model.plant(), log) for log in case.logs)
 
 
+def test_neither_exact_nor_coarse_positions_are_corrections():
+    exact = make(5, [], Conditions(duration=40.0, noise=0.0)).logs[0]
+    assert not corrections(exact).size
+    t = 0.01 * np.arange(4000)
+    slow = {"x": np.round(0.005 * t, 3), "u": 0.005 + 0 * t}  # a camera that counts millimetres
+    coarse = Log("coarse", t, {**dict.fromkeys(("y", "psi", "v", "r"), 0 * t), **slow})
+    assert not corrections(coarse).size
+
+
 def test_drift_is_whitened_to_independent_numbers_and_taken_out():
     model, logs, _ = case_of(4, [])
     data = gather(model, logs)
