@@ -39,9 +39,11 @@ def proof(m: Material) -> str:
     kinds = ("measured", "before", "after") if m.changed else ("measured", "before")
     noise = {c.channel: c.noise for c in m.before.comparison.channels}
     plots = [*pictures.overlays(before, after, m.changed), pictures.path(before, after, m.changed)]
+    navigated = m.diagnosis.selection.final.windowed.data.navigated
+    often = "at every correction of the navigation" if navigated else f"every {SHOWN:g} s"
     lead = (
         f"Log {before.log}, {took}. The simulations get the commands alone and start from the measurement "
-        f"every {SHOWN:g} s; shown is the stretch in which the model as it was errs most."
+        f"{often}; shown is the stretch in which the model as it was errs most."
     )
     return (
         f"<h2>Simulation beside measurement</h2>{paragraph(lead)}{legend(*kinds)}{grid(plots)}"
