@@ -20,7 +20,7 @@ from hovercontrol.discrepancy.localize import Missing, localize, regime
 from hovercontrol.discrepancy.navigation import Navigated
 from hovercontrol.discrepancy.noise import Noise
 from hovercontrol.discrepancy.probes import Sign, probe
-from hovercontrol.discrepancy.select import EXPLAINED, Rival, Selection, ladder, noise_of, select
+from hovercontrol.discrepancy.select import EXPLAINED, LEAST, Rival, Selection, ladder, noise_of, select
 from hovercontrol.discrepancy.windowed import Subject, gather
 from hovercontrol.errors import InputError
 from hovercontrol.files import write_whole
@@ -292,7 +292,7 @@ def _diagnosed(
     bare = fit(selection.base.model, data, *like, prior_model=model) if selection.effects else final
     before = gap(bare.model, held, length) if held else None
     after = gap(final.model, held, length) if held and final is not bare else before
-    signs += _slow(selection) + _veto(selection, before, after)
+    signs += _slow(selection) + _weak(selection) + _veto(selection, before, after)
     verdict = _verdict(selection, signs)
     named = verdict in ("effect", "ambiguous")
     tell(0.96, "looking where it is")
@@ -357,6 +357,15 @@ def _slow(selection: Selection) -> tuple[Sign, ...]:
     )
     count = int(selection.final.windowed.seen.sum())
     return (Sign("slow", text, (selection.slow - 1.0) * count, 1),)
+
+
+def _weak(selection: Selection) -> tuple[Sign, ...]:
+    """Return a sign if the logs want an effect whose size they do not tell: another may be meant."""
+    return tuple(
+        Sign("weak", f"{name} would take some of the misfit, but these logs do not tell its size", gain, 1)
+        for name, gain in selection.gains.items()
+        if name in selection.effects and gain < LEAST
+    )
 
 
 def _veto(selection: Selection, before: Gap | None, after: Gap | None) -> tuple[Sign, ...]:
