@@ -16,11 +16,12 @@ from hovercontrol.discrepancy.checks import check_excitation, check_logs
 from hovercontrol.discrepancy.experiment import BADLY, Experiment, separate, sharpen
 from hovercontrol.discrepancy.fit import Fit, fit
 from hovercontrol.discrepancy.holdout import Gap, gap, gap_of
+from hovercontrol.discrepancy.ladder import ladder
 from hovercontrol.discrepancy.localize import Missing, localize, regime
 from hovercontrol.discrepancy.navigation import Navigated
 from hovercontrol.discrepancy.noise import Noise
 from hovercontrol.discrepancy.probes import Sign, probe
-from hovercontrol.discrepancy.select import EXPLAINED, LEAST, Rival, Selection, ladder, noise_of, select
+from hovercontrol.discrepancy.select import EXPLAINED, LEAST, Rival, Selection, noise_of, select
 from hovercontrol.discrepancy.windowed import Subject, gather
 from hovercontrol.errors import InputError
 from hovercontrol.files import write_whole

@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 
 from hovercontrol.discrepancy.candidates import Scored, Scores, Signatures, candidates, zoom
 from hovercontrol.discrepancy.fit import Fit, fit, forced_states
+from hovercontrol.discrepancy.ladder import rungs
 from hovercontrol.discrepancy.noise import Noise, estimate
 from hovercontrol.discrepancy.outliers import without_outliers
 from hovercontrol.discrepancy.probes import large_process
-from hovercontrol.discrepancy.windowed import Data, Subject, structure
+from hovercontrol.discrepancy.windowed import Data, Subject
 from hovercontrol.effects import Effect
 from hovercontrol.errors import InputError
 
@@ -21,12 +22,6 @@ Array = NDArray[np.float64]
 
 #: Times at most that outliers are looked for: large ones hide small ones.
 CLEANED = 3
-
-#: Windows [s], one after the other: short ones find the way, long ones weigh the evidence.
-LADDER = (0.25, 1.0, 3.0)
-
-#: A window may be longer than from one correction of a navigation to the next by this factor.
-ROOM = 1.1
 
 #: chi2 per degree of freedom beyond which longer windows only get lost.
 GROSS = 1.3
@@ -144,24 +139,6 @@ def select(
     return _Search(model, data, names, max_effects, tell).run()
 
 
-def ladder(data: Data) -> tuple[float, ...]:
-    """Return the lengths of windows [s] that the logs hold."""
-    longest = max(m.time[b - 1] - m.time[a] for m in data.logs for a, b in m.segments)
-    most = ROOM * longest if data.navigated else longest / 2  # from one correction to the next
-    return tuple(length for length in LADDER if length <= most) or LADDER[:1]
-
-
-def _rungs(model: Subject, data: Data) -> tuple[float, ...]:
-    """Return the lengths of windows to search in: where no velocity is measured short ones say nothing."""
-    every = ladder(data)
-    if data.navigated:  # the longer, the less is its error a ramp
-        return every[:1]
-    block = structure(model)
-    slopes = {str(block.expand(e)) for e in block.derivatives.values()}
-    moving = [s.name for s in block.states if s.name in slopes or s.name in ("u", "v", "r")]
-    return every if not moving or set(moving) & set(data.channels) else every[1:] or every
-
-
 class _Search:
     """One search; `found` is where it stands."""
 
@@ -174,7 +151,7 @@ class _Search:
         tell: Callable[[float, str], None],
     ) -> None:
         self.model, self.data, self.names, self.max_effects = model, data, names, max_effects
-        self.rungs, self._tell = _rungs(model, data), tell
+        self.rungs, self._tell = rungs(model, data), tell
         tell(0.05, "fitting the model as it is")
         base = fit(model, data, self.rungs[0])
         for _ in range(CLEANED):
@@ -261,6 +238,9 @@ class _Search:
         noise = noise or near.noise
         return fit(model, self.data, length, noise, prior_model=self.model, near=near, finer=finer)
 
+    def _scores(self, of: Fit) -> Scores:
+        return Scores(of, Signatures(of, candidates(of, self.names)))
+
     def _progress(self, what: str) -> None:
         self._tell(0.1 + 0.7 * (1 - 0.6 ** (1 + len(self.found.steps))), what)
 
@@ -318,8 +298,7 @@ class _Search:
             last = length == self.rungs[-1]
             while len(found.effects) < self.max_effects and (last or found.final.chi2_per_dof > EXPLAINED):
                 current = found.final
-                signatures = Signatures(current, candidates(current, self.names))
-                best = self._worth(Scores(current, signatures), current.chi2_per_dof)
+                best = self._worth(self._scores(current), current.chi2_per_dof)
                 found.final, added = self._add(current, best)
                 if not added:
                     break
@@ -332,9 +311,7 @@ class _Search:
         while (
             long.chi2_per_dof > EXPLAINED > short.chi2_per_dof and len(self.found.effects) < self.max_effects
         ):
-            best = self._worth(
-                Scores(short, Signatures(short, candidates(short, self.names))), short.chi2_per_dof
-            )
+            best = self._worth(self._scores(short), short.chi2_per_dof)
             short, added = self._add(short, best)
             if not added:
                 break
@@ -413,7 +390,7 @@ class _Search:
             alone = self.fit(bare, final)
         except InputError:  # without them it runs away in such windows: none alone will do
             return
-        scores = Scores(alone, Signatures(alone, candidates(alone, self.names)))
+        scores = self._scores(alone)
         for scored in self._worth(scores, 1.0)[:FEW]:
             if scored.gain < 0.5 * (alone.cost - final.cost):
                 return
@@ -440,7 +417,7 @@ class _Search:
             short = length if slight or final.noise.has_process else self.rungs[0]
             bare = self.fit(bare_model, final, length=short)
             whole = final if short == length else self.fit(final.model, final, length=short)
-            scores = Scores(bare, Signatures(bare, candidates(bare, self.names)))
+            scores = self._scores(bare)
             best = scores.best()
             top = next((s for s in best if s.candidate.name == name), None)
             if top is None:
