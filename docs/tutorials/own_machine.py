@@ -111,10 +111,13 @@ def real_machine() -> BlockModel:
 
 
 def main(out: Path) -> Diagnosis:
-    """Make logs, diagnose the model, print what it lacks, write the report."""
+    """Make logs, diagnose the model, print what it lacks, write logs and report."""
     machine = real_machine()
     logs = [trial(machine, f"trial {seed}", seed) for seed in (1, 2)]
     holdout = trial(machine, "hold-out trial", 3)
+    out.mkdir(parents=True, exist_ok=True)
+    for number, log in enumerate([*logs, holdout], 1):
+        log.save(out / f"trial{number}.csv")
     found = diagnose(MODEL, logs, holdout)
     print(f"verdict: {found.verdict}")
     for number in found.effects:

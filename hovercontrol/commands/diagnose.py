@@ -16,11 +16,18 @@ from hovercontrol.files import check_folder, write_folder
 
 EXAMPLE = "Example: hovercontrol diagnose a.csv b.csv --holdout c.csv --model craft.toml --out out/diagnose"
 
+Subject = Annotated[
+    str | None,
+    typer.Option(
+        "--model", help="Model file (TOML) to start from; or FILE.py:NAME, a BlockModel of your own."
+    ),
+]
+
 
 def diagnose(
     logs: given.Logs = None,
     out: given.Out = None,
-    model: given.ModelFile = None,
+    model: Subject = None,
     vehicle: given.Vehicle = None,
     holdout: Annotated[
         str | None, typer.Option(help="A log that takes no part, on which the gap is shown.")
@@ -29,6 +36,10 @@ def diagnose(
         str, typer.Option(help="Look for these effects only, separated by commas (else for all).")
     ] = "",
     max_effects: Annotated[int, typer.Option(help="Most effects that are added.", min=1)] = 3,
+    seed: Annotated[
+        int,
+        typer.Option(help="Of the manoeuvres drawn at random, among which the next one is sought.", min=0),
+    ] = 0,
     columns: given.Columns = "",
     bench: given.Bench = None,
     bench_fans: given.BenchFans = 2,
@@ -38,7 +49,7 @@ def diagnose(
 ) -> int:
     """Find what a model lacks: name the missing effect, add it, show the gap shrink on a held-out log.
 
-    Writes report.html, to be looked at in any browser, model.toml (the amended model), result.json
+    Writes report.html, to be looked at in any browser, model.toml (the amended model of a craft), result.json
 
     and, where it would tell more, next_experiment.csv: commands to drive next.
 
@@ -47,27 +58,30 @@ def diagnose(
     from hovercontrol.discrepancy import diagnose as find
     from hovercontrol.discrepancy.report import gap_sentence, headline, write_report
     from hovercontrol.effects import effect_class
+    from hovercontrol.model import Model
 
     if not logs:
         raise InputError("diagnose: expected one or more logs")
     out = out or Path("out") / "diagnose"
     check_folder(out)
     given.refuse_twice("diagnose", [*logs, *([holdout] if holdout else [])])
+    lacks = given.subject("diagnose", model, vehicle)
     names = given.listed(effects)
     for name in names or []:
         effect_class(name)
-    craft = given.craft("diagnose", model, vehicle)
-    inputs = [s.name for s in craft.plant(late=True).inputs]
-    read = given.reader(inputs, columns, bench, bench_fans, only_while, settle, allow_gaps)
+    inputs = [s.name for s in lacks.plant(late=True).inputs]
+    moves = isinstance(lacks, Model)
+    read = given.reader(inputs, columns, bench, bench_fans, only_while, settle, allow_gaps, motion=moves)
     with progress_bar("diagnose", 1.0) as report:
         report(0.0, "reading logs")
         training, held = [read(name) for name in logs], read(holdout) if holdout else None
         found = find(
-            craft,
+            lacks,
             training,
             held,
             names=names,
             max_effects=max_effects,
+            seed=seed,
             progress=lambda part, what: report(0.05 + 0.85 * part, what),
         )
         report(0.9, "writing the report")

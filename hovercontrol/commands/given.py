@@ -11,6 +11,7 @@ import typer
 from hovercontrol.errors import InputError
 
 if TYPE_CHECKING:
+    from hovercontrol.blockmodel import BlockModel
     from hovercontrol.logs import Log
     from hovercontrol.model import Model
 
@@ -46,11 +47,34 @@ def craft(command: str, model: Path | None, vehicle: str | None) -> Model:
         If both are given, or either is unknown.
     """
     from hovercontrol.modelfile import load_model
+    from hovercontrol.pythonfile import names_python
     from hovercontrol.vehicles import vehicle as known_vehicle
 
     if model and vehicle:
         raise InputError(f"{command}: --model and --vehicle exclude each other")
+    if model and names_python(str(model)):
+        raise InputError(f"{command}: expected a craft's model file (TOML), found {model}")
     return load_model(model) if model else known_vehicle(vehicle or "c17_experiment")
+
+
+def subject(command: str, model: str | None, vehicle: str | None) -> Model | BlockModel:
+    """Return a craft as :func:`craft` does, or what a Python file of the user's defines.
+
+    Raises
+    ------
+    InputError
+        As :func:`craft` and :func:`hovercontrol.pythonfile.from_python`.
+    """
+    from hovercontrol.blockmodel import BlockModel
+    from hovercontrol.model import Model
+    from hovercontrol.pythonfile import from_python, names_python
+
+    if model is None or not names_python(model):
+        return craft(command, Path(model) if model else None, vehicle)
+    if vehicle:
+        raise InputError(f"{command}: --model and --vehicle exclude each other")
+    found: Model | BlockModel = from_python(model, BlockModel, Model)
+    return found
 
 
 def refuse_twice(command: str, names: Sequence[str]) -> None:
@@ -76,8 +100,13 @@ def reader(
     only_while: str,
     settle: float,
     allow_gaps: bool,
+    *,
+    motion: bool = True,
 ) -> Callable[[str], Log]:
-    """Return what reads a log of a craft with these inputs, as the options of the command say."""
+    """Return what reads a log of a craft with these inputs, as the options of the command say.
+
+    Without `motion` a log need not hold pose or body velocities: it is of some other machine.
+    """
     from hovercontrol.logs import BenchTable, Condition, gather
 
     table = BenchTable.from_csv(bench, fans=bench_fans) if bench else None
@@ -93,6 +122,7 @@ def reader(
             only_while=condition,
             settle=settle,
             allow_gaps=allow_gaps,
+            motion=motion,
         )
 
     return read

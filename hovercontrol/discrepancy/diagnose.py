@@ -219,6 +219,7 @@ def diagnose(
     *,
     names: Sequence[str] | None = None,
     max_effects: int = 3,
+    seed: int = 0,
     progress: Callable[[float, str], None] | None = None,
 ) -> Diagnosis:
     """Find what a model lacks.
@@ -235,6 +236,9 @@ def diagnose(
         Effects to consider; default: the whole catalogue.
     max_effects : int, optional
         Most effects that are added.
+    seed : int, optional
+        Of the manoeuvres drawn at random among those from which the next experiment is chosen: all that is
+        random here.
     progress : callable, optional
         Called with the part done (0 to 1) and a word on what is being done.
 
@@ -264,7 +268,9 @@ def diagnose(
     if not logs:
         raise InputError("diagnosis needs at least one log")
     with threadpool_limits(1, "blas"):  # its threads would wait for each other at many small matrices
-        return _diagnosed(model, logs, holdout, names, max_effects, progress or (lambda part, what: None))
+        return _diagnosed(
+            model, logs, holdout, names, max_effects, seed, progress or (lambda part, what: None)
+        )
 
 
 def _diagnosed(
@@ -273,6 +279,7 @@ def _diagnosed(
     holdout: Log | None,
     names: Sequence[str] | None,
     max_effects: int,
+    seed: int,
     tell: Callable[[float, str], None],
 ) -> Diagnosis:
     warnings = check_logs(model, logs, holdout)
@@ -304,7 +311,7 @@ def _diagnosed(
         near = fit(bare.model, data, length, prior_model=model, near=bare, frozen=True)
     noise = noise_of(near, rough=True)
     missing = tuple(localize(near, noise))
-    experiment, advice = _next(selection) if named else (None, "")
+    experiment, advice = _next(selection, seed) if named else (None, "")
     amended = final if named or verdict == "none" else bare
     train_before = gap(bare.model, data, length) if selection.process else gap_of(near)
     train_after = gap(final.model, data, length) if amended is not bare else train_before
@@ -333,18 +340,18 @@ def _diagnosed(
     return found
 
 
-def _next(selection: Selection) -> tuple[Experiment | None, str]:
+def _next(selection: Selection, seed: int) -> tuple[Experiment | None, str]:
     """Return what to drive next, and a sentence on it."""
     final = selection.final
     if selection.rivals:
         rival = selection.rivals[0]
-        found = separate(final, final.model, rival.model, (rival.instead_of, rival.name))
+        found = separate(final, final.model, rival.model, (rival.instead_of, rival.name), seed=seed)
         return (None, found) if isinstance(found, str) else (found, found.text)
     numbers = [n for n in _numbers(final, selection.effects) if abs(n.std) > BADLY * abs(n.value)]
     if not numbers:
         return None, ""
     worst = max(numbers, key=lambda n: abs(n.std) / max(abs(n.value), 1e-12))
-    sharper = sharpen(final, worst.parameter)
+    sharper = sharpen(final, worst.parameter, seed=seed)
     return sharper, sharper.text if sharper else ""
 
 

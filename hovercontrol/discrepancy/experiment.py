@@ -67,7 +67,9 @@ class Experiment:
         )
 
 
-def separate(final: Fit, one: Subject, other: Subject, names: tuple[str, str]) -> Experiment | str:
+def separate(
+    final: Fit, one: Subject, other: Subject, names: tuple[str, str], *, seed: int = 0
+) -> Experiment | str:
     """Return the manoeuvre that best tells two models apart, or why none does.
 
     Parameters
@@ -78,9 +80,11 @@ def separate(final: Fit, one: Subject, other: Subject, names: tuple[str, str]) -
         As fitted to them.
     names : (str, str)
         What is in the one and in the other.
+    seed : int, optional
+        Of the manoeuvres drawn at random.
     """
     best: tuple[float, Manoeuvre, Data] | None = None
-    for manoeuvre in _family(final):
+    for manoeuvre in _family(final, seed):
         worth, runs = np.inf, None
         for truth, rival in ((one, other), (other, one)):
             seen = predicted(truth, final.windowed.data, manoeuvre)
@@ -103,7 +107,7 @@ def separate(final: Fit, one: Subject, other: Subject, names: tuple[str, str]) -
     return Experiment(manoeuvre.name, text, manoeuvre.time, manoeuvre.commands, worth)
 
 
-def sharpen(final: Fit, name: str) -> Experiment | None:
+def sharpen(final: Fit, name: str, *, seed: int = 0) -> Experiment | None:
     """Return the manoeuvre that tells most of a badly known coefficient; None if none does.
 
     Parameters
@@ -112,13 +116,15 @@ def sharpen(final: Fit, name: str) -> Experiment | None:
         Of the logs so far.
     name : str
         A parameter of the fitted model.
+    seed : int, optional
+        Of the manoeuvres drawn at random.
     """
     w = final.windowed
     j = w.names.index(name)
     now = float(final.covariance[j, j])
     known = final.normal.S + np.diag(final.prior)
     best: tuple[float, Manoeuvre, Data] | None = None
-    for manoeuvre in _family(final):
+    for manoeuvre in _family(final, seed):
         seen = predicted(final.model, w.data, manoeuvre)
         if not np.isfinite(seen.logs[0].values).all():
             continue
@@ -166,13 +172,13 @@ def predicted(model: Subject, like: Data, manoeuvre: Manoeuvre) -> Data:
     return Data((seen,), like.channels, like.noise)
 
 
-def _family(final: Fit) -> Sequence[Manoeuvre]:
+def _family(final: Fit, seed: int) -> Sequence[Manoeuvre]:
     data = final.windowed.data
     names = [s.name for s in final.windowed.block.inputs]
     every = np.concatenate([m.inputs for m in data.logs], axis=1)
     limits = {name: (float(row.min()), float(row.max())) for name, row in zip(names, every, strict=True)}
     step = float(np.median(np.diff(data.logs[0].time)))
-    return family(limits, max(step, TICK))
+    return family(limits, max(step, TICK), seed)
 
 
 def _fit(final: Fit, model: Subject, data: Data, frozen: bool = False) -> Fit:

@@ -14,6 +14,12 @@ Limits = Mapping[str, tuple[float, float]]
 #: Length of every manoeuvre [s].
 SECONDS = 20.0
 
+#: Manoeuvres drawn at random.
+DRAWN = 2
+
+#: Between these times each of their commands is held [s].
+HELD = (0.3, 3.0)
+
 
 @dataclass(frozen=True, eq=False)
 class Manoeuvre:
@@ -34,7 +40,7 @@ class Manoeuvre:
     commands: Mapping[str, Array]
 
 
-def family(limits: Limits, step: float) -> list[Manoeuvre]:
+def family(limits: Limits, step: float, seed: int = 0) -> list[Manoeuvre]:
     """Return the manoeuvres that a craft with these commands can drive.
 
     Parameters
@@ -43,13 +49,15 @@ def family(limits: Limits, step: float) -> list[Manoeuvre]:
         Least and largest value of each command.
     step : float
         From row to row [s].
+    seed : int, optional
+        Of those drawn at random.
 
     Examples
     --------
     >>> [m.name for m in family({"thrust": (0.0, 3.0), "rudder": (-0.4, 0.4)}, 0.02)]
-    ['steps', 'fast steps', 'coast-down', 'spin', 'figure eight', 'circle', 'ramp']
+    ['steps', 'fast steps', 'coast-down', 'spin', 'figure eight', 'circle', 'ramp', 'random 1', 'random 2']
     >>> [m.name for m in family({"force": (-1.0, 1.0)}, 0.01)]
-    ['steps', 'fast steps', 'coast-down', 'ramp']
+    ['steps', 'fast steps', 'coast-down', 'ramp', 'random 1', 'random 2']
     """
     t = np.arange(0.0, SECONDS, step)
     makers: list[tuple[str, str, Callable[[Array, Limits], dict[str, Array]]]] = [
@@ -66,6 +74,10 @@ def family(limits: Limits, step: float) -> list[Manoeuvre]:
         if limits["thrust"][0] < 0:
             makers.append(("reverse", "ahead and astern by turns, the rudder amidships", _reverse))
     makers.append(("ramp", "slow ramps of all commands from one limit to the other", _ramp))
+    rng = np.random.default_rng(seed)
+    for k in range(1, DRAWN + 1):
+        text = f"steps of all commands at random times ({k} of {DRAWN} drawn with seed {seed})"
+        makers.append((f"random {k}", text, lambda t, x: _drawn(t, x, rng)))
     return [Manoeuvre(name, text, t, make(t, limits)) for name, text, make in makers]
 
 
@@ -76,6 +88,16 @@ def _steps(t: Array, limits: Limits, hold: float) -> dict[str, Array]:
         own = hold * (1.0 + 0.3 * i)
         place = (0.5 + 0.618033988749895 * (np.floor(t / own) + 3.7 * i)) % 1.0
         found[name] = low + (high - low) * place
+    return found
+
+
+def _drawn(t: Array, limits: Limits, rng: np.random.Generator) -> dict[str, Array]:
+    """Return stairs of random heights, held for random times: some are fast, some slow."""
+    found = {}
+    for name, (low, high) in limits.items():
+        count = int(t[-1] / HELD[0]) + 1
+        begin = np.cumsum(np.exp(rng.uniform(np.log(HELD[0]), np.log(HELD[1]), count)))
+        found[name] = rng.uniform(low, high, count + 1)[np.searchsorted(begin, t, side="right")]
     return found
 
 

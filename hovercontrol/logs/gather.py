@@ -60,6 +60,7 @@ def gather(
     only_while: Condition | None = None,
     settle: float = 0.0,
     allow_gaps: bool = False,
+    motion: bool = True,
 ) -> Log:
     """Return one run as one log.
 
@@ -80,6 +81,8 @@ def gather(
         Seconds left out at the beginning of that stretch.
     allow_gaps : bool, optional
         Accept a log in which rows are missing; what works on it starts afresh behind each gap.
+    motion : bool, optional
+        Whether a log must hold pose or body velocities.
 
     Returns
     -------
@@ -94,12 +97,12 @@ def gather(
     paths = split_files(files)
     extra = [only_while.column] if only_while and only_while.column != "time" else []
     if len(paths) == 1:
-        log = read_log(paths[0], columns, [*wanted, *extra], allow_gaps=allow_gaps)
+        log = read_log(paths[0], columns, [*wanted, *extra], motion=motion, allow_gaps=allow_gaps)
     else:
         pose, commands = paths
         ours, theirs = _columns_by_file(pose, commands, columns or {})
         sent = read_log(commands, theirs, [*wanted, *extra], motion=False)
-        log = join_logs(read_log(pose, ours, allow_gaps=allow_gaps), sent)
+        log = join_logs(read_log(pose, ours, motion=motion, allow_gaps=allow_gaps), sent)
     if bench:
         log = bench.apply(log, dict(zip(wanted, inputs, strict=True)))
     return _longest(log, only_while, settle) if only_while else log

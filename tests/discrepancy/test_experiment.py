@@ -74,3 +74,15 @@ def test_manoeuvres_keep_within_the_commands_limits(limits):
             assert values.shape == manoeuvre.time.shape
             assert values.min() >= low - 1e-12 and values.max() <= high + 1e-12
     assert any(m.name == "reverse" for m in family(LIMITS, 0.02))
+
+
+def test_manoeuvres_drawn_at_random_are_those_of_their_seed():
+    def drawn(seed):
+        return [m.commands["thrust"] for m in family(LIMITS, 0.02, seed) if m.name.startswith("random")]
+
+    first, again, other = drawn(3), drawn(3), drawn(4)
+    assert len(first) == 2
+    for a, b, c in zip(first, again, other, strict=True):
+        np.testing.assert_array_equal(a, b)
+        assert np.abs(a - c).max() > 0.1
+    assert np.abs(first[0] - first[1]).max() > 0.1

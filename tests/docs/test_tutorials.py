@@ -1,5 +1,6 @@
 """The tutorials run as they stand, and what they show is what the scripts hold."""
 
+import json
 import re
 import subprocess
 import sys
@@ -36,3 +37,11 @@ def test_the_cable_of_a_users_own_machine_is_named_from_closed_loop_logs(tmp_pat
     assert before > 4.0
     assert 0.95 < after < 1.05  # the laser's noise is 1 mm
     assert "cable spring" in (tmp_path / "report.html").read_text(encoding="utf-8")
+
+    command = [sys.executable, "-m", "hovercontrol.cli", "diagnose", "trial1.csv", "trial2.csv"]
+    own = ["--holdout", "trial3.csv", "--model", f"{script}:MODEL", "--effects", "cable_spring,rail_slope"]
+    again = subprocess.run([*command, *own], capture_output=True, text=True, timeout=120, cwd=tmp_path)
+    assert again.returncode == 0, again.stderr
+    result = json.loads((tmp_path / "out" / "diagnose" / "result.json").read_text(encoding="utf-8"))
+    numbers = [effect["coefficient"] for effect in result["effects"]]
+    assert numbers == pytest.approx([0.8, 0.5], rel=0.005)
