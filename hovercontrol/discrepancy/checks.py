@@ -10,11 +10,10 @@ from numpy.typing import NDArray
 
 from hovercontrol.block import Block
 from hovercontrol.discrepancy.clocks import clock_warnings, refuse_units
-from hovercontrol.discrepancy.fit import fit
+from hovercontrol.discrepancy.ladder import Excited
 from hovercontrol.discrepancy.windowed import Data, Subject, structure
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.identify.excitation import (
-    covariance,
     idle_inputs,
     named_directions,
     reason,
@@ -90,12 +89,13 @@ def check_logs(model: Subject, logs: Sequence[Log], holdout: Log | None = None) 
     return warnings
 
 
-def check_excitation(model: Subject, data: Data) -> list[str]:
+def check_excitation(told: Excited, data: Data) -> list[str]:
     """Return which coefficients the logs say nothing of, one line each.
 
     Parameters
     ----------
-    model : Model or BlockModel
+    told : Excited
+        By :func:`.ladder.paced`.
     data : Data
         Of the training logs.
 
@@ -104,28 +104,20 @@ def check_excitation(model: Subject, data: Data) -> list[str]:
     InputError
         If that is true of all: the craft hardly moves.
     """
-    longest = max(m.time[b - 1] - m.time[a] for m in data.logs for a, b in m.segments)
-    found = fit(model, data, min(1.0, float(longest)), frozen=True)
-    w = found.windowed
-    linear = set(model.linear_coefficients())
-    own = [j for j, name in enumerate(w.names) if name in linear]
-    names, size = [w.names[j] for j in own], w.size[own]
-    C = covariance(found.normal.S[np.ix_(own, own)], found.normal.scores[:, own], size)
-    std = np.sqrt(np.diag(C))
-    alone = 1.0 / np.sqrt(np.maximum(np.diag(found.normal.S)[own], 1e-300))
-    directions = named_directions(unexcited_directions(C, size), size, names)
-    moving = [any(np.any(m.inputs[i] != 0.0) for m in data.logs) for i in range(len(w.block.inputs))]
-    blind = [j for j in range(len(own)) if std[j] > size[j]]
-    if blind and len(blind) == len(own):
+    names, size, std, blind = told.names, told.size, told.std, told.blind
+    directions = named_directions(unexcited_directions(told.covariance, size), size, names)
+    block = told.windowed.block
+    moving = [any(np.any(m.inputs[i] != 0.0) for m in data.logs) for i in range(len(block.inputs))]
+    if blind and len(blind) == len(names):
         logs = ", ".join(m.name for m in data.logs)
         raise InputError(
             f"{logs}: no coefficient of the model can be known from it: the craft or its commands hardly move"
         )
     said = []
     for j in blind:
-        signal = w.block.parameter(names[j])
-        idle = idle_inputs(w.block, signal.name, moving)
-        why = reason(names[j], std[j], size[j], alone[j], directions, signal.unit, idle)
+        signal = block.parameter(names[j])
+        idle = idle_inputs(block, signal.name, moving)
+        why = reason(names[j], std[j], size[j], told.alone[j], directions, signal.unit, idle)
         said.append(f"{names[j]} cannot be known from these logs: {why}")
     return said
 

@@ -16,7 +16,7 @@ from hovercontrol.discrepancy.checks import check_excitation, check_logs
 from hovercontrol.discrepancy.experiment import BADLY, Experiment, separate, sharpen
 from hovercontrol.discrepancy.fit import Fit, fit
 from hovercontrol.discrepancy.holdout import Gap, gap, gap_of
-from hovercontrol.discrepancy.ladder import ladder
+from hovercontrol.discrepancy.ladder import ladder, paced
 from hovercontrol.discrepancy.localize import Missing, localize, regime
 from hovercontrol.discrepancy.navigation import Navigated
 from hovercontrol.discrepancy.noise import Noise
@@ -284,9 +284,9 @@ def _diagnosed(
 ) -> Diagnosis:
     warnings = check_logs(model, logs, holdout)
     tell(0.0, "reading what was measured")
-    data = gather(model, logs)
+    data, told = paced(model, gather(model, logs))
     warnings += [f"{m.name}: {m.drift}" for m in data.logs if isinstance(m, Navigated)]
-    warnings += check_excitation(model, data)
+    warnings += check_excitation(told, data)
     held = gather(model, [holdout]) if holdout is not None else None
     selection = select(model, data, names=names, max_effects=max_effects, tell=tell)
     final = selection.final

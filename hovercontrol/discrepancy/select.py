@@ -189,6 +189,8 @@ class _Search:
             if found.effects == before:
                 break
             self._drop()  # with a better one in its place another may not be needed
+        for name in list(found.effects):
+            self._lead(name)
         return found
 
     def _settle(self) -> None:
@@ -446,6 +448,27 @@ class _Search:
                     found.rivals = [r for r in found.rivals if r.instead_of in found.effects]
                 elif behind < APART:
                     found.rivals.append(Rival(other_name, name, float(behind), correlation, other.model))
+
+    def _lead(self, name: str) -> None:
+        """Name the likeliest of an effect and its rivals, if the logs tell its size."""
+        found = self.found
+        first = min((r for r in found.rivals if r.instead_of == name), key=lambda r: r.behind, default=None)
+        if first is None or first.behind >= 0.0:
+            return
+        ahead = self.fit(first.model, found.final)
+        gain, won = _wald(ahead, first.name), found.final.cost - ahead.cost
+        if gain < LEAST or won <= 0.0:
+            return
+        second = Rival(name, first.name, won, first.correlation, found.final.model)
+        others = [
+            replace(r, instead_of=first.name if r.instead_of == name else r.instead_of, behind=r.behind + won)
+            for r in found.rivals
+            if r is not first
+        ]
+        found.rivals[:] = [second, *(r for r in others if r.behind < APART)]
+        found.effects[found.effects.index(name)] = first.name
+        del found.gains[name]
+        found.final, found.gains[first.name] = ahead, gain
 
 
 def _kin(one: Effect, other: Effect) -> bool:

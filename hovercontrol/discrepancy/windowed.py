@@ -67,11 +67,14 @@ class Data:
         All that was measured in any.
     noise : ndarray, shape (n_channels,)
         Measurement noise, from third differences.
+    pace : float
+        How much slower than a hovercraft the machine is; windows are as much longer (:mod:`.ladder`).
     """
 
     logs: tuple[Measured, ...]
     channels: tuple[str, ...]
     noise: Array
+    pace: float = 1.0
 
     @property
     def duration(self) -> float:
