@@ -82,6 +82,12 @@ class Fit:
         return errors.without(self.residual) if errors else self.residual
 
     @property
+    def starts(self) -> int:
+        """How many of the windows' initial states show in what was measured."""
+        columns = self.jacobian[..., : len(self.windowed.free)]
+        return int((columns != 0.0).any(axis=(1, 2)).sum())
+
+    @property
     def movable(self) -> NDArray[np.intp]:
         """Places of the unknowns that are not held by a bound, shape (m,): a drag at zero goes no lower."""
         w, g, near = self.windowed, self.normal.g, 1e-6 * self.windowed.size

@@ -350,13 +350,14 @@ class _Search:
             new = self.fit(current.model.with_effects([near.effect]), current)
             if not new.noise.has_process and not (new.converged and new.chi2_per_dof < SETTLED):
                 new = self._from_short(new)
-            tries.append((new.cost, near, new))
+            tries.append((new.cost + _by_chance(new, current), near, new))
         if not tries:
             return current, False
         cost, scored, new = min(tries, key=lambda t: t[0])
         if _bar(scored) < current.cost - cost < DOUBTFUL:
             new = self.fit(new.model, new, finer=2)
-            cost, current = new.cost, self.fit(current.model, new)
+            current = self.fit(current.model, new)
+            cost = new.cost + _by_chance(new, current)
         if not cost < min(current.cost - _bar(scored), most):
             return current, False
         self.found.steps.append((scored.candidate.name, scored.gain))
@@ -372,8 +373,9 @@ class _Search:
             if found.gains[weakest] > LEAST:
                 return
             without = self.fit(_without(found.final.model, weakest), found.final)
-            numbers = len(found.final.model.effect(weakest).numbers)
-            if not found.final.noise.has_process and without.cost - found.final.cost > LEAST + EACH * numbers:
+            bar = LEAST + EACH * len(found.final.model.effect(weakest).numbers)
+            bar += _by_chance(found.final, without)
+            if not found.final.noise.has_process and without.cost - found.final.cost > bar:
                 return  # far from linear: it says more than its standard errors tell
             found.effects.remove(weakest)
             found.final = without
@@ -397,7 +399,7 @@ class _Search:
             if scored.gain < 0.5 * (alone.cost - final.cost):
                 return
             one = self.fit(bare.with_effects([zoom(alone, scored).effect]), alone)
-            if one.cost < final.cost + LEAST:
+            if one.cost < final.cost + LEAST + _by_chance(final, one):
                 found.effects[:], found.final = [scored.candidate.name], one
                 self._drop()
                 return
@@ -482,6 +484,15 @@ def _top(worth: Sequence[Scored]) -> float:
 
 def _bar(scored: Scored) -> float:
     return LEAST + EACH * len(scored.candidate.amplitudes)
+
+
+def _by_chance(more: Fit, less: Fit) -> float:
+    """Return what initial states take, mean and three standard deviations, that show in one fit alone.
+
+    Without a heading in the log slope and wind turn freely in each window: that is many unknowns, not two.
+    """
+    extra = max(more.starts - less.starts, 0)
+    return float(extra + 3.0 * np.sqrt(2.0 * extra))
 
 
 def _without(model: Subject, name: str) -> Subject:
