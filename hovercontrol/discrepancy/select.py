@@ -15,7 +15,7 @@ from hovercontrol.discrepancy.noise import Noise, estimate
 from hovercontrol.discrepancy.outliers import without_outliers
 from hovercontrol.discrepancy.probes import large_process
 from hovercontrol.discrepancy.windowed import Data, Subject
-from hovercontrol.effects import Effect
+from hovercontrol.effects import Effect, Shape
 from hovercontrol.errors import InputError
 
 Array = NDArray[np.float64]
@@ -309,7 +309,7 @@ class _Search:
 
     def _longer(self, short: Fit, length: float) -> Fit:
         """Return a fit in longer windows; if they get lost, with what the short ones see already."""
-        long = self.fit(short.model, short, length=length)
+        long = self._timed(self.fit(short.model, short, length=length))
         while (
             long.chi2_per_dof > EXPLAINED > short.chi2_per_dof and len(self.found.effects) < self.max_effects
         ):
@@ -317,8 +317,33 @@ class _Search:
             short, added = self._add(short, best)
             if not added:
                 break
-            long = self.fit(short.model, short, length=length)
+            long = self._timed(self.fit(short.model, short, length=length))
         return long
+
+    def _timed(self, found: Fit) -> Fit:
+        """Return a fit with the time of each jump where a parabola through its cost is least.
+
+        No slope leads there. Candidates have it to a row; half a row costs more than a small effect brings.
+        """
+        for e in found.model.effects:
+            key = next((k for k, n in e.numbers.items() if isinstance(n, Shape) and n.of == "time"), None)
+            if key is None:
+                continue
+            reach = 0.5 * float(np.median(found.response.dt))
+            for _ in range(2):
+                at = found.model.effect(e.name).values
+                sides = [
+                    self.fit(found.model.with_effects([type(e)(**{**at, key: at[key] + away})]), found)
+                    for away in (-reach, reach)
+                ]
+                bend = sides[0].cost - 2.0 * found.cost + sides[1].cost
+                away = 0.5 * reach * (sides[0].cost - sides[1].cost) / bend if bend > 0.0 else 0.0
+                least = type(e)(**{**at, key: at[key] + float(np.clip(away, -2.0 * reach, 2.0 * reach))})
+                found = min(
+                    found, *sides, self.fit(found.model.with_effects([least]), found), key=lambda f: f.cost
+                )
+                reach *= 0.25
+        return found
 
     def _worth(self, scores: Scores, chi2_per_dof: float) -> list[Scored]:
         """Return the effects whose gain is worth their numbers; note those that may not be."""
@@ -347,7 +372,7 @@ class _Search:
                 continue
             self._progress(f"trying {scored.candidate.name}")
             near = zoom(current, scored)
-            new = self.fit(current.model.with_effects([near.effect]), current)
+            new = self._timed(self.fit(current.model.with_effects([near.effect]), current))
             if not new.noise.has_process and not (new.converged and new.chi2_per_dof < SETTLED):
                 new = self._from_short(new)
             tries.append((new.cost + _by_chance(new, current), near, new))
