@@ -168,10 +168,10 @@ def _outside(found: Diagnosis) -> str:
 def _against_truth(of: Case, found: Diagnosis) -> tuple[float, bool]:
     """Return the hold-out error over the true structure's, and whether the truth could not be seen."""
     final = found.selection.final
-    true = fit(of.truth, final.windowed.data, final.windowed.length, final.noise, prior_model=of.model)
+    data, length = final.windowed.data, final.windowed.length
+    true = fit(of.truth, data, length, final.noise, prior_model=of.model, near=final)  # in the same sub-steps
     numbers = sum(len(e.numbers) for e in of.truth.effects if e.name in of.names)
     held = gather(of.model, [of.holdout])
-    length = final.windowed.length
     ours, best = (gap(m, held, length).rms for m in (found.amended, true.model))
     ratio = float(np.sqrt(np.mean([(ours[c] / best[c]) ** 2 for c in ours])))
     return ratio, final.cost - true.cost < LEAST + EACH * numbers
