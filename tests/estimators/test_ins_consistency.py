@@ -4,6 +4,16 @@ import numpy as np
 import pytest
 from scipy.integrate import cumulative_trapezoid
 
+from hovercontrol.analysis.ins_monte_carlo import (
+    course,
+    covariance,
+    estimation_errors,
+    innovations,
+    inputs_of,
+    ranged,
+    sensed,
+    started,
+)
 from hovercontrol.errors import InputError
 from hovercontrol.estimators.ins import (
     IMU_PERIOD,
@@ -24,12 +34,8 @@ RUNS = 100
 #: A slower IMU than K06's keeps the tests quick; its noise per sample is K06's.
 DT = 0.05
 BEACONS = np.array([(0.0, 0.0), (4.0, 0.2), (0.1, 3.5), (3.8, 3.9)])
-
-
-def covariance(found, label, size):
-    """Shape (size, size, ticks, runs)."""
-    entry = {(i, j): found[f"{label}[{i},{j}]"] for i in range(size) for j in range(i, size)}
-    return np.array([[entry[min(i, j), max(i, j)] for j in range(size)] for i in range(size)])
+HUNG = Beacons(BEACONS, 2.0)
+APART = [(0.2, 0.0), (-0.2, 0.0)]
 
 
 # ---- the measure itself ----------------------------------------------------------------------------------
@@ -179,82 +185,51 @@ def test_velocity_position_filter_is_consistent_with_its_own_model(rng):
 # ---- whole navigation with simulated sensors -------------------------------------------------------------
 
 
-def course(seconds, push, turn, dt=DT):
-    """True motion: pushed back and forth along x and y [m/s^2], swinging its heading [rad]."""
-    t = np.arange(0, seconds, dt)
-    psi, r = turn * np.sin(0.5 * t), 0.5 * turn * np.cos(0.5 * t)
-    a = push * np.array([np.cos(t), np.sin(1.7 * t)])
-    fine = np.arange(0, seconds, dt / 20)
-    fine_a = push * np.array([np.cos(fine), np.sin(1.7 * fine)])
-    v = cumulative_trapezoid(fine_a, fine, initial=0)
-    p = cumulative_trapezoid(v, fine, initial=0)
-    c, s = np.cos(psi), np.sin(psi)
-    body = np.array([c * a[0] + s * a[1], -s * a[0] + c * a[1]])
-    return {"t": t, "psi": psi, "r": r, "v": v[:, ::20], "p": p[:, ::20], "body": body}
-
-
-def sensed(rng, truth, s, dt=DT, every=1.0, runs=RUNS):
-    """What IMU, heading aid and fixes measure, and the biases; one aid each `every` seconds."""
-    ticks = len(truth["t"])
-    draw = rng.normal
-    b_g = draw(size=runs) * s.gyro_bias
-    b_a = draw(size=(2, runs)) * s.acceleration_bias
-    force = truth["body"][:, :, None] + b_a[:, None]
-    force = force + draw(size=force.shape) * np.array(s.acceleration_noise)[:, None, None]
-    use = (np.arange(ticks) % round(every / dt) == 0).astype(float)
-    fix = truth["p"][:, :, None] + draw(size=(2, ticks, runs)) * s.fix
-    data = {
-        "acceleration_x": force[0],
-        "acceleration_y": force[1],
-        "yaw_rate": truth["r"][:, None] + b_g + draw(size=(ticks, runs)) * s.gyro_noise,
-        "heading_aid": truth["psi"][:, None] + draw(size=(ticks, runs)) * s.heading_aid,
-        "heading_aid_valid": use,
-        "fix_x": fix[0],
-        "fix_y": fix[1],
-        "fix_valid": use,
-    }
-    start = [
-        draw(size=runs) * s.heading,
-        *draw(size=(2, runs)) * s.velocity,
-        *draw(size=(2, runs)) * s.position,
-    ]
-    return data, start, np.array([b_g, *b_a])
-
-
-def single_filter_errors(found, truth, biases):
-    names = ["psi_hat", "v_x_hat", "v_y_hat", "x_hat", "y_hat"]
-    true = [truth["psi"], *truth["v"], *truth["p"]]
-    off = [found[n] - v[:, None] for n, v in zip(names, true, strict=True)]
-    names = ["gyro_bias_hat", "acceleration_x_bias_hat", "acceleration_y_bias_hat"]
-    return np.array(off + [found[n] - b for n, b in zip(names, biases, strict=True)])
-
-
-def started(block, names, start, truth):
-    """States of a single filter whose start is off by `start`."""
-    true = [truth["psi"][0], *truth["v"][:, 0], *truth["p"][:, 0]]
-    return {name: v + off for name, v, off in zip(names, true, start, strict=True)}
-
-
 XHAT = [f"last_xhat[{i}]" for i in range(5)]
 
 
-def inputs_of(block, data):
-    return {s.name: data[s.name] for s in block.inputs}
+def test_the_simulated_sensors_integrate_to_the_course():
+    """Without noise, forces turned into the earth's axes and integrated twice give the true path."""
+    still = SensorErrors(gyro_walk=0.0, gyro_noise=0.0, acceleration_walk=0.0)
+    truth = course(6.0, 0.5, 0.6, period=1e-3, at=(1.5, -1.0))
+    got = sensed(np.random.default_rng(1), truth, still, every=1.0, runs=2)
+    rate = got.inputs["yaw_rate"][:, 0] - got.biases[0, 0]
+    psi = cumulative_trapezoid(rate, truth.time, initial=0)
+    assert np.abs(psi - truth.psi).max() < 1e-6
+    c, s = np.cos(psi), np.sin(psi)
+    force = np.array([c * truth.force[0] - s * truth.force[1], s * truth.force[0] + c * truth.force[1]])
+    v = cumulative_trapezoid(force, truth.time, initial=0)
+    assert np.abs(v - truth.velocity).max() < 1e-6
+    p = cumulative_trapezoid(v, truth.time, initial=0)
+    assert np.abs(p + np.array([[1.5], [-1.0]]) - truth.position).max() < 1e-5
+
+
+def test_the_simulated_ranges_are_those_of_the_unit_whose_turn_it_is():
+    truth = course(3.0, 0.3, 0.5, period=DT, at=(1.5, 1.5))
+    units = [(0.2, 0.1), (-0.3, 0.0)]
+    got = ranged(np.random.default_rng(1), truth, HUNG, units, noise=1e-12, bias=0.07, runs=1)
+    told = got["range_unit"]
+    assert np.flatnonzero(told).tolist() == [0, 2, 20, 22, 40, 42]  # 0.1 s each, once a second
+    for k in np.flatnonzero(told):
+        arm = complex(*units[int(told[k]) - 1]) * np.exp(1j * truth.psi[k])
+        at = complex(*truth.position[:, k]) + arm
+        away = abs(at - complex(*BEACONS[2]))
+        assert got["range_3"][k, 0] == pytest.approx(np.hypot(away, 2.0) + 0.07, abs=1e-9)
 
 
 def test_aided_navigation_is_consistent_with_the_sensors(rng):
     """K06's whole navigation with the covariances that follow from the sensors."""
     s = SensorErrors(gyro_walk=0.0, acceleration_walk=0.0)
-    truth = course(30.0, 0.5, 0.6)
-    data, start, biases = sensed(rng, truth, s, every=0.5)
+    truth = course(30.0, 0.5, 0.6, period=DT)
+    seen = sensed(rng, truth, s, every=0.5, runs=RUNS)
     block = aided_ins(noise=noise_from_sensors(s, period=DT), period=DT)
     names = [f"mechanisation.last_{n}_ins" for n in ("psi", "v_x", "v_y", "x", "y")]
-    found = simulate_runs(block, inputs_of(block, data), start=started(block, names, start, truth))
-    off = single_filter_errors(found, truth, biases)
+    found = simulate_runs(block, inputs_of(block, seen.inputs), start=started(names, seen.start, truth))
+    off = estimation_errors(found, truth, seen.biases)
     off[5:] *= -1  # K06's x1, x2 are the errors: psi_hat is too large by what dpsi is estimated too small
-    use = data["fix_valid"][:, None] > 0
-    v, S = found["heading_aid_innovation"], found["heading_aid_innovation_variance"]
-    heading = consistency(off[[0, 5]], covariance(found, "P1", 2), v[None], S[None], measured=use)
+    use = seen.inputs["fix_valid"][:, None] > 0
+    told = innovations(found, ["heading_aid"])
+    heading = consistency(off[[0, 5]], covariance(found, "P1", 2), *told, measured=use)
     motion = consistency(off[[1, 2, 3, 4, 6, 7]], covariance(found, "P2", 6))
     assert heading.nees_inside >= 0.9 and heading.nis_inside >= 0.9
     assert motion.nees_inside >= 0.9
@@ -263,14 +238,15 @@ def test_aided_navigation_is_consistent_with_the_sensors(rng):
 def test_printed_matrices_are_far_too_cautious_for_the_stated_sensors(rng):
     """K06's Q1 lacks dt^2: its heading filter all but follows the magnetometer."""
     s = SensorErrors(gyro_walk=0.0)
-    truth = course(4.0, 0.0, 0.6, dt=IMU_PERIOD)
-    data, start, biases = sensed(rng, truth, s, dt=IMU_PERIOD, every=IMU_PERIOD)
-    psi_ins = cumulative_trapezoid(data["yaw_rate"], dx=IMU_PERIOD, axis=0, initial=0) + start[0]
+    truth = course(4.0, 0.0, 0.6, period=IMU_PERIOD)
+    seen = sensed(rng, truth, s, every=IMU_PERIOD, runs=RUNS)
+    data = seen.inputs
+    psi_ins = cumulative_trapezoid(data["yaw_rate"], dx=IMU_PERIOD, axis=0, initial=0) + seen.start[0]
     given = {"psi_ins": psi_ins} | {n: data[n] for n in ("yaw_rate", "heading_aid", "heading_aid_valid")}
     rms, inside, claimed = {}, {}, {}
     for label, noise in (("printed", K06_NOISE), ("sensors", noise_from_sensors(s))):
         found = simulate_runs(heading_filter(noise=noise), given)
-        off = np.array([found["psi_hat"] - truth["psi"][:, None], biases[0] - found["gyro_bias_hat"]])[
+        off = np.array([found["psi_hat"] - truth.psi[:, None], seen.biases[0] - found["gyro_bias_hat"]])[
             :, 300:
         ]
         inside[label] = consistency(off, covariance(found, "P1", 2)[:, :, 300:]).nees_inside
@@ -288,17 +264,16 @@ def test_printed_matrices_are_far_too_cautious_for_the_stated_sensors(rng):
 def test_coupled_filter_finds_the_heading_from_motion_alone(rng):
     """No heading aid, 17 deg off at the start: fixes and acceleration show it."""
     s = SensorErrors(heading=0.3, gyro_walk=0.0, acceleration_walk=0.0)
-    truth = course(40.0, 0.8, 0.3)
-    data, start, biases = sensed(rng, truth, s)
+    truth = course(40.0, 0.8, 0.3, period=DT)
+    seen = sensed(rng, truth, s, every=1.0, runs=RUNS)
     block = coupled_filter(noise=noise_from_sensors(s, period=DT), period=DT)
-    found = simulate_runs(block, inputs_of(block, data), start=started(block, XHAT, start, truth))
-    off = single_filter_errors(found, truth, biases)
+    found = simulate_runs(block, inputs_of(block, seen.inputs), start=started(XHAT, seen.start, truth))
+    off = estimation_errors(found, truth, seen.biases)
     assert np.sqrt((off[0, -1] ** 2).mean()) < 0.05
     assert np.sqrt((off[5, -1] ** 2).mean()) < 0.3 * s.gyro_bias
-    use = data["fix_valid"][:, None] > 0
-    v = np.array([found[f"fix_{a}_innovation"] for a in "xy"])
-    S = np.array([found[f"fix_{a}_innovation_variance"] for a in "xy"])
-    result = consistency(off, covariance(found, "P", 8), v, S, measured=use)
+    use = seen.inputs["fix_valid"][:, None] > 0
+    told = innovations(found, ("fix_x", "fix_y"))
+    result = consistency(off, covariance(found, "P", 8), *told, measured=use)
     assert result.nees_inside >= 0.9
     assert result.nis_inside >= 0.9
 
@@ -306,13 +281,13 @@ def test_coupled_filter_finds_the_heading_from_motion_alone(rng):
 def test_coupled_filter_does_not_believe_to_learn_the_heading_at_rest(rng):
     """The plain extended Kalman filter does: the accelerometers' noise looks like motion to it."""
     s = SensorErrors(heading=0.3, gyro_walk=0.0, acceleration_walk=0.0, acceleration_noise=(0.06, 0.06))
-    truth = course(30.0, 0.0, 0.0)
-    data, start, biases = sensed(rng, truth, s)
+    truth = course(30.0, 0.0, 0.0, period=DT)
+    seen = sensed(rng, truth, s, every=1.0, runs=RUNS)
     block = coupled_filter(noise=noise_from_sensors(s, period=DT), period=DT)
-    given = inputs_of(block, data)
-    at = started(block, XHAT, start, truth)
+    given = inputs_of(block, seen.inputs)
+    at = started(XHAT, seen.start, truth)
     found = simulate_runs(block, given, start=at)
-    off = single_filter_errors(found, truth, biases)
+    off = estimation_errors(found, truth, seen.biases)
     variance = found["P[0,0]"]
     assert (np.diff(variance, axis=0) >= 0).all()
     assert variance[-1].mean() == pytest.approx(0.3**2 + (30 * s.gyro_bias) ** 2, rel=0.05)
@@ -323,61 +298,81 @@ def test_coupled_filter_does_not_believe_to_learn_the_heading_at_rest(rng):
     assert real > 2 * claimed
 
 
-def ranged(rng, truth, units, height, bias, noise, runs):
-    """Ranges to each beacon; the units take turns, 0.1 s each, once a second (K06 5.5)."""
-    ticks = len(truth["t"])
-    turn = np.arange(ticks) % 20
-    unit = np.where(turn % 2 == 0, turn // 2 + 1, 0)
-    unit[unit > len(units)] = 0
-    c, s = np.cos(truth["psi"]), np.sin(truth["psi"])
-    forward, side = np.array([(0.0, 0.0), *units])[unit].T
-    at = truth["p"] + np.array([c * forward - s * side, s * forward + c * side])
-    data = {"range_unit": unit.astype(float)}
-    for k, beacon in enumerate(BEACONS, 1):
-        true = np.sqrt(((at - beacon[:, None]) ** 2).sum(axis=0) + height**2)
-        data[f"range_{k}"] = true[:, None] + bias + rng.normal(size=(ticks, runs)) * noise
-        data[f"range_{k}_valid"] = (unit > 0).astype(float)
-    return data
+def by_ranges(rng, hung, units, bias, seconds, *, heading=0.2, range_bias=0.05, at=(1.5, 1.5)):
+    """Errors of a filter without a heading aid, its ranges' innovations, and where they are measured."""
+    s = SensorErrors(heading=heading, gyro_walk=0.0, acceleration_walk=0.0)
+    truth = course(seconds, 0.3, 0.5, period=DT, at=at)
+    seen = sensed(rng, truth, s, every=1.0, runs=RUNS)
+    data = seen.inputs | ranged(rng, truth, hung, units, noise=0.01, bias=bias, runs=RUNS)
+    noise = noise_from_sensors(s, period=DT)
+    block = range_filter(hung, units, range_bias=range_bias, noise=noise, period=DT)
+    found = simulate_runs(block, inputs_of(block, data), start=started(XHAT, seen.start, truth))
+    off = estimation_errors(found, truth, seen.biases)
+    if range_bias:
+        off = np.array([*off, found["range_bias_hat"] - bias])
+    told = innovations(found, [f"range_{k}" for k in range(1, len(hung.positions) + 1)])
+    result = consistency(
+        off, covariance(found, "P", len(off)), *told, measured=data["range_unit"][:, None] > 0
+    )
+    return off, result, found
 
 
 def test_range_filter_is_consistent_and_sees_heading_and_bias(rng):
     """Two units 0.4 m apart on raw ranges with a common bias, no heading aid."""
-    runs, units = RUNS, [(0.2, 0.0), (-0.2, 0.0)]
-    s = SensorErrors(heading=0.2, gyro_walk=0.0, acceleration_walk=0.0)
-    truth = course(20.0, 0.3, 0.5)
-    truth["p"] = truth["p"] + 1.5
-    data, start, biases = sensed(rng, truth, s, runs=runs)
-    bias = rng.normal(size=runs) * 0.05
-    data |= ranged(rng, truth, units, 2.0, bias, 0.01, runs)
-    block = range_filter(
-        Beacons(BEACONS, 2.0), units, range_bias=0.05, noise=noise_from_sensors(s, period=DT), period=DT
-    )
-    found = simulate_runs(block, inputs_of(block, data), start=started(block, XHAT, start, truth))
-    off = np.array([*single_filter_errors(found, truth, biases), found["range_bias_hat"] - bias])
+    bias = rng.normal(size=RUNS) * 0.05
+    off, result, _ = by_ranges(rng, HUNG, APART, bias, 20.0)
     assert np.sqrt((off[0, -1] ** 2).mean()) < 0.05
     assert np.sqrt((off[8, -1] ** 2).mean()) < 0.5 * 0.05
-    v, S = (np.array([found[f"range_{k}_innovation{end}"] for k in range(1, 5)]) for end in ("", "_variance"))
-    result = consistency(off, covariance(found, "P", 9), v, S, measured=data["range_unit"][:, None] > 0)
     assert result.nees_inside >= 0.9
     assert result.nis_inside >= 0.9
 
 
+PAIR = Beacons([(0.0, 0.0), (4.0, 0.2)], 2.0)
+
+
+@pytest.mark.parametrize("at", [(1.5, 1.8), (1.5, -5.0)], ids=["left", "right"])
+def test_two_beacons_do_on_either_side_of_their_line(rng, at):
+    """The pose at the start tells the side; the craft drifts 2.6 m along y and stays on it."""
+    off, result, found = by_ranges(rng, PAIR, APART, 0.0, 15.0, range_bias=0.0, at=at)
+    last = np.flatnonzero(found["range_1_innovation"][:, 0])[-1]
+    assert np.hypot(*off[3:5, last]).max() < 0.1  # ranges are good for 1 cm
+    assert np.sqrt((off[0, -1] ** 2).mean()) < 0.05
+    assert result.nees_inside >= 0.9
+    assert result.nis_inside >= 0.9
+
+
+def test_on_their_line_two_beacons_do_not_tell_the_side(rng):
+    """A craft that crosses it: some runs end mirrored."""
+    off, _, found = by_ranges(rng, PAIR, APART, 0.0, 20.0, range_bias=0.0, at=(1.5, -1.8))
+    wrong = np.hypot(*off[3:5, -1]) > 0.5
+    assert wrong.any()
+    beside = found["y_hat"][-1] - 0.05 * found["x_hat"][-1]  # of the line through the beacons
+    assert (beside[wrong] < 0).all() and (beside[~wrong] > 0).all()
+
+
+def test_a_range_bias_of_two_beacons_is_found_from_motion_and_prior(rng):
+    """Two ranges at once cannot tell it; left out, the place is far worse than the filter says."""
+    bias = rng.normal(size=RUNS) * 0.05
+    off, result, _ = by_ranges(rng, PAIR, APART, bias, 15.0, at=(1.5, 1.8))
+    assert np.sqrt((off[8, -1] ** 2).mean()) < 0.5 * 0.05
+    assert result.nees_inside >= 0.9
+    assert result.nis_inside >= 0.9
+    _, trusting, _ = by_ranges(rng, PAIR, APART, bias, 15.0, range_bias=0.0, at=(1.5, 1.8))
+    assert trusting.nees_inside < 0.8
+
+
 def test_too_few_ranges_for_a_fix_still_help(rng):
     """Two beacons out of four: no fix could be computed, the filter goes on."""
-    runs = 20
     s = SensorErrors(gyro_walk=0.0, acceleration_walk=0.0)
-    truth = course(15.0, 0.3, 0.5)
-    truth["p"] = truth["p"] + 1.5
-    data, start, _ = sensed(rng, truth, s, runs=runs)
-    data |= ranged(rng, truth, [(0.0, 0.0)], 2.0, 0.0, 0.01, runs)
-    block = range_filter(
-        Beacons(BEACONS, 2.0), heading=True, noise=noise_from_sensors(s, period=DT), period=DT
-    )
+    truth = course(15.0, 0.3, 0.5, period=DT, at=(1.5, 1.5))
+    seen = sensed(rng, truth, s, every=1.0, runs=20)
+    data = seen.inputs | ranged(rng, truth, HUNG, [(0.0, 0.0)], noise=0.01, runs=20)
+    block = range_filter(HUNG, heading=True, noise=noise_from_sensors(s, period=DT), period=DT)
     error = {}
     for label, off in (("all", []), ("two", [3, 4]), ("none", [1, 2, 3, 4])):
-        given = inputs_of(block, data | {f"range_{k}_valid": np.zeros(len(truth["t"])) for k in off})
-        found = simulate_runs(block, given, ["x_hat", "y_hat"], start=started(block, XHAT, start, truth))
+        given = inputs_of(block, data | {f"range_{k}_valid": np.zeros(len(truth.time)) for k in off})
+        found = simulate_runs(block, given, ["x_hat", "y_hat"], start=started(XHAT, seen.start, truth))
         error[label] = np.hypot(
-            *(found[f"{a}_hat"][-1] - truth["p"][i, -1] for i, a in enumerate("xy"))
+            *(found[f"{a}_hat"][-1] - truth.position[i, -1] for i, a in enumerate("xy"))
         ).mean()
     assert error["all"] <= error["two"] < 0.3 * error["none"]

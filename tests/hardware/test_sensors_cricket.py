@@ -8,6 +8,7 @@ import pytest
 
 from hovercontrol.errors import InputError
 from hovercontrol.hardware.sensors import (
+    Beacons,
     arrivals,
     cricket,
     cricket_fixes,
@@ -101,6 +102,23 @@ def test_beacons_beyond_the_cone_are_not_heard_and_too_few_give_no_fix():
     assert outside["range_2_heard"][0] == outside["range_3_heard"][0] == 1
     assert not outside["fix_valid"].any()
     assert still(system(), 20, x=4.0)["fix_valid"].sum() == 2
+
+
+def test_two_beacons_give_fixes_and_heading_on_the_side_that_is_told():
+    """On the other side of the line from (0, 0) to (3, 1) both are those of the mirrored craft."""
+    system = Ticking(cricket(Beacons([(0, 0), (3, 1)], 2.7), UNITS))
+    at, psi, line = np.array([1.0, 2.0]), 0.4, math.atan2(1, 3)
+    right = still(system, 12, x=at[0], y=at[1], psi=psi)
+    across = np.array([-math.sin(line), math.cos(line)])
+    there = at - 2 * (at @ across) * across
+    mirrored = still(system, 12, {"range_solver.side": -1.0}, x=at[0], y=at[1], psi=psi)
+    for told, (x, y), heading in ((right, at, psi), (mirrored, there, 2 * line - psi)):
+        ahead = HALF * np.array([math.cos(heading), math.sin(heading)])
+        assert (told["fix_x"][-1], told["fix_y"][-1]) == pytest.approx((x + ahead[0], y + ahead[1]), abs=1e-9)
+        assert told["heading_fix"][-1] == pytest.approx(heading, abs=1e-8)
+        assert told["fix_bias"][-1] == 0
+    deaf = still(system, 12, {"cricket_ranges.cone_limit": 0.3}, x=at[0], y=at[1], psi=psi)
+    assert not deaf["fix_valid"].any()
 
 
 def test_the_last_fix_is_held_where_there_is_none():

@@ -133,6 +133,92 @@ def test_two_ranges_or_beacons_in_a_line_give_no_place():
     assert locate(heard, row, cone=NO_CONE) == pytest.approx([0.7, 0.4, 0.0], abs=1e-9)
 
 
+# ---- two beacons ------------------------------------------------------------------------------------
+
+
+def side_of(beacons, x, y):
+    """By the sign of the triangle's area: 1 left of the line from the first beacon to the second."""
+    (x1, y1), (x2, y2) = beacons.positions
+    return np.sign((x2 - x1) * (y - y1) - (y2 - y1) * (x - x1))
+
+
+@pytest.fixture
+def pairs_of_beacons(rng):
+    """Two beacons each, at different heights, and places at least 1 cm beside their line."""
+    found = []
+    while len(found) < 6:
+        positions, heights = rng.uniform(-4, 4, (2, 2)), rng.uniform(1.5, 4.0, 2)
+        apart = math.dist(*positions)
+        if apart > 0.3:
+            (dx, dy), at = positions[1] - positions[0], rng.uniform(-5, 5, (2, 500))
+            beside = (dx * (at[1] - positions[0, 1]) - dy * (at[0] - positions[0, 0])) / apart
+            found.append((Beacons(positions, heights), at[:, abs(beside) > 0.01]))
+    return found
+
+
+def test_two_exact_ranges_give_the_exact_place_on_the_side_that_is_told(pairs_of_beacons):
+    for beacons, at in pairs_of_beacons:
+        rho = np.transpose([ranges_to(beacons, *p) for p in at.T])
+        side = side_of(beacons, *at)
+        assert set(side) == {-1, 1}
+        for told in (1, -1):
+            x, y, b = locate(rho, beacons, cone=NO_CONE, side=told)
+            right = side == told
+            assert np.hypot(x - at[0], y - at[1])[right].max() < 1e-9
+            assert (b == 0).all()
+            # On the other side it is the mirror image: as far from both beacons, but elsewhere.
+            assert (side_of(beacons, x, y) == told).all()
+            mirrored = np.transpose([ranges_to(beacons, *p) for p in np.transpose([x, y])])
+            np.testing.assert_allclose(mirrored, rho, atol=1e-9)
+            assert np.hypot(x - at[0], y - at[1])[~right].min() > 0.015
+
+
+def test_the_side_is_a_parameter_of_a_solver_of_two_beacons_only():
+    two = range_solver(Beacons([(0, 0), (2, 0)], 2.0), cone=NO_CONE)
+    rho = ranges_to(Beacons([(0, 0), (2, 0)], 2.0), 0.5, -0.7)
+    for side in (1.0, -1.0):
+        told = two.to_numpy().outputs(0.0, (), [*rho, 1, 1], {"range_solver.side": side})
+        assert told == pytest.approx([0.5, 0.7 * side, 0.0, 1.0], abs=1e-9)
+    more = range_solver(k06_beacons(), side=-1)
+    assert "side" not in [s.name for s in more.parameters]
+    assert more.output_expressions == range_solver(k06_beacons()).output_expressions
+
+
+def test_ranges_that_cannot_meet_give_no_place():
+    beacons = Beacons([(0, 0), (3, 0)], 2.0)
+    on_floor = np.array([(1.0, 1.0), (0.5, 4.0), (1.6, 1.6), (1.5, 1.5), (1.0, 4.0)]).T  # circles' radii [m]
+    x, y, b = locate(np.hypot(on_floor, 2.0), beacons, cone=NO_CONE)
+    # Apart, one within the other, crossing, touching outside, touching inside.
+    assert np.isnan(x[:2]).all() and np.isnan(y[:2]).all() and np.isnan(b[:2]).all()
+    np.testing.assert_allclose(x[2:], [1.5, 1.5, -1.0], atol=1e-9)
+    np.testing.assert_allclose(y[2:], [math.sqrt(1.6**2 - 1.5**2), 0.0, 0.0], atol=1e-6)
+    told = range_solver(beacons, cone=NO_CONE).to_numpy().outputs(0.0, (), [*np.hypot([1, 1], 2), 1, 1])
+    assert np.isfinite(told).all() and told[-1] == 0
+
+
+def test_of_two_beacons_both_must_be_heard_and_hang_apart():
+    beacons = Beacons([(0, 0), (3, 0)], 2.0)
+    rho = ranges_to(beacons, 1.0, 1.0)
+    assert np.isnan(locate([rho[0], math.nan], beacons, cone=NO_CONE)).all()
+    solver = range_solver(beacons, cone=NO_CONE).to_numpy()
+    for inputs, hung in (
+        ([*rho, 1, 0], {}),
+        ([*rho, 0, 0], {}),
+        ([*rho, 1, 1], {"range_solver.beacon_2_x": 0.0}),
+    ):
+        told = solver.outputs(0.0, (), inputs, hung)
+        assert np.isfinite(told).all() and told[-1] == 0
+
+
+def test_two_beacons_with_cone_error_and_its_correction_leave_nothing(rng):
+    beacons = Beacons([(0.0, 0.0), (2.44, 0.0)], HEIGHT)
+    at = rng.uniform(0.2, 2.2, (2, 100))
+    true = np.transpose([ranges_to(beacons, *p) for p in at.T])
+    measured = true / error_ratio(np.arccos(HEIGHT / true))
+    assert np.abs(locate(measured, beacons)[:2] - at).max() < 1e-6
+    assert np.abs(locate(measured, beacons, cone=NO_CONE)[:2] - at).max() > 0.01
+
+
 def test_a_survey_error_moves_the_place():
     """Performance is most limited by how well beacon places are known (section 5.5.5)."""
     beacons = k06_beacons()
@@ -147,7 +233,15 @@ def test_a_survey_error_moves_the_place():
     ("make", "said"),
     [
         (lambda: Beacons(5, 2.0), "sequence of positions, found 5"),
-        (lambda: Beacons([(0, 0), (1, 0)], 2.0), "at least three, found 2"),
+        (lambda: Beacons([], 2.0), "at least two, found 0"),
+        (lambda: Beacons([(0, 0)], 2.0), "at least two, found 1"),
+        (
+            lambda: Beacons([(1, 1), (1, 1)], 2.0),
+            r"two in different places, found \(\(1.0, 1.0\), \(1.0, 1.0\)\)",
+        ),
+        (lambda: Beacons([(1, 1), (1, 1.001)], 2.0), "two in different places"),
+        (lambda: range_solver(k06_beacons(), side=0), "side must be 1 or -1, found 0"),
+        (lambda: locate([2.0, 2.0], Beacons([(0, 0), (1, 0)], 1.0), side=2), "side must be 1 or -1, found 2"),
         (lambda: Beacons([(0, 0), (1, 1), (2, 2)], 2.0), "out of line"),
         (lambda: Beacons([(1, 1)] * 3, 2.0), "out of line"),
         (lambda: Beacons([(0, 0), (1, 0), (0, 1)], 0.0), "beacon 1: height must be positive"),

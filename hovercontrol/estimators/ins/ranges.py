@@ -42,6 +42,9 @@ def range_filter(
     Each range counts for itself, also where too few are there for a fix, by (5.6) from the unit's place:
     ``sqrt((x - x_i)^2 + (y - y_i)^2 + h^2) + b``. Two units apart show the heading.
 
+    Two beacons do: `pose` tells on which side of their line the craft is. It should stay there: where it
+    crosses, the ranges do not tell whether it turns back. A range bias shows itself only as the craft moves.
+
     Parameters
     ----------
     beacons : Beacons

@@ -1,4 +1,4 @@
-"""A position from ranges in closed form: Bancroft's method, K06 (5.6).
+"""A position from ranges in closed form: Bancroft's method, K06 (5.6); of two beacons, where circles meet.
 
 S. Bancroft, "An algebraic solution of the GPS equations", IEEE Trans. Aerospace and Electronic Systems 21,
 1985; here in the plane, with beacons at known heights.
@@ -19,8 +19,14 @@ from hovercontrol.hardware.sensors.beacons import NARROW, Beacons
 from hovercontrol.hardware.sensors.cone import K06_CONE, cone_signals, correction_definitions
 from hovercontrol.signals import Signal
 
+#: Circles that miss each other by less, as a part of the range squared, touch: rounding, not noise.
+TOUCHING = 1e-9
+
 #: Tells which unit's ranges there are.
 RANGE_UNIT = Signal("range_unit", "1", "which unit's ranges these are, from 1; 0 for none")
+
+#: Which of the two places that two beacons leave.
+_SIDE = Signal("side", "1", "of the line from beacon 1 to 2: 1 left, -1 right", lower=-1.0, upper=1.0)
 
 
 def range_signals(count: int) -> tuple[tuple[Signal, ...], tuple[Signal, ...]]:
@@ -32,7 +38,11 @@ def range_signals(count: int) -> tuple[tuple[Signal, ...], tuple[Signal, ...]]:
 
 
 def range_solver(
-    beacons: Beacons, *, cone: tuple[float, float] = K06_CONE, name: str = "range_solver"
+    beacons: Beacons,
+    *,
+    cone: tuple[float, float] = K06_CONE,
+    side: float = 1.0,
+    name: str = "range_solver",
 ) -> Block:
     """Return the position of a unit from its ranges.
 
@@ -42,24 +52,31 @@ def range_solver(
     solves a quadratic. Of its two roots the one with the smaller b is taken: the other has b of about twice
     the range.
 
+    Exactly two beacons cannot tell b, which is taken for zero: their ranges are two circles on the floor,
+    which meet on either side of the line between them.
+
     Parameters
     ----------
     beacons : Beacons
         As surveyed; their places are parameters.
     cone : (float, float), optional
         Of the cone-angle error (5.7); (0, 0) for none.
+    side : float, optional
+        Of two beacons only, where it is a parameter too: 1 for a place left of the line from the first to
+        the second, -1 for one right of it.
     name : str, optional
 
     Returns
     -------
     Block
         Inputs ``range_1...`` [m] and ``range_1_heard...`` (0 or 1); outputs ``solved_x, solved_y``,
-        ``solved_bias`` (b) [m] and ``solved``: 1 where three beacons out of line were heard. No states.
+        ``solved_bias`` (b) [m] and ``solved``: 1 where three beacons out of line were heard; of two
+        beacons where both were heard and the circles meet. No states.
 
     Raises
     ------
     InputError
-        If a coefficient of `cone` is no finite number.
+        If a coefficient of `cone` is no finite number, or `side` not 1 or -1.
 
     Examples
     --------
@@ -68,7 +85,12 @@ def range_solver(
     >>> solver = range_solver(square, cone=(0.0, 0.0))
     >>> solver.to_numpy().outputs(0.0, (), [*ranges, 1, 1, 1])[:2].round(9).tolist()
     [1.0, 1.0]
+    >>> two = range_solver(Beacons([(0, 0), (2, 0)], 2.0), cone=(0.0, 0.0), side=-1)
+    >>> two.to_numpy().outputs(0.0, (), [*ranges[:2], 1, 1])[:2].round(9).tolist()
+    [1.0, -1.0]
     """
+    if side not in (-1, 1):
+        raise InputError(f"{name}: side must be 1 or -1, found {side!r}")
     ranges, heard = range_signals(len(beacons.positions))
     places = beacons.signals()
     definitions: dict[str, sp.Expr] = {}
@@ -76,7 +98,8 @@ def range_solver(
     for k, (rho, place) in enumerate(zip(ranges, places, strict=True), 1):
         definitions |= correction_definitions(rho.symbol, place[2].symbol, f"_{k}")
         corrected.append(sp.Symbol(f"range_corrected_{k}", real=True))
-    definitions |= _bancroft(
+    chosen = (_SIDE.but(start=float(side)),) if len(places) == 2 else ()
+    definitions |= (_circles if chosen else _bancroft)(
         [tuple(s.symbol for s in place) for place in places], corrected, [s.symbol for s in heard]
     )
     return Block(
@@ -88,9 +111,41 @@ def range_solver(
             Signal("solved_bias", "m", "what all ranges are too long by, b in (5.6)"),
             Signal("solved", "1", "1 where the ranges give a position"),
         ),
-        parameters=(*(s for place in places for s in place), *cone_signals(cone, name)),
+        parameters=(*(s for place in places for s in place), *cone_signals(cone, name), *chosen),
+        output_expressions={"solved_bias": sp.S.Zero} if chosen else {},
         definitions=definitions,
     )
+
+
+def _circles(
+    places: Sequence[tuple[sp.Symbol, ...]], ranges: Sequence[sp.Symbol], heard: Sequence[sp.Symbol]
+) -> dict[str, sp.Expr]:
+    """Return definitions that lead to solved_x, solved_y and solved, of two beacons."""
+    definitions: dict[str, sp.Expr] = {}
+
+    def define(name: str, e: sp.Expr) -> sp.Symbol:
+        definitions[name] = e
+        return sp.Symbol(name, real=True)
+
+    # From the first beacon, in units of its height.
+    (x1, y1, scale), (x2, y2, _) = places
+    dx, dy = define("line_x", (x2 - x1) / scale), define("line_y", (y2 - y1) / scale)
+    length = define("line_squared", dx**2 + dy**2)
+    first, second = (
+        define(f"floor_{k}_squared", (rho - h) * (rho + h) / scale**2)
+        for k, (rho, (_, _, h)) in enumerate(zip(ranges, places, strict=True), 1)
+    )
+    there = define("both_heard", sp.Piecewise((1, heard[0] * heard[1] * length > 0), (0, True)))
+    divisor = define("divisor", sp.Piecewise((length, length > 0), (1, True)))
+    # As parts of the line: how far along it the place is, and how far beside it, squared.
+    along = define("along", (first - second + length) / (2 * divisor))
+    across = define("beside_squared", first / divisor - along**2)
+    beside = define("beside", sp.sqrt(sp.Max(across, 0)) * sp.Piecewise((1, _SIDE.symbol > 0), (-1, True)))
+    missed = -across * length > TOUCHING * (ranges[0] / scale) ** 2
+    define("solved_x", x1 + scale * (along * dx - beside * dy))
+    define("solved_y", y1 + scale * (along * dy + beside * dx))
+    define("solved", there * sp.Piecewise((0, missed), (1, True)))
+    return definitions
 
 
 def _bancroft(
@@ -161,12 +216,12 @@ def _bancroft(
 
 
 @lru_cache(maxsize=32)
-def _solver(beacons: Beacons, cone: tuple[float, float]) -> Block:
-    return range_solver(beacons, cone=cone)
+def _solver(beacons: Beacons, cone: tuple[float, float], side: float) -> Block:
+    return range_solver(beacons, cone=cone, side=side)
 
 
 def locate(
-    ranges: ArrayLike, beacons: Beacons, *, cone: tuple[float, float] = K06_CONE
+    ranges: ArrayLike, beacons: Beacons, *, cone: tuple[float, float] = K06_CONE, side: float = 1.0
 ) -> NDArray[np.float64]:
     """Return positions from ranges, by the equations of :func:`range_solver`.
 
@@ -177,16 +232,19 @@ def locate(
     beacons : Beacons
     cone : (float, float), optional
         Of the cone-angle error (5.7); (0, 0) for none.
+    side : float, optional
+        Of two beacons only: 1 for places left of the line from the first to the second, -1 right of it.
 
     Returns
     -------
     ndarray, shape (3, ...)
         x, y and the ranges' common error b [m]; nan where fewer than three beacons out of line were heard.
+        Of two beacons b is 0, and all nan where one was not heard or the ranges do not meet.
 
     Raises
     ------
     InputError
-        If the number of ranges is not that of the beacons.
+        If the number of ranges is not that of the beacons, or as of :func:`range_solver`.
 
     Examples
     --------
@@ -201,6 +259,6 @@ def locate(
     heard = np.isfinite(rho)
     linear, quadratic = cone
     inputs = np.concatenate([np.where(heard, rho, 0.0), heard])
-    solved = _solver(beacons, (float(linear), float(quadratic))).to_numpy().outputs(0.0, (), inputs)
+    solved = _solver(beacons, (float(linear), float(quadratic)), side).to_numpy().outputs(0.0, (), inputs)
     found: NDArray[np.float64] = np.where(solved[3] > 0, solved[:3], np.nan)
     return found

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -12,7 +13,8 @@ from hovercontrol.hardware.sensors._parts import pair
 from hovercontrol.signals import Signal
 from hovercontrol.tables import positive
 
-#: Beacons whose smaller spread is less than this part of the larger one hang in a line.
+#: Beacons whose smaller spread is less than this part of the larger one hang in a line, two that are less
+#: than this part of their height apart in one place.
 NARROW = 1e-3
 
 
@@ -23,14 +25,16 @@ class Beacons:
     Parameters
     ----------
     positions : sequence of (float, float)
-        Places over the floor, earth frame [m]; at least three, not in a line.
+        Places over the floor, earth frame [m]: two different ones, or more that are not in a line. Two tell a
+        place and its mirror image beyond their line, see
+        :func:`~hovercontrol.hardware.sensors.bancroft.range_solver`.
     heights : float or sequence of float
         Above the units that hear them [m].
 
     Raises
     ------
     InputError
-        If there are fewer than three, they hang in a line, or a height is not positive.
+        If there are fewer than two, two hang in one place, more in a line, or a height is not positive.
 
     Examples
     --------
@@ -45,18 +49,19 @@ class Beacons:
         if not hasattr(positions, "__len__"):
             raise InputError(f"beacons: expected a sequence of positions, found {positions!r}")
         places = tuple(pair(f"beacon {k}: position", p) for k, p in enumerate(positions, 1))
-        if len(places) < 3:
-            raise InputError(f"beacons: expected at least three, found {len(places)}")
+        if len(places) < 2:
+            raise InputError(f"beacons: expected at least two, found {len(places)}")
         above = heights if isinstance(heights, Sequence | np.ndarray) else [heights] * len(places)
         if len(above) != len(places):
             raise InputError(f"beacons: expected {len(places)} heights, found {len(above)}")
+        hung = tuple(positive(f"beacon {k}: height", h) for k, h in enumerate(above, 1))
+        if len(places) == 2 and math.dist(*places) <= NARROW * max(hung):
+            raise InputError(f"beacons: expected two in different places, found {places}")
         spread = np.linalg.svd(np.array(places) - np.mean(places, axis=0), compute_uv=False)
-        if spread[1] <= NARROW * spread[0]:
+        if len(places) > 2 and spread[1] <= NARROW * spread[0]:
             raise InputError(f"beacons: expected some out of line, found {places}")
         object.__setattr__(self, "positions", places)
-        object.__setattr__(
-            self, "heights", tuple(positive(f"beacon {k}: height", h) for k, h in enumerate(above, 1))
-        )
+        object.__setattr__(self, "heights", hung)
 
     def signals(self) -> tuple[tuple[Signal, Signal, Signal], ...]:
         """Return parameters for each beacon: ``beacon_1_x, beacon_1_y, beacon_1_height`` and so on [m]."""

@@ -90,6 +90,7 @@ def cricket(
     cone_limit: float = 0.0,
     latency: bool = False,
     corrected: bool = True,
+    side: float = 1.0,
     assisted: bool = False,
     seed: int = 1,
     name: str = "cricket",
@@ -107,6 +108,10 @@ def cricket(
         As for :func:`~hovercontrol.hardware.sensors.ranging.cricket_ranges`.
     corrected : bool, optional
         Whether the solver corrects ranges for the cone angle, by (5.9).
+    side : float, optional
+        Of two beacons only: on which side of their line all units are, as for
+        :func:`~hovercontrol.hardware.sensors.bancroft.range_solver`. A craft that crosses the line is
+        mirrored, position and heading.
     assisted : bool, optional
         Whether an INS moves the first unit's fix to the second's time.
     name : str, optional
@@ -136,7 +141,7 @@ def cricket(
         latency=latency,
         seed=seed,
     )
-    solver = range_solver(beacons, cone=cone if corrected else (0.0, 0.0))
+    solver = range_solver(beacons, cone=cone if corrected else (0.0, 0.0), side=side)
     parts = [ranges, solver, cricket_fixes(len(places), slot=slot)]
     if len(places) == 2:
         parts.append(two_unit_heading(places, assisted=assisted, latency=latency, slot=slot))
@@ -149,6 +154,7 @@ def k06_cricket(
     beacons: Beacons | None = None,
     units: Sequence[Sequence[float]] = K06_UNITS,
     *,
+    side: float = 1.0,
     assisted: bool = False,
     latency: bool = True,
     seed: int = 1,
@@ -163,7 +169,7 @@ def k06_cricket(
     ----------
     beacons : Beacons, optional
         Default: :func:`~hovercontrol.hardware.sensors.beacons.k06_beacons`.
-    units, assisted, latency, seed, name
+    units, side, assisted, latency, seed, name
         As for :func:`cricket`.
 
     Examples
@@ -178,6 +184,7 @@ def k06_cricket(
         cone=K06_CONE,
         cone_limit=math.radians(45.0),
         latency=latency,
+        side=side,
         assisted=assisted,
         seed=seed,
         name=name,
