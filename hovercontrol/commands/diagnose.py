@@ -66,7 +66,7 @@ def diagnose(
     check_folder(out)
     given.refuse_twice("diagnose", [*logs, *([holdout] if holdout else [])])
     lacks = given.subject("diagnose", model, vehicle)
-    names = given.listed(effects)
+    names = given.listed(effects, "--effects")
     for name in names or []:
         effect_class(name)
     inputs = [s.name for s in lacks.plant(late=True).inputs]

@@ -128,14 +128,24 @@ def reader(
     return read
 
 
-def listed(text: str) -> list[str] | None:
-    """Return the parts of a list separated by commas, None if there are none."""
-    return [part.strip() for part in text.split(",") if part.strip()] or None
+def listed(text: str, option: str = "") -> list[str] | None:
+    """Return the parts of a list separated by commas, None of an empty text.
+
+    Raises
+    ------
+    InputError
+        If there is a text, but no part in it: a slip, not the wish for all.
+    """
+    parts = [part.strip() for part in text.split(",") if part.strip()]
+    if text and not parts:
+        said = f"{option}: " if option else ""
+        raise InputError(f"{said}expected names separated by commas, found {text!r}")
+    return parts or None
 
 
 def _pairs(text: str) -> dict[str, str]:
     pairs = {}
-    for part in listed(text) or []:
+    for part in listed(text, "--columns") or []:
         ours, equals, theirs = part.partition("=")
         if not (ours and equals and theirs):
             raise InputError(f"--columns: expected NAME=COLUMN, found {part!r}")

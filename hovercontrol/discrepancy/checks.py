@@ -9,8 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hovercontrol.block import Block
-from hovercontrol.discrepancy.clocks import clock_warnings, refuse_units
+from hovercontrol.discrepancy.clocks import check_clocks
 from hovercontrol.discrepancy.ladder import Excited
+from hovercontrol.discrepancy.same import refuse_same
+from hovercontrol.discrepancy.units import refuse_units
 from hovercontrol.discrepancy.windowed import Data, Subject, structure
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.identify.excitation import (
@@ -27,9 +29,6 @@ Array = NDArray[np.float64]
 
 #: Shortest stretch without a break from which anything can be said, and from which on most can [s].
 SHORTEST, SHORT = 2.0, 10.0
-
-#: Part of a hold-out log's rows that may be those of a training log by chance.
-SHARED = 0.02
 
 #: Seconds for which a sensor may say the same while others move, in rows at least.
 STUCK, STUCK_ROWS = 0.5, 10
@@ -56,7 +55,8 @@ def check_logs(model: Subject, logs: Sequence[Log], holdout: Log | None = None) 
     ------
     InputError
         If a log lacks an input of the model (the nearest column is named), is too short, holds a channel that
-        is empty or constant or in wrong units, or the hold-out log shares rows with a training log.
+        is empty or constant or in wrong units, has clocks that drift apart by much, or shares rows with
+        another.
 
     Examples
     --------
@@ -74,18 +74,16 @@ def check_logs(model: Subject, logs: Sequence[Log], holdout: Log | None = None) 
         warnings += _length(log)
         channels = _channels(block, log)
         _refuse_dead(log, channels)
-        refuse_units(log)
+        refuse_units(model, log)
         if log.has("psi"):
             known = np.isfinite(log["psi"])
             rate = log["r"][known] if log.has("r") and np.isfinite(log["r"][known]).all() else None
             check_heading(log.name, "psi", log.time[known], log["psi"][known], rate)
         warnings += _stuck(log, channels) + _cut_off(log, [s.name for s in block.inputs])
     _refuse_other_pace(every)
-    if holdout is not None:
-        for log in logs:
-            _refuse_shared(log, holdout)
+    refuse_same(logs, holdout, _measured(block), [s.name for s in block.inputs])
     for log in every:
-        warnings += clock_warnings(model, log)
+        warnings += check_clocks(model, log)
     return warnings
 
 
@@ -136,9 +134,15 @@ def _refuse_inputs(block: Block, log: Log) -> None:
 
 
 def _channels(block: Block, log: Log) -> list[str]:
+    return [name for name in _measured(block) if log.has(name)]
+
+
+def _measured(block: Block) -> list[str]:
+    """Return what a log may hold of a Block besides its inputs."""
     inputs = {s.name for s in block.inputs}
-    names = dict.fromkeys(s.name for s in (*block.outputs, *block.states))
-    return [name for name in names if log.has(name) and name not in inputs]
+    return [
+        name for name in dict.fromkeys(s.name for s in (*block.outputs, *block.states)) if name not in inputs
+    ]
 
 
 def _length(log: Log) -> list[str]:
@@ -222,29 +226,3 @@ def _refuse_other_pace(logs: Sequence[Log]) -> None:
                 f"{one}: rows are {slow:.3g} s apart, those of {other} {fast:.3g} s: are their times in the "
                 "same unit?"
             )
-
-
-def _refuse_shared(log: Log, holdout: Log) -> None:
-    """Refuse a hold-out log that is a training log, or overlaps one."""
-    if set(log.columns) != set(holdout.columns):
-        return
-    names = sorted(log.columns)
-    ours = {row.tobytes() for row in _moving_rows(log, names)}
-    rows = _moving_rows(holdout, names)
-    shared = sum(row.tobytes() in ours for row in rows)
-    if not len(rows) or shared <= SHARED * len(rows):
-        return
-    if shared == len(rows) == len(ours):
-        raise InputError(
-            f"{holdout.name}: the hold-out log is the training log {log.name}: it must take no part"
-        )
-    raise InputError(
-        f"{holdout.name}: the hold-out log shares {shared} rows with the training log {log.name}: it must "
-        "take no part"
-    )
-
-
-def _moving_rows(log: Log, names: Sequence[str]) -> Array:
-    """Return the rows that differ from the one before: at rest any two logs are alike."""
-    rows = log.stack(*names) + 0.0  # minus zero is zero
-    return np.ascontiguousarray(rows[1:][(np.diff(rows, axis=0) != 0.0).any(axis=1)])

@@ -5,24 +5,27 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from hovercontrol.discrepancy.candidates import Scores, Signatures, candidates
 from hovercontrol.discrepancy.checks import check_excitation, check_logs
-from hovercontrol.discrepancy.experiment import BADLY, Experiment, separate, sharpen
+from hovercontrol.discrepancy.experiment import BADLY, Experiment, only_late, same_time, separate, sharpen
 from hovercontrol.discrepancy.fit import Fit, fit
 from hovercontrol.discrepancy.holdout import Gap, gap, gap_of
-from hovercontrol.discrepancy.ladder import ladder, paced
-from hovercontrol.discrepancy.localize import Missing, localize, regime
+from hovercontrol.discrepancy.ladder import ladder, paced, rungs
+from hovercontrol.discrepancy.laws import regime, worst
+from hovercontrol.discrepancy.localize import Missing, localize
 from hovercontrol.discrepancy.navigation import Navigated
 from hovercontrol.discrepancy.noise import Noise
+from hovercontrol.discrepancy.outliers import LeftOut, cleaned, left_out
 from hovercontrol.discrepancy.probes import Sign, probe
-from hovercontrol.discrepancy.select import EXPLAINED, LEAST, Rival, Selection, noise_of, select
-from hovercontrol.discrepancy.windowed import Subject, gather
+from hovercontrol.discrepancy.select import EACH, EXPLAINED, LEAST, Rival, Selection, noise_of, select
+from hovercontrol.discrepancy.windowed import Data, Subject, gather
 from hovercontrol.errors import InputError
 from hovercontrol.files import write_whole
 from hovercontrol.logs import Log
@@ -84,17 +87,25 @@ class Diagnosis:
         As given, its coefficients fitted like those of `amended`.
     before, after : Gap or None
         On the hold-out log, of `refitted` and `amended`.
+    rival_gaps : dict of str to Gap
+        On the hold-out log, by name, of the model with a rival in the place of what it rivals.
+    held : Data or None
+        The hold-out log as it was used: without what stands out.
+    left_out : tuple of LeftOut
+        Samples that were not used, by log (the hold-out log last), channel and reason.
     train_before, train_after : Gap
         On the training logs.
     selection : Selection
         The search itself.
     noise : Noise
-        Of the given model's fit, what it lacks taken as process noise.
+        What is missing, taken as process noise.
     missing : tuple of Missing
-        The force that the given model lacks, by log and equation.
+        The force that the given model lacks, by log and equation: where effects are named, with the
+        coefficients of `amended`; else with those of `refitted`.
     regime : str
         In words, where that force is.
     rows_dropped : int
+        Rows of the training logs of which a sample was left out.
     warnings : tuple of str
         About the logs, one line each.
     experiment : Experiment or None
@@ -122,6 +133,9 @@ class Diagnosis:
     warnings: tuple[str, ...] = ()
     experiment: Experiment | None = None
     advice: str = ""
+    rival_gaps: dict[str, Gap] = field(default_factory=dict)
+    held: Data | None = None
+    left_out: tuple[LeftOut, ...] = ()
 
     def missing_after(self) -> tuple[Missing, ...]:
         """Return the force that the amended model still lacks on the training logs."""
@@ -170,17 +184,18 @@ class Diagnosis:
             "process_noise": self._process(),
             "next_experiment": self.advice or None,
             "rows_dropped": self.rows_dropped,
+            "warnings": list(self.warnings),
         }
 
     def _where(self) -> dict[str, Any]:
         """Return in which equation, when (of the first log in which it shows) and in which regime."""
-        worst = max(self.missing, key=lambda m: m.share * m.rms, default=None)
-        if worst is None or not worst.segments:
+        most = worst(self.missing)
+        if most is None or not most.segments:
             return {"equation": None, "segments": [], "regime": self.regime}
         return {
-            "equation": worst.equation,
-            "log": worst.log,
-            "segments": [list(s) for s in worst.segments],
+            "equation": most.equation,
+            "log": most.log,
+            "segments": [list(s) for s in most.segments],
             "regime": self.regime,
         }
 
@@ -285,10 +300,11 @@ def _diagnosed(
     warnings = check_logs(model, logs, holdout)
     tell(0.0, "reading what was measured")
     data, told = paced(model, gather(model, logs))
+    given = data
     warnings += [f"{m.name}: {m.drift}" for m in data.logs if isinstance(m, Navigated)]
     warnings += check_excitation(told, data)
-    held = gather(model, [holdout]) if holdout is not None else None
     selection = select(model, data, names=names, max_effects=max_effects, tell=tell)
+    _clean_again(model, selection)
     final = selection.final
     data = final.windowed.data
     tell(0.88, "looking for what is not in the catalogue")
@@ -298,14 +314,22 @@ def _diagnosed(
     length = ladder(data)[:2][-1]
     like = (final.windowed.length, final.noise) if selection.process else (length, None)
     bare = fit(selection.base.model, data, *like, prior_model=model) if selection.effects else final
+    held, out = None, left_out(logs, given, data)
+    if holdout is not None:
+        as_read = gather(model, [holdout])
+        held = cleaned(final.model, as_read, rungs(model, data)[0])
+        out += left_out([holdout], as_read, held, held_out=True)
     before = gap(bare.model, held, length) if held else None
     after = gap(final.model, held, length) if held and final is not bare else before
     signs += _slow(selection) + _weak(selection) + _veto(selection, before, after)
     verdict = _verdict(selection, signs)
     named = verdict in ("effect", "ambiguous")
+    warnings += _stopped(selection, names, max_effects) if verdict == "unexplained" else []
     tell(0.96, "looking where it is")
     near = bare  # without process noise, in windows short enough to see when
-    if selection.process:
+    if named:  # fitted without the effects the other coefficients would hide what they do
+        near = fit(_less(final.model, selection.effects), data, length, frozen=True)
+    elif selection.process:
         near = fit(bare.model, data, length, prior_model=model)
     elif bare.windowed.length > length:
         near = fit(bare.model, data, length, prior_model=model, near=bare, frozen=True)
@@ -313,7 +337,8 @@ def _diagnosed(
     missing = tuple(localize(near, noise))
     experiment, advice = _next(selection, seed) if named else (None, "")
     amended = final if named or verdict == "none" else bare
-    train_before = gap(bare.model, data, length) if selection.process else gap_of(near)
+    plain = not selection.process and bare.windowed.length <= length
+    train_before = gap_of(bare) if plain else gap(bare.model, data, length)
     train_after = gap(final.model, data, length) if amended is not bare else train_before
     found = Diagnosis(
         verdict=verdict,
@@ -330,21 +355,48 @@ def _diagnosed(
         selection=selection,
         noise=noise,
         missing=missing,
-        regime=regime(near, list(missing)),
+        regime=regime(missing),
         rows_dropped=sum(int((~np.isfinite(m.values)).any(axis=0).sum()) for m in data.logs),
         warnings=tuple(warnings),
         experiment=experiment,
         advice=advice,
+        rival_gaps={r.name: gap(r.model, held, length) for r in selection.rivals} if named and held else {},
+        held=held,
+        left_out=out,
     )
     tell(1.0, "done")
     return found
+
+
+def _clean_again(model: Subject, selection: Selection) -> None:
+    """Leave out what stands out beside the amended model only: what the given one lacks is as steep."""
+    base, final = selection.base, selection.final
+    if not selection.effects:
+        return
+    data = final.windowed.data
+    clean = cleaned(final.model, data, rungs(model, data)[0])
+    if clean is not data:
+        selection.final = fit(
+            final.model, clean, final.windowed.length, final.noise, prior_model=model, near=final
+        )
+        selection.base = fit(
+            base.model, clean, base.windowed.length, base.noise, prior_model=model, near=base
+        )
+
+
+def _less(model: Subject, names: Sequence[str]) -> Subject:
+    """Return a model without some of its effects, all else as it is."""
+    return replace(model, effects=tuple(e for e in model.effects if e.name not in names))
 
 
 def _next(selection: Selection, seed: int) -> tuple[Experiment | None, str]:
     """Return what to drive next, and a sentence on it."""
     final = selection.final
     if selection.rivals:
-        rival = selection.rivals[0]
+        apart = [r for r in selection.rivals if not _both_late(final, r)]
+        if not apart:
+            return None, same_time((selection.rivals[0].instead_of, selection.rivals[0].name))
+        rival = apart[0]
         found = separate(final, final.model, rival.model, (rival.instead_of, rival.name), seed=seed)
         return (None, found) if isinstance(found, str) else (found, found.text)
     numbers = [n for n in _numbers(final, selection.effects) if abs(n.std) > BADLY * abs(n.value)]
@@ -355,13 +407,36 @@ def _next(selection: Selection, seed: int) -> tuple[Experiment | None, str]:
     return sharper, sharper.text if sharper else ""
 
 
+def _both_late(final: Fit, rival: Rival) -> bool:
+    """Tell whether an effect and its rival only say how late something is, which every log shows alike."""
+    named = any(e.name == rival.instead_of for e in final.model.effects)
+    return named and only_late(final.model, rival.instead_of) and only_late(rival.model, rival.name)
+
+
+def _stopped(selection: Selection, names: Sequence[str] | None, max_effects: int) -> list[str]:
+    """Return a warning if it was the limit on effects that ended the search."""
+    if len(selection.effects) < max_effects:
+        return []
+    final = selection.final
+    best = Scores(final, Signatures(final, candidates(final, names))).best()
+    bar = 1.0 if selection.process else max(1.0, final.chi2_per_dof)
+    more = [s.gain for s in best if s.allowed and s.gain > bar * (LEAST + EACH * len(s.candidate.amplitudes))]
+    if not more:
+        return []
+    count = f"{max_effects} effect{'s' if max_effects > 1 else ''}"
+    return [
+        f"stopped at {count} (--max-effects {max_effects}): another would take {max(more):.3g} more from "
+        "twice the negative log likelihood; allow more effects"
+    ]
+
+
 def _slow(selection: Selection) -> tuple[Sign, ...]:
     """Return a sign if long windows leave what short ones do not show."""
     if not selection.slow:
         return ()
     text = (
-        f"windows of {selection.final.windowed.length:g} s are explained, longer ones are not "
-        f"(chi2 per degree of freedom {selection.slow:.3g}): something small that lasts"
+        f"stretches of {selection.final.windowed.length:g} s are explained, longer ones are not: something "
+        "small that lasts is missing"
     )
     count = int(selection.final.windowed.seen.sum())
     return (Sign("slow", text, (selection.slow - 1.0) * count, 1),)

@@ -1,5 +1,8 @@
 """The next experiment: commands that set rivals apart, or tell more of a coefficient that is known badly.
 
+Commands keep to what was driven in the logs; where the model bounds an input, to at most twice that within
+the bounds, and to no direction that was never driven.
+
 Every manoeuvre of a family is simulated with one rival as the truth and the other fitted to it, coefficients
 and all, and the other way round: what the fit cannot take up is what the added log will say (the
 discrimination design of Atkinson and Fedorov, Biometrika 62, 1975, over a family instead of a continuum).
@@ -15,9 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hovercontrol.discrepancy.fit import Fit, fit
-from hovercontrol.discrepancy.manoeuvres import Manoeuvre, family
+from hovercontrol.discrepancy.manoeuvres import Manoeuvre, family, reach
 from hovercontrol.discrepancy.noise import Noise
-from hovercontrol.discrepancy.windowed import Data, Subject, Windowed, structure
+from hovercontrol.discrepancy.windowed import Data, Subject, Windowed, structure, timing, unknowns
 from hovercontrol.files import write_whole
 from hovercontrol.identify.measure import Measured
 
@@ -98,13 +101,38 @@ def separate(
     first, second = names
     if best is None or best[0] < SETTLES:
         found = f" ({best[0]:.2g} of the {SETTLES:g} needed, by {best[1].name})" if best else ""
-        return f"no manoeuvre within the commands so far tells {first} from {second}{found}"
+        return f"no manoeuvre within the limits of the commands tells {first} from {second}{found}"
     worth, manoeuvre, seen = best
     text = (
         f"Drive {manoeuvre.text}{_room(seen)}: {first} and {second} then differ by about {worth:.3g} "
         f"in twice the log likelihood ({SETTLES:g} settle it)."
     )
     return Experiment(manoeuvre.name, text, manoeuvre.time, manoeuvre.commands, worth)
+
+
+def only_late(model: Subject, name: str) -> bool:
+    """Tell whether all that an effect of a model says is how late something is.
+
+    Examples
+    --------
+    >>> from hovercontrol.effects import effect
+    >>> from hovercontrol.vehicles import c17_simulation
+    >>> late = c17_simulation().with_effects([effect("time_offset", seconds=0.1), effect("slope", x=0.1)])
+    >>> only_late(late, "time_offset"), only_late(late, "slope")
+    (True, False)
+    """
+    times = {parameter.rpartition(".")[2] for parameter in timing(model) if parameter}
+    own = {model.effect(name).parameter(k) for k in model.effect(name).numbers}
+    return bool(own & set(unknowns(model))) and own <= times
+
+
+def same_time(names: tuple[str, str]) -> str:
+    """Return why nothing that is driven tells two effects apart that say how late something is."""
+    first, second = names
+    return (
+        f"no log tells {first} from {second}: in each, commands that act late and measurements stamped late "
+        "are the same; one clock for commands and sensors would, or a sensor's delay measured by itself"
+    )
 
 
 def sharpen(final: Fit, name: str, *, seed: int = 0) -> Experiment | None:
@@ -176,7 +204,8 @@ def _family(final: Fit, seed: int) -> Sequence[Manoeuvre]:
     data = final.windowed.data
     names = [s.name for s in final.windowed.block.inputs]
     every = np.concatenate([m.inputs for m in data.logs], axis=1)
-    limits = {name: (float(row.min()), float(row.max())) for name, row in zip(names, every, strict=True)}
+    signals = dict(zip(names, final.windowed.block.inputs, strict=True))
+    limits = {name: reach(signals[name], row) for name, row in zip(names, every, strict=True)}
     step = float(np.median(np.diff(data.logs[0].time)))
     return family(limits, max(step, TICK), seed)
 

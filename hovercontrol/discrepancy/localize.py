@@ -17,11 +17,27 @@ from hovercontrol.discrepancy.noise import Noise
 
 Array = NDArray[np.float64]
 
-#: Standard errors beyond which the force is there, and the shortest stretch [s] worth naming.
-SEEN, SHORTEST = 3.0, 0.2
+#: Standard errors beyond which the force is there, the shortest stretch [s] worth naming, and how far apart
+#: two are [s] that are named as one: a force that changes its sign is not there for a moment.
+SEEN, SHORTEST, APART = 3.0, 0.2, 0.5
 
-#: Below this part of its root mean square a quantity counts as standing still.
-STILL = 0.1
+
+@dataclass(frozen=True, eq=False)
+class Quantity:
+    """What a missing force may depend on: a velocity or a command.
+
+    Attributes
+    ----------
+    name, unit : str
+    values : ndarray, shape (n,)
+        Velocities as reconstructed; NaN in rows outside all windows.
+    is_command : bool
+    """
+
+    name: str
+    unit: str
+    values: Array
+    is_command: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +52,8 @@ class Missing:
         On the log's clock [s].
     force, band : ndarray, shape (n,)
         Per mass (inertia), and its standard error; NaN in rows outside all windows.
+    over : tuple of Quantity
+        What it may depend on, in the same rows.
     """
 
     log: str
@@ -44,15 +62,21 @@ class Missing:
     time: Array
     force: Array
     band: Array
+    over: tuple[Quantity, ...] = ()
 
     @property
     def segments(self) -> list[tuple[float, float]]:
-        """Stretches in which the force is there beyond its band [s]."""
+        """Stretches in which the force is there beyond its band [s], those close together as one."""
         with np.errstate(invalid="ignore"):
             there = np.abs(self.force) > SEEN * self.band
         edges = np.flatnonzero(np.diff(np.concatenate([[0], there.astype(int), [0]])))
         spans = [(float(self.time[a]), float(self.time[b - 1])) for a, b in edges.reshape(-1, 2)]
-        return [s for s in spans if s[1] - s[0] >= SHORTEST]
+        joined: list[tuple[float, float]] = []
+        for begin, end in (s for s in spans if s[1] - s[0] >= SHORTEST):
+            if joined and begin - joined[-1][1] < APART:
+                begin = joined.pop()[0]
+            joined.append((begin, end))
+        return joined
 
     @property
     def share(self) -> float:
@@ -107,7 +131,7 @@ def localize(fit: Fit, noise: Noise) -> list[Missing]:
         P = P - gain @ G.swapaxes(1, 2)
         P = 0.5 * (P + P.swapaxes(1, 2))
         kept.append((s, P, *before, F.copy()))
-    force, band = np.empty((W, K, m)), np.empty((W, K, m))
+    force, band, off = np.empty((W, K, m)), np.empty((W, K, m)), np.empty((W, K, m))
     for k in reversed(range(K)):
         here, cov = kept[k][0], kept[k][1]
         if k < K - 1:
@@ -116,80 +140,40 @@ def localize(fit: Fit, noise: Noise) -> list[Missing]:
             here = here + back @ (s - ahead)
             cov = cov + back @ (P - ahead_cov) @ back.swapaxes(1, 2)
         s, P = here, cov
-        force[:, k] = s[:, n:, 0]
+        force[:, k], off[:, k] = s[:, n:, 0], s[:, forced, 0]
         band[:, k] = np.sqrt(np.maximum(np.diagonal(P, axis1=1, axis2=2)[:, n:], 0.0))
-    return _by_log(fit, forced, force, band)
+    return _by_log(fit, forced, force, band, off)
 
 
-def _by_log(fit: Fit, forced: list[int], force: Array, band: Array) -> list[Missing]:
+def _by_log(fit: Fit, forced: list[int], force: Array, band: Array, off: Array) -> list[Missing]:
     w = fit.windowed
     found = []
-    for i, log in enumerate(w.data.logs):
-        for a, k in enumerate(forced):
-            signal = w.block.states[w.free[k]]
-            values, errors = np.full(log.time.size, np.nan), np.full(log.time.size, np.nan)
+    for i, (log, track) in enumerate(zip(w.data.logs, w.tracks(), strict=True)):
+
+        def rows(values: Array, i: int = i, size: int = log.time.size) -> Array:
+            whole = np.full((size, len(forced)), np.nan)
             for j, (owner, first, stop) in enumerate(w.ranges):
                 if owner == i:
-                    values[first:stop] = force[j, : stop - first, a]
-                    errors[first:stop] = band[j, : stop - first, a]
-            unit = (
-                f"{signal.unit.removesuffix('/s')}/s^2" if signal.unit.endswith("/s") else f"{signal.unit}/s"
-            )
-            found.append(Missing(log.name, f"{signal.name}'", unit, log.time, values, errors))
+                    whole[first:stop] = values[j, : stop - first]
+            return whole.T
+
+        signals = [w.block.states[w.free[k]] for k in forced]
+        moving = rows(off) + track[[w.free[k] for k in forced]]  # simulated, and by how much that is off
+        over = [Quantity(s.name, s.unit, values) for s, values in zip(signals, moving, strict=True)]
+        over += [
+            Quantity(s.name, s.unit, log.inputs[k], is_command=True) for k, s in enumerate(w.block.inputs)
+        ]
+        for s, values, errors in zip(signals, rows(force), rows(band), strict=True):
+            found.append(Missing(log.name, f"{s.name}'", rate(s.unit), log.time, values, errors, tuple(over)))
     return found
 
 
-def regime(fit: Fit, missing: list[Missing]) -> str:
-    """Return in words where the missing force of the worst equation is: speed, command, standstill.
+def rate(unit: str) -> str:
+    """Return the unit of a derivative.
 
-    Parameters
-    ----------
-    fit : Fit
-    missing : list of Missing
+    Examples
+    --------
+    >>> rate("m/s"), rate("rad")
+    ('m/s^2', 'rad/s')
     """
-    worst = max(missing, key=lambda m: m.share * m.rms, default=None)
-    if worst is None or worst.share < 0.01:
-        return "nowhere beyond the noise"
-    same = [m for m in missing if m.equation == worst.equation]
-    force = np.concatenate([m.force for m in same])
-    best, words = 1.5, "all along"
-    for text, rows in _regimes(fit):
-        inside = rows & np.isfinite(force)
-        outside = ~rows & np.isfinite(force)
-        if inside.mean() < 0.05 or outside.mean() < 0.05:
-            continue
-        ratio = float(np.mean(force[inside] ** 2) / max(np.mean(force[outside] ** 2), 1e-300))
-        if ratio > best:
-            best, words = ratio, text
-    return f"in {worst.equation}, {words}"
-
-
-def _regimes(fit: Fit) -> list[tuple[str, NDArray[np.bool_]]]:
-    """Return conditions on states and commands, with words for them."""
-    w = fit.windowed
-    logs, tracks = w.data.logs, w.tracks()
-    found = []
-    inputs = [(s.name, np.concatenate([m.inputs[i] for m in logs])) for i, s in enumerate(w.block.inputs)]
-    states = [
-        (w.block.states[w.free[k]].name, np.concatenate([track[w.free[k]] for track in tracks]))
-        for k in forced_states(fit)
-    ]
-    for name, values in states:
-        known = values[np.isfinite(values)]
-        size = float(np.sqrt(np.mean(known**2))) if known.size and known.any() else 1.0
-        found += [
-            (f"where {name} > 0", values > STILL * size),
-            (f"where {name} < 0", values < -STILL * size),
-            (f"near standstill of {name}", np.abs(values) < STILL * size),
-            (f"where {name} is large", np.abs(values) > size),
-        ]
-    for name, values in inputs:
-        size = float(np.sqrt(np.mean(values**2))) or 1.0
-        found += [
-            (f"where {name} > 0", values > STILL * size),
-            (f"where {name} < 0", values < -STILL * size),
-            (f"where {name} is large", np.abs(values) > size),
-        ]
-    time = np.concatenate([(m.time - m.time[0]) / max(m.time[-1] - m.time[0], 1e-9) for m in logs])
-    found += [("late in each log", time > 0.5), ("early in each log", time < 0.5)]
-    return found
+    return f"{unit.removesuffix('/s')}/s^2" if unit.endswith("/s") else f"{unit}/s"

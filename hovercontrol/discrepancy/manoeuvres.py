@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from hovercontrol.signals import Signal
+
 Array = NDArray[np.float64]
 Limits = Mapping[str, tuple[float, float]]
 
@@ -19,6 +21,9 @@ DRAWN = 2
 
 #: Between these times each of their commands is held [s].
 HELD = (0.3, 3.0)
+
+#: How much larger than what was driven a command of a proposal may be, where the model says what it stands.
+FARTHER = 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +43,34 @@ class Manoeuvre:
     text: str
     time: Array
     commands: Mapping[str, Array]
+
+
+def reach(signal: Signal, driven: Array) -> tuple[float, float]:
+    """Return the least and the largest command that a proposal may use.
+
+    What was driven is safe. Where the model bounds the command on a side, so is more within the bound, up to
+    twice what was driven on that side; a side that was never driven is not tried.
+
+    Parameters
+    ----------
+    signal : Signal
+        The input, with its bounds.
+    driven : ndarray
+        Its commands in the logs.
+
+    Examples
+    --------
+    >>> reach(Signal("thrust", "A", lower=-6.1, upper=6.1), np.array([0.0, 2.0]))
+    (0.0, 4.0)
+    >>> reach(Signal("thrust"), np.array([0.5, 2.0]))
+    (0.5, 2.0)
+    """
+    low, high = float(driven.min()), float(driven.max())
+    if low < 0.0 and np.isfinite(signal.lower):
+        low = max(signal.lower, FARTHER * low)
+    if high > 0.0 and np.isfinite(signal.upper):
+        high = min(signal.upper, FARTHER * high)
+    return low, high
 
 
 def family(limits: Limits, step: float, seed: int = 0) -> list[Manoeuvre]:

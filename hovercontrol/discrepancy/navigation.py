@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hovercontrol.block import Block
+from hovercontrol.discrepancy.spikes import stand_out
 from hovercontrol.identify.measure import MOST_ROWS, Measured, measure, steps
 from hovercontrol.identify.windows import FEWEST
 from hovercontrol.logs import POSE, VELOCITY, Log
@@ -31,6 +32,9 @@ RESOLVED = 3.0
 
 #: Rows to either side of a correction whose medians differ by it.
 BESIDE = 5
+
+#: Times that spikes are looked for: large ones hide small ones.
+ROUNDS = 5
 
 #: Corrections that make a navigation, and the largest part of the rows that may be some.
 LEAST, MOST = 5, 0.2
@@ -89,6 +93,36 @@ def over_ground(log: Log) -> Array:
     return np.stack([c * log["u"] - s * log["v"], s * log["u"] + c * log["v"]])
 
 
+def without_spikes(rows: Array) -> Array:
+    """Return rows, shape (m, n), with straight lines in place of spikes; a correction stays, and is none.
+
+    Examples
+    --------
+    >>> row = np.sin(997.0 * np.arange(100)) + 50 * (np.arange(100) > 49) + 30 * (np.arange(100) == 20)
+    >>> clean = without_spikes(row[None])[0]
+    >>> np.flatnonzero(clean != row).tolist(), bool(abs(clean[20]) < 1)
+    ([20], True)
+    """
+    rows, known, at = rows.copy(), np.isfinite(rows), np.arange(rows.shape[1])
+    good = known.copy()
+    for _ in range(ROUNDS):
+        levels = np.array([[noise_level(row[ok])] for row, ok in zip(rows, good, strict=True)])
+        z = np.where(good, rows, 0.0) / levels
+        found = stand_out(z.T[None], good.T[None])[0].T
+        if not found.any():
+            break
+        good &= ~found
+    for row, ok, all_known in zip(rows, good, known, strict=True):
+        row[all_known] = np.interp(at[all_known], at[ok], row[ok]) if ok.any() else row[all_known]
+    return rows
+
+
+def noise_level(row: Array) -> float:
+    """Return the standard deviation of what differs from row to row, from third differences."""
+    thirds = np.abs(np.diff(row, 3))
+    return max(float(np.median(thirds)) / (NORMAL * np.sqrt(20.0)) if thirds.size else 0.0, 1e-12)
+
+
 def corrections(log: Log) -> Rows:
     """Return the rows at which the position jumps as no velocity says, and stays there.
 
@@ -107,11 +141,14 @@ def corrections(log: Log) -> Rows:
     """
     if not log.has(*POSE, *VELOCITY) or len(log) < 8:
         return np.empty(0, dtype=np.intp)
-    speed, step = over_ground(log), np.diff(log.time)
+    speed, step = without_spikes(over_ground(log)), np.diff(log.time)
     moved = np.diff(log.stack("x", "y"), axis=0).T - 0.5 * (speed[:, 1:] + speed[:, :-1]) * step
     known = np.isfinite(moved).all(axis=0)
     if not known.any():
         return np.empty(0, dtype=np.intp)
+    carried = np.concatenate([np.zeros((2, 1)), np.cumsum(np.where(known, moved, 0.0), axis=1)], axis=1)
+    carried = without_spikes(carried)  # a spike would enter what is integrated, and stay there
+    moved = np.diff(carried)
     level = np.median(np.abs(moved[:, known]), axis=1, keepdims=True) / NORMAL
     longer = np.maximum(step / float(np.median(step)), 1.0)  # velocities may change where rows are missing
     apart = [steps(row[np.isfinite(row)]) for row in log.stack("x", "y").T]
@@ -119,9 +156,8 @@ def corrections(log: Log) -> Rows:
     least = np.maximum(JUMP * np.maximum(level, 1e-12), RESOLVED * finest)
     least = least * longer + np.abs(np.diff(speed)) * step  # a velocity that jumps tells when only to a row
     far = known & (np.abs(moved) > least).any(axis=0)
-    carried = np.concatenate([np.zeros((2, 1)), np.cumsum(np.where(known, moved, 0.0), axis=1)], axis=1)
     found = []
-    for row in np.flatnonzero(far) + 1:  # a sample that stands out does not stay
+    for row in np.flatnonzero(far) + 1:
         before, after = carried[:, max(row - BESIDE, 0) : row], carried[:, row : row + BESIDE]
         stayed = np.median(after, axis=1) - np.median(before, axis=1)
         if (np.abs(stayed) > np.maximum(0.5 * np.abs(moved[:, row - 1]), JUMP * level[:, 0])).any():
@@ -142,7 +178,7 @@ def measure_navigated(block: Block, log: Log, most_rows: int = MOST_ROWS) -> Nav
     at = corrections(log)
     if not LEAST <= at.size <= MOST * len(log):
         return None
-    speed = over_ground(log)
+    speed = without_spikes(over_ground(log))
     moved = np.diff(log.stack("x", "y"), axis=0)[at - 1]
     jumps = np.sqrt(((speed[:, at] - speed[:, at - 1]) ** 2).mean())
     thirds = np.abs(np.diff(speed, 3, axis=1))

@@ -15,6 +15,7 @@ from scipy.linalg import expm
 from scipy.stats import chi2
 
 from hovercontrol.discrepancy.fit import Fit, forced_states
+from hovercontrol.discrepancy.localize import rate
 from hovercontrol.discrepancy.noise import Noise, whiten
 from hovercontrol.discrepancy.reduce import inflation, reduce, scaled_inverse
 
@@ -173,7 +174,7 @@ def _cells(x: Array, y: Array) -> list[tuple[str, Array]]:
             (x0, x1), (y0, y1) = (edges[0][i], edges[0][i + 1]), (edges[1][j], edges[1][j + 1])
             inside = (x >= x0) & (x <= x1) & (y >= y0) & (y <= y1)
             if inside.mean() > 0.01:
-                text = f"where x is {x0:.3g} to {x1:.3g} m and y {y0:.3g} to {y1:.3g} m"
+                text = f"where x is {x0:.2g} to {x1:.2g} m and y {y0:.2g} to {y1:.2g} m"
                 found.append((text, inside.astype(float)))
     return found
 
@@ -221,11 +222,20 @@ def large_process(fit: Fit, noise: Noise) -> list[Sign]:
         level, signal = float(noise.process[k]), w.block.states[w.free[k]]
         if level > LARGE * own[k]:
             text = (
-                f"random forces of {level:.2g} in {signal.name}' ({signal.unit} per second), "
-                f"{level / own[k]:.0%} of all that the model knows there"
+                f"these logs take random forces of {level:.2g} {rate(signal.unit)} in {signal.name}' to "
+                f"explain, {_beside(level, float(own[k]))}"
             )
             found.append(Sign("process", text, (level / float(w.data.noise.min())) ** 2, 1))
     return found
+
+
+def _beside(level: float, own: float) -> str:
+    """Return in words how large random forces are beside the model's own."""
+    if own <= 0.0:
+        return "where the model has no force at all"
+    part = level / own
+    much = f"about {100 * part:.2g} % of" if part < 0.95 else f"{part:.2g} times" if part > 1.05 else "about"
+    return f"{much} the size of all forces that the model has there"
 
 
 def _residual_signs(fit: Fit) -> list[Sign]:

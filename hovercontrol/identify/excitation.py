@@ -146,10 +146,11 @@ def reason(
             {k: s / direction[name] for k, s in direction.items() if k != name} if name in direction else {}
         )
         if others:
-            steps = " and ".join(f"{s:.3g} to {k}" for k, s in others.items())
+            part = 0.1 * size
+            steps = [f"{k} {abs(part * s):.2g} {'higher' if s > 0 else 'lower'}" for k, s in others.items()]
             return (
-                f"hardly to be told from {', '.join(others)}: adding 1 to it and {steps} "
-                "leaves what was measured much as it was"
+                f"hardly to be told from {', '.join(others)}: with it {part:.2g} higher and "
+                f"{', '.join(steps)} the logs would look much the same"
             )
     return f"its standard error is above its size of {size:.3g} {unit}"
 

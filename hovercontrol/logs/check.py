@@ -57,17 +57,28 @@ def check_heading(file: str, column: str, time: Floats, psi: Floats, r: Floats |
     """Raise if a heading is clearly in degrees; ``column`` is its name in the file.
 
     Clearly means: it jumps by a full circle of 360, or turns at ``FASTEST_TURN`` on average, or
-    turns some 57 times as fast as the yaw rate ``r`` [rad/s] of the same log says.
+    turns some 57 times as fast as the yaw rate ``r`` [rad/s] of the same log says. Where it turns
+    as fast as that says, both are in degrees.
     """
     steps = np.abs(np.diff(psi))
     if not steps.size:
         return
     wrapped = bool(np.ptp(psi) <= 360.0 and np.any(steps > 300.0) and np.median(steps) < 60.0)
     whirling = bool(steps.sum() > FASTEST_TURN * (time[-1] - time[0]) and not wrapped)
-    ratio = 1.0
+    ratio, turned = 1.0, np.zeros(1)
     if r is not None and np.abs(r).max() > 0.0:
         turned = np.abs(r[1:] + r[:-1]) / 2 * np.diff(time)
         ratio = float(steps.sum() / max(float(turned.sum()), 1e-9))
+    both = False
+    if r is not None and (wrapped or whirling):
+        on = np.minimum(steps, np.abs(360.0 - steps)) if wrapped else steps
+        both = bool(0.5 < on.sum() / max(float(turned.sum()), 1e-9) < 2.0)
+    if both:
+        raise InputError(
+            f"{file}: column {column!r}: expected a heading in rad, found values from {psi.min():.4g} to "
+            f"{psi.max():.4g} that look like degrees, and a yaw rate in degrees per second; multiply both by "
+            "pi/180"
+        )
     if wrapped or (whirling and r is None) or 40.0 < ratio < 80.0:
         raise InputError(
             f"{file}: column {column!r}: expected a heading in rad, found values from "

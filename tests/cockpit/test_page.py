@@ -14,7 +14,7 @@ from hovercontrol.identify import identify
 from hovercontrol.logs import read_log
 from hovercontrol.vehicles import vehicle
 
-from .browser import CHROMIUM, browser
+from ..browser import CHROMIUM, browser
 
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here")
 
@@ -29,7 +29,9 @@ def _patient(monkeypatch):
 async def page_of(folder, craft="hoverdemon", replay=None, **size):
     pacer = Pacer(Loop(vehicle(craft)))
     async with TestServer(Console(pacer, folder, replay).application()) as server, browser() as page:
-        await page.open(str(server.make_url("/")), **size)
+        await page.open(
+            str(server.make_url("/")), ready="globalThis.cockpit && cockpit.seen().state !== null", **size
+        )
         yield page
         assert page.complaints == []
 

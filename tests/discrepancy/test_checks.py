@@ -5,12 +5,13 @@ import pytest
 
 from hovercontrol.discrepancy.checks import check_excitation, check_logs
 from hovercontrol.discrepancy.clocks import command_drift
+from hovercontrol.discrepancy.ladder import paced
 from hovercontrol.discrepancy.windowed import gather
 from hovercontrol.errors import InputError
 from hovercontrol.logs import Log
 from hovercontrol.vehicles import four_fan
 
-from .generator import Conditions, make
+from .generator import SIZES, Conditions, make, simulated
 
 CASE = make(1, [], Conditions(duration=24.0))
 LOG, OTHER = CASE.logs
@@ -24,9 +25,18 @@ def without(*names):
     return Log(LOG.name, LOG.time, {k: v for k, v in LOG.columns.items() if k not in names})
 
 
+def excitation(model, logs):
+    data, told = paced(model, gather(model, logs))
+    return check_excitation(told, data)
+
+
+def in_degrees(log, *names):
+    return changed(log, **{name: np.degrees(log[name]) for name in names})
+
+
 def test_good_logs_pass_without_a_word():
     assert check_logs(CASE.model, CASE.logs, CASE.holdout) == []
-    assert check_excitation(CASE.model, gather(CASE.model, CASE.logs)) == []
+    assert excitation(CASE.model, CASE.logs) == []
 
 
 @pytest.mark.parametrize("effect", ["thrust_lag", "battery_sag", "input_delay", "sensor_lever_arm", "wind"])
@@ -52,6 +62,20 @@ def test_a_missing_effect_is_no_fault_of_the_log(effect):
         (changed(v=np.zeros(len(LOG))), "log 1: column 'v' is constant while x moves"),
         (changed(psi=np.degrees(LOG["psi"])), "column 'psi': expected a heading in rad"),
         (changed(r=np.degrees(LOG["r"])), "column 'r': expected a yaw rate in rad/s"),
+        (in_degrees(LOG, "psi", "r"), "columns 'psi' and 'r': expected rad and rad/s"),
+        (
+            Log(
+                "a",
+                LOG.time,
+                {k: v for k, v in in_degrees(LOG, "r").columns.items() if k not in ("x", "psi")},
+            ),
+            "a: column 'r': expected rad/s",
+        ),
+        (
+            Log("a", LOG.time, {k: v for k, v in in_degrees(LOG, "psi").columns.items() if k not in "uvr"}),
+            "a: column 'psi': expected rad, found a heading from",
+        ),
+        (in_degrees(LOG, "rudder"), "column 'rudder': expected an angle in rad"),
         (changed(x=1e3 * LOG["x"], y=1e3 * LOG["y"]), "the position moves 1000 times as far"),
         (Log("a", 1e3 * LOG.time, LOG.columns), "a: rows are 20 s apart: is its time in seconds?"),
     ],
@@ -86,6 +110,32 @@ def test_a_hold_out_log_that_overlaps_a_training_log_is_refused():
     assert check_logs(CASE.model, [LOG.between(0.0, 11.9)], second) == []
 
 
+@pytest.mark.parametrize("digits", [4, 5, 17])
+@pytest.mark.parametrize("left_out", [(), ("r",), ("u", "v", "r")])
+def test_a_copy_is_known_though_rounded_later_and_with_fewer_columns(digits, left_out):
+    columns = {k: np.array([float(f"{v:.{digits}g}") for v in row]) for k, row in LOG.columns.items()}
+    copy = Log("copy", LOG.time + 1000.0, {k: v for k, v in columns.items() if k not in left_out})
+    with pytest.raises(InputError, match="copy: the hold-out log is the training log log 1"):
+        check_logs(CASE.model, [OTHER, LOG], copy)
+
+
+def test_a_training_log_given_twice_is_refused():
+    with pytest.raises(InputError, match="again: it is the training log log 1: its rows would count twice"):
+        check_logs(CASE.model, [LOG, OTHER, Log("again", LOG.time, LOG.columns)])
+
+
+@pytest.mark.parametrize("noise", [1.0, 0.01])
+def test_another_run_with_the_same_commands_is_no_copy(noise):
+    again = Conditions(
+        duration=24.0,
+        noise=noise,
+        commands=lambda rng, duration, dt: {k: LOG[k] for k in ("thrust", "rudder")},
+    )
+    runs = [simulated(CASE.truth, np.random.default_rng(k), again, f"run {k}") for k in range(3)]
+    assert np.ptp([run["psi"] for run in runs], axis=0).max() < 0.05  # they do go the same way
+    assert check_logs(CASE.model, runs[:2], runs[2]) == []
+
+
 def test_logs_that_rest_alike_are_not_the_same():
     still = {k: np.where(LOG.time < 4.0, 0.0, v) for k, v in LOG.columns.items()}
     other = {k: np.where(OTHER.time < 4.0, 0.0, v) for k, v in OTHER.columns.items()}
@@ -112,15 +162,49 @@ def test_switched_commands_are_not_saturated():
     assert not any("limit" in s for s in said)
 
 
-def test_clocks_that_drift_apart_are_warned_about():
-    case = make(1, [], Conditions(duration=40.0, logs=1))
-    log = case.logs[0]
-    late = np.searchsorted(log.time, 0.995 * log.time + 1e-9, side="right") - 1
-    drifting = changed(log, thrust=log["thrust"][late], rudder=log["rudder"][late])
-    drift, chance = command_drift(case.model, drifting)
-    assert drift == pytest.approx(-0.2, abs=0.03) and chance < 1e-4
-    assert any("drift apart" in s for s in check_logs(case.model, [drifting]))
-    assert command_drift(case.model, log)[1] > 1e-2
+def drifting(log, part):
+    """Return a log whose commands were stamped by a clock that runs slow by a part."""
+    late = np.searchsorted(log.time, (1.0 - part) * log.time + 1e-9, side="right") - 1
+    return changed(log, **{name: log[name][late] for name in ("thrust", "rudder")})
+
+
+LONG = make(1, [], Conditions(duration=40.0, logs=1))
+
+
+def test_clocks_that_drift_apart_are_refused():
+    log = drifting(LONG.logs[0], 0.005)
+    drift, chance, left = command_drift(LONG.model, log)
+    assert drift == pytest.approx(-0.2, abs=0.03) and chance < 1e-4 and left < 0.5
+    with pytest.raises(
+        InputError, match=r"drift apart by -\d+ ms .* multiply the times of the commands"
+    ) as error:
+        check_logs(LONG.model, [log])
+    assert float(str(error.value).split("commands by ")[1].split()[0]) == pytest.approx(0.995, abs=1e-3)
+    assert command_drift(LONG.model, LONG.logs[0])[1] > 1e-2
+
+
+def test_clocks_that_drift_a_little_apart_are_warned_about():
+    (said,) = check_logs(LONG.model, [drifting(LONG.logs[0], 0.002)])
+    assert "drift apart" in said and "two clocks joined" in said
+
+
+@pytest.mark.parametrize("hidden", [["parameter_jump"], ["battery_sag"], ["rudder_lag"]])
+def test_no_effect_is_taken_for_a_clock(hidden):
+    case = make(9, hidden, Conditions(duration=40.0, logs=1))
+    assert check_logs(case.model, case.logs) == []
+
+
+def test_a_craft_whose_thrust_jumps_has_no_bad_clock(monkeypatch):
+    """Best shifts of this log rise along a line by chance (1e-6), but no shift explains the misfit."""
+    jump = {
+        "factor": lambda rng: float(rng.choice([rng.uniform(1.5, 2.5), rng.uniform(0.4, 0.7)])),
+        "seconds": lambda rng: float(rng.uniform(10.0, 50.0)),
+    }
+    monkeypatch.setitem(SIZES, "parameter_jump", jump)
+    case = make(50005, ["parameter_jump", "thrust_lag"], Conditions(noise=3.0, logs=1))
+    drift, chance, left = command_drift(case.model, case.logs[0])
+    assert abs(drift) > 0.1 and chance < 1e-5 and left > 0.9
+    assert not any("drift apart" in s for s in check_logs(case.model, case.logs))
 
 
 def test_positions_at_another_pace_are_warned_about():
@@ -136,7 +220,7 @@ def test_a_short_log_is_warned_about():
 
 def test_what_cannot_be_known_is_named():
     resting = changed(rudder=np.zeros(len(LOG)))
-    said = check_excitation(CASE.model, gather(CASE.model, [resting]))
+    said = excitation(CASE.model, [resting])
     assert any("rudder_torque cannot be known" in s and "rudder stays 0" in s for s in said)
 
 
@@ -145,4 +229,4 @@ def test_a_log_that_tells_nothing_is_refused():
     rest = {k: 1e-3 * rng.normal(size=len(LOG)) for k in ("x", "y", "psi", "u", "v", "r")}
     still = Log("still", LOG.time, {**rest, "thrust": 0 * LOG.time, "rudder": 0 * LOG.time})
     with pytest.raises(InputError, match="still: no coefficient of the model can be known"):
-        check_excitation(CASE.model, gather(CASE.model, [still]))
+        excitation(CASE.model, [still])

@@ -58,6 +58,7 @@ def test_a_missing_slope_is_found_named_added_and_shown(folder, tmp_path):
     ]
     result = json.loads((tmp_path / "out" / "result.json").read_text())
     assert result["verdict"] == "effect" and result["effects"][0]["name"] == "slope"
+    assert result["warnings"] == []
     assert load_model(tmp_path / "out" / "model.toml").effect("slope").values["x"] == pytest.approx(
         result["effects"][0]["coefficient"]
     )
@@ -79,6 +80,19 @@ def test_ambiguous_ends_with_status_1(folder, tmp_path, monkeypatch, capsys):
     assert "cannot tell what: " in capsys.readouterr().out
 
 
+def test_a_script_sees_that_the_limit_ended_the_search(tmp_path):
+    case = make(102, ["thrust_lag", "slope"], Conditions(duration=12.0, logs=1))
+    case.logs[0].save(tmp_path / "a.csv")
+    save_model(case.model, tmp_path / "craft.toml")
+    args = ["a.csv", "--model", "craft.toml", "--effects", "thrust_lag,slope", "--max-effects", "1"]
+    done = subprocess.run(
+        [*RUN, *args, "--out", "out"], capture_output=True, text=True, cwd=tmp_path, timeout=120
+    )
+    assert done.returncode == 1 and "stopped at 1 effect (--max-effects 1)" in done.stderr
+    warnings = json.loads((tmp_path / "out" / "result.json").read_text())["warnings"]
+    assert any("stopped at 1 effect" in w for w in warnings)
+
+
 @pytest.mark.parametrize(
     ("args", "said"),
     [
@@ -86,6 +100,10 @@ def test_ambiguous_ends_with_status_1(folder, tmp_path, monkeypatch, capsys):
         (["a.csv", "--model", "none.toml"], "none.toml: no such file"),
         (["a.csv", "--model", "craft.toml", "--holdout", "./a.csv"], "./a.csv is given twice (as a.csv)"),
         (["a.csv", "--model", "craft.toml", "--effects", "sloep"], "did you mean 'slope'?"),
+        (
+            ["a.csv", "--model", "craft.toml", "--effects", ","],
+            "--effects: expected names separated by commas",
+        ),
         (["a.csv", "--vehicle", "four_fan"], "no column 'rear_left'"),
         (["a.csv", "--model", "craft.toml", "--max-effects", "0"], "greater than or equal to 1"),
         (["gone.csv", "--model", "craft.toml"], "gone.csv"),
@@ -109,6 +127,10 @@ def bad(log, kind):
         return log.select(slice(0, 60))
     if kind == "degrees":
         columns["psi"] = np.degrees(columns["psi"])
+    if kind == "both in degrees":
+        columns["psi"], columns["r"] = np.degrees(columns["psi"]), np.degrees(columns["r"])
+    if kind == "rudder in degrees":
+        columns["rudder"] = np.degrees(columns["rudder"])
     if kind == "constant":
         columns["v"] = np.zeros(len(log))
     if kind == "empty":
@@ -122,6 +144,8 @@ def bad(log, kind):
         ("copy", "bad.csv: the hold-out log is the training log a.csv"),
         ("short", "bad.csv: too short"),
         ("degrees", "bad.csv: column 'psi': expected a heading in rad"),
+        ("both in degrees", "bad.csv: columns 'psi' and 'r': expected rad and rad/s"),
+        ("rudder in degrees", "bad.csv: column 'rudder': expected an angle in rad"),
         ("constant", "bad.csv: column 'v' is constant while x moves"),
         ("empty", "bad.csv: column 'u' is empty"),
     ],

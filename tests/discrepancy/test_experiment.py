@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from hovercontrol.discrepancy import diagnose
-from hovercontrol.discrepancy.manoeuvres import SECONDS, family
+from hovercontrol.discrepancy.manoeuvres import SECONDS, family, reach
+from hovercontrol.signals import Signal
 
 from .generator import Conditions, make, simulated
 
@@ -60,7 +61,16 @@ def test_rivals_that_are_the_same_have_no_experiment():
     case = make(13, ["input_delay"], Conditions(duration=20.0))
     found = diagnose(case.model, case.logs, names=["input_delay", "time_offset"])
     assert found.verdict == "ambiguous" and found.experiment is None
-    assert "no manoeuvre within the commands so far tells" in found.advice
+    assert found.advice.startswith("no log tells ") and "one clock for commands and sensors" in found.advice
+
+
+def test_a_proposal_goes_beyond_the_commands_only_within_bounds():
+    bounded = Signal("thrust", "A", lower=-6.0, upper=6.0)
+    assert reach(bounded, np.array([-1.0, 0.5, 2.0])) == (-2.0, 4.0)
+    assert reach(bounded, np.array([-5.0, 5.0])) == (-6.0, 6.0)
+    assert reach(bounded, np.array([0.5, 2.0])) == (0.5, 4.0)  # never off, never astern: so it stays
+    assert reach(Signal("thrust", "A"), np.array([-1.0, 2.0])) == (-1.0, 2.0)
+    assert reach(Signal("fan", "N", lower=0.0), np.array([0.0, 0.3])) == (0.0, 0.3)
 
 
 @pytest.mark.parametrize(

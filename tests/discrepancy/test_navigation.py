@@ -8,7 +8,7 @@ from hovercontrol.discrepancy.navigation import Navigated, corrections, measure_
 from hovercontrol.discrepancy.windowed import Windowed, gather
 from hovercontrol.logs import Log
 
-from .generator import Conditions, make
+from .generator import NOISE, Conditions, make
 
 #: What the navigation's velocities are off by: an offset [m/s], a ramp [m/s^2]; seconds between fixes.
 OFFSET, RAMP, FIX = 0.05, 0.02, 1.0
@@ -60,6 +60,26 @@ def test_corrections_are_found_to_the_row_and_only_where_there_are_some():
 def test_outliers_gaps_and_jitter_are_no_corrections(seed):
     case = make(seed, ["slope"], Conditions(duration=60.0, faults=True))
     assert not any(measure_navigated(case.model.plant(), log) for log in case.logs)
+
+
+@pytest.mark.parametrize("size", [50, 200, 500])
+def test_large_outliers_are_no_corrections(size):
+    for seed in range(200, 204):
+        log = make(seed, ["munk_moment"], Conditions(duration=30.0, logs=1)).logs[0]
+        rng = np.random.default_rng(seed)
+        hit = {c: (rng.random(len(log)) < 0.02) * size * rng.normal(size=len(log)) for c in NOISE}
+        columns = {c: log[c] + hit[c] * NOISE[c] for c in NOISE}
+        assert corrections(Log(log.name, log.time, {**log.columns, **columns})).size == 0
+
+
+def test_corrections_are_found_among_outliers():
+    _, (log, _), _ = case_of(3, [])
+    rng = np.random.default_rng(0)
+    columns = {c: log[c] + (rng.random(len(log)) < 0.005) * 1.0 for c in ("u", "v", "x")}
+    found = corrections(Log(log.name, log.time, {**log.columns, **columns}))
+    wanted = np.flatnonzero(np.diff(log.time // FIX) > 0) + 1
+    assert len(set(found) & set(wanted)) > 0.8 * wanted.size
+    assert found.size < 1.3 * wanted.size
 
 
 def test_neither_exact_nor_coarse_positions_are_corrections():

@@ -3,12 +3,14 @@
 import numpy as np
 import pytest
 
+from hovercontrol.discrepancy import diagnose
 from hovercontrol.discrepancy.fit import fit
-from hovercontrol.discrepancy.outliers import without_outliers
+from hovercontrol.discrepancy.outliers import cleaned, without_outliers
+from hovercontrol.discrepancy.spikes import stand_out
 from hovercontrol.discrepancy.windowed import UNSURE, gather
 from hovercontrol.logs import Log
 
-from .generator import Conditions, make
+from .generator import NOISE, Conditions, make
 
 SHORT = Conditions(duration=20.0, logs=1)
 
@@ -33,13 +35,84 @@ def test_outliers_are_found_and_nothing_else():
     assert out.sum() < 1.05 * sum(h.sum() for h in hit.values())
 
 
-def test_a_gross_lack_of_the_model_is_no_outlier():
-    case = make(4, ["slope", "thrust_saturation"], SHORT)
+def hit_by(log, rng, low, high, share=0.02):
+    """Return a log with outliers in all channels, and their sizes in standard deviations of the noise."""
+    shape = (len(NOISE), len(log))
+    sizes = np.exp(rng.uniform(np.log(low), np.log(high), shape)) * rng.choice([-1.0, 1.0], shape)
+    sizes = dict(zip(NOISE, sizes * (rng.random(shape) < share), strict=True))
+    columns = {c: log[c] + sizes[c] * NOISE[c] for c in NOISE}
+    return Log(log.name, log.time, {**log.columns, **columns}), sizes
+
+
+def gone(before, after):
+    """Return which samples of the first log were taken out, by channel."""
+    lost = np.isnan(after.logs[0].values) & ~np.isnan(before.logs[0].values)
+    return dict(zip(after.logs[0].channels, lost, strict=True))
+
+
+@pytest.mark.parametrize(
+    ("seed", "names"),
+    [
+        (1, ["thrust_lag", "slope"]),
+        (2, ["input_delay"]),
+        (7, ["rudder_lag", "yaw_quadratic_drag"]),
+        (8, ["time_offset"]),
+    ],
+)
+def test_what_a_model_lacks_is_no_outlier(seed, names):
+    case = make(seed, names, Conditions(duration=30.0))
     data = gather(case.model, case.logs)
-    clean = without_outliers(fit(case.model, data, 0.25))
-    if clean is not None:
-        out = np.isnan(clean.logs[0].values) & ~np.isnan(data.logs[0].values)
-        assert out.mean() < 1e-3
+    clean = without_outliers(fit(case.model, data, 0.25)) or data
+    assert sum(out.sum() for out in gone(data, clean).values()) <= 1
+
+
+def test_outliers_are_found_whatever_the_model_lacks():
+    case = make(7, ["rudder_lag", "yaw_quadratic_drag"], SHORT)
+    log, sizes = hit_by(case.logs[0], np.random.default_rng(1), 15.0, 500.0)
+    data = gather(case.model, [log])
+    out = gone(data, cleaned(case.model, data, 0.25))
+    left = {c: ~np.isnan(v) for c, v in zip(data.logs[0].channels, data.logs[0].values, strict=True)}
+    wanted = {c: (sizes[c] != 0) & left[c] for c in sizes}  # the reader takes out most of the pose's
+    assert sum(w.sum() for w in wanted.values()) > 40
+    assert sum((out[c] & wanted[c]).sum() for c in sizes) >= 0.97 * sum(w.sum() for w in wanted.values())
+    assert sum((out[c] & ~wanted[c]).sum() for c in sizes) <= 3
+
+
+def test_spikes_stand_out_from_both_sides():
+    rng = np.random.default_rng(0)
+    z = rng.normal(size=(1, 60, 1))
+    every = np.ones(z.shape, dtype=bool)
+    assert not stand_out(z, every).any()
+    z[0, [0, 9, 20, 21, 40, 41, 59], 0] += [30, -12, 40, 40, 50, -50, -30]  # ends, one, two alike, two unlike
+    assert np.flatnonzero(stand_out(z, every)).tolist() == [0, 9, 20, 21, 40, 41, 59]
+    for change in (np.where(np.arange(60) < 30, 0, 50), 200 * np.exp(-np.arange(60) / 5), 30 * np.arange(60)):
+        assert not stand_out(rng.normal(size=z.shape) + change[None, :, None], every).any()
+
+
+def test_rows_go_on_in_the_next_window():
+    z = np.zeros((2, 12, 1))
+    z[0, -1] = z[1, 0] = 12.0  # as high, but the next window begins where this one ends
+    behind = np.array([1, -1])
+    z[1] += 12.0
+    step = stand_out(z, np.ones(z.shape, dtype=bool), behind, np.array([[0.0], [0.0]]))
+    assert not step[0].any()
+    z = np.zeros((2, 12, 1))
+    z[0, -1], z[1] = 8.0, 5.0
+    found = stand_out(z, np.ones(z.shape, dtype=bool), behind, np.array([[-5.0], [0.0]]))
+    assert np.argwhere(found).tolist() == [[0, 11, 0]]
+
+
+def test_outliers_of_the_hold_out_log_are_left_out_and_told():
+    case = make(200, ["munk_moment"], Conditions(duration=20.0, scale=0.2, logs=1))
+    bad, sizes = hit_by(case.holdout, np.random.default_rng(2), 20.0, 500.0)
+    found = diagnose(case.model, case.logs, bad, names=["munk_moment", "slope"])
+    for channel, rms in found.after.rms.items():
+        assert rms == pytest.approx(NOISE[channel], rel=0.12)
+    assert (found.before.count, found.rows_dropped) == (found.after.count, 0)
+    assert all(out.held_out and out.log == bad.name for out in found.left_out)
+    count = sum(out.count for out in found.left_out if out.channel == "r" and "alone" in out.reason)
+    seen = np.isfinite(gather(case.model, [bad]).logs[0].values[-1])
+    assert count == pytest.approx((sizes["r"][seen] != 0).sum(), abs=2)
 
 
 def test_a_command_that_changes_in_a_gap_ends_a_window():

@@ -8,11 +8,13 @@ import numpy as np
 import pytest
 
 from hovercontrol.discrepancy import diagnose
+from hovercontrol.discrepancy.fit import fit
 from hovercontrol.discrepancy.probes import Sign
 from hovercontrol.discrepancy.report import headline, write_report
 from hovercontrol.discrepancy.report.svg import Plot, bounds, ticks
 from hovercontrol.discrepancy.report.verdict import explanation, gap_sentence
 from hovercontrol.discrepancy.select import Rival
+from hovercontrol.discrepancy.windowed import gather
 from hovercontrol.logs import Log
 
 from .generator import Conditions, make
@@ -125,7 +127,57 @@ def test_new_terms_are_marked_and_old_ones_are_not(pages):
 def test_rivals_are_named_with_their_correlation(pages):
     _, text = read(pages["ambiguous"])
     assert re.search(r"these logs cannot tell what: slope \(slope_x .*?\) or wind\.", text)
-    assert "wind instead of slope: behind by 3.2" in text and "correlation 0.930" in text
+    assert re.search(r"wind slope 5 times 0\.930", text)  # e^(3.2 / 2)
+    assert "with it; 400 times would tell" in text and "errs as little" not in text
+    assert "error on the hold-out log" not in text  # not measured: nothing is said of it
+
+
+def test_rivals_are_shown_with_their_error_on_the_hold_out_log(sloping, tmp_path):
+    d = variants(sloping.found)["ambiguous"]
+    d = replace(d, rival_gaps={"wind": d.before})
+    _, text = read(write_report(d, sloping.case.holdout, tmp_path / "r.html", names=["slope"]))
+    ours, rival = (f"{np.sqrt(g.chi2 / g.count):.2f}" for g in (d.after, d.before))
+    assert f"slope (named) {ours} wind slope 5 times 0.930 {rival}" in text.replace("\u2014 ", "")
+
+
+def test_the_error_of_a_rival_is_that_of_its_model():
+    case = make(11009, ["wind"], Conditions(duration=10.0, logs=1))
+    found = diagnose(case.model, case.logs, case.holdout, names=["wind", "slope"])
+    assert found.verdict == "ambiguous" and [*found.rival_gaps] == [r.name for r in found.rivals]
+    rival, held = found.rivals[0], gather(case.model, [case.holdout])
+    again = fit(rival.model, held, 1.0, frozen=True)
+    for k, channel in enumerate(held.channels):
+        left = again.residual[..., k][again.windowed.seen[..., k]]
+        assert found.rival_gaps[rival.name].rms[channel] == pytest.approx(np.sqrt(np.mean(left**2)))
+
+
+def test_random_forces_are_not_called_noise(sloping, tmp_path):
+    d = sloping.found
+    final = d.selection.final
+    gusty = replace(final, noise=final.noise.but(process=np.array([0, 0, 0, 1e-3, 1e-3, 1e-3])))
+    selection = replace(d.selection, base=gusty, final=gusty, process=True, effects=[], gains={})
+    text = "these logs take random forces of 2.8 rad/s^2 in r' to explain"
+    veto = "body_side_force would fit the training logs, but the hold-out log is predicted worse with it"
+    signs = (Sign("process", text, 818455592.0, 1), Sign("hold-out", veto, 1e8, 1), SIGN)
+    d = replace(d, verdict="unexplained", effects=(), refitted=d.amended, selection=selection, signs=signs)
+    _, text = read(write_report(d, sloping.case.holdout, tmp_path / "r.html", names=["slope"]))
+    assert "What remains is noise" not in text and "count as noise: beyond them nothing is left" in text
+    assert "random forces of 2.8 rad/s² in r′" in text and "Body side force would fit" in text
+    assert "818455592" not in text and "1 numbers" not in text and "evidence 120, where chance" in text
+
+
+def test_coefficients_that_hide_what_is_missing_are_shown(sloping, pages, tmp_path):
+    _, text = read(pages["none"])
+    assert "without" not in text.partition("Coefficients")[2].partition("widths")[0].replace(
+        "without int", ""
+    )
+    d, name = sloping.found, "yaw_linear_drag"
+    given = d.model.coefficients()[name]
+    d = replace(d, refitted=d.refitted.with_coefficients({name: 3.0 * given}))
+    _, text = read(write_report(d, sloping.case.holdout, tmp_path / "r.html", names=["slope"]))
+    table = text.partition("Coefficients")[2].replace("_ ", "_")  # long names may break
+    assert f"{name} ends at {3 * given:.2g}, given {given:.2g}" in table and "without slope found" in table
+    assert re.search(rf"{name} {given:.4g} {3 * given:.4g} \S+ ± ", table)
 
 
 def test_what_is_unexplained_gets_no_name(pages):

@@ -9,10 +9,13 @@ import sympy as sp
 
 from hovercontrol.discrepancy.report.html import paragraph, table
 from hovercontrol.discrepancy.report.material import Material
-from hovercontrol.discrepancy.report.words import effect_words, meaning, minus, plus_minus, unit
+from hovercontrol.discrepancy.report.words import effect_words, listed, meaning, minus, plus_minus, unit
 from hovercontrol.discrepancy.windowed import structure
 from hovercontrol.fmi.mathml import MathPrinter, symbol_markup
 from hovercontrol.model import Model
+
+#: Factor beyond which a coefficient that was fitted without the named effects no longer means what it says.
+FAR = 2.0
 
 
 def equations(m: Material) -> str:
@@ -72,19 +75,37 @@ def coefficients(m: Material) -> str:
     found = d.selection.final if named else d.selection.base
     w, C = found.windowed, found.covariance
     given, values = d.model.coefficients(), (d.amended if named else d.refitted).coefficients()
-    rows = []
+    without = d.refitted.coefficients() if m.changed else {}
+    shown = [name for name, is_width in zip(w.names, w.is_width, strict=True) if not is_width]
+    bent = [n for n in shown if n in without and n in given and _far(without[n], given[n])]
+    rows: list[tuple[str, ...]] = []
     for j, name in enumerate(w.names):
         if w.is_width[j]:
             continue
         half = 1.96 * math.sqrt(max(float(C[j, j]), 0.0)) if named else 0.0
         was = minus(f"{given[name]:.4g}") if name in given else "—"
-        rows.append((name, was, plus_minus(values[name], half), unit(w.block.parameter(name).unit)))
+        alone = minus(f"{without[name]:.4g}") if name in without else "—"
+        found_value, u = plus_minus(values[name], half), unit(w.block.parameter(name).unit)
+        rows.append((name, was, alone, found_value, u) if bent else (name, was, found_value, u))
     note = (
         "Found values with half their 95 % intervals."
         if named
         else "Fitted without intervals: while something unknown is missing they would be too narrow."
     )
+    effects = listed([effect_words(n) for n in m.named])
+    if bent:
+        far = listed(
+            [f"{n} ends at {minus(f'{without[n]:.2g}')}, given {minus(f'{given[n]:.2g}')}" for n in bent]
+        )
+        note += (
+            f" Fitted without {effects} (third column), {far}: coefficients bent so far hide what is missing."
+        )
     widths = "Widths of smoothed dry friction were fitted, too, and are left out here."
-    head = ("coefficient", "given", "found", "unit")
+    head = ("coefficient", "given", *([f"without {effects}"] if bent else []), "found", "unit")
     new = [e.parameter for e in d.effects]
     return f"<h2>Coefficients</h2>{paragraph(f'{note} {widths}')}{table(head, rows, new)}"
+
+
+def _far(value: float, given: float) -> bool:
+    """Whether a coefficient is off by more than a factor."""
+    return given != 0.0 and not 1.0 / FAR < value / given < FAR

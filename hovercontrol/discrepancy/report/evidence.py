@@ -5,13 +5,18 @@ from __future__ import annotations
 import math
 
 from hovercontrol.discrepancy.candidates import Scored, Scores
+from hovercontrol.discrepancy.diagnose import Diagnosis
+from hovercontrol.discrepancy.holdout import Gap
 from hovercontrol.discrepancy.probes import Sign
 from hovercontrol.discrepancy.report.html import folded, items, paragraph, table
 from hovercontrol.discrepancy.report.material import Material
-from hovercontrol.discrepancy.report.verdict import first_of_kind
-from hovercontrol.discrepancy.report.words import effect_words, listed, minus, prime, unit
+from hovercontrol.discrepancy.report.verdict import first_of_kind, sign_words
+from hovercontrol.discrepancy.report.words import effect_words, rounded, small, times, unit
 from hovercontrol.discrepancy.select import APART, EACH, LEAST
 from hovercontrol.effects.base import resolved_unit
+
+#: Signs whose weight is that of a test: the others have no number that chance could give.
+TESTED = ("drift", "place", "memory", "oscillation", "bursts")
 
 #: Candidates shown before the rest is folded away.
 SHOWN = 8
@@ -22,7 +27,7 @@ def evidence(m: Material) -> str:
     rejected = [f"{effect_words(name)}: {why}" for name, why in m.diagnosis.selection.rejected]
     signs = [_sign(m, s) for s in first_of_kind(m.diagnosis.signs)]
     return (
-        f"<h2>Evidence</h2>{_named(m)}{items('Cannot be told apart by these logs', _rivals(m))}{_next(m)}"
+        f"<h2>Evidence</h2>{_named(m)}{_rivals(m)}{_next(m)}"
         f"{items('Signs of something outside the catalogue', signs)}{_candidates(m)}"
         f"{items('Rejected', rejected)}"
     )
@@ -31,8 +36,12 @@ def evidence(m: Material) -> str:
 def _sign(m: Material, sign: Sign) -> str:
     others = sum(s.kind == sign.kind for s in m.diagnosis.signs) - 1
     more = f", and {others} more of this kind" if others else ""
-    chance = "chance alone gives about as much as there are numbers"
-    return f"{prime(sign.text)} (gain {sign.gain:.0f} with {sign.numbers} numbers; {chance}){more}"
+    if sign.kind not in TESTED:
+        return f"{sign_words(sign)}{more}"
+    return (
+        f"{sign_words(sign)} (evidence {rounded(sign.gain)}, where chance alone gives about "
+        f"{sign.numbers}){more}"
+    )
 
 
 def _named(m: Material) -> str:
@@ -47,20 +56,50 @@ def _named(m: Material) -> str:
     return paragraph(said) + table(("named", "evidence"), rows)
 
 
-def _rivals(m: Material) -> list[str]:
-    said = []
-    for r in m.diagnosis.rivals:
-        ahead = f"behind by {r.behind:.1f}" if r.behind >= 0 else f"ahead by {-r.behind:.1f}"
-        ahead = "equal" if abs(r.behind) < 0.05 else ahead
-        said.append(
-            f"{effect_words(r.name)} instead of {effect_words(r.instead_of)}: {ahead} in twice the log "
-            f"likelihood, where {APART:g} would tell them apart. What they leave in these logs is alike: "
-            f"correlation {r.correlation:.3f} once the coefficients are fitted."
+def _rivals(m: Material) -> str:
+    """Return what cannot be told from the named effects, and how each errs on the hold-out log."""
+    d = m.diagnosis
+    if not d.rivals:
+        return ""
+    rows = [(f"{effect_words(n)} (named)", "", "", "", _error(d.after)) for n in m.named if _rivalled(d, n)]
+    rows += [
+        (
+            effect_words(r.name),
+            effect_words(r.instead_of),
+            _odds(r.behind),
+            f"{r.correlation:.3f}",
+            _error(d.rival_gaps.get(r.name)),
         )
-    if said:
-        first = listed([effect_words(n) for n in m.named])
-        said.append(f"The amended model in this report has {first}; a rival in its place errs as little.")
-    return said
+        for r in d.rivals
+    ]
+    head = ["effect", "in the place of", "less likely", "correlation", "error on the hold-out log"]
+    said = (
+        "Each rival was fitted in the place of a named effect. Less likely: how many times the training logs "
+        f"are with it; {rounded(math.exp(APART / 2))} times would tell the two apart. Correlation: how alike "
+        "they are in what they leave in these logs once the coefficients are fitted; 1 is the same."
+    )
+    if d.rival_gaps:
+        said += (
+            " Error: root mean square over all channels of the log that took no part, in multiples of the "
+            "noise. It is shown, and decides nothing."
+        )
+    else:
+        head = head[:-1]
+    told = table(head, [row[: len(head)] for row in rows])
+    return f"<h3>Cannot be told apart by these logs</h3>{paragraph(said)}{told}"
+
+
+def _rivalled(d: Diagnosis, name: str) -> bool:
+    return any(r.instead_of == name for r in d.rivals)
+
+
+def _odds(behind: float) -> str:
+    """Return how many times less likely, from twice the difference of log likelihoods."""
+    return "as likely" if abs(behind) < 0.1 else f"{rounded(math.exp(behind / 2))} times"
+
+
+def _error(gap: Gap | None) -> str:
+    return times(math.sqrt(gap.chi2 / max(gap.count, 1))) if gap else ""
 
 
 def _next(m: Material) -> str:
@@ -106,11 +145,13 @@ def _sizes(scores: Scores, s: Scored, m: Material) -> tuple[str, str]:
         number = type(trial).numbers[key]
         step = trial.values[key] - number.neutral
         text = unit(resolved_unit(number.unit, units))
-        best.append(minus(f"{number.neutral + part * step:.2g} {text}").strip())
+        size = small(number.neutral + part * step)
+        best.append(f"{size} {text}".strip() if size else "")
         information = float(scores.S[column, column])
         if information > 0:
-            least.append(f"{abs(step) * math.sqrt(bar / information):.1g} {text}".strip())
-    return ", ".join(best), ", ".join(least)
+            size = small(abs(step) * math.sqrt(bar / information), 1)
+            least.append(f"{size} {text}".strip() if size else "")
+    return ", ".join(filter(None, best)), ", ".join(filter(None, least))
 
 
 def _size(gain: float) -> str:

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Sequence
 from html import escape
 
+#: Characters from which on a name may break at its underscores.
+LONG = 12
+
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]], new: Sequence[str] = ()) -> str:
-    """Return a table that scrolls sideways where it is too wide.
+    """Return a table; where its columns find no room it scrolls sideways, with a shadow at the edge.
 
     Parameters
     ----------
@@ -23,10 +27,11 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]], new: Sequence[str]
     '<div class="scroll"><table><tr><th>name</th></tr><tr><td>&lt;a&gt;</td></tr></table></div>'
     """
     heading = "".join(f"<th>{escape(cell)}</th>" for cell in head)
-    lines = [
-        f"<tr{' class=new' if row[0] in new else ''}>{''.join(f'<td>{escape(c)}</td>' for c in row)}</tr>"
-        for row in rows
-    ]
+    lines = []
+    for name, *cells in rows:
+        mark = " class=new" if name in new else ""
+        rest = "".join(f"<td>{escape(_tied(cell))}</td>" for cell in cells)
+        lines.append(f"<tr{mark}>{_named(name)}{rest}</tr>")
     return f'<div class="scroll"><table><tr>{heading}</tr>{"".join(lines)}</table></div>'
 
 
@@ -35,7 +40,8 @@ def items(title: str, parts: Sequence[str], kind: str = "") -> str:
     if not parts:
         return ""
     lines = "".join(f"<li>{escape(part)}</li>" for part in parts)
-    return f"<h3>{escape(title)}</h3><ul class='{kind}'>{lines}</ul>"
+    mark = f' class="{kind}"' if kind else ""
+    return f"<h3>{escape(title)}</h3><ul{mark}>{lines}</ul>"
 
 
 def folded(title: str, content: str) -> str:
@@ -52,3 +58,14 @@ def paragraph(text: str, kind: str = "") -> str:
 def grid(plots: Iterable[str]) -> str:
     """Return pictures side by side, as many as fit."""
     return '<div class="grid">' + "".join(f"<figure>{p}</figure>" for p in plots if p) + "</div>"
+
+
+def _named(cell: str) -> str:
+    """Return the first cell of a row, in which a long name may break."""
+    name = escape(cell)
+    return f"<td>{name.replace('_', '_<wbr/>') if len(cell) > LONG else name}</td>"
+
+
+def _tied(cell: str) -> str:
+    """Return a cell in which no line breaks before a percent sign or an interval, or behind a sign."""
+    return re.sub(r" (?=[%±])|(?<=<) ", "\u00a0", cell)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from hovercontrol.discrepancy.candidates import Scores, Signatures, candidates
 from hovercontrol.discrepancy.compare import HORIZON, Comparison, compared
@@ -88,11 +88,10 @@ def collect(
     """
     d, selection = diagnosis, diagnosis.selection
     training = selection.final.windowed.data
-    shown = (
-        gather(d.refitted, [holdout])
-        if holdout is not None
-        else Data(training.logs[:1], training.channels, training.noise)
-    )
+    if holdout is not None:
+        shown = d.held or gather(d.refitted, [holdout])
+    else:
+        shown = replace(training, logs=training.logs[:1])
     noise = selection.final.noise if selection.final.noise.has_process else None
     noise = noise if shown.channels == training.channels else None
     changed = d.verdict in ("effect", "ambiguous")

@@ -7,14 +7,15 @@ from html import escape
 _STYLE = """
 :root { color-scheme: light dark; --ink: #1b2a33; --soft: #5b6b75; --line: #d9e0e4; --page: #fff;
   --card: #f5f8f9; --measured: #9aa8b0; --before: #c4541a; --after: #1769a5; --noise: #7d8b93;
-  --new: #dcecf7; }
+  --new: #dcecf7; --edge: #0004; }
 @media (prefers-color-scheme: dark) { :root { --ink: #e6edf1; --soft: #9fb0ba; --line: #2f3e48;
   --page: #12191e; --card: #1a242b; --measured: #71828c; --before: #f08a4b; --after: #6cb8ee;
-  --noise: #8b9aa3; --new: #1d3d54; } }
+  --noise: #8b9aa3; --new: #1d3d54; --edge: #fff5; } }
 * { box-sizing: border-box; }
 body { font: 16px/1.5 system-ui, sans-serif; color: var(--ink); background: var(--page);
   max-width: 76rem; margin: 0 auto; padding: 1.2rem; }
-.top { display: grid; grid-template-columns: minmax(0, 1.25fr) minmax(0, 1fr); gap: 2rem; }
+.top { display: grid; grid-template-columns: minmax(0, 1.25fr) minmax(0, 1fr); gap: 2rem;
+  align-items: start; }
 .top > div:last-child { background: var(--card); border-radius: .6rem; padding: 0 1.1rem .4rem; }
 .kicker { margin: 0; color: var(--soft); font-size: .9rem; }
 h1 { margin: .2rem 0 .8rem; font-size: 1.75rem; line-height: 1.25; overflow-wrap: anywhere; }
@@ -22,6 +23,8 @@ h2 { margin: 2.4rem 0 .6rem; font-size: 1.2rem; border-bottom: 1px solid var(--l
 .top h2 { margin: 1rem 0 .6rem; font-size: 1rem; border: 0; }
 h3 { margin: 1.4rem 0 .4rem; font-size: 1rem; }
 p { margin: .5rem 0; max-width: 46rem; }
+ul { margin: .5rem 0; padding-left: 1.2rem; max-width: 46rem; }
+li { margin: .3rem 0; overflow-wrap: anywhere; }
 .lead { font-size: 1.1rem; }
 .small, small { color: var(--soft); font-size: .85rem; }
 code, pre { font: .9em ui-monospace, monospace; overflow-wrap: anywhere; }
@@ -37,43 +40,65 @@ svg .grid { stroke: var(--line); stroke-width: .7; }
 svg .line { fill: none; stroke-width: 1.3; stroke-linejoin: round; }
 svg .fill { stroke: none; opacity: .25; }
 svg .line.measured { stroke: var(--measured); stroke-width: 4; }
-svg .line.before { stroke: var(--before); } svg .line.after { stroke: var(--after); }
+svg .line.before, svg .start.before { stroke: var(--before); }
+svg .line.after, svg .start.after { stroke: var(--after); }
 svg .fill.before, svg .mark.before, svg circle.before { fill: var(--before); }
 svg .fill.after, svg .mark.after, svg circle.after { fill: var(--after); }
 svg .fill.noise { fill: var(--noise); }
+svg circle.start { fill: var(--page); }
 .legend { font-size: .88rem; color: var(--soft); max-width: none; }
-.legend span { margin-right: 1.2rem; display: inline-block; }
-.legend span::before { content: ""; display: inline-block; width: 1.2rem; height: .35rem;
-  margin: 0 .4rem .15rem 0; }
+.legend span { margin-right: 1.2rem; display: inline-flex; align-items: baseline; }
+.legend span::before { content: ""; flex: none; width: 1.2rem; height: .35rem; margin: 0 .4rem .15rem 0; }
 .legend .measured::before { background: var(--measured); }
 .legend .before::before { background: var(--before); }
 .legend .after::before { background: var(--after); }
+.legend .start::before { width: .5rem; height: .5rem; border: 1.5px solid var(--soft); border-radius: 50%;
+  margin-bottom: 0; }
 .legend .noise::before { background: var(--noise); opacity: .4; height: .7rem; margin-bottom: 0; }
 .gap .row { display: grid; grid-template-columns: 4rem minmax(0, 1fr); margin: .45rem 0;
   align-items: center; }
 .gap .channel { font-weight: 600; overflow-wrap: anywhere; }
 .gap .bars { position: relative; display: block; }
-.gap .bars::after { content: ""; position: absolute; left: var(--floor); top: -2px; bottom: -2px;
-  border-left: 2px dotted var(--soft); }
+.gap .bars::after { content: ""; position: absolute; top: -2px; bottom: -2px;
+  left: calc((100% - 4.5rem) * var(--floor)); border-left: 2px dotted var(--soft); }
 .gap .bar { display: flex; align-items: center; height: 1.05rem; }
-.gap i { display: block; height: .75rem; border-radius: 0 .2rem .2rem 0; flex: none; }
+.gap i { display: block; flex: none; width: calc((100% - 4.5rem) * var(--long)); height: .75rem;
+  border-radius: 0 .2rem .2rem 0; }
 .gap i.before { background: var(--before); } .gap i.after { background: var(--after); }
-.gap b { font: 600 .8rem system-ui, sans-serif; margin-left: .4rem; }
-.scroll { overflow-x: auto; }
+.gap b { font: 600 .8rem system-ui, sans-serif; margin-left: .2rem; padding: 0 .2rem; z-index: 1;
+  background: var(--card); }
+.scroll, .eq { overflow-x: auto; background:
+  linear-gradient(to right, var(--page) 50%, transparent) left / 2rem 104% no-repeat local,
+  linear-gradient(to left, var(--page) 50%, transparent) right / 2rem 104% no-repeat local,
+  linear-gradient(to right, var(--edge), transparent) left / .8rem 100% no-repeat scroll,
+  linear-gradient(to left, var(--edge), transparent) right / .8rem 100% no-repeat scroll; }
 table { border-collapse: collapse; font-size: .92rem; min-width: 50%; }
 th { text-align: left; color: var(--soft); font-weight: 600; }
 th, td { padding: .25rem 1.1rem .25rem 0; border-bottom: 1px solid var(--line); vertical-align: top;
-  font-variant-numeric: tabular-nums; white-space: nowrap; }
-td:nth-child(4) { white-space: normal; min-width: 6rem; }
+  font-variant-numeric: tabular-nums; }
+th:last-child, td:last-child { padding-right: .2rem; }
 tr.new td { background: var(--new); }
-.eq { overflow-x: auto; padding: .35rem 0; font-size: 1.1rem; }
-math .new { background: var(--new); border-radius: .2rem; padding: .1rem .15rem; }
+.eq { padding: .35rem 0; font-size: 1.1rem; direction: rtl; }
+.eq math { direction: ltr; math-style: normal; } .eq mfrac > :last-child { padding-top: .3em; }
+/* A browser breaks no line of MathML: terms, factors and sums among them are laid out as rows that wrap. */
+.eq math, .eq :is(math, math > mrow, .new) > mrow,
+.eq :is(math > mrow, .new) > mrow > mrow:has(> mo:first-child),
+.eq :is(math > mrow, .new) > mrow > mrow:has(> mo:first-child) > mrow { display: flex; flex-wrap: wrap;
+  align-items: baseline; justify-content: left; row-gap: .3rem; min-width: 0; }
+.eq math > mrow { padding-left: 1.8rem; }
+.eq math > mrow > :first-child { margin-left: -1.8rem; }
+.eq mrow > mrow:has(> mo[stretchy]:first-child) { flex-wrap: nowrap; }
+.eq :is(math, math > mrow, .new) > mrow > mo,
+.eq :is(math > mrow, .new) > mrow > mrow:has(> mo:first-child) > mrow > mo { padding: 0 .22em; }
+.eq mrow > mo[stretchy], .eq mrow > mrow > mrow > mo:first-child { padding: 0; }
+math .new { background: var(--new); border-radius: .2rem; padding: .4rem .25rem .2rem; }
 summary { cursor: pointer; color: var(--after); padding: .3rem 0; }
+.warn { padding-left: 0; }
 .warn li { border-left: 3px solid var(--before); padding-left: .5rem; list-style: none; }
 @media (max-width: 52rem) {
   .top { grid-template-columns: minmax(0, 1fr); gap: .6rem; }
   body { font-size: 15px; padding: .8rem; } h1 { font-size: 1.4rem; }
-  table { font-size: .84rem; } th, td { padding-right: .7rem; }
+  table { font-size: .84rem; min-width: 100%; } th, td { padding-right: .5rem; }
 }
 """
 

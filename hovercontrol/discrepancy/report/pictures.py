@@ -30,46 +30,46 @@ def gap_bars(before: Gap, after: Gap, changed: bool) -> str:
     longest = max([1.5, *(value for pair in multiples.values() for value in pair)])
     for channel, pair in multiples.items():
         bars = "".join(
-            f'<span class="bar"><i class="{kind}" style="width:{80.0 * value / longest:.1f}%"></i>'
+            f'<span class="bar"><i class="{kind}" style="--long:{value / longest:.3f}"></i>'
             f"<b>{times(value)}</b></span>"
             for value, kind in zip(pair, ("before", "after"), strict=False)
         )
         rows.append(
             f'<div class="row"><span class="channel">{escape(channel)}</span>'
-            f'<span class="bars" style="--floor:{80.0 / longest:.1f}%">{bars}</span></div>'
+            f'<span class="bars" style="--floor:{1.0 / longest:.3f}">{bars}</span></div>'
         )
     return f'<div class="gap">{"".join(rows)}</div>'
 
 
 def overlays(before: Trace, after: Trace, changed: bool) -> list[str]:
     """Return for each channel measurement and simulations in the stretch where the given model errs most."""
-    begin, end = _worst(before)
-    rows = (before.time >= begin) & (before.time <= end)
-    time, found = before.time[rows], []
+    begin, end = worst(before)
+    rows = (before.time >= begin) & (before.time < end)
+    time, found, fresh = before.time[rows], [], _fresh(before, rows)
     for i, channel in enumerate(before.channels):
         measured, was, now = (r[i][rows] for r in (before.measured, before.simulated, after.simulated))
         shown = [measured, was, now] if changed else [measured, was]
         plot = Plot((begin, end), bounds(shown, part=0.999), channel)
         plot.line(time, _joined(measured), "measured")
-        plot.line(time, _joined(was), "before")
+        plot.line(time, _joined(was, fresh), "before", fresh)
         if changed:
-            plot.line(time, _joined(now), "after")
+            plot.line(time, _joined(now, fresh), "after", fresh)
         found.append(plot.svg(unit(before.units[channel])))
     return found
 
 
 def errors(before: Trace, after: Trace, noise: dict[str, float], changed: bool) -> list[str]:
     """Return for each channel simulated minus measured over the whole log, with twice the noise as a band."""
-    found = []
+    found, fresh = [], _fresh(before, np.ones(before.time.size, dtype=bool))
     span = (float(before.time[0]), float(before.time[-1]))
     for i, channel in enumerate(before.channels):
         was, now = (t.simulated[i] - t.measured[i] for t in (before, after))
         level = np.full(before.time.size, 2.0 * noise[channel])
         shown = [was, now, level] if changed else [was, level]
         plot = Plot(span, bounds(shown, around_zero=True, part=0.998), f"error of {channel}", (360.0, 120.0))
-        plot.line(before.time, _joined(was), "before")
+        plot.line(before.time, _joined(was, fresh), "before", fresh)
         if changed:
-            plot.line(before.time, _joined(now), "after")
+            plot.line(before.time, _joined(now, fresh), "after", fresh)
         plot.band(before.time, -level, level, "noise")
         found.append(plot.svg(unit(before.units[channel])))
     return found
@@ -79,8 +79,8 @@ def path(before: Trace, after: Trace, changed: bool) -> str:
     """Return the way over the floor, measured and simulated; empty if it was not measured."""
     if not {"x", "y"} <= set(before.channels):
         return ""
-    begin, end = _worst(before)
-    rows = (before.time >= begin) & (before.time <= end)
+    begin, end = worst(before)
+    rows = (before.time >= begin) & (before.time < end)
     i, j = before.channels.index("x"), before.channels.index("y")
     shown = [before.measured, before.simulated] + ([after.simulated] if changed else [])
     (x0, x1), (y0, y1) = bounds([s[i][rows] for s in shown]), bounds([s[j][rows] for s in shown])
@@ -89,7 +89,8 @@ def path(before: Trace, after: Trace, changed: bool) -> str:
     room = (y - half * 238.0 / 306.0, y + half * 238.0 / 306.0)
     plot = Plot((x - half, x + half), room, "way over the floor (y over x)", (360.0, 280.0))
     for trace, kind in zip(shown, ("measured", "before", "after"), strict=False):
-        plot.line(trace[i][rows], _joined(trace[j][rows]), kind)
+        fresh = [] if kind == "measured" else _fresh(before, rows)
+        plot.line(_joined(trace[i][rows], fresh), _joined(trace[j][rows], fresh), kind, fresh)
     return plot.svg("m", "m")
 
 
@@ -176,8 +177,8 @@ def _bins(values: Array, count: int = 15) -> NDArray[np.intp]:
     return np.searchsorted(edges, values, side="right")
 
 
-def _worst(trace: Trace) -> tuple[float, float]:
-    """Return the stretch in which a trace errs most."""
+def worst(trace: Trace) -> tuple[float, float]:
+    """Return the stretch in which a trace errs most, the whole of a short one [s]."""
     time = trace.time
     if time[-1] - time[0] <= 1.5 * SPAN:
         return float(time[0]), float(time[-1])
@@ -193,13 +194,26 @@ def _worst(trace: Trace) -> tuple[float, float]:
     return starts[best], starts[best] + SPAN
 
 
-def _joined(row: Array) -> Array:
-    """Return a row with short holes bridged, so that a sample left out does not cut the line."""
+def _fresh(trace: Trace, rows: NDArray[np.bool_]) -> list[int]:
+    """Return at which of the shown rows the simulation starts afresh."""
+    return np.flatnonzero(np.isin(trace.time[rows], trace.starts)).tolist()
+
+
+def _joined(row: Array, starts: Sequence[int] = ()) -> Array:
+    """Return a row with short holes bridged, so that a sample left out does not cut the line.
+
+    Nothing is bridged where a simulation starts afresh.
+    """
+    return np.concatenate([_bridged(part) for part in np.split(row, starts)])
+
+
+def _bridged(row: Array) -> Array:
     known = np.flatnonzero(np.isfinite(row))
     if known.size < 2:
         return row
     joined = np.interp(np.arange(row.size), known, row[known])
-    holes = np.diff(known) > 10
+    steps = np.diff(known)
+    holes = steps > max(10.0, 3.0 * float(np.median(steps)))  # a slow sensor has no holes
     for a, b in zip(known[:-1][holes], known[1:][holes], strict=True):
         joined[a + 1 : b] = np.nan
     joined[: known[0]] = np.nan

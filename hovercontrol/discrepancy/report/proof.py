@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
+import numpy as np
+
 from hovercontrol.discrepancy.report import pictures
 from hovercontrol.discrepancy.report.html import folded, grid, paragraph, table
-from hovercontrol.discrepancy.report.material import SHOWN, Material
+from hovercontrol.discrepancy.report.material import Material
 from hovercontrol.discrepancy.report.verdict import shown_gap
 from hovercontrol.discrepancy.report.words import listed, percent, unit
 
@@ -13,6 +17,7 @@ LEGEND = {
     "before": "the model as it was, coefficients fitted anew",
     "after": "the amended model",
     "noise": "twice the noise of the measurement",
+    "start": "start of a simulation",
 }
 
 
@@ -39,18 +44,35 @@ def proof(m: Material) -> str:
     kinds = ("measured", "before", "after") if m.changed else ("measured", "before")
     noise = {c.channel: c.noise for c in m.before.comparison.channels}
     plots = [*pictures.overlays(before, after, m.changed), pictures.path(before, after, m.changed)]
-    navigated = m.diagnosis.selection.final.windowed.data.navigated
-    often = "at every correction of the navigation" if navigated else f"every {SHOWN:g} s"
+    begin, end = pictures.worst(before)
+    part = end - begin < before.time[-1] - before.time[0]
     lead = (
-        f"Log {before.log}, {took}. The simulations get the commands alone and start from the measurement "
-        f"{often}; shown is the stretch in which the model as it was errs most."
-    )
+        f"Log {before.log}, {took}. The simulations get the commands alone, from a state fitted to the "
+        f"measurement. {_restarts(m)}"
+    ) + (" Shown is the stretch in which the model as it was errs most." if part else "")
+    gaps = pictures.errors(before, after, noise, m.changed)
     return (
-        f"<h2>Simulation beside measurement</h2>{paragraph(lead)}{legend(*kinds)}{grid(plots)}"
-        f"<h3>What simulation and measurement differ by</h3>{legend(*kinds[1:], 'noise')}"
-        f"{grid(pictures.errors(before, after, noise, m.changed))}"
+        f"<h2>Simulation beside measurement</h2>{paragraph(lead)}"
+        f"{legend(*kinds, *_marked(plots))}{grid(plots)}"
+        f"<h3>What simulation and measurement differ by</h3>{legend(*kinds[1:], 'noise', *_marked(gaps))}"
+        f"{grid(gaps)}"
         f"<h3>In numbers</h3>{_numbers(m)}{_tests(m)}"
     )
+
+
+def _restarts(m: Material) -> str:
+    """Return after which time the simulations of the log that is shown start afresh."""
+    often = np.diff(m.before.trace.starts)
+    if not often.size:
+        return "They run through it once."
+    navigated = m.diagnosis.selection.final.windowed.data.navigated
+    why = "at every correction of the navigation, " if navigated else ""
+    return f"They start afresh {why}about every {float(np.median(often)):.2g} s: there the line breaks."
+
+
+def _marked(plots: Iterable[str]) -> tuple[str, ...]:
+    """Return the legend's entry for the rings where simulations start, if there are any."""
+    return ("start",) if any('class="start' in plot for plot in plots) else ()
 
 
 def _numbers(m: Material) -> str:
@@ -85,6 +107,11 @@ def _tests(m: Material) -> str:
     left = [(c.channel, last.beyond(c)) for c in last.channels]
     beyond = listed([f"{channel} ({', '.join(why)})" for channel, why in left if why])
     said = f"Not noise is what remains of {beyond}." if beyond else "What remains is noise."
+    if not beyond and m.diagnosis.selection.process:
+        said = (
+            "In the tests below random forces that come and go count as noise: beyond them nothing is left. "
+            "The errors above are what these forces do."
+        )
     if beyond and m.diagnosis.selection.process:
         said += " Gusts are told from it by a simple law of size and duration, which leaves traces."
     text = (

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Sequence
 from html import escape
-from itertools import pairwise
+from itertools import pairwise, product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,8 +16,14 @@ Array = NDArray[np.float64]
 #: Points of a line at most; more cannot be seen at the width of a plot.
 MOST = 360
 
-#: Room around the axes: left, right, top, bottom.
-LEFT, RIGHT, TOP, BOTTOM = 46.0, 8.0, 22.0, 20.0
+#: Starts of a line at most that are marked.
+RINGS = 12
+
+#: Room around the axes: left at least, right, top, bottom.
+LEFT, RIGHT, TOP, BOTTOM = 46.0, 8.0, 22.0, 22.0
+
+#: Width of a character of tick labels and of a title, in the widest of the fonts that a page may get.
+WIDE, WIDER = 7.0, 8.6
 
 
 class Plot:
@@ -41,29 +48,37 @@ class Plot:
     ) -> None:
         self.x, self.y, self.title = _widened(x), _widened(y), title
         self.width, self.height = size
+        self._up = labelled(*self.y, 4)
+        self.left = max(LEFT, 8.0 + WIDE * max((len(text) for _, text in self._up), default=0))
         self._parts: list[str] = []
 
     def at(self, x: Array, y: Array) -> tuple[Array, Array]:
         """Return places in pixels; values far outside the axes are kept near them."""
         (x0, x1), (y0, y1) = self.x, self.y
-        w, h = self.width - LEFT - RIGHT, self.height - TOP - BOTTOM
-        across = LEFT + w * (np.asarray(x, float) - x0) / (x1 - x0)
+        w, h = self.width - self.left - RIGHT, self.height - TOP - BOTTOM
+        across = self.left + w * (np.asarray(x, float) - x0) / (x1 - x0)
         up = TOP + h * (1.0 - np.clip((np.asarray(y, float) - y0) / (y1 - y0), -0.02, 1.02))
         return across, up
 
-    def line(self, x: Array, y: Array, kind: str) -> None:
-        """Draw a line, broken where `y` is no number; long ones keep their extremes.
+    def line(self, x: Array, y: Array, kind: str, starts: Sequence[int] = ()) -> None:
+        """Draw a line, broken where `x` or `y` is no number; long ones keep their extremes.
 
         Parameters
         ----------
         x, y : ndarray, shape (n,)
         kind : str
             Its class in the style: ``"measured"``, ``"before"``, ``"after"``, ``"floor"``.
+        starts : sequence of int, optional
+            Rows where the line starts afresh: no stroke leads there, and rings mark them if they are few.
         """
-        for part in _pieces(y):
-            rows = _thinned(y[part]) + part.start
-            path = "M" + "L".join(_points(*self.at(x[rows], y[rows])))
-            self._parts.append(f'<path class="line {kind}" d="{path}"/>')
+        fresh = []
+        for part in _pieces(x + y, starts):
+            rows = _thinned(y[part], max(8, MOST * (part.stop - part.start) // y.size)) + part.start
+            points = _points(*self.at(x[rows], y[rows]))
+            self._parts.append(f'<path class="line {kind}" d="M{"L".join(points)}"/>')
+            if 1 < len(starts) <= RINGS:
+                fresh.append(points[0].split())
+        self._parts += [f'<circle class="start {kind}" cx="{a}" cy="{b}" r="2"/>' for a, b in fresh]
 
     def band(self, x: Array, low: Array, high: Array, kind: str) -> None:
         """Fill between two lines, each of shape (n,)."""
@@ -95,20 +110,21 @@ class Plot:
 
     def svg(self, unit: str = "", x_label: str = "s") -> str:
         """Return the picture; `unit` stands at the y axis, `x_label` at the end of the x axis."""
-        w, h = self.width, self.height
-        axes = [f'<path class="axis" d="M{LEFT:g} {TOP:g}V{h - BOTTOM:g}H{w - RIGHT:g}"/>']
-        for value in ticks(*self.y, 4):
+        w, h, left = self.width, self.height, self.left
+        axes = [f'<path class="axis" d="M{left:g} {TOP:g}V{h - BOTTOM:g}H{w - RIGHT:g}"/>']
+        for value, text in self._up:
             _, (up,) = self.at(np.zeros(1), np.array([value]))
-            axes.append(f'<path class="grid" d="M{LEFT:g} {up:.1f}H{w - RIGHT:g}"/>')
-            axes.append(f'<text class="tick" x="{LEFT - 5:g}" y="{up + 3.5:.1f}">{_number(value)}</text>')
-        room = 12.0 + 6.0 * len(x_label) if x_label else 0.0
-        for value in ticks(*self.x, 6):
+            axes.append(f'<path class="grid" d="M{left:g} {up:.1f}H{w - RIGHT:g}"/>')
+            axes.append(f'<text class="tick" x="{left - 5:g}" y="{up + 3.5:.1f}">{text}</text>')
+        end = w - 6.0 - WIDE * len(x_label) if x_label else w
+        for value, text in labelled(*self.x, 6, room=w - left - RIGHT):
             (across,), _ = self.at(np.array([value]), np.zeros(1))
-            if across > w - room:
-                continue
-            axes.append(f'<text class="tick below" x="{across:.1f}" y="{h - 6:g}">{_number(value)}</text>')
-        label = f'<text class="tick" x="{w - 2:g}" y="{h - 6:g}">{escape(x_label)}</text>'
-        heading = f'<text class="name" x="2" y="13">{escape(self.title)}</text>'
+            if across + 0.5 * WIDE * len(text) < end:
+                axes.append(f'<text class="tick below" x="{across:.1f}" y="{h - 5:g}">{text}</text>')
+        label = f'<text class="tick" x="{w - 2:g}" y="{h - 5:g}">{escape(x_label)}</text>'
+        title, most = self.title, int((w - 16.0 - WIDE * len(unit)) / WIDER)
+        title = title if len(title) <= most else f"{title[: most - 1]}…"
+        heading = f'<text class="name" x="2" y="13">{escape(title)}</text>'
         unit_text = f'<text class="tick" x="{w - RIGHT:g}" y="13">{escape(unit)}</text>'
         return (
             f'<svg viewBox="0 0 {w:g} {h:g}" role="img" aria-label="{escape(self.title, quote=True)}">'
@@ -129,11 +145,36 @@ def ticks(low: float, high: float, most: int) -> list[float]:
     >>> ticks(0.0, 1.0, 4)
     [0.0, 0.5, 1.0]
     """
-    raw = (high - low) / most
-    power = 10.0 ** math.floor(math.log10(raw))
-    step = next(s * power for s in (1.0, 2.0, 5.0, 10.0) if s * power >= raw * (1 - 1e-9))
-    first = math.ceil(low / step - 1e-9)
-    return [round(k * step, 12) + 0.0 for k in range(first, math.floor(high / step + 1e-9) + 1)]
+    return [value for value, _ in labelled(low, high, most)]
+
+
+def labelled(low: float, high: float, most: int, room: float = math.inf) -> list[tuple[float, str]]:
+    """Return as many round values within a range as may be, each with a label that tells it from the others.
+
+    Parameters
+    ----------
+    low, high : float
+    most : int
+        Steps at most.
+    room : float, optional
+        Width in which the labels stand side by side.
+
+    Examples
+    --------
+    >>> labelled(1000.0, 1000.25, 4)
+    [(1000.0, '1000.0'), (1000.1, '1000.1'), (1000.2, '1000.2')]
+    """
+    power = math.floor(math.log10((high - low) / most))
+    found: list[tuple[float, str]] = []
+    for digits, factor in product((power, power + 1), (1, 2, 5)):
+        step = factor * 10.0**digits
+        first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
+        values = [round(k * step, max(0, -digits)) + 0.0 for k in range(first, last + 1)]
+        found = list(zip(values, _numbers(values, digits), strict=True))
+        widest = WIDE * max((len(text) for _, text in found), default=0) + 6.0
+        if len(found) <= most + 1 and widest <= room * step / (high - low):
+            break
+    return found
 
 
 def bounds(
@@ -164,8 +205,15 @@ def bounds(
     return low - room, high + room
 
 
-def _number(value: float) -> str:
-    return f"{value:.4g}".replace("-", "−").replace("e−0", "e−").replace("e+0", "e")
+def _numbers(values: Sequence[float], digits: int) -> list[str]:
+    """Return multiples of a power of ten, as short as they can be told from each other."""
+    plain = [f"{value:.{max(0, -digits)}f}" if value else "0" for value in values]
+    if max((len(text.lstrip("-")) for text in plain), default=0) > 6:
+        sizes = [math.floor(math.log10(abs(value)) + 1e-9) if value else digits for value in values]
+        powers = [f"{v:.{max(0, s - digits)}e}" if v else "0" for v, s in zip(values, sizes, strict=True)]
+        powers = [re.sub(r"e([+-])0*", lambda found: "e" + found[1].strip("+"), text) for text in powers]
+        plain = min(plain, powers, key=lambda texts: max(map(len, texts)))
+    return [text.replace("-", "−") for text in plain]
 
 
 def _widened(span: tuple[float, float]) -> tuple[float, float]:
@@ -174,18 +222,22 @@ def _widened(span: tuple[float, float]) -> tuple[float, float]:
     return (low, high) if high - low > least else (low - least, high + least)
 
 
-def _pieces(y: Array) -> list[slice]:
-    """Return the stretches of two or more rows that are numbers."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], np.isfinite(y).astype(int), [0]])))
-    return [slice(int(a), int(b)) for a, b in edges.reshape(-1, 2) if b - a > 1]
+def _pieces(y: Array, starts: Sequence[int] = ()) -> list[slice]:
+    """Return the stretches of two or more rows that are numbers, cut where a new one starts."""
+    found = []
+    for begin, end in pairwise(sorted({0, y.size, *starts})):
+        known = np.concatenate([[0], np.isfinite(y[begin:end]).astype(int), [0]])
+        edges = begin + np.flatnonzero(np.diff(known))
+        found += [slice(int(a), int(b)) for a, b in edges.reshape(-1, 2) if b - a > 1]
+    return found
 
 
-def _thinned(y: Array) -> NDArray[np.intp]:
+def _thinned(y: Array, most: int) -> NDArray[np.intp]:
     """Return rows that keep a line's look: of each stretch its ends and extremes."""
     n = y.size
-    if n <= MOST:
+    if n <= most:
         return np.arange(n)
-    edges = np.linspace(0, n, MOST // 2 + 1).astype(int)
+    edges = np.linspace(0, n, most // 2 + 1).astype(int)
     found = {0, n - 1}
     for a, b in pairwise(edges.tolist()):
         if b > a:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from html import escape
 
 from hovercontrol.discrepancy.diagnose import Diagnosis, Found
 from hovercontrol.discrepancy.holdout import Gap
+from hovercontrol.discrepancy.localize import rate
 from hovercontrol.discrepancy.probes import Sign
 from hovercontrol.discrepancy.report.html import paragraph
 from hovercontrol.discrepancy.report.words import effect_words, listed, meaning, number_of, prime, times, unit
@@ -54,7 +56,7 @@ def explanation(d: Diagnosis) -> list[str]:
     if d.verdict == "none":
         return _none(d)
     if d.verdict == "unexplained":
-        said = [f"{_sentence(prime(s.text))}." for s in first_of_kind(d.signs)]
+        said = [f"{_sentence(sign_words(s))}." for s in first_of_kind(d.signs)]
         where = f"It shows {prime(d.regime)}." if d.missing else ""
         return [
             *said,
@@ -74,6 +76,14 @@ def explanation(d: Diagnosis) -> list[str]:
 def first_of_kind(signs: Sequence[Sign]) -> list[Sign]:
     """Return the weightiest sign of each kind."""
     return list({s.kind: s for s in reversed(signs)}.values())[::-1]
+
+
+def sign_words(sign: Sign) -> str:
+    """Return what a sign says, effects in words."""
+    text = prime(sign.text)
+    if sign.kind not in ("weak", "hold-out"):  # the others speak of states and inputs, whose names stay
+        return text
+    return re.sub(r"\b[a-z]+(_[a-z]+)+\b", lambda m: effect_words(m[0]), text)
 
 
 def _sentence(text: str) -> str:
@@ -101,7 +111,7 @@ def disturbances(d: Diagnosis) -> str:
     final = d.selection.final
     states = [final.windowed.block.states[i] for i in final.windowed.free]
     levels = [
-        f"{level:.2g} {unit(_rate(s.unit))} in {s.name}′"
+        f"{level:.2g} {unit(rate(s.unit))} in {s.name}′"
         for s, level in zip(states, final.noise.process, strict=True)
         if level > 0
     ]
@@ -109,10 +119,6 @@ def disturbances(d: Diagnosis) -> str:
         f"forces that come and go within about {final.noise.seconds:g} s, as of gusts or an uneven floor "
         f"({listed(levels)})"
     )
-
-
-def _rate(text: str) -> str:
-    return f"{text.removesuffix('/s')}/s^2" if text.endswith("/s") else f"{text}/s"
 
 
 def gap_sentence(d: Diagnosis) -> str:

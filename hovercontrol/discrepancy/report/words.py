@@ -26,8 +26,15 @@ def unit(text: str) -> str:
 
 
 def prime(text: str) -> str:
-    """Return names of derivatives with a prime, ``u'`` as u′."""
-    return text.replace("'", "′")
+    """Return a plain sentence as print has it: ``u'`` as u′, powers raised, minus as wide as a plus.
+
+    Examples
+    --------
+    >>> prime("in u', like r^2: about -0.5 m/rad^2 times r^2")
+    'in u′, like r²: about −0.5 m/rad² times r²'
+    """
+    raised = re.sub(r"\^([2-9])", lambda m: m[1].translate(_RAISED), text.replace("'", "′"))
+    return re.sub(r"(?<![\w-])-(?=[\d.])", "−", raised)
 
 
 def effect_words(name: str) -> str:
@@ -78,6 +85,37 @@ def minus(text: str) -> str:
 def number_of(found: Found) -> str:
     """Return an effect's number with its 95 % interval and unit."""
     return f"{plus_minus(found.value, 1.96 * found.std)} {unit(found.unit)}".strip()
+
+
+def rounded(value: float) -> str:
+    """Return a large number to two digits, thousands apart.
+
+    Examples
+    --------
+    >>> rounded(3.26), rounded(818.0), rounded(72160.0), rounded(8.1e9)
+    ('3.3', '820', '72\u202f000', 'more than a million')
+    """
+    if value >= 1e6:
+        return "more than a million"
+    number = float(f"{value:.2g}")
+    return f"{number:.2g}" if number < 10 else f"{number:,.0f}".replace(",", "\u202f")
+
+
+def small(value: float, digits: int = 2) -> str:
+    """Return a number to so many digits, without an exponent where it is no smaller than a millionth.
+
+    Examples
+    --------
+    >>> small(-0.00066), small(6e-5, 1), small(5.3e13), small(1234.0)
+    ('−0.00066', '0.00006', '', '1200')
+    """
+    if not abs(value) < 1e6:
+        return ""
+    number = float(f"{value:.{digits}g}")
+    if abs(number) < 1e-6:
+        return "0"
+    places = max(0, digits - 1 - math.floor(math.log10(abs(number))))
+    return minus(f"{number:.{places}f}")
 
 
 def percent(part: float) -> str:

@@ -25,6 +25,7 @@ class Page:
         self._next = 0
         self._answers = {}
         self.complaints = []  # of the page's console
+        self.fetched = []  # addresses
         self._reader = asyncio.create_task(self._read())
 
     async def _read(self):
@@ -32,8 +33,14 @@ class Page:
             content = json.loads(message.data)
             if "id" in content:
                 self._answers.pop(content["id"]).set_result(content)
-            elif content["method"] in ("Runtime.exceptionThrown", "Log.entryAdded"):
+            elif content["method"] in (
+                "Runtime.exceptionThrown",
+                "Runtime.consoleAPICalled",
+                "Log.entryAdded",
+            ):
                 self.complaints.append(content["params"])
+            elif content["method"] == "Network.requestWillBeSent":
+                self.fetched.append(content["params"]["request"]["url"])
 
     async def call(self, method, **params):
         self._next += 1
@@ -58,14 +65,19 @@ class Page:
             await asyncio.sleep(0.05)
         raise AssertionError(f"not true within {seconds:g} s: {script}")
 
-    async def open(self, address, width=1280, height=900, dark=False):
-        for domain in ("Page", "Runtime", "Log"):
+    async def open(self, address, width=1280, height=900, dark=False, ready="true"):
+        """Open an address and wait until the page is there and `ready` is true."""
+        for domain in ("Page", "Runtime", "Log", "Network"):
             await self.call(f"{domain}.enable")
-        scheme = {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}
-        await self.call("Emulation.setEmulatedMedia", features=[scheme])
+        await self.scheme(dark)
         await self.size(width, height)
         await self.call("Page.navigate", url=address)
-        await self.until("globalThis.cockpit && cockpit.seen().state !== null")
+        there = f"location.href === {json.dumps(address)} && document.readyState === 'complete'"
+        await self.until(f"{there} && ({ready})")
+
+    async def scheme(self, dark):
+        wanted = {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}
+        await self.call("Emulation.setEmulatedMedia", features=[wanted])
 
     async def size(self, width, height):
         await self.call(

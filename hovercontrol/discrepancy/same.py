@@ -1,0 +1,184 @@
+"""Logs that are one another, or part of it, under other names, other times, rounded or with other columns."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from hovercontrol.errors import InputError
+from hovercontrol.logs import Log
+
+Array = NDArray[np.float64]
+
+#: Rows are alike if no column differs by more than this part of its range: some four digits.
+ALIKE = 1e-3
+
+#: Rows one after the other that are alike at least; part of a log's rows that must be, and of those that were
+#: recorded at the same time.
+RUN, SHARED, MOST = 20, 0.02, 0.5
+
+#: A channel is the same if it differs by less than this part of its noise; another run's differs by 1.4.
+SAME = 0.5
+
+#: Rows of a log that are looked for in the other, likely partners of each, and shifts of time that are tried.
+SOUGHT, PARTNERS, SHIFTS = 400, 3, 3
+
+#: Part of a step by which the times of two rows that are one may differ.
+ASIDE = 0.3
+
+
+def refuse_same(
+    logs: Sequence[Log], holdout: Log | None, channels: Sequence[str], inputs: Sequence[str]
+) -> None:
+    """Refuse a hold-out log that is a training log or overlaps one, and training logs that count twice.
+
+    Parameters
+    ----------
+    logs : sequence of Log
+        For training.
+    holdout : Log, optional
+    channels, inputs : sequence of str
+        Columns that are measured and commanded, where a log has them.
+
+    Raises
+    ------
+    InputError
+        The line names both logs.
+    """
+    for one, other in combinations(logs, 2):
+        _refuse(one, other, channels, inputs, f"{other.name}: it", "its rows would count twice")
+    if holdout is not None:
+        for one in logs:
+            what = f"{holdout.name}: the hold-out log"
+            _refuse(one, holdout, channels, inputs, what, "it must take no part")
+
+
+def _refuse(
+    one: Log, other: Log, channels: Sequence[str], inputs: Sequence[str], what: str, why: str
+) -> None:
+    found = shared(one, other, channels, inputs)
+    if found == math.inf:
+        raise InputError(f"{what} is the training log {one.name}: {why}")
+    if found:
+        raise InputError(f"{what} shares {found} rows with the training log {one.name}: {why}")
+
+
+def shared(one: Log, other: Log, channels: Sequence[str], inputs: Sequence[str]) -> float:
+    """Return how many rows of a log are rows of another, infinity for all of both, 0 for a few.
+
+    Noise tells: what differs between two runs, however alike, is their noise; between copies it is rounding.
+    So no log at rest, and no other run with the same commands, is taken for a copy.
+
+    Parameters
+    ----------
+    one, other : Log
+    channels, inputs : sequence of str
+
+    Examples
+    --------
+    >>> rng, t = np.random.default_rng(0), np.arange(0, 10, 0.02)
+    >>> seen = [np.sin(t) + 1e-3 * rng.normal(size=t.size) for _ in range(2)]
+    >>> a, b = (Log("a", t, {"x": row}) for row in seen)
+    >>> shared(a, b, ["x"], []), shared(a, a.between(5, 9), ["x"], [])
+    (0, 200)
+    """
+    measured = [name for name in channels if one.has(name) and other.has(name)]
+    names = [*measured, *(name for name in inputs if one.has(name) and other.has(name))]
+    if not measured:
+        return 0
+    ours, rows = (_Moving.of(log, names, len(measured)) for log in (one, other))
+    if min(ours.time.size, rows.time.size) < RUN:
+        return 0
+    size = np.maximum(np.ptp(ours.values, axis=0), np.ptp(rows.values, axis=0))
+    size[size == 0.0] = 1.0
+    count = max((_copied(ours, rows, shift, size) for shift in _shifts(ours, rows, size)), default=0)
+    if count <= SHARED * rows.time.size:
+        return 0
+    return math.inf if count > 0.95 * max(ours.time.size, rows.time.size) else count
+
+
+@dataclass(frozen=True, eq=False)
+class _Moving:
+    """The rows of a log in which something measured changed: at rest any two logs are alike.
+
+    Attributes
+    ----------
+    time : ndarray, shape (n,)
+    values : ndarray, shape (n, n_columns)
+        Measured columns first.
+    third : ndarray, shape (n, n_measured)
+        Third differences.
+    changed : ndarray of bool, shape (n, n_measured)
+        From the row before.
+    """
+
+    time: Array
+    values: Array
+    third: Array
+    changed: NDArray[np.bool_]
+
+    @classmethod
+    def of(cls, log: Log, names: Sequence[str], measured: int) -> _Moving:
+        values = log.stack(*names)
+        known = np.isfinite(values).all(axis=1)
+        time, values = log.time[known], values[known]
+        third = np.zeros((time.size, measured))
+        changed = np.zeros(third.shape, dtype=bool)
+        if time.size > 3:
+            third[2:-1] = np.diff(values[:, :measured], 3, axis=0)
+            changed[1:] = np.diff(values[:, :measured], axis=0) != 0.0
+        moving = changed.any(axis=1)
+        return cls(time[moving], values[moving], third[moving], changed[moving])
+
+    @property
+    def step(self) -> float:
+        """Usual time from row to row."""
+        return float(np.median(np.diff(self.time)))
+
+
+def _shifts(ours: _Moving, rows: _Moving, size: Array) -> list[float]:
+    """Return by how much later the rows of a log may be those of another [s], the likeliest shift first."""
+    some = np.unique(np.linspace(0, rows.time.size - 1, SOUGHT).astype(int))
+    tree = cKDTree(ours.values / size)
+    near, at = tree.query(rows.values[some] / size, k=PARTNERS, p=np.inf, distance_upper_bound=ALIKE)
+    late = (rows.time[some][:, None] - ours.time[np.minimum(at, ours.time.size - 1)])[np.isfinite(near)]
+    _, own, counts = np.unique(
+        np.round(late / min(ours.step, rows.step)), return_inverse=True, return_counts=True
+    )
+    best = np.argsort(-counts, kind="stable")[:SHIFTS]
+    return [float(np.median(late[own == k])) for k in best]
+
+
+def _copied(ours: _Moving, rows: _Moving, shift: float, size: Array) -> int:
+    """Return how many rows are copies of those that were measured a time earlier."""
+    time = rows.time - shift
+    after = np.clip(np.searchsorted(ours.time, time), 1, ours.time.size - 1)
+    at = np.where(time - ours.time[after - 1] < ours.time[after] - time, after - 1, after)
+    there = np.flatnonzero(np.abs(ours.time[at] - time) < ASIDE * min(ours.step, rows.step))
+    at = at[there]
+    apart = np.abs(rows.values[there] - ours.values[at])
+    alike: NDArray[np.bool_] = np.all(apart <= ALIKE * size, axis=1)
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], alike.astype(int), [0]]))).reshape(-1, 2)
+    for a, b in edges[np.diff(edges, axis=1).ravel() < RUN]:
+        alike[a:b] = False
+    if alike.sum() < MOST * there.size:
+        return 0
+    same = other = 0
+    for c in range(rows.third.shape[1]):
+        changed = alike & (rows.changed[there, c] | ours.changed[at, c])
+        if changed.sum() < RUN:
+            continue
+        third = np.abs(rows.third[there[changed], c])
+        usual = np.minimum(third, 6.0 * float(np.median(third)))  # a heading may jump by a full turn
+        noise = float(usual.mean()) / math.sqrt(20.0)  # of third differences over that of rows
+        if float(apart[changed, c].mean()) <= SAME * noise:
+            same += 1
+        else:
+            other += 1
+    return int(alike.sum()) if same and same >= other else 0

@@ -1,0 +1,228 @@
+"""Units, checked by what the columns of one log say of each other, and the model of them."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hovercontrol.discrepancy.fit import fit
+from hovercontrol.discrepancy.windowed import Subject, gather, structure
+from hovercontrol.errors import InputError
+from hovercontrol.logs import POSE, VELOCITY, Log
+
+Array = NDArray[np.float64]
+
+#: Seconds over which motion is compared.
+OVER = 0.4
+
+#: Least way [m] that must be gone in one comparison.
+LEAST = 0.02
+
+#: Part of the way that velocities explain with a heading in degrees, in radian, and by how much more than
+#: without any turn, if it is in degrees.
+FITS, FAILS, TURNS = 0.9, 0.5, 0.2
+
+#: A mean turning speed [rad/s] from which on it is asked whether it is in degrees, and how many times less
+#: misfit the model must leave then.
+BRISK, LESS = 2.0, 4.0
+
+#: Rows on which that is asked: those in which it turns most.
+ASKED = 600
+
+
+def refuse_units(model: Subject, log: Log) -> None:
+    """Refuse positions, angles or yaw rates in other units than the other columns.
+
+    Parameters
+    ----------
+    model : Model or BlockModel
+    log : Log
+
+    Raises
+    ------
+    InputError
+        If the position moves 100 or 1000 times as far as the velocities say (or as little), heading and yaw
+        rate differ by the factor between radian and degree or are both in degrees, or an input in rad goes
+        beyond pi.
+
+    Examples
+    --------
+    >>> from hovercontrol.vehicles import c17_simulation
+    >>> t = np.arange(0, 4, 0.02)
+    >>> columns = {"x": 1e3 * t, "y": 0 * t, "psi": 0 * t, "u": 1 + 0 * t, "v": 0 * t, "r": 0 * t}
+    >>> columns |= {"thrust": 0 * t, "rudder": 0 * t}
+    >>> refuse_units(c17_simulation(), Log("a", t, columns))
+    Traceback (most recent call last):
+        ...
+    hovercontrol.errors.InputError: a: the position moves 1000 times as far as the velocities: is it in mm?
+    """
+    _refuse_angles(model, log)
+    found = scale(log)
+    if found is not None:
+        for factor, hint in ((1e3, "is it in mm?"), (1e2, "is it in cm?"), (1e-3, "in km?"), (1e-2, "")):
+            if 0.8 * factor < found[0] < 1.25 * factor:
+                hint = hint or "are the velocities in cm/s?"
+                raise InputError(
+                    f"{log.name}: the position moves {factor:g} times as far as the velocities: {hint}"
+                )
+    if log.has("psi", "r"):
+        turned, said = _sums(log, "psi", "r")
+        if turned > 57.0 and 40.0 < turned / max(said, 1e-9) < 80.0:
+            raise InputError(
+                f"{log.name}: column 'psi': expected a heading in rad; it turns 57 times as far as the yaw "
+                "rate says: is it in degrees? Multiply by pi/180"
+            )
+        if said > 57.0 and 40.0 < said / max(turned, 1e-9) < 80.0:
+            raise InputError(
+                f"{log.name}: column 'r': expected a yaw rate in rad/s; it says 57 times what the heading "
+                "turns: is it in deg/s?"
+            )
+    _refuse_degrees(model, log)
+
+
+def scale(log: Log) -> tuple[float, float] | None:
+    """Return how much farther the position moves than the velocities say, and its standard error."""
+    found = _ways(log, 1.0)
+    if found is None:
+        return None
+    columns, moved = found
+    inverse = np.linalg.pinv(columns.T @ columns)
+    factor = float((inverse @ columns.T @ moved)[0])
+    scores = columns * (moved - columns @ (inverse @ columns.T @ moved))[:, None]
+    return factor, float(np.sqrt((inverse @ (scores.T @ scores) @ inverse)[0, 0]))
+
+
+def _refuse_angles(model: Subject, log: Log) -> None:
+    """Refuse inputs in rad that go beyond half a turn; those beyond bounds of their own are refused later."""
+    for signal in structure(model).inputs:
+        row = log[signal.name][np.isfinite(log[signal.name])]
+        farthest = float(np.abs(row).max(initial=0.0))
+        bounded = math.isfinite(signal.lower) and math.isfinite(signal.upper)
+        if signal.unit == "rad" and farthest > math.pi and not bounded:
+            raise InputError(
+                f"{log.name}: column {signal.name!r}: expected an angle in rad, found values from "
+                f"{row.min():.4g} to {row.max():.4g}: is it in degrees? Multiply by pi/180"
+            )
+
+
+def _refuse_degrees(model: Subject, log: Log) -> None:
+    """Refuse a heading and a yaw rate that are in degrees, both or the one that is there."""
+    angles = [name for name in ("psi", "r") if log.has(name)]
+    agree = _moved_in_degrees(log)
+    if not agree and not _modelled_in_degrees(model, log, angles):
+        return
+    if len(angles) == 2:
+        turned, said = _sums(log, "psi", "r")
+        angles = angles if 0.5 < turned / max(said, 1e-9) < 2.0 else ["psi"]
+    rows = {name: log[name][np.isfinite(log[name])] for name in angles}
+    what = {"psi": "heading", "r": "yaw rate"}
+    spans = " and ".join(f"a {what[k]} from {row.min():.4g} to {row.max():.4g}" for k, row in rows.items())
+    units = {"psi": "rad", "r": "rad/s"}
+    if agree:
+        why = "in degrees the velocities agree with the position"
+    else:
+        why = "in degrees the model agrees far better with it"
+    raise InputError(
+        f"{log.name}: column{'s' if len(angles) > 1 else ''} {' and '.join(map(repr, angles))}: expected "
+        f"{' and '.join(units[k] for k in angles)}, found {spans} that look like degrees ({why}); multiply "
+        f"{'both ' if len(angles) > 1 else ''}by pi/180"
+    )
+
+
+def _moved_in_degrees(log: Log) -> bool:
+    """Tell whether body velocities lead where the position goes if the heading is in degrees, only then."""
+    explained = []
+    for factor in (math.pi / 180, 1.0, 0.0):
+        found = _ways(log, factor)
+        if found is None:
+            return False
+        columns, moved = found
+        part, *_ = np.linalg.lstsq(columns, moved, rcond=None)
+        rest = moved - columns @ part
+        explained.append(1.0 - float(rest @ rest) / max(float(moved @ moved), 1e-300))
+    degrees, radian, straight = explained
+    return degrees > FITS and radian < FAILS and degrees > straight + TURNS * (1.0 - straight)
+
+
+def _modelled_in_degrees(model: Subject, log: Log, angles: list[str]) -> bool:
+    """Tell whether a craft that seems to whirl does what its model says if its angles are in degrees."""
+    moves = set(VELOCITY) <= {s.name for s in structure(model).states}
+    if not (moves and angles and _whirls(log)):
+        return False
+    log = _busiest(log, angles[0])
+    turned = {name: np.radians(log[name]) for name in angles}
+    as_said, in_degrees = (
+        _misfit(model, Log(log.name, log.time, {**log.columns, **k})) for k in ({}, turned)
+    )
+    return LESS * in_degrees < as_said
+
+
+def _busiest(log: Log, angle: str) -> Log:
+    """Return the rows of a log in which an angle changes most."""
+    if len(log) <= ASKED:
+        return log
+    whole = np.concatenate([[0.0], np.nancumsum(np.abs(np.diff(log[angle])))])
+    first = int((whole[ASKED:] - whole[:-ASKED]).argmax())
+    return log.select(slice(first, first + ASKED))
+
+
+def _misfit(model: Subject, log: Log) -> float:
+    """Return what a model leaves of a log, as it is given, in short windows."""
+    try:
+        data = gather(model, [log])
+        longest = max(m.time[b - 1] - m.time[a] for m in data.logs for a, b in m.segments)
+        return fit(model, data, min(1.0, float(longest)), frozen=True).chi2_per_dof
+    except InputError:  # it runs away; what else is wrong with the log is said where it is read
+        return math.inf
+
+
+def _whirls(log: Log) -> bool:
+    """Tell whether a craft seems to turn fast: it may, but angles in degrees do."""
+    if log.has("r"):
+        return float(np.nanmean(np.abs(log["r"]))) > BRISK
+    psi = log["psi"][np.isfinite(log["psi"])]
+    if psi.size < 3 or float(np.ptp(psi)) <= 1.05 * math.tau:  # one wrapped to half a turn is in rad
+        return False
+    every = max(1, round(OVER / float(np.median(np.diff(log.time)))))
+    way = float(np.abs(np.diff(psi[::every])).sum())
+    return way > BRISK * float(log.time[-1] - log.time[0])
+
+
+def _sums(log: Log, angle: str, rate: str) -> tuple[float, float]:
+    """Return how far an angle turns, and how far its rate says, over steps that noise hardly enters."""
+    known = np.isfinite(log[angle]) & np.isfinite(log[rate])
+    time, values, rates = log.time[known], np.unwrap(log[angle][known]), log[rate][known]
+    if time.size < 3:
+        return 0.0, 0.0
+    every = max(1, round(OVER / float(np.median(np.diff(time)))))
+    whole = np.concatenate([[0.0], np.cumsum(0.5 * (rates[1:] + rates[:-1]) * np.diff(time))])
+    return float(np.abs(np.diff(values[::every])).sum()), float(np.abs(np.diff(whole[::every])).sum())
+
+
+def _ways(log: Log, factor: float) -> tuple[Array, Array] | None:
+    """Return what explains ways of the position, shape (n, 2), and those ways; the heading times a factor.
+
+    The first column is what the velocities say, the second what a point beside that of the pose would add.
+    """
+    if not log.has(*POSE, *VELOCITY):
+        return None
+    rows = log.stack(*POSE, *VELOCITY)
+    known = np.isfinite(rows).all(axis=1)
+    if known.sum() < 50:
+        return None
+    time, (x, y, psi, u, v, _) = log.time[known], rows[known].T
+    psi = factor * psi
+    rates = np.stack([u * np.cos(psi) - v * np.sin(psi), u * np.sin(psi) + v * np.cos(psi)])
+    steps = np.diff(time)
+    whole = np.concatenate(
+        [np.zeros((2, 1)), np.cumsum(0.5 * (rates[:, 1:] + rates[:, :-1]) * steps, axis=1)], axis=1
+    )
+    every = max(1, round(OVER / float(np.median(steps))))
+    said = np.diff(whole[:, ::every], axis=1).ravel()
+    moved = np.diff(np.stack([x, y])[:, ::every], axis=1).ravel()
+    if float(np.abs(said).max()) < LEAST:
+        return None
+    arm = np.diff(np.stack([np.cos(psi), np.sin(psi)])[:, ::every], axis=1).ravel()
+    return np.stack([said, arm], axis=1), moved
