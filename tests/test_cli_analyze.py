@@ -3,6 +3,7 @@
 import pytest
 
 from hovercontrol.cli import main
+from hovercontrol.commands import analyze
 
 
 def run(monkeypatch, capsys, *words):
@@ -29,6 +30,8 @@ def test_an_analysis_leaves_its_files(monkeypatch, capsys, tmp_path):
     ("words", "said"),
     [
         (["c17_beta_regoin"], "did you mean 'c17_beta_region'?"),
+        (["budgte"], "did you mean 'budget'?"),
+        (["budget", "k06-trun"], "k06_budget: unknown trial 'k06-trun'; did you mean 'turn'?"),
         ([], "expected an analysis: c17_beta_region"),
         (["c17_beta_region", "--out", "/dev/null/x"], "/dev/null"),
     ],
@@ -36,3 +39,10 @@ def test_an_analysis_leaves_its_files(monkeypatch, capsys, tmp_path):
 def test_wrong_input_is_one_line(monkeypatch, capsys, words, said):
     status, _, err = run(monkeypatch, capsys, "analyze", *words)
     assert status == 2 and said in err and err.count("\n") == 1
+
+
+def test_an_analysis_is_found_without_its_documents_name_where_only_one_ends_so(monkeypatch, capsys):
+    analyses = {name: None for name in ("c17_region", "k06_region", "k06_budget")}
+    monkeypatch.setattr(analyze, "_scripts", lambda: analyses)
+    status, _, err = run(monkeypatch, capsys, "analyze", "region")
+    assert (status, err) == (2, "hovercontrol: analyze: 'region' may be c17_region or k06_region\n")

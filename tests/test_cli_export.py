@@ -1,12 +1,19 @@
 """hovercontrol export as a new user meets it."""
 
 import importlib.util
+import re
 import subprocess
 import sys
 
 import fmpy
+import numpy as np
 import pytest
 
+from hovercontrol.errors import InputError
+from hovercontrol.fmi.choose import choose
+from hovercontrol.fmi.export import export_fmu
+from hovercontrol.interconnect import interconnect
+from hovercontrol.scenarios import load_scenario, run_scenario, scenario_names
 from hovercontrol.targets.compiler import NoCompilerError, find_compiler
 
 RUN = [sys.executable, "-m", "hovercontrol.cli", "export"]
@@ -45,7 +52,7 @@ def call(*args, cwd=None, **more):
 def test_the_list_can_be_exported():
     done = call("--list")
     assert done.returncode == 0
-    for name in ("table1 ", "table1:controller", "table2:plant", "four_fan", "x86_64-windows"):
+    for name in ("table1 ", "table1:controller", "table2:plant", "four_fan", "x86_64-windows", "imu  "):
         assert name in done.stdout
     assert "table2 " not in done.stdout  # its loop is sampled
 
@@ -87,6 +94,92 @@ def test_a_scenarios_loop_starts_as_its_first_phase(tmp_path):
     assert "first phase" in description.description
 
 
+def test_a_real_loop_flies_as_simulate_does(tmp_path):
+    scenario = load_scenario("k06-real-turn")
+    flown = run_scenario(scenario).columns
+    chosen = choose("k06-real-turn")
+    assert "real loop beside the ideal one" in chosen.text
+    path = export_fmu(chosen.block, tmp_path / "turn.fmu", stop=chosen.stop, step=chosen.step)
+    names = {v.name for v in fmpy.read_model_description(path).modelVariables}
+    assert {"imu.seed", "magnetometer.noise", "uplink_delay.on", "thrust_clipped", "ideal.plant.u"} <= names
+    assert any("downlink" in name for name in names)
+    log = {"r": "true_r", "u_hat": "u", "thrust": "thrust", "rudder_clipped": "rudder_clipped", "gap": "gap"}
+    told = fmpy.simulate_fmu(str(path), stop_time=chosen.stop, output_interval=chosen.step, output=[*log])
+    for name, column in log.items():
+        assert told[name] == pytest.approx(flown[column], abs=1e-5), name
+    assert np.ptp(told["r"]) > 2.0 and told["rudder_clipped"][-1] > 0
+
+
+@pytest.mark.parametrize("name", [n for n in scenario_names() if load_scenario(n).autopilot is not None])
+def test_every_scenario_with_an_autopilot_exports_its_real_loop(name, monkeypatch):
+    """The loop itself takes seconds to derive: here only what it is asked for."""
+    asked = []
+
+    def real(scenario, parts):
+        asked.append((scenario.name, scenario.autopilot, sorted(parts)))
+        return interconnect([*parts.values()], "both")
+
+    monkeypatch.setattr("hovercontrol.fmi.choose.real_loop", real)
+    monkeypatch.setattr("hovercontrol.fmi.choose.real_parameters", lambda scenario, phase: {})
+    chosen = choose(name)
+    assert [a[0] for a in asked] == [name] and asked[0][1] is not None
+    assert chosen.text.startswith("The autopilot's real loop beside the ideal one: ")
+
+
+def test_parts_of_a_scenarios_autopilot_are_those_of_its_file(tmp_path):
+    text = REAL.replace("[autopilot]", "[autopilot]\nseed = 7\ngyro_range = false")
+    (tmp_path / "mine.toml").write_text(text)
+    imu = choose(f"{tmp_path}/mine.toml:imu").block
+    assert imu.default_parameters["imu.seed"] == 7.0
+    assert imu.default_parameters["imu.yaw_rate_limit"] == 0.0
+    assert choose("k06-real-turn:imu").block.default_parameters["imu.yaw_rate_limit"] > 5.0
+    assert choose(f"{tmp_path}/mine.toml:rudder_servo").step == 0.02
+
+
+REAL = """
+[scenario]
+step = 0.02
+[plant]
+vehicle = "hoverdemon"
+[controller]
+kind = "stop"
+k1 = 1.0
+k2 = 2.5
+[autopilot]
+[[phase]]
+until = 0.1
+"""
+
+OWN = """
+import hovercontrol as hc
+from hovercontrol.blockmodel import BlockModel
+v, a = hc.Signal("v", "m/s"), hc.Signal("a", "m/s^2")
+CART = hc.Block("cart", [v], [a], [v], derivatives={"v": a.symbol})
+CLOCK = hc.Block("clock", [v], [a], [v], derivatives={"v": a.symbol * 0 + v.symbol}, period=0.25)
+MODEL = BlockModel(CART)
+CRAFT = hc.vehicle("hoverdemon")
+NUMBER = 3
+"""
+
+
+def test_a_users_blocks_and_models_become_fmus(tmp_path):
+    (tmp_path / "mine.py").write_text(OWN)
+    done = call("mine.py:CART", "-o", "cart.fmu", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    description = fmpy.read_model_description(tmp_path / "cart.fmu")
+    assert description.description == "CART of mine.py."
+    assert {v.name for v in description.modelVariables} >= {"v", "a"}
+    assert choose(f"{tmp_path}/mine.py:MODEL").block.name == "cart"
+    assert choose(f"{tmp_path}/mine.py:CLOCK").step == 0.25
+    assert [s.name for s in choose(f"{tmp_path}/mine.py:CRAFT").block.inputs] == ["thrust", "rudder"]
+    for name, said in (
+        ("CARD", "did you mean 'CART'?"),
+        ("NUMBER", "expected a Block or BlockModel or Model"),
+    ):
+        with pytest.raises(InputError, match=re.escape(said)):
+            choose(f"{tmp_path}/mine.py:{name}")
+
+
 def test_several_platforms_in_one_file(tmp_path):
     if importlib.util.find_spec("ziglang") is None:
         pytest.skip("ziglang (hovercontrol[fmu]) is not installed")
@@ -104,6 +197,10 @@ def test_several_platforms_in_one_file(tmp_path):
         (["table1:plan"], "table1 has no part 'plan'; did you mean 'plant'?"),
         (["tabel1:plant"], "unknown scenario 'tabel1' in 'tabel1:plant'; did you mean 'table1'?"),
         (["four_fam"], "did you mean 'four_fan'?"),
+        (["servo"], "unknown block 'servo'; nearest of"),
+        (["servo"], "rudder_servo"),
+        (["magnetometr"], "did you mean 'magnetometer'?"),
+        (["none.py:PLANT"], "none.py: no such file"),
         (
             ["table2"],
             "table2 is a sampled loop, which cannot be exported whole; its continuous parts can: table2:",
@@ -123,5 +220,5 @@ def test_wrong_input_is_one_line_with_status_2_and_nothing_written(tmp_path, arg
     done = call(*args, cwd=tmp_path)
     assert done.returncode == 2
     assert said in done.stderr
-    assert len(done.stderr.strip().splitlines()) == 1
+    assert len(done.stderr.strip().splitlines()) == 1 and len(done.stderr) < 400
     assert done.stdout == "" and list(tmp_path.iterdir()) == []

@@ -7,18 +7,43 @@ import sympy as sp
 
 from hovercontrol.block import Block
 from hovercontrol.errors import InputError
-from hovercontrol.hardware.actuators import FanTable, fan_force, fan_tables, force_angle_of_rudder
-from hovercontrol.hardware.actuators.k06 import HIGHEST_SPEED, servo_table
+from hovercontrol.hardware.actuators import (
+    FanTable,
+    ServoTable,
+    fan_force,
+    fan_tables,
+    force_angle_of_rudder,
+    servo_table,
+)
 from hovercontrol.hardware.actuators.signals import DEGREE, FORCE_ANGLE_COMMAND, THRUST_COMMAND
 from hovercontrol.signals import Signal
 
+#: What a law asks for, before it is limited.
+WANTED = tuple(
+    s.but(name=s.name.replace("_command", "_wanted")) for s in (THRUST_COMMAND, FORCE_ANGLE_COMMAND)
+)
+#: 1 where the table of fan or servo is left.
+OUTSIDE = tuple(Signal(f"{key}_outside", "1", "1 where the table is left") for key in ("thrust", "rudder"))
 
-def actuator_limits(*, name: str = "saturation") -> Block:
-    """Return what clips thrust and angle of a force to what K06's calibration has, with the rudder straight.
+
+def actuator_limits(
+    *,
+    tables: tuple[FanTable, FanTable] | None = None,
+    servo: ServoTable | None = None,
+    name: str = "saturation",
+) -> Block:
+    """Return what clips thrust and angle of a force to what the calibration has, with the rudder straight.
 
     K06: "Commands that exceed the predefined actuator limits are clipped to their maximum values" (6.1.1).
-    The sizes are those at the ends of the stand-in tables, which clip by themselves: this is for loops
-    without them.
+    The sizes are those at the ends of the tables, which clip by themselves: this is for loops without them.
+
+    Parameters
+    ----------
+    tables : tuple of two FanTable, optional
+        Speeds over forces, forces over speeds. Default: K06's stand-ins.
+    servo : ServoTable, optional
+        Default: K06's stand-in.
+    name : str, optional
 
     Returns
     -------
@@ -31,30 +56,66 @@ def actuator_limits(*, name: str = "saturation") -> Block:
     >>> actuator_limits().to_numpy().outputs(0.0, (), [9.0, 1.5]).round(2).tolist()
     [2.0, 0.47]
     """
-    angles = servo_table().angle * DEGREE
+    lookup, reverse = fan_tables() if tables is None else tables
+    least, most = (float(np.interp(0.0, reverse.rudder, reverse.values[:, k])) for k in (0, -1))
+    angles = (servo_table() if servo is None else servo).angle * DEGREE
     sides = sorted(float(force_angle_of_rudder(a)) for a in (angles[0], angles[-1]))
     on = Signal("on", "1", "ends of fan and rudder", start=1.0, modes=("off", "on"))
-    ahead = Signal("ahead", "N", "largest force ahead", start=min(2.0, float(fan_force(HIGHEST_SPEED))))
-    astern = Signal("astern", "N", "largest force astern", start=-float(fan_force(-HIGHEST_SPEED)))
+    ahead = Signal("ahead", "N", "largest force ahead", start=min(float(lookup.columns[-1]), most))
+    astern = Signal("astern", "N", "largest force astern", start=-max(float(lookup.columns[0]), least))
     right = Signal("angle_lowest", "rad", "least angle of the force", start=sides[0])
     left = Signal("angle_highest", "rad", "greatest angle of the force", start=sides[1])
-    thrust, angle = (
-        s.but(name=s.name.replace("_command", "_wanted")) for s in (THRUST_COMMAND, FORCE_ANGLE_COMMAND)
-    )
-    F, a = thrust.symbol, angle.symbol
+    F, a = (s.symbol for s in WANTED)
     kept = {
         THRUST_COMMAND.name: (sp.Max(-astern.symbol, sp.Min(ahead.symbol, F)), F),
         FORCE_ANGLE_COMMAND.name: (sp.Max(right.symbol, sp.Min(left.symbol, a)), a),
     }
     return Block(
         name,
-        inputs=(thrust, angle),
+        inputs=WANTED,
         outputs=(THRUST_COMMAND, FORCE_ANGLE_COMMAND),
         parameters=(on, ahead, astern, right, left),
         output_expressions={
             key: sp.Piecewise((limited, on.symbol > 0), (whole, True))
             for key, (limited, whole) in kept.items()
         },
+    )
+
+
+def clip_counters(period: float, *, name: str = "clipping") -> Block:
+    """Return what counts the ticks at which a law asks for more than fan or rudder can do.
+
+    Parameters
+    ----------
+    period : float
+        [s]
+    name : str, optional
+
+    Returns
+    -------
+    Block
+        Inputs what is wanted, what :func:`actuator_limits` leaves of it, and whether a table is left,
+        ``thrust_outside`` and ``rudder_outside``; outputs ``thrust_clipped`` and ``rudder_clipped``: the
+        ticks so far at which the limits clipped, or the table's border was taken (the fan's has ends in
+        force and in rudder angle).
+    """
+    commands = (THRUST_COMMAND, FORCE_ANGLE_COMMAND)
+    counts, last, definitions = [], [], {}
+    for key, want, command, outside in zip(("thrust", "rudder"), WANTED, commands, OUTSIDE, strict=True):
+        text = "ticks so far at which more was wanted than it can do, and was clipped"
+        counts.append(Signal(f"{key}_clipped", "1", text, lower=0.0))
+        last.append(counts[-1].but(name=f"last_{key}_clipped"))
+        cut = sp.Or(want.symbol < command.symbol, want.symbol > command.symbol, outside.symbol > 0)
+        definitions[counts[-1].name] = last[-1].symbol + sp.Piecewise((1, cut), (0, True))
+    return Block(
+        name,
+        states=tuple(last),
+        inputs=(*WANTED, *commands, *OUTSIDE),
+        outputs=tuple(counts),
+        definitions=definitions,
+        definition_signals=tuple(counts),
+        derivatives={old.name: new.symbol for old, new in zip(last, counts, strict=True)},
+        period=period,
     )
 
 

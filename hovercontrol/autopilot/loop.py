@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 
 from hovercontrol.autopilot.choice import choice
 from hovercontrol.autopilot.imperfections import Imperfections
 from hovercontrol.autopilot.limits import lossy_tables
-from hovercontrol.autopilot.navigation import HATS, NAVIGATION, sampled_motion
+from hovercontrol.autopilot.navigation import HATS, NAVIGATION, check_beacons, sampled_motion
 from hovercontrol.autopilot.sides import COMMANDS, after, board_side, held_side, pilot_side
 from hovercontrol.block import Block
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.estimators.ins import K06_NOISE, InsNoise
+from hovercontrol.hardware.actuators import FanTable, ServoTable, servo_table, table_pair
 from hovercontrol.hardware.actuators.signals import TICK, UPDATE
 from hovercontrol.hardware.links import constant_delay, k06_downlink, k06_uplink
-from hovercontrol.hardware.sensors import with_specific_force
+from hovercontrol.hardware.sensors import Beacons, with_specific_force
 from hovercontrol.interconnect import interconnect
 from hovercontrol.model import MOTION
 from hovercontrol.signals import Signal
+from hovercontrol.tables import positive
 from hovercontrol.vehicles import hoverdemon
 
 
@@ -30,6 +32,9 @@ def autopilot(
     start: Mapping[str, float] | None = None,
     navigation: str = "error_model",
     noise: InsNoise = K06_NOISE,
+    beacons: Beacons | None = None,
+    tables: FanTable | Sequence[FanTable] | None = None,
+    servo: ServoTable | None = None,
     rudder_loss: float = 0.0,
     imperfections: Imperfections | None = None,
     seed: int = 1,
@@ -60,9 +65,18 @@ def autopilot(
         magnetometer and fixes of the position, or by Cricket for both.
     noise : InsNoise, optional
         What the filters take for noise.
+    beacons : Beacons, optional
+        Of Cricket; default: :func:`~hovercontrol.hardware.sensors.k06_beacons`, a stand-in. Of two beacons
+        the craft is taken to stay on the side of their line where it starts.
+    tables : FanTable or two of them, optional
+        Of the fan, as measured: see :func:`~hovercontrol.hardware.actuators.read_fan_table`; of one the other
+        is made (:func:`~hovercontrol.hardware.actuators.table_pair`). Default: K06's stand-ins.
+    servo : ServoTable, optional
+        Of the rudder, as measured: see :func:`~hovercontrol.hardware.actuators.read_servo_table`. Default:
+        K06's stand-in.
     rudder_loss : float, optional
-        Share of the thrust that the tables lose with the rudder at 35 degrees, beyond the cosine of K06's
-        stand-in; it grows with the square of the angle. K06 says that the thrust falls, not how far.
+        Share of the thrust that the stand-ins lose with the rudder at 35 degrees, beyond their cosine; it
+        grows with the square of the angle. K06 says that the thrust falls, not how far.
     imperfections : Imperfections, optional
         Start values of the switches; default: K06's simulation.
     seed : int, optional
@@ -74,14 +88,15 @@ def autopilot(
     -------
     Block
         Hybrid. Outputs the true motion ``x ... r``, the navigation's ``x_hat ... r_hat``, what the law is
-        told ``u_seen`` ..., ``force_x, force_y``, the servo's and the fan's commands, ``drive_mode``, and
-        what acts: ``thrust`` [N], ``rudder`` [rad]; with guidance its outputs.
+        told ``u_seen`` ..., ``force_x, force_y``, the servo's and the fan's commands; ``thrust_clipped`` and
+        ``rudder_clipped``, the ticks so far at which the law wanted more than they can do; ``drive_mode``,
+        and what acts: ``thrust`` [N], ``rudder`` [rad]; with guidance its outputs.
 
     Raises
     ------
     InputError
-        If the navigation is unknown (the nearest is named), the loss not between 0 and 1, or the parts do not
-        fit together.
+        If the navigation is unknown (the nearest is named), the loss not between 0 and 1, the period not
+        positive, tables or beacons are of the wrong kind or of no use, or the parts do not fit together.
 
     Examples
     --------
@@ -90,17 +105,67 @@ def autopilot(
     >>> loop.inputs, len(loop.ticks) > 5
     ((), True)
     """
+    parts = autopilot_parts(
+        law,
+        guidance=guidance,
+        references=references,
+        plant=plant,
+        start=start,
+        navigation=navigation,
+        noise=noise,
+        beacons=beacons,
+        tables=tables,
+        servo=servo,
+        rudder_loss=rudder_loss,
+        imperfections=imperfections,
+        seed=seed,
+        period=period,
+    )
+    pilot = next(part for part in parts if part.name == "pilot")
+    shown = [*(s.name for s in MOTION), *HATS, *(s.name for s in (*pilot.inputs, *pilot.outputs))]
+    shown += ["drive_mode", "thrust", "rudder"]
+    return interconnect(parts, name, inputs=[], outputs=shown)
+
+
+def autopilot_parts(
+    law: Block,
+    *,
+    guidance: Block | None = None,
+    references: Mapping[str, float] | None = None,
+    plant: Block | None = None,
+    start: Mapping[str, float] | None = None,
+    navigation: str = "error_model",
+    noise: InsNoise = K06_NOISE,
+    beacons: Beacons | None = None,
+    tables: FanTable | Sequence[FanTable] | None = None,
+    servo: ServoTable | None = None,
+    rudder_loss: float = 0.0,
+    imperfections: Imperfections | None = None,
+    seed: int = 1,
+    period: float = TICK,
+) -> list[Block]:
+    """Return the Blocks that :func:`autopilot` joins, craft and sensors to actuators; arguments as there.
+
+    Examples
+    --------
+    >>> from hovercontrol.controllers.k06 import stop
+    >>> [part.name for part in autopilot_parts(stop(k1=1.0, k2=2.5))][:3]
+    ['plant', 'gyro_dynamics', 'navigation']
+    """
+    positive("autopilot: period", period)
     if navigation not in NAVIGATION:
         raise InputError(
             f"autopilot: unknown navigation {navigation!r}{did_you_mean(navigation, NAVIGATION)}"
         )
+    if beacons is not None:
+        check_beacons("autopilot", beacons, navigation)
+    fan, servo = _tables(tables, servo, rudder_loss)
     craft = (hoverdemon().plant() if plant is None else plant).with_values(start or {})
     make, rate = NAVIGATION[navigation]
-    sensing = make({s.name: s.start for s in craft.states}, noise, seed)
+    sensing = make({s.name: s.start for s in craft.states}, noise, seed, beacons)
     if navigation != "error_model":
         craft = with_specific_force(craft)
-    fan = lossy_tables(rudder_loss)
-    pilot = pilot_side(law, guidance, references, period, fan[0])
+    pilot = pilot_side(law, guidance, references, period, fan, servo)
     seen = [s for s in MOTION if f"{s.name}_seen" in {i.name for i in pilot.inputs}]
     told = [s.but(name=f"{s.name}_told", description=f"{s.description}, sent to the law") for s in seen]
     parts = [
@@ -123,13 +188,24 @@ def autopilot(
             {after(s, "sent"): (f"{s.name}_received", f"{s.name}_next") for s in COMMANDS},
         ),
         held_side(UPDATE),
-        board_side(period, fan[1]),
+        board_side(period, fan[1], servo),
     ]
-    shown = [*(s.name for s in MOTION), *HATS, *(s.name for s in pilot.inputs)]
-    shown += [s.name for s in pilot.outputs]
-    shown += ["drive_mode", "thrust", "rudder"]
-    loop = interconnect(parts, name, inputs=[], outputs=shown)
-    return loop.with_values((imperfections or Imperfections()).parameters(loop))
+    there = imperfections or Imperfections()
+    return [part.with_values(there.parameters(part)) for part in parts]
+
+
+def _tables(
+    tables: FanTable | Sequence[FanTable] | None, servo: ServoTable | None, rudder_loss: float
+) -> tuple[tuple[FanTable, FanTable], ServoTable]:
+    """Return those of the fan, speeds over forces and forces over speeds, and that of the servo."""
+    if servo is not None and not isinstance(servo, ServoTable):
+        raise InputError(f"autopilot: servo: expected a ServoTable, found {servo!r}")
+    servo = servo_table() if servo is None else servo
+    if tables is None:
+        return lossy_tables(rudder_loss), servo
+    if rudder_loss:
+        raise InputError("autopilot: rudder_loss is one of the stand-in tables; measured ones have their own")
+    return table_pair(tables, "autopilot: tables"), servo
 
 
 def seeds(loop: Block, values: Iterable[int] | int) -> dict[str, list[float]]:

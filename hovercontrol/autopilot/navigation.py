@@ -9,8 +9,16 @@ import sympy as sp
 
 from hovercontrol.autopilot.error_model import SIMULATED_IMU, error_model
 from hovercontrol.block import Block
+from hovercontrol.errors import InputError
 from hovercontrol.estimators.ins import IMU_PERIOD, K06_NOISE, InsNoise, aided_ins
-from hovercontrol.hardware.sensors import arrivals, gyro_dynamics, k06_cricket, k06_imu, k06_magnetometer
+from hovercontrol.hardware.sensors import (
+    Beacons,
+    arrivals,
+    gyro_dynamics,
+    k06_cricket,
+    k06_imu,
+    k06_magnetometer,
+)
 from hovercontrol.interconnect import interconnect, rename
 from hovercontrol.model import MOTION
 from hovercontrol.noise import random_numbers
@@ -85,12 +93,14 @@ def position_fix(
     )
 
 
-def _modelled(start: Mapping[str, float], noise: InsNoise, seed: int) -> list[Block]:
+def _modelled(start: Mapping[str, float], noise: InsNoise, seed: int, beacons: Beacons | None) -> list[Block]:
     errors = rename(error_model(seed=seed), {"r": "gyro_rate"})
     return [gyro_dynamics(period=SIMULATED_IMU), errors]
 
 
-def _by_magnetometer(start: Mapping[str, float], noise: InsNoise, seed: int) -> list[Block]:
+def _by_magnetometer(
+    start: Mapping[str, float], noise: InsNoise, seed: int, beacons: Beacons | None
+) -> list[Block]:
     always = Signal("heading_aid_valid", "1", "a magnetometer always measures")
     return [
         gyro_dynamics(),
@@ -102,7 +112,9 @@ def _by_magnetometer(start: Mapping[str, float], noise: InsNoise, seed: int) -> 
     ]
 
 
-def _by_cricket(start: Mapping[str, float], noise: InsNoise, seed: int) -> list[Block]:
+def _by_cricket(
+    start: Mapping[str, float], noise: InsNoise, seed: int, beacons: Beacons | None
+) -> list[Block]:
     aids = {
         "heading_aid": "heading_fix",
         "heading_aid_valid": "heading_fix_arrived",
@@ -111,10 +123,19 @@ def _by_cricket(start: Mapping[str, float], noise: InsNoise, seed: int) -> list[
     return [
         gyro_dynamics(),
         k06_imu(rate="gyro_rate", seed=seed),
-        k06_cricket(assisted=True, seed=seed),
+        k06_cricket(beacons, side=_side(start, beacons), assisted=True, seed=seed),
         arrivals(),
         rename(_filters(start, noise), aids),
     ]
+
+
+def _side(start: Mapping[str, float], beacons: Beacons | None) -> float:
+    """Return on which side of the line from the first beacon to the second the craft starts: 1 left, -1."""
+    if beacons is None:
+        return 1.0
+    (x1, y1), (x2, y2) = beacons.positions[:2]
+    x, y = (start.get(name, 0.0) for name in "xy")
+    return 1.0 if (x2 - x1) * (y - y1) >= (y2 - y1) * (x - x1) else -1.0
 
 
 def _filters(start: Mapping[str, float], noise: InsNoise) -> Block:
@@ -129,11 +150,28 @@ def _filters(start: Mapping[str, float], noise: InsNoise) -> Block:
 
 
 #: By name: the Blocks, and the period at which they tell the motion.
-NAVIGATION: dict[str, tuple[Callable[[Mapping[str, float], InsNoise, int], list[Block]], float]] = {
+NAVIGATION: dict[
+    str, tuple[Callable[[Mapping[str, float], InsNoise, int, Beacons | None], list[Block]], float]
+] = {
     "error_model": (_modelled, SIMULATED_IMU),
     "magnetometer": (_by_magnetometer, IMU_PERIOD),
     "cricket": (_by_cricket, IMU_PERIOD),
 }
+
+
+#: Those that hear beacons.
+BY_BEACONS = ("cricket",)
+
+
+def check_beacons(where: str, beacons: Beacons, navigation: str) -> None:
+    """Refuse beacons that are none, or that the navigation does not hear."""
+    if not isinstance(beacons, Beacons):
+        raise InputError(f"{where}: beacons: expected Beacons, found {beacons!r}")
+    if navigation not in BY_BEACONS:
+        raise InputError(
+            f"{where}: beacons are heard by navigation {' or '.join(map(repr, BY_BEACONS))}, "
+            f"found {navigation!r}"
+        )
 
 
 def sampled_motion(period: float, name: str = "ins_sampling") -> Block:

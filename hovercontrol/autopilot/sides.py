@@ -6,10 +6,9 @@ Both have K06's tables and ideal ones, with a choice between them.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 
 from hovercontrol.autopilot.choice import choice
-from hovercontrol.autopilot.limits import actuator_limits
+from hovercontrol.autopilot.limits import OUTSIDE, actuator_limits, clip_counters
 from hovercontrol.block import Block
 from hovercontrol.controllers.k06 import setpoints
 from hovercontrol.hardware.actuators import (
@@ -38,7 +37,8 @@ def pilot_side(
     guidance: Block | None,
     references: Mapping[str, float] | None,
     period: float,
-    table: FanTable,
+    tables: tuple[FanTable, FanTable],
+    servo: ServoTable,
 ) -> Block:
     """Return all that ticks with the law: guidance, law, dead zone, saturation, lookup tables.
 
@@ -46,45 +46,48 @@ def pilot_side(
     ----------
     law, guidance, references, period
         As for :func:`~hovercontrol.autopilot.autopilot`.
-    table : FanTable
-        Speeds over forces.
+    tables : tuple of two FanTable
+        Speeds over forces, forces over speeds.
+    servo : ServoTable
 
     Returns
     -------
     Block
-        Inputs the motion as the law sees it, ``u_seen`` ...; outputs those of guidance and law, and the
-        commands.
+        Inputs the motion as the law sees it, ``u_seen`` ...; outputs those of guidance and law, the commands,
+        and how often these were clipped.
     """
     own = [law] if guidance is None else [guidance, law]
     reference = setpoints(own, references)
     own = [*([reference] if reference.outputs else []), *own]
     wanted = {"thrust_command": "thrust_wanted", "force_angle_command": "force_angle_wanted"}
     lookups = []
-    for suffix, fan, servo, straight in _sets(table, 0):
-        ports = {s.name: f"{s.name}_by_table{suffix}" for s in COMMANDS}
+    for suffix, fan, own_servo, straight in _sets(tables[0], servo, 0):
+        ports = {s.name: f"{s.name}_by_table{suffix}" for s in (*COMMANDS, *OUTSIDE)}
         ports["rudder_angle_command"] = f"rudder_angle_command{suffix}"
-        rudder = rudder_lookup(table=servo, period=0.0, name=f"rudder_lookup{suffix}", **straight)
+        rudder = rudder_lookup(table=own_servo, period=0.0, name=f"rudder_lookup{suffix}", **straight)
         thrust = thrust_lookup(table=fan, period=0.0, name=f"thrust_lookup{suffix}")
         lookups += [_renamed(rudder, ports), _renamed(thrust, ports)]
+    counters = clip_counters(next((block.period for block in own if block.period), period))
     parts = [
         *own,
         rename(force_command(), wanted),
-        actuator_limits(),
+        actuator_limits(tables=tables, servo=servo),
         *lookups,
         choice(
             "tables",
             "lookup tables of servo and fan",
-            {s: (f"{s.name}_by_table", f"{s.name}_by_table_ideal") for s in COMMANDS},
+            {s: (f"{s.name}_by_table", f"{s.name}_by_table_ideal") for s in (*COMMANDS, *OUTSIDE)},
         ),
+        counters,
     ]
-    outputs = [s.name for block in own for s in block.outputs] + [s.name for s in COMMANDS]
+    outputs = [s.name for block in own for s in block.outputs]
+    outputs += [s.name for s in (*COMMANDS, *counters.outputs)]
     whole = interconnect(parts, "pilot", outputs=outputs)
-    whole = whole if whole.period else replace(whole, period=period)
     moving = {s.name for s in MOTION}
     return rename(whole, {s.name: f"{s.name}_seen" for s in whole.inputs if s.name in moving})
 
 
-def board_side(period: float, table: FanTable) -> Block:
+def board_side(period: float, table: FanTable, servo: ServoTable) -> Block:
     """Return all that ticks on board: the servo, the speed controller, and the force that they make.
 
     Parameters
@@ -93,6 +96,7 @@ def board_side(period: float, table: FanTable) -> Block:
         [s]
     table : FanTable
         Forces over speeds.
+    servo : ServoTable
 
     Returns
     -------
@@ -102,7 +106,7 @@ def board_side(period: float, table: FanTable) -> Block:
     """
     servos = []
     forces = []
-    for suffix, fan, servo, straight in _sets(table, 1):
+    for suffix, fan, own_servo, straight in _sets(table, servo, 1):
         ports = {
             "servo_command": "servo_command_taken",
             "rudder_angle": f"rudder_angle{suffix}",
@@ -110,7 +114,8 @@ def board_side(period: float, table: FanTable) -> Block:
             "thrust": f"thrust_by_table{suffix}",
             "rudder": f"rudder_by_table{suffix}",
         }
-        servos.append(_renamed(rudder_servo(table=servo, period=period, name=f"rudder_servo{suffix}"), ports))
+        follows = rudder_servo(table=own_servo, period=period, name=f"rudder_servo{suffix}")
+        servos.append(_renamed(follows, ports))
         forces.append(_renamed(thrust_force(table=fan, name=f"thrust_force{suffix}", **straight), ports))
     taken = [after(s, "taken") for s in COMMANDS]
     parts = [
@@ -154,11 +159,11 @@ def held_side(period: float) -> Block:
 
 
 def _sets(
-    table: FanTable, which: int
-) -> tuple[tuple[str, FanTable, ServoTable | None, dict[str, float]], ...]:
+    table: FanTable, servo: ServoTable, which: int
+) -> tuple[tuple[str, FanTable, ServoTable, dict[str, float]], ...]:
     """Return K06's and ideal tables of one kind: suffix, fan, servo, and slope and offset of (4.3)."""
     return (
-        ("", table, None, {}),
+        ("", table, servo, {}),
         ("_ideal", ideal_fan()[which], ideal_servo(), {"slope": -1.0, "offset": 0.0}),
     )
 

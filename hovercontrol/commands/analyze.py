@@ -5,7 +5,7 @@ from __future__ import annotations
 import ast
 import importlib.util
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Annotated, Any, cast
 
@@ -25,9 +25,9 @@ FOLDERS = (_PACKAGE / "analyses", _PACKAGE.parent / "analyses")
 
 
 def analyze(
-    name: Annotated[str, typer.Argument(help="An analysis (--list shows them).")] = "",
+    name: Annotated[str, typer.Argument(help="An analysis (--list shows them); budget is k06_budget.")] = "",
     trial: Annotated[
-        str, typer.Argument(help="A trial, of analyses of such (k06_budget); else all of them.")
+        str, typer.Argument(help="A trial, of analyses of such (budget k06-turn); else all of them.")
     ] = "",
     out: Out = None,
     list_: Annotated[bool, typer.Option("--list", help="List the analyses and leave.")] = False,
@@ -40,8 +40,7 @@ def analyze(
         return 0
     if not name:
         raise InputError(f"analyze: expected an analysis: {', '.join(scripts)}")
-    if name not in scripts:
-        raise InputError(f"analyze: unknown analysis {name!r}{did_you_mean(name, scripts)}")
+    name = _whole(name, scripts)
     main = _main(scripts[name])
     about = {"trial": trial} if trial else {}
     if about and "trial" not in inspect.signature(main).parameters:
@@ -55,6 +54,19 @@ def analyze(
             print(file.read_text(encoding="utf-8"), end="")
     print(f"wrote {', '.join(f.name for f in files)} to {out}")
     return 0
+
+
+def _whole(name: str, scripts: Mapping[str, Path]) -> str:
+    """Return an analysis' name: ``budget`` is ``k06_budget`` while no other ends so after its document."""
+    if name in scripts:
+        return name
+    same = [known for known in scripts if known.partition("_")[2] == name]
+    if len(same) > 1:
+        raise InputError(f"analyze: {name!r} may be {' or '.join(same)}")
+    if not same:
+        short = {known.partition("_")[2]: known for known in scripts}
+        raise InputError(f"analyze: unknown analysis {name!r}{did_you_mean(name, [*scripts, *short])}")
+    return same[0]
 
 
 def _scripts() -> dict[str, Path]:

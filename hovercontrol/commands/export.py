@@ -18,7 +18,9 @@ def export(
         str,
         typer.Argument(
             help="A scenario or its TOML file: its whole closed loop; SCENARIO:PART: one part of it (plant, "
-            "reference, controller, estimator); a craft or a model file: its plant. --list shows them."
+            "reference, controller, estimator, of an autopilot its sensors, links and actuators); a part by "
+            "itself (imu, rudder_servo); a craft or a model file: its plant; FILE.py:NAME: a Block of your "
+            "own. --list shows them."
         ),
     ] = "",
     out: Annotated[
@@ -45,10 +47,9 @@ def export(
     if list_:
         for name, text in choices():
             print(f"{name:24} {text}")
-        print(
-            f"a model file or a scenario file (TOML), FILE.toml or FILE.toml:PART\n{'platforms':24} ", end=""
-        )
-        print(", ".join(PLATFORMS))
+        print("a model file or a scenario file (TOML), FILE.toml or FILE.toml:PART")
+        print("a Block, BlockModel or Model of your own, FILE.py:NAME")
+        print(f"{'platforms':24} {', '.join(PLATFORMS)}")
         return 0
     if not block:
         raise InputError("export: expected what to export; hovercontrol export --list shows what there is")

@@ -39,7 +39,7 @@ def simulate(
         return 0
     if not scenario:
         raise InputError(
-            f"simulate: expected a scenario's name ({', '.join(scenario_names())}) or a TOML file"
+            "simulate: expected a scenario's name (hovercontrol simulate --list shows them) or a TOML file"
         )
     loaded = load_scenario(scenario)
     out = out or Path("out") / loaded.name
@@ -48,8 +48,19 @@ def simulate(
         run = run_scenario(loaded, report)
     files = run.save(out)
     _show_metrics(run)
+    _show_clipped(run)
     print(f"wrote {', '.join(f.name for f in files)} to {out}")
     return 0 if all(m.met for m in run.metrics()) else 1
+
+
+def _show_clipped(run: Run) -> None:
+    from hovercontrol.hardware.actuators.signals import TICK
+
+    counted = {key: count for key, count in run.clipped().items() if count}
+    if counted:
+        ticks = round(run.scenario.end / TICK) + 1
+        said = ", ".join(f"{key} at {count} ({count / ticks:.0%})" for key, count in counted.items())
+        print(f"of {ticks} ticks, commands left their limits or lookup tables and were clipped: {said}")
 
 
 def _show_metrics(run: Run) -> None:

@@ -55,6 +55,9 @@ DOUBTFUL = 500.0
 #: A rival that is no more than this behind (odds of e^6) cannot be told apart.
 APART = 12.0
 
+#: A rival that is ahead by this takes the name.
+LEAD = 1.0
+
 #: chi2 per degree of freedom beyond which noise of the measurements alone does not explain what remains.
 EXPLAINED = 1.1
 
@@ -480,7 +483,7 @@ class _Search:
         """Name the likeliest of an effect and its rivals, if the logs tell its size."""
         found = self.found
         first = min((r for r in found.rivals if r.instead_of == name), key=lambda r: r.behind, default=None)
-        if first is None or first.behind >= 0.0:
+        if first is None or first.behind > -LEAD:
             return
         ahead = self.fit(first.model, found.final)
         gain, won = _wald(ahead, first.name), found.final.cost - ahead.cost

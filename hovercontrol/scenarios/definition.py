@@ -8,6 +8,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from hovercontrol.autopilot import Imperfections
+from hovercontrol.hardware.actuators import FanTable, ServoTable
+from hovercontrol.hardware.sensors import Beacons
 from hovercontrol.model import Model
 from hovercontrol.vehicles import HOVERDEMON_BODY, Body
 
@@ -54,7 +56,8 @@ class Metric:
     statistic : str, optional
         One of :data:`hovercontrol.scenarios.measures.STATISTICS`.
     target, within : float, optional
-        For ``reached`` and ``settled``: the value and how near it counts.
+        The value that others than ``mean`` ... ``peak`` are about; for ``reached`` and ``settled`` how near
+        it counts.
     """
 
     name: str
@@ -107,12 +110,18 @@ class Autopilot:
     Parameters
     ----------
     navigation : str, optional
+    tables : tuple of two FanTable, optional
+    servo : ServoTable, optional
+    beacons : Beacons, optional
     rudder_loss : float, optional
     seed : int, optional
     imperfections : Imperfections, optional
     """
 
     navigation: str = "magnetometer"
+    tables: tuple[FanTable, FanTable] | None = None
+    servo: ServoTable | None = None
+    beacons: Beacons | None = None
     rudder_loss: float = 0.0
     seed: int = 1
     imperfections: Imperfections = field(default_factory=Imperfections)

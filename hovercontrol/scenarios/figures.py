@@ -13,7 +13,7 @@ from hovercontrol.references import REFERENCES
 from hovercontrol.scenarios.law_figures import law_figures
 from hovercontrol.scenarios.real_figures import comparison
 from hovercontrol.scenarios.result import Run
-from hovercontrol.scenarios.sheet import in_time, mark_phases, sheet, title
+from hovercontrol.scenarios.sheet import in_time, mark_phases, own_loop, sheet, title
 
 Array = NDArray[np.float64]
 
@@ -47,7 +47,7 @@ def _path(run: Run) -> Figure:
     axes = figure.subplots()
     c = run.columns
     x, y = (c.get(f"true_{k}", c[k]) for k in "xy")
-    label = "craft"
+    label = "craft" if run.scenario.autopilot is None else "real loop"
     if "x_ref" in c:
         once = run.time <= run.time[0] + _lap(run)  # dashes of several laps would fill each other's gaps
         x_ref, y_ref = c["x_ref"][once], c["y_ref"][once]
@@ -61,7 +61,9 @@ def _path(run: Run) -> Figure:
         name = f"{label}, {phase.name}" if len(run.scenario.phases) > 1 else label
         axes.plot(x[inside], y[inside], linewidth=1.1, label=name)
         begin = phase.until
-    start = "start of the craft" + (f" ({label})" if label != "craft" else "")
+    if "ideal_x" in c:
+        axes.plot(c["ideal_x"], c["ideal_y"], "C3--", linewidth=1.1, label="ideal loop", zorder=3)
+    start = "start of the craft" + (f" ({label})" if label == "control point" else "")
     axes.plot(x[0], y[0], "kx", markersize=8, label=start, zorder=4)
     if "goal_x_ref" in c:
         axes.plot(c["goal_x_ref"][-1], c["goal_y_ref"][-1], "C3+", markersize=11, label="goal", zorder=4)
@@ -69,7 +71,7 @@ def _path(run: Run) -> Figure:
     axes.set_aspect("equal", adjustable="datalim")
     axes.grid(alpha=0.3)
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.09), ncols=2, fontsize=8, frameon=False)
-    title(run, figure, "path")
+    title(run, figure, "path" if run.scenario.autopilot is None else "path of the real and the ideal loop")
     return figure
 
 
@@ -93,17 +95,17 @@ def _tracking_error(run: Run, error: Array) -> Figure:
 
 
 def _velocities(run: Run) -> Figure:
-    figure, axes = sheet(run, "body velocities", 3, 6.0)
-    units = {"u": "surge u [m/s]", "v": "sway v [m/s]", "r": "yaw rate r [deg/s]"}
+    figure, axes = sheet(run, f"body velocities{own_loop(run)}", 3, 6.0)
+    units = {"u": "surge u [m/s]", "v": "sway v [m/s]", "r": "yaw rate r [rad/s]"}
     told = {"u": "surge_ref", "r": "yaw_rate_ref"}
     for k, (name, unit) in enumerate(units.items()):
-        factor = math.degrees(1.0) if name == "r" else 1.0
-        curves = {"measured": run.columns[name] * factor} if f"true_{name}" in run.columns else {}
-        curves["true" if curves else ""] = run.columns.get(f"true_{name}", run.columns[name]) * factor
+        measured = "measured" if run.scenario.autopilot is None else "by its INS"
+        curves = {measured: run.columns[name]} if f"true_{name}" in run.columns else {}
+        curves["true" if curves else ""] = run.columns.get(f"true_{name}", run.columns[name])
         mark_phases(run, axes[k], named=k == 0)
         if told.get(name) in run.columns:
             curves = {"craft" if key == "" else key: values for key, values in curves.items()}
-            in_time(run, axes[k], {"wanted": run.columns[told[name]] * factor}, unit, ("k--",))
+            in_time(run, axes[k], {"wanted": run.columns[told[name]]}, unit, ("k--",))
         in_time(run, axes[k], curves, unit)
     axes[-1].set_xlabel("time [s]")
     return figure
@@ -143,7 +145,8 @@ def _estimation_error(run: Run) -> Figure:
 
 
 def _command(run: Run, name: str, unit: str) -> Figure:
-    figure, (axes,) = sheet(run, f"{name} command")
+    what = f"{name} command" if run.scenario.autopilot is None else f"{name} that acts{own_loop(run)}"
+    figure, (axes,) = sheet(run, what)
     angle = unit == "rad"
     mark_phases(run, axes)
     values = run.columns[name] * (math.degrees(1.0) if angle else 1.0)

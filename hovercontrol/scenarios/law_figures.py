@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from hovercontrol.scenarios.parts import loop_parts
 from hovercontrol.scenarios.result import Run
-from hovercontrol.scenarios.sheet import in_time, mark_phases, sheet
+from hovercontrol.scenarios.sheet import in_time, mark_phases, own_loop, sheet
 from hovercontrol.signals import Signal
 
 
@@ -25,7 +25,7 @@ def law_figures(run: Run) -> dict[str, Figure]:
 
 
 def _forces(run: Run) -> Figure:
-    figure, (axes,) = sheet(run, "forces that the law asks for")
+    figure, (axes,) = sheet(run, f"forces that the law asks for{own_loop(run)}")
     mark_phases(run, axes)
     curves = {"F_X": run.columns["force_x"], "F_Y": run.columns["force_y"]}
     in_time(run, axes, curves, "force [N]", ("-", "--"))
@@ -49,7 +49,9 @@ def _heading(run: Run) -> Figure:
 
 
 def _modes(run: Run, modes: list[Signal]) -> Figure:
-    figure, axes = sheet(run, "modes of the hybrid controller", len(modes), 1.2 + 1.5 * len(modes))
+    figure, axes = sheet(
+        run, f"modes of the hybrid controller{own_loop(run)}", len(modes), 1.2 + 1.5 * len(modes)
+    )
     for row, signal in zip(axes, modes, strict=True):
         mark_phases(run, row, named=row is axes[0])
         _steps(run, row, signal)

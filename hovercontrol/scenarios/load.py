@@ -7,20 +7,20 @@ import itertools
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from difflib import get_close_matches
 from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from hovercontrol.autopilot import SWITCHES, Imperfections
-from hovercontrol.autopilot.navigation import NAVIGATION
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.model import Model
 from hovercontrol.modelfile import load_model, model_from_table
-from hovercontrol.noise import LARGEST_SEED
 from hovercontrol.references import REFERENCES
+from hovercontrol.scenarios.autopilots import KEYS as AUTOPILOT_KEYS
+from hovercontrol.scenarios.autopilots import autopilot_section
 from hovercontrol.scenarios.checks import check_scenario
-from hovercontrol.scenarios.definition import Autopilot, Metric, Phase, Sampling, Scenario
-from hovercontrol.scenarios.measures import STATISTICS
+from hovercontrol.scenarios.definition import Metric, Phase, Sampling, Scenario
+from hovercontrol.scenarios.measures import NEEDS, STATISTICS
 from hovercontrol.scenarios.parts import GUIDANCE, LAWS
 from hovercontrol.tables import check_keys, number, positive, read_toml, table, text
 from hovercontrol.vehicles import HOVERDEMON_BODY, Body, vehicle
@@ -50,7 +50,10 @@ def load_scenario(name: str | Path) -> Scenario:
         path = Path(name)
     else:
         if name not in scenario_names():
-            raise InputError(f"unknown scenario {str(name)!r}{did_you_mean(str(name), scenario_names())}")
+            few = get_close_matches(str(name), scenario_names(), n=5, cutoff=0.0)
+            hint = did_you_mean(str(name), few)
+            more = " and more (hovercontrol simulate --list)" if "known" in hint else ""
+            raise InputError(f"unknown scenario {str(name)!r}{hint}{more}")
         path = Path(str(resources.files("hovercontrol.scenarios") / f"{name}.toml"))
     content = read_toml(path)
     try:
@@ -123,7 +126,9 @@ def _scenario(path: Path, content: dict[str, Any]) -> Scenario:
         estimator=_estimator(content),
         commands=_commands(content) if not closed else None,
         sampling=_sampling(content),
-        autopilot=_autopilot(content),
+        autopilot=autopilot_section(path.parent, _section(content, "autopilot", AUTOPILOT_KEYS))
+        if "autopilot" in content
+        else None,
         metrics=_metrics(content),
     )
     adapt = (scenario.controller or {}).get("adapt", [])
@@ -231,10 +236,9 @@ def _metrics(content: Mapping[str, Any]) -> tuple[Metric, ...]:
         if statistic not in STATISTICS:
             hint = did_you_mean(statistic, STATISTICS)
             raise InputError(f"metric {k + 1}: unknown statistic {statistic!r}{hint}")
-        if statistic in ("reached", "settled"):
-            for key in ("target", "within"):
-                if key not in g:
-                    raise InputError(f"metric {k + 1}: {key!r} is missing for statistic = {statistic!r}")
+        for key in NEEDS.get(statistic, ()):
+            if key not in g:
+                raise InputError(f"metric {k + 1}: {key!r} is missing for statistic = {statistic!r}")
         keys = ("low", "high", "unit", "paper", "statistic", "target", "within")
         rest = {key: g[key] for key in keys if key in g}
         metrics.append(Metric(g["name"], g["of"], float(g["from"]), float(g["to"]), **rest))
@@ -280,25 +284,6 @@ def _sampling(content: Mapping[str, Any]) -> Sampling | None:
     if given.get("seed", 0) < 0:
         raise InputError(f"sampling.seed must not be negative, found {given['seed']}")
     return Sampling(**given)
-
-
-def _autopilot(content: Mapping[str, Any]) -> Autopilot | None:
-    if "autopilot" not in content:
-        return None
-    kinds: dict[str, type] = {"navigation": str, "rudder_loss": float, "seed": int}
-    given = _section(content, "autopilot", kinds | dict.fromkeys(SWITCHES, bool))
-    own = {key: given.pop(key) for key in list(given) if key in SWITCHES}
-    navigation = given.get("navigation", "magnetometer")
-    if navigation not in NAVIGATION:
-        hint = did_you_mean(navigation, NAVIGATION)
-        raise InputError(f"autopilot.navigation: unknown {navigation!r}{hint}")
-    if not 0 <= given.get("seed", 0) <= LARGEST_SEED:
-        raise InputError(f"autopilot.seed must be between 0 and {LARGEST_SEED}, found {given['seed']}")
-    if not 0 <= given.get("rudder_loss", 0.0) < 1:
-        raise InputError(
-            f"autopilot.rudder_loss must be at least 0 and less than 1, found {given['rudder_loss']:g}"
-        )
-    return Autopilot(**given, imperfections=Imperfections(**own))
 
 
 def _commands(content: Mapping[str, Any]) -> dict[str, tuple[float, ...]]:

@@ -23,8 +23,16 @@ _PLAIN: dict[str, Callable[[Array], float]] = {
     "peak": lambda values: np.abs(values).max(),
 }
 
+#: Numbers that other statistics need.
+NEEDS = {
+    "farthest": ("target",),
+    "crossed": ("target",),
+    "reached": ("target", "within"),
+    "settled": ("target", "within"),
+}
+
 #: Every statistic a metric may name.
-STATISTICS = (*_PLAIN, "reached", "settled")
+STATISTICS = (*_PLAIN, *NEEDS)
 
 
 def measure(metric: Metric, time: Array, values: Array) -> float:
@@ -40,16 +48,21 @@ def measure(metric: Metric, time: Array, values: Array) -> float:
     Returns
     -------
     float
-        ``reached`` and ``settled``: seconds from the window's start until the value is near the target for
-        the first time, or stays so until the window's end; infinite if that never happens.
+        ``farthest``: the largest distance from the target. ``crossed``: seconds from the window's start
+        until the value has come to the target or passed it for the first time. ``reached`` and ``settled``:
+        until it is near the target for the first time, or stays so until the window's end. Infinite if that
+        never happens.
     """
     first = np.searchsorted(time, metric.start - 1e-9)
     last = np.searchsorted(time, metric.end + 1e-9)
     t, v = time[first:last], values[first:last]
     if metric.statistic in _PLAIN:
         return float(_PLAIN[metric.statistic](v))
-    near = np.abs(v - metric.target) <= metric.within
-    if metric.statistic == "reached":
+    off = v - metric.target
+    if metric.statistic == "farthest":
+        return float(np.abs(off).max())
+    near = off * np.sign(off[0]) <= 0 if metric.statistic == "crossed" else np.abs(off) <= metric.within
+    if metric.statistic in ("crossed", "reached"):
         return float(t[np.argmax(near)] - t[0]) if near.any() else math.inf
     outside = np.flatnonzero(~near)
     if not outside.size:

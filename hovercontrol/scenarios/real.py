@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hovercontrol.autopilot import autopilot, beside_ideal, nearest_heading
+from hovercontrol.autopilot.limits import lossy_tables
+from hovercontrol.autopilot.loop import autopilot_parts
 from hovercontrol.block import Block
+from hovercontrol.hardware.actuators import actuators
 from hovercontrol.interconnect import interconnect
 from hovercontrol.model import MOTION
-from hovercontrol.scenarios.definition import Scenario
+from hovercontrol.scenarios.definition import Phase, Scenario
 from hovercontrol.scenarios.parts import phase_parameters
 from hovercontrol.scenarios.result import Run
 
@@ -28,22 +32,53 @@ def real_loop(scenario: Scenario, parts: Mapping[str, Block]) -> Block:
     parts : mapping of str to Block
         By :func:`~hovercontrol.scenarios.parts.loop_parts`.
     """
+    parts = _same_guidance(parts)
+    real = autopilot(parts["controller"], **_arguments(scenario, parts))
+    return beside_ideal(real, interconnect([*parts.values()], "loop"), body=scenario.body)
+
+
+def real_parts(scenario: Scenario, parts: Mapping[str, Block]) -> dict[str, Block]:
+    """Return the Blocks of the real loop by name, and those that some of them are made of.
+
+    Arguments as for :func:`real_loop`.
+    """
     given = scenario.autopilot
     assert given is not None
-    if "guidance" in parts:  # the same controller in both loops, as K06 has it
-        parts = {**parts, "guidance": nearest_heading(parts["guidance"])}
-    real = autopilot(
-        parts["controller"],
-        guidance=parts.get("guidance"),
-        references=dict(scenario.phases[0].setpoints),
-        plant=scenario.plant.plant(),
-        start=scenario.start,
-        navigation=given.navigation,
-        rudder_loss=given.rudder_loss,
-        imperfections=given.imperfections,
-        seed=given.seed,
-    )
-    return beside_ideal(real, interconnect([*parts.values()], "loop"), body=scenario.body)
+    parts = _same_guidance(parts)
+    joined = autopilot_parts(parts["controller"], **_arguments(scenario, parts))
+    single = actuators(tables=given.tables or lossy_tables(given.rudder_loss), servo=given.servo)
+    return {block.name: block for block in (*single.sampled, single.body, *joined)}
+
+
+def _same_guidance(parts: Mapping[str, Block]) -> dict[str, Block]:
+    """Return the parts with guidance for both loops, as K06 has it."""
+    if "guidance" not in parts:
+        return dict(parts)
+    return {**parts, "guidance": nearest_heading(parts["guidance"])}
+
+
+def _arguments(scenario: Scenario, parts: Mapping[str, Block]) -> dict[str, Any]:
+    given = scenario.autopilot
+    assert given is not None
+    return {
+        "guidance": parts.get("guidance"),
+        "references": dict(scenario.phases[0].setpoints),
+        "plant": scenario.plant.plant(),
+        "start": scenario.start,
+        "navigation": given.navigation,
+        "beacons": given.beacons,
+        "tables": given.tables,
+        "servo": given.servo,
+        "rudder_loss": given.rudder_loss,
+        "imperfections": given.imperfections,
+        "seed": given.seed,
+    }
+
+
+def real_parameters(scenario: Scenario, phase: Phase) -> dict[str, float]:
+    """Return the parameters of both loops that hold in a phase, by key."""
+    own = phase_parameters(scenario, phase)
+    return own | {f"ideal.{key}": value for key, value in own.items()}
 
 
 def run_real(
@@ -86,8 +121,7 @@ def fly(scenario: Scenario, loop: Block, progress: Callable[[float], None] | Non
     begin = 0.0
     for phase in scenario.phases:
         time = phase_grid(begin, phase.until, scenario.step)
-        own = phase_parameters(scenario, phase)
-        params = own | {f"ideal.{key}": value for key, value in own.items()}
+        params = real_parameters(scenario, phase)
         response = compiled.simulate(time, x0=state, params=params)
         # The ticks at the end belong to the next phase, which has other set points.
         state = compiled.advance(begin, phase.until, state, params=params)

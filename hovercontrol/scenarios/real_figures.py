@@ -25,7 +25,7 @@ def comparison(run: Run) -> Figure:
     if "heading_ref" in run.columns:
         rows["psi"] = "heading psi [deg]"
         told.pop("r")  # what guidance tells the law changes all the time
-    figure, axes = sheet(run, "by the INS, true and ideal", len(rows), 1.0 + 1.9 * len(rows))
+    figure, axes = sheet(run, "the real and the ideal loop", len(rows), 1.0 + 1.9 * len(rows))
     for k, (name, unit) in enumerate(rows.items()):
         factor = math.degrees(1.0) if unit.endswith("[deg]") else 1.0
         mark_phases(run, axes[k], named=k == 0)

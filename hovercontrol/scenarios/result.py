@@ -83,6 +83,10 @@ class Run:
         ]
         return np.max(shares, axis=0) if shares else None
 
+    def clipped(self) -> dict[str, int]:
+        """Return at how many ticks commands were clipped, by what counts them (``rudder_clipped``)."""
+        return {key: int(column[-1]) for key, column in self.columns.items() if key.endswith("_clipped")}
+
     def metrics(self) -> list[Measured]:
         """Return the scenario's metrics with their measured values."""
         quantities = {"tracking_error": self.tracking_error(), "estimation_error": self.estimation_error()}

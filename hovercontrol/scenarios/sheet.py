@@ -25,6 +25,11 @@ def sheet(run: Run, what: str, rows: int = 1, height: float = 3.4) -> tuple[Figu
     return figure, axes
 
 
+def own_loop(run: Run) -> str:
+    """Return the end of a title that says which of two loops is shown: the real one."""
+    return "" if run.scenario.autopilot is None else ", real loop"
+
+
 def title(run: Run, figure: Figure, what: str) -> None:
     """Write the scenario's title and what is shown, on two lines if one is too short."""
     line = f"{run.scenario.title} - {what}"

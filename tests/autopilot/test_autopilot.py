@@ -12,6 +12,8 @@ from hovercontrol.autopilot import SWITCHES, Imperfections, autopilot, beside_id
 from hovercontrol.autopilot.limits import actuator_limits, lossy_tables
 from hovercontrol.controllers.k06 import bang_bang_heading, force_to_command, setpoints, stop, turn
 from hovercontrol.errors import InputError
+from hovercontrol.hardware.actuators import fan_force, fan_tables, read_servo_table, table_pair
+from hovercontrol.hardware.sensors import Beacons, k06_beacons
 from hovercontrol.hybrid import Ticking
 from hovercontrol.interconnect import interconnect
 from hovercontrol.simulation import simulate
@@ -173,6 +175,83 @@ def test_a_loss_at_the_rudders_end_weakens_the_table_there_only():
     assert half.values[0] == pytest.approx(0.5 * whole.values[0])
 
 
+def test_the_loop_counts_the_ticks_at_which_the_law_wants_too_much():
+    """One row for each tick: the count grows where the rudder's limit or the table's end is passed."""
+    t, c = fly(Imperfections.only("saturation", "dead_zone"), until=3.0)
+    left, ahead = (np.where(np.abs(c[f"force_{a}"]) > 0.05, c[f"force_{a}"], 0.0) for a in "yx")
+    wanted = np.arctan2(left, ahead)
+    angle = np.where(np.abs(wanted) > math.pi / 2, wanted - np.sign(wanted) * math.pi, wanted)
+    p = actuator_limits().default_parameters
+    beyond = (angle < p["saturation.angle_lowest"]) | (angle > p["saturation.angle_highest"])
+    assert 0 < beyond.sum() < len(t)
+    assert c["rudder_clipped"] == pytest.approx(np.cumsum(beyond))
+    assert fly(Imperfections.only(), until=1.0)[1]["rudder_clipped"][-1] == 0
+    assert fly(Imperfections.only("tables"), until=1.0)[1]["rudder_clipped"][-1] > 0
+
+
+def test_a_users_tables_are_those_of_the_loop():
+    """A fan with half the force at every speed, given as both tables, or as either alone."""
+    weak = fan_tables(lambda speed, rudder: 0.5 * fan_force(speed, rudder), name="weak")
+    most = []
+    for tables in (None, weak, weak[1]):
+        block = autopilot(LAW, references=TOLD, start=START, tables=tables)
+        told = block.compile().simulate(np.arange(1001) * 0.001)
+        c = dict(zip(told.output_labels, np.asarray(told.outputs), strict=True))
+        limits = block.default_parameters
+        most.append((np.abs(c["thrust"]).max(), limits["saturation.ahead"], limits["saturation.astern"]))
+    for found in most[1:]:
+        assert found[0] == pytest.approx(0.5 * most[0][0], rel=0.05)
+        assert found[1] == pytest.approx(0.5 * fan_force(12000.0), rel=0.03)
+        assert found[2] == pytest.approx(-0.5 * fan_force(-12000.0), rel=0.03)
+
+
+def test_one_measured_table_gives_the_other():
+    lookup, reverse = fan_tables()
+    speeds = np.array([-11000.0, -7000.0, 4000.0, 8000.0, 11500.0])
+    for found in (table_pair(lookup)[1], table_pair(reverse)[1]):
+        for row, angle in enumerate(found.rudder):
+            made = np.interp(speeds, found.columns, found.values[row])
+            assert made == pytest.approx(fan_force(speeds, angle), abs=4e-3)
+    wanted = np.array([-0.6, 0.4, 1.2])
+    backward = table_pair(reverse)[0]
+    for row, angle in enumerate(backward.rudder):
+        speed = np.interp(wanted, backward.columns, backward.values[row])
+        assert fan_force(speed, angle) == pytest.approx(wanted, abs=4e-3)
+    assert table_pair([reverse, lookup]) == (lookup, reverse)
+
+
+def test_a_users_servo_and_beacons_are_those_of_the_loop(tmp_path):
+    file = tmp_path / "servo.csv"
+    file.write_text("pulse_ms,angle_deg\n1.0,-10\n1.5,0\n2.0,10\n")
+    block = autopilot(LAW, references=TOLD, start=START, servo=read_servo_table(file))
+    told = block.compile().simulate(np.arange(1001) * 0.001)
+    c = dict(zip(told.output_labels, np.asarray(told.outputs), strict=True))
+    # (4.3) turns a rudder of 10 degrees to a force of (10 + 0.566)/1.4 degrees at most
+    assert math.degrees(np.abs(c["rudder"]).max()) == pytest.approx(10.566 / 1.4, abs=1e-6)
+    far = Beacons([(0.0, 0.0), (3.0, 0.0), (0.0, 3.0)], 2.0)
+    found = autopilot(LAW, references=TOLD, navigation="cricket", beacons=far).default_parameters
+    assert found["cricket_ranges.beacon_2_x"] == found["range_solver.beacon_2_x"] == 3.0
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("pulse,angle\n1,2\n", "row 1: expected pulse_ms,angle_deg, found 'pulse,angle'"),
+        ("pulse_ms,angle_deg\n1.0,-10\n1.5\n", "row 3: expected two numbers, found '1.5'"),
+        ("pulse_ms,angle_deg\n1.0,-10\n1.5,x\n", "row 3: expected two numbers, found '1.5,x'"),
+        ("pulse_ms,angle_deg\n1.0,-10\n1.5,0\n2.0,-3\n", "angles must be monotone: entry 3"),
+        ("pulse_ms,angle_deg\n", "expected as many angles as pulses, two at least"),
+    ],
+)
+def test_a_wrong_servo_table_is_refused_in_one_line(tmp_path, text, said):
+    file = tmp_path / "servo.csv"
+    file.write_text(text)
+    with pytest.raises(InputError) as refused:
+        read_servo_table(file)
+    assert said in str(refused.value) and "servo.csv" in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
 # ---- wrong arguments ----------------------------------------------------------------------------
 
 
@@ -181,6 +260,16 @@ def test_a_loss_at_the_rudders_end_weakens_the_table_there_only():
     [
         (lambda: autopilot(LAW, navigation="magnetmeter"), "did you mean 'magnetometer'?"),
         (lambda: autopilot(LAW, rudder_loss=1.0), "rudder_loss must be at least 0 and less than 1"),
+        (lambda: autopilot(LAW, period=-0.01), "autopilot: period must be positive, found -0.01"),
+        (lambda: autopilot(LAW, tables="mine.csv"), "autopilot: tables: expected one fan table or two"),
+        (lambda: autopilot(LAW, tables=[fan_tables()[0]] * 2), "tables over forces and over speeds, found"),
+        (
+            lambda: autopilot(LAW, servo="mine.csv"),
+            "autopilot: servo: expected a ServoTable, found 'mine.csv'",
+        ),
+        (lambda: autopilot(LAW, tables=fan_tables(), rudder_loss=0.1), "rudder_loss is one of the stand-in"),
+        (lambda: autopilot(LAW, beacons=3, navigation="cricket"), "beacons: expected Beacons, found 3"),
+        (lambda: autopilot(LAW, beacons=k06_beacons()), "are heard by navigation 'cricket', found 'error_mo"),
         (lambda: Imperfections.only("brakes"), "unknown imperfection 'brakes'; did you mean 'brake'?"),
         (lambda: Imperfections().without("table"), "did you mean 'tables'?"),
     ],

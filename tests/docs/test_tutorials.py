@@ -43,5 +43,28 @@ def test_the_cable_of_a_users_own_machine_is_named_from_closed_loop_logs(tmp_pat
     again = subprocess.run([*command, *own], capture_output=True, text=True, timeout=120, cwd=tmp_path)
     assert again.returncode == 0, again.stderr
     result = json.loads((tmp_path / "out" / "diagnose" / "result.json").read_text(encoding="utf-8"))
-    numbers = [effect["coefficient"] for effect in result["effects"]]
+    numbers = [number["value"] for effect in result["effects"] for number in effect["numbers"].values()]
     assert numbers == pytest.approx([0.8, 0.5], rel=0.005)
+
+
+def test_the_calibration_finds_what_its_benches_were_drawn_with(tmp_path):
+    script = TUTORIALS / "calibration.py"
+    grams = tmp_path / "pulses.csv"  # two fans, 0.5 N per (us/1000 - 1)^2 each
+    rows = [f"{pulse},{2 * 0.5 * (pulse / 1e3 - 1) ** 2 / 9.80665e-3}" for pulse in range(1100, 1801, 50)]
+    grams.write_text("\n".join(["pwm,trial_1", *rows]), encoding="utf-8")
+    command = [sys.executable, str(script), "--out", str(tmp_path / "out"), "--pulses", str(grams)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith("tables: (14, 161) speeds over forces")
+    found = re.findall(r"^  (\w+) = (\S+) \+- (\S+)", done.stdout, flags=re.MULTILINE)
+    drawn = {"slope": -1.40, "offset": 0.566, "inertia": 0.096, "c3": 9.734e-4, "c0": -1.099}  # (4.3), (4.4)
+    for name, value, std in found:
+        if name in drawn:
+            assert abs(float(value) - drawn.pop(name)) < 3.5 * float(std), name
+    assert not drawn
+    assert [float(value) for name, value, _ in found if name in "abc"][-3:] == pytest.approx([0.5, -1.0, 0.5])
+    worst = re.search(r"wrong: (\d+) mN", done.stdout)
+    assert 0 < int(worst[1]) < 20
+    assert {"thrust.png", "reverse_ratio.png", "speed_over_force.csv"} <= {
+        file.name for file in (tmp_path / "out").iterdir()
+    }

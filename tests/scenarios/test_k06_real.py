@@ -10,8 +10,10 @@ import pytest
 
 from hovercontrol.analysis.budget import Budget, Cost, budget
 from hovercontrol.autopilot import SWITCHES, Imperfections, seeds
+from hovercontrol.commands.simulate import _show_clipped
 from hovercontrol.discrepancy import diagnose
 from hovercontrol.errors import InputError
+from hovercontrol.hardware.actuators import fan_force, fan_tables
 from hovercontrol.logs import read_log
 from hovercontrol.scenarios import load_scenario, run_scenario
 from hovercontrol.scenarios.figures import figures
@@ -96,7 +98,7 @@ def test_the_heading_trial_meets_its_figures(heading):
 @pytest.mark.parametrize("law", ["bangbang", "proportional"])
 def test_from_rest_both_laws_come_within_the_pointing_tolerance(law):
     found = run_scenario(load_scenario(f"k06-real-heading-{law}-rest")).metrics()
-    assert len(found) == 2 and [(m.metric.name, m.value) for m in found if not m.met] == []
+    assert len(found) == 3 and [(m.metric.name, m.value) for m in found if not m.met] == []
 
 
 def test_the_log_is_that_of_the_navigation(heading, tmp_path):
@@ -188,6 +190,7 @@ def test_diagnose_names_the_rudders_offset_in_the_log_of_the_crafts_navigation(t
     assert {r.name for r in found.rivals} == {"time_offset"}
 
 
+TURN = "set = { yaw_rate_ref = 3.0 }\n"
 GOOD = """
 [scenario]
 step = 0.02
@@ -204,15 +207,69 @@ until = 0.1
 """
 
 
+CRICKET = 'navigation = "cricket"\n'
+
+
 def test_a_user_switches_imperfections_off_in_the_file(tmp_path):
     (tmp_path / "mine.toml").write_text(GOOD)
     found = load_scenario(tmp_path / "mine.toml").autopilot
     assert found.imperfections == Imperfections().without("brake")
 
 
+def test_a_users_tables_and_beacons_come_from_files_beside_the_scenario(tmp_path):
+    weak = fan_tables(lambda speed, rudder: 0.5 * fan_force(speed, rudder))
+    weak[1].to_csv(tmp_path / "fan.csv")
+    (tmp_path / "servo.csv").write_text("pulse_ms,angle_deg\n1.0,-10\n2.0,10\n")
+    own = 'fan_table = "fan.csv"\nservo_table = "servo.csv"\ntables = true\n'
+    (tmp_path / "mine.toml").write_text(GOOD.replace("brake = false", own).replace("0.1", "1.0") + TURN)
+    run = run_scenario(load_scenario(tmp_path / "mine.toml"))
+    assert 0.5 < np.abs(run.columns["thrust"]).max() < 0.55 * fan_force(12000.0)
+    assert np.abs(run.columns["rudder"]).max() == pytest.approx(np.radians(10.566 / 1.4), abs=1e-6)
+    assert run.clipped()["rudder_clipped"] > 100
+    run.save(tmp_path / "out")
+    assert read_log(tmp_path / "out" / "log.csv")["rudder_clipped"][-1] == run.clipped()["rudder_clipped"]
+    hung = 'navigation = "cricket"\nbeacons = [[-1, -1, 2.0], [3, -1, 2.0], [1, 3, 2.5]]'
+    (tmp_path / "mine.toml").write_text(GOOD.replace("brake = false", hung))
+    beacons = load_scenario(tmp_path / "mine.toml").autopilot.beacons
+    assert beacons.positions[1] == (3.0, -1.0) and beacons.heights == (2.0, 2.0, 2.5)
+
+
+def test_simulate_says_how_often_commands_were_clipped(tmp_path, capsys):
+    calm = GOOD.replace('kind = "turn"', 'kind = "stop"').replace("brake", "ins_noise = false\nbrake")
+    for name, text, said in (("turn", GOOD + TURN, True), ("calm", calm, False)):
+        (tmp_path / f"{name}.toml").write_text(text)
+        scenario = load_scenario(tmp_path / f"{name}.toml")
+        run = run_scenario(scenario)
+        assert any(run.clipped().values()) == said
+        _show_clipped(run)
+        told = capsys.readouterr().out
+        assert ("of 101 ticks" in told and "rudder_clipped at " in told) == said
+        assert len(told.splitlines()) == said
+
+
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
+        ("brake = false", 'tables = "mine.csv"', "autopilot.tables must be a bool, found 'mine.csv'"),
+        ("brake = false", 'fan_table = "no.csv"', "no.csv: not readable as CSV"),
+        ("brake = false", "fan_table = 3", "autopilot.fan_table must be the name of a file, or of two"),
+        ("brake = false", 'servo_table = "no.csv"', "no.csv: not readable as CSV"),
+        (
+            "brake = false",
+            "beacons = [[0, 0, 2], [1, 0, 2]]",
+            "heard by navigation 'cricket', found 'magneto",
+        ),
+        (
+            "brake = false",
+            CRICKET + "beacons = [[0, 0]]",
+            "autopilot.beacons must be a list of [x, y, height]",
+        ),
+        ("brake = false", CRICKET + "beacons = [[0, 0, 'a']]", "autopilot.beacons 1 must be a number"),
+        (
+            "brake = false",
+            CRICKET + "beacons = [[0, 0, 2], [1, 0, 2], [2, 0, 2]]",
+            "autopilot.beacons: beacons: expected some out of line",
+        ),
         ("brake = false", "brakes = false", "unknown key in autopilot 'brakes'; did you mean 'brake'?"),
         ("brake = false", "brake = 0.1", "autopilot.brake must be a bool, found 0.1"),
         ("brake = false", 'navigation = "criket"', "did you mean 'cricket'?"),

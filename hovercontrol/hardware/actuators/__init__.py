@@ -19,6 +19,7 @@ from hovercontrol.hardware.actuators.k06 import (
     rudder_of_force_angle,
     servo_table,
 )
+from hovercontrol.hardware.actuators.measured import read_servo_table, table_pair
 from hovercontrol.hardware.actuators.rudder import rudder_lookup, rudder_servo
 from hovercontrol.hardware.actuators.speed import fan_motor, speed_controller
 from hovercontrol.hardware.actuators.tables import FanTable, ServoTable, read_fan_table
@@ -37,6 +38,8 @@ __all__ = [
     "FanTable",
     "ServoTable",
     "read_fan_table",
+    "read_servo_table",
+    "table_pair",
     "fan_tables",
     "servo_table",
     "ideal_fan",

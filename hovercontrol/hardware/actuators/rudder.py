@@ -41,6 +41,12 @@ def regression_signals(slope: float, offset: float, name: str) -> tuple[Signal, 
     )
 
 
+def clipped(outside: sp.Basic, name: str) -> tuple[Signal, sp.Expr]:
+    """Return an output that tells whether a lookup is clipped, and its expression."""
+    told = Signal(f"{name}_outside", "1", "1 where the table is left and its border taken", lower=0.0)
+    return told, sp.Piecewise((1, outside), (0, True))
+
+
 def counted(outside: sp.Basic, name: str) -> tuple[Signal, Signal, dict[str, sp.Expr]]:
     """Return a state, an output and its definition that count the ticks at which a lookup was clipped."""
     last = Signal("last_clipped", "1", "ticks clipped up to the last one", lower=0.0)
@@ -67,7 +73,7 @@ def rudder_lookup(
     slope, offset : float, optional
         Of (4.3); the offset in rad. An ideal rudder has -1 and 0.
     period : float, optional
-        [s]; 0 for a Block without the counter, to be joined with others.
+        [s]; 0 for a Block without states, to be joined with others.
     name : str, optional
 
     Returns
@@ -75,7 +81,7 @@ def rudder_lookup(
     Block
         Input ``force_angle_command`` [rad]; outputs ``rudder_angle_command`` [rad], as (4.3) has it,
         ``servo_command`` [s], its angle kept within the table, and ``rudder_clipped``, the count of ticks at
-        which it was not.
+        which it was not (without period ``rudder_outside``, 1 where it is not).
 
     Raises
     ------
@@ -86,7 +92,7 @@ def rudder_lookup(
     --------
     >>> block = rudder_lookup(period=0.0)
     >>> block.to_numpy().outputs(0.0, (), [0.0]).round(6).tolist()  # 0.566 degrees: 1.506 ms
-    [0.009879, 0.001506]
+    [0.009879, 0.001506, 0.0]
     """
     not_negative(f"{name}: period", period)
     known = servo_table() if table is None else table
@@ -99,11 +105,15 @@ def rudder_lookup(
     definitions = {RUDDER_ANGLE_COMMAND.name: rudder_of_force_angle(FORCE_ANGLE_COMMAND.symbol, K, b)}
     states: tuple[Signal, ...] = ()
     outputs: tuple[Signal, ...] = (RUDDER_ANGLE_COMMAND, SERVO_COMMAND)
+    margin = 1e-9  # an angle at the border, converted twice, is not outside
+    outside = sp.Or(wanted / DEGREE < angles[0] - margin, wanted / DEGREE > angles[-1] + margin)
+    told = {SERVO_COMMAND.name: ms * linear(wanted / DEGREE, angles, pulses)}
     if period:
-        margin = 1e-9  # an angle at the border, converted twice, is not outside
-        outside = sp.Or(wanted / DEGREE < angles[0] - margin, wanted / DEGREE > angles[-1] + margin)
         last, count, defined = counted(outside, "rudder")
         states, outputs, definitions = (last,), (*outputs, count), definitions | defined
+    else:
+        flag, told["rudder_outside"] = clipped(outside, "rudder")
+        outputs = (*outputs, flag)
     return Block(
         name,
         states=states,
@@ -111,9 +121,9 @@ def rudder_lookup(
         outputs=outputs,
         parameters=parameters,
         definitions=definitions,
-        definition_signals=(RUDDER_ANGLE_COMMAND, *outputs[2:]),
+        definition_signals=(RUDDER_ANGLE_COMMAND, *(outputs[2:] if period else ())),
         derivatives={s.name: outputs[2].symbol for s in states},
-        output_expressions={SERVO_COMMAND.name: ms * linear(wanted / DEGREE, angles, pulses)},
+        output_expressions=told,
         period=period,
     )
 

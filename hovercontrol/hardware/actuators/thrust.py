@@ -12,7 +12,7 @@ from hovercontrol.hardware.actuators.k06 import (
     fan_tables,
     force_angle_of_rudder,
 )
-from hovercontrol.hardware.actuators.rudder import counted, regression_signals
+from hovercontrol.hardware.actuators.rudder import clipped, counted, regression_signals
 from hovercontrol.hardware.actuators.signals import (
     DEGREE,
     FAN_SPEED,
@@ -49,14 +49,14 @@ def thrust_lookup(
     table : FanTable, optional
         Over forces. Default: that of :func:`~hovercontrol.hardware.actuators.k06.fan_tables`, a stand-in.
     period : float, optional
-        [s]; 0 for a Block without the counter, to be joined with others.
+        [s]; 0 for a Block without states, to be joined with others.
     name : str, optional
 
     Returns
     -------
     Block
         Inputs ``thrust_command`` [N], ``rudder_angle_command`` [rad]; outputs ``fan_speed_command`` [rad/s],
-        and ``thrust_clipped``, the count of ticks.
+        and ``thrust_clipped``, the count of ticks (without period ``thrust_outside``, 1 where it is clipped).
 
     Raises
     ------
@@ -66,9 +66,9 @@ def thrust_lookup(
     Examples
     --------
     >>> block = thrust_lookup(period=0.0)
-    >>> speed, = block.to_numpy().outputs(0.0, (), [1.45, 0.0])
-    >>> round(speed / RPM)
-    10000
+    >>> speed, outside = block.to_numpy().outputs(0.0, (), [1.45, 0.0])
+    >>> round(speed / RPM), float(outside)
+    (10000, 0.0)
     """
     not_negative(f"{name}: period", period)
     known = _over("force", fan_tables()[0] if table is None else table, name)
@@ -79,12 +79,16 @@ def thrust_lookup(
     states: tuple[Signal, ...] = ()
     outputs: tuple[Signal, ...] = (FAN_SPEED_COMMAND,)
     definitions: dict[str, sp.Expr] = {"table_row": row, "table_column": column}
+    margin = 1e-9  # a place at the border, rounded, is not outside
+    sides = zip((i, j), known.shape, strict=True)
+    outside = sp.Or(*(c for at, n in sides for c in (at < -margin, at > n - 1 + margin)))
+    told = {FAN_SPEED_COMMAND.name: _SPEED_UNIT.symbol * bilinear("fan_speeds", known.values, i, j)}
     if period:
-        margin = 1e-9  # a place at the border, rounded, is not outside
-        sides = zip((i, j), known.shape, strict=True)
-        outside = sp.Or(*(c for at, n in sides for c in (at < -margin, at > n - 1 + margin)))
         last, count, defined = counted(outside, "thrust")
         states, outputs, definitions = (last,), (*outputs, count), definitions | defined
+    else:
+        flag, told["thrust_outside"] = clipped(outside, "thrust")
+        outputs = (*outputs, flag)
     return Block(
         name,
         states=states,
@@ -92,11 +96,9 @@ def thrust_lookup(
         outputs=outputs,
         parameters=(_SPEED_UNIT, _FORCE_UNIT),
         definitions=definitions,
-        definition_signals=(*places, *outputs[1:]),
+        definition_signals=(*places, *(outputs[1:] if period else ())),
         derivatives={s.name: outputs[1].symbol for s in states},
-        output_expressions={
-            FAN_SPEED_COMMAND.name: _SPEED_UNIT.symbol * bilinear("fan_speeds", known.values, i, j)
-        },
+        output_expressions=told,
         period=period,
     )
 

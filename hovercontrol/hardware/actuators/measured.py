@@ -1,0 +1,126 @@
+"""Tables that a user measured: the one that was not is made of the one that was."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from hovercontrol.errors import InputError
+from hovercontrol.hardware.actuators.k06 import fan_tables
+from hovercontrol.hardware.actuators.tables import FanTable, Floats, ServoTable
+
+#: Columns of a table that is made of another, as many as K06's have: over forces, over speeds.
+FORCES, SPEEDS = 161, 97
+
+#: First row of a servo table's file.
+SERVO_HEAD = ("pulse_ms", "angle_deg")
+
+
+def table_pair(
+    tables: FanTable | Sequence[FanTable] | None, where: str = "tables"
+) -> tuple[FanTable, FanTable]:
+    """Return the fan's table of speeds over forces and that of forces over speeds.
+
+    Parameters
+    ----------
+    tables : FanTable or two of them, optional
+        Both, in any order, or one, which is turned round: row by row, on as many columns as K06's tables
+        have. Default: K06's stand-ins.
+    where : str, optional
+        What error lines begin with.
+
+    Raises
+    ------
+    InputError
+        If they are none, or both of one kind.
+
+    Examples
+    --------
+    >>> measured = FanTable("mine", "speed", [-30, 30], [-9e3, 0, 9e3], [[-0.5, 0, 1], [-0.5, 0, 1]])
+    >>> lookup, reverse = table_pair(measured)
+    >>> lookup.shape, lookup.values[0, [0, 40, 80, 120, 160]].tolist()  # RPM for -1, -0.5, 0, 0.5, 1 N
+    ((2, 161), [-9000.0, -9000.0, 0.0, 4500.0, 9000.0])
+    """
+    if tables is None:
+        return fan_tables()
+    given = [tables] if isinstance(tables, FanTable) else tables
+    if not (isinstance(given, Sequence) and 1 <= len(given) <= 2) or not all(
+        isinstance(table, FanTable) for table in given
+    ):
+        raise InputError(f"{where}: expected one fan table or two, as read_fan_table gives, found {tables!r}")
+    by = {table.over: table for table in given}
+    if len(by) < len(given):
+        kinds = " and ".join(f"{table.name!r}" for table in given)
+        raise InputError(f"{where}: expected tables over forces and over speeds, found {kinds} over one")
+    force = by["force"] if "force" in by else _over_forces(by["speed"])
+    return force, by["speed"] if "speed" in by else _over_speeds(by["force"])
+
+
+def _over_forces(table: FanTable) -> FanTable:
+    most = float(np.abs(table.values).max())
+    if most == 0:
+        raise InputError(f"{table.name}: all its forces are zero")
+    wanted = np.linspace(-most, most, FORCES)
+    rows = np.array([np.interp(wanted, row, table.columns) for row in table.values])
+    if table.columns[0] <= 0 <= table.columns[-1]:
+        rows[:, FORCES // 2] = 0.0  # a fan that need not push stands
+    return FanTable(f"{table.name}, turned round", "force", table.rudder, wanted, rows)
+
+
+def _over_speeds(table: FanTable) -> FanTable:
+    most = float(np.abs(table.values).max())
+    if most == 0:
+        raise InputError(f"{table.name}: all its speeds are zero")
+    speeds = np.linspace(-most, most, SPEEDS)
+    rows = [np.interp(speeds, *_forces(row, table.columns)) for row in table.values]
+    return FanTable(f"{table.name}, turned round", "speed", table.rudder, speeds, np.array(rows))
+
+
+def _forces(row: Floats, forces: Floats) -> tuple[Floats, Floats]:
+    """Return the speeds of a row, each once, and the force of each.
+
+    Where many forces have one speed, they were raised to the lowest that the fan runs at, or cut to the
+    highest: the fan makes the largest of the former and the smallest of the latter.
+    """
+    speeds, first = np.unique(row, return_index=True)
+    last = np.append(first[1:], len(row)) - 1
+    small, large = np.where(speeds < 0, (last, first), (first, last))
+    ends = (speeds == speeds[0]) & (speeds < 0) | (speeds == speeds[-1]) & (speeds > 0)
+    found = forces[np.where(ends, small, large)]
+    standing = (speeds == 0) & (forces[first] <= 0) & (forces[last] >= 0)
+    return speeds, np.where(standing, 0.0, found)
+
+
+def read_servo_table(path: str | Path) -> ServoTable:
+    """Read a servo's table that a user measured in place of the stand-in.
+
+    Parameters
+    ----------
+    path : path
+        CSV: a row ``pulse_ms,angle_deg``, then widths of the pulse [ms] and rudder angles [degree].
+
+    Raises
+    ------
+    InputError
+        If the file is not there or not such a table; the line names file and row.
+    """
+    file = Path(path)
+    try:
+        with file.open(newline="", encoding="utf-8-sig") as stream:
+            lines = [(k, row) for k, row in enumerate(csv.reader(stream), 1) if any(c.strip() for c in row)]
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise InputError(f"{file}: not readable as CSV: {error}") from None
+    head = tuple(cell.strip() for cell in lines[0][1]) if lines else ()
+    if head != SERVO_HEAD:
+        raise InputError(f"{file}: row 1: expected {','.join(SERVO_HEAD)}, found {','.join(head)!r}")
+    rows = []
+    for line, row in lines[1:]:
+        try:
+            pulse, angle = (float(cell) for cell in row)
+        except ValueError:
+            raise InputError(f"{file}: row {line}: expected two numbers, found {','.join(row)!r}") from None
+        rows.append((pulse, angle))
+    return ServoTable(str(file), *np.array(rows).reshape(-1, 2).T)
