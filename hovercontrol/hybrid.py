@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING
 
-import control
 import numpy as np
 
 from hovercontrol.block import Block
@@ -17,6 +17,9 @@ from hovercontrol.errors import InputError
 from hovercontrol.interconnect import interconnect
 from hovercontrol.simulation import initial_state, simulate, time_response
 from hovercontrol.targets.numpy import call_scalar, numpy_functions
+
+if TYPE_CHECKING:
+    import control
 
 #: Most rows that a simulation returns.
 MAX_ROWS = 2_000_000

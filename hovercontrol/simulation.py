@@ -9,9 +9,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from itertools import pairwise
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
-import control
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import solve_ivp
@@ -22,6 +21,9 @@ from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.switching import longest_step
 from hovercontrol.targets.numpy import call_scalar, numpy_functions
 from hovercontrol.targets.ticking import run_hybrid
+
+if TYPE_CHECKING:
+    import control
 
 Array = NDArray[np.float64]
 
@@ -158,6 +160,8 @@ def time_response(
     block: Block, times: Array, outputs: Array, states: Array, u: Array
 ) -> control.TimeResponseData:
     """Return a simulation's arrays, each of shape (signals, times), under their names."""
+    import control  # takes a second: only where its class is needed
+
     return control.TimeResponseData(
         times,
         outputs,

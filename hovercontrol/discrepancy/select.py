@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,8 +14,21 @@ from hovercontrol.discrepancy.ladder import rungs
 from hovercontrol.discrepancy.noise import Noise, estimate
 from hovercontrol.discrepancy.outliers import without_outliers
 from hovercontrol.discrepancy.probes import large_process
+from hovercontrol.discrepancy.selection import Rival, Selection
+from hovercontrol.discrepancy.weighing import (
+    APART,
+    EACH,
+    EXPLAINED,
+    LEAST,
+    are_kin,
+    by_chance,
+    least_gain,
+    less,
+    top_gain,
+    wald,
+)
 from hovercontrol.discrepancy.windowed import Data, Subject
-from hovercontrol.effects import Effect, Shape
+from hovercontrol.effects import Shape
 from hovercontrol.errors import InputError
 
 Array = NDArray[np.float64]
@@ -45,78 +58,11 @@ ROUNDS = 3
 #: Effects at most that are fitted to stand for several.
 FEW = 3
 
-#: Fall of minus twice the log likelihood that an effect must bring, beyond EACH for each of its numbers: some
-#: sixty trials are looked at.
-LEAST, EACH = 20.0, 4.0
-
 #: A smaller fall may as well be that of a fit that hung.
 DOUBTFUL = 500.0
 
-#: A rival that is no more than this behind (odds of e^6) cannot be told apart.
-APART = 12.0
-
 #: A rival that is ahead by this takes the name.
 LEAD = 1.0
-
-#: chi2 per degree of freedom beyond which noise of the measurements alone does not explain what remains.
-EXPLAINED = 1.1
-
-
-@dataclass(frozen=True, eq=False)
-class Rival:
-    """An effect that the logs cannot tell from a named one.
-
-    Attributes
-    ----------
-    name, instead_of : str
-    behind : float
-        How much less likely it is, in twice the log likelihood.
-    correlation : float
-        Of the two signatures, the model's own unknowns projected out.
-    model : Model
-        With this effect in the other's place, fitted.
-    """
-
-    name: str
-    instead_of: str
-    behind: float
-    correlation: float
-    model: Subject
-
-
-@dataclass(eq=False)
-class Selection:
-    """What was selected.
-
-    Attributes
-    ----------
-    base, final : Fit
-        The given model and the amended one, fitted alike.
-    effects : list of str
-        Names of what was added.
-    gains : dict of str to float
-        Fall of minus twice the log likelihood that each brings.
-    rivals : list of Rival
-    steps : list of (str, float)
-        What was added in which order, with its score.
-    rejected : list of (str, str)
-        Effects that fit but may not be, with the reason.
-    process : bool
-        Whether process noise was needed.
-    slow : float
-        chi2 per degree of freedom that longer windows leave, where neither effects nor process noise explain
-        it; else 0.
-    """
-
-    base: Fit
-    final: Fit
-    effects: list[str] = field(default_factory=list)
-    gains: dict[str, float] = field(default_factory=dict)
-    rivals: list[Rival] = field(default_factory=list)
-    steps: list[tuple[str, float]] = field(default_factory=list)
-    rejected: list[tuple[str, str]] = field(default_factory=list)
-    process: bool = False
-    slow: float = 0.0
 
 
 def select(
@@ -267,10 +213,10 @@ class _Search:
                 gusty = noise_of(current)
                 scores = Scores(current, signatures, gusty)
                 with_gusts = self._worth(scores, 1.0)
-                better = scores.cost - _top(with_gusts) < plain.cost - _top(best) - APART
+                better = scores.cost - top_gain(with_gusts) < plain.cost - top_gain(best) - APART
                 room = bool(best) and len(found.effects) < self.max_effects
                 if better and room:
-                    most = scores.cost - _top(with_gusts)
+                    most = scores.cost - top_gain(with_gusts)
                     alone, added = self._add(current, best, most)  # far from linear, gusts outdo any score
                     if added:
                         found.final = alone
@@ -352,10 +298,10 @@ class _Search:
         """Return the effects whose gain is worth their numbers; note those that may not be."""
         best = scores.best()
         bar = max(1.0, chi2_per_dof)
-        worth = [s for s in best if s.allowed and s.gain > _bar(s) * bar]
+        worth = [s for s in best if s.allowed and s.gain > least_gain(s) * bar]
         least = worth[0].gain if worth else 0.0
         for s in best:
-            if not s.allowed and s.gain > max(_bar(s) * bar, least):
+            if not s.allowed and s.gain > max(least_gain(s) * bar, least):
                 why = "fits best with a sign that its bounds forbid (a drag would feed energy)"
                 if (s.candidate.name, why) not in self.found.rejected:
                     self.found.rejected.append((s.candidate.name, why))
@@ -370,7 +316,7 @@ class _Search:
         tries: list[tuple[float, Scored, Fit]] = []
         for scored in worth[:MOST_TRIES]:
             explained = tries and min(t[2].chi2_per_dof for t in tries) < SETTLED
-            kin = _kin(scored.candidate.trial, worth[0].candidate.trial)
+            kin = are_kin(scored.candidate.trial, worth[0].candidate.trial)
             if tries and scored.gain < (0.9 if explained and not kin else 0.4) * worth[0].gain:
                 continue
             self._progress(f"trying {scored.candidate.name}")
@@ -378,15 +324,15 @@ class _Search:
             new = self._timed(self.fit(current.model.with_effects([near.effect]), current))
             if not new.noise.has_process and not (new.converged and new.chi2_per_dof < SETTLED):
                 new = self._from_short(new)
-            tries.append((new.cost + _by_chance(new, current), near, new))
+            tries.append((new.cost + by_chance(new, current), near, new))
         if not tries:
             return current, False
         cost, scored, new = min(tries, key=lambda t: t[0])
-        if _bar(scored) < current.cost - cost < DOUBTFUL:
+        if least_gain(scored) < current.cost - cost < DOUBTFUL:
             new = self.fit(new.model, new, finer=2)
             current = self.fit(current.model, new)
-            cost = new.cost + _by_chance(new, current)
-        if not cost < min(current.cost - _bar(scored), most):
+            cost = new.cost + by_chance(new, current)
+        if not cost < min(current.cost - least_gain(scored), most):
             return current, False
         self.found.steps.append((scored.candidate.name, scored.gain))
         self.found.effects.append(scored.candidate.name)
@@ -396,13 +342,13 @@ class _Search:
         """Leave out what is not needed any more, and note what each effect brings."""
         found = self.found
         while found.effects:
-            found.gains = {name: _wald(found.final, name) for name in found.effects}
+            found.gains = {name: wald(found.final, name) for name in found.effects}
             weakest = min(found.gains, key=found.gains.__getitem__)
             if found.gains[weakest] > LEAST:
                 return
-            without = self.fit(_without(found.final.model, weakest), found.final)
+            without = self.fit(less(found.final.model, weakest), found.final)
             bar = LEAST + EACH * len(found.final.model.effect(weakest).numbers)
-            bar += _by_chance(found.final, without)
+            bar += by_chance(found.final, without)
             if not found.final.noise.has_process and without.cost - found.final.cost > bar:
                 return  # far from linear: it says more than its standard errors tell
             found.effects.remove(weakest)
@@ -415,9 +361,7 @@ class _Search:
             return
         self._progress("looking for one effect instead of several")
         final = found.final
-        bare = final.model
-        for name in found.effects:
-            bare = _without(bare, name)
+        bare = less(final.model, *found.effects)
         try:
             alone = self.fit(bare, final)
         except InputError:  # without them it runs away in such windows: none alone will do
@@ -427,7 +371,7 @@ class _Search:
             if scored.gain < 0.5 * (alone.cost - final.cost):
                 return
             one = self.fit(bare.with_effects([zoom(alone, scored).effect]), alone)
-            if one.cost < final.cost + LEAST + _by_chance(final, one):
+            if one.cost < final.cost + LEAST + by_chance(final, one):
                 found.effects[:], found.final = [scored.candidate.name], one
                 self._drop()
                 return
@@ -443,7 +387,7 @@ class _Search:
         for name in list(found.effects):
             self._progress(f"looking for rivals of {name}")
             final = found.final
-            bare_model = _without(final.model, name)
+            bare_model = less(final.model, name)
             length = final.windowed.length
             slight = found.gains.get(name, np.inf) < DOUBTFUL  # short windows would not see it
             short = length if slight or final.noise.has_process else self.rungs[0]
@@ -460,7 +404,7 @@ class _Search:
                 if other_name == name or other_name in found.effects or not scored.allowed or not left:
                     continue
                 far = top.gain - scored.gain > max(3 * APART, NEAR * top.gain)
-                if far and not _kin(scored.candidate.trial, top.candidate.trial):
+                if far and not are_kin(scored.candidate.trial, top.candidate.trial):
                     continue
                 left -= 1
                 near = self.fit(bare_model.with_effects([zoom(bare, scored).effect]), bare)
@@ -486,7 +430,7 @@ class _Search:
         if first is None or first.behind > -LEAD:
             return
         ahead = self.fit(first.model, found.final)
-        gain, won = _wald(ahead, first.name), found.final.cost - ahead.cost
+        gain, won = wald(ahead, first.name), found.final.cost - ahead.cost
         if gain < LEAST or won <= 0.0:
             return
         second = Rival(name, first.name, won, first.correlation, found.final.model)
@@ -499,48 +443,6 @@ class _Search:
         found.effects[found.effects.index(name)] = first.name
         del found.gains[name]
         found.final, found.gains[first.name] = ahead, gain
-
-
-def _kin(one: Effect, other: Effect) -> bool:
-    """Whether two effects are drags along the same axis, which widths of friction blend."""
-    return getattr(one, "axis", None) == getattr(other, "axis", 0)
-
-
-def _top(worth: Sequence[Scored]) -> float:
-    return worth[0].gain if worth else 0.0
-
-
-def _bar(scored: Scored) -> float:
-    return LEAST + EACH * len(scored.candidate.amplitudes)
-
-
-def _by_chance(more: Fit, less: Fit) -> float:
-    """Return what initial states take, mean and three standard deviations, that show in one fit alone.
-
-    Without a heading in the log slope and wind turn freely in each window: that is many unknowns, not two.
-    """
-    extra = max(more.starts - less.starts, 0)
-    return float(extra + 3.0 * np.sqrt(2.0 * extra))
-
-
-def _without(model: Subject, name: str) -> Subject:
-    return replace(model, effects=tuple(e for e in model.effects if e.name != name))
-
-
-def _wald(final: Fit, name: str) -> float:
-    """Return how many standard errors an effect is from not being there, squared."""
-    w, C = final.windowed, final.covariance
-    e = w.model.effect(name)
-    own = [
-        (w.names.index(e.parameter(k)), n.neutral)
-        for k, n in e.numbers.items()
-        if not np.isnan(n.neutral) and e.parameter(k) in w.names
-    ]
-    if not own:
-        return float("inf")
-    rows = [j for j, _ in own]
-    away = np.array([final.p[j] - neutral for j, neutral in own])
-    return float(away @ np.linalg.pinv(C[np.ix_(rows, rows)], hermitian=True) @ away)
 
 
 def noise_of(f: Fit, *, rough: bool = False) -> Noise:

@@ -13,9 +13,8 @@ from concurrent.futures import Executor, ThreadPoolExecutor
 from functools import cache, lru_cache
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
-import control
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -41,6 +40,9 @@ from hovercontrol.targets.sweep import (
     values_of_runs,
 )
 from hovercontrol.targets.ticking import Running
+
+if TYPE_CHECKING:
+    import control
 
 Friction = Literal["events", "smooth"]
 Method = Literal["dormand-prince", "rk4"]

@@ -25,7 +25,7 @@ import numpy as np
 from hovercontrol.discrepancy import Diagnosis, diagnose
 from hovercontrol.discrepancy.fit import fit
 from hovercontrol.discrepancy.holdout import gap
-from hovercontrol.discrepancy.select import EACH, LEAST
+from hovercontrol.discrepancy.weighing import EACH, LEAST
 from hovercontrol.discrepancy.windowed import gather
 
 from .generator import OUTSIDE, SIZES, VELOCITY_ONLY, Case, Conditions, make, mild, outside

@@ -13,7 +13,7 @@ from hovercontrol.discrepancy.probes import Sign
 from hovercontrol.discrepancy.report import headline, write_report
 from hovercontrol.discrepancy.report.svg import Plot, bounds, ticks
 from hovercontrol.discrepancy.report.verdict import explanation, gap_sentence
-from hovercontrol.discrepancy.select import Rival
+from hovercontrol.discrepancy.selection import Rival
 from hovercontrol.discrepancy.windowed import gather
 from hovercontrol.logs import Log
 

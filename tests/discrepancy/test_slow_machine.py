@@ -30,9 +30,10 @@ SHIP = hc.Block(
 
 
 class CubicDamping(hc.Effect):
-    """Damping of fast turns (Norrbin 1963)."""
+    """Damping of fast turns."""
 
     name = "cubic_damping"
+    source = "Norrbin 1963"
     value = hc.Coefficient("s/rad^2", lower=0.0)
 
     def terms(self, c, s):
@@ -43,6 +44,7 @@ class TurningMoment(hc.Effect):
     """A moment that is always there."""
 
     name = "turning_moment"
+    source = "a wind from abeam"
     value = hc.Coefficient("rad/s^2")
 
     def terms(self, c, s):

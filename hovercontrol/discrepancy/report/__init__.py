@@ -7,7 +7,7 @@ from pathlib import Path
 
 from threadpoolctl import threadpool_limits
 
-from hovercontrol.discrepancy.diagnose import Diagnosis
+from hovercontrol.discrepancy.diagnosis import Diagnosis
 from hovercontrol.discrepancy.report.appendix import appendix
 from hovercontrol.discrepancy.report.equations import coefficients, equations
 from hovercontrol.discrepancy.report.evidence import evidence

@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 
 from hovercontrol.discrepancy.candidates import Scored, Scores
-from hovercontrol.discrepancy.diagnose import Diagnosis
+from hovercontrol.discrepancy.diagnosis import Diagnosis
 from hovercontrol.discrepancy.holdout import Gap
 from hovercontrol.discrepancy.probes import Sign
 from hovercontrol.discrepancy.report.html import folded, items, paragraph, table
 from hovercontrol.discrepancy.report.material import Material
 from hovercontrol.discrepancy.report.verdict import first_of_kind, sign_words
 from hovercontrol.discrepancy.report.words import effect_words, rounded, small, times, unit
-from hovercontrol.discrepancy.select import APART, EACH, LEAST
+from hovercontrol.discrepancy.weighing import APART, EACH, LEAST
 from hovercontrol.effects.base import resolved_unit
 
 #: Signs whose weight is that of a test: the others have no number that chance could give.

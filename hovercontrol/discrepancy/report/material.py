@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from hovercontrol.discrepancy.candidates import Scores, Signatures, candidates
 from hovercontrol.discrepancy.compare import HORIZON, Comparison, compared
-from hovercontrol.discrepancy.diagnose import Diagnosis, Found
+from hovercontrol.discrepancy.diagnosis import Diagnosis, Found
 from hovercontrol.discrepancy.fit import fit
 from hovercontrol.discrepancy.localize import Missing
 from hovercontrol.discrepancy.noise import Noise

@@ -6,7 +6,7 @@ import re
 from collections.abc import Sequence
 from html import escape
 
-from hovercontrol.discrepancy.diagnose import Diagnosis, Found
+from hovercontrol.discrepancy.diagnosis import Diagnosis, Found
 from hovercontrol.discrepancy.holdout import Gap
 from hovercontrol.discrepancy.localize import rate
 from hovercontrol.discrepancy.probes import Sign

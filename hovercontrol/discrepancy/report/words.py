@@ -6,7 +6,7 @@ import math
 import re
 from collections.abc import Sequence
 
-from hovercontrol.discrepancy.diagnose import Found
+from hovercontrol.discrepancy.diagnosis import Found
 from hovercontrol.effects import effect_class
 
 _RAISED = str.maketrans("23456789*", "²³⁴⁵⁶⁷⁸⁹ ", "^")

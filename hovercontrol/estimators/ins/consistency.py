@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from hovercontrol.errors import InputError
 
@@ -155,7 +155,7 @@ def consistency(
     nees = (np.linalg.solve(root, vectors[..., None])[..., 0] ** 2).sum(-1)
     tails = np.array([(1 - level) / 2, (1 + level) / 2])
     nis, nis_band = _nis(innovation, innovation_variance, measured, tails)
-    one, mean = chi2.ppf(tails, n), chi2.ppf(tails, n * runs) / runs
+    one, mean = chdtri(n, 1.0 - tails), chdtri(n * runs, 1.0 - tails) / runs
     return Consistency(
         level,
         nees,
@@ -185,4 +185,4 @@ def _nis(
     if not (S[there] > 0).all():
         raise InputError("consistency: a variance of an innovation is not positive")
     total = np.where(there, v**2 / np.where(there, S, 1.0), 0.0).sum(axis=(0, 1))
-    return total / count, chi2.ppf(tails[:, None], count) / count
+    return total / count, chdtri(count, 1.0 - tails[:, None]) / count

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import control
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,6 +16,9 @@ from hovercontrol.estimators.ins.runs import one_tick
 from hovercontrol.simulation import time_response
 from hovercontrol.tables import positive
 from hovercontrol.targets.numpy import call_scalar
+
+if TYPE_CHECKING:
+    import control
 
 Array = NDArray[np.float64]
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
-from scipy import stats
+from scipy.special import stdtrit
 
 from hovercontrol.errors import InputError
 
@@ -95,7 +95,7 @@ class Fit:
         """
         if not 0 < level < 1:
             raise InputError(f"{self.title}: level must be between 0 and 1, found {level!r}")
-        half = stats.t.ppf(0.5 + level / 2, self.freedom) * self.std
+        half = stdtrit(self.freedom, 0.5 + level / 2) * self.std
         ends = zip((self.values - half).tolist(), (self.values + half).tolist(), strict=True)
         return dict(zip(self.names, ends, strict=True))
 
