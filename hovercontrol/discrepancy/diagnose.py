@@ -120,7 +120,7 @@ def _diagnosed(
     held, out = None, left_out(logs, given, data)
     if holdout is not None:
         as_read = gather(model, [holdout])
-        held = cleaned(final.model, as_read, rungs(model, data)[0])
+        held = cleaned(final.model, as_read, rungs(model, data)[:2])
         out += left_out([holdout], as_read, held, held_out=True)
     before = gap(bare.model, held, length) if held else None
     after = gap(final.model, held, length) if held and final is not bare else before
@@ -177,7 +177,7 @@ def _clean_again(model: Subject, selection: Selection) -> None:
     if not selection.effects:
         return
     data = final.windowed.data
-    clean = cleaned(final.model, data, rungs(model, data)[0])
+    clean = cleaned(final.model, data, rungs(model, data)[:2])
     if clean is not data:
         selection.final = fit(
             final.model, clean, final.windowed.length, final.noise, prior_model=model, near=final

@@ -82,23 +82,25 @@ def without_outliers(fit: Fit) -> Data | None:
     return replace(w.data, logs=logs, noise=noise_levels(logs, w.data.channels))
 
 
-def cleaned(model: Subject, data: Data, length: float) -> Data:
+def cleaned(model: Subject, data: Data, lengths: Sequence[float]) -> Data:
     """Return data without what stands out beside a model whose coefficients stay.
 
     Parameters
     ----------
     model : Model or BlockModel
     data : Data
-    length : float
-        Of the windows [s]; short.
+    lengths : sequence of float
+        Of the windows [s]: short ones, which what is missing bends least, then some in whose middle is what
+        lay at the ends of those.
     """
     near = None
-    for _ in range(CLEANED):
-        near = fit(model, data, length, frozen=True, near=near)
-        clean = without_outliers(near)
-        if clean is None:
-            break
-        data = clean
+    for length in lengths:
+        for _ in range(CLEANED):
+            near = fit(model, data, length, frozen=True, near=near)
+            clean = without_outliers(near)
+            if clean is None:
+                break
+            data = clean
     return data
 
 

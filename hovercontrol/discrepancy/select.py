@@ -12,7 +12,7 @@ from hovercontrol.discrepancy.candidates import Scored, Scores, Signatures, cand
 from hovercontrol.discrepancy.fit import Fit, fit, forced_states
 from hovercontrol.discrepancy.ladder import rungs
 from hovercontrol.discrepancy.noise import Noise, estimate
-from hovercontrol.discrepancy.outliers import without_outliers
+from hovercontrol.discrepancy.outliers import cleaned, without_outliers
 from hovercontrol.discrepancy.probes import large_process
 from hovercontrol.discrepancy.selection import Rival, Selection
 from hovercontrol.discrepancy.weighing import (
@@ -109,6 +109,7 @@ class _Search:
                 break
             self.data = clean
             base = fit(model, clean, self.rungs[0], near=base)
+        self.dirty = self.data is not data
         self.plain = base.noise
         self.found = Selection(base, base)
 
@@ -220,6 +221,7 @@ class _Search:
                     alone, added = self._add(current, best, most)  # far from linear, gusts outdo any score
                     if added:
                         found.final = alone
+                        self._clean()
                         continue
                 if better and not (room and large_process(current, gusty)):
                     noise, best = gusty, with_gusts
@@ -229,6 +231,19 @@ class _Search:
             found.final, added = self._add(current, best) if room else (current, False)
             if not added:
                 return
+            self._clean()
+
+    def _clean(self) -> None:
+        """Leave out what stands out beside what was found so far: residuals of what lacks are as steep."""
+        found = self.found
+        clean = cleaned(found.final.model, self.data, self.rungs[:2]) if self.dirty else self.data
+        if clean is self.data:
+            return
+        self.data, self.plain = clean, self.plain.but(measured=clean.noise)
+        for name in ("base", "final"):
+            old = getattr(found, name)
+            noise = old.noise.but(measured=clean.noise)
+            setattr(found, name, self.fit(old.model, old, noise=noise))
 
     def _explains(self, current: Fit, scores: Scores, best: Sequence[Scored]) -> bool:
         """Whether the best effect takes nearly all the misfit: process noise need not be thought of."""
@@ -253,6 +268,7 @@ class _Search:
                 found.final, added = self._add(current, best)
                 if not added:
                     break
+                self._clean()
             if found.final.chi2_per_dof > GROSS:
                 break
 

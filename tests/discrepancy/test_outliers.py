@@ -70,7 +70,7 @@ def test_outliers_are_found_whatever_the_model_lacks():
     case = make(7, ["rudder_lag", "yaw_quadratic_drag"], SHORT)
     log, sizes = hit_by(case.logs[0], np.random.default_rng(1), 15.0, 500.0)
     data = gather(case.model, [log])
-    out = gone(data, cleaned(case.model, data, 0.25))
+    out = gone(data, cleaned(case.model, data, [0.25]))
     left = {c: ~np.isnan(v) for c, v in zip(data.logs[0].channels, data.logs[0].values, strict=True)}
     wanted = {c: (sizes[c] != 0) & left[c] for c in sizes}  # the reader takes out most of the pose's
     assert sum(w.sum() for w in wanted.values()) > 40
