@@ -129,19 +129,18 @@ def _diagnosed(
     named = verdict in ("effect", "ambiguous")
     warnings += stopped(selection, names, max_effects) if verdict == "unexplained" else []
     tell(0.96, "looking where it is")
-    near = bare  # without process noise, in windows short enough to see when
+    plain = not selection.process and bare.windowed.length <= length
+    alone = bare if plain else fit(bare.model, data, length, near=bare, frozen=True)
+    near = alone  # without process noise, in windows short enough to see when
     if named:  # fitted without the effects the other coefficients would hide what they do
         near = fit(less(final.model, *selection.effects), data, length, frozen=True)
     elif selection.process:
         near = fit(bare.model, data, length, prior_model=model)
-    elif bare.windowed.length > length:
-        near = fit(bare.model, data, length, prior_model=model, near=bare, frozen=True)
     noise = noise_of(near, rough=True)
     missing = tuple(localize(near, noise))
     experiment, advice = _next(selection, seed) if named else (None, "")
     amended = final if named or verdict == "none" else bare
-    plain = not selection.process and bare.windowed.length <= length
-    train_before = gap_of(bare) if plain else gap(bare.model, data, length)
+    train_before = gap_of(alone)
     train_after = gap(final.model, data, length) if amended is not bare else train_before
     found = Diagnosis(
         verdict=verdict,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,32 +42,52 @@ class Fit:
     windowed : Windowed
     p : ndarray, shape (P,)
     x0 : ndarray, shape (n_states, W)
-    residual, jacobian : ndarray
-        At p and x0 (:meth:`Windowed.linearise`).
     noise : Noise
-    normal : Normal
     prior : ndarray, shape (P,)
         Precision of the weak prior.
     cost : float
         Minus twice the log likelihood, but for a constant.
     chi2_per_dof : float
         Against the measurement noise alone.
-    response : Response
     converged : bool
+    point : _Point
+        Where it ended: what is derived there is computed when first asked for.
     """
 
     windowed: Windowed
     p: Array
     x0: Array
-    residual: Array
-    jacobian: Array
     noise: Noise
-    normal: Normal
     prior: Array
     cost: float
     chi2_per_dof: float
-    response: Response
     converged: bool
+    point: _Point
+
+    @property
+    def residual(self) -> Array:
+        """Measured minus simulated, shape (W, K, C); zero where nothing was measured."""
+        return self.point.residual
+
+    @property
+    def jacobian(self) -> Array:
+        """Of the channels by the free initial states and the unknowns, shape (W, K, C, n + P)."""
+        return self.point.jacobian()
+
+    @property
+    def moves(self) -> Array:
+        """Of the channels by the free initial states alone, shape (W, K, C, n)."""
+        return self.point.jacobian(unknowns=False)[..., : len(self.windowed.free)]
+
+    @cached_property
+    def normal(self) -> Normal:
+        """The normal equations at the end, initial states eliminated."""
+        return reduce(self.point.columns(), len(self.windowed.free))
+
+    @property
+    def response(self) -> Response:
+        """The linearised motion along the runs."""
+        return self.point.response
 
     @property
     def model(self) -> Subject:
@@ -84,8 +105,7 @@ class Fit:
     @property
     def starts(self) -> int:
         """How many of the windows' initial states show in what was measured."""
-        columns = self.jacobian[..., : len(self.windowed.free)]
-        return int((columns != 0.0).any(axis=(1, 2)).sum())
+        return int((self.moves != 0.0).any(axis=(1, 2)).sum())
 
     @property
     def movable(self) -> NDArray[np.intp]:
@@ -172,19 +192,21 @@ def fit(
     damping, converged, refused, stuck = 0.0, False, 0, np.zeros(len(w.ranges))
     count = int(w.seen.sum())
     for _ in range(MOST):
-        white = now.columns()
+        white = now.columns(unknowns=not frozen)
         normal = reduce(white, n, stuck)
-        S = normal.S + np.diag(precision)
-        g = normal.g - precision * (p - centre)
-        low, high = w.lower - p, w.upper - p
-        low = np.where(w.is_width, np.maximum(low, -0.5 * p), low)
-        high = np.where(w.is_width, np.minimum(high, p), high)
-        dp = np.zeros_like(p) if frozen else bounded_step(S, g, low, high, w.size, damping)
-        a, B = normal.back
-        dx = a - B @ dp
+        dx, B = normal.back
+        dp = np.zeros_like(p)
+        if not frozen:
+            S = normal.S + np.diag(precision)
+            g = normal.g - precision * (p - centre)
+            low, high = w.lower - p, w.upper - p
+            low = np.where(w.is_width, np.maximum(low, -0.5 * p), low)
+            high = np.where(w.is_width, np.minimum(high, p), high)
+            dp = bounded_step(S, g, low, high, w.size, damping)
+            dx = dx - B @ dp
         moved = x0.copy()
         moved[w.free] += dx.T
-        told = _told(white, dx, dp)
+        told = _told(white, dx, dp[: B.shape[-1]])
         hoped = float(told.sum()) + precision @ ((p - centre) ** 2 - (p + dp - centre) ** 2)
         misfit = float((white[..., 0] ** 2).sum()) - count
         enough = max(small, 1e-6 * abs(now.cost), GROSS * misfit)
@@ -210,17 +232,14 @@ def fit(
             few = refused == 1 and 0 < wild.sum() <= 0.1 * len(wild)
             stuck = np.where(wild, np.maximum(10 * stuck, 1e-1), stuck)
             damping = damping if few else max(10 * damping, 1e-2)
-    white, r, J = now.columns(), now.residual, now.jacobian
     w.x = now.x
-    normal = reduce(white, n)
     dof = max(count - n * len(w.ranges) - len(p), 1)
-    plain = float((w.plainly_white(r) ** 2).sum()) / dof
-    response = now.response or Response(w, p)
-    return Fit(w, p, x0, r, J, noise, normal, precision, now.cost, plain, response, converged)
+    plain = float((w.plainly_white(now.residual) ** 2).sum()) / dof
+    return Fit(w, p, x0, noise, precision, now.cost, plain, converged, now)
 
 
 class _Point:
-    """Where a fit stands: unknowns and initial states, and the windows' costs there."""
+    """Where a fit stands: unknowns and initial states, the windows' costs there, and slopes if asked for."""
 
     def __init__(self, w: Windowed, p: Array, x0: Array, noise: Noise, prior: tuple[Array, Array]) -> None:
         self._w, self._noise, self._p, self._x0 = w, noise, p, x0
@@ -228,24 +247,43 @@ class _Point:
         self.residual, _ = w.linearise(p, x0, jacobian=False)
         self.x = w.x
         bad: NDArray[np.bool_] = np.logical_not(np.isfinite(self.residual).all(axis=(1, 2)))
-        self.response = Response(w, p) if noise.has_process or noise.clock else None
-        self._columns = np.empty(0)
+        self._jacobian: tuple[Array, NDArray[np.bool_]] | None = None
+        self._columns: Array | None = None
         self.each = np.full(len(bad), np.inf)
         if not bad.all():
             r = np.where(bad[:, None, None], 0.0, self.residual)
-            white, det = whiten(r[..., None], w.seen, noise, self.response, w.errors)
+            white, det = whiten(r[..., None], w.seen, noise, self._coloured, w.errors)
             self.each = np.where(bad, np.inf, (white**2).sum(axis=(1, 2, 3)) + det)
         self.cost = float(self.each.sum() + precision @ (p - centre) ** 2)
 
-    def columns(self) -> Array:
+    @cached_property
+    def response(self) -> Response:
+        self._w.x = self.x
+        return Response(self._w, self._p)
+
+    @property
+    def _coloured(self) -> Response | None:
+        return self.response if self._noise.has_process or self._noise.clock else None
+
+    def jacobian(self, *, unknowns: bool = True) -> Array:
+        """Return slopes, by the initial states alone or also by the unknowns; zero where it runs away."""
+        return self._sloped(unknowns)[0]
+
+    def columns(self, *, unknowns: bool = True) -> Array:
         """Return residual and Jacobian, whitened; windows in which it runs away say nothing."""
-        if not self._columns.size:
-            r, J = self._w.linearise(self._p, self._x0)
-            good = np.isfinite(J).all(axis=(1, 2, 3), keepdims=True)
-            self.jacobian = np.where(good, J, 0.0)
-            both = np.concatenate([np.where(good, r[..., None], 0.0), self.jacobian], axis=-1)
-            self._columns, _ = whiten(both, self._w.seen, self._noise, self.response, self._w.errors)
+        J, good = self._sloped(unknowns)
+        if self._columns is None:
+            both = np.concatenate([np.where(good, self.residual[..., None], 0.0), J], axis=-1)
+            self._columns, _ = whiten(both, self._w.seen, self._noise, self._coloured, self._w.errors)
         return self._columns
+
+    def _sloped(self, unknowns: bool) -> tuple[Array, NDArray[np.bool_]]:
+        n = len(self._w.free)
+        if self._jacobian is None or (unknowns and self._jacobian[0].shape[-1] == n and len(self._p)):
+            _, J = self._w.linearise(self._p, self._x0, unknowns=unknowns)
+            good: NDArray[np.bool_] = np.asarray(np.isfinite(J).all(axis=(1, 2, 3), keepdims=True))
+            self._jacobian, self._columns = (np.where(good, J, 0.0), good), None
+        return self._jacobian
 
 
 def _told(white: Array, dx: Array, dp: Array) -> Array:

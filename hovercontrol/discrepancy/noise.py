@@ -200,7 +200,11 @@ def estimate(
     rough : bool, optional
         Within a factor of two is enough.
     """
-    W, rounds = len(columns), ROUNDS // 2 if rough else ROUNDS
+    W = len(columns)
+    rounds: int = ROUNDS
+    factors: tuple[float, ...] = FACTORS
+    if rough:
+        rounds, factors = ROUNDS // 2, (FACTORS[0], FACTORS[-1])
     some = np.unique(np.linspace(0, W - 1, min(W, WINDOWS // 4 if rough else WINDOWS)).astype(int))
     part, columns, seen = response.of(some), columns[some], seen[some]
     share = W / len(some)
@@ -236,11 +240,14 @@ def estimate(
             zip(costs(tries := [best.but(clock=c) for c in (0.0, 3e-4, 1e-3, 3e-3)]), tries, strict=True),
             key=lambda c: c[0],
         )
+    stays = False
     for round_ in range(rounds):
         power = 1.0 if round_ < ROUNDS // 2 else 0.35
+        if stays and power == 1.0:
+            continue  # the same would be tried again
         tried = []
         for i in forced:
-            for factor in FACTORS:
+            for factor in factors:
                 process = best.process.copy()
                 process[i] *= factor**power
                 tried.append(best.but(process=process))
@@ -252,9 +259,10 @@ def estimate(
         both = costs([steps])[0]
         least = int(np.argmin(found))
         new, new_cost = (steps, both) if both < found[least] else (tried[least], found[least])
-        if cost - new_cost < 0.5 and power < 1.0:
+        if cost - new_cost < 0.5 and (rough or power < 1.0):
             break
-        if new_cost < cost:
+        stays = new_cost >= cost
+        if not stays:
             best, cost = new, new_cost
     return best, share * (base - cost)
 

@@ -145,10 +145,10 @@ def _rows(log: Log, measured: Measured) -> Rows | None:
 
 def _outliers(fit: Fit) -> Mask:
     """Return which samples stand out, (W, K, C): large ones move their window, and so hide small ones."""
-    w, n = fit.windowed, len(fit.windowed.free)
+    w = fit.windowed
     z = np.where(w.seen, fit.residual / w.data.noise, 0.0)
     measured = np.nan_to_num(w.cut.values.transpose(1, 2, 0)) / w.data.noise
-    moves = fit.jacobian[..., :n] / w.data.noise[:, None]
+    moves = fit.moves / w.data.noise[:, None]
     out = np.zeros(z.shape, dtype=np.bool_)
     begins = {(log, first): j for j, (log, first, _) in enumerate(w.ranges)}
     behind = np.array([begins.get((log, stop), -1) for log, _, stop in w.ranges])

@@ -462,7 +462,10 @@ class _Search:
 
 
 def noise_of(f: Fit, *, rough: bool = False) -> Noise:
-    """Return the noise that fits the residuals of a fit best, process noise included; rough is faster."""
+    """Return the noise that fits the residuals of a fit best, process noise included.
+
+    Roughly, and faster, the unknowns stay.
+    """
     w = f.windowed
-    columns = np.concatenate([f.left[..., None], f.jacobian], axis=-1)
+    columns = np.concatenate([f.left[..., None], f.moves if rough else f.jacobian], axis=-1)
     return estimate(columns, w.seen, len(w.free), f.noise, f.response, forced_states(f), rough=rough)[0]

@@ -43,7 +43,7 @@ def recursive_residuals(fit: Fit) -> Array:
     """
     w = fit.windowed
     n = len(w.free)
-    columns = np.concatenate([fit.residual[..., None], fit.jacobian[..., :n]], axis=-1)
+    columns = np.concatenate([fit.residual[..., None], fit.moves], axis=-1)
     white, _ = whiten(columns, w.seen, fit.noise, fit.response, w.errors)
     size = np.sqrt((white[..., 1:] ** 2).sum(axis=(1, 2)))  # W, n
     X = white[..., 1:] / np.where(size > 0, size, 1.0)[:, None, None, :]

@@ -297,13 +297,17 @@ class Windowed:
                 lagged[i][..., own] = values
         return u, lagged
 
-    def linearise(self, p: Array, x0: Array, jacobian: bool = True) -> tuple[Array, Array]:
+    def linearise(
+        self, p: Array, x0: Array, *, jacobian: bool = True, unknowns: bool = True
+    ) -> tuple[Array, Array]:
         """Simulate all windows.
 
         Parameters
         ----------
         p : ndarray, shape (P,)
         x0 : ndarray, shape (n_states, W)
+        jacobian, unknowns : bool, optional
+            Whether slopes are wanted, and whether by the unknowns too.
 
         Returns
         -------
@@ -312,7 +316,7 @@ class Windowed:
         jacobian : ndarray, shape (W, K, C, n + P)
             Of the channels by the free initial states and the unknowns.
         """
-        n, P = len(self.free), len(p) if jacobian else 0
+        n, P = len(self.free), len(p) if jacobian and unknowns else 0
         n = n if jacobian else 0
         values: list[float | Array] = list(self.parameters(p))
         lanes = np.repeat(x0[:, None, :], 1 + n + P, axis=1)

@@ -150,10 +150,12 @@ def smooth_pose(log: Log) -> Smoothed:
     chained = accepted.copy()
     for _ in range(2):
         jerk, noise = _fit(time, z, accepted)
-        before, accepted = accepted, _drop_outliers(time, z, accepted, jerk, noise)
+        before = accepted
+        accepted, estimate = _drop_outliers(time, z, accepted, jerk, noise)
         if (accepted == before).all():
             break
-    estimate = _smooth(time, z, accepted, jerk, noise)
+    else:
+        estimate = _smooth(time, z, accepted, jerk, noise)
 
     pose, velocity, acceleration = np.moveaxis(estimate.mean, -1, 0)
     spread = np.sqrt(np.maximum(np.diagonal(estimate.covariance, axis1=-2, axis2=-1), 0.0))
@@ -209,8 +211,13 @@ def _fit(time: Floats, z: Floats, accepted: Mask) -> tuple[Floats, Floats]:
     return fit_noise(time[rows], z[rows], np.ones(rows.size, dtype=bool), restart, GROUPS)
 
 
-def _drop_outliers(time: Floats, z: Floats, accepted: Mask, jerk: Floats, noise: Floats) -> Mask:
-    """Take out the samples that stand out from what their neighbours on both sides say."""
+def _drop_outliers(
+    time: Floats, z: Floats, accepted: Mask, jerk: Floats, noise: Floats
+) -> tuple[Mask, Estimate]:
+    """Take out the samples that stand out from what their neighbours on both sides say.
+
+    The estimate returned is that of all samples if none stands out.
+    """
     kept = accepted.copy()
     rows = np.arange(time.size)
     for _ in range(10):
@@ -229,7 +236,7 @@ def _drop_outliers(time: Floats, z: Floats, accepted: Mask, jerk: Floats, noise:
         near = np.zeros(time.size, dtype=bool)
         near[out] = True
         rows = np.flatnonzero(maximum_filter1d(near, 101))
-    return kept
+    return kept, estimate
 
 
 def _seen(time: Floats, accepted: Mask) -> Mask:
