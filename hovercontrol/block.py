@@ -462,7 +462,7 @@ class Block:
         from hovercontrol.fmi.export import export_fmu
 
         return export_fmu(
-            self.in_continuous_time,
+            self,
             path,
             version=version,
             platforms=platforms,

@@ -94,9 +94,12 @@ def model_description(
     if version == 2:
         root.set("numberOfEventIndicators", str(len(interface.frictions)))
     for kind in ("ModelExchange", "CoSimulation"):
-        element = SubElement(
-            root, kind, {"modelIdentifier": interface.identifier} | _ABILITIES[version, kind]
-        )
+        abilities = {
+            key: value
+            for key, value in _ABILITIES[version, kind].items()
+            if interface.differentiable or not key.endswith(("Derivative", "Derivatives"))
+        }
+        element = SubElement(root, kind, {"modelIdentifier": interface.identifier} | abilities)
         if version == 2:
             files = SubElement(element, "SourceFiles")
             for name in source_files:

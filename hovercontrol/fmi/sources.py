@@ -109,4 +109,7 @@ def _with_headers(names: Iterable[str]) -> dict[str, str]:
 
 def _model(interface: Interface) -> str:
     block, friction = undelayed(interface.block), interface.friction
-    return generated(block, f"model of an FMU, {friction}", lambda: c_source(block, friction=friction))
+    partials = interface.differentiable
+    return generated(
+        block, f"model of an FMU, {friction}", lambda: c_source(block, friction=friction, partials=partials)
+    )

@@ -54,6 +54,7 @@ class Interface:
     Parameters
     ----------
     block : Block
+        A sampled one as the hybrid Block that does the same.
     friction : {"events", "smooth"}
 
     Raises
@@ -75,6 +76,7 @@ class Interface:
             raise InputError(
                 f"block {block.name!r} has neither states nor outputs: there is nothing to export"
             )
+        block = block.in_continuous_time
         self.block, self.friction = block, friction
         self.frictions: tuple[DryFriction, ...] = dry_frictions(block) if friction == "events" else ()
         self.identifier = ascii_name(block.name)
@@ -87,6 +89,11 @@ class Interface:
         """Return the value reference of the first variable of a kind."""
         order = ("time", "state", "derivative", "input", "parameter", "output", "event", "mode")
         return self._first[order.index(kind)]
+
+    @property
+    def differentiable(self) -> bool:
+        """Whether the FMU gives partial derivatives: not of what only ticks, which moves by jumps alone."""
+        return self.block.n_continuous > 0 or not self.block.ticks
 
     @cached_property
     def held(self) -> dict[str, int]:

@@ -645,6 +645,8 @@ int hc_partial_derivatives(hc_component *c, int adjoint, const unsigned *unknown
     const hc_model_type *m = c->model;
     const int columns = m->n_states + m->n_inputs + m->n_parameters, rows = m->n_states + m->n_outputs;
     const size_t n_seed = adjoint ? n_unknown : n_known, n_sensitivity = adjoint ? n_known : n_unknown;
+    if (m->n_ticks > 0 && hc_n_continuous(c) == 0)
+        return hc_not_supported(c, "partial derivatives of a model that only ticks");
     if (hc_no_null(c, unknown, "unknowns", n_unknown) || hc_no_null(c, known, "knowns", n_known) ||
         hc_no_null(c, seed, "seed", n_seed) || hc_no_null(c, sensitivity, "sensitivity", n_sensitivity) ||
         check_partials(c, unknown, n_unknown, known, n_known))

@@ -125,7 +125,14 @@ def remembers() -> Block:
     )
 
 
-BLOCKS = {f.__name__: f for f in (driven, axes, follower, plant, controller, fails_late, remembers)}
+def counts() -> Block:
+    """Nothing but ticks: n becomes n + 1 every 0.1 s."""
+    n = Signal("n")
+    return Block("counts", [n], [], [n], derivatives={"n": n.symbol + 1}, period=0.1).in_continuous_time
+
+
+MAKERS = (driven, axes, follower, plant, controller, fails_late, remembers, counts)
+BLOCKS = {f.__name__: f for f in MAKERS}
 
 
 @dataclass(frozen=True)

@@ -440,6 +440,16 @@ def test_derivatives_of_a_sticking_velocity_are_zero(fmu, version):
 
 
 @VERSIONS
+def test_a_model_that_only_ticks_says_that_it_gives_no_partial_derivatives(fmu, version):
+    built = fmu("counts", version)
+    instance = built.open(CS).start()
+    with pytest.raises(FMICallException):
+        instance.getDirectionalDerivative(built.vr("output"), built.vr("state")[:1], [1.0])
+    assert "not supported: partial derivatives of a model that only ticks" in instance.last
+    instance.close()
+
+
+@VERSIONS
 def test_a_state_among_the_unknowns_is_the_output_that_shows_it(fmu, version):
     built = fmu("plant", version)
     instance = built.open(CS).start()

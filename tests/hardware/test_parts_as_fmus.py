@@ -22,6 +22,7 @@ RUN = (
     "speed_controller",
     "two_unit_heading",
     "link_linksys_22.0_uplink",
+    "range_filter",
 )
 
 
@@ -31,12 +32,15 @@ def test_every_part_has_a_valid_description_and_says_what_it_is(name, tmp_path):
     assert 10 < len(part.says) < 200 and "`" not in part.says
     block = part.block(name)
     assert block.name.replace("_", ".") == name.replace("_", ".")
-    described = model_description(Interface(block), 3, "token", Experiment(1.0, 0.01, 1e-6), part.says, [])
+    exported = Interface(block.in_continuous_time)
+    described = model_description(exported, 3, "token", Experiment(1.0, 0.01, 1e-6), part.says, [])
     path = tmp_path / "modelDescription.xml"
     path.write_bytes(described)
     found = read_model_description(str(path), validate=True, validate_variable_names=True)
     causes = [v.causality for v in found.modelVariables]
     assert causes.count("input") == len(block.inputs) and causes.count("output") == len(block.outputs)
+    only_ticks = block.period > 0.0  # then it has no derivatives to tell
+    assert found.coSimulation.providesAdjointDerivatives is not only_ticks
 
 
 @pytest.mark.parametrize("name", RUN)
