@@ -1,9 +1,14 @@
-"""What all tests share: repeatable random numbers, figures without a screen."""
+"""What all tests share: repeatable random numbers, figures without a screen, the command line."""
+
+import subprocess
+import sys
 
 import matplotlib
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, settings
+
+from hovercontrol.cli import main
 
 matplotlib.use("Agg")
 settings.register_profile(
@@ -19,6 +24,22 @@ settings.load_profile("hovercraft")
 @pytest.fixture
 def rng() -> np.random.Generator:
     return np.random.default_rng(20170917)
+
+
+@pytest.fixture
+def call(monkeypatch, capsys):
+    """Return a function that runs ``hovercontrol WORDS`` here: a process takes seconds to start."""
+
+    def run(*words, cwd=None):
+        if cwd:
+            monkeypatch.chdir(cwd)
+        monkeypatch.setattr(sys, "argv", ["hovercontrol", *words])
+        capsys.readouterr()
+        with pytest.raises(SystemExit) as end:
+            main()
+        return subprocess.CompletedProcess(words, end.value.code, *capsys.readouterr())
+
+    return run
 
 
 @pytest.fixture(autouse=True)

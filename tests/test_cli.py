@@ -10,32 +10,30 @@ from hovercontrol.samples import sample_path
 RUN = [sys.executable, "-m", "hovercontrol.cli"]
 
 
-def call(*args, cwd=None):
-    return subprocess.run([*RUN, *args], capture_output=True, text=True, cwd=cwd, timeout=120)
-
-
-def test_help_shows_an_example_for_every_command():
+def test_help_shows_an_example_for_every_command(call):
     assert "simulate" in call("--help").stdout
     for command in ("simulate", "identify"):
         assert "Example: hovercontrol" in " ".join(call(command, "--help").stdout.split())
 
 
-def test_without_arguments_the_help_is_shown():
+def test_without_arguments_the_help_is_shown(call):
     done = call()
     assert done.returncode == 0 and "simulate" in done.stdout and done.stderr == ""
 
 
-def test_version():
-    assert call("--version").stdout.strip() == "0.1.0"
+def test_version_and_bad_input_of_the_command_itself():
+    for words, status, said in ((["--version"], 0, "0.1.0\n"), (["simulate", "tabel1"], 2, "")):
+        done = subprocess.run([*RUN, *words], capture_output=True, text=True, timeout=120)
+        assert (done.returncode, done.stdout) == (status, said)
 
 
-def test_simulate_writes_its_results(tmp_path):
+def test_simulate_writes_its_results(call, tmp_path):
     done = call("simulate", "sample", "--out", str(tmp_path / "out"))
     assert done.returncode == 0, done.stderr
     assert {"log.csv", "path.png"} <= {p.name for p in (tmp_path / "out").iterdir()}
 
 
-def test_a_missed_figure_of_merit_ends_with_status_1(tmp_path):
+def test_a_missed_figure_of_merit_ends_with_status_1(call, tmp_path):
     text = """
 [scenario]
 step = 0.01
@@ -85,7 +83,7 @@ high = 0.001
         (["identify", "nothere.csv"], "nothere.csv: expected a CSV or Parquet file, there is no such file"),
     ],
 )
-def test_wrong_input_is_one_line_with_status_2_and_nothing_written(tmp_path, args, said):
+def test_wrong_input_is_one_line_with_status_2_and_nothing_written(call, tmp_path, args, said):
     done = call(*args, cwd=tmp_path)
     assert done.returncode == 2
     assert said in done.stderr
@@ -114,7 +112,7 @@ SAMPLE = sample_path().read_text().splitlines()
         (lambda rows: rows[:5], "too short for a window"),
     ],
 )
-def test_a_wrong_log_is_one_line_with_file_and_row(tmp_path, change, said):
+def test_a_wrong_log_is_one_line_with_file_and_row(call, tmp_path, change, said):
     (tmp_path / "mine.csv").write_text("\n".join(change(list(SAMPLE))) + "\n")
     done = call("identify", "mine.csv", "--out", "out", cwd=tmp_path)
     assert done.returncode == 2
@@ -123,7 +121,7 @@ def test_a_wrong_log_is_one_line_with_file_and_row(tmp_path, change, said):
     assert done.stdout == "" and [p.name for p in tmp_path.iterdir()] == ["mine.csv"]
 
 
-def test_a_log_meant_to_have_gaps_is_accepted_on_request(tmp_path):
+def test_a_log_meant_to_have_gaps_is_accepted_on_request(call, tmp_path):
     (tmp_path / "mine.csv").write_text("\n".join([*SAMPLE[:700], *SAMPLE[1000:]]) + "\n")
     done = call("identify", "mine.csv", "--allow-gaps", "--out", "out", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
@@ -133,7 +131,7 @@ def test_a_log_meant_to_have_gaps_is_accepted_on_request(tmp_path):
 @pytest.mark.parametrize(
     ("training", "holdout"), [("mine.csv", "./mine.csv"), ("mine.csv+c.csv", "out/../mine.csv+d.csv")]
 )
-def test_a_training_log_under_another_spelling_is_no_hold_out(tmp_path, training, holdout):
+def test_a_training_log_under_another_spelling_is_no_hold_out(call, tmp_path, training, holdout):
     (tmp_path / "mine.csv").write_text("\n".join(SAMPLE) + "\n")
     (tmp_path / "out").mkdir()
     done = call("identify", training, "--holdout", holdout, cwd=tmp_path)
@@ -141,7 +139,7 @@ def test_a_training_log_under_another_spelling_is_no_hold_out(tmp_path, training
     assert f"{holdout} is given twice (as {training}); a hold-out log must take no part" in done.stderr
 
 
-def test_a_rudder_in_degrees_is_one_line(tmp_path):
+def test_a_rudder_in_degrees_is_one_line(call, tmp_path):
     rows = [row.split(",") for row in SAMPLE]
     at = [name.strip('"') for name in rows[0]].index("rudder")
     for row in rows[1:]:
@@ -153,7 +151,7 @@ def test_a_rudder_in_degrees_is_one_line(tmp_path):
     assert "in degrees?" in done.stderr
 
 
-def test_a_hold_out_predicted_worse_than_trivially_ends_with_status_1(tmp_path):
+def test_a_hold_out_predicted_worse_than_trivially_ends_with_status_1(call, tmp_path):
     """The hold-out's commands are those of another time."""
     header, rows = SAMPLE[0], [row.split(",") for row in SAMPLE[1:]]
     (tmp_path / "a.csv").write_text("\n".join(SAMPLE[:1001]) + "\n")

@@ -2,27 +2,19 @@
 
 import pytest
 
-from hovercontrol.cli import main
 from hovercontrol.commands import analyze
 
 
-def run(monkeypatch, capsys, *words):
-    monkeypatch.setattr("sys.argv", ["hovercontrol", *words])
-    with pytest.raises(SystemExit) as end:
-        main()
-    return end.value.code, *capsys.readouterr()
-
-
-def test_the_list_has_every_script_with_its_title(monkeypatch, capsys):
-    status, out, _ = run(monkeypatch, capsys, "analyze", "--list")
-    assert status == 0
-    lines = dict(line.split(maxsplit=1) for line in out.splitlines())
+def test_the_list_has_every_script_with_its_title(call):
+    done = call("analyze", "--list")
+    assert done.returncode == 0
+    lines = dict(line.split(maxsplit=1) for line in done.stdout.splitlines())
     assert "c17_beta_region" in lines and all(lines.values())
 
 
-def test_an_analysis_leaves_its_files(monkeypatch, capsys, tmp_path):
-    status, out, _ = run(monkeypatch, capsys, "analyze", "c17_beta_region", "--out", str(tmp_path))
-    assert status == 0 and "(19) implies (18)" in out
+def test_an_analysis_leaves_its_files(call, tmp_path):
+    done = call("analyze", "c17_beta_region", "--out", str(tmp_path))
+    assert done.returncode == 0 and "(19) implies (18)" in done.stdout
     assert {f.suffix for f in tmp_path.iterdir()} == {".png", ".svg", ".csv", ".txt"}
 
 
@@ -36,13 +28,16 @@ def test_an_analysis_leaves_its_files(monkeypatch, capsys, tmp_path):
         (["c17_beta_region", "--out", "/dev/null/x"], "/dev/null"),
     ],
 )
-def test_wrong_input_is_one_line(monkeypatch, capsys, words, said):
-    status, _, err = run(monkeypatch, capsys, "analyze", *words)
-    assert status == 2 and said in err and err.count("\n") == 1
+def test_wrong_input_is_one_line(call, words, said):
+    done = call("analyze", *words)
+    assert done.returncode == 2 and said in done.stderr and done.stderr.count("\n") == 1
 
 
-def test_an_analysis_is_found_without_its_documents_name_where_only_one_ends_so(monkeypatch, capsys):
+def test_an_analysis_is_found_without_its_documents_name_where_only_one_ends_so(call, monkeypatch):
     analyses = {name: None for name in ("c17_region", "k06_region", "k06_budget")}
     monkeypatch.setattr(analyze, "_scripts", lambda: analyses)
-    status, _, err = run(monkeypatch, capsys, "analyze", "region")
-    assert (status, err) == (2, "hovercontrol: analyze: 'region' may be c17_region or k06_region\n")
+    done = call("analyze", "region")
+    assert (done.returncode, done.stderr) == (
+        2,
+        "hovercontrol: analyze: 'region' may be c17_region or k06_region\n",
+    )

@@ -2,8 +2,6 @@
 
 import importlib.util
 import re
-import subprocess
-import sys
 
 import fmpy
 import numpy as np
@@ -16,7 +14,6 @@ from hovercontrol.interconnect import interconnect
 from hovercontrol.scenarios import load_scenario, run_scenario, scenario_names
 from hovercontrol.targets.compiler import NoCompilerError, find_compiler
 
-RUN = [sys.executable, "-m", "hovercontrol.cli", "export"]
 try:
     find_compiler()
 except NoCompilerError:
@@ -45,20 +42,16 @@ until = 4.0
 """
 
 
-def call(*args, cwd=None, **more):
-    return subprocess.run([*RUN, *args], capture_output=True, text=True, cwd=cwd, timeout=300, **more)
-
-
-def test_the_list_can_be_exported():
-    done = call("--list")
+def test_the_list_can_be_exported(call):
+    done = call("export", "--list")
     assert done.returncode == 0
     for name in ("table1 ", "table1:controller", "table2:plant", "four_fan", "x86_64-windows", "imu  "):
         assert name in done.stdout
     assert "table2 " not in done.stdout  # its loop is sampled
 
 
-def test_help_shows_an_example():
-    assert "Example: hovercontrol export table1:plant" in " ".join(call("--help").stdout.split())
+def test_help_shows_an_example(call):
+    assert "Example: hovercontrol export table1:plant" in " ".join(call("export", "--help").stdout.split())
 
 
 @pytest.mark.parametrize(
@@ -72,10 +65,10 @@ def test_help_shows_an_example():
         ("circle.toml:reference", "reference", 0, 6),
     ],
 )
-def test_scenarios_parts_craft_and_files_become_fmus(what, name, inputs, outputs, tmp_path):
+def test_scenarios_parts_craft_and_files_become_fmus(call, what, name, inputs, outputs, tmp_path):
     (tmp_path / "mine.toml").write_text(MODEL)
     (tmp_path / "circle.toml").write_text(SCENARIO)
-    done = call(what, "--fmi", "2", cwd=tmp_path)
+    done = call("export", what, "--fmi", "2", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     path = tmp_path / "out" / f"{name}.fmu"
     assert f"wrote out/{name}.fmu: FMI 2.0" in done.stdout and f"{outputs} outputs" in done.stdout
@@ -84,8 +77,8 @@ def test_scenarios_parts_craft_and_files_become_fmus(what, name, inputs, outputs
     assert sum(v.causality == "output" for v in variables) == outputs
 
 
-def test_a_scenarios_loop_starts_as_its_first_phase(tmp_path):
-    done = call("table1", "-o", "loop.fmu", "--friction", "smooth", cwd=tmp_path)
+def test_a_scenarios_loop_starts_as_its_first_phase(call, tmp_path):
+    done = call("export", "table1", "-o", "loop.fmu", "--friction", "smooth", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     description = fmpy.read_model_description(tmp_path / "loop.fmu")
     found = {v.name: v.start for v in description.modelVariables}
@@ -162,9 +155,9 @@ NUMBER = 3
 """
 
 
-def test_a_users_blocks_and_models_become_fmus(tmp_path):
+def test_a_users_blocks_and_models_become_fmus(call, tmp_path):
     (tmp_path / "mine.py").write_text(OWN)
-    done = call("mine.py:CART", "-o", "cart.fmu", cwd=tmp_path)
+    done = call("export", "mine.py:CART", "-o", "cart.fmu", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     description = fmpy.read_model_description(tmp_path / "cart.fmu")
     assert description.description == "CART of mine.py."
@@ -180,10 +173,12 @@ def test_a_users_blocks_and_models_become_fmus(tmp_path):
             choose(f"{tmp_path}/mine.py:{name}")
 
 
-def test_several_platforms_in_one_file(tmp_path):
+def test_several_platforms_in_one_file(call, tmp_path):
     if importlib.util.find_spec("ziglang") is None:
         pytest.skip("ziglang (hovercontrol[fmu]) is not installed")
-    done = call("four_fan", "-o", "x.fmu", "--platforms", "x86_64-linux,x86_64-windows", cwd=tmp_path)
+    done = call(
+        "export", "four_fan", "-o", "x.fmu", "--platforms", "x86_64-linux,x86_64-windows", cwd=tmp_path
+    )
     assert done.returncode == 0, done.stderr
     assert "for x86_64-linux, x86_64-windows;" in done.stdout
     assert set(fmpy.supported_platforms(str(tmp_path / "x.fmu"))) >= {"linux64", "win64", "c-code"}
@@ -216,8 +211,8 @@ def test_several_platforms_in_one_file(tmp_path):
         (["four_fan", "--step", "-1"], "step must be positive, found -1.0"),
     ],
 )
-def test_wrong_input_is_one_line_with_status_2_and_nothing_written(tmp_path, args, said):
-    done = call(*args, cwd=tmp_path)
+def test_wrong_input_is_one_line_with_status_2_and_nothing_written(call, tmp_path, args, said):
+    done = call("export", *args, cwd=tmp_path)
     assert done.returncode == 2
     assert said in done.stderr
     assert len(done.stderr.strip().splitlines()) == 1 and len(done.stderr) < 400

@@ -6,31 +6,23 @@ import math
 import numpy as np
 import pytest
 
-from hovercontrol.cli import main
 from hovercontrol.errors import InputError
 from hovercontrol.scenarios import load_scenario, run_scenario
 from hovercontrol.scenarios.varied import vary
 
 
-def run(monkeypatch, capsys, *words):
-    monkeypatch.setattr("sys.argv", ["hovercontrol", "sweep", *words])
-    with pytest.raises(SystemExit) as end:
-        main()
-    return end.value.code, *capsys.readouterr()
-
-
-def test_one_number_is_a_curve_two_are_a_map(monkeypatch, capsys, tmp_path):
+def test_one_number_is_a_curve_two_are_a_map(call, tmp_path):
     words = ("k06-forward", "--vary", "controller.k1=0.5:2:4", "--of", "u", "--figure", "final")
-    status, out, _ = run(monkeypatch, capsys, *words, "--out", str(tmp_path))
-    assert status == 0 and "largest final of u" in out
+    done = call("sweep", *words, "--out", str(tmp_path))
+    assert done.returncode == 0 and "largest final of u" in done.stdout
     with (tmp_path / "sweep.csv").open() as file:
         rows = list(csv.DictReader(file))
     m, until = 2.6, load_scenario("k06-forward").end
     for row in rows:  # with v = r = 0 the law makes u' = -k1 (u - u_ref)/m
         exact = 1.1 * (1 - math.exp(-float(row["controller.k1"]) * until / m))
         assert float(row["u.final"]) == pytest.approx(exact, abs=1e-5)
-    status, *_ = run(monkeypatch, capsys, *words, "--vary", "plant.u=0:1:3", "--out", str(tmp_path / "map"))
-    assert status == 0
+    done = call("sweep", *words, "--vary", "plant.u=0:1:3", "--out", str(tmp_path / "map"))
+    assert done.returncode == 0
     assert {f.name for f in (tmp_path / "map").iterdir()} == {"sweep.csv", "sweep.png", "sweep.svg"}
 
 
@@ -59,9 +51,9 @@ def test_every_phase_is_flown_with_its_own_parameters():
         (["table2", "--vary", "controller.k2=1:2:3"], "only scenarios without [sampling]"),
     ],
 )
-def test_wrong_input_is_one_line(monkeypatch, capsys, words, said):
-    status, _, err = run(monkeypatch, capsys, *words)
-    assert status == 2 and said in err and err.count("\n") == 1
+def test_wrong_input_is_one_line(call, words, said):
+    done = call("sweep", *words)
+    assert done.returncode == 2 and said in done.stderr and done.stderr.count("\n") == 1
 
 
 def test_too_many_runs_are_refused():
