@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
+from types import MappingProxyType
 from typing import Any
 
 import sympy as sp
@@ -45,3 +46,35 @@ def _as_expression(name: str, value: Any) -> sp.Expr:
     if not isinstance(expression, sp.Expr):
         raise InputError(f"{name}: expected a SymPy expression, found {value!r}")
     return expression
+
+
+class Definitions(dict[str, sp.Expr]):
+    """The definitions of a Block while they are written: call it with a name and an expression.
+
+    Parameters
+    ----------
+    given : mapping of str to sympy.Expr, optional
+        Definitions that are there already.
+    prefix, suffix : str, optional
+        Of each further name.
+
+    Examples
+    --------
+    >>> v, define = sp.Symbol("v", real=True), Definitions(prefix="air_")
+    >>> 2 * define("speed", sp.Abs(v))
+    2*air_speed
+    >>> define
+    {'air_speed': Abs(v)}
+    """
+
+    def __init__(
+        self, given: Mapping[str, sp.Expr] = MappingProxyType({}), *, prefix: str = "", suffix: str = ""
+    ) -> None:
+        super().__init__(given)
+        self._prefix, self._suffix = prefix, suffix
+
+    def __call__(self, name: str, e: sp.Expr) -> sp.Symbol:
+        """Give an expression a name and return the name's symbol."""
+        whole = f"{self._prefix}{name}{self._suffix}"
+        self[whole] = e
+        return sp.Symbol(whole, real=True)

@@ -15,6 +15,7 @@ from typing import Literal
 import sympy as sp
 
 from hovercontrol.errors import InputError
+from hovercontrol.expressions import Definitions
 from hovercontrol.signals import Signal
 
 M1, M2 = 4294967087, 4294944443
@@ -102,12 +103,7 @@ def random_numbers(
     states = tuple(
         Signal(f"{prefix}_{row}{k}", "1", "of the random number generator") for row in "pq" for k in range(3)
     )
-    definitions: dict[str, sp.Expr] = {}
-
-    def define(name: str, e: sp.Expr) -> sp.Symbol:
-        definitions[f"{prefix}_{name}"] = e
-        return sp.Symbol(f"{prefix}_{name}", real=True)
-
+    define = Definitions(prefix=f"{prefix}_")
     now = _seeded(states, key.symbol, salt, define)
     uniform = []
     for k in range(count + count % 2 if kind == "normal" else count):
@@ -127,33 +123,31 @@ def random_numbers(
     return Noise(
         states,
         {s.name: e for s, e in zip(states, now, strict=True)},
-        definitions,
+        define,
         (key,),
         tuple(values),
     )
 
 
-def _rest(product: sp.Expr, modulus: int, define: object, name: str) -> sp.Expr:
+def _rest(product: sp.Expr, modulus: int, define: Definitions, name: str) -> sp.Expr:
     """Return the product modulo `modulus`; where the rounded quotient is one too large it is put right."""
-    whole = define(f"{name}_product", product)  # type: ignore[operator]
-    rest = define(f"{name}_rest", whole - modulus * sp.floor(whole / modulus))  # type: ignore[operator]
+    whole = define(f"{name}_product", product)
+    rest = define(f"{name}_rest", whole - modulus * sp.floor(whole / modulus))
     return sp.Piecewise((rest + modulus, rest < 0), (rest, True))
 
 
-def _seeded(states: Sequence[Signal], seed: sp.Symbol, salt: str, define: object) -> list[sp.Symbol]:
+def _seeded(states: Sequence[Signal], seed: sp.Symbol, salt: str, define: Definitions) -> list[sp.Symbol]:
     """Return the generator's six numbers, those that follow from the seed where all are zero."""
     # Lehmer's generator spreads seeds; the first steps undo the likeness of neighbours.
-    number = define("seed", seed + 1)  # type: ignore[operator]
+    number = define("seed", seed + 1)
     shift = zlib.crc32(salt.encode()) % (_PRIME - 1)
     found = []
     for k in range(8):
-        mixed = define(f"seed{k}_mixed", _LEHMER * number + (shift if k == 1 else 0))  # type: ignore[operator]
-        number = define(  # type: ignore[operator]
-            f"seed{k}", sp.Max(mixed - _PRIME * sp.floor(mixed / _PRIME), 1)
-        )
+        mixed = define(f"seed{k}_mixed", _LEHMER * number + (shift if k == 1 else 0))
+        number = define(f"seed{k}", sp.Max(mixed - _PRIME * sp.floor(mixed / _PRIME), 1))
         found.append(number)
     fresh = sum((s.symbol for s in states), sp.S.Zero)
     return [
-        define(f"now{k}", sp.Piecewise((s.symbol, fresh > 0), (number, True)))  # type: ignore[operator]
+        define(f"now{k}", sp.Piecewise((s.symbol, fresh > 0), (number, True)))
         for k, (s, number) in enumerate(zip(states, found[2:], strict=True))
     ]

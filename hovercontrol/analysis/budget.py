@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hovercontrol.analysis.trials import need_trial
 from hovercontrol.autopilot import SWITCHES, Imperfections, seeds
-from hovercontrol.errors import InputError
 from hovercontrol.scenarios import Scenario
 from hovercontrol.scenarios.parts import loop_parts, phase_parameters
 from hovercontrol.scenarios.real import real_loop
@@ -113,14 +113,8 @@ def budget(
     InputError
         If the scenario has no autopilot or several phases, or there are fewer than two runs.
     """
-    if scenario.autopilot is None or len(scenario.phases) != 1:
-        raise InputError(
-            f"budget: {scenario.name!r} is no trial of the real loop: k06-real-stop and so on are"
-        )
-    if runs < 2:
-        raise InputError(f"budget: runs must be at least 2, found {runs}")
+    given = need_trial("budget", scenario, runs, at_least=2).imperfections
     loop = real_loop(scenario, loop_parts(scenario))
-    given = scenario.autopilot.imperfections
     base = loop.with_values(params or {})
     sets = {("whole", ""): given, ("none", ""): Imperfections.only()}
     for name, members in {**{n: (n,) for n in SWITCHES}, **GROUPS}.items():

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from hovercontrol.autopilot import seeds
 from hovercontrol.errors import InputError
 from hovercontrol.scenarios import Scenario
+from hovercontrol.scenarios.definition import Autopilot
 from hovercontrol.scenarios.measures import measure
 from hovercontrol.scenarios.parts import loop_parts, phase_parameters
 from hovercontrol.scenarios.real import real_loop
@@ -44,12 +45,7 @@ def fly_trial(
     InputError
         If the scenario has no autopilot or several phases, or there is no run.
     """
-    if scenario.autopilot is None or len(scenario.phases) != 1:
-        raise InputError(
-            f"trials: {scenario.name!r} is no trial of the real loop: k06-real-stop and so on are"
-        )
-    if runs < 1:
-        raise InputError(f"trials: runs must be at least 1, found {runs}")
+    need_trial("trials", scenario, runs, at_least=1)
     loop = real_loop(scenario, loop_parts(scenario))
     compiled = loop.compile()
     told = phase_parameters(scenario, scenario.phases[0])
@@ -67,6 +63,17 @@ def fly_trial(
         off = outputs["psi"] - outputs["heading_ref"]
         outputs["heading_error"] = np.arctan2(np.sin(off), np.cos(off))
     return time, outputs
+
+
+def need_trial(analysis: str, scenario: Scenario, runs: int, *, at_least: int) -> Autopilot:
+    """Return a trial's autopilot; raises :class:`InputError` if it is none, or of too few runs."""
+    if scenario.autopilot is None or len(scenario.phases) != 1:
+        raise InputError(
+            f"{analysis}: {scenario.name!r} is no trial of the real loop: k06-real-stop and so on are"
+        )
+    if runs < at_least:
+        raise InputError(f"{analysis}: runs must be at least {at_least}, found {runs}")
+    return scenario.autopilot
 
 
 def trial_metrics(

@@ -36,10 +36,11 @@ def equations(m: Material) -> str:
         for n in m.named
         if m.diagnosis.amended.effect(n).parameter("seconds") in _timing(m)
     ]
-    text = "What is new is marked; c with a name below is a coefficient."
+    marked = "What is new is marked; c with a name below is a coefficient. " if any(lines) else ""
+    text, them = marked, "them, with " if marked else ""
     if isinstance(m.diagnosis.amended, Model):
-        text += " The file model.toml has them, with the coefficients found."
-    return f"<h2>The amended equations</h2>{paragraph(text)}{''.join(lines)}{''.join(clocks)}"
+        text += f"The file model.toml has {them}the coefficients found."
+    return f"<h2>The amended equations</h2>{paragraph(text.strip())}{''.join(lines)}{''.join(clocks)}"
 
 
 def _timing(m: Material) -> set[str]:

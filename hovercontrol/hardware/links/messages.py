@@ -16,6 +16,7 @@ import sympy as sp
 
 from hovercontrol.block import Block
 from hovercontrol.errors import InputError
+from hovercontrol.expressions import Definitions
 from hovercontrol.signals import Signal
 from hovercontrol.tables import number
 
@@ -98,7 +99,7 @@ class MessageLink:
     def __init__(self, name: str, every: Fraction, transmission: Transmission) -> None:
         self.name, self.every = name, every
         self.states, self.following = list(transmission.states), dict(transmission.following)
-        self.definitions, self.wait = dict(transmission.definitions), transmission.wait
+        self.definitions, self.wait = Definitions(transmission.definitions), transmission.wait
         self.lost, self.longest = transmission.lost, transmission.longest
         self.order = Signal("in_order", "1", "1: a message waits for the one before it", lower=0.0, upper=1.0)
         self.parameters = [*transmission.parameters, self.order]
@@ -115,21 +116,17 @@ class MessageLink:
         self.states.append(signal)
         return signal.symbol
 
-    def define(self, name: str, e: sp.Expr) -> sp.Symbol:
-        """Return the symbol of a new definition."""
-        self.definitions[name] = e
-        return sp.Symbol(name, real=True)
-
     def count(self, key: str, description: str, more: sp.Expr) -> Signal:
         """Return a counter, which already has what this tick adds."""
         before = self._state(f"{key}_before", f"{description}, before this tick")
-        self.following[before.name] = self.define(f"{self.name}_{key}", before + more)
+        self.following[before.name] = self.definitions(f"{self.name}_{key}", before + more)
         return Signal(f"{self.name}_{key}", "1", description)
 
     def arrival(self) -> sp.Expr:
         """Return at which tick the message that is sent now arrives."""
         latest = self._state("latest", "tick at which the last of the messages so far arrives")
-        tick = self.define(f"{self.name}_arrival", sp.Max(self.now + self.wait, self.order.symbol * latest))
+        soonest = sp.Max(self.now + self.wait, self.order.symbol * latest)
+        tick = self.definitions(f"{self.name}_arrival", soonest)
         goes = sp.And(self.sending, sp.Not(self.lost))
         self.following[latest.name] = sp.Piecewise((sp.Max(tick, latest), goes), (latest, True))
         return sp.Piecewise((NEVER, self.lost), (tick, True))
@@ -143,7 +140,7 @@ class MessageLink:
         line = []
         for before, place in zip([entering, *(p.symbol for p in places)], places, strict=False):
             moved = sp.Piecewise((before, self.sending), (place.symbol, True))
-            line.append(self.define(f"{place.name}_now", moved))
+            line.append(self.definitions(f"{place.name}_now", moved))
             self.following[place.name] = line[-1]
         return line
 
@@ -152,7 +149,7 @@ class MessageLink:
         held = signal.but(name=f"{signal.name}_held")
         self.states.append(held)
         chain = (*zip(line, arrived, strict=True), (held.symbol, True))
-        self.following[held.name] = self.define(f"{signal.name}_shown", sp.Piecewise(*chain))
+        self.following[held.name] = self.definitions(f"{signal.name}_shown", sp.Piecewise(*chain))
         return self.following[held.name]
 
     def block(self, signals: Sequence[Signal], suffix: str, tick: float) -> Block:

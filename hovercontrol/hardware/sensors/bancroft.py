@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from hovercontrol.block import Block
 from hovercontrol.errors import InputError
+from hovercontrol.expressions import Definitions
 from hovercontrol.hardware.sensors.beacons import NARROW, Beacons
 from hovercontrol.hardware.sensors.cone import K06_CONE, cone_signals, correction_definitions
 from hovercontrol.signals import Signal
@@ -121,11 +122,7 @@ def _circles(
     places: Sequence[tuple[sp.Symbol, ...]], ranges: Sequence[sp.Symbol], heard: Sequence[sp.Symbol]
 ) -> dict[str, sp.Expr]:
     """Return definitions that lead to solved_x, solved_y and solved, of two beacons."""
-    definitions: dict[str, sp.Expr] = {}
-
-    def define(name: str, e: sp.Expr) -> sp.Symbol:
-        definitions[name] = e
-        return sp.Symbol(name, real=True)
+    define = Definitions()
 
     # From the first beacon, in units of its height.
     (x1, y1, scale), (x2, y2, _) = places
@@ -145,18 +142,14 @@ def _circles(
     define("solved_x", x1 + scale * (along * dx - beside * dy))
     define("solved_y", y1 + scale * (along * dy + beside * dx))
     define("solved", there * sp.Piecewise((0, missed), (1, True)))
-    return definitions
+    return define
 
 
 def _bancroft(
     places: Sequence[tuple[sp.Symbol, ...]], ranges: Sequence[sp.Symbol], heard: Sequence[sp.Symbol]
 ) -> dict[str, sp.Expr]:
     """Return definitions that lead to solved_x, solved_y, solved_bias and solved."""
-    definitions: dict[str, sp.Expr] = {}
-
-    def define(name: str, e: sp.Expr) -> sp.Symbol:
-        definitions[name] = e
-        return sp.Symbol(name, real=True)
+    define = Definitions()
 
     def total(parts: Sequence[sp.Expr]) -> sp.Expr:
         return sp.Add(*(w * e for w, e in zip(heard, parts, strict=True)))
@@ -212,7 +205,7 @@ def _bancroft(
     define("solved_x", cx + scale * (p[0] + length * q[0]))
     define("solved_y", cy + scale * (p[1] + length * q[1]))
     define("solved_bias", scale * (p[2] + length * q[2]))
-    return definitions
+    return define
 
 
 @lru_cache(maxsize=32)

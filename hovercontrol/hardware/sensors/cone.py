@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from hovercontrol.block import Block
 from hovercontrol.errors import InputError
+from hovercontrol.expressions import Definitions
 from hovercontrol.hardware.sensors._parts import finite
 from hovercontrol.signals import Signal
 
@@ -47,12 +48,7 @@ def correction_definitions(measured: sp.Expr, height: sp.Expr, suffix: str) -> d
     Newton's method on e(phi) cos(phi) = h / rho (5.9), unrolled. It starts from the root of the left side's
     Taylor polynomial of degree two, which is right at small angles, where Newton alone is slow.
     """
-    definitions: dict[str, sp.Expr] = {}
-
-    def define(name: str, e: sp.Expr) -> sp.Symbol:
-        definitions[name + suffix] = e
-        return sp.Symbol(name + suffix, real=True)
-
+    define = Definitions(suffix=suffix)
     linear, quadratic = (s.symbol for s in cone_signals(K06_CONE, "cone"))
     phi = sp.Symbol("phi", real=True)
     left = cone_ratio(phi) * sp.cos(phi)
@@ -69,7 +65,7 @@ def correction_definitions(measured: sp.Expr, height: sp.Expr, suffix: str) -> d
         step = (left.xreplace(here) - wanted) / sp.Min(fall, sp.Float(-1e-9))
         angle = define(f"cone_angle{k}", angle - step)
     define("range_corrected", cone_ratio(angle) * measured)
-    return definitions
+    return define
 
 
 def cone_correction(*, cone: tuple[float, float] = K06_CONE, name: str = "cone_correction") -> Block:

@@ -8,6 +8,7 @@ import sympy as sp
 
 from hovercontrol.block import Block
 from hovercontrol.errors import InputError
+from hovercontrol.expressions import Definitions
 from hovercontrol.hardware.sensors._parts import offset, pair, size, switch, tick, turned
 from hovercontrol.hardware.sensors.bancroft import RANGE_UNIT, range_signals
 from hovercontrol.hardware.sensors.beacons import Beacons
@@ -114,12 +115,7 @@ def cricket_ranges(
     drawn = random_numbers(len(ranges), salt=name, seed=seed, prefix="random")
     x, y, psi = Signal("x", "m"), Signal("y", "m"), Signal("psi", "rad", "heading")
     turn = Signal("slot", "1", "of the round, from 0", upper=slots - 1.0, lower=0.0)
-    definitions = dict(drawn.definitions)
-
-    def define(name: str, e: sp.Expr) -> sp.Symbol:
-        definitions[name] = e
-        return sp.Symbol(name, real=True)
-
+    define = Definitions(drawn.definitions)
     unit = define("unit_now", sp.Piecewise((turn.symbol + 1, turn.symbol < len(mounts) - 0.5), (0, True)))
     arm = [
         sp.Piecewise(
@@ -165,6 +161,6 @@ def cricket_ranges(
             s.name: sp.Piecewise((old.symbol, late.symbol > 0), (measured[s.name], True))
             for old, s in zip(held, told, strict=True)
         },
-        definitions=definitions,
+        definitions=define,
         period=seconds,
     )
