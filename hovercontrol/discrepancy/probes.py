@@ -21,8 +21,9 @@ from hovercontrol.discrepancy.reduce import inflation, reduce, scaled_inverse
 
 Array = NDArray[np.float64]
 
-#: Chance at which all probes together find something where there is nothing.
-CHANCE = 1e-3
+#: Chance at which all probes together find something where there is nothing, and beside random forces: their
+#: size is a guess too, so that chance does more than it says.
+CHANCE, WITH_GUSTS = 1e-3, 1e-4
 
 #: Cells along each axis of the visited floor.
 CELLS = 3
@@ -72,7 +73,7 @@ def probe(fit: Fit) -> list[Sign]:
     found = []
     if forcing.shape[-1]:
         S, g, whole = _scores(fit, forcing)
-        level = CHANCE / max(len(families), 1)
+        level = (WITH_GUSTS if fit.noise.has_process else CHANCE) / max(len(families), 1)
         for kind, text, columns in families:
             gain, count = _gain(S, g, whole, columns)
             if count and chi2.sf(gain, count) < level:

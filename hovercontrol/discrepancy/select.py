@@ -61,6 +61,9 @@ FEW = 3
 #: A smaller fall may as well be that of a fit that hung.
 DOUBTFUL = 500.0
 
+#: How much more than its due an effect must bring beside process noise that no score asked for.
+FAR = 2.0
+
 #: A rival that is ahead by this takes the name.
 LEAD = 1.0
 
@@ -111,6 +114,7 @@ class _Search:
             base = fit(model, clean, self.rungs[0], near=base)
         self.dirty = self.data is not data
         self.plain = base.noise
+        self._tried: tuple[Scored, Fit] | None = None
         self.found = Selection(base, base)
 
     def run(self) -> Selection:
@@ -229,9 +233,22 @@ class _Search:
                 current = self.fit(current.model, current, noise=noise)
             room = len(found.effects) < self.max_effects
             found.final, added = self._add(current, best) if room else (current, False)
+            if not added and room and noise is not self.plain:
+                found.final, added = self._again(current)
             if not added:
                 return
             self._clean()
+
+    def _again(self, current: Fit) -> tuple[Fit, bool]:
+        """Try beside process noise what without it took most: no score tells what is far from linear."""
+        if self._tried is None:
+            return current, False
+        scored, plain = self._tried
+        self._tried = None
+        new = self.fit(plain.model, plain, noise=current.noise)
+        if current.cost - new.cost - by_chance(new, current) < FAR * least_gain(scored):
+            return current, False
+        return self._taken(scored, new)
 
     def _clean(self) -> None:
         """Leave out what stands out beside what was found so far: residuals of what lacks are as steep."""
@@ -349,7 +366,13 @@ class _Search:
             current = self.fit(current.model, new)
             cost = new.cost + by_chance(new, current)
         if not cost < min(current.cost - least_gain(scored), most):
+            if not current.noise.has_process:
+                self._tried = scored, new
             return current, False
+        return self._taken(scored, new)
+
+    def _taken(self, scored: Scored, new: Fit) -> tuple[Fit, bool]:
+        self._tried = None
         self.found.steps.append((scored.candidate.name, scored.gain))
         self.found.effects.append(scored.candidate.name)
         return new, True

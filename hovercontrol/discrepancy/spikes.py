@@ -22,7 +22,7 @@ APART = 0.5
 LONELY = 2.0
 
 #: Samples side by side that may be wrong alike.
-MOST_ADJACENT = 2
+MOST_ADJACENT = 3
 
 
 def seen_first(seen: Mask) -> Rows:
@@ -31,7 +31,7 @@ def seen_first(seen: Mask) -> Rows:
 
 
 def stand_out(z: Array, seen: Mask, behind: Rows | None = None, beside: Array | None = None) -> Mask:
-    """Return which samples lie off the rows before and those behind them alike, alone or two together.
+    """Return which samples lie off the rows before and those behind them alike, alone or a few together.
 
     Parameters
     ----------
