@@ -97,6 +97,12 @@ def test_gusts_are_no_effect_and_hide_none():
     assert diagnose(calm.model, calm.logs).verdict == "none"
 
 
+def test_in_gusts_what_is_far_from_linear_is_found_by_a_fit():
+    case = make(23, ["yaw_stribeck"], Conditions(duration=30.0, logs=1, gusts=True))  # no score is worth a trial
+    found = diagnose(case.model, case.logs)
+    assert (found.verdict, named(found)) == ("effect", ["yaw_stribeck"])
+
+
 def test_a_drag_held_by_its_bound_hides_no_other():
     case = make(22, ["yaw_stribeck"], Conditions(duration=30.0, logs=1, channels=("u", "v", "r")))
     found = diagnose(case.model, case.logs, case.holdout)  # fitted without it, the linear drag in yaw is zero

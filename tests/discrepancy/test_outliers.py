@@ -83,8 +83,9 @@ def test_spikes_stand_out_from_both_sides():
     z = rng.normal(size=(1, 60, 1))
     every = np.ones(z.shape, dtype=bool)
     assert not stand_out(z, every).any()
-    z[0, [0, 9, 20, 21, 40, 41, 59], 0] += [30, -12, 40, 40, 50, -50, -30]  # ends, one, two alike, two unlike
-    assert np.flatnonzero(stand_out(z, every)).tolist() == [0, 9, 20, 21, 40, 41, 59]
+    far = {0: 30, 9: -12, 20: 40, 21: 40, 30: -50, 31: -60, 32: -45, 40: 50, 41: -50, 59: -30}
+    z[0, list(far), 0] += list(far.values())  # ends, one, two alike, three alike, two unlike
+    assert np.flatnonzero(stand_out(z, every)).tolist() == list(far)
     for change in (np.where(np.arange(60) < 30, 0, 50), 200 * np.exp(-np.arange(60) / 5), 30 * np.arange(60)):
         assert not stand_out(rng.normal(size=z.shape) + change[None, :, None], every).any()
 
