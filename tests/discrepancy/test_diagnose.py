@@ -98,7 +98,7 @@ def test_gusts_are_no_effect_and_hide_none():
 
 
 def test_in_gusts_what_is_far_from_linear_is_found_by_a_fit():
-    case = make(23, ["yaw_stribeck"], Conditions(duration=30.0, logs=1, gusts=True))  # no score is worth a trial
+    case = make(23, ["yaw_stribeck"], Conditions(duration=30.0, logs=1, gusts=True))  # no score says so
     found = diagnose(case.model, case.logs)
     assert (found.verdict, named(found)) == ("effect", ["yaw_stribeck"])
 
