@@ -214,10 +214,11 @@ def _reference(experiment: Experiment, files: list[str]) -> Iterable[str]:
 
 def _origin(interface: Interface, version: Version, token: str) -> str:
     where = "sources/buildDescription.xml" if version == 3 else "modelDescription.xml"
+    computed = "derivatives, partial derivatives" if interface.differentiable else "what ticks set"
     return (
         "<h2>How it was made</h2>\n"
-        f"<p>By hovercontrol {hovercontrol.__version__} from a symbolic definition; derivatives, partial "
-        "derivatives and this page come from the same equations. The C sources are in <code>sources</code>, "
+        f"<p>By hovercontrol {hovercontrol.__version__} from a symbolic definition; {computed} "
+        "and this page come from the same equations. The C sources are in <code>sources</code>, "
         f"listed in <code>{where}</code>; they need a C99 compiler and its mathematics library. The same "
         f"definition gives the same file, byte by byte. Token: <code>{escape(token)}</code>.</p>\n"
         "<h2>Licence</h2>\n<p>The runtime in <code>sources</code> and in the binaries is under the BSD "
