@@ -155,7 +155,11 @@ class _Search:
         self.found.final = self._from_short(final)
 
     def _from_short(self, hung: Fit) -> Fit:
-        """Return the better of a fit and one that comes to its windows from short ones."""
+        """Return the better of a fit, taken to its end, and one that comes to its windows from short ones."""
+        if not hung.converged:
+            hung = min(hung, self.fit(hung.model, hung), key=lambda f: f.cost)
+            if hung.converged and hung.chi2_per_dof < SETTLED:
+                return hung
         if hung.windowed.length == self.rungs[0]:
             return hung
         new = fit(hung.model, self.data, self.rungs[0], self.plain, prior_model=self.model)
