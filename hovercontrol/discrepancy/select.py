@@ -348,7 +348,8 @@ class _Search:
         """Return the fit with the effect that takes most, and whether it takes enough, to a cost of `most`.
 
         Where the craft may stick or slip a fit can hang, and a coarse step costs likelihood: a small gain is
-        counted again, in finer steps, from the fit without the effect that begins where that with it ended.
+        counted again, in finer steps, from the best of three fits without the effect. They begin where that
+        with it ended, in short windows, and at the coefficients given.
         """
         tries: list[tuple[float, Scored, Fit]] = []
         for scored in worth[:MOST_TRIES]:
@@ -368,6 +369,9 @@ class _Search:
         if least_gain(scored) < current.cost - cost < DOUBTFUL:
             new = self.fit(new.model, new, finer=2)
             current = self.fit(current.model, new)
+            if not current.noise.has_process:
+                given = current.model.with_coefficients(self.model.coefficients())
+                current = min(self._from_short(current), self.fit(given, current), key=lambda f: f.cost)
             cost = new.cost + by_chance(new, current)
         if not cost < min(current.cost - least_gain(scored), most):
             if not current.noise.has_process:
