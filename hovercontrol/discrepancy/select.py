@@ -157,7 +157,7 @@ class _Search:
     def _from_short(self, hung: Fit) -> Fit:
         """Return the better of a fit, taken to its end, and one that comes to its windows from short ones."""
         if not hung.converged:
-            hung = min(hung, self.fit(hung.model, hung), key=lambda f: f.cost)
+            hung = self._ended(hung)
             if hung.converged and hung.chi2_per_dof < SETTLED:
                 return hung
         if hung.windowed.length == self.rungs[0]:
@@ -167,6 +167,14 @@ class _Search:
             if length <= hung.windowed.length:
                 new = self.fit(new.model, new, length=length)
         return min(hung, new, key=lambda f: f.cost)
+
+    def _ended(self, found: Fit) -> Fit:
+        """Return a fit that is taken to its end: kinks of dry friction may stop one before."""
+        for _ in range(ROUNDS):
+            if found.converged:
+                break
+            found = min(found, self.fit(found.model, found), key=lambda f: f.cost)
+        return found
 
     def _once_more(self) -> None:
         """Begin again in short windows, where the way was lost in long ones, and climb with what is found."""
@@ -349,7 +357,7 @@ class _Search:
 
         Where the craft may stick or slip a fit can hang, and a coarse step costs likelihood: a small gain is
         counted again, in finer steps, from the best of three fits without the effect. They begin where that
-        with it ended, in short windows, and at the coefficients given.
+        with it ended, in short windows, and at the coefficients given; from there that with it begins again.
         """
         tries: list[tuple[float, Scored, Fit]] = []
         for scored in worth[:MOST_TRIES]:
@@ -371,7 +379,12 @@ class _Search:
             current = self.fit(current.model, new)
             if not current.noise.has_process:
                 given = current.model.with_coefficients(self.model.coefficients())
-                current = min(self._from_short(current), self.fit(given, current), key=lambda f: f.cost)
+                least = min(self._from_short(current), self.fit(given, current), key=lambda f: f.cost)
+                least = self._ended(least)
+                if least.cost < current.cost - 1.0:
+                    added = new.model.effect(scored.candidate.name)
+                    both = self._ended(self.fit(least.model.with_effects([added]), least))
+                    current, new = least, min(new, both, key=lambda f: f.cost)
             cost = new.cost + by_chance(new, current)
         if not cost < min(current.cost - least_gain(scored), most):
             if not current.noise.has_process:
