@@ -220,7 +220,7 @@ class _Search:
         """
         found = self.found
         while found.final.chi2_per_dof > EXPLAINED or always:
-            current = found.final
+            current, self._tried = found.final, None
             signatures = Signatures(current, candidates(current, self.names))
             plain = Scores(current, signatures, self.plain)
             best = self._worth(plain, current.chi2_per_dof)

@@ -15,14 +15,15 @@ STANDS_OUT, STEPS = 5.5, 4.0
 #: Rows to either side with which a sample is compared.
 BESIDE = 3
 
-#: How far sides may lie apart, and the nearest rows follow, in parts of how far the sample stands out.
+#: How far sides may lie apart, in parts of how far the sample stands out.
 APART = 0.5
+
+#: How far, in those parts, one, two and three samples side by side that may be wrong alike stand out from the
+#: nearest rows: the more, the more they are like a peak.
+SHARP = (0.5, 0.5, 0.75)
 
 #: How much farther it must stand out where there is one side only.
 LONELY = 2.0
-
-#: Samples side by side that may be wrong alike.
-MOST_ADJACENT = 3
 
 
 def seen_first(seen: Mask) -> Rows:
@@ -65,7 +66,7 @@ def stand_out(z: Array, seen: Mask, behind: Rows | None = None, beside: Array | 
     order = seen_first(np.isfinite(longer))
     longer = np.take_along_axis(longer, order, axis=1)
     found = np.zeros(longer.shape, dtype=np.bool_)
-    for width in range(1, MOST_ADJACENT + 1):
+    for width in range(1, len(SHARP) + 1):
         first = _alone(longer, width)
         for k in range(width):
             found[:, k : longer.shape[1] - width + 1 + k] |= first
@@ -90,7 +91,7 @@ def _alone(rows: Array, width: int) -> Mask:
     far = (up * (own - middle)).min(axis=0)
     least = far - 0.5 * np.abs(left - right)  # from the nearer side
     highest = np.fmax(up * before[0], up * after[0])
-    sharp = (up * own).min(axis=0) - highest > APART * least
+    sharp = (up * own).min(axis=0) - highest > SHARP[width - 1] * least
     changes = np.abs(np.concatenate([np.diff(before, axis=0), np.diff(after, axis=0)]))
     step = np.nan_to_num(np.where(one, _ranked(changes, 1.0), _ranked(changes, 1 / 3)))
     clear = (far > STANDS_OUT * np.where(one, LONELY, 1.0)) & (least > STEPS * step)
