@@ -10,7 +10,7 @@ from threadpoolctl import threadpool_limits
 from hovercontrol.discrepancy.checks import check_excitation, check_logs
 from hovercontrol.discrepancy.diagnosis import Diagnosis, numbers_of
 from hovercontrol.discrepancy.experiment import BADLY, Experiment, only_late, same_time, separate, sharpen
-from hovercontrol.discrepancy.fit import Fit, fit
+from hovercontrol.discrepancy.fit import TINY, Fit, fit, noise_of
 from hovercontrol.discrepancy.holdout import gap, gap_of
 from hovercontrol.discrepancy.ladder import ladder, paced, rungs
 from hovercontrol.discrepancy.laws import regime
@@ -18,7 +18,7 @@ from hovercontrol.discrepancy.localize import localize
 from hovercontrol.discrepancy.navigation import Navigated
 from hovercontrol.discrepancy.outliers import cleaned, left_out
 from hovercontrol.discrepancy.probes import probe
-from hovercontrol.discrepancy.select import noise_of, select
+from hovercontrol.discrepancy.select import select
 from hovercontrol.discrepancy.selection import Rival, Selection
 from hovercontrol.discrepancy.verdict import signs_against, stopped, verdict_of
 from hovercontrol.discrepancy.weighing import less
@@ -171,19 +171,20 @@ def _diagnosed(
 
 
 def _clean_again(model: Subject, selection: Selection) -> None:
-    """Leave out what stands out beside the amended model only: what the given one lacks is as steep."""
+    """Leave out what stands out beside the amended model only: what the given one lacks is as steep.
+
+    The amended model is fitted to the very end: widths of friction may lie in flat valleys.
+    """
     base, final = selection.base, selection.final
-    if not selection.effects:
-        return
     data = final.windowed.data
-    clean = cleaned(final.model, data, rungs(model, data)[:2])
+    clean = cleaned(final.model, data, rungs(model, data)[:2]) if selection.effects else data
     if clean is not data:
-        selection.final = fit(
-            final.model, clean, final.windowed.length, final.noise, prior_model=model, near=final
-        )
         selection.base = fit(
             base.model, clean, base.windowed.length, base.noise, prior_model=model, near=base
         )
+    selection.final = fit(
+        final.model, clean, final.windowed.length, final.noise, prior_model=model, near=final, small=TINY
+    )
 
 
 def _next(selection: Selection, seed: int) -> tuple[Experiment | None, str]:

@@ -8,7 +8,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from hovercontrol.discrepancy.noise import Noise, whiten
+from hovercontrol.discrepancy.noise import Noise, estimate, whiten
+from hovercontrol.discrepancy.prior import Prior
 from hovercontrol.discrepancy.reduce import Normal, reduce, scaled_inverse
 from hovercontrol.discrepancy.response import Response
 from hovercontrol.discrepancy.windowed import Data, Subject, Windowed
@@ -17,17 +18,14 @@ from hovercontrol.identify.solve import bounded_step
 
 Array = NDArray[np.float64]
 
-#: Relative standard deviation of the coefficients' weak prior about the model's own values.
-PRIOR = 0.3
-
 #: Iterations at most; fits that come to an end take four to six.
 MOST = 15
 
-#: A fall of twice the log likelihood that means nothing.
-SMALL = 0.5
+#: A fall of twice the log likelihood that means nothing, and one that a fit taken to its very end may leave.
+SMALL, TINY = 0.5, 0.005
 
-#: And a fall in parts of a misfit that is far beyond noise.
-GROSS = 1e-3
+#: A fall in parts of the cost and of a misfit that is far beyond noise, where `small` is SMALL.
+RELATIVE, GROSS = 1e-6, 1e-3
 
 #: Steps in a row, each more timid, that may be refused: dry friction has kinks that no slope describes.
 REFUSED = 3
@@ -94,7 +92,7 @@ class Fit:
         """The model with the values found."""
         w = self.windowed
         inside = np.clip(self.p, w.lower, w.upper)  # a step to a bound may end a rounding error beyond it
-        return w.model.with_coefficients(dict(zip(w.names, inside.tolist(), strict=True)))
+        return w.model.with_coefficients(w.coefficients(inside))
 
     @property
     def left(self) -> Array:
@@ -162,7 +160,7 @@ def fit(
     near : Fit, optional
         A fit of these data whose states start this one's.
     small : float, optional
-        The fall of the cost at which it ends; a millionth of the cost ends it too.
+        The fall of the cost at which it ends; with SMALL a millionth of the cost ends it too.
     frozen : bool, optional
         Whether the unknowns stay, and only the windows' initial states are fitted.
     finer : int, optional
@@ -173,7 +171,7 @@ def fit(
         noise = Noise(data.noise, np.zeros(len(w.free)))
     elif len(noise.process) != len(w.free):
         noise = noise.but(process=np.zeros(len(w.free)))
-    prior = centre, precision = _prior(w, prior_model or model)
+    prior = Prior(w, prior_model or model)
     p = np.clip(w.start, w.lower, w.upper)
     x0 = w.cut.start.copy()
     n = len(w.free)
@@ -197,8 +195,8 @@ def fit(
         dx, B = normal.back
         dp = np.zeros_like(p)
         if not frozen:
-            S = normal.S + np.diag(precision)
-            g = normal.g - precision * (p - centre)
+            S = normal.S + np.diag(prior.precision(p))
+            g = normal.g - prior.slope(p)
             low, high = w.lower - p, w.upper - p
             low = np.where(w.is_width, np.maximum(low, -0.5 * p), low)
             high = np.where(w.is_width, np.minimum(high, p), high)
@@ -207,9 +205,9 @@ def fit(
         moved = x0.copy()
         moved[w.free] += dx.T
         told = _told(white, dx, dp[: B.shape[-1]])
-        hoped = float(told.sum()) + precision @ ((p - centre) ** 2 - (p + dp - centre) ** 2)
+        hoped = float(told.sum()) + prior.cost(p) - prior.cost(p + dp)
         misfit = float((white[..., 0] ** 2).sum()) - count
-        enough = max(small, 1e-6 * abs(now.cost), GROSS * misfit)
+        enough = small * max(1.0, RELATIVE * abs(now.cost) / SMALL, GROSS * misfit / SMALL)
         if hoped < enough:
             converged = True
             break
@@ -235,15 +233,14 @@ def fit(
     w.x = now.x
     dof = max(count - n * len(w.ranges) - len(p), 1)
     plain = float((w.plainly_white(now.residual) ** 2).sum()) / dof
-    return Fit(w, p, x0, noise, precision, now.cost, plain, converged, now)
+    return Fit(w, p, x0, noise, prior.precision(p), now.cost, plain, converged, now)
 
 
 class _Point:
     """Where a fit stands: unknowns and initial states, the windows' costs there, and slopes if asked for."""
 
-    def __init__(self, w: Windowed, p: Array, x0: Array, noise: Noise, prior: tuple[Array, Array]) -> None:
+    def __init__(self, w: Windowed, p: Array, x0: Array, noise: Noise, prior: Prior) -> None:
         self._w, self._noise, self._p, self._x0 = w, noise, p, x0
-        centre, precision = prior
         self.residual, _ = w.linearise(p, x0, jacobian=False)
         self.x = w.x
         bad: NDArray[np.bool_] = np.logical_not(np.isfinite(self.residual).all(axis=(1, 2)))
@@ -254,7 +251,7 @@ class _Point:
             r = np.where(bad[:, None, None], 0.0, self.residual)
             white, det = whiten(r[..., None], w.seen, noise, self._coloured, w.errors)
             self.each = np.where(bad, np.inf, (white**2).sum(axis=(1, 2, 3)) + det)
-        self.cost = float(self.each.sum() + precision @ (p - centre) ** 2)
+        self.cost = float(self.each.sum()) + prior.cost(p)
 
     @cached_property
     def response(self) -> Response:
@@ -296,16 +293,6 @@ def _told(white: Array, dx: Array, dp: Array) -> Array:
     return np.asarray((r**2).sum(axis=1) - (left**2).sum(axis=1))
 
 
-def _prior(w: Windowed, model: Subject) -> tuple[Array, Array]:
-    """Return centre and precision: weak on the model's own coefficients, none on what was added."""
-    own = {k: v for k, v in model.coefficients().items()}
-    linear = set(model.linear_coefficients())
-    centre = np.array([own.get(name, value) for name, value in zip(w.names, w.start, strict=True)])
-    size = PRIOR * np.maximum(np.abs(centre), 1e-3 * w.size)
-    precision = np.where([name in linear for name in w.names], 1.0 / size**2, 0.0)
-    return centre, precision
-
-
 def forced_states(f: Fit) -> list[int]:
     """Return which free states' derivatives hold a coefficient: there forces act."""
     w = f.windowed
@@ -315,3 +302,13 @@ def forced_states(f: Fit) -> list[int]:
         for k, i in enumerate(w.free)
         if w.block.expand(w.block.derivatives[w.block.states[i].name]).free_symbols & symbols
     ]
+
+
+def noise_of(f: Fit, *, rough: bool = False) -> Noise:
+    """Return the noise that fits the residuals of a fit best, process noise included.
+
+    Roughly, and faster, the unknowns stay.
+    """
+    w = f.windowed
+    columns = np.concatenate([f.left[..., None], f.moves if rough else f.jacobian], axis=-1)
+    return estimate(columns, w.seen, len(w.free), f.noise, f.response, forced_states(f), rough=rough)[0]

@@ -22,6 +22,12 @@ APART = 12.0
 #: chi2 per degree of freedom beyond which noise of the measurements alone does not explain what remains.
 EXPLAINED = 1.1
 
+#: chi2 per degree of freedom at which an effect explains all: others with less of a score need no fit.
+SETTLED = 1.03
+
+#: A smaller fall may as well be that of a fit that hung.
+DOUBTFUL = 500.0
+
 
 def are_kin(one: Effect, other: Effect) -> bool:
     """Whether two effects are drags along the same axis, which widths of friction blend."""

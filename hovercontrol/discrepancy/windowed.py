@@ -142,7 +142,11 @@ class Windowed:
         values = model.coefficients()
         signals = [self.block.parameter(name) for name in self.names]
         keys = [p.name for p in self.block.parameters]
-        self._at = [keys.index(s.name) for s in signals]
+        self._same = {one: other for one, other in same_widths(model).items() if other in self.names}
+        self._at = [
+            [keys.index(self.block.parameter(n).name) for n in (name, *self._like(name))]
+            for name in self.names
+        ]
         self.lower = np.array([s.lower for s in signals])
         self.upper = np.array([s.upper for s in signals])
         self.is_width = np.array([name.endswith("_width") for name in self.names], dtype=bool)
@@ -181,6 +185,10 @@ class Windowed:
         self._in_motion = self._depends_on_inputs()
         self._arrived: tuple[Array, dict[int, Array]] | None = None
         self.x = np.empty(0)
+
+    def _like(self, name: str) -> list[str]:
+        """Return which parameters are the same number as an unknown."""
+        return [one for one, other in self._same.items() if other == name]
 
     @staticmethod
     def arrival(block: Block, log: Measured) -> Arrival:
@@ -232,9 +240,15 @@ class Windowed:
     def parameters(self, p: Array) -> list[float]:
         """Return every parameter of the Block, the unknowns as in `p`."""
         every = list(self._every)
-        for at, value in zip(self._at, p.tolist(), strict=True):
-            every[at] = value
+        for places, value in zip(self._at, p.tolist(), strict=True):
+            for at in places:
+                every[at] = value
         return every
+
+    def coefficients(self, p: Array) -> dict[str, float]:
+        """Return the unknowns and what is the same as one, by name."""
+        found = dict(zip(self.names, p.tolist(), strict=True))
+        return {**found, **{one: found[other] for one, other in self._same.items()}}
 
     def set_step(self, p: Array, x0: Array, least: int = 1, *, enough: bool = False) -> None:
         """Choose sub-steps: stable in friction as stiff as now, and fine enough for the noise.
@@ -325,12 +339,13 @@ class Windowed:
             width[j] = NUDGE * self.block.states[i].nominal
             lanes[i, 1 + j] += width[j]
         moved: dict[int, list[float]] = {}
-        for j, at in enumerate(self._at[:P]):
+        for j, places in enumerate(self._at[:P]):
             step = NUDGE * max(abs(p[j]), 0.1 * self.size[j])
             width[n + j] = step if p[j] + step <= self.upper[j] else -step
             column = np.full((lanes.shape[1], 1), p[j])
             column[1 + n + j] += width[n + j]
-            values[at] = column
+            for at in places:
+                values[at] = column
             if j in self._in_motion:
                 other = p.copy()
                 other[j] += width[n + j]
@@ -427,7 +442,29 @@ def unknowns(model: Subject) -> tuple[str, ...]:
         for k, n in e.numbers.items()
         if isinstance(n, Shape) and n.of != "time"
     ]
-    return (*model.linear_coefficients(), *shapes)
+    same = same_widths(model)
+    return (*model.linear_coefficients(), *(s for s in shapes if s not in same))
+
+
+def same_widths(model: Subject) -> dict[str, str]:
+    """Return widths of friction that are another's: along one axis dry friction has one.
+
+    Examples
+    --------
+    >>> from hovercontrol.effects import effect
+    >>> from hovercontrol.vehicles import c17_simulation
+    >>> same_widths(c17_simulation().with_effects([effect("surge_stribeck", 0.1, speed=0.2)]))
+    {'surge_stribeck_width': 'surge_coulomb_width'}
+    """
+    first: dict[str, str] = {}
+    found: dict[str, str] = {}
+    for e in model.effects:
+        axis, name = getattr(e, "axis", None), e.parameter("width") if "width" in e.numbers else None
+        if axis and name and axis in first:
+            found[name] = first[axis]
+        elif axis and name:
+            first[axis] = name
+    return found
 
 
 def _states(block: Block, measured: Measured) -> Array:

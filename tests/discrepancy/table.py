@@ -23,7 +23,7 @@ from pathlib import Path
 import numpy as np
 
 from hovercontrol.discrepancy import Diagnosis, diagnose
-from hovercontrol.discrepancy.fit import fit
+from hovercontrol.discrepancy.fit import TINY, fit
 from hovercontrol.discrepancy.holdout import gap
 from hovercontrol.discrepancy.weighing import EACH, LEAST
 from hovercontrol.discrepancy.windowed import gather
@@ -169,7 +169,8 @@ def _against_truth(of: Case, found: Diagnosis) -> tuple[float, bool]:
     """Return the hold-out error over the true structure's, and whether the truth could not be seen."""
     final = found.selection.final
     data, length = final.windowed.data, final.windowed.length
-    true = fit(of.truth, data, length, final.noise, prior_model=of.model, near=final)  # in the same sub-steps
+    like = {"prior_model": of.model, "near": final, "small": TINY}  # in the same sub-steps, to the same end
+    true = fit(of.truth, data, length, final.noise, **like)
     numbers = sum(len(e.numbers) for e in of.truth.effects if e.name in of.names)
     held = gather(of.model, [of.holdout])
     ours, best = (gap(m, held, length).rms for m in (found.amended, true.model))
