@@ -7,7 +7,7 @@ from contextlib import suppress
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from hovercontrol.discrepancy.fit import Fit
+from hovercontrol.discrepancy.fit import SMALL, Fit
 from hovercontrol.discrepancy.search import Search
 from hovercontrol.effects import Shape
 
@@ -39,7 +39,9 @@ def _jump(search: Search, found: Fit, name: str, key: str) -> Fit:
 
     (begin,) = fits
     row = float(np.median(found.response.dt))
+    if max(abs(cost(begin + side) - found.cost) for side in (-0.5 * row, 0.5 * row)) < SMALL:
+        return min(fits.values(), key=lambda f: f.cost)  # such windows do not tell when
     precise = {"xtol": 0.02 * row / max(begin, row), "maxiter": 6}
-    with suppress(RuntimeError):  # no time is better than its neighbours
+    with suppress(RuntimeError):  # no bracket
         minimize_scalar(cost, (begin, begin + 0.5 * row), method="brent", options=precise)
     return min(fits.values(), key=lambda f: f.cost)
