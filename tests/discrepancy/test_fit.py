@@ -1,4 +1,4 @@
-"""Fits of a model's unknowns: widths of dry friction, the weak prior, jumps, and effects that a score misses."""
+"""Fits: widths of dry friction, the weak prior, jumps, and effects that a score misses."""
 
 import numpy as np
 import pytest
