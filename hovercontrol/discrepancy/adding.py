@@ -10,13 +10,24 @@ from hovercontrol.discrepancy.candidates import Scored, zoom
 from hovercontrol.discrepancy.fit import Fit, fit
 from hovercontrol.discrepancy.jumps import timed
 from hovercontrol.discrepancy.search import Search
-from hovercontrol.discrepancy.weighing import DOUBTFUL, SETTLED, are_kin, by_chance, least_gain
+from hovercontrol.discrepancy.weighing import (
+    DOUBTFUL,
+    EXPLAINED,
+    SETTLED,
+    are_kin,
+    by_chance,
+    least_gain,
+    less,
+)
 
 #: Effects at most that are fitted to find the best.
 MOST_TRIES = 4
 
 #: Times at most that a fit is begun again where it stopped.
 AGAIN = 3
+
+#: Times at most that sub-steps are halved, and the part of a gain by which that may move a cost.
+FINER, MATTERS = 4, 0.25
 
 #: How much more than its due an effect must bring beside process noise that no score asked for.
 FAR = 2.0
@@ -29,7 +40,7 @@ def add(search: Search, current: Fit, worth: Sequence[Scored], most: float = np.
     """Return the fit with the effect that takes most, and whether it takes enough, to a cost of `most`.
 
     Where the craft may stick or slip a fit can hang, and a coarse step costs likelihood: a small gain is
-    counted again, in finer steps, from the best of three fits without the effect. They begin where that
+    counted again, in finer steps, from the best of several fits without the effect. They begin where that
     with it ended, in short windows, and at the coefficients given; from there that with it begins again.
     """
     tries: list[tuple[float, Scored, Fit]] = []
@@ -50,23 +61,48 @@ def add(search: Search, current: Fit, worth: Sequence[Scored], most: float = np.
     if not tries:
         return current, False
     cost, scored, new = min(tries, key=lambda t: t[0])
-    if least_gain(scored) < current.cost - cost < DOUBTFUL:
-        new = search.fit(new.model, new, finer=2)
-        current = search.fit(current.model, new)
-        if not current.noise.has_process:
-            given = current.model.with_coefficients(search.model.coefficients())
-            least = min(from_short(search, current), search.fit(given, current), key=lambda f: f.cost)
-            least = ended(search, least)
-            if least.cost < current.cost - 1.0:
-                added = new.model.effect(scored.candidate.name)
-                both = ended(search, search.fit(least.model.with_effects([added]), least))
-                current, new = least, min(new, both, key=lambda f: f.cost)
+    gain = current.cost - cost
+    if gain > least_gain(scored) and (gain < DOUBTFUL or _may_hang(search, current)):
+        current, new = _checked(search, current, scored, new)
         cost = new.cost + by_chance(new, current)
     if not cost < min(current.cost - least_gain(scored), most):
         if not current.noise.has_process:
             search.tried = scored, new
         return current, False
     return _taken(search, scored, new)
+
+
+def _may_hang(search: Search, current: Fit) -> bool:
+    """Whether what is left of the misfit may be that of a fit that hung: short windows see none."""
+    return current.windowed.length > search.rungs[0] and current.chi2_per_dof < EXPLAINED
+
+
+def _checked(search: Search, current: Fit, scored: Scored, new: Fit) -> tuple[Fit, Fit]:
+    """Return fits without and with an effect from several starts, in steps too fine to matter to its gain."""
+    for k in range(FINER):
+        before = current.cost
+        new = search.fit(new.model, new, finer=2)
+        current = search.fit(current.model, new)
+        if k == 0 and not current.noise.has_process:
+            current, new = _both_ended(search, current, new, scored.candidate.name)
+        gain = current.cost - new.cost - by_chance(new, current)
+        if gain < least_gain(scored) or abs(before - current.cost) < MATTERS * gain:
+            break
+    return current, new
+
+
+def _both_ended(search: Search, current: Fit, new: Fit, name: str) -> tuple[Fit, Fit]:
+    """Return the likeliest fits without and with an effect, each from several starts."""
+    starts = (
+        current.model.with_coefficients(search.model.coefficients()),
+        less(new.model, name),
+    )
+    tries = [from_short(search, current), *(search.fit(model, current) for model in starts)]
+    least = ended(search, min(tries, key=lambda f: f.cost))
+    if least.cost > current.cost - 1.0:
+        return current, new
+    both = ended(search, search.fit(least.model.with_effects([new.model.effect(name)]), least))
+    return least, min(new, both, key=lambda f: f.cost)
 
 
 def _taken(search: Search, scored: Scored, new: Fit) -> tuple[Fit, bool]:
