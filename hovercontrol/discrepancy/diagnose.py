@@ -107,7 +107,7 @@ def _diagnosed(
     warnings += [f"{m.name}: {m.drift}" for m in data.logs if isinstance(m, Navigated)]
     warnings += check_excitation(told, data)
     selection = select(model, data, names=names, max_effects=max_effects, tell=tell)
-    _clean_again(model, selection)
+    _finish(model, selection)
     final = selection.final
     data = final.windowed.data
     tell(0.88, "looking for what is not in the catalogue")
@@ -170,8 +170,8 @@ def _diagnosed(
     return found
 
 
-def _clean_again(model: Subject, selection: Selection) -> None:
-    """Leave out what stands out beside the amended model only: what the given one lacks is as steep.
+def _finish(model: Subject, selection: Selection) -> None:
+    """Fit once more, less what stands out beside the amended model only: what the given one lacks is as steep.
 
     The amended model is fitted to the very end: widths of friction may lie in flat valleys.
     """
