@@ -171,7 +171,7 @@ def _diagnosed(
 
 
 def _finish(model: Subject, selection: Selection) -> None:
-    """Fit once more, less what stands out beside the amended model only: what the given one lacks is as steep.
+    """Fit once more, less what stands out beside the amended model: what the given one lacks is as steep.
 
     The amended model is fitted to the very end: widths of friction may lie in flat valleys.
     """
