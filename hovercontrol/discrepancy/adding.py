@@ -6,12 +6,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from hovercontrol.discrepancy.candidates import Scored, zoom
+from hovercontrol.discrepancy.candidates import Scored, Scores, Signatures, candidates, zoom
 from hovercontrol.discrepancy.fit import Fit, fit
 from hovercontrol.discrepancy.jumps import timed
 from hovercontrol.discrepancy.search import Search
 from hovercontrol.discrepancy.weighing import (
     DOUBTFUL,
+    EACH,
     EXPLAINED,
     SETTLED,
     are_kin,
@@ -19,6 +20,7 @@ from hovercontrol.discrepancy.weighing import (
     least_gain,
     less,
 )
+from hovercontrol.errors import InputError
 
 #: Effects at most that are fitted to find the best.
 MOST_TRIES = 4
@@ -56,11 +58,11 @@ def add(search: Search, current: Fit, worth: Sequence[Scored], most: float = np.
             faint = near.candidate.at((FAINT * near.parts).tolist())
             new = min(new, search.fit(current.model.with_effects([faint]), current), key=lambda f: f.cost)
         if not new.noise.has_process and not (new.converged and new.chi2_per_dof < SETTLED):
-            new = from_short(search, new)
+            new = _from_given(search, current, near, from_short(search, new))
         tries.append((new.cost + by_chance(new, current), near, new))
     if not tries:
         return current, False
-    cost, scored, new = min(tries, key=lambda t: t[0])
+    cost, scored, new = min(tries, key=lambda t: t[0] + EACH * len(t[2].p))
     gain = current.cost - cost
     if gain > least_gain(scored) and (gain < DOUBTFUL or _may_hang(search, current)):
         current, new = _checked(search, current, scored, new)
@@ -137,6 +139,27 @@ def from_short(search: Search, hung: Fit) -> Fit:
     for length in search.rungs[1:]:
         if length <= hung.windowed.length:
             new = search.fit(new.model, new, length=length)
+    return min(hung, new, key=lambda f: f.cost)
+
+
+def _from_given(search: Search, current: Fit, scored: Scored, hung: Fit) -> Fit:
+    """Return the better of a fit with an effect and one that begins at the coefficients given.
+
+    Where the fit without the effect hung, its coefficients make up for what lacks. The effect begins with
+    the size that shorter windows see beside the given ones.
+    """
+    length = current.windowed.length
+    if length == search.rungs[0]:
+        return hung
+    shorter = search.rungs[search.rungs.index(length) - 1]
+    given = current.model.with_coefficients(search.model.coefficients())
+    try:
+        start = search.fit(given, current, length=shorter, frozen=True)
+        there = candidates(start, [scored.candidate.name])
+        best = zoom(start, Scores(start, Signatures(start, there)).best()[0])
+        new = ended(search, search.fit(given.with_effects([best.effect]), start, length=length))
+    except InputError:  # from there it runs away
+        return hung
     return min(hung, new, key=lambda f: f.cost)
 
 

@@ -124,7 +124,7 @@ def _diagnosed(
         out += left_out([holdout], as_read, held, held_out=True)
     before = gap(bare.model, held, length) if held else None
     after = gap(final.model, held, length) if held and final is not bare else before
-    signs += signs_against(selection, before, after)
+    signs += signs_against(selection, held, length, before, after)
     verdict = verdict_of(selection, signs)
     named = verdict in ("effect", "ambiguous")
     warnings += stopped(selection, names, max_effects) if verdict == "unexplained" else []

@@ -68,3 +68,14 @@ def gap_of(found: Fit) -> Gap:
         floor[channel] = float(data.noise[c]) / size
     chi2 = float((w.plainly_white(found.residual) ** 2).sum())
     return Gap(rms, nrmse, floor, chi2, int(seen.sum()))
+
+
+def may_rise(final: Fit, data: Data, length: float) -> float:
+    """Return how much the errors of a fit's unknowns may add to the chi2 of logs that took no part.
+
+    Mean and three standard deviations: logs that never slowed down do not tell a width of friction, say,
+    on which one that stops depends.
+    """
+    told = fit(final.model, data, length, frozen=True).normal.S
+    added = told @ final.covariance
+    return float(np.trace(added) + 3.0 * np.sqrt(2.0 * np.trace(added @ added)))

@@ -100,7 +100,7 @@ def swap(search: Search) -> None:
             if abs(other.cost - found.final.cost) < DOUBTFUL:
                 other = _as_fine(search, other, found.final)
                 found.final = _as_fine(search, found.final, other)
-            behind = other.cost - found.final.cost
+            behind = other.cost - found.final.cost + EACH * (len(other.p) - len(found.final.p))
             correlation = scores.correlation(scored.columns, top.columns)
             if behind < -APART:
                 found.effects[found.effects.index(name)] = other_name
@@ -123,7 +123,8 @@ def lead(search: Search, name: str) -> None:
     if first is None or first.behind > -LEAD:
         return
     ahead = search.fit(first.model, found.final)
-    gain, won = wald(ahead, first.name), found.final.cost - ahead.cost
+    won = found.final.cost - ahead.cost - EACH * (len(ahead.p) - len(found.final.p))
+    gain = wald(ahead, first.name)
     if gain < LEAST or won <= 0.0:
         return
     second = Rival(name, first.name, won, first.correlation, found.final.model)

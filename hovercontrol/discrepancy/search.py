@@ -71,12 +71,14 @@ class Search:
         *,
         length: float | None = None,
         noise: Noise | None = None,
+        frozen: bool = False,
         finer: int = 1,
     ) -> Fit:
         """Fit from where `near` ended, by default over windows and with noise like its own."""
         length = length or near.windowed.length
         noise = noise or near.noise
-        return fit(model, self.data, length, noise, prior_model=self.model, near=near, finer=finer)
+        own = self.model
+        return fit(model, self.data, length, noise, prior_model=own, near=near, frozen=frozen, finer=finer)
 
     def scores(self, of: Fit) -> Scores:
         """Score the candidates beside a fit."""

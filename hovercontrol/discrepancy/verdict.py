@@ -6,10 +6,11 @@ from collections.abc import Sequence
 from typing import Literal
 
 from hovercontrol.discrepancy.candidates import Scores, Signatures, candidates
-from hovercontrol.discrepancy.holdout import Gap
+from hovercontrol.discrepancy.holdout import Gap, may_rise
 from hovercontrol.discrepancy.probes import Sign
 from hovercontrol.discrepancy.selection import Selection
 from hovercontrol.discrepancy.weighing import EACH, EXPLAINED, LEAST
+from hovercontrol.discrepancy.windowed import Data
 
 Verdict = Literal["effect", "none", "ambiguous", "unexplained"]
 
@@ -26,9 +27,15 @@ def verdict_of(selection: Selection, signs: Sequence[Sign]) -> Verdict:
     return "effect" if selection.effects else "none"
 
 
-def signs_against(selection: Selection, before: Gap | None, after: Gap | None) -> tuple[Sign, ...]:
-    """Return what speaks against the names of a search, whose gaps on the hold-out log are these."""
-    return _slow(selection) + _weak(selection) + _veto(selection, before, after)
+def signs_against(
+    selection: Selection, held: Data | None, length: float, before: Gap | None, after: Gap | None
+) -> tuple[Sign, ...]:
+    """Return what speaks against the names of a search.
+
+    Its gaps on the hold-out log, over windows of `length` seconds, are `before` and `after`.
+    """
+    found = _slow(selection) + _weak(selection)
+    return found + _veto(selection, held, length, before, after) if held and before and after else found
 
 
 def stopped(selection: Selection, names: Sequence[str] | None, max_effects: int) -> list[str]:
@@ -69,12 +76,11 @@ def _weak(selection: Selection) -> tuple[Sign, ...]:
     )
 
 
-def _veto(selection: Selection, before: Gap | None, after: Gap | None) -> tuple[Sign, ...]:
+def _veto(selection: Selection, held: Data, length: float, before: Gap, after: Gap) -> tuple[Sign, ...]:
     """Return a sign if the amended model is worse on the hold-out log than the given one."""
-    if not (selection.effects and before and after):
-        return ()
     worse = after.chi2 - before.chi2
-    if worse < VETO * max(1.0, after.chi2 / max(after.count, 1)):
+    least = VETO * max(1.0, after.chi2 / max(after.count, 1))
+    if not selection.effects or worse < least or worse < least + may_rise(selection.final, held, length):
         return ()
     names = " and ".join(selection.effects)
     text = f"{names} would fit the training logs, but the hold-out log is predicted worse with it"

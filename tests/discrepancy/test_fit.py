@@ -5,6 +5,7 @@ import pytest
 
 from hovercontrol.discrepancy import diagnose
 from hovercontrol.discrepancy.fit import fit
+from hovercontrol.discrepancy.holdout import gap, may_rise
 from hovercontrol.discrepancy.prior import Prior
 from hovercontrol.discrepancy.windowed import Windowed, gather
 
@@ -78,3 +79,42 @@ def test_errors_of_the_solver_are_no_effect():
     found = diagnose(case.model, case.logs, names=["input_delay", "parameter_jump"])
     assert found.selection.effects == ["input_delay"]  # at 4 sub-steps a jump gained 615, at 32 it is 1.8
     assert found.selection.final.chi2_per_dof < 1.01
+
+
+def test_a_fit_that_hung_begins_again_at_the_given_coefficients():
+    case = make(2310, ["thrust_yaw_torque"], Conditions(commands=mild))
+    found = diagnose(case.model, case.logs, names=["thrust_yaw_torque", "yaw_stribeck"])
+    assert found.verdict == "effect"
+    (e,) = found.effects
+    truth = case.truth.effect("thrust_yaw_torque").values["value"]
+    assert abs(e.value - truth) < 3.0 * e.std  # it hung at a tenth of it
+
+
+def test_a_number_more_is_charged_and_the_hold_out_log_may_ask_what_no_training_log_tells():
+    case = make(2302, ["yaw_quadratic_drag"], Conditions(commands=mild))
+    found = diagnose(case.model, case.logs, case.holdout, names=["yaw_quadratic_drag", "yaw_stribeck"])
+    assert (found.verdict, found.selection.effects) == ("ambiguous", ["yaw_quadratic_drag"])
+    (rival,) = found.rivals
+    assert rival.name == "yaw_stribeck"
+    assert rival.behind > 0.0  # by likelihood alone it is ahead: it has a speed to choose, too
+    assert not found.signs
+    before, after = found.before, found.after
+    assert after.chi2 > before.chi2 + 24.0  # by surge's width of friction, which mild logs hardly tell
+    final = found.selection.final
+    assert after.chi2 - before.chi2 < may_rise(final, found.held, 1.0)
+
+
+def test_what_a_hold_out_log_may_rise_is_what_draws_of_the_coefficients_make_of_it():
+    case = make(34, ["slope"], Conditions(duration=20.0, logs=1))
+    found = fit(case.truth, gather(case.model, case.logs), 1.0, prior_model=case.model)
+    held = gather(case.model, [case.holdout])
+    w, rng = found.windowed, np.random.default_rng(5)
+    least = gap(case.truth, held, 1.0).chi2
+    rises = []
+    for p in rng.multivariate_normal(w.start, found.covariance, 60):  # about the truth
+        values = w.coefficients(np.clip(p, w.lower, w.upper))
+        rises.append(gap(w.model.with_coefficients(values), held, 1.0).chi2 - least)
+    most = may_rise(found, held, 1.0)
+    assert np.mean(rises) < most
+    assert np.mean(np.array(rises) > most) < 0.05
+    assert most < 6.0 * max(np.mean(rises), 1.0)  # no blank cheque
