@@ -12,11 +12,11 @@ from hovercontrol.discrepancy.jumps import timed
 from hovercontrol.discrepancy.search import Search
 from hovercontrol.discrepancy.weighing import (
     DOUBTFUL,
-    EACH,
     EXPLAINED,
     SETTLED,
     are_kin,
     by_chance,
+    charged,
     least_gain,
     less,
 )
@@ -45,9 +45,9 @@ def add(search: Search, current: Fit, worth: Sequence[Scored], most: float = np.
     counted again, in finer steps, from the best of several fits without the effect. They begin where that
     with it ended, in short windows, and at the coefficients given; from there that with it begins again.
     """
-    tries: list[tuple[float, Scored, Fit]] = []
+    tries: list[tuple[Scored, Fit]] = []
     for scored in worth[:MOST_TRIES]:
-        explained = tries and min(t[2].chi2_per_dof for t in tries) < SETTLED
+        explained = tries and min(f.chi2_per_dof for _, f in tries) < SETTLED
         kin = are_kin(scored.candidate.trial, worth[0].candidate.trial)
         if tries and scored.gain < (0.9 if explained and not kin else 0.4) * worth[0].gain:
             continue
@@ -59,10 +59,11 @@ def add(search: Search, current: Fit, worth: Sequence[Scored], most: float = np.
             new = min(new, search.fit(current.model.with_effects([faint]), current), key=lambda f: f.cost)
         if not new.noise.has_process and not (new.converged and new.chi2_per_dof < SETTLED):
             new = _from_given(search, current, near, from_short(search, new))
-        tries.append((new.cost + by_chance(new, current), near, new))
+        tries.append((near, new))
     if not tries:
         return current, False
-    cost, scored, new = min(tries, key=lambda t: t[0] + EACH * len(t[2].p))
+    scored, new = min(tries, key=lambda t: charged(t[1]) + by_chance(t[1], current))
+    cost = new.cost + by_chance(new, current)
     gain = current.cost - cost
     if gain > least_gain(scored) and (gain < DOUBTFUL or _may_hang(search, current)):
         current, new = _checked(search, current, scored, new)

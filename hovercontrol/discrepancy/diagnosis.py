@@ -20,6 +20,7 @@ from hovercontrol.discrepancy.outliers import LeftOut
 from hovercontrol.discrepancy.probes import Sign
 from hovercontrol.discrepancy.selection import Rival, Selection
 from hovercontrol.discrepancy.verdict import Verdict
+from hovercontrol.discrepancy.weighing import EACH
 from hovercontrol.discrepancy.windowed import Data, Subject
 from hovercontrol.files import write_whole
 from hovercontrol.model import Model
@@ -150,7 +151,8 @@ class Diagnosis:
                 {
                     "name": r.name,
                     "reason": f"instead of {r.instead_of}: behind by {r.behind:.1f} in twice the log "
-                    f"likelihood; correlation of signatures {r.correlation:.3f}",
+                    f"likelihood, {EACH:g} charged for each number; "
+                    f"correlation of signatures {r.correlation:.3f}",
                 }
                 for r in self.rivals
             ],

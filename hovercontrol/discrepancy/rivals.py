@@ -10,7 +10,17 @@ from hovercontrol.discrepancy.candidates import zoom
 from hovercontrol.discrepancy.fit import Fit
 from hovercontrol.discrepancy.search import Search
 from hovercontrol.discrepancy.selection import Rival
-from hovercontrol.discrepancy.weighing import APART, DOUBTFUL, EACH, LEAST, are_kin, by_chance, less, wald
+from hovercontrol.discrepancy.weighing import (
+    APART,
+    DOUBTFUL,
+    EACH,
+    LEAST,
+    are_kin,
+    by_chance,
+    charged,
+    less,
+    wald,
+)
 from hovercontrol.errors import InputError
 
 #: How far a rival's score may lie behind the named effect's to be fitted in short windows, and the misfit it
@@ -100,7 +110,7 @@ def swap(search: Search) -> None:
             if abs(other.cost - found.final.cost) < DOUBTFUL:
                 other = _as_fine(search, other, found.final)
                 found.final = _as_fine(search, found.final, other)
-            behind = other.cost - found.final.cost + EACH * (len(other.p) - len(found.final.p))
+            behind = charged(other) - charged(found.final)
             correlation = scores.correlation(scored.columns, top.columns)
             if behind < -APART:
                 found.effects[found.effects.index(name)] = other_name
@@ -123,8 +133,7 @@ def lead(search: Search, name: str) -> None:
     if first is None or first.behind > -LEAD:
         return
     ahead = search.fit(first.model, found.final)
-    won = found.final.cost - ahead.cost - EACH * (len(ahead.p) - len(found.final.p))
-    gain = wald(ahead, first.name)
+    gain, won = wald(ahead, first.name), charged(found.final) - charged(ahead)
     if gain < LEAST or won <= 0.0:
         return
     second = Rival(name, first.name, won, first.correlation, found.final.model)

@@ -16,7 +16,7 @@ class Rival:
     ----------
     name, instead_of : str
     behind : float
-        How much less likely it is, in twice the log likelihood, a charge for each more number included.
+        How much less likely it is, in twice the log likelihood, each number more charged (`charged`).
     correlation : float
         Of the two signatures, the model's own unknowns projected out.
     model : Model

@@ -83,5 +83,8 @@ def _veto(selection: Selection, held: Data, length: float, before: Gap, after: G
     if not selection.effects or worse < least or worse < least + may_rise(selection.final, held, length):
         return ()
     names = " and ".join(selection.effects)
-    text = f"{names} would fit the training logs, but the hold-out log is predicted worse with it"
+    text = (
+        f"{names} would fit the training logs, but the hold-out log is predicted worse with it "
+        "than the training logs leave open"
+    )
     return (Sign("hold-out", text, worse, len(selection.effects)),)

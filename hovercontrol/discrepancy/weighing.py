@@ -44,6 +44,11 @@ def least_gain(scored: Scored) -> float:
     return LEAST + EACH * len(scored.candidate.amplitudes)
 
 
+def charged(of: Fit) -> float:
+    """Return the cost of a fit, EACH added for each of its numbers: by this, effects compare."""
+    return of.cost + EACH * len(of.p)
+
+
 def by_chance(more: Fit, fewer: Fit) -> float:
     """Return what initial states take, mean and three standard deviations, that show in one fit alone.
 
