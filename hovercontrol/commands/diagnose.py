@@ -49,9 +49,9 @@ def diagnose(
 ) -> int:
     """Find what a model lacks: name the missing effect, add it, show the gap shrink on a held-out log.
 
-    Writes report.html, to be looked at in any browser, model.toml (the amended model of a craft), result.json
+    Writes report.html (for any browser), result.json and model.toml (a craft's amended model).
 
-    and, where it would tell more, next_experiment.csv: commands to drive next.
+    Where another log would tell more, next_experiment.csv holds the commands to drive.
 
     Exit status 1 if something is missing that these logs cannot tell, or that no known effect explains.
     """

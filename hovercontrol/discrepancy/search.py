@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 
 from hovercontrol.discrepancy.candidates import Scored, Scores, Signatures, candidates
 from hovercontrol.discrepancy.fit import Fit, fit
+from hovercontrol.discrepancy.gains import refuse_gains
 from hovercontrol.discrepancy.ladder import rungs
 from hovercontrol.discrepancy.noise import Noise
 from hovercontrol.discrepancy.outliers import cleaned, without_outliers
@@ -59,6 +60,7 @@ class Search:
                 break
             self.data = clean
             base = fit(model, clean, self.rungs[0], near=base)
+        refuse_gains(base)
         self.dirty = self.data is not data
         self.plain = base.noise
         self.tried: tuple[Scored, Fit] | None = None

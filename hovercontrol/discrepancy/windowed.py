@@ -40,6 +40,9 @@ MOST = 64
 #: few may begin where a hair decides whether the craft sticks.
 ACCURATE, MANY = 0.1, 0.9
 
+#: A change, in such deviations, beyond which it is just huge: commands in wrong units lead far.
+HUGE = 1e9
+
 #: Rows to either side between which a measured state's slope is taken.
 REACH = 3
 
@@ -269,7 +272,7 @@ class Windowed:
             coarse, now = self.linearise(p, x0, jacobian=False)[0], self.pieces
             self._set_pieces(2 * now)
             change = (self.linearise(p, x0, jacobian=False)[0] - coarse) / self.data.noise
-            known = np.where(np.isfinite(change), change, 0.0)
+            known = np.clip(np.where(np.isfinite(change), change, 0.0), -HUGE, HUGE)
             if float(np.quantile((known**2).mean(axis=(1, 2)), MANY)) < ACCURATE**2:
                 self._set_pieces(now)
                 return

@@ -155,6 +155,20 @@ def reason(
     return f"its standard error is above its size of {size:.3g} {unit}"
 
 
+def inputs_beside(block: Block, name: str) -> list[str]:
+    """Return the inputs in a coefficient's factor, by name.
+
+    Parameters
+    ----------
+    block : Block
+    name : str
+        Full name of the parameter.
+    """
+    factors = partial_derivatives(block, "derivatives", [name]).values()
+    symbols: set[sp.Symbol] = set().union(*(block.expand(e).free_symbols for e in factors))
+    return [s.name for s in block.inputs if s.symbol in symbols]
+
+
 def idle_inputs(block: Block, name: str, moving: Sequence[bool]) -> list[str]:
     """Return the inputs in a coefficient's factor that are zero throughout.
 
@@ -166,8 +180,5 @@ def idle_inputs(block: Block, name: str, moving: Sequence[bool]) -> list[str]:
     moving : sequence of bool
         For each input, whether it is ever other than zero.
     """
-    factors = partial_derivatives(block, "derivatives", [name]).values()
-    symbols: set[sp.Symbol] = set().union(*(block.expand(e).free_symbols for e in factors))
-    return [
-        s.name for s, moves in zip(block.inputs, moving, strict=True) if s.symbol in symbols and not moves
-    ]
+    idle = {s.name for s, moves in zip(block.inputs, moving, strict=True) if not moves}
+    return [n for n in inputs_beside(block, name) if n in idle]

@@ -5,6 +5,7 @@ import pytest
 
 from hovercontrol.discrepancy.checks import check_excitation, check_logs
 from hovercontrol.discrepancy.clocks import command_drift
+from hovercontrol.discrepancy.diagnose import diagnose
 from hovercontrol.discrepancy.ladder import paced
 from hovercontrol.discrepancy.windowed import gather
 from hovercontrol.errors import InputError
@@ -84,6 +85,22 @@ def test_a_bad_log_is_refused_in_one_line(log, said):
     with pytest.raises(InputError) as error:
         check_logs(CASE.model, [log])
     assert said in str(error.value) and "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("column", "factor", "said"),
+    [
+        ("thrust", 1000.0, "thrust would be 0.00"),
+        ("thrust", 0.01, "thrust would be "),
+        ("rudder", -1.0, "rudder_torque would be -"),
+    ],
+)
+def test_commands_in_other_units_or_of_the_other_sign_are_refused(column, factor, said):
+    logs = [changed(log, **{column: factor * log[column]}) for log in CASE.logs]
+    with pytest.raises(InputError, match=said) as error:
+        diagnose(CASE.model, logs)
+    assert "'thrust' and 'rudder' (rad) in the model's units" in str(error.value)
+    assert "\n" not in str(error.value)
 
 
 def test_the_model_of_another_craft_is_recognised():

@@ -74,10 +74,11 @@ def _rivals(m: Material) -> str:
     ]
     head = ["effect", "in the place of", "less likely", "correlation", "error on the hold-out log"]
     said = (
-        "Each rival was fitted in the place of a named effect. Less likely: how many times the training logs "
-        f"are with it, which for each number that it has more must be {rounded(math.exp(EACH / 2))} times "
-        f"likelier; {rounded(math.exp(APART / 2))} times would tell the two apart. Correlation: how alike "
-        "they are in what they leave in these logs once the coefficients are fitted; 1 is the same."
+        "Each rival was fitted in the place of a named effect. Less likely: by how many times it makes the "
+        f"training logs less likely, {rounded(math.exp(EACH / 2))} times charged for each number that one "
+        f"has more than the other; {rounded(math.exp(APART / 2))} times would tell the two apart. "
+        "Correlation: how alike they are in what they leave in these logs once the coefficients are fitted; "
+        "1 is the same."
     )
     if d.rival_gaps:
         said += (
