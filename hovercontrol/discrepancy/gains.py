@@ -8,9 +8,10 @@ from hovercontrol.discrepancy.fit import Fit
 from hovercontrol.errors import InputError
 from hovercontrol.identify.excitation import inputs_beside
 
-#: By how much logs must want more (or less) of an input than the model has, and how well they must know it
-#: (standard error, relative): no craft is so far from its model, but one in other units.
-FAR, KNOWN = 15.0, 0.1
+#: By how much logs must want more (or less) of an input than the model has, what is its opposite, and how
+#: well they must know it (standard error, relative): no craft is so far from its model, but one in other
+#: units. What a model lacks may take nearly all of a gain, yet never so surely.
+FAR, OPPOSITE, KNOWN = 20.0, -0.5, 0.02
 
 
 def refuse_gains(base: Fit) -> None:
@@ -24,14 +25,16 @@ def refuse_gains(base: Fit) -> None:
     Raises
     ------
     InputError
-        If the coefficient of an input is 15 times as large or as small as the model's, or of the other sign,
-        and well known: its column is in another unit.
+        If the coefficient of an input is 20 times as large or as small as the model's, or about its opposite,
+        and well known: its column is in another unit, or of another sign.
     """
     w, std = base.windowed, np.sqrt(np.diag(base.covariance))
     far: dict[int, list[str]] = {}
     for j, (value, given) in enumerate(zip(base.p, w.start, strict=True)):
-        known = given != 0.0 and std[j] < KNOWN * abs(value)
-        if known and not 1.0 / FAR < value / given < FAR:
+        if given == 0.0 or std[j] > KNOWN * abs(value):
+            continue
+        times = value / given
+        if times > FAR or abs(times) < 1.0 / FAR or times < OPPOSITE:
             far[j] = inputs_beside(w.block, w.block.parameter(w.names[j]).name)
     far = {j: inputs for j, inputs in far.items() if inputs}
     if not far:

@@ -25,6 +25,9 @@ SMALLEST = 1e-16
 STANDS = 1e-12
 """Largest relative change, from row to row, of covariances that stand still."""
 
+ROUNDING = 1e-13
+"""Part of a variance that rounding may take."""
+
 BLOCK = 32
 """Rows of a block whose means are computed at once."""
 
@@ -126,11 +129,10 @@ def run_filter(
 def run_smoother(filtered: Filtered) -> Estimate:
     """Run the smoother backward over a filter's result."""
     F, P_next = filtered.transition[1:, None], filtered.predicted_covariance[1:]
-    # G = P F' P_next^-1, solved for all rows at once
-    G = np.linalg.solve(P_next, F @ filtered.covariance[:-1]).swapaxes(-1, -2)
+    G = _gains(P_next, F @ filtered.covariance[:-1])
     mean, covariance = filtered.mean.copy(), filtered.covariance.copy()
     x, P = mean[-1], covariance[-1]
-    last = _alike_from(np.asarray(G, dtype=float), P_next, covariance)
+    last = _alike_from(G, P_next, covariance)
     i = len(mean) - 2
     while i >= 0:
         g, first = G[i], last[i]
@@ -148,6 +150,20 @@ def run_smoother(filtered: Filtered) -> Estimate:
         mean[i], covariance[i] = x, P
         i -= 1
     return Estimate(mean, covariance)
+
+
+def _gains(P_next: Floats, FP: Floats) -> Floats:
+    """Return the smoother's gains P F' P_next^-1, solved for all rows at once.
+
+    Without noise a sample leaves nothing of its variance, and rounding decides whether P_next can be
+    inverted: where it cannot, it is raised by what rounding may have taken.
+    """
+    try:
+        G = np.linalg.solve(P_next, FP)
+    except np.linalg.LinAlgError:
+        taken = ROUNDING * np.diagonal(P_next, axis1=-2, axis2=-1)
+        G = np.linalg.solve(P_next + taken[..., None] * np.eye(P_next.shape[-1]), FP)
+    return np.asarray(G.swapaxes(-1, -2), dtype=float)
 
 
 def _recursion(A: Floats, b: Floats, x: Floats) -> Floats:

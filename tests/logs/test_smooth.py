@@ -209,8 +209,9 @@ def test_too_little_is_refused() -> None:
         smooth_pose(Log("run", np.arange(9.0), dict.fromkeys(("x", "y"), np.zeros(9))))
 
 
-def test_standing_still_without_noise_is_still() -> None:
-    result = smooth_pose(as_log(0.02 * np.arange(100), np.ones((100, 3))))
+@pytest.mark.parametrize("step", [0.001, 0.02, 0.0625, 1.0])
+def test_standing_still_without_noise_is_still(step: float) -> None:
+    result = smooth_pose(as_log(step * np.arange(100), np.ones((100, 3))))
     assert result.rejected == ()
     assert np.abs(result.velocity).max() < 1e-9
 
