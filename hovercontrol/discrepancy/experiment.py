@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from hovercontrol.discrepancy.fit import Fit, fit
 from hovercontrol.discrepancy.manoeuvres import Manoeuvre, family, reach
 from hovercontrol.discrepancy.noise import Noise
+from hovercontrol.discrepancy.reduce import scaled_inverse
 from hovercontrol.discrepancy.windowed import Data, Subject, Windowed, structure, timing, unknowns
 from hovercontrol.files import write_whole
 from hovercontrol.identify.measure import Measured
@@ -157,7 +158,8 @@ def sharpen(final: Fit, name: str, *, seed: int = 0) -> Experiment | None:
         if not np.isfinite(seen.logs[0].values).all():
             continue
         added = _fit(final, final.model, seen, frozen=True)
-        worth = float(np.sqrt(now / np.linalg.pinv(known + added.normal.S, hermitian=True)[j, j]))
+        then = float(scaled_inverse(known + added.normal.S)[j, j])
+        worth = float(np.sqrt(now / then)) if then > 0.0 else 0.0
         if best is None or worth > best[0]:
             best = worth, manoeuvre, seen
     if best is None or best[0] < 1.5:
