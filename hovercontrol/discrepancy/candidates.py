@@ -323,7 +323,7 @@ class Signatures:
             new_name = f"{channel}_measured" if f"{channel}_measured" in outputs else channel
             old_name = f"{channel}_measured" if f"{channel}_measured" in old else channel
             found[..., c] = after[outputs.index(new_name)] - before[old.index(old_name)]
-        return found.transpose(1, 0, 2)
+        return found.transpose(1, 0, 2) / w.scale
 
 
 class Scores:

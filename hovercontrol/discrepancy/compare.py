@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hovercontrol.discrepancy.fit import Fit, fit
+from hovercontrol.discrepancy.levels import LEVEL
 from hovercontrol.discrepancy.noise import Noise
 from hovercontrol.discrepancy.traces import Trace, traces
 from hovercontrol.discrepancy.whiteness import (
@@ -24,9 +25,6 @@ Array = NDArray[np.float64]
 
 #: How far ahead models are judged [s].
 HORIZON = 1.0
-
-#: Standard error of a noise level from the median of n third differences, times the root of n.
-LEVEL = 1.65
 
 #: Chance at which all tests together find something where there is nothing.
 CHANCE = 1e-3
@@ -173,7 +171,7 @@ def compared(near: Fit) -> Comparison:
                     log.name,
                     channel,
                     windows.units[channel],
-                    float(data.noise[c]),
+                    float(data.noise[c] * data.scales[i, c]),
                     near_rms[c],
                     free_rms[channel],
                     float(np.sqrt(np.mean(known**2))) if known.size else np.nan,
@@ -189,5 +187,6 @@ def _short_rms(near: Fit, own: NDArray[np.bool_]) -> list[float]:
     """Return the root mean square residual of each channel in some windows."""
     seen = near.windowed.seen[own]
     count = np.maximum(seen.sum(axis=(0, 1)), 1)
-    rms: Array = np.sqrt((near.left[own] ** 2).sum(axis=(0, 1)) / count)
+    left = near.left[own] * near.windowed.scale[own]
+    rms: Array = np.sqrt((left**2).sum(axis=(0, 1)) / count)
     return rms.tolist()

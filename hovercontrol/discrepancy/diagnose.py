@@ -14,6 +14,7 @@ from hovercontrol.discrepancy.fit import TINY, Fit, fit, noise_of
 from hovercontrol.discrepancy.holdout import gap, gap_of
 from hovercontrol.discrepancy.ladder import ladder, paced, rungs
 from hovercontrol.discrepancy.laws import regime
+from hovercontrol.discrepancy.levels import unlike
 from hovercontrol.discrepancy.localize import localize
 from hovercontrol.discrepancy.navigation import Navigated
 from hovercontrol.discrepancy.outliers import cleaned, left_out
@@ -105,6 +106,7 @@ def _diagnosed(
     data, told = paced(model, gather(model, logs))
     given = data
     warnings += [f"{m.name}: {m.drift}" for m in data.logs if isinstance(m, Navigated)]
+    warnings += unlike(data.channels, data.scales)
     warnings += check_excitation(told, data)
     selection = select(model, data, names=names, max_effects=max_effects, tell=tell)
     _finish(model, selection)

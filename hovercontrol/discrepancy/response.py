@@ -63,7 +63,7 @@ class Response:
                     full = functions.jacobian(t, x, u, params, rows="outputs")
                     outputs = _points_first(full, t.shape)[..., w.free]
                 self.C[:, :, c] = outputs[..., i, :]
-        self.C *= w.seen.transpose(1, 0, 2)[..., None]
+        self.C *= (w.seen / w.scale).transpose(1, 0, 2)[..., None]
         slopes = np.moveaxis(functions.derivatives(t, x, u, params)[w.free], 0, -1)
         self.pace = np.swapaxes((self.C @ slopes[..., None])[..., 0], 0, 1)
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 from hovercontrol.block import Block
 from hovercontrol.blockmodel import BlockModel
 from hovercontrol.discrepancy.arrival import Arrival, input_states
+from hovercontrol.discrepancy.levels import noise_scales
 from hovercontrol.discrepancy.navigation import Errors, Navigated, measure_navigated
 from hovercontrol.effects import Shape
 from hovercontrol.identify.measure import Measured, measure_all
@@ -89,6 +91,13 @@ class Data:
         """Whether a navigation wrote a log."""
         return any(isinstance(m, Navigated) for m in self.logs)
 
+    @cached_property
+    def scales(self) -> Array:
+        """The noise of each log over that of all, shape (L, C): 1 if alike, or written by a navigation."""
+        if self.navigated:
+            return np.ones((len(self.logs), len(self.channels)))
+        return noise_scales(self.logs, self.channels, self.noise)
+
 
 def gather(model: Subject, logs: Sequence[Log], most_rows: int = 60_000) -> Data:
     """Return what logs say about a model (:func:`hovercontrol.identify.measure.measure`)."""
@@ -117,6 +126,9 @@ def _without_doubtful_steps(log: Measured) -> Measured:
 class Windowed:
     """One model over windows of one length.
 
+    Channels of logs that are noisier than others are as much smaller here (`scale`), and so are residuals and
+    their Jacobian: all have the same noise then.
+
     Parameters
     ----------
     model : Model or BlockModel
@@ -132,6 +144,8 @@ class Windowed:
         Unknown parameters: coefficients, friction widths, shapes of effects.
     x : ndarray, shape (K, n_states, W)
         States at every row of the last simulation.
+    scale : ndarray, shape (W, 1, C)
+        In which channels are counted: the noise of each window's log over that of all logs.
     errors : Errors or None
         Of the velocities, where a navigation wrote the logs.
     """
@@ -169,14 +183,16 @@ class Windowed:
         for found, near in zip(states, guess or (), strict=False):
             count = min(len(found), len(near))
             found[:count] = np.where(np.isfinite(near[:count]), near[:count], found[:count])
-        self.cut = cut(data.logs, states, data.channels, self.ranges)
+        self._log_of = np.array([i for i, _, _ in self.ranges])
+        self.scale = data.scales[self._log_of][:, None, :]
+        whole = cut(data.logs, states, data.channels, self.ranges)
+        self.cut = replace(whole, values=whole.values / self.scale.transpose(2, 0, 1))
         self.seen = np.isfinite(self.cut.values).transpose(1, 2, 0)  # W, K, C
         own = [data.logs[i] for i, _, _ in self.ranges]
         rows = self.cut.values.transpose(1, 2, 0)
         drifting = any(isinstance(m, Navigated) for m in own)
         self.errors = Errors(own, data.channels, rows, self.seen, self.cut.time) if drifting else None
         self.arrivals = [self.arrival(self.block, m) for m in data.logs]
-        self._log_of = np.array([i for i, _, _ in self.ranges])
         outputs, names = [s.name for s in self.block.outputs], [s.name for s in self.block.states]
         self.picked = [
             (outputs.index(f"{c}_measured"), False)
@@ -399,6 +415,8 @@ class Windowed:
                 computed = self._outputs(time, np.moveaxis(x, 1, 0), u, values)
         for c, (i, is_state) in enumerate(self.picked):
             y[:, c] = x[:, i] if is_state else computed[i]
+        if (self.scale != 1.0).any():
+            y /= self.scale.transpose(1, 2, 0)[:, :, None]
         return y
 
 
