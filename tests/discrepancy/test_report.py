@@ -13,8 +13,10 @@ from hovercontrol.discrepancy.probes import Sign
 from hovercontrol.discrepancy.report import headline, write_report
 from hovercontrol.discrepancy.report.svg import Plot, bounds, ticks
 from hovercontrol.discrepancy.report.verdict import explanation, gap_sentence
+from hovercontrol.discrepancy.report.words import meaning
 from hovercontrol.discrepancy.selection import Rival
 from hovercontrol.discrepancy.windowed import gather
+from hovercontrol.effects import effect_names
 from hovercontrol.logs import Log
 
 from .generator import Conditions, make
@@ -122,6 +124,12 @@ def test_new_terms_are_marked_and_old_ones_are_not(pages):
     marked = re.findall(r"<mrow class='new'>(.*?)</mrow>(?=<mo|</mrow></math>)", content)
     assert len(marked) == 4 and all("slope_" in term for term in marked)
     assert "class='new'" not in pages["none"].read_text(encoding="utf-8").partition("</style>")[2]
+
+
+@pytest.mark.parametrize("name", effect_names())
+def test_effects_explain_themselves_without_marks_of_a_docstring(name):
+    said = meaning(name)
+    assert said.endswith(".") and "`" not in said
 
 
 def test_rivals_are_named_with_their_correlation(pages):

@@ -142,7 +142,7 @@ def test_a_new_term_wider_than_a_phone_is_seen_whole(sloping, tmp_path):
     model = sloping.found.refitted
     windy = Model("craft", [*model.effects, effect("wind", x=0.3, y=0.1)])
     found = replace(sloping.found, amended=windy, effects=())
-    section = equations(Material(found, False, None, None, (), None, (), ""))
+    section = equations(Material(found, False, None, None, (), None, 1.0, (), ""))
     assert "wind_x" in section
     path = tmp_path / "equations.html"
     path.write_text(html("equations", [section]), encoding="utf-8")

@@ -40,6 +40,8 @@ class Material:
     missing_after : tuple of Missing
     scores : Scores
         Of all effects that were considered, at the given model.
+    over : float
+        Length of the windows in which they were scored [s].
     warnings : tuple of str
     command : str
         That makes the report again; empty if it was made by a script.
@@ -51,6 +53,7 @@ class Material:
     after: Side
     missing_after: tuple[Missing, ...]
     scores: Scores
+    over: float
     warnings: tuple[str, ...]
     command: str
 
@@ -105,6 +108,7 @@ def collect(
         _side(d.amended, shown, noise) if changed else before,
         d.missing_after() if changed else d.missing,
         Scores(at, tried),
+        at.windowed.length,
         tuple(warnings),
         command,
     )

@@ -29,7 +29,11 @@ def where(m: Material) -> str:
     most = worst(d.missing)
     there = most is not None and most.share > THERE
     if most is None or not there:
-        lead = "The missing force stays within its band: there is nothing to be seen beyond noise."
+        lead = "The missing force stays within its band: "
+        if m.changed:
+            lead += "what is named is too small to be seen here, and shows over longer windows only."
+        else:
+            lead += "there is nothing to be seen beyond noise."
     else:
         size = f"{most.rms:.2g} {unit(most.unit)}".strip()
         lead = (

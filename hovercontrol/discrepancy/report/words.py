@@ -54,7 +54,7 @@ def effect_words(name: str) -> str:
 
 def meaning(name: str) -> str:
     """Return the sentence in which an effect explains itself."""
-    return " ".join((effect_class(name).__doc__ or "").split("\n\n")[0].split())
+    return " ".join((effect_class(name).__doc__ or "").split("\n\n")[0].replace("``", "").split())
 
 
 def plus_minus(value: float, half: float) -> str:
