@@ -123,8 +123,8 @@ def _candidates(m: Material) -> str:
     text = (
         "How much twice the log likelihood would rise if the effect were added to the model as it was and "
         f"everything fitted again, to first order, in windows of {m.over:g} s. Effects alike gain alike: "
-        "naming is decided by fits of the best, in longer windows too, not by this list. The fourth column is "
-        "the size from which on windows of this length would show it."
+        "naming is decided by fits of the best, in longer windows too, not by this list. The fourth column "
+        "is the size from which on windows of this length would show it."
     )
     more = folded(f"{len(rows) - SHOWN} more", table(head, rows[SHOWN:])) if len(rows) > SHOWN else ""
     return f"<h3>All candidates, one at a time</h3>{paragraph(text)}{table(head, rows[:SHOWN])}{more}"
