@@ -11,6 +11,7 @@ from hovercontrol.discrepancy.checks import check_excitation, check_logs
 from hovercontrol.discrepancy.diagnosis import Diagnosis, numbers_of
 from hovercontrol.discrepancy.experiment import BADLY, Experiment, only_late, same_time, separate, sharpen
 from hovercontrol.discrepancy.fit import TINY, Fit, fit, noise_of
+from hovercontrol.discrepancy.gains import held_back
 from hovercontrol.discrepancy.holdout import gap, gap_of
 from hovercontrol.discrepancy.ladder import ladder, paced, rungs
 from hovercontrol.discrepancy.laws import regime
@@ -111,6 +112,7 @@ def _diagnosed(
     selection = select(model, data, names=names, max_effects=max_effects, tell=tell)
     _finish(model, selection)
     final = selection.final
+    warnings += held_back(final, model)
     data = final.windowed.data
     tell(0.88, "looking for what is not in the catalogue")
     doubtful = selection.process or final.chi2_per_dof > PROBED

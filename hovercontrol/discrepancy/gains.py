@@ -1,10 +1,11 @@
-"""Inputs in other units, or of the other sign, told by coefficients that come to lie far from the model's."""
+"""Coefficients that come to lie far from the model's: inputs in other units, or of the other sign."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from hovercontrol.discrepancy.fit import Fit
+from hovercontrol.discrepancy.windowed import Subject
 from hovercontrol.errors import InputError
 from hovercontrol.identify.excitation import inputs_beside
 
@@ -12,6 +13,13 @@ from hovercontrol.identify.excitation import inputs_beside
 #: well they must know it (standard error, relative): no craft is so far from its model, but one in other
 #: units. What a model lacks may take nearly all of a gain, yet never so surely.
 FAR, OPPOSITE, KNOWN = 20.0, -0.5, 0.02
+
+#: A coefficient that does less than this part of what the most effective one beside an input does is a small
+#: effect of a model, which may be far off in any unit.
+SLIGHT = 0.1
+
+#: From how many standard deviations of the prior on a coefficient is said to be held back by the model.
+HELD = 5.0
 
 
 def refuse_gains(base: Fit) -> None:
@@ -29,14 +37,13 @@ def refuse_gains(base: Fit) -> None:
         and well known: its column is in another unit, or of another sign.
     """
     w, std = base.windowed, np.sqrt(np.diag(base.covariance))
-    far: dict[int, list[str]] = {}
-    for j, (value, given) in enumerate(zip(base.p, w.start, strict=True)):
-        if given == 0.0 or std[j] > KNOWN * abs(value):
-            continue
-        times = value / given
-        if times > FAR or abs(times) < 1.0 / FAR or times < OPPOSITE:
-            far[j] = inputs_beside(w.block, w.block.parameter(w.names[j]).name)
-    far = {j: inputs for j, inputs in far.items() if inputs}
+    linear = [w.names.index(name) for name in w.model.linear_coefficients() if name in w.names]
+    if not any(_is_far(base.p[j], w.start[j], std[j]) for j in linear):
+        return
+    beside = {j: inputs_beside(w.block, w.block.parameter(w.names[j]).name) for j in linear}
+    does = {j: float(np.sqrt(base.normal.S[j, j]) * abs(w.start[j])) for j in linear if beside[j]}
+    main = [j for j, much in does.items() if much > SLIGHT * max(does.values())]
+    far = {j: beside[j] for j in main if _is_far(base.p[j], w.start[j], std[j])}
     if not far:
         return
     first = min(far, key=lambda j: len(far[j]))
@@ -49,3 +56,31 @@ def refuse_gains(base: Fit) -> None:
         f"{w.start[first]:.3g}: {'are columns' if len(shared) > 1 else 'is column'} {columns} in the model's "
         "units, and of its sign? If so, the model is far off: fit it first (hovercontrol identify)"
     )
+
+
+def _is_far(value: float, given: float, std: float) -> bool:
+    if given == 0.0 or std > KNOWN * abs(value):
+        return False
+    times = value / given
+    return bool(times > FAR or abs(times) < 1.0 / FAR or times < OPPOSITE)
+
+
+def held_back(final: Fit, model: Subject) -> list[str]:
+    """Return warnings of coefficients that logs put so far from the model's that the prior holds them back.
+
+    Parameters
+    ----------
+    final : Fit
+        Of the amended model.
+    model : Model or BlockModel
+        As given.
+    """
+    w, given = final.windowed, model.coefficients()
+    return [
+        f"the logs put {name} at {final.p[j]:.3g} {w.block.parameter(name).unit} or beyond, the model at "
+        f"{given[name]:.3g}, which holds it back: what is named may stand for it; fit the model first "
+        "(hovercontrol identify)"
+        for j, name in enumerate(w.names)
+        if name in model.linear_coefficients() and name in given
+        if np.sqrt(final.prior[j]) * abs(final.p[j] - given[name]) > HELD
+    ]

@@ -8,7 +8,9 @@ from hovercontrol.discrepancy.clocks import command_drift
 from hovercontrol.discrepancy.diagnose import diagnose
 from hovercontrol.discrepancy.ladder import paced
 from hovercontrol.discrepancy.windowed import gather
+from hovercontrol.effects import effect
 from hovercontrol.errors import InputError
+from hovercontrol.identify import identify
 from hovercontrol.logs import Log
 from hovercontrol.vehicles import four_fan
 
@@ -101,6 +103,18 @@ def test_commands_in_other_units_or_of_the_other_sign_are_refused(column, factor
         diagnose(CASE.model, logs)
     assert "'thrust' and 'rudder' (rad) in the model's units" in str(error.value)
     assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("given", [0.01, -0.01])
+def test_a_small_effect_of_the_model_may_be_far_off(given):
+    case = make(1, ["thrust_yaw_torque"], Conditions(duration=24.0))
+    wanted = case.truth.effect("thrust_yaw_torque").values["value"]
+    model = case.model.with_effects([effect("thrust_yaw_torque", given)])
+    said = diagnose(model, case.logs).warnings
+    assert any("put thrust_yaw_torque at -0.2" in s and "holds it back" in s for s in said)
+    found = diagnose(identify(model, case.logs).model, case.logs)
+    assert found.verdict == "none" and found.warnings == ()
+    assert found.amended.effect("thrust_yaw_torque").values["value"] == pytest.approx(wanted, rel=0.02)
 
 
 def test_the_model_of_another_craft_is_recognised():
