@@ -21,7 +21,8 @@ from hovercontrol.discrepancy.arrival import input_states
 from hovercontrol.discrepancy.fit import Fit
 from hovercontrol.discrepancy.noise import Noise, whiten
 from hovercontrol.discrepancy.reduce import inflation, reduce, scaled_inverse
-from hovercontrol.discrepancy.windowed import Subject, Windowed, structure, timing
+from hovercontrol.discrepancy.subject import Subject, structure, timing
+from hovercontrol.discrepancy.windowed import Windowed
 from hovercontrol.effects import Effect, Shape, effect_class, effect_names
 from hovercontrol.errors import InputError
 

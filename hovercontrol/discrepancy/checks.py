@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 
 from hovercontrol.block import Block
 from hovercontrol.discrepancy.clocks import check_clocks
+from hovercontrol.discrepancy.data import Data
 from hovercontrol.discrepancy.ladder import Excited
 from hovercontrol.discrepancy.same import refuse_same
+from hovercontrol.discrepancy.subject import Subject, structure
 from hovercontrol.discrepancy.units import refuse_units
-from hovercontrol.discrepancy.windowed import Data, Subject, structure
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.identify.excitation import (
     idle_inputs,

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import t as student
 
+from hovercontrol.discrepancy.subject import Subject, structure
 from hovercontrol.discrepancy.units import scale
-from hovercontrol.discrepancy.windowed import Subject, structure
 from hovercontrol.errors import InputError
 from hovercontrol.logs import VELOCITY, Log
 

@@ -8,9 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from hovercontrol.discrepancy.data import Data, gather
 from hovercontrol.discrepancy.fit import Fit, fit
 from hovercontrol.discrepancy.levels import LEVEL
 from hovercontrol.discrepancy.noise import Noise
+from hovercontrol.discrepancy.subject import Subject
 from hovercontrol.discrepancy.traces import Trace, traces
 from hovercontrol.discrepancy.whiteness import (
     independence,
@@ -18,7 +20,6 @@ from hovercontrol.discrepancy.whiteness import (
     recursive_residuals,
     whiteness,
 )
-from hovercontrol.discrepancy.windowed import Data, Subject, gather
 from hovercontrol.logs import Log
 
 Array = NDArray[np.float64]

@@ -8,6 +8,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from hovercontrol.discrepancy.checks import check_excitation, check_logs
+from hovercontrol.discrepancy.data import gather
 from hovercontrol.discrepancy.diagnosis import Diagnosis, numbers_of
 from hovercontrol.discrepancy.experiment import BADLY, Experiment, only_late, same_time, separate, sharpen
 from hovercontrol.discrepancy.fit import TINY, Fit, fit, noise_of
@@ -22,9 +23,9 @@ from hovercontrol.discrepancy.outliers import cleaned, left_out
 from hovercontrol.discrepancy.probes import probe
 from hovercontrol.discrepancy.select import select
 from hovercontrol.discrepancy.selection import Rival, Selection
+from hovercontrol.discrepancy.subject import Subject
 from hovercontrol.discrepancy.verdict import signs_against, stopped, verdict_of
 from hovercontrol.discrepancy.weighing import less
-from hovercontrol.discrepancy.windowed import Subject, gather
 from hovercontrol.errors import InputError
 from hovercontrol.logs import Log
 

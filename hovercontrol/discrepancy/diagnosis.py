@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from hovercontrol.discrepancy.data import Data
 from hovercontrol.discrepancy.experiment import Experiment
 from hovercontrol.discrepancy.fit import Fit, fit
 from hovercontrol.discrepancy.holdout import Gap
@@ -19,9 +20,9 @@ from hovercontrol.discrepancy.noise import Noise
 from hovercontrol.discrepancy.outliers import LeftOut
 from hovercontrol.discrepancy.probes import Sign
 from hovercontrol.discrepancy.selection import Rival, Selection
+from hovercontrol.discrepancy.subject import Subject
 from hovercontrol.discrepancy.verdict import Verdict
 from hovercontrol.discrepancy.weighing import EACH
-from hovercontrol.discrepancy.windowed import Data, Subject
 from hovercontrol.files import write_whole
 from hovercontrol.model import Model
 

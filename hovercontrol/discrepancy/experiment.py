@@ -17,11 +17,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from hovercontrol.discrepancy.data import Data
 from hovercontrol.discrepancy.fit import Fit, fit
 from hovercontrol.discrepancy.manoeuvres import Manoeuvre, family, reach
 from hovercontrol.discrepancy.noise import Noise
 from hovercontrol.discrepancy.reduce import scaled_inverse
-from hovercontrol.discrepancy.windowed import Data, Subject, Windowed, structure, timing, unknowns
+from hovercontrol.discrepancy.subject import Subject, structure, timing, unknowns
+from hovercontrol.discrepancy.windowed import Windowed
 from hovercontrol.files import write_whole
 from hovercontrol.identify.measure import Measured
 

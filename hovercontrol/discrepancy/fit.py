@@ -8,11 +8,13 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from hovercontrol.discrepancy.data import Data
 from hovercontrol.discrepancy.noise import Noise, estimate, whiten
 from hovercontrol.discrepancy.prior import Prior
 from hovercontrol.discrepancy.reduce import Normal, reduce, scaled_inverse
 from hovercontrol.discrepancy.response import Response
-from hovercontrol.discrepancy.windowed import Data, Subject, Windowed
+from hovercontrol.discrepancy.subject import Subject
+from hovercontrol.discrepancy.windowed import Windowed
 from hovercontrol.errors import InputError
 from hovercontrol.identify.solve import bounded_step
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from hovercontrol.discrepancy.fit import Fit
-from hovercontrol.discrepancy.windowed import Subject
+from hovercontrol.discrepancy.subject import Subject
 from hovercontrol.errors import InputError
 from hovercontrol.identify.excitation import inputs_beside
 

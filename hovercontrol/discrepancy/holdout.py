@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from hovercontrol.discrepancy.data import Data
 from hovercontrol.discrepancy.fit import Fit, fit
-from hovercontrol.discrepancy.windowed import Data, Subject
+from hovercontrol.discrepancy.subject import Subject
 
 Array = NDArray[np.float64]
 

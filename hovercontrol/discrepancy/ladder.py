@@ -8,8 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hovercontrol.blockmodel import BlockModel
+from hovercontrol.discrepancy.data import Data
 from hovercontrol.discrepancy.fit import fit
-from hovercontrol.discrepancy.windowed import Data, Subject, Windowed, structure
+from hovercontrol.discrepancy.subject import Subject, structure
+from hovercontrol.discrepancy.windowed import Windowed
 from hovercontrol.identify.excitation import covariance
 
 Array = NDArray[np.float64]

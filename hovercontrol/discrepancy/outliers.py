@@ -8,10 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from hovercontrol.discrepancy.data import Data
 from hovercontrol.discrepancy.fit import Fit, fit
 from hovercontrol.discrepancy.navigation import Navigated
 from hovercontrol.discrepancy.spikes import STANDS_OUT, seen_first, stand_out
-from hovercontrol.discrepancy.windowed import Data, Subject
+from hovercontrol.discrepancy.subject import Subject
 from hovercontrol.identify.measure import Measured
 from hovercontrol.identify.windows import noise_levels
 from hovercontrol.logs import POSE, Log

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from hovercontrol.discrepancy.windowed import Subject, Windowed
+from hovercontrol.discrepancy.subject import Subject
+from hovercontrol.discrepancy.windowed import Windowed
 
 Array = NDArray[np.float64]
 

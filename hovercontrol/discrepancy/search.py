@@ -5,14 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from hovercontrol.discrepancy.candidates import Scored, Scores, Signatures, candidates
+from hovercontrol.discrepancy.data import Data
 from hovercontrol.discrepancy.fit import Fit, fit
 from hovercontrol.discrepancy.gains import refuse_gains
 from hovercontrol.discrepancy.ladder import rungs
 from hovercontrol.discrepancy.noise import Noise
 from hovercontrol.discrepancy.outliers import cleaned, without_outliers
 from hovercontrol.discrepancy.selection import Selection
+from hovercontrol.discrepancy.subject import Subject
 from hovercontrol.discrepancy.weighing import least_gain
-from hovercontrol.discrepancy.windowed import Data, Subject
 
 #: Times at most that outliers are looked for: large ones hide small ones.
 CLEANED = 3

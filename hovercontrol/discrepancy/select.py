@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
+from hovercontrol.discrepancy.data import Data
 from hovercontrol.discrepancy.forward import climb, once_more, settle, short_windows
 from hovercontrol.discrepancy.rivals import drop, lead, simplify, swap
 from hovercontrol.discrepancy.search import Search
 from hovercontrol.discrepancy.selection import Selection
+from hovercontrol.discrepancy.subject import Subject
 from hovercontrol.discrepancy.weighing import EXPLAINED
-from hovercontrol.discrepancy.windowed import Data, Subject
 
 #: Times at most that better effects are looked for in place of the named ones.
 ROUNDS = 3

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from hovercontrol.discrepancy.fit import Fit
-from hovercontrol.discrepancy.windowed import Subject
+from hovercontrol.discrepancy.subject import Subject
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,8 +7,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from hovercontrol.discrepancy.data import gather
 from hovercontrol.discrepancy.fit import fit
-from hovercontrol.discrepancy.windowed import Subject, gather, structure
+from hovercontrol.discrepancy.subject import Subject, structure
 from hovercontrol.errors import InputError
 from hovercontrol.logs import POSE, VELOCITY, Log
 

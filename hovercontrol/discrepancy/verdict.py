@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from typing import Literal
 
 from hovercontrol.discrepancy.candidates import Scores, Signatures, candidates
+from hovercontrol.discrepancy.data import Data
 from hovercontrol.discrepancy.holdout import Gap, may_rise
 from hovercontrol.discrepancy.probes import Sign
 from hovercontrol.discrepancy.selection import Selection
 from hovercontrol.discrepancy.weighing import EACH, EXPLAINED, LEAST
-from hovercontrol.discrepancy.windowed import Data
 
 Verdict = Literal["effect", "none", "ambiguous", "unexplained"]
 

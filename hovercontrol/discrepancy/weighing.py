@@ -9,7 +9,7 @@ import numpy as np
 
 from hovercontrol.discrepancy.candidates import Scored
 from hovercontrol.discrepancy.fit import Fit
-from hovercontrol.discrepancy.windowed import Subject
+from hovercontrol.discrepancy.subject import Subject
 from hovercontrol.effects import Effect
 
 #: Fall of minus twice the log likelihood that an effect must bring, beyond EACH for each of its numbers: some

@@ -8,29 +8,22 @@ commands alone come from the whole log (:mod:`.arrival`).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hovercontrol.block import Block
-from hovercontrol.blockmodel import BlockModel
 from hovercontrol.discrepancy.arrival import Arrival, input_states
-from hovercontrol.discrepancy.levels import noise_scales
-from hovercontrol.discrepancy.navigation import Errors, Navigated, measure_navigated
-from hovercontrol.effects import Shape
-from hovercontrol.identify.measure import Measured, measure_all
+from hovercontrol.discrepancy.data import Data
+from hovercontrol.discrepancy.navigation import Errors, Navigated
+from hovercontrol.discrepancy.subject import Subject, same_widths, structure, timing, unknowns
+from hovercontrol.identify.measure import Measured
 from hovercontrol.identify.shooting import cut, stable_step
-from hovercontrol.identify.windows import noise_levels, windows
-from hovercontrol.logs import Log
-from hovercontrol.model import Model
+from hovercontrol.identify.windows import windows
 from hovercontrol.targets.shoot import shoot
 
 Array = NDArray[np.float64]
-
-#: What can be diagnosed.
-Subject = Model | BlockModel
 
 #: Longest sub-step [s].
 STEP = 0.01
@@ -51,76 +44,11 @@ REACH = 3
 #: Relative size of the perturbations of one-sided differences.
 NUDGE = 1e-6
 
-#: What a command does is unsure for so long after a change whose time is unknown [s]: it may act late.
-UNSURE = 0.3
-
 #: Narrowest friction [m/s, rad/s] that a fit tells from a jump.
 NARROWEST = 5e-4
 
 #: Widest, in parts of the speed while the craft moves.
 WIDEST = 0.3
-
-
-@dataclass(frozen=True, eq=False)
-class Data:
-    """Logs as a model's Block sees them.
-
-    Attributes
-    ----------
-    logs : tuple of Measured
-    channels : tuple of str
-        All that was measured in any.
-    noise : ndarray, shape (n_channels,)
-        Measurement noise, from third differences.
-    pace : float
-        How much slower than a hovercraft the machine is; windows are as much longer (:mod:`.ladder`).
-    """
-
-    logs: tuple[Measured, ...]
-    channels: tuple[str, ...]
-    noise: Array
-    pace: float = 1.0
-
-    @property
-    def duration(self) -> float:
-        """Length of the longest log [s]."""
-        return max(float(m.time[-1] - m.time[0]) for m in self.logs)
-
-    @property
-    def navigated(self) -> bool:
-        """Whether a navigation wrote a log."""
-        return any(isinstance(m, Navigated) for m in self.logs)
-
-    @cached_property
-    def scales(self) -> Array:
-        """The noise of each log over that of all, shape (L, C): 1 if alike, or written by a navigation."""
-        if self.navigated:
-            return np.ones((len(self.logs), len(self.channels)))
-        return noise_scales(self.logs, self.channels, self.noise)
-
-
-def gather(model: Subject, logs: Sequence[Log], most_rows: int = 60_000) -> Data:
-    """Return what logs say about a model (:func:`hovercontrol.identify.measure.measure`)."""
-    block = structure(model)
-    every = [measure_navigated(block, log, most_rows) or log for log in logs]
-    measured = tuple(_without_doubtful_steps(m) for m in measure_all(block, every, most_rows))
-    channels = tuple(dict.fromkeys(c for m in measured for c in m.channels))
-    return Data(measured, channels, noise_levels(measured, channels))
-
-
-def _without_doubtful_steps(log: Measured) -> Measured:
-    """Leave out where a command changed while rows are missing: when it did, and acts, is not known."""
-    step = np.diff(log.time)
-    gap = step > 1.5 * float(np.median(step))
-    changed = (np.diff(log.inputs, axis=1) != 0).any(axis=0)
-    at = np.flatnonzero(gap & changed) + 1
-    segments = []
-    for first, stop in log.segments:
-        own = at[(at > first) & (at < stop)]
-        known = np.searchsorted(log.time, log.time[own] + UNSURE)
-        begins, ends = [first, *known.tolist()], [*own.tolist(), stop]
-        segments += [(a, b) for a, b in zip(begins, ends, strict=True) if b - a > 1]
-    return replace(log, segments=tuple(segments))
 
 
 class Windowed:
@@ -418,74 +346,6 @@ class Windowed:
         if (self.scale != 1.0).any():
             y /= self.scale.transpose(1, 2, 0)[:, :, None]
         return y
-
-
-_STRUCTURES: dict[tuple[object, ...], Block] = {}
-
-
-def structure(model: Subject) -> Block:
-    """Return a Block with the equations of a model, whatever its numbers; made once for a set of effects."""
-    key = (type(model), *model.signature)
-    if key not in _STRUCTURES:
-        if len(_STRUCTURES) > 500:
-            _STRUCTURES.clear()
-        _STRUCTURES[key] = model.plant(late=True)
-    return _STRUCTURES[key]
-
-
-_TIMINGS: dict[tuple[object, ...], tuple[str, str]] = {}
-
-
-def timing(model: Subject) -> tuple[str, str]:
-    """Return which parameters say how late a model's inputs act and measurements are; made once as well."""
-    key = (type(model), *model.signature)
-    if key not in _TIMINGS:
-        if len(_TIMINGS) > 500:
-            _TIMINGS.clear()
-        _TIMINGS[key] = model.timing()
-    return _TIMINGS[key]
-
-
-def unknowns(model: Subject) -> tuple[str, ...]:
-    """Return the parameters of a model that a fit seeks: coefficients, widths of dry friction, shapes.
-
-    A time at which something jumps is none: residuals do not change smoothly with it.
-
-    Examples
-    --------
-    >>> from hovercontrol.vehicles import hoverdemon
-    >>> unknowns(hoverdemon())
-    ('thrust', 'rudder_torque')
-    """
-    shapes = [
-        e.parameter(k)
-        for e in model.effects
-        for k, n in e.numbers.items()
-        if isinstance(n, Shape) and n.of != "time"
-    ]
-    same = same_widths(model)
-    return (*model.linear_coefficients(), *(s for s in shapes if s not in same))
-
-
-def same_widths(model: Subject) -> dict[str, str]:
-    """Return widths of friction that are another's: along one axis dry friction has one.
-
-    Examples
-    --------
-    >>> from hovercontrol.effects import effect
-    >>> from hovercontrol.vehicles import c17_simulation
-    >>> same_widths(c17_simulation().with_effects([effect("surge_stribeck", 0.1, speed=0.2)]))
-    {'surge_stribeck_width': 'surge_coulomb_width'}
-    """
-    first: dict[str, str] = {}
-    found: dict[str, str] = {}
-    for e in model.effects:
-        axis, name = getattr(e, "axis", None), e.parameter("width") if "width" in e.numbers else None
-        if axis and name and axis in first:
-            found[name] = first[axis]
-        elif axis and name:
-            first[axis] = name
-    return found
 
 
 def _states(block: Block, measured: Measured) -> Array:

@@ -23,10 +23,10 @@ from pathlib import Path
 import numpy as np
 
 from hovercontrol.discrepancy import Diagnosis, diagnose
+from hovercontrol.discrepancy.data import gather
 from hovercontrol.discrepancy.fit import TINY, fit
 from hovercontrol.discrepancy.holdout import gap
 from hovercontrol.discrepancy.weighing import EACH, LEAST
-from hovercontrol.discrepancy.windowed import gather
 
 from .generator import OUTSIDE, SIZES, VELOCITY_ONLY, Case, Conditions, make, mild, outside
 

@@ -7,8 +7,8 @@ import pytest
 
 from hovercontrol.delays import arrivals, undelayed
 from hovercontrol.discrepancy import diagnose
+from hovercontrol.discrepancy.data import gather
 from hovercontrol.discrepancy.fit import fit
-from hovercontrol.discrepancy.windowed import gather
 from hovercontrol.modelfile import load_model
 from hovercontrol.targets.compiler import NoCompilerError, find_compiler
 

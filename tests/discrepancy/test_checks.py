@@ -5,9 +5,9 @@ import pytest
 
 from hovercontrol.discrepancy.checks import check_excitation, check_logs
 from hovercontrol.discrepancy.clocks import command_drift
+from hovercontrol.discrepancy.data import gather
 from hovercontrol.discrepancy.diagnose import diagnose
 from hovercontrol.discrepancy.ladder import paced
-from hovercontrol.discrepancy.windowed import gather
 from hovercontrol.effects import effect
 from hovercontrol.errors import InputError
 from hovercontrol.identify import identify

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from hovercontrol.discrepancy.compare import compare
+from hovercontrol.discrepancy.data import gather
 from hovercontrol.discrepancy.fit import fit
 from hovercontrol.discrepancy.noise import Noise
 from hovercontrol.discrepancy.traces import traces
 from hovercontrol.discrepancy.whiteness import independence, recursive_residuals, whiteness
-from hovercontrol.discrepancy.windowed import gather
 from hovercontrol.effects import effect
 from hovercontrol.logs import Log
 

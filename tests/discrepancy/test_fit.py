@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 
 from hovercontrol.discrepancy import diagnose
+from hovercontrol.discrepancy.data import gather
 from hovercontrol.discrepancy.fit import fit
 from hovercontrol.discrepancy.holdout import gap, may_rise
 from hovercontrol.discrepancy.prior import Prior
-from hovercontrol.discrepancy.windowed import Windowed, gather
+from hovercontrol.discrepancy.windowed import Windowed
 
 from .generator import Conditions, make, mild
 

@@ -7,9 +7,9 @@ import pytest
 
 from hovercontrol.discrepancy import diagnose
 from hovercontrol.discrepancy.compare import compare
+from hovercontrol.discrepancy.data import gather
 from hovercontrol.discrepancy.fit import fit
 from hovercontrol.discrepancy.holdout import gap
-from hovercontrol.discrepancy.windowed import gather
 
 from .generator import NOISE, Conditions, make, simulated
 

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from hovercontrol.discrepancy import diagnose
+from hovercontrol.discrepancy.data import gather
 from hovercontrol.discrepancy.fit import fit
 from hovercontrol.discrepancy.laws import is_there, law, regime, worst
 from hovercontrol.discrepancy.localize import Missing, Quantity
 from hovercontrol.discrepancy.probes import large_process
-from hovercontrol.discrepancy.windowed import gather
 from hovercontrol.effects import effect
 from hovercontrol.logs import Log
 from hovercontrol.units import dimension

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from hovercontrol.discrepancy import diagnose
+from hovercontrol.discrepancy.data import gather
 from hovercontrol.discrepancy.navigation import Navigated, corrections, measure_navigated, over_ground
-from hovercontrol.discrepancy.windowed import Windowed, gather
+from hovercontrol.discrepancy.windowed import Windowed
 from hovercontrol.logs import Log
 
 from .generator import NOISE, Conditions, make

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from hovercontrol.discrepancy import diagnose
+from hovercontrol.discrepancy.data import UNSURE, gather
 from hovercontrol.discrepancy.fit import fit
 from hovercontrol.discrepancy.outliers import cleaned, without_outliers
 from hovercontrol.discrepancy.spikes import stand_out
-from hovercontrol.discrepancy.windowed import UNSURE, gather
 from hovercontrol.logs import Log
 
 from .generator import NOISE, Conditions, make

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from hovercontrol.discrepancy import diagnose
+from hovercontrol.discrepancy.data import gather
 from hovercontrol.discrepancy.fit import fit
 from hovercontrol.discrepancy.probes import Sign
 from hovercontrol.discrepancy.report import headline, write_report
@@ -15,7 +16,6 @@ from hovercontrol.discrepancy.report.svg import Plot, bounds, ticks
 from hovercontrol.discrepancy.report.verdict import explanation, gap_sentence
 from hovercontrol.discrepancy.report.words import meaning
 from hovercontrol.discrepancy.selection import Rival
-from hovercontrol.discrepancy.windowed import gather
 from hovercontrol.effects import effect_names
 from hovercontrol.logs import Log
 

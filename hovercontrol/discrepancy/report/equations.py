@@ -10,7 +10,7 @@ import sympy as sp
 from hovercontrol.discrepancy.report.html import paragraph, table
 from hovercontrol.discrepancy.report.material import Material
 from hovercontrol.discrepancy.report.words import effect_words, listed, meaning, minus, plus_minus, unit
-from hovercontrol.discrepancy.windowed import structure
+from hovercontrol.discrepancy.subject import structure
 from hovercontrol.fmi.mathml import MathPrinter, symbol_markup
 from hovercontrol.model import Model
 

@@ -7,12 +7,13 @@ from dataclasses import dataclass, replace
 
 from hovercontrol.discrepancy.candidates import Scores, Signatures, candidates
 from hovercontrol.discrepancy.compare import HORIZON, Comparison, compared
+from hovercontrol.discrepancy.data import Data, gather
 from hovercontrol.discrepancy.diagnosis import Diagnosis, Found
 from hovercontrol.discrepancy.fit import fit
 from hovercontrol.discrepancy.localize import Missing
 from hovercontrol.discrepancy.noise import Noise
+from hovercontrol.discrepancy.subject import Subject
 from hovercontrol.discrepancy.traces import Trace, traces
-from hovercontrol.discrepancy.windowed import Data, Subject, gather
 from hovercontrol.logs import Log
 
 #: How long simulations shown beside measurements run from one start [s].
