@@ -75,12 +75,11 @@ def held_back(final: Fit, model: Subject) -> list[str]:
     model : Model or BlockModel
         As given.
     """
-    w, given = final.windowed, model.coefficients()
+    w, given, linear = final.windowed, model.coefficients(), set(model.linear_coefficients())
     return [
         f"the logs put {name} at {final.p[j]:.3g} {w.block.parameter(name).unit} or beyond, the model at "
-        f"{given[name]:.3g}, which holds it back: what is named may stand for it; fit the model first "
-        "(hovercontrol identify)"
+        f"{given[name]:.3g}, which holds it back: an effect may be named for what it leaves; "
+        "fit the model first (hovercontrol identify)"
         for j, name in enumerate(w.names)
-        if name in model.linear_coefficients() and name in given
-        if np.sqrt(final.prior[j]) * abs(final.p[j] - given[name]) > HELD
+        if name in linear and np.sqrt(final.prior[j]) * abs(final.p[j] - given[name]) > HELD
     ]

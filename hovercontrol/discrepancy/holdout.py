@@ -60,14 +60,14 @@ def gap_of(found: Fit) -> Gap:
     seen = w.seen.reshape(-1, w.seen.shape[-1])
     residual = (found.left * w.scale).reshape(seen.shape)
     values = (w.cut.values.transpose(1, 2, 0) * w.scale).reshape(seen.shape)
-    noise = data.noise * np.sqrt((data.scales**2).mean(axis=0))
+    levels = (data.noise * w.scale * w.seen).reshape(seen.shape)
     rms, nrmse, floor = {}, {}, {}
     for c, channel in enumerate(data.channels):
         count = max(int(seen[:, c].sum()), 1)
         rms[channel] = float(np.sqrt((residual[:, c] ** 2).sum() / count))
         size = float(np.nanstd(values[:, c])) or 1.0
         nrmse[channel] = rms[channel] / size
-        floor[channel] = float(noise[c]) / size
+        floor[channel] = float(np.sqrt((levels[:, c] ** 2).sum() / count)) / size
     chi2 = float((w.plainly_white(found.residual) ** 2).sum())
     return Gap(rms, nrmse, floor, chi2, int(seen.sum()))
 

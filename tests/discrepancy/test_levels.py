@@ -62,6 +62,15 @@ def test_the_gap_of_both_is_in_units_and_counts_each_by_its_noise():
     assert both.chi2 == pytest.approx(sum(a.chi2 for a in alone), rel=0.05)
 
 
+def test_the_floor_counts_each_log_by_its_rows():
+    case, (calm, noisy) = unlike([], 4.0)
+    data = gather(case.truth, [calm, noisy.between(0.0, 5.0)])
+    found, rows = gap(case.truth, data, 1.0), [m.time.size for m in data.logs]
+    wanted = np.sqrt(np.average((data.scales * data.noise) ** 2, axis=0, weights=rows))
+    floors = [found.floor[c] * found.rms[c] / found.nrmse[c] for c in data.channels]
+    assert floors == pytest.approx(wanted, rel=0.01)
+
+
 def test_together_they_tell_what_each_tells_alone_added():
     case, logs = unlike([], 4.0)
     told = [
