@@ -1,0 +1,57 @@
+"""What evidence is asked for: every threshold of the discrepancy workflow, with its reason."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Criteria:
+    """Thresholds.
+
+    Attributes
+    ----------
+    level : float
+        Chance of one false name among all candidates that are looked at: a p-value over blocks must lie
+        below this over their number (Bonferroni).
+    least, each : float
+        Fall of twice the negative log likelihood that an effect must bring, beyond `each` for each of its
+        numbers: odds of e^10 before, e^2 for each (a Bayes factor that Kass and Raftery, JASA 90 (1995), call
+        decisive), as `level` asks of a chi-squared of sixty candidates.
+    spread : float
+        Largest standard deviation of a coefficient from block to block, noise taken off, in parts of the
+        coefficient: at one half a further block has the same sign with 97.5 %. A real cause is invariant, a
+        stand-in is not (Peters, Buehlmann, Meinshausen, J. R. Stat. Soc. B 78 (2016)).
+    blocks : int
+        Fewest blocks that must tell a coefficient for their scatter to be judged.
+    apart : float
+        A rival no more than this behind (odds of e^6) cannot be told apart.
+    apart_t : float
+        Nor one behind by less than so many standard errors of the difference over blocks (Vuong,
+        Econometrica 57 (1989)).
+    remains : float
+        Fall of twice the negative log likelihood by process noise in one equation from which on something
+        remains there: two numbers, its size and its correlation time.
+    share : float
+        Score, in parts of the best one's, below which a candidate is not fitted.
+    tries : int
+        Candidates that are fitted at most to find the best.
+    worse : float
+        Rise of a held-out error, in its standard errors over starts, that no effect survives.
+    """
+
+    level: float = 0.01
+    least: float = 20.0
+    each: float = 4.0
+    spread: float = 0.5
+    blocks: int = 6
+    apart: float = 12.0
+    apart_t: float = 3.0
+    remains: float = 28.0
+    share: float = 0.4
+    tries: int = 4
+    worse: float = 3.0
+
+
+#: What the package uses.
+CRITERIA = Criteria()

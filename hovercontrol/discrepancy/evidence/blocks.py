@@ -1,0 +1,127 @@
+"""Whether disjoint blocks of the logs agree on an effect's size: a real cause is the same everywhere."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+from hovercontrol.estimation.fit import Fit, inverse
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Blocks:
+    """An effect's size, block by block, in parts of its size on all.
+
+    Attributes
+    ----------
+    estimate, std : ndarray, shape (W,)
+        1 is as all blocks together say; infinite standard error where a block tells nothing.
+    log : ndarray of int, shape (W,)
+        From which log each is.
+    n : int
+        Blocks that tell something.
+    same_sign : int
+        Those of them with the sign of all.
+    t : float
+        Size over its standard error, that by the scatter over blocks.
+    dof : float
+        Blocks that count, less one: a few may carry all information.
+    spread : float
+        Standard deviation from block to block beyond what noise explains.
+    """
+
+    estimate: Array
+    std: Array
+    log: NDArray[np.intp]
+    n: int
+    same_sign: int
+    t: float
+    dof: float
+    spread: float
+
+    @property
+    def p_value(self) -> float:
+        """Of t, two-sided."""
+        return float(2.0 * stats.t.sf(abs(self.t), max(self.dof, 1e-3)))
+
+
+def scatter(score: Array, information: Array, log: NDArray[np.intp]) -> Blocks:
+    """Return what blocks say of one number whose size on all is 1.
+
+    Parameters
+    ----------
+    score : ndarray, shape (W,)
+        Of each block, at zero.
+    information : ndarray, shape (W,)
+    log : ndarray of int, shape (W,)
+    """
+    total = float(information.sum())
+    known = information > 1e-9 * total
+    with np.errstate(all="ignore"):
+        estimate = np.where(known, score / information, 0.0)
+        std = np.where(known, 1.0 / np.sqrt(information), np.inf)
+    counts = information > 0.05 * total / max(len(information), 1)
+    n = int(counts.sum())
+    effective = total**2 / float((information**2).sum()) if total > 0 else 0.0
+    left = score - information * float(score.sum()) / max(total, 1e-300)
+    W = len(score)
+    meat = float((left**2).sum()) * W / max(W - 1, 1)
+    size = float(score.sum()) / max(total, 1e-300)
+    robust = np.sqrt(meat) / max(total, 1e-300)
+    t = size / max(robust, 1e-300)
+    w = information[counts]
+    spread = 0.0
+    if n > 1:
+        centre = float((w * estimate[counts]).sum() / w.sum())
+        Q = float((w * (estimate[counts] - centre) ** 2).sum())
+        spread = float(np.sqrt(max(Q - (n - 1), 0.0) / (w.sum() - (w**2).sum() / w.sum()))) / max(
+            abs(centre), 1e-300
+        )
+    same = int((estimate[counts] * np.sign(size) > 0).sum())
+    return Blocks(estimate, std, log, n, same, abs(t), max(effective - 1.0, 0.0), spread)
+
+
+def of_effect(fit: Fit, name: str) -> Blocks:
+    """Return what each block says of a fitted effect's size, all other unknowns as all blocks have them.
+
+    Parameters
+    ----------
+    fit : Fit
+    name : str
+        An effect of its model; of several numbers that scale it, along their direction.
+    """
+    problem = fit.problem
+    e = problem.model.effect(name)
+    scaling = [
+        (problem.names.index(e.parameter(k)), n.neutral)
+        for k, n in e.numbers.items()
+        if not np.isnan(n.neutral) and e.parameter(k) in problem.names
+    ]
+    W = len(fit.S)
+    log = problem.rows.log
+    if not scaling:
+        return Blocks(np.ones(W), np.full(W, np.inf), log, 0, 0, np.inf, 1e9, 0.0)
+    mine = [j for j, _ in scaling]
+    away = np.array([fit.p[j] - neutral for j, neutral in scaling]) / problem.slope(fit.p)[mine]
+    others = [j for j in fit.movable if j not in mine]
+    S, g = fit.S, fit.g
+    total = S.sum(axis=0) + np.diag(fit.prior.precision)
+    back = inverse(total[np.ix_(others, others)]) @ total[np.ix_(others, mine)] if others else None
+    J = S[:, mine][:, :, mine]
+    u = g[:, mine]
+    if back is not None:
+        cross = S[:, mine][:, :, others]
+        J = (
+            J
+            - cross @ back
+            - np.swapaxes(cross @ back, 1, 2)
+            + np.einsum("pm,wpq,qk->wmk", back, S[:, others][:, :, others], back)
+        )
+        u = u - g[:, others] @ back
+    information = np.maximum(np.einsum("m,wmk,k->w", away, J, away), 0.0)
+    return scatter(u @ away + information, information, log)

@@ -1,0 +1,135 @@
+"""Trials of the effects that a model may lack: each effect at a few values of its shapes."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hovercontrol.estimation.subject import Subject, structure
+from hovercontrol.effects import Effect, Shape, effect_class, effect_names
+from hovercontrol.errors import InputError
+from hovercontrol.estimation.fit import Fit
+
+Array = NDArray[np.float64]
+
+#: Size of the trial of a number that enters linearly; in units of its own, the answer being linear.
+TRIAL = 1e-2
+
+#: Parts of a trial beyond which its linear answer is no guide to a shape.
+BELIEVED = (0.1, 4.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """An effect at trial values of its shapes.
+
+    Attributes
+    ----------
+    name : str
+        Of the effect.
+    trial : Effect
+    amplitudes : tuple of str
+        Its numbers that scale it; each has a column. Without any the trial as a whole has one.
+    """
+
+    name: str
+    trial: Effect
+    amplitudes: tuple[str, ...]
+
+    def at(self, parts: Sequence[float]) -> Effect:
+        """Return the effect with its amplitudes at parts of the trial's, within their bounds."""
+        if not self.amplitudes:
+            return self.trial
+        cls, values = type(self.trial), dict(self.trial.values)
+        for key, part in zip(self.amplitudes, parts, strict=True):
+            number = cls.numbers[key]
+            if isinstance(number, Shape) and number.lower >= 0.0:  # a linear answer says little far off
+                part = float(np.clip(part, *BELIEVED))
+            value = number.neutral + part * (values[key] - number.neutral)
+            values[key] = float(np.clip(value, number.lower, number.upper))
+        return cls(**values)
+
+    def allowed(self, parts: Sequence[float]) -> bool:
+        """Tell whether those amplitudes are within their bounds: a drag does not push."""
+        if not self.amplitudes:
+            return bool(0.3 < parts[0] < 3.0)
+        for key, part in zip(self.amplitudes, parts, strict=True):
+            number = type(self.trial).numbers[key]
+            value = number.neutral + part * (self.trial.values[key] - number.neutral)
+            if not number.lower <= value <= number.upper:
+                return False
+        return True
+
+
+def catalogue(model: Subject, names: Sequence[str] | None = None) -> list[type[Effect]]:
+    """Return the classes of the effects that a model may lack."""
+    have = {e.name for e in model.effects}
+    return [
+        cls
+        for cls in (effect_class(name) for name in (effect_names() if names is None else names))
+        if cls.name not in have and model.accepts(cls)
+    ]
+
+
+def candidates(fit: Fit, names: Sequence[str] | None = None) -> list[Candidate]:
+    """Return trials of all effects that the model does not have.
+
+    Parameters
+    ----------
+    fit : Fit
+    names : sequence of str, optional
+        Effects to try; default: all that are known and fit the craft.
+    """
+    scales = _scales(fit)
+    found = []
+    for cls in catalogue(fit.problem.model, names):
+        amplitudes = tuple(k for k, n in cls.numbers.items() if not math.isnan(n.neutral))
+        grid = []
+        for key, number in cls.numbers.items():
+            if isinstance(number, Shape) and number.search:
+                what = f"speed_{getattr(cls, 'axis', '')}" if number.of == "speed" else number.of
+                grid.append([(key, part * scales.get(what, 1.0)) for part in number.search])
+            elif isinstance(number, Shape):
+                grid.append([(key, _width(fit, cls, number.default))])
+            else:
+                grid.append([(key, number.neutral + TRIAL)])
+        trials = [cls(**dict(values)) for values in itertools.product(*grid)]
+        if _fits(fit.problem.model, trials[0]):
+            found += [Candidate(cls.name, trial, amplitudes) for trial in trials]
+    return found
+
+
+def _fits(model: Subject, e: Effect) -> bool:
+    """Whether an effect, somebody's own perhaps and meant for another machine, can act in a model."""
+    try:
+        structure(model.with_effects([e]))
+    except (AttributeError, InputError):
+        return False
+    return True
+
+
+def _width(fit: Fit, cls: type[Effect], default: float | None) -> float:
+    """Return the width of friction along the effect's axis, as found for the model's own."""
+    axis, problem = getattr(cls, "axis", ""), fit.problem
+    for e in problem.model.effects:
+        if getattr(e, "axis", None) == axis and e.parameter("width") in problem.names:
+            return float(fit.p[problem.names.index(e.parameter("width"))])
+    return default or 0.01
+
+
+def _scales(fit: Fit) -> dict[str, float]:
+    problem = fit.problem
+    names = [s.name for s in problem.block.states]
+    # of a craft that stands still most of the time the speed while it moves
+    squares = [fit.path[..., i] ** 2 for i in range(len(names))]
+    speeds = [math.sqrt(float(np.mean(x**2)) / max(float(np.mean(x)), 1e-300)) for x in squares]
+    found = {f"speed_{n}": v or 1.0 for n, v in zip(names, speeds, strict=True)}
+    thrusts = [i for i, s in enumerate(problem.block.inputs) if s.name != "rudder"]
+    largest = max((float(np.abs(m.inputs[thrusts]).max(initial=0.0)) for m in problem.logs), default=0.0)
+    longest = max(float(m.time[-1] - m.origin) for m in problem.logs)
+    return {**found, "input": largest or 1.0, "time": longest}

@@ -1,0 +1,262 @@
+"""How much of the misfit each candidate takes, and whether all blocks of the logs agree on its size.
+
+One filter run whitens a column for every unknown of the model and for every candidate; all that follows is
+algebra of their products, block by block: gains (a score test, Rao 1948), and a coefficient of each block.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+from hovercontrol.block import Block
+from hovercontrol.estimation.commands import Arrival, input_states
+from hovercontrol.discrepancy.search.candidates import Candidate
+from hovercontrol.estimation.subject import Subject, structure, timing
+from hovercontrol.effects import Effect
+from hovercontrol.estimation.fit import Fit, inverse, products
+from hovercontrol.estimation.kalman import run_filter
+from hovercontrol.estimation.noise import augment
+
+Array = NDArray[np.float64]
+
+#: A column of which less than this part is left, after the model's own unknowns, says nothing.
+VANISHING = 1e-7
+
+
+@dataclass(frozen=True, eq=False)
+class Scored:
+    """What a candidate would gain, and how its size scatters.
+
+    Attributes
+    ----------
+    candidate : Candidate
+    gain : float
+        Fall of minus twice the log likelihood, the model's unknowns moved along.
+    parts : ndarray, shape (m,)
+        Amplitudes, in parts of the trial's.
+    chi2 : float
+        Gain judged by how scores scatter from block to block (a Wald statistic with that covariance).
+    p_value : float
+        Of chi2, for as many blocks.
+    allowed : bool
+        Whether the amplitudes are within bounds.
+    blocks : ndarray, shape (W, 2)
+        Along the direction of `parts`: estimate of each block (1: as all together) and its standard error.
+    """
+
+    candidate: Candidate
+    gain: float
+    parts: Array
+    chi2: float
+    p_value: float
+    allowed: bool
+    blocks: Array
+
+    @property
+    def effect(self) -> Effect:
+        """The effect at its linear best."""
+        return self.candidate.at(self.parts.tolist())
+
+
+class Scores:
+    """Products of whitened columns of a fit's residual, unknowns and candidates.
+
+    Parameters
+    ----------
+    fit : Fit
+    tried : sequence of Candidate
+    """
+
+    def __init__(self, fit: Fit, tried: Sequence[Candidate]) -> None:
+        self.fit, self.tried = fit, list(tried)
+        drive, seen, self.own = columns(fit, tried)
+        system = augment(fit.problem, fit.linear, [fit.noise], drive=drive, seen=seen)
+        every = products(run_filter(system).white)
+        self.G = every[:, 1:, 1:]  # W, P+M, P+M
+        self.f = -every[:, 1:, 0]
+        # columns are minus what an unknown adds to a channel: signs of both cancel in G
+        problem, P = fit.problem, len(fit.p)
+        z = problem.inside(fit.p)
+        slack = (self.f[:, :P].sum(axis=0) - fit.prior.precision * (z - fit.prior.centre))
+        stuck = ((fit.p <= problem.lower) & (slack < 0)) | ((fit.p >= problem.upper) & (slack > 0))
+        self.movable = np.flatnonzero(~stuck)
+        self.pull = fit.prior.precision * (z - fit.prior.centre)
+        self.P = P
+
+    def of(self, i: int) -> Scored:
+        """Return how candidate i scores."""
+        cols = [self.P + c for c in self.own[i]]
+        return self._scored(self.tried[i], cols)
+
+    def _scored(self, candidate: Candidate, cols: list[int]) -> Scored:
+        mine = self.movable
+        G, f = self.G, self.f
+        own = G[:, mine][:, :, mine].sum(axis=0) + np.diag(self.fit.prior.precision[mine])
+        cross = G[:, mine][:, :, cols].sum(axis=0)
+        back = inverse(own) @ cross  # P, m
+        # each block's score and information along the candidate, unknowns at what all blocks make of them
+        u = f[:, cols] - f[:, mine] @ back
+        J = (
+            G[:, cols][:, :, cols]
+            - np.swapaxes(G[:, mine][:, :, cols], 1, 2) @ back
+            - np.swapaxes(np.swapaxes(G[:, mine][:, :, cols], 1, 2) @ back, 1, 2)
+            + np.einsum("pm,wpq,qk->wmk", back, G[:, mine][:, :, mine], back)
+        )
+        total = J.sum(axis=0) + back.T * self.fit.prior.precision[mine] @ back
+        g = u.sum(axis=0) + self.pull[mine] @ back
+        bare = np.diag(G[:, cols][:, :, cols].sum(axis=0))
+        if (np.diag(total) <= VANISHING * np.maximum(bare, 1e-300)).any():
+            return Scored(candidate, 0.0, np.zeros(len(cols)), 0.0, 1.0, True, np.zeros((len(G), 2)))
+        C = inverse(total)
+        parts = C @ g
+        gain = float(g @ parts)
+        left = u - np.einsum("wmk,k->wm", J, parts)
+        B = int((np.einsum("wmm->w", J) > 1e-3 * np.trace(total) / len(G)).sum())
+        meat = left.T @ left * B / max(B - 1, 1)
+        covariance = C @ np.maximum(meat, 0.0) @ C + 0.0
+        m = len(cols)
+        # where blocks scatter less than noise says they should, noise it is
+        V = covariance + 1e-12 * np.eye(m) * np.trace(C)
+        chi2 = float(min(parts @ np.linalg.solve(V, parts), 1e12)) if m else 0.0
+        chi2 = min(chi2, gain) if B <= 3 else chi2
+        dof = max(B - m, 1)
+        F = chi2 / m * dof / max(B - 1, 1)
+        p_value = float(stats.f.sf(F, m, dof))
+        Jd = np.einsum("m,wmk,k->w", parts, J, parts)
+        ud = u @ parts
+        with np.errstate(all="ignore"):
+            each = np.stack([ud / Jd, 1.0 / np.sqrt(Jd)], axis=1)
+        return Scored(candidate, gain, parts, chi2, p_value, candidate.allowed(parts.tolist()), each)
+
+    def best(self) -> list[Scored]:
+        """Return each effect at its best trial, the largest gain first."""
+        found: dict[str, Scored] = {}
+        for i in range(len(self.tried)):
+            s = self.of(i)
+            old = found.get(s.candidate.name)
+            if old is None or (s.allowed, s.gain) > (old.allowed, old.gain):
+                found[s.candidate.name] = s
+        return sorted(found.values(), key=lambda s: -s.gain)
+
+
+def columns(fit: Fit, tried: Sequence[Candidate]) -> tuple[Array, Array, list[tuple[int, ...]]]:
+    """Return what each amplitude of each candidate adds to states and channels, and whose columns are whose."""
+    problem = fit.problem
+    K, W, C = fit.linear.residual.shape
+    n = len(problem.free)
+    width = sum(max(len(c.amplitudes), 1) for c in tried)
+    drive, seen = np.zeros((K - 1, W, n, width)), np.zeros((K, W, C, width))
+    own, at = [], 0
+    runs = _Along(fit)
+    for candidate in tried:
+        mine = []
+        for key in candidate.amplitudes or ("",):
+            alone = _alone(candidate, key)
+            mine.append(at)
+            late = timing(problem.model.with_effects([alone])) != timing(problem.model)
+            if type(alone).kind() == "measurement" and not late:
+                seen[..., at] = runs.seen(alone)
+            else:
+                drive[..., at] = runs.forcing(alone)
+            at += 1
+        own.append(tuple(mine))
+    return drive, seen, own
+
+
+def _alone(candidate: Candidate, key: str) -> Effect:
+    """Return the trial with one amplitude, the others neutral."""
+    numbers, values = type(candidate.trial).numbers, dict(candidate.trial.values)
+    for other in candidate.amplitudes:
+        if other != key:
+            values[other] = numbers[other].neutral
+    return type(candidate.trial)(**values)
+
+
+class _Along:
+    """Forces and measurements of models along a fit's path."""
+
+    def __init__(self, fit: Fit) -> None:
+        self.fit, self.problem = fit, fit.problem
+        problem = self.problem
+        self._values = dict(zip(problem.block.default_parameters, problem.parameters(fit.p), strict=True))
+        S, N = problem.pieces, problem.h.size
+        part = ((np.arange(S) + 0.5) / S)[:, None, None, None]
+        x = fit.path[None, :-1] + part * (fit.path[1:] - fit.path[:-1])[None]  # S, K-1, W, states
+        self._x = np.moveaxis(x, 3, 0).reshape(x.shape[3], S, N)
+        self._t = (problem.t + 0.5 * problem.h)[:, 0]
+        self._base: Array | None = None
+        self._held: tuple[Array, dict[int, Array]] | None = None
+
+    def forcing(self, e: Effect) -> Array:
+        """Return what an effect adds to the free states from row to row, (K-1, W, n)."""
+        problem = self.problem
+        if self._base is None:
+            self._base = self._slopes(problem.model, self._values)
+        model = problem.model.with_effects([e])
+        own = {f"{problem.block.name}.{e.parameter(k)}": v for k, v in e.values.items()}
+        added = self._slopes(model, {**self._values, **own}) - self._base  # n, K-1, W
+        push = np.moveaxis(added, 0, -1) * problem.dt[..., None]
+        A = self.fit.linear.A
+        return 0.5 * (push + (A @ push[..., None])[..., 0])
+
+    def _slopes(self, model: Subject, values: Mapping[str, float]) -> Array:
+        problem, block = self.problem, structure(model)
+        every = [values.get(name, start) for name, start in block.default_parameters.items()]
+        x = np.zeros((len(block.states), *self._t.shape))
+        names = [s.name for s in problem.block.states]
+        for i, s in enumerate(block.states):
+            if s.name in names:
+                x[i] = self._x[names.index(s.name)]
+        u, lagged = self._commands(model, block, every)
+        for i, v in lagged.items():
+            x[i] = v
+        with np.errstate(all="ignore"):
+            slopes = block.to_numpy().vector[0](self._t, x, u, every)
+        rows = [[s.name for s in block.states].index(names[i]) for i in problem.free]
+        shape = problem.dt.shape
+        return np.stack([np.broadcast_to(slopes[i], self._t.shape).mean(axis=0).reshape(shape) for i in rows])
+
+    def _commands(self, model: Subject, block: Block, every: list[float]) -> tuple[Array, dict[int, Array]]:
+        problem = self.problem
+        same = timing(model) == timing(problem.model)
+        known = input_states(block)
+        if same and not set(known) - set(problem.known) and block is not problem.block and self._held and not known:
+            return self._held
+        keys = list(block.default_parameters)
+        delay = sum(every[keys.index(name)] for name in timing(model) if name)
+        u = np.empty((len(block.inputs), *self._t.shape))
+        lagged = {i: np.empty(self._t.shape) for i in known}
+        begin, width = problem.t[:, 0], np.where(problem.h > 0, problem.h, 1e-9)
+        for k, log in enumerate(problem.logs):
+            own = np.flatnonzero(problem._log_of == k)
+            arrival = Arrival(block, log.time - log.origin, log.inputs)
+            u[..., own] = arrival.mean(begin[:, own], begin[:, own] + width[:, own], delay)
+            for i, v in arrival.lagged(begin[:, own] + 0.5 * width[:, own], every, delay).items():
+                lagged[i][..., own] = v
+        if same and not known:
+            self._held = u, lagged
+        return u, lagged
+
+    def seen(self, e: Effect) -> Array:
+        """Return what a measurement effect adds to the channels, (K, W, C)."""
+        problem = self.problem
+        block = structure(problem.model.with_effects([e]))
+        own = {f"{problem.block.name}.{e.parameter(k)}": v for k, v in e.values.items()}
+        values = {k: {**self._values, **own}.get(k, v) for k, v in block.default_parameters.items()}
+        x = np.moveaxis(self.fit.path, 2, 0)
+        u = problem._inputs_at_rows(problem.parameters(self.fit.p))
+        after = block.to_numpy().outputs(problem.rows.time, x, u, values)
+        before = problem.block.to_numpy().outputs(problem.rows.time, x, u, self._values)
+        new = [s.name for s in block.outputs]
+        old = [s.name for s in problem.block.outputs]
+        found = np.zeros(problem.rows.values.shape)
+        for c, channel in enumerate(problem.rows.channels):
+            after_name = f"{channel}_measured" if f"{channel}_measured" in new else channel
+            before_name = f"{channel}_measured" if f"{channel}_measured" in old else channel
+            found[..., c] = after[new.index(after_name)] - before[old.index(before_name)]
+        return np.where(problem.seen, found, 0.0)

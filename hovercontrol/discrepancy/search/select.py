@@ -1,0 +1,340 @@
+"""Which effects a model lacks: by score, by fits, by what blocks agree on; and what cannot be told from them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from hovercontrol.discrepancy.criteria import CRITERIA, Criteria
+from hovercontrol.discrepancy.evidence.blocks import Blocks, of_effect
+from hovercontrol.discrepancy.search.candidates import candidates
+from hovercontrol.discrepancy.search.score import Scored, Scores
+from hovercontrol.effects import Effect
+from hovercontrol.estimation.fit import Fit, refit
+from hovercontrol.estimation.prior import prior_of
+from hovercontrol.estimation.problem import Problem
+from hovercontrol.estimation.subject import Subject, timing
+
+#: Times at most that better effects are looked for in place of the named ones.
+ROUNDS = 2
+
+
+@dataclass(frozen=True, eq=False)
+class Tried:
+    """An effect added to a model and fitted.
+
+    Attributes
+    ----------
+    name : str
+    fit : Fit
+    gain : float
+        Fall of twice the negative log likelihood, noise at its likeliest on both sides.
+    blocks : Blocks
+    numbers : int
+        How many unknowns it has.
+    """
+
+    name: str
+    fit: Fit
+    gain: float
+    blocks: Blocks
+    numbers: int
+
+
+@dataclass(frozen=True, eq=False)
+class Rival:
+    """An effect that the logs cannot tell from a named one.
+
+    Attributes
+    ----------
+    name, instead_of : str
+    behind : float
+        How much less likely it is, in twice the log likelihood, numbers penalised alike.
+    t : float
+        That over its standard error over blocks.
+    fit : Fit
+        With this effect in the other's place.
+    same : bool
+        Whether every log must show both alike (a delay of commands, a clock that is late).
+    """
+
+    name: str
+    instead_of: str
+    behind: float
+    t: float
+    fit: Fit
+    same: bool = False
+
+
+@dataclass(frozen=True)
+class Lead:
+    """A candidate that came near and is not named.
+
+    Attributes
+    ----------
+    name : str
+    gain : float
+    blocks_t : float
+    reason : str
+    """
+
+    name: str
+    gain: float
+    blocks_t: float
+    reason: str
+
+
+@dataclass(frozen=True, eq=False)
+class Selection:
+    """What a search found.
+
+    Attributes
+    ----------
+    base, final : Fit
+        The given model and the amended one, fitted alike.
+    effects : tuple of str
+        What was added, in order.
+    gains : dict of str to float
+        Fall of twice the negative log likelihood that each brings beside the others.
+    blocks : dict of str to Blocks
+    rivals : tuple of Rival
+    leads : tuple of Lead
+    steps : tuple of (str, float)
+        What was added in which order, with its score.
+    candidates : int
+        How many effects were looked at.
+    """
+
+    base: Fit
+    final: Fit
+    effects: tuple[str, ...] = ()
+    gains: dict[str, float] = field(default_factory=dict)
+    blocks: dict[str, Blocks] = field(default_factory=dict)
+    rivals: tuple[Rival, ...] = ()
+    leads: tuple[Lead, ...] = ()
+    steps: tuple[tuple[str, float], ...] = ()
+    candidates: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class _Search:
+    """What every step of a search is given."""
+
+    model: Subject
+    names: Sequence[str] | None
+    criteria: Criteria
+    tell: Callable[[str], None]
+
+    def fit(self, near: Fit, model: Subject) -> Fit:
+        problem = Problem(model, near.problem.data, pieces=near.problem.pieces)
+        return refit(near, problem, prior_of(problem, self.model))
+
+
+def select(
+    base: Fit,
+    model: Subject,
+    *,
+    names: Sequence[str] | None = None,
+    max_effects: int = 3,
+    criteria: Criteria = CRITERIA,
+    tell: Callable[[str], None] = lambda what: None,
+) -> Selection:
+    """Return which effects a fitted model lacks.
+
+    Parameters
+    ----------
+    base : Fit
+        Of the model as given.
+    model : Model or BlockModel
+        As given: about its coefficients the prior lies.
+    names : sequence of str, optional
+        Effects to consider; default: the whole catalogue.
+    max_effects : int, optional
+    criteria : Criteria, optional
+    tell : callable, optional
+        Called with what is being tried.
+    """
+    search = _Search(model, names, criteria, tell)
+    current, effects = base, []
+    steps: list[tuple[str, float]] = []
+    tried: dict[str, Tried] = {}
+    seen: list[Scored] = []
+    while True:
+        tell("scoring the catalogue")
+        seen = Scores(current, candidates(current, names)).best()
+        if len(effects) >= max_effects:
+            break
+        found = _add(search, current, seen)
+        tried = {t.name: t for t in found}
+        good = [t for t in found if passes(t, len(seen), criteria)]
+        if not good:
+            break
+        best = min(good, key=lambda t: t.fit.cost + criteria.each * t.numbers)
+        effects.append(best.name)
+        steps.append((best.name, best.gain))
+        current = best.fit
+    selection = Selection(
+        base, current, tuple(effects), steps=tuple(steps), candidates=len(seen) + len(effects)
+    )
+    if effects:
+        selection = _confirmed(search, selection)
+    return replace(selection, leads=_leads(seen, tried, selection, criteria))
+
+
+def passes(t: Tried, looked_at: int, criteria: Criteria) -> bool:
+    """Tell whether an effect brings what is asked for: gain, agreement of blocks, one size everywhere."""
+    return not why_not(t, looked_at, criteria)
+
+
+def why_not(t: Tried, looked_at: int, criteria: Criteria) -> str:
+    """Return why an effect is not named; empty if it may be."""
+    asked = criteria.least + criteria.each * t.numbers
+    if t.gain < asked:
+        return f"gains {t.gain:.3g} in twice the log likelihood, {asked:g} are asked for"
+    b = t.blocks
+    if not np.any(t.fit.noise.process > 0.0):  # all that remains is noise of the measurements
+        return ""
+    p = criteria.level / max(looked_at, 1)
+    if b.p_value > p:
+        return f"blocks of the logs do not agree on it (t = {b.t:.1f}, {b.same_sign} of {b.n} with its sign)"
+    if b.spread > criteria.spread and b.n >= criteria.blocks:
+        return f"its size differs from block to block by {100 * b.spread:.0f} %"
+    return ""
+
+
+def _add(search: _Search, current: Fit, seen: Sequence[Scored]) -> list[Tried]:
+    """Return fits with the candidates that score best."""
+    criteria = search.criteria
+    worthy = [
+        s for s in seen if s.allowed and s.gain > criteria.least + criteria.each * len(s.parts)
+    ]
+    if not worthy:
+        return []
+    found: list[Tried] = []
+    for s in worthy:
+        if len(found) >= criteria.tries:
+            break
+        top = worthy[0]
+        kin = same_axis(s.candidate.trial, top.candidate.trial)
+        same = any(twins(current.problem.model, s.candidate.name, t.name) for t in found)
+        if same or (found and s.gain < (0.5 if kin else 1.0) * criteria.share * top.gain):
+            continue
+        if found and found[0].gain > 0 and not kin and _explained(found[0]) and s.gain < 0.9 * top.gain:
+            continue
+        search.tell(f"trying {s.candidate.name}")
+        found.append(_tried(search, current, s.effect))
+    return found
+
+
+def _explained(t: Tried) -> bool:
+    """Whether an effect leaves process noise a small part of what it was."""
+    return bool(np.all(t.fit.noise.process <= 0.02 * t.fit.problem.accelerations))
+
+
+def _tried(search: _Search, current: Fit, e: Effect) -> Tried:
+    fit = search.fit(current, current.model.with_effects([e]))
+    numbers = len(fit.p) - len(current.p)
+    return Tried(e.name, fit, current.cost - fit.cost, of_effect(fit, e.name), numbers)
+
+
+def same_axis(one: Effect, other: Effect) -> bool:
+    """Whether two effects are drags along the same axis, which widths of friction blend."""
+    return getattr(one, "axis", None) == getattr(other, "axis", 0)
+
+
+def twins(model: Subject, one: str, other: str) -> bool:
+    """Whether two effects only say how late something is, which every log shows alike."""
+    return one != other and {one, other} <= LATE
+
+
+#: Effects that shift commands against measurements: no log tells them apart.
+LATE = {"input_delay", "time_offset", "fan_delay"}
+
+
+def without_effects(model: Subject, *names: str) -> Subject:
+    """Return a model less some of its effects, all else as it is."""
+    return replace(model, effects=tuple(e for e in model.effects if e.name not in names))
+
+
+def _confirmed(search: _Search, selection: Selection) -> Selection:
+    """Drop what is not needed, put better ones in, and say what is level with each."""
+    criteria = search.criteria
+    effects, final = list(selection.effects), selection.final
+    rivals: list[Rival] = []
+    gains: dict[str, float] = {}
+    for _ in range(ROUNDS):
+        rivals, gains, changed = [], {}, False
+        for name in list(effects):
+            alone = len(effects) == 1
+            less = selection.base if alone else search.fit(final, without_effects(final.model, name))
+            own = Tried(name, final, less.cost - final.cost, of_effect(final, name), _numbers(final, name))
+            gains[name] = own.gain
+            if not alone and not passes(own, selection.candidates, criteria):
+                effects.remove(name)
+                final, changed = less, True
+                break
+            others = [
+                s
+                for s in Scores(less, candidates(less, search.names)).best()
+                if s.candidate.name != name and s.allowed
+            ]
+            best = max((s.gain for s in others), default=0.0)
+            tried: list[Tried] = []
+            for s in others:
+                same = twins(final.problem.model, name, s.candidate.name)
+                near = s.gain > max(criteria.share * max(best, 0.0), criteria.least)
+                if not (near or same) or len(tried) >= criteria.tries:
+                    continue
+                search.tell(f"trying {s.candidate.name} in place of {name}")
+                tried.append(_tried(search, less, s.effect))
+            for t in tried:
+                behind = (t.fit.cost + criteria.each * t.numbers) - (final.cost + criteria.each * own.numbers)
+                d = t.fit.block_costs - final.block_costs
+                score = float(d.sum() / max(np.sqrt(d.size) * d.std(ddof=1), 1e-300)) if d.size > 1 else 0.0
+                ok = passes(t, selection.candidates, criteria)
+                if behind < 0.0 and ok and not twins(final.problem.model, name, t.name):
+                    effects[effects.index(name)] = t.name
+                    final, changed = t.fit, True
+                    break
+                same = twins(final.problem.model, name, t.name)
+                if same or (ok and (behind < criteria.apart or score < criteria.apart_t)):
+                    rivals.append(Rival(t.name, name, behind, score, t.fit, same))
+            if changed:
+                break
+        if not changed:
+            break
+    blocks = {name: of_effect(final, name) for name in effects}
+    return replace(
+        selection, final=final, effects=tuple(effects), rivals=tuple(rivals), gains=gains, blocks=blocks
+    )
+
+
+def _numbers(fit: Fit, name: str) -> int:
+    e = fit.problem.model.effect(name)
+    return sum(e.parameter(k) in fit.problem.names for k in e.numbers)
+
+
+def _leads(
+    seen: Sequence[Scored], tried: dict[str, Tried], selection: Selection, criteria: Criteria
+) -> tuple[Lead, ...]:
+    """Return the candidates that came nearest beside what is named, with the reason why not."""
+    found = []
+    for s in seen:
+        if s.gain < criteria.least or s.candidate.name in selection.effects:
+            continue
+        t = tried.get(s.candidate.name)
+        if t is not None:
+            reason = why_not(t, len(seen), criteria) or "another one takes more"
+            found.append(Lead(t.name, t.gain, t.blocks.t, reason))
+            continue
+        score_t = float(np.sqrt(max(s.chi2, 0.0)))
+        if not s.allowed:
+            reason = "fits best with a sign or size that its bounds forbid"
+        elif s.p_value > criteria.level / max(len(seen), 1):
+            reason = f"blocks of the logs do not agree on it (t = {score_t:.1f})"
+        else:
+            reason = "another one takes more"
+        found.append(Lead(s.candidate.name, s.gain, score_t, reason))
+    return tuple(found[:8])

@@ -1,0 +1,107 @@
+"""Logs as a model's Block sees them: measured channels in blocks, their noise, and where the states may be."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import median_filter
+
+from hovercontrol.block import Block
+from hovercontrol.discrepancy.levels import noise_scales
+from hovercontrol.errors import InputError
+from hovercontrol.estimation.rows import BLOCKS, Rows, arrange
+from hovercontrol.estimation.subject import Subject, structure
+from hovercontrol.identify.measure import Measured, measure_all
+from hovercontrol.identify.windows import noise_levels
+from hovercontrol.logs import Log
+
+Array = NDArray[np.float64]
+
+#: Rows of all logs together that are used at most.
+MOST_ROWS = 60_000
+
+#: Rows to either side between which the slope of a measured state is taken.
+REACH = 3
+
+#: Rows over whose median a first guess of a measured state is taken: it must not follow single samples.
+DESPIKE = 5
+
+
+@dataclass(frozen=True, eq=False)
+class Data:
+    """Logs as a model's Block sees them.
+
+    Attributes
+    ----------
+    logs : tuple of Measured
+    channels : tuple of str
+        All that was measured in any.
+    noise : ndarray, shape (C,)
+        Measurement noise from third differences: a start.
+    scales : ndarray, shape (L, C)
+        The noise of each log over that of all.
+    rows : Rows
+    """
+
+    logs: tuple[Measured, ...]
+    channels: tuple[str, ...]
+    noise: Array
+    scales: Array
+    rows: Rows
+
+    def without(self, samples: NDArray[np.bool_]) -> Data:
+        """Return the data less some samples, shape (K, W, C)."""
+        values = np.where(samples, np.nan, self.rows.values)
+        return replace(self, rows=replace(self.rows, values=values))
+
+
+def gather(model: Subject, logs: Sequence[Log | Measured], blocks: int = BLOCKS) -> Data:
+    """Return what logs say about a model.
+
+    Parameters
+    ----------
+    model : Model or BlockModel
+    logs : sequence of Log or Measured
+    blocks : int, optional
+        Disjoint blocks that all logs together are cut into.
+
+    Raises
+    ------
+    InputError
+        If an input is missing or out of its bounds, nothing that the model computes was measured, or a log
+        has too few rows.
+    """
+    block = structure(model)
+    measured = tuple(measure_all(block, logs, MOST_ROWS))
+    channels = tuple(dict.fromkeys(c for m in measured for c in m.channels))
+    noise = noise_levels(measured, channels)
+    scales = noise_scales(measured, channels, noise)
+    rows = arrange(measured, [_guess(block, m) for m in measured], channels, blocks)
+    if not len(rows.log):
+        raise InputError(f"{', '.join(m.name for m in measured)}: too few rows: no stretch of 12 follows on")
+    return Data(measured, channels, noise, scales, rows)
+
+
+def _guess(block: Block, log: Measured) -> dict[str, Array]:
+    """Return where states may be: as measured less what stands out, or the slope of what was."""
+    names = [s.name for s in block.states]
+    known = {name: row for name, row in zip(names, log.states, strict=False) if np.isfinite(row).all()}
+    for name in [n for n in known if n in log.channels]:
+        known[name] = median_filter(known[name], size=DESPIKE, mode="nearest")
+    at = np.arange(log.time.size)
+    before, after = np.maximum(at - REACH, 0), np.minimum(at + REACH, at[-1])
+    symbols = [s.symbol for s in block.states]
+    for i, j in _slopes(block, symbols):
+        if names[j] in known and names[i] not in known:
+            rise = known[names[j]][after] - known[names[j]][before]
+            known[names[i]] = rise / np.maximum(log.time[after] - log.time[before], 1e-12)
+    return known
+
+
+def _slopes(block: Block, symbols: Sequence[object]) -> list[tuple[int, int]]:
+    """Return which states are just the slope of another, with that one: ``position' = velocity``."""
+    slopes = [block.expand(block.derivatives[s.name]) for s in block.states]
+    return [(symbols.index(e), j) for j, e in enumerate(slopes) if e in symbols]

@@ -1,0 +1,227 @@
+"""Measurement noise and process noise: what a likelihood assumes of all that no equation says.
+
+Process noise is a missing acceleration in each equation on which forces act, of a root mean square and a
+correlation time (Ornstein and Uhlenbeck): gusts, bumps and floors last a while. Its size is what a model lacks.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hovercontrol.estimation.kalman import Smoothed, System, run_filter
+from hovercontrol.estimation.problem import Linear, Problem
+
+Array = NDArray[np.float64]
+
+#: Standard deviation of a block's first states about the guess, in parts of how far states range.
+LOOSE = 10.0
+
+
+@dataclass(frozen=True, eq=False)
+class Noise:
+    """Levels of noise.
+
+    Attributes
+    ----------
+    measured : ndarray, shape (C,)
+        Standard deviation of each channel.
+    scale : ndarray, shape (L, C)
+        The same of each log over that of all.
+    process : ndarray, shape (q,)
+        Root mean square of the missing acceleration, by driven state.
+    seconds : ndarray, shape (q,)
+        Its correlation time.
+    """
+
+    measured: Array
+    scale: Array
+    process: Array
+    seconds: Array
+
+
+def augment(
+    problem: Problem,
+    linear: Linear,
+    noises: list[Noise],
+    *,
+    unknowns: bool = True,
+    drive: Array | None = None,
+    seen: Array | None = None,
+) -> System:
+    """Return the linear system of a problem with its missing accelerations as further states.
+
+    Parameters
+    ----------
+    problem : Problem
+    linear : Linear
+    noises : list of Noise
+        One, or several that run side by side: blocks are repeated for each.
+    unknowns : bool, optional
+        Whether the unknowns have columns.
+    drive, seen : ndarray, shapes (K-1, W, n, M) and (K, W, C, M), optional
+        Further columns: what a candidate adds to the states from row to row, and to the channels.
+    """
+    n, driven, dt = len(problem.free), list(problem.driven), problem.dt
+    q, (K, W, C) = len(driven), linear.residual.shape
+    N = n + q
+    gamma = _gamma(problem, linear.A)
+    columns = [linear.defect[..., None]]
+    channels = [linear.residual[..., None]]
+    if unknowns and linear.B.size:
+        columns.append(linear.B)
+        channels.append(-linear.D)
+    if drive is not None and seen is not None:
+        columns.append(drive)
+        channels.append(-seen)
+    m = sum(c.shape[-1] for c in columns)
+    full = np.zeros((K - 1, W, N, m))
+    full[..., :n, :] = np.concatenate(columns, axis=-1)
+    watched = np.concatenate(channels, axis=-1)
+    H = np.zeros((K, W, C, N))
+    H[..., :n] = linear.H
+    copies = len(noises)
+    A = np.zeros((K - 1, copies, W, N, N))
+    Q = np.zeros((K - 1, copies, W, N, N))
+    R = np.ones((K, copies, W, C))
+    P0 = np.zeros((copies, W, N, N))
+    P0[..., range(n), range(n)] = (LOOSE * problem.spread) ** 2
+    for c, noise in enumerate(noises):
+        A[:, c, :, :n, :n] = linear.A
+        for j in range(q):
+            tau = float(noise.seconds[j])
+            s = dt / tau
+            fade = np.exp(-s)
+            A[:, c, :, :n, n + j] = gamma[..., j] * (tau * -np.expm1(-s))[..., None]
+            A[:, c, :, n + j, n + j] = fade
+            if noise.process[j] > 0.0:
+                Q[:, c] += _covariance(problem, A[:, c], noise, j)
+            P0[c, :, n + j, n + j] = float(noise.process[j]) ** 2
+        level = (noise.measured * noise.scale[problem.rows.log]) ** 2  # W, C
+        R[:, c] = np.where(problem.seen, level, 1.0)
+    if copies == 1:
+        return System(A[:, 0], Q[:, 0], full, H, R[:, 0], watched, P0[0])
+
+    def tiled(a: Array) -> Array:
+        return np.tile(a, (1, copies, *(1 for _ in a.shape[2:])))
+
+    return System(
+        A.reshape(K - 1, copies * W, N, N),
+        Q.reshape(K - 1, copies * W, N, N),
+        tiled(full),
+        tiled(H),
+        R.reshape(K, copies * W, C),
+        tiled(watched),
+        P0.reshape(copies * W, N, N),
+    )
+
+
+def _integrated(s: Array) -> Array:
+    """Return 2 s - 3 + 4 exp(-s) - exp(-2 s), without loss of digits for small s."""
+    small = s < 1e-2
+    series = s**3 * (2.0 / 3.0 - s / 2.0 + 7.0 * s**2 / 30.0)
+    plain = 2.0 * s - 3.0 + 4.0 * np.exp(-s) - np.exp(-2.0 * s)
+    return np.where(small, series, plain)
+
+
+#: A variance moves by at most this factor in a pass; a ratio that keeps its sign is followed so many times as far.
+FARTHEST, ONWARD = 30.0, 1.6
+
+#: Missing acceleration below this part of what is seen is none.
+NONE = 1e-5
+
+
+def moved(
+    problem: Problem, noise: Noise, system: System, smooth: Smoothed, before: Array
+) -> tuple[Noise, Array]:
+    """Return the levels of noise a step nearer to the likeliest, and that step.
+
+    The likelihood's slope by a variance has two halves; at its maximum they are equal, and a variance times
+    their ratio is nearer.
+
+    Parameters
+    ----------
+    problem : Problem
+    noise : Noise
+    system : System
+        With that noise.
+    smooth : Smoothed
+    before : ndarray
+        The step before; empty at first.
+    """
+    C, q = len(noise.measured), len(noise.process)
+    ratio = np.zeros(C + q)
+    e = system.seen[..., 0] - (system.H @ smooth.state[..., None])[..., 0]
+    known = np.einsum("kwci,kwij,kwcj->kwc", system.H, smooth.covariance, system.H)
+    for c in range(C):
+        own = problem.seen[..., c]
+        R = system.R[..., c][own]
+        A = float((e[..., c][own] ** 2 / R).sum())
+        B = float((1.0 - known[..., c][own] / R).sum())
+        ratio[c] = np.log(A / B) if A > 0 and B > 0 else 0.0
+    for j in range(q):
+        if noise.process[j] <= 0.0:
+            continue
+        dQ = _covariance(problem, system.A, noise, j)
+        A = float(np.einsum("kwi,kwij,kwj->", smooth.push, dQ, smooth.push))
+        B = float(np.einsum("kwij,kwji->", smooth.information, dQ))
+        ratio[C + j] = np.log(max(A, 1e-300) / max(B, 1e-300))
+    limit = np.log(FARTHEST)
+    step = np.clip(ratio, -limit, limit)
+    if before.size:
+        step = np.where(before * step > 0, np.clip(ONWARD * step, -limit, limit), step)
+    process = noise.process * np.exp(0.5 * step[C:])
+    process = np.where(process < NONE * problem.accelerations, 0.0, process)
+    return replace(noise, measured=noise.measured * np.exp(0.5 * step[:C]), process=process), step
+
+
+def _covariance(problem: Problem, A: Array, noise: Noise, j: int) -> Array:
+    """Return the part of Q that one missing acceleration makes."""
+    n, dt = len(problem.free), problem.dt
+    gamma = _gamma(problem, A[..., :n, :n])[..., j]
+    tau, var = float(noise.seconds[j]), float(noise.process[j]) ** 2
+    s = dt / tau
+    Q = np.zeros((*dt.shape, A.shape[-1], A.shape[-1]))
+    both = gamma * (var * tau * np.expm1(-s) ** 2)[..., None]
+    Q[..., :n, :n] = gamma[..., :, None] * gamma[..., None, :] * (var * tau**2 * _integrated(s))[..., None, None]
+    Q[..., :n, n + j] = Q[..., n + j, :n] = both
+    Q[..., n + j, n + j] = -var * np.expm1(-2.0 * s)
+    return Q
+
+
+def _gamma(problem: Problem, A: Array) -> Array:
+    """Return what a push in the middle of a step has become at its end, (K-1, W, n, q)."""
+    driven = list(problem.driven)
+    gamma = 0.5 * A[..., :, driven]
+    for j, i in enumerate(driven):
+        gamma[..., i, j] += 0.5
+    return gamma
+
+
+def timed(problem: Problem, linear: Linear, noise: Noise) -> Noise:
+    """Return the noise with its correlation times a step nearer to the likeliest."""
+    least, most = problem.shortest, problem.longest
+    tries, places = [noise], []
+    for j in np.flatnonzero(noise.process > 0).tolist():
+        for factor in (0.5, 2.0):
+            seconds, process = noise.seconds.copy(), noise.process.copy()
+            seconds[j] = np.clip(seconds[j] * factor, least, most)
+            process[j] *= np.sqrt(noise.seconds[j] / seconds[j])  # the same push over long times
+            tries.append(replace(noise, seconds=seconds, process=process))
+            places.append(j)
+    if not places:
+        return noise
+    filtered = run_filter(augment(problem, linear, tries, unknowns=False))
+    each = (filtered.white[..., 0] ** 2).sum(axis=(0, 2)) + filtered.log_det
+    costs = each.reshape(len(tries), -1).sum(axis=1)
+    seconds, process = noise.seconds.copy(), noise.process.copy()
+    for k in range(0, len(places), 2):
+        j, down, up = places[k], costs[1 + k], costs[2 + k]
+        slope, curve = (up - down) / 2.0, up + down - 2.0 * costs[0]
+        shift = -slope / curve if curve > 0 else (-2.0 if down < up else 2.0)
+        new = float(np.clip(seconds[j] * 2.0 ** np.clip(shift, -2.0, 2.0), least, most))
+        process[j] *= np.sqrt(seconds[j] / new)
+        seconds[j] = new
+    return replace(noise, seconds=seconds, process=process)

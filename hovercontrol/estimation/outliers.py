@@ -1,0 +1,57 @@
+"""Samples that stand alone: off what the model and the rows on both sides say, by far more than their kind.
+
+A sample is judged by what it would be without itself (its smoothed residual over that residual's own standard
+deviation), against how far samples about it are off: where motion is fast all are, and none is an outlier.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter1d, median_filter
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+#: How many times its kind's standard deviation an outlier is off. Among a million normal samples none is 6 off;
+#: real noise has heavier tails.
+STANDS_OUT = 8.0
+
+#: Rows about a sample whose median tells its kind, and rows of which one at a time is taken: its neighbours may
+#: be off because of it.
+ABOUT, ALONE = 51, 7
+
+#: Half of all samples are less than so many standard deviations off; 95 in 100 less than so many.
+HALF, MOST = 0.6745, 1.96
+
+
+def outliers(left: Array, seen: Mask) -> Mask:
+    """Return which samples stand out.
+
+    Parameters
+    ----------
+    left : ndarray, shape (K, W, C)
+        Residuals over their own standard deviations; zero where not seen.
+    seen : ndarray of bool, shape (K, W, C)
+
+    Returns
+    -------
+    ndarray of bool, shape (K, W, C)
+    """
+    off = np.abs(left)
+    found = np.zeros(seen.shape, dtype=bool)
+    for c in range(seen.shape[2]):
+        own = seen[..., c]
+        if not own.any():
+            continue
+        z = np.where(own, off[..., c], 0.0)
+        usual = max(1.0, float(np.quantile(z[own], 0.95)) / MOST)
+        suspect = z > STANDS_OUT * usual
+        if not suspect.any():
+            continue
+        columns = np.flatnonzero(suspect.any(axis=0))
+        filled = np.where(own[:, columns], z[:, columns], np.median(z[own]))
+        about = median_filter(filled, size=(ABOUT, 1), mode="nearest") / HALF
+        peak = z[:, columns] == maximum_filter1d(z[:, columns], ALONE, axis=0)
+        found[:, columns, c] = suspect[:, columns] & peak & (z[:, columns] > STANDS_OUT * about)
+    return found

@@ -1,0 +1,391 @@
+"""One model against the rows of logs, linearised from row to row: what every estimate is made of."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from copy import copy
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hovercontrol.block import Block
+from hovercontrol.estimation.commands import Arrival, input_states
+from hovercontrol.estimation.subject import Subject, same_widths, structure, timing, unknowns
+from hovercontrol.effects import Shape
+from hovercontrol.estimation.data import Data
+from hovercontrol.targets.shoot import shoot
+
+Array = NDArray[np.float64]
+
+#: Longest sub-step [s].
+STEP = 0.01
+
+#: Most sub-steps between two rows.
+MOST = 64
+
+#: Relative size of the perturbations of one-sided differences.
+NUDGE = 1e-6
+
+#: Narrowest friction [m/s, rad/s] that a fit tells from a jump, and the widest in parts of the speed.
+NARROWEST, WIDEST = 5e-4, 0.3
+
+
+@dataclass(frozen=True, eq=False)
+class Linear:
+    """A problem linearised about a path; n free states, P unknowns.
+
+    Attributes
+    ----------
+    A : ndarray, shape (K-1, W, n, n)
+    B : ndarray, shape (K-1, W, n, P)
+    defect : ndarray, shape (K-1, W, n)
+        Where the model leads from a row, minus the path at the next.
+    H : ndarray, shape (K, W, C, n)
+    D : ndarray, shape (K, W, C, P)
+    residual : ndarray, shape (K, W, C)
+        Measured minus path; zero where nothing was measured.
+    """
+
+    A: Array
+    B: Array
+    defect: Array
+    H: Array
+    D: Array
+    residual: Array
+
+
+class Problem:
+    """A model, the logs as its Block sees them, and its unknowns.
+
+    Unknowns that scale something (widths, times, speeds: shapes above zero) are sought by their logarithm.
+
+    Parameters
+    ----------
+    model : Model or BlockModel
+        Whose values the unknowns start from.
+    data : Data
+    names : sequence of str, optional
+        Unknowns; default: :func:`unknowns`.
+
+    Attributes
+    ----------
+    names : tuple of str
+    start, lower, upper : ndarray, shape (P,)
+        In the unknowns' own units.
+    log_scale : ndarray of bool, shape (P,)
+    free : tuple of int
+        States that are estimated: all but those that follow from the commands alone.
+    driven : tuple of int
+        Places among `free` of the states on which forces act: process noise is theirs.
+    """
+
+    def __init__(
+        self, model: Subject, data: Data, names: Sequence[str] | None = None, pieces: int = 1
+    ) -> None:
+        self.model, self.data, self.logs, self.rows = model, data, data.logs, data.rows
+        self.block: Block = structure(model)
+        shape = self.rows.time.shape
+        self.guess = np.stack(
+            [self.rows.guess.get(s.name, np.full(shape, s.start)) for s in self.block.states], axis=-1
+        )
+        self.names = tuple(unknowns(model) if names is None else names)
+        values = model.coefficients()
+        signals = [self.block.parameter(name) for name in self.names]
+        keys = [p.name for p in self.block.parameters]
+        same = {one: other for one, other in same_widths(model).items() if other in self.names}
+        self.same = same
+        self._at = [
+            [keys.index(self.block.parameter(n).name) for n in (name, *(o for o, f in same.items() if f == name))]
+            for name in self.names
+        ]
+        self.lower = np.array([s.lower for s in signals])
+        self.upper = np.array([s.upper for s in signals])
+        self.start = np.array([values[name] for name in self.names])
+        shapes = {
+            e.parameter(k): n for e in model.effects for k, n in e.numbers.items() if isinstance(n, Shape)
+        }
+        self.log_scale = np.array(
+            [name in shapes and shapes[name].lower > 0.0 for name in self.names], dtype=bool
+        )
+        self._bound_widths()
+        self.start = np.clip(self.start, self.lower, self.upper)
+        self.size = np.array([abs(v) or 1.0 for v in self.start])
+        self._every = [
+            values.get(key.rpartition(".")[2], s) for key, s in self.block.default_parameters.items()
+        ]
+        self._timing = [keys.index(name) if name else None for name in timing(model)]
+        self.known = input_states(self.block)
+        self.free = tuple(i for i in range(len(self.block.states)) if i not in self.known)
+        self.driven = tuple(j for j, i in enumerate(self.free) if self._is_driven(i))
+        self.arrivals = [Arrival(self.block, m.time - m.origin, m.inputs) for m in self.logs]
+        outputs, names_ = [s.name for s in self.block.outputs], [s.name for s in self.block.states]
+        self._picked = [
+            (outputs.index(f"{c}_measured"), False)
+            if f"{c}_measured" in outputs
+            else ((names_.index(c), True) if c in names_ else (outputs.index(c), False))
+            for c in self.rows.channels
+        ]
+        self._outputs = self.block.to_numpy().vector[1]
+        self._moves_commands = self._depends_on_inputs()
+        self.seen = np.isfinite(self.rows.values)
+        self.dt = np.diff(self.rows.time, axis=0)
+        steps = self.dt[self.dt > 0]
+        self.shortest = float(np.median(steps))
+        self.longest = max(0.25 * float(np.median(self.rows.seconds)), 2.0 * self.shortest)
+        within = self.guess[..., list(self.free)]
+        self.spread = np.maximum(within.std(axis=(0, 1)), [1e-3 * self.block.states[i].nominal for i in self.free])
+        self.accelerations = np.array([self._acceleration(i) for i in self.driven])
+        self.set_pieces(max(pieces, math.ceil(float(np.max(self.dt)) / STEP - 1e-9)))
+
+    def _acceleration(self, i: int) -> float:
+        """Return the root mean square slope of a free state, as seen."""
+        own = self.dt > 0
+        slopes = np.diff(self.guess[..., self.free[i]], axis=0)[own] / self.dt[own]
+        return float(np.sqrt(np.mean(slopes**2))) or float(self.spread[i])
+
+    # ---- what the model is ------------------------------------------------------------------------------
+
+    def _is_driven(self, i: int) -> bool:
+        """Whether a force acts on a state: its derivative holds a parameter or an input of the Block."""
+        own = {s.symbol for s in (*self.block.parameters, *self.block.inputs)}
+        own |= {self.block.states[k].symbol for k in self.known}
+        name = self.block.states[i].name
+        return bool(self.block.expand(self.block.derivatives[name]).free_symbols & own)
+
+    def _depends_on_inputs(self) -> list[int]:
+        """Return which unknowns change how commands arrive."""
+        symbols = {self.block.states[i].symbol for i in self.known}
+        laws = [self.block.derivatives[s.name].free_symbols for s in self.block.states if s.symbol in symbols]
+        acting: set[str] = set().union(*({str(s) for s in law} for law in laws))
+        acting |= {name for name in timing(self.model) if name}
+        return [j for j, name in enumerate(self.names) if self.block.parameter(name).name in acting]
+
+    def _bound_widths(self) -> None:
+        """Let no dry friction grow as wide as the motion is fast: it would be a linear drag."""
+        axes = [s.name for s in self.block.states]
+        for e in self.model.effects:
+            axis, name = getattr(e, "axis", ""), e.parameter("width")
+            if "width" not in e.numbers or axis not in axes or name not in self.names:
+                continue
+            squares = self.guess[..., axes.index(axis)] ** 2
+            j = self.names.index(name)
+            widest = WIDEST * np.sqrt(np.mean(squares**2) / max(float(np.mean(squares)), 1e-300))
+            self.lower[j] = max(self.lower[j], NARROWEST)
+            self.upper[j] = max(min(self.upper[j], widest), self.start[j], self.lower[j])
+
+    def without(self, samples: NDArray[np.bool_]) -> Problem:
+        """Return the problem less some samples, shape (K, W, C)."""
+        other = copy(self)
+        other.data = self.data.without(samples)
+        other.rows, other.seen = other.data.rows, self.seen & ~samples
+        return other
+
+    def path_of(self, block: Block, path: Array) -> Array:
+        """Return another Block's path as one of this problem's, states that it lacks as guessed."""
+        other = [s.name for s in block.states]
+        found = self.guess.copy()
+        for i, s in enumerate(self.block.states):
+            if s.name in other:
+                found[..., i] = path[..., other.index(s.name)]
+        return found
+
+    # ---- unknowns -----------------------------------------------------------------------------------------
+
+    def inside(self, p: Array) -> Array:
+        """Return unknowns in the coordinates in which they are sought."""
+        return np.where(self.log_scale, np.log(np.where(self.log_scale, p, 1.0)), p)
+
+    def outside(self, z: Array) -> Array:
+        """Return unknowns in their own units, within their bounds."""
+        p = np.where(self.log_scale, np.exp(np.where(self.log_scale, z, 0.0)), z)
+        return np.asarray(np.clip(p, self.lower, self.upper))
+
+    def slope(self, p: Array) -> Array:
+        """Return the derivative of unknowns by the coordinates in which they are sought."""
+        return np.where(self.log_scale, p, 1.0)
+
+    def parameters(self, p: Array) -> list[float]:
+        """Return every parameter of the Block, the unknowns as in `p`."""
+        every = list(self._every)
+        for places, value in zip(self._at, p.tolist(), strict=True):
+            for at in places:
+                every[at] = value
+        return every
+
+    def coefficients(self, p: Array) -> dict[str, float]:
+        """Return the unknowns and what is the same as one, by name."""
+        found = dict(zip(self.names, p.tolist(), strict=True))
+        return {**found, **{one: found[other] for one, other in self.same.items()}}
+
+    # ---- simulation -----------------------------------------------------------------------------------------
+
+    def set_pieces(self, pieces: int) -> None:
+        """Choose how many sub-steps a step from row to row is made of."""
+        self.pieces = int(np.clip(pieces, 1, MOST))
+        self._arrived: tuple[Array, dict[int, Array]] | None = None
+        h = self.dt / self.pieces
+        self.h = h.reshape(1, -1)
+        begin = self.rows.time[:-1] + np.arange(self.pieces)[:, None, None] * h
+        self.t = begin.reshape(self.pieces, 1, -1)
+        self._log_of = np.tile(self.rows.log, len(self.dt))
+
+    def commands(self, parameters: Sequence[float]) -> tuple[Array, dict[int, Array]]:
+        """Return inputs' means over sub-steps, (n_inputs, S, 1, N), and input states in their middles."""
+        delay = sum(parameters[at] for at in self._timing if at is not None)
+        u = np.empty((len(self.block.inputs), *self.t.shape))
+        lagged = {i: np.empty(self.t.shape) for i in self.known}
+        width = np.where(self.h > 0, self.h, 1e-9)
+        for k, arrival in enumerate(self.arrivals):
+            own = np.flatnonzero(self._log_of == k)
+            begin, wide = self.t[..., own], width[:, own]
+            u[..., own] = arrival.mean(begin, begin + wide, delay)
+            for i, values in arrival.lagged(begin + 0.5 * wide, parameters, delay).items():
+                lagged[i][..., own] = values
+        return u, lagged
+
+    def _lanes(
+        self, p: Array, jacobian: bool, unknowns: bool = True
+    ) -> tuple[Array, list[float | Array], Array, dict[int, Array]]:
+        """Return steps of the copies, parameters by copy, and whose commands differ."""
+        n = len(self.free) if jacobian else 0
+        P = len(p) if jacobian and unknowns else 0
+        width = np.empty(n + P)
+        values: list[float | Array] = list(self.parameters(p))
+        moved: dict[int, Array] = {}
+        for j, i in enumerate(self.free[:n]):
+            width[j] = NUDGE * self.block.states[i].nominal
+        for j, places in enumerate(self._at[:P]):
+            step = NUDGE * max(abs(p[j]), 0.1 * self.size[j])
+            width[n + j] = step if p[j] + step <= self.upper[j] else -step
+            column = np.full((1 + n + P, 1), p[j])
+            column[1 + n + j] += width[n + j]
+            for at in places:
+                values[at] = column
+            if j in self._moves_commands:
+                other = p.copy()
+                other[j] += width[n + j]
+                moved[1 + n + j] = other
+        every = np.array([np.broadcast_to(np.ravel(v), 1 + n + P) for v in values])
+        return every, values, width, moved
+
+    def advance(self, x: Array, p: Array, *, jacobian: bool = True, unknowns: bool = True) -> tuple[Array, Array, Array]:
+        """Return where each row but the last leads, with slopes.
+
+        Parameters
+        ----------
+        x : ndarray, shape (K, W, n_states)
+        p : ndarray, shape (P,)
+        jacobian : bool, optional
+
+        Returns
+        -------
+        ndarray, shape (K-1, W, n)
+        ndarray, shape (K-1, W, n, n)
+        ndarray, shape (K-1, W, n, P)
+        """
+        every, _, width, moved = self._lanes(p, jacobian, unknowns)
+        n, lanes = len(self.free), every.shape[1]
+        start = np.moveaxis(x[:-1], 2, 0).reshape(x.shape[2], 1, -1)
+        start = np.repeat(start, lanes, axis=1)
+        for j, i in enumerate(self.free):
+            if jacobian:
+                start[i, 1 + j] += width[j]
+        if not self._arrived or self._moves_commands:
+            self._arrived = self.commands(self.parameters(p))
+        u, lagged = self._arrived
+        u, lagged = u[:, :, :, None, :], {i: v[:, :, None, :] for i, v in lagged.items()}
+        if moved:
+            u = np.repeat(u, lanes, axis=3)
+            lagged = {i: np.repeat(v, lanes, axis=2) for i, v in lagged.items()}
+            for lane, other in moved.items():
+                own, states = self.commands(self.parameters(other))
+                u[:, :, :, lane] = own
+                for i, v in states.items():
+                    lagged[i][:, :, lane] = v
+        end = shoot(self.block, self.t, self.h, u, lagged, every, start)[1]
+        y = end[list(self.free)].reshape(n, lanes, *self.dt.shape)
+        F = np.moveaxis(y[:, 0], 0, 2)
+        if not jacobian:
+            return F, np.empty(0), np.empty(0)
+        J = (y[:, 1:] - y[:, :1]) / width[:, None, None]
+        J = np.transpose(J, (2, 3, 0, 1))
+        return F, J[..., :n], J[..., n:]
+
+    def observe(self, x: Array, p: Array, *, jacobian: bool = True) -> tuple[Array, Array, Array]:
+        """Return the channels at every row, with slopes; shapes (K, W, C), (K, W, C, n), (K, W, C, P)."""
+        K, W, _ = x.shape
+        n, P, C = len(self.free), len(p), len(self._picked)
+        y, H, D = np.empty((K, W, C)), np.zeros((K, W, C, n)), np.zeros((K, W, C, P))
+        computed = [c for c, (_, is_state) in enumerate(self._picked) if not is_state]
+        for c, (i, is_state) in enumerate(self._picked):
+            if is_state:
+                y[..., c] = x[..., i]
+                if i in self.free:
+                    H[..., c, self.free.index(i)] = 1.0
+        if computed:
+            _, values, width, _ = self._lanes(p, jacobian)
+            copies = np.repeat(np.moveaxis(x, 2, 0)[:, :, None, :], 1 + len(width), axis=2)
+            if jacobian:
+                for j, i in enumerate(self.free):
+                    copies[i, :, 1 + j] += width[j]
+            u = self._inputs_at_rows(self.parameters(p))[:, :, None, :]
+            with np.errstate(all="ignore"):
+                found = self._outputs(self.rows.time[:, None, :], copies, u, values)
+            for c in computed:
+                own = np.broadcast_to(found[self._picked[c][0]], (K, 1 + len(width), W))
+                y[..., c] = own[:, 0]
+                if jacobian:
+                    J = (own[:, 1:] - own[:, :1]) / width[:, None]
+                    H[..., c, :] = np.moveaxis(J[:, :n], 1, 2)
+                    D[..., c, :] = np.moveaxis(J[:, n:], 1, 2)
+        return y, H, D
+
+    def _inputs_at_rows(self, parameters: Sequence[float]) -> Array:
+        """Return the commands that hold at the rows, (n_inputs, K, W)."""
+        delay = sum(parameters[at] for at in self._timing if at is not None)
+        t = self.rows.time
+        u = np.empty((len(self.block.inputs), *t.shape))
+        for k, arrival in enumerate(self.arrivals):
+            own = np.flatnonzero(self.rows.log == k)
+            row = np.searchsorted(arrival.time, t[:, own] - delay + 1e-9, side="right") - 1
+            u[..., own] = np.where(row >= 0, arrival.inputs[:, np.maximum(row, 0)], 0.0)
+        return u
+
+    def sizes_alone(self) -> Array:
+        """Return how large each unknown would be if its term alone made all accelerations seen, shape (P,)."""
+        part = slice(None, None, max(1, self.dt.shape[0] // 40))
+        x = np.moveaxis(self.guess[:-1][part], 2, 0)
+        u = self._inputs_at_rows(self.parameters(self.start))[:, :-1][:, part]
+        t, every = self.rows.time[:-1][part], self.parameters(self.start)
+        function = self.block.to_numpy().vector[0]
+        with np.errstate(all="ignore"):
+            base = function(t, x, u, every)
+            sizes = np.full(len(self.names), np.inf)
+            for j, places in enumerate(self._at):
+                other = list(every)
+                for at in places:
+                    other[at] = every[at] + self.size[j]
+                new = function(t, x, u, other)
+                for k, i in enumerate(self.driven):
+                    change = np.asarray(new[self.free[i]] - base[self.free[i]])
+                    rms = float(np.sqrt(np.nanmean(change**2))) / self.size[j]
+                    if rms > 0 and np.isfinite(rms):
+                        sizes[j] = min(sizes[j], self.accelerations[k] / rms)
+        return np.where(np.isfinite(sizes), sizes, self.size)
+
+    def linearise(self, x: Array, p: Array, *, unknowns: bool = True) -> Linear:
+        """Linearise about a path, in the coordinates in which unknowns are sought."""
+        F, A, B = self.advance(x, p, unknowns=unknowns)
+        y, H, D = self.observe(x, p)
+        if not unknowns:
+            B, D = B[..., :0], D[..., :0]
+        slope = self.slope(p) if unknowns else np.empty(0)
+        own = self.seen[..., None]
+        residual = np.where(self.seen, self.rows.values - y, 0.0)
+        moving = (self.dt > 0)[..., None]
+        defect = np.where(moving, F - x[1:][..., list(self.free)], 0.0)
+        A = np.where(moving[..., None], A, np.eye(len(self.free)))
+        B = np.where(moving[..., None], B * slope, 0.0)
+        return Linear(A, B, defect, np.where(own, H, 0.0), np.where(own, D * slope, 0.0), residual)

@@ -1,0 +1,136 @@
+"""Rows of logs side by side in blocks: what a filter runs over.
+
+Each log is cut into disjoint blocks, over which evidence is compared later; a gap is no end of a block:
+rows without a measurement fill it, so that the model predicts through it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hovercontrol.identify.measure import Measured
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+#: Blocks that all logs together are cut into, if they are long enough; at least 8 to compare are wanted.
+BLOCKS = 24
+
+#: Fewest rows of a block.
+FEWEST = 12
+
+#: A step longer than so many usual ones is filled with rows without a measurement.
+LONG_STEP = 2.5
+
+#: A gap of more seconds or, if that is longer, of more usual steps ends a block: the craft was elsewhere.
+LONGEST_GAP, GAP_STEPS = 2.0, 20.0
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """W blocks of up to K rows, the shorter ones padded with their last row.
+
+    Attributes
+    ----------
+    time : ndarray, shape (K, W)
+        Seconds since the start of the log that each block is from.
+    values : ndarray, shape (K, W, C)
+        Measurements; NaN where there is none.
+    guess : dict of str to ndarray, shape (K, W)
+        Where states may be, by name, as far as the logs tell.
+    log : ndarray of int, shape (W,)
+    at : ndarray of int, shape (K, W)
+        Row of the log; -1 where there is none.
+    channels : tuple of str
+    """
+
+    time: Array
+    values: Array
+    guess: dict[str, Array]
+    log: Indices
+    at: Indices
+    channels: tuple[str, ...]
+
+    @property
+    def seconds(self) -> Array:
+        """Length of each block [s], shape (W,)."""
+        return np.asarray(self.time[-1] - self.time[0])
+
+
+def arrange(
+    logs: Sequence[Measured],
+    states: Sequence[Mapping[str, Array]],
+    channels: Sequence[str],
+    blocks: int = BLOCKS,
+) -> Rows:
+    """Cut logs into blocks.
+
+    Parameters
+    ----------
+    logs : sequence of Measured
+    states : sequence of dict of str to ndarray, shape (n,)
+        A finite guess of states at all rows of each log, by name.
+    channels : sequence of str
+    blocks : int, optional
+        How many, about, in all logs together.
+    """
+    pieces = [(i, a, b) for i, log in enumerate(logs) for a, b in _pieces(log)]
+    total = sum(logs[i].time[b - 1] - logs[i].time[a] for i, a, b in pieces)
+    grids = []
+    for i, a, b in pieces:
+        time, at = _grid(logs[i], a, b)
+        share = (time[-1] - time[0]) / max(total, 1e-300)
+        count = int(np.clip(round(blocks * share), 1, max(time.size // FEWEST, 1)))
+        edges = np.searchsorted(time, np.linspace(time[0], time[-1], count + 1)[1:-1])
+        for part in zip(np.split(time, edges), np.split(at, edges), strict=True):
+            if part[0].size > 1:
+                grids.append((i, *part))
+    K, W = max(t.size for _, t, _ in grids), len(grids)
+    time, at = np.empty((K, W)), np.full((K, W), -1, dtype=np.intp)
+    values = np.full((K, W, len(channels)), np.nan)
+    names = [name for name in states[0] if all(name in s for s in states)]
+    guess = {name: np.empty((K, W)) for name in names}
+    for w, (i, t, rows) in enumerate(grids):
+        log, n = logs[i], t.size
+        time[:n, w], time[n:, w] = t - log.origin, t[-1] - log.origin
+        at[:n, w] = rows
+        own = rows >= 0
+        for c, channel in enumerate(channels):
+            if channel in log.channels:
+                row = log.values[log.channels.index(channel)]
+                values[:n, w, c] = np.where(own, row[np.maximum(rows, 0)], np.nan)
+        for name in names:
+            guess[name][:n, w] = np.interp(t, log.time, states[i][name])
+            guess[name][n:, w] = guess[name][n - 1, w]
+    return Rows(time, values, guess, np.array([i for i, _, _ in grids], dtype=np.intp), at, tuple(channels))
+
+
+def _pieces(log: Measured) -> list[tuple[int, int]]:
+    """Return first row and row behind the last of the parts of a log between very long gaps."""
+    seen = np.flatnonzero(np.isfinite(log.values).any(axis=0))
+    if seen.size < 2:
+        return []
+    step = np.diff(log.time[seen])
+    far = step > max(LONGEST_GAP, GAP_STEPS * float(np.median(step)))
+    parts = np.split(seen, np.flatnonzero(far) + 1)
+    return [(int(p[0]), int(p[-1]) + 1) for p in parts if p.size >= FEWEST]
+
+
+def _grid(log: Measured, first: int, stop: int) -> tuple[Array, Indices]:
+    """Return times and rows of a part, long steps filled with times that have no row (-1)."""
+    time = log.time[first:stop]
+    step = np.diff(time)
+    usual = float(np.median(step))
+    times, rows = [time[:1]], [np.array([first], dtype=np.intp)]
+    for k, dt in enumerate(step.tolist()):
+        if dt > LONG_STEP * usual:
+            extra = time[k] + dt * np.arange(1, round(dt / usual)) / round(dt / usual)
+            times.append(extra)
+            rows.append(np.full(extra.size, -1, dtype=np.intp))
+        times.append(time[k + 1 : k + 2])
+        rows.append(np.array([first + k + 1], dtype=np.intp))
+    return np.concatenate(times), np.concatenate(rows)
