@@ -147,7 +147,7 @@ def _affine_dynamics(model: Model, name: str) -> tuple[dict[str, sp.Expr], _Thru
     """Return the effects' accelerations without thrust, and their gain on the thrust vector."""
     s = motion_symbols(model.fans)
     s.thrust_x, s.thrust_y = vector = sp.symbols("thrust_x thrust_y", real=True)
-    commands = {s.thrust, s.rudder, *(f.force().symbol for f in model.fans)}
+    commands = {s.thrust, s.rudder, *(f.command().symbol for f in model.fans)}
     for effect in model.effects:
         for term in effect.terms(effect.symbols(name), s).values():
             bent = any(sp.diff(term, a, b) != 0 for a in vector for b in vector)
