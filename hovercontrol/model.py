@@ -147,7 +147,7 @@ class Model:
         return replace(self, effects=tuple(new.values()))
 
     def coefficients(self) -> dict[str, float]:
-        """Return every number of every effect, and fans' gains where given, by parameter name in the plant."""
+        """Return every number of every effect, and fans' gains where given, by parameter name."""
         gains = {f"{f.name}_gain": f.gain for f in self.fans if f.gain is not None}
         return {e.parameter(k): v for e in self.effects for k, v in e.values.items()} | gains
 
