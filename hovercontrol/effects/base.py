@@ -52,9 +52,9 @@ class Shape(Coefficient):
     ----------
     search : tuple of float, optional
         Values from which a search for the effect starts.
-    of : {"", "input", "speed", "time"}, optional
+    of : {"", "input", "speed", "time", "step"}, optional
         What they are parts of: nothing, the largest thrust, the craft's speed along the effect's axis (root
-        mean square), the length of the log.
+        mean square), the length of the log, the time between its rows.
     fixed : bool, optional
         Whether a fit leaves it as given: a scale, or a constant of the regularisation.
     """

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any, ClassVar
 
 import sympy as sp
@@ -39,7 +40,8 @@ class LuGre(Effect):
 
     def bristles(self) -> Signal:
         """Return the state z."""
-        return Signal(f"lugre_{self.axis}", self.deflection, f"bristles of friction against {self.axis}")
+        word = re.sub(r"\W+", "_", self.axis).strip("_")
+        return Signal(f"lugre_{word}", self.deflection, f"bristles of friction against {self.axis}")
 
     def deflection_rate(self, c: Any, s: Any) -> sp.Expr:
         """Return z'."""
