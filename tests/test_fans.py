@@ -157,3 +157,29 @@ def test_each_candidate_of_a_craft_fits_its_equations(rng):
             by_numpy = block.to_numpy().derivatives(t, x, u)
             np.testing.assert_allclose(smooth.derivatives(t, x, u), by_numpy, rtol=1e-9, atol=1e-9)
             np.testing.assert_allclose(smooth.outputs(t, x, u), block.to_numpy().outputs(t, x, u), atol=1e-12)
+
+
+def test_an_fmu_of_a_craft_with_curves_and_memories_moves_as_its_block(tmp_path):
+    fmpy = pytest.importorskip("fmpy")
+    memories = [
+        effect("fan_lag", seconds=0.03),
+        effect("thrust_backlash", width=0.02),
+        effect("lugre_yaw", stiffness=300.0, damping=8.0, coulomb=2.0, static=3.0, speed=0.1),
+        effect("pose_lever_arm", x=0.01, y=-0.02),
+    ]
+    block = craft(*memories, curve=BENCH, gain=1.1).plant()
+    time = np.arange(0.0, 1.0, 0.01)
+    signals = np.array([0.3 + 0.3 * np.sin(7 * time), 0.4 + 0.4 * np.sin(11 * time)])
+    expected = block.compile().simulate(time, signals, rtol=1e-9, atol=1e-11).outputs
+    columns = [("time", float), ("a", float), ("b", float)]
+    result = fmpy.simulate_fmu(
+        str(block.to_fmu(tmp_path / "craft.fmu", step=0.01)),
+        fmi_type="CoSimulation",
+        input=np.array(list(zip(time, *signals, strict=True)), dtype=columns),
+        stop_time=time[-1],
+        output_interval=0.01,
+        relative_tolerance=1e-9,
+    )
+    found = np.array([result[s.name] for s in block.outputs])
+    np.testing.assert_allclose(found, expected, atol=1e-5)
+    assert "x_measured" in [s.name for s in block.outputs]
