@@ -7,7 +7,9 @@ from dataclasses import dataclass, field, replace
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import sympy as sp
+from numpy.typing import ArrayLike
 
 from hovercontrol.block import Block
 from hovercontrol.effects import Effect, Shape, effect_class
@@ -183,6 +185,12 @@ class BlockModel:
     def input_units(self) -> dict[str, str]:
         """Return the unit of each input."""
         return {s.name: s.unit for s in self.block.inputs}
+
+    def input_size(self, cls: type[Effect], inputs: Mapping[str, ArrayLike]) -> float:
+        """Return the largest size of what an input effect acts on: its own input, or all; as of a Model."""
+        names = [cls.signal] if cls.signal else [s.name for s in self.block.inputs]
+        sizes = (float(np.abs(inputs[name]).max(initial=0.0)) for name in names if name in inputs)
+        return max(sizes, default=0.0)
 
     def _units(self) -> dict[str, str]:
         """Return the units of the inputs, and what effects call ``{thrust}``: the one that all share."""

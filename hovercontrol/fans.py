@@ -7,7 +7,9 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 import sympy as sp
+from numpy.typing import ArrayLike, NDArray
 
 from hovercontrol.errors import InputError
 from hovercontrol.lookup import linear
@@ -62,6 +64,10 @@ class Polynomial:
     def force(self, signal: sp.Expr, parameters: Sequence[Signal]) -> sp.Expr:
         """Return the force [N] of a signal."""
         return sp.Add(*(p.symbol * signal**k for k, p in enumerate(parameters, 1)))
+
+    def forces_at(self, signals: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the forces [N] of signals, same shape."""
+        return np.polynomial.Polynomial((0.0, *self.coefficients))(signals)
 
 
 @dataclass(frozen=True)
@@ -122,6 +128,10 @@ class BenchCurve:
     def force(self, signal: sp.Expr, parameters: Sequence[Signal]) -> sp.Expr:
         """Return the force [N] of a signal."""
         return parameters[0].symbol * linear(signal, self.signals, [f / self.full for f in self.forces])
+
+    def forces_at(self, signals: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the forces [N] of signals, same shape."""
+        return np.interp(signals, self.signals, self.forces)
 
 
 @dataclass(frozen=True)
@@ -192,6 +202,13 @@ class Fan:
         if self.curve is not None:
             force = self.curve.force(force, self._curve_parameters(owner))
         return force if self.gain is None else self.gain_signal(owner).symbol * force
+
+    def forces(self, command: ArrayLike) -> NDArray[np.float64]:
+        """Return the forces [N] of commands, same shape; the numbers of :meth:`force`."""
+        found = np.asarray(command, dtype=float)
+        if self.curve is not None:
+            found = self.curve.forces_at(found)
+        return found if self.gain is None else self.gain * found
 
     def lever_arm(self, owner: str) -> Signal:
         """Return the plant's parameter: torque about the centre of mass per force."""

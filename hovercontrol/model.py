@@ -11,7 +11,9 @@ from dataclasses import dataclass, field, replace
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import sympy as sp
+from numpy.typing import ArrayLike
 
 from hovercontrol.block import Block
 from hovercontrol.effects import Effect, Shape, effect_class, effect_names
@@ -183,6 +185,21 @@ class Model:
         if not self.fans or cls.kind() != "input":
             return self.input_units()
         return {"thrust": "N", "rudder": self.rudder.unit} | {f.name: "N" for f in self.fans}
+
+    def input_size(self, cls: type[Effect], inputs: Mapping[str, ArrayLike]) -> float:
+        """Return the largest size of what an input effect acts on: the thrust, or the fans' forces.
+
+        Parameters
+        ----------
+        cls : type of Effect
+            With a shape in parts of it (``of="input"``).
+        inputs : mapping of str to array_like
+            Commands of logs by name.
+        """
+        acting = [f.forces(inputs[f.name]) for f in self.fans if f.name in inputs]
+        if not self.fans and THRUST.name in inputs:
+            acting = [np.asarray(inputs[THRUST.name])]
+        return max((float(np.abs(a).max(initial=0.0)) for a in acting), default=0.0)
 
     def parameters(self, owner: str = "plant") -> tuple[Signal, ...]:
         """Return the numbers of all effects, and what places and drives fans, as parameters of a Block."""

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from hovercontrol.effects import effect, effect_names
+from hovercontrol.effects import effect, effect_class, effect_names
 from hovercontrol.errors import InputError
 from hovercontrol.fans import BenchCurve, Fan, Polynomial
 from hovercontrol.model import Model
@@ -53,6 +53,18 @@ def test_a_fan_pushes_by_its_static_curve(curve, law, rng):
         expected = wrench([law(s) for s in signals])
         np.testing.assert_allclose(pushed(model, signals)[3:], expected, atol=1e-10)
         np.testing.assert_allclose(compiled.derivatives(0.0, np.zeros(6), signals)[3:], expected, atol=1e-10)
+
+
+@pytest.mark.parametrize("curve", [None, HOLOHOVER, BENCH])
+def test_forces_of_a_log_are_those_of_the_plant(curve, rng):
+    fan = Fan("a", 0, 0, 0, curve=curve, gain=1.1)
+    values = {p.symbol: p.start for p in fan.parameters("plant")}
+    for s in rng.uniform(0, 1, 5):
+        at_once = float(fan.force("plant").subs(values).subs({fan.command().symbol: s}))
+        assert fan.forces([s])[0] == pytest.approx(at_once)
+    model = craft(curve=curve)
+    size = model.input_size(effect_class("thrust_deadzone"), {"a": [0.1, 0.9], "b": [0.2, 0.2]})
+    assert size == pytest.approx(float(Fan("a", 0, 0, 0, curve=curve).forces(0.9)))
 
 
 def test_without_a_curve_the_input_is_the_force():

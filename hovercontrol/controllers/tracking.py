@@ -156,6 +156,11 @@ def _affine_dynamics(model: Model, name: str) -> tuple[dict[str, sp.Expr], _Thru
                     f"controller: the effect {effect.name!r} of model {model.name!r} is not a linear "
                     "function of T cos(theta), T sin(theta), so the thrust cannot be solved for"
                 )
+    for state in model.own_states(name, s):
+        raise InputError(
+            f"controller: model {model.name!r} has friction with the state {state.name!r}, which no "
+            "controller knows: leave the effect out of the controller's model"
+        )
     total = model.accelerations(name, s)
     gain = sp.Matrix([[sp.diff(total[axis], a) for a in vector] for axis in ("u", "v", "r")])
     rest = {axis: e.xreplace(dict.fromkeys(vector, sp.S.Zero)) for axis, e in total.items()}

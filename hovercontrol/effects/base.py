@@ -79,7 +79,8 @@ class Effect:
 
     ``order`` says which comes first of several effects that change commands or measurements; ``craft`` on
     which craft a search tries the effect (``"any"``, ``"rudder"`` with a propeller and a rudder, ``"fan"``);
-    ``instead_of`` names an effect that is the same on another craft: a model has one of the two.
+    ``instead_of`` names an effect that is the same on another craft: a model has one of the two; ``signal``
+    is the input that the effect acts on, where it is one of a machine's own.
 
     A named subclass is known by its name everywhere; with ``register=False`` only to who holds the class.
 
@@ -96,6 +97,7 @@ class Effect:
     known: ClassVar[dict[str, type[Effect]]] = {}
     order: ClassVar[int] = 0
     craft: ClassVar[str] = "any"
+    signal: ClassVar[str] = ""
     instead_of: ClassVar[str] = ""
 
     def __init_subclass__(cls, *, register: bool = True, **kwargs: Any) -> None:

@@ -124,6 +124,12 @@ def test_each_fits_the_machines_units_and_its_machine_code(make, rng):
         np.testing.assert_allclose(compiled.derivatives(0.3, x, u), expected, rtol=1e-9, atol=1e-9)
 
 
+def test_the_size_of_an_input_is_its_own():
+    model, given = tanks(), {"pump[0]": [1.0, -3.0], "pump[1]": [2.0]}
+    assert model.input_size(model.effect_class("pump_1_deadzone"), given) == 2.0
+    assert model.input_size(model.effect_class("input_delay"), given) == 3.0
+
+
 def test_names_of_signals_that_are_no_words_are_made_ones():
     names = {cls.name for cls in tanks().candidates()}
     assert {"pump_0_deadzone", "pump_1_lag", "upper_offset", "lower_load_friction"} <= names
