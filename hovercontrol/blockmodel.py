@@ -7,10 +7,13 @@ from dataclasses import dataclass, field, replace
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import sympy as sp
+from numpy.typing import ArrayLike
 
 from hovercontrol.block import Block
 from hovercontrol.effects import Effect, Shape, effect_class
+from hovercontrol.effects.generic import generic_effects
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.estimators.regression import linear_parameters
 from hovercontrol.expressions import Expressions
@@ -29,8 +32,9 @@ class BlockModel:
     ----------
     block : Block
         Linear in its force coefficients.
-    catalogue : sequence of str
-        Names of the effects that may be missing.
+    catalogue : sequence of str, optional
+        Names of the effects that may be missing; default: all that any machine may lack,
+        :func:`~hovercontrol.effects.generic.generic_effects` of the Block.
     effects : sequence of Effect, optional
         Those that it has.
 
@@ -47,17 +51,34 @@ class BlockModel:
     >>> model = BlockModel(cart, ["input_delay"])
     >>> model.linear_coefficients(), model.coefficients()
     (('k',), {'k': 1.0})
+
+    A single-axis drive, angle q and rate v, of which nothing more is said, and what it may lack:
+
+    >>> q, v, u = Signal("q", "rad"), Signal("v", "rad/s"), Signal("u", "A")
+    >>> k, b = Signal("k", "N*m/A", start=0.1), Signal("b", "N*m*s", start=0.02)
+    >>> J = Signal("J", "kg*m^2", start=0.01, lower=1e-9)
+    >>> slope = (k.symbol * u.symbol - b.symbol * v.symbol) / J.symbol
+    >>> drive = BlockModel(Block("drive", [q, v], [u], [q], [k, b, J], {"q": v.symbol, "v": slope}))
+    >>> [cls.name for cls in drive.candidates()][:8]  # doctest: +NORMALIZE_WHITESPACE
+    ['v_offset', 'v_linear_drag', 'v_quadratic_drag', 'v_coulomb', 'v_stribeck', 'v_load_friction', 'v_lugre',
+     'v_spring']
+    >>> [cls.name for cls in drive.candidates()][8:]  # doctest: +NORMALIZE_WHITESPACE
+    ['u_deadzone', 'u_backlash', 'u_lag', 'u_saturation', 'input_delay', 'q_bias', 'q_scale', 'time_offset']
+    >>> sticky = drive.with_effects([drive.effect_class("v_coulomb")(0.5)])
+    >>> sticky.plant().to_numpy().derivatives(0.0, [0.0, 1.0], [1.0]).round(6).tolist()
+    [1.0, 7.5]
     """
 
     block: Block
-    catalogue: tuple[str, ...] = ()
+    catalogue: tuple[str, ...] | None = None
     effects: tuple[Effect, ...] = field(default=())
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "catalogue", tuple(self.catalogue))
         object.__setattr__(self, "effects", tuple(self.effects))
-        for name in self.catalogue:
-            effect_class(name)
+        if self.catalogue is not None:
+            object.__setattr__(self, "catalogue", tuple(self.catalogue))
+            for name in self.catalogue:
+                self.effect_class(name)
         self.block.need_prompt_inputs("a model")
         names = [e.name for e in self.effects]
         for name in names:
@@ -81,7 +102,30 @@ class BlockModel:
 
     def accepts(self, cls: type[Effect]) -> bool:
         """Tell whether an effect may be missing."""
+        if self.catalogue is None:
+            return generic_effects(self.block).get(cls.name) is cls
         return cls.name in self.catalogue
+
+    def candidates(self) -> tuple[type[Effect], ...]:
+        """Return the effects that may be missing and that the model does not have yet."""
+        names = generic_effects(self.block) if self.catalogue is None else self.catalogue
+        have = {e.name for e in self.effects}
+        return tuple(self.effect_class(name) for name in names if name not in have)
+
+    def effect_class(self, name: str) -> type[Effect]:
+        """Return the class of an effect: a known one, or one that any machine may lack.
+
+        Raises
+        ------
+        InputError
+            If no effect has that name; the nearest one is in the text.
+        """
+        if self.catalogue is not None and name in Effect.known:
+            return effect_class(name)
+        generic = generic_effects(self.block)
+        if name not in {**generic, **Effect.known}:
+            raise InputError(f"unknown effect {name!r}{did_you_mean(name, [*Effect.known, *generic])}")
+        return generic.get(name) or effect_class(name)
 
     def effect(self, name: str) -> Effect:
         """Return the effect of that name.
@@ -142,6 +186,12 @@ class BlockModel:
         """Return the unit of each input."""
         return {s.name: s.unit for s in self.block.inputs}
 
+    def input_size(self, cls: type[Effect], inputs: Mapping[str, ArrayLike]) -> float:
+        """Return the largest size of what an input effect acts on: its own input, or all; as of a Model."""
+        names = [cls.signal] if cls.signal else [s.name for s in self.block.inputs]
+        sizes = (float(np.abs(inputs[name]).max(initial=0.0)) for name in names if name in inputs)
+        return max(sizes, default=0.0)
+
     def _units(self) -> dict[str, str]:
         """Return the units of the inputs, and what effects call ``{thrust}``: the one that all share."""
         units = self.input_units()
@@ -189,11 +239,13 @@ class BlockModel:
         swap = {s.symbol: way.thrusts[s.name] for s in block.inputs}
         derivatives = {name: e.xreplace(swap) for name, e in block.derivatives.items()}
         motion = SimpleNamespace(
-            **{s.name: s.symbol for s in (*block.states, *block.parameters) if "." not in s.name},
+            **{s.name: s.symbol for s in (*block.states, *block.parameters)},
             **way.thrusts,
             time=time,
         )
+        own: dict[Signal, sp.Expr] = dict(lags)
         for e in self.effects:
+            own |= e.states(e.symbols(self.name), motion)
             for state, term in e.terms(e.symbols(self.name), motion).items():
                 if state not in derivatives:
                     hint = did_you_mean(state, derivatives)
@@ -208,7 +260,7 @@ class BlockModel:
         measured = {s.but(name=f"{s.name}_measured"): e for s, e in changed.items()}
         return Block(
             block.name,
-            states=(*block.states, *lags),
+            states=(*block.states, *own),
             inputs=block.inputs,
             delays={} if late else delays_of(self.timing(), block.inputs, self.coefficients()),
             outputs=(*block.outputs, *measured),
@@ -216,7 +268,7 @@ class BlockModel:
                 *block.parameters,
                 *(p for e in self.effects for p in e.signals(self.name, self._units())),
             ),
-            derivatives={**derivatives, **{s.name: slope for s, slope in lags.items()}},
+            derivatives={**derivatives, **{s.name: slope for s, slope in own.items()}},
             output_expressions=Expressions(
                 {
                     **{

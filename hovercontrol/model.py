@@ -11,11 +11,14 @@ from dataclasses import dataclass, field, replace
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import sympy as sp
+from numpy.typing import ArrayLike
 
 from hovercontrol.block import Block
-from hovercontrol.effects import Effect, Shape
+from hovercontrol.effects import Effect, Shape, effect_class, effect_names
 from hovercontrol.errors import InputError, did_you_mean
+from hovercontrol.fans import Fan as Fan
 from hovercontrol.signals import Signal, time
 
 #: The six states of every plant (C17 (8)).
@@ -31,40 +34,6 @@ MOTION = (
 #: The commands of a craft with one propeller and a rudder (T and theta in C17).
 THRUST = Signal("thrust", "1", "thrust command")
 RUDDER = Signal("rudder", "rad", "rudder angle", nominal=0.5)
-
-
-@dataclass(frozen=True)
-class Fan:
-    """A fan fixed to the hull; its force [N] is an input of the plant.
-
-    Parameters
-    ----------
-    name : str
-        Name of the input.
-    x, y : float
-        Place in the body frame [m] from the centre of mass.
-    direction : float
-        Angle of the force from the bow [rad].
-    """
-
-    name: str
-    x: float
-    y: float
-    direction: float
-
-    def __post_init__(self) -> None:
-        for key in ("x", "y", "direction"):
-            object.__setattr__(self, key, float(getattr(self, key)))
-
-    def force(self) -> Signal:
-        """Return the plant's input: the force of this fan."""
-        return Signal(self.name, "N", f"force of the fan {self.name}", nominal=0.1, lower=0.0)
-
-    def lever_arm(self, owner: str) -> Signal:
-        """Return the plant's parameter: torque about the centre of mass per force."""
-        arm = self.x * math.sin(self.direction) - self.y * math.cos(self.direction)
-        text = f"lever arm of the fan {self.name}"
-        return Signal(f"{owner}.{self.name}_arm", "m", text, start=arm, nominal=abs(arm) or 1.0)
 
 
 @dataclass(frozen=True)
@@ -108,7 +77,7 @@ class Model:
         for name in names:
             if names.count(name) > 1:
                 raise InputError(f"model {self.name!r}: the effect {name!r} stands twice")
-        inputs = [THRUST.name, RUDDER.name, *(f.force().name for f in self.fans)]
+        inputs = [THRUST.name, RUDDER.name, *(f.name for f in self.fans)]
         for name in inputs:
             if inputs.count(name) > 1 or name in {s.name for s in MOTION}:
                 raise InputError(f"model {self.name!r}: the name of the fan {name!r} is taken")
@@ -116,14 +85,19 @@ class Model:
             raise InputError(
                 f"model {self.name!r}: the rudder's unit is {RUDDER.unit}, not {self.rudder.unit}"
             )
-        for name in ("fan_force", "fan_torque"):
-            if name in names and not self.fans:
-                raise InputError(f"model {self.name!r}: the effect {name!r} needs fans, there are none")
+        for e in self.effects:
+            if e.craft == "fan" and not self.fans:
+                raise InputError(f"model {self.name!r}: the effect {e.name!r} needs fans, there are none")
+            if e.instead_of in names:
+                raise InputError(
+                    f"model {self.name!r}: the effects {e.instead_of!r} and {e.name!r} are the same: keep one"
+                )
 
     @property
     def signature(self) -> tuple[Hashable, ...]:
         """What the plant's equations depend on: all but the numbers."""
-        return (self.name, self.thrust, self.rudder, self.fans, *(type(e) for e in self.effects))
+        fans = tuple(f if f.gain is None else replace(f, gain=1.0) for f in self.fans)
+        return (self.name, self.thrust, self.rudder, fans, *(type(e) for e in self.effects))
 
     def effect(self, name: str) -> Effect:
         """Return the effect of that name.
@@ -140,17 +114,34 @@ class Model:
         raise InputError(f"model {self.name!r} has no effect {name!r}{hint}")
 
     def accepts(self, cls: type[Effect]) -> bool:
-        """Tell whether an effect may be missing: the craft has what it acts on."""
-        if cls.name in ("fan_force", "fan_torque"):
-            return bool(self.fans)
-        units = " ".join(number.unit for number in cls.numbers.values())
-        used = {"fan_force", "fan_torque"} & {e.name for e in self.effects}
-        rudder_craft = any(e.name in ("thrust", "rudder_torque") for e in self.effects)
-        if "rudder" in cls.name or ("{thrust}" in units and cls.kind() == "force"):
-            return rudder_craft
-        if cls.kind() == "input":
-            return rudder_craft or bool(used)
-        return True
+        """Tell whether an effect may be missing: the craft has what it acts on.
+
+        Of two that are the same on different craft (``thrust_lag``, ``fan_lag``) only that of the model's own
+        craft may, and not where the model has the other.
+        """
+        names = {e.name for e in self.effects}
+        if cls.instead_of in names:
+            return False
+        has_rudder = bool(names & {"thrust", "rudder_torque"})
+        uses_fans = bool(names & {"fan_force", "fan_torque"})
+        if cls.craft == "fan":
+            return uses_fans or (bool(self.fans) and cls.name in ("fan_force", "fan_torque"))
+        if cls.craft == "rudder":
+            return has_rudder
+        return cls.kind() != "input" or has_rudder or uses_fans
+
+    def candidates(self) -> tuple[type[Effect], ...]:
+        """Return all known effects that may be missing: accepted, and not in the model yet.
+
+        Examples
+        --------
+        >>> names = [cls.name for cls in Model("puck", [effect_class("thrust")(1.0)]).candidates()]
+        >>> "input_delay" in names, "fan_delay" in names, "thrust" in names
+        (True, False, False)
+        """
+        have = {e.name for e in self.effects}
+        known = (effect_class(name) for name in effect_names() if name not in have)
+        return tuple(cls for cls in known if self.accepts(cls))
 
     def with_effects(self, effects: Iterable[Effect]) -> Model:
         """Return the model with these effects added, or put in place of those of the same name."""
@@ -158,8 +149,9 @@ class Model:
         return replace(self, effects=tuple(new.values()))
 
     def coefficients(self) -> dict[str, float]:
-        """Return every number of every effect by its parameter name in the plant."""
-        return {e.parameter(k): v for e in self.effects for k, v in e.values.items()}
+        """Return every number of every effect, and fans' gains where given, by parameter name."""
+        gains = {f"{f.name}_gain": f.gain for f in self.fans if f.gain is not None}
+        return {e.parameter(k): v for e in self.effects for k, v in e.values.items()} | gains
 
     def with_coefficients(self, values: Mapping[str, float]) -> Model:
         """Return the model with other numbers, by parameter name (``yaw_coulomb``, ``yaw_coulomb_width``).
@@ -178,22 +170,53 @@ class Model:
         changed = [
             type(e)(**{k: values.get(e.parameter(k), v) for k, v in e.values.items()}) for e in self.effects
         ]
-        return replace(self, effects=tuple(changed))
+        fans = (
+            f if f.gain is None else replace(f, gain=values.get(f"{f.name}_gain", f.gain)) for f in self.fans
+        )
+        return replace(self, effects=tuple(changed), fans=tuple(fans))
 
     def input_units(self) -> dict[str, str]:
         """Return the unit of each command."""
-        return {"thrust": self.thrust.unit, "rudder": self.rudder.unit} | {f.name: "N" for f in self.fans}
+        fans = {f.name: f.command().unit for f in self.fans}
+        return {"thrust": self.thrust.unit, "rudder": self.rudder.unit} | fans
+
+    def units_seen_by(self, cls: type[Effect]) -> dict[str, str]:
+        """Return the units that an effect's own are written in: input effects act on the fans' forces."""
+        if not self.fans or cls.kind() != "input":
+            return self.input_units()
+        return {"thrust": "N", "rudder": self.rudder.unit} | {f.name: "N" for f in self.fans}
+
+    def input_size(self, cls: type[Effect], inputs: Mapping[str, ArrayLike]) -> float:
+        """Return the largest size of what an input effect acts on: the thrust, or the fans' forces.
+
+        Parameters
+        ----------
+        cls : type of Effect
+            With a shape in parts of it (``of="input"``).
+        inputs : mapping of str to array_like
+            Commands of logs by name.
+        """
+        acting = [f.forces(inputs[f.name]) for f in self.fans if f.name in inputs]
+        if not self.fans and THRUST.name in inputs:
+            acting = [np.asarray(inputs[THRUST.name])]
+        return max((float(np.abs(a).max(initial=0.0)) for a in acting), default=0.0)
 
     def parameters(self, owner: str = "plant") -> tuple[Signal, ...]:
-        """Return the numbers of all effects, and the lever arms of fans, as parameters of a Block."""
-        effects = tuple(s for e in self.effects for s in e.signals(owner, self.input_units()))
-        return effects + tuple(f.lever_arm(owner) for f in self.fans)
+        """Return the numbers of all effects, and what places and drives fans, as parameters of a Block."""
+        effects = tuple(s for e in self.effects for s in e.signals(owner, self.units_seen_by(type(e))))
+        fans = tuple(p for f in self.fans for p in f.parameters(owner))
+        turned = any(e.name == "fan_misalignment" for e in self.effects)
+        return effects + fans + (tuple(f.cross_arm(owner) for f in self.fans) if turned else ())
 
     def linear_coefficients(self) -> tuple[str, ...]:
-        """Return the parameter names of the coefficients, without shapes: what an estimator may estimate."""
-        return tuple(
+        """Return the parameter names of the coefficients, without shapes: what an estimator may estimate.
+
+        Given gains of fans are among them; each is known only against the gains that all fans share.
+        """
+        effects = (
             e.parameter(k) for e in self.effects for k, n in e.numbers.items() if not isinstance(n, Shape)
         )
+        return (*effects, *(f"{f.name}_gain" for f in self.fans if f.gain is not None))
 
     def accelerations(self, owner: str, motion: SimpleNamespace) -> dict[str, sp.Expr]:
         """Return the sum of all effects' terms, by equation ``u``, ``v``, ``r``.
@@ -206,10 +229,9 @@ class Model:
             As :func:`motion_symbols` gives it, or with other expressions in its place.
         """
         total = dict.fromkeys(("u", "v", "r"), sp.S.Zero)
-        seen = SimpleNamespace(**vars(motion))
+        seen = self._motion_seen(owner, motion)
         factors: dict[str, sp.Expr] = {}
         for e in self.effects:
-            e.motion(e.symbols(owner), seen)
             for name, factor in e.factors(e.symbols(owner), seen).items():
                 factors[name] = factors.get(name, sp.S.One) * factor
         for e in self.effects:
@@ -222,14 +244,31 @@ class Model:
                 total[axis] += factors.get(e.name, sp.S.One) * term
         return total
 
+    def _motion_seen(self, owner: str, motion: SimpleNamespace) -> SimpleNamespace:
+        """Let the effects change what all of them see of the motion."""
+        seen = SimpleNamespace(**vars(motion))
+        for e in self.effects:
+            e.motion(e.symbols(owner), seen)
+        return seen
+
+    def own_states(self, owner: str, motion: SimpleNamespace) -> dict[Signal, sp.Expr]:
+        """Return the states that effects add to the plant and that depend on the motion, with derivatives.
+
+        Parameters
+        ----------
+        owner, motion
+            As of :meth:`accelerations`.
+        """
+        seen = self._motion_seen(owner, motion)
+        return {k: d for e in self.effects for k, d in e.states(e.symbols(owner), seen).items()}
+
     def _command_way(
         self, owner: str, motion: SimpleNamespace
     ) -> tuple[dict[Signal, sp.Expr], SimpleNamespace]:
         """Let the effects change the commands on their way; return their states' derivatives and the way."""
-        thrusts = {f.name: f.force().symbol for f in self.fans} or {THRUST.name: motion.thrust}
-        way = SimpleNamespace(
-            thrusts=thrusts, rudder=motion.rudder, time=time, units=self.input_units(), delay=None
-        )
+        thrusts = {f.name: f.force(owner) for f in self.fans} or {THRUST.name: motion.thrust}
+        units = self.input_units() | {f.name: "N" for f in self.fans}
+        way = SimpleNamespace(thrusts=thrusts, rudder=motion.rudder, time=time, units=units, delay=None)
         states: dict[Signal, sp.Expr] = {}
         for e in sorted(self.effects, key=lambda e: e.order):
             states |= e.commands(e.symbols(owner), way)
@@ -278,7 +317,8 @@ class Model:
         Returns
         -------
         Block
-            States ``x, y, psi, u, v, r`` and those of lags (``thrust_lagged``); outputs the motion and, where
+            States ``x, y, psi, u, v, r``, those of commands on their way (``thrust_lagged``) and those that
+            effects add to the motion (``lugre_u``); outputs the motion and, where
             a sensor sees something else, that (``r_measured``); inputs those commands that an effect uses.
             Where measurements are late, all signals and the time are those of the log's clock: what it shows
             of a motion follows the commands that much later.
@@ -291,13 +331,14 @@ class Model:
         s = motion_symbols(self.fans, name)
         lags, _ = self._command_way(name, s)
         force = self.accelerations(name, s)
-        used = set().union(*(f.free_symbols for f in (*force.values(), *lags.values())))
+        states = lags | self.own_states(name, s)
+        used = set().union(*(f.free_symbols for f in (*force.values(), *states.values())))
         seen = {measured(channel): e for channel, e in self.measurements(name).items()}
-        commands = (self.thrust, self.rudder, *(f.force() for f in self.fans))
+        commands = (self.thrust, self.rudder, *(f.command() for f in self.fans))
         inputs = tuple(c for c in commands if c.symbol in used)
         return Block(
             name,
-            states=(*MOTION, *lags),
+            states=(*MOTION, *states),
             inputs=inputs,
             delays={} if late else delays_of(self.timing(name), inputs, self.coefficients()),
             outputs=(*MOTION, *seen),
@@ -310,7 +351,7 @@ class Model:
                 "u": s.v * s.r + force["u"],
                 "v": -s.u * s.r + force["v"],
                 "r": force["r"],
-                **{state.name: slope for state, slope in lags.items()},
+                **{state.name: slope for state, slope in states.items()},
             },
         )
 
@@ -355,7 +396,7 @@ def motion_symbols(fans: Iterable[Fan] = (), owner: str = "plant") -> SimpleName
     symbols: dict[str, Any] = {signal.name: signal.symbol for signal in (*MOTION, THRUST, RUDDER)}
     s = SimpleNamespace(**symbols, time=time)
     s.air_u, s.air_v = s.u, s.v
-    _add_forces(s, fans, owner, {f.name: f.force().symbol for f in fans})
+    _add_forces(s, fans, owner, {f.name: f.force(owner) for f in fans})
     return s
 
 
@@ -363,12 +404,13 @@ def _add_forces(s: SimpleNamespace, fans: Iterable[Fan], owner: str, forces: Map
     """Set the force vector of the rudder craft's commands, and the wrench of the fans' forces."""
     s.thrust_x = s.thrust * sp.cos(s.rudder)
     s.thrust_y = s.thrust * sp.sin(s.rudder)
-    s.fan_x = s.fan_y = s.fan_torque = sp.S.Zero
+    s.fan_x = s.fan_y = s.fan_torque = s.fan_cross_torque = sp.S.Zero
     for fan in fans:
         force = forces[fan.name]
         s.fan_x += _exact(math.cos(fan.direction)) * force
         s.fan_y += _exact(math.sin(fan.direction)) * force
         s.fan_torque += fan.lever_arm(owner).symbol * force
+        s.fan_cross_torque += fan.cross_arm(owner).symbol * force
 
 
 def _exact(value: float) -> sp.Number:

@@ -14,7 +14,10 @@
     surge_coulomb = {value = 1.35, width = 0.02}                 # an effect with shape parameters
 
     [fans]                  # optional: a fan craft, place in metres from the centre of mass, direction in rad
-    rear_left = {x = -0.05, y = -0.04, direction = 0.0}
+    rear_left = {x = -0.05, y = -0.04, direction = 0.0}            # its input is the force in newton, or a
+    front = {x = 0.05, y = 0.0, direction = 3.1, curve = [0.027, 1.05, -0.43]}  # signal s: N per s, s^2...
+    rear = {x = -0.05, y = 0.0, direction = 0.0, curve = {signal = [0.0, 0.5, 1.0], force = [0.0, 0.1, 0.4]}}
+    left = {x = 0.0, y = 0.04, direction = 1.57, gain = 1.05}   # times a coefficient that a fit seeks
 """
 
 from __future__ import annotations
@@ -27,8 +30,9 @@ from typing import Any
 from hovercontrol.effects import Effect, effect, effect_class
 from hovercontrol.effects.base import resolved_unit
 from hovercontrol.errors import InputError
+from hovercontrol.fans import BenchCurve, Fan, Polynomial
 from hovercontrol.files import write_whole
-from hovercontrol.model import RUDDER, THRUST, Fan, Model
+from hovercontrol.model import RUDDER, THRUST, Model
 from hovercontrol.signals import Signal
 from hovercontrol.tables import check_keys, number, read_toml, table, text
 from hovercontrol.units import UnitError, conversion_factor
@@ -113,8 +117,20 @@ def model_text(model: Model) -> str:
     lines += ["[effects]", *(f"{e.name} = {_effect_text(e)}" for e in model.effects)]
     if model.fans:
         lines += ["", "[fans]"]
-        lines += [f"{f.name} = {{x = {f.x!r}, y = {f.y!r}, direction = {f.direction!r}}}" for f in model.fans]
+        lines += [f"{f.name} = {_fan_text(f)}" for f in model.fans]
     return "\n".join(lines) + "\n"
+
+
+def _fan_text(fan: Fan) -> str:
+    parts = [f"x = {fan.x!r}", f"y = {fan.y!r}", f"direction = {fan.direction!r}"]
+    if isinstance(fan.curve, Polynomial):
+        parts.append(f"curve = {list(fan.curve.coefficients)!r}")
+    elif fan.curve is not None:
+        signals, forces = list(fan.curve.signals), list(fan.curve.forces)
+        parts.append(f"curve = {{signal = {signals!r}, force = {forces!r}}}")
+    if fan.gain is not None:
+        parts.append(f"gain = {fan.gain!r}")
+    return "{" + ", ".join(parts) + "}"
 
 
 def _effect_text(e: Effect) -> str:
@@ -153,11 +169,28 @@ def _input(default: Signal, value: Any) -> Signal:
 
 def _fan(name: str, value: Any) -> Fan:
     given = table(f"fans.{name}", value)
-    check_keys(f"key in fans.{name}", given, ("x", "y", "direction"))
+    check_keys(f"key in fans.{name}", given, ("x", "y", "direction", "curve", "gain"))
     for key in ("x", "y", "direction"):
         if key not in given:
             raise InputError(f"fans.{name}: {key!r} is missing")
-    return Fan(name, *(number(f"fans.{name}.{key}", given[key]) for key in ("x", "y", "direction")))
+    x, y, direction = (number(f"fans.{name}.{key}", given[key]) for key in ("x", "y", "direction"))
+    curve = _curve(name, given["curve"]) if "curve" in given else None
+    gain = number(f"fans.{name}.gain", given["gain"]) if "gain" in given else None
+    return Fan(name, x, y, direction, curve, gain)
+
+
+def _curve(fan: str, value: Any) -> Polynomial | BenchCurve:
+    if isinstance(value, dict):
+        check_keys(f"key in fans.{fan}.curve", value, ("signal", "force"))
+        for key in ("signal", "force"):
+            if key not in value:
+                raise InputError(f"fans.{fan}.curve: {key!r} is missing")
+    try:
+        if isinstance(value, dict):
+            return BenchCurve(value["signal"], value["force"])
+        return Polynomial(value)
+    except InputError as error:
+        raise InputError(f"fans.{fan}: {error}") from None
 
 
 def _effect(name: str, value: Any, units: Mapping[str, str]) -> Effect:

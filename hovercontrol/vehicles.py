@@ -12,7 +12,8 @@ from dataclasses import dataclass
 
 from hovercontrol.effects import Effect, effect
 from hovercontrol.errors import InputError, did_you_mean
-from hovercontrol.model import RUDDER, THRUST, Fan, Model
+from hovercontrol.fans import Fan
+from hovercontrol.model import RUDDER, THRUST, Model
 from hovercontrol.tables import positive
 
 

@@ -9,10 +9,12 @@ from hypothesis import strategies as st
 
 from hovercontrol.effects import effect, effect_class, effect_names
 from hovercontrol.errors import InputError
+from hovercontrol.fans import BenchCurve, Polynomial
 from hovercontrol.model import RUDDER, THRUST, Fan, Model
 from hovercontrol.modelfile import load_model, model_from_table, model_text, save_model
 from hovercontrol.vehicles import VEHICLES, vehicle
 
+FAN = "[fans]\nleft = {x = 0, y = 0, direction = 0, "
 names = st.from_regex(r"[A-Za-z_][A-Za-z0-9_]{0,9}", fullmatch=True)
 
 
@@ -28,16 +30,25 @@ def effects(draw):
     return cls(**numbers)
 
 
+forces = st.floats(-1e3, 1e3, allow_subnormal=False)
+curves = st.one_of(
+    st.none(),
+    st.lists(forces, min_size=1, max_size=4).map(Polynomial),
+    st.lists(forces.filter(bool), min_size=2, max_size=5).map(lambda f: BenchCurve(range(len(f)), f)),
+)
+
+
 @st.composite
 def models(draw):
     chosen = {e.name: e for e in draw(st.lists(effects(), max_size=8))}
     taken = ("x", "y", "psi", "u", "v", "r", "t", "thrust", "rudder")
     fans = [
-        Fan(n, *draw(st.tuples(*[st.floats(-2, 2)] * 3)))
+        Fan(n, *draw(st.tuples(*[st.floats(-2, 2)] * 3)), draw(curves), draw(st.none() | st.floats(0, 9)))
         for n in draw(st.lists(names.filter(lambda n: n not in taken), unique=True, max_size=3))
     ]
     if not fans:
         chosen = {n: e for n, e in chosen.items() if not n.startswith("fan_")}
+    chosen = {n: e for n, e in chosen.items() if e.instead_of not in chosen}
     upper = draw(st.floats(0.1, 100))
     thrust = THRUST.but(
         unit=draw(st.sampled_from(["1", "N", "A", "kg*m/s^2"])),
@@ -138,6 +149,22 @@ def test_a_commands_lower_limit_may_lie_above_zero():
         ("[inputs]\nrudder = {unit = 'deg', lower = -26, upper = 26}\n", "rudder.*SI.*'deg'"),
         ("[inputs]\nrudder = {unit = 'm'}\n", "rudder.*not m"),
         ("[inputs]\nrudder = {lower = 3.0, upper = -1.0}\n", "rudder.*bounds"),
+        (FAN + "curve = []}\n", "fans.left: curve must be a list of 1 finite numbers at least, found"),
+        (FAN + "curve = 0.3}\n", "fans.left: curve must be a list of numbers, found 0.3"),
+        (FAN + "curve = [0.1, 'x']}\n", "fans.left: curve.1. must be a number, found 'x'"),
+        (FAN + "curve = {signal = [0, 1]}}\n", "fans.left.curve: 'force' is missing"),
+        (FAN + "curve = {signal = [0, 1], froce = [0, 1]}}\n", "did you mean 'force'"),
+        (FAN + "curve = {signal = [0, 1], force = [0]}}\n", "fans.left: curve.force must be a list of 2"),
+        (FAN + "curve = {signal = [0, 1, 2], force = [0, 1]}}\n", "as many signals as forces.*3 and 2"),
+        (FAN + "curve = {signal = [0, 1, 1], force = [0, 1, 2]}}\n", "must increase, found 1 after 1"),
+        (FAN + "curve = {signal = [0, 1], force = [0, 0]}}\n", "all forces are zero"),
+        (FAN + "gain = -1}\n", "left: gain must be zero or more, found -1"),
+        (FAN + "gian = 1}\n", "did you mean 'gain'"),
+        ("[effects]\nfan_lag = {seconds = 0.1}\n", "the effect 'fan_lag' needs fans"),
+        (
+            FAN.rstrip(", ") + "}\n[effects]\nfan_lag = {seconds = 0.1}\nthrust_lag = {seconds = 0.1}\n",
+            "'thrust_lag' and 'fan_lag' are the same: keep one",
+        ),
         ("[effects\n", "not readable as TOML.*line 1"),
         ("[effects]\nthrust = 1\nthrust = 2\n", "not readable as TOML.*line 3"),
     ],

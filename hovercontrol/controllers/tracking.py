@@ -147,7 +147,7 @@ def _affine_dynamics(model: Model, name: str) -> tuple[dict[str, sp.Expr], _Thru
     """Return the effects' accelerations without thrust, and their gain on the thrust vector."""
     s = motion_symbols(model.fans)
     s.thrust_x, s.thrust_y = vector = sp.symbols("thrust_x thrust_y", real=True)
-    commands = {s.thrust, s.rudder, *(f.force().symbol for f in model.fans)}
+    commands = {s.thrust, s.rudder, *(f.command().symbol for f in model.fans)}
     for effect in model.effects:
         for term in effect.terms(effect.symbols(name), s).values():
             bent = any(sp.diff(term, a, b) != 0 for a in vector for b in vector)
@@ -156,6 +156,11 @@ def _affine_dynamics(model: Model, name: str) -> tuple[dict[str, sp.Expr], _Thru
                     f"controller: the effect {effect.name!r} of model {model.name!r} is not a linear "
                     "function of T cos(theta), T sin(theta), so the thrust cannot be solved for"
                 )
+    for state in model.own_states(name, s):
+        raise InputError(
+            f"controller: model {model.name!r} has friction with the state {state.name!r}, which no "
+            "controller knows: leave the effect out of the controller's model"
+        )
     total = model.accelerations(name, s)
     gain = sp.Matrix([[sp.diff(total[axis], a) for a in vector] for axis in ("u", "v", "r")])
     rest = {axis: e.xreplace(dict.fromkeys(vector, sp.S.Zero)) for axis, e in total.items()}

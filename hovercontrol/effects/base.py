@@ -1,9 +1,9 @@
 """What an effect is: one physical cause, its coefficients, and what it does to a model.
 
 To add an effect, write one class in one file of this package (or anywhere in a script): a ``name``, the
-coefficients, and one of ``terms`` (a force), ``commands`` (between command and force) and ``measured``
-(between state and log). It is then known to model files, plants, estimators and the search for what a model
-lacks.
+coefficients, and one of ``terms`` (a force, with ``states`` where it has a memory of the motion),
+``commands`` (between command and force) and ``measured`` (between state and log). It is then known to model
+files, plants, estimators and the search for what a model lacks.
 """
 
 from __future__ import annotations
@@ -52,14 +52,17 @@ class Shape(Coefficient):
     ----------
     search : tuple of float, optional
         Values from which a search for the effect starts.
-    of : {"", "input", "speed", "time"}, optional
+    of : {"", "input", "speed", "time", "step"}, optional
         What they are parts of: nothing, the largest thrust, the craft's speed along the effect's axis (root
-        mean square), the length of the log.
+        mean square), the length of the log, the time between its rows.
+    fixed : bool, optional
+        Whether a fit leaves it as given: a scale, or a constant of the regularisation.
     """
 
     neutral: float = math.nan
     search: tuple[float, ...] = ()
     of: str = ""
+    fixed: bool = False
 
 
 #: Smallest width of regularised dry friction: zero would divide.
@@ -74,7 +77,12 @@ class Effect:
     ``value`` is the effect's coefficient and carries its name among the plant's parameters
     (``plant.yaw_coulomb``); others are ``name_attribute`` (``plant.yaw_coulomb_width``).
 
-    ``order`` says which comes first of several effects that change commands or measurements.
+    ``order`` says which comes first of several effects that change commands or measurements; ``craft`` on
+    which craft a search tries the effect (``"any"``, ``"rudder"`` with a propeller and a rudder, ``"fan"``);
+    ``instead_of`` names an effect that is the same on another craft: a model has one of the two; ``signal``
+    is the input that the effect acts on, where it is one of a machine's own.
+
+    A named subclass is known by its name everywhere; with ``register=False`` only to who holds the class.
 
     Examples
     --------
@@ -88,8 +96,11 @@ class Effect:
     numbers: ClassVar[dict[str, Coefficient]] = {}
     known: ClassVar[dict[str, type[Effect]]] = {}
     order: ClassVar[int] = 0
+    craft: ClassVar[str] = "any"
+    signal: ClassVar[str] = ""
+    instead_of: ClassVar[str] = ""
 
-    def __init_subclass__(cls, **kwargs: Any) -> None:
+    def __init_subclass__(cls, *, register: bool = True, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
         found = {
             k: v
@@ -98,7 +109,7 @@ class Effect:
             if isinstance(v, Coefficient)
         }
         cls.numbers = found
-        if not cls.name:
+        if not cls.name or not register:
             return
         other = Effect.known.get(cls.name)
         if other and (other.__module__, other.__qualname__) != (cls.__module__, cls.__qualname__):
@@ -181,7 +192,9 @@ class Effect:
         s : namespace
             Symbols of the motion: ``x, y, psi, u, v, r`` and ``time``; the velocity relative to the air,
             ``air_u, air_v``; of the rudder craft's commands ``thrust, rudder`` and their force vector
-            ``thrust_x, thrust_y``; of a fan craft's wrench ``fan_x, fan_y, fan_torque``.
+            ``thrust_x, thrust_y``; of a fan craft's wrench ``fan_x, fan_y, fan_torque`` and, with all forces
+            turned by 90 degrees to the left, ``fan_cross_torque``. The effect's own :meth:`states` are
+            known by their signals.
 
         Returns
         -------
@@ -210,8 +223,22 @@ class Effect:
         Returns
         -------
         dict of Signal to sympy.Expr
-            States that the effect needs, with their derivatives; one that follows from the commands alone is
-            named ``..._lagged``.
+            States that the effect needs, with their derivatives; they follow from the commands alone.
+        """
+        return {}
+
+    def states(self, c: Any, s: Any) -> dict[Signal, sp.Expr]:
+        """Return states of the effect's own that its terms use, with their derivatives.
+
+        Parameters
+        ----------
+        c, s : namespace
+            As of :meth:`terms`.
+
+        Returns
+        -------
+        dict of Signal to sympy.Expr
+            Derivatives may depend on the motion, on commands and on the states themselves.
         """
         return {}
 

@@ -1,8 +1,12 @@
-"""What happens to commands on their way to the forces: delay, lag, dead zone, saturation, sag, offset."""
+"""What happens to commands on their way to the forces: delay, lag, dead zone, saturation, sag, offset.
+
+They act in this order: delay, bend of the static curve, lag, limit of the rate, play, dead zone, saturation,
+sag, loss in reverse, offset. On a fan craft those of the thrust act on the force of each fan.
+"""
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import Any
 
 import sympy as sp
 
@@ -10,55 +14,90 @@ from hovercontrol.effects.base import TINY, Coefficient, Effect, Shape
 from hovercontrol.signals import Signal
 
 
-class InputDelay(Effect):
-    """Commands that act late by a fixed time; before the beginning they were zero."""
-
-    name, source, order = "input_delay", "transport delay of a radio link", 1
-    seconds = Shape("s", lower=0.0, neutral=0.0, search=(0.02, 0.06, 0.15))
-
+class _Delay(Effect):
     def commands(self, c: Any, s: Any) -> dict[Signal, sp.Expr]:
         s.delay = c.seconds  # of all commands: becomes the plant's `delays`
         return {}
 
 
-class _Lag(Effect):
-    acts_on: ClassVar[str]
+class InputDelay(_Delay):
+    """Commands that act late by a fixed time; before the beginning they were zero."""
 
-    def lagged(self, c: Any, s: Any, name: str, command: sp.Expr) -> tuple[Signal, sp.Expr]:
-        state = Signal(f"{name}_lagged", s.units[name], f"{name} behind its lag")
-        return state, (command - state.symbol) / c.seconds
+    name, source, order, craft = "input_delay", "transport delay of a radio link", 1, "rudder"
+    seconds = Shape("s", lower=0.0, neutral=0.0, search=(0.02, 0.06, 0.15))
 
 
-class ThrustLag(_Lag):
-    """Thrust that follows its command with a lag of first order, from rest."""
+class FanDelay(_Delay):
+    """Fans that act late by a fixed time; before the beginning they stood still."""
 
-    name, source, order = "thrust_lag", "first order of a motor and its propeller", 2
-    seconds = Shape("s", lower=TINY, neutral=0.0, search=(0.05, 0.15, 0.4))
+    name, source, order, craft = "fan_delay", "transport delay of a radio link", 1, "fan"
+    instead_of = "input_delay"
+    seconds = Shape("s", lower=0.0, neutral=0.0, search=(0.01, 0.02, 0.06, 0.15))
 
+
+def _lagged(c: Any, s: Any, name: str, command: sp.Expr) -> tuple[Signal, sp.Expr]:
+    """Return the state of a lag and its derivative."""
+    state = Signal(f"{name}_lagged", s.units[name], f"{name} behind its lag")
+    return state, (command - state.symbol) / c.seconds
+
+
+class _ThrustLag(Effect):
     def commands(self, c: Any, s: Any) -> dict[Signal, sp.Expr]:
         states = {}
         for name, command in s.thrusts.items():
-            state, slope = self.lagged(c, s, name, command)
+            state, slope = _lagged(c, s, name, command)
             states[state], s.thrusts[name] = slope, state.symbol
         return states
 
 
-class RudderLag(_Lag):
+class ThrustLag(_ThrustLag):
+    """Thrust that follows its command with a lag of first order, from rest."""
+
+    name, source, order, craft = "thrust_lag", "first order of a motor and its propeller", 3, "rudder"
+    seconds = Shape("s", lower=TINY, neutral=0.0, search=(0.05, 0.15, 0.4))
+
+
+class FanLag(_ThrustLag):
+    """Force of each fan that follows its command with a lag of first order, from rest; one time for all."""
+
+    name, source, order, craft = "fan_lag", "first order of a motor and its fan", 3, "fan"
+    instead_of = "thrust_lag"
+    seconds = Shape("s", lower=TINY, neutral=0.0, search=(0.03, 0.1, 0.3))
+
+
+class RudderLag(Effect):
     """A rudder that follows its command with a lag of first order, from rest."""
 
-    name, source, order = "rudder_lag", "first order of a servo", 2
+    name, source, order, craft = "rudder_lag", "first order of a servo", 3, "rudder"
     seconds = Shape("s", lower=TINY, neutral=0.0, search=(0.05, 0.15, 0.4))
 
     def commands(self, c: Any, s: Any) -> dict[Signal, sp.Expr]:
-        state, slope = self.lagged(c, s, "rudder", s.rudder)
+        state, slope = _lagged(c, s, "rudder", s.rudder)
         s.rudder = state.symbol
         return {state: slope}
+
+
+class ThrustCurve(Effect):
+    """Another bend of the static curve: T (1 + b (1 - abs(T)/S)) up to the scale S, T itself beyond.
+
+    Zero at zero, the same at S, and monotone for every b within its bounds. S is not sought: give the largest
+    thrust.
+    """
+
+    name, source, order = "thrust_curve", "second order of a static curve, its ends held", 2
+    value = Coefficient("1", lower=-1.0, upper=1.0)
+    scale = Shape("{thrust}", lower=TINY, default=1.0, search=(1.0,), of="input", fixed=True)
+
+    def commands(self, c: Any, s: Any) -> dict[Signal, sp.Expr]:
+        for name, T in s.thrusts.items():
+            s.thrusts[name] = T * (1 + c.value * sp.Max(0, 1 - sp.Abs(T) / c.scale))
+        return {}
 
 
 class ThrustDeadzone(Effect):
     """Small thrust commands that do nothing: max(0, T - d), odd in T."""
 
-    name, source, order = "thrust_deadzone", "static friction of a motor", 3
+    name, source, order = "thrust_deadzone", "static friction of a motor", 6
     width = Shape("{thrust}", lower=0.0, neutral=0.0, search=(0.05, 0.1, 0.2, 0.3), of="input")
 
     def commands(self, c: Any, s: Any) -> dict[Signal, sp.Expr]:
@@ -70,7 +109,7 @@ class ThrustDeadzone(Effect):
 class ThrustSaturation(Effect):
     """Thrust that does not grow beyond a limit: min(T, s), odd in T."""
 
-    name, source, order = "thrust_saturation", "limit of a supply's current", 4
+    name, source, order = "thrust_saturation", "limit of a supply's current", 7
     limit = Shape("{thrust}", lower=TINY, search=(0.5, 0.65, 0.8, 0.9), of="input")
 
     def commands(self, c: Any, s: Any) -> dict[Signal, sp.Expr]:
@@ -82,7 +121,7 @@ class ThrustSaturation(Effect):
 class BatterySag(Effect):
     """Thrust that fades with time: T (1 - c t), t from the start of each log."""
 
-    name, source, order = "battery_sag", "first order of a battery that empties", 5
+    name, source, order = "battery_sag", "first order of a battery that empties", 8
     value = Coefficient("1/s", lower=0.0)
 
     def commands(self, c: Any, s: Any) -> dict[Signal, sp.Expr]:
@@ -94,7 +133,7 @@ class BatterySag(Effect):
 class ReverseThrustLoss(Effect):
     """Thrust backward that is weaker than forward: times (1 - c) where T < 0."""
 
-    name, source, order = "reverse_thrust_loss", "K06 (4.4): a propeller that turns backward", 6
+    name, source, order = "reverse_thrust_loss", "K06 (4.4): a propeller that turns backward", 9
     value = Coefficient("1", lower=0.0, upper=1.0)
 
     def commands(self, c: Any, s: Any) -> dict[Signal, sp.Expr]:
@@ -106,7 +145,7 @@ class ReverseThrustLoss(Effect):
 class RudderOffset(Effect):
     """A rudder that stands beside its command by a fixed angle."""
 
-    name, source, order = "rudder_offset", "misadjusted linkage", 7
+    name, source, order, craft = "rudder_offset", "misadjusted linkage", 10, "rudder"
     value = Coefficient("rad")
 
     def commands(self, c: Any, s: Any) -> dict[Signal, sp.Expr]:

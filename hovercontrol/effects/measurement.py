@@ -19,6 +19,18 @@ class SensorLeverArm(Effect):
         s.v = s.v + c.value * s.true.r
 
 
+class PoseLeverArm(Effect):
+    """A tracked point that lies off the centre of mass: measured (x, y) = centre + R(psi) (lx, ly)."""
+
+    name, source, order = "pose_lever_arm", "kinematics of a rigid body", 1
+    x = Coefficient("m", default=0.0)
+    y = Coefficient("m", default=0.0)
+
+    def measured(self, c: Any, s: Any) -> None:
+        cos, sin = sp.cos(s.true.psi), sp.sin(s.true.psi)
+        s.x, s.y = s.x + c.x * cos - c.y * sin, s.y + c.x * sin + c.y * cos
+
+
 class VelocityMisalignment(Effect):
     """A velocity sensor turned on the hull: measured (u, v) are turned by minus its angle."""
 

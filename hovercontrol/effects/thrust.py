@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import sympy as sp
 
-from hovercontrol.effects.base import Coefficient, Effect
+from hovercontrol.effects.base import Coefficient, Effect, Shape
 
 
 class Thrust(Effect):
     """Force of the propeller, turned by the rudder: c T cos(theta) in surge, c T sin(theta) in sway."""
 
-    name, source = "thrust", "C17 (9), c7 = b_T/m"
+    name, source, craft = "thrust", "C17 (9), c7 = b_T/m", "rudder"
     value = Coefficient("m/s^2/{thrust}", lower=0.0)
 
     def terms(self, c: Any, s: Any) -> dict[str, sp.Expr]:
@@ -22,7 +23,7 @@ class Thrust(Effect):
 class RudderTorque(Effect):
     """Torque of the rudder's side force on its arm: -c T sin(theta) in yaw."""
 
-    name, source = "rudder_torque", "C17 (10), c8 = a b_T/J"
+    name, source, craft = "rudder_torque", "C17 (10), c8 = a b_T/J", "rudder"
     value = Coefficient("rad/s^2/{thrust}")
 
     def terms(self, c: Any, s: Any) -> dict[str, sp.Expr]:
@@ -33,6 +34,7 @@ class ThrustYawTorque(Effect):
     """Torque of a thrust line that passes beside the centre of mass: c T in yaw."""
 
     name, source = "thrust_yaw_torque", "Euler; c = offset of the thrust line times b_T/J"
+    craft = "rudder"
     value = Coefficient("rad/s^2/{thrust}")
 
     def terms(self, c: Any, s: Any) -> dict[str, sp.Expr]:
@@ -42,7 +44,7 @@ class ThrustYawTorque(Effect):
 class ThrustRudderLoss(Effect):
     """Thrust and rudder torque that fall with the rudder angle: times (1 - c theta^2)."""
 
-    name, source = "thrust_rudder_loss", "second order of a deflected jet's loss"
+    name, source, craft = "thrust_rudder_loss", "second order of a deflected jet's loss", "rudder"
     value = Coefficient("1/{rudder}^2", lower=0.0)
 
     def motion(self, c: Any, s: Any) -> None:
@@ -54,6 +56,7 @@ class RudderDamping(Effect):
     """Damping of yaw by the rudder in the propeller's stream: -c T r."""
 
     name, source = "rudder_damping", "first order of the angle of attack that yaw adds at the rudder"
+    craft = "rudder"
     value = Coefficient("1/s/{thrust}", lower=0.0)
 
     def terms(self, c: Any, s: Any) -> dict[str, sp.Expr]:
@@ -63,7 +66,7 @@ class RudderDamping(Effect):
 class FanForce(Effect):
     """Sum of the fans' forces, each in its direction, per mass."""
 
-    name, source = "fan_force", "Newton; c = 1/m times the fans' effectiveness"
+    name, source, craft = "fan_force", "Newton; c = 1/m times the fans' effectiveness", "fan"
     value = Coefficient("m/s^2/N", lower=0.0)
 
     def terms(self, c: Any, s: Any) -> dict[str, sp.Expr]:
@@ -73,8 +76,23 @@ class FanForce(Effect):
 class FanTorque(Effect):
     """Sum of the fans' torques about the centre of mass, per inertia."""
 
-    name, source = "fan_torque", "Euler; c = 1/J times the fans' effectiveness"
+    name, source, craft = "fan_torque", "Euler; c = 1/J times the fans' effectiveness", "fan"
     value = Coefficient("rad/s^2/(N*m)", lower=0.0)
 
     def terms(self, c: Any, s: Any) -> dict[str, sp.Expr]:
         return {"r": c.value * s.fan_torque}
+
+
+class FanMisalignment(Effect):
+    """Fans that all push turned by one angle from where they should, each at its own place."""
+
+    name, source, craft = "fan_misalignment", "rotation of a force about its own point of attack", "fan"
+    value = Shape("rad", lower=-math.pi / 2, upper=math.pi / 2, neutral=0.0, search=(0.05,))
+
+    def motion(self, c: Any, s: Any) -> None:
+        cos, sin = sp.cos(c.value), sp.sin(c.value)
+        s.fan_x, s.fan_y = s.fan_x * cos - s.fan_y * sin, s.fan_x * sin + s.fan_y * cos
+        s.fan_torque, s.fan_cross_torque = (
+            s.fan_torque * cos + s.fan_cross_torque * sin,
+            s.fan_cross_torque * cos - s.fan_torque * sin,
+        )

@@ -262,3 +262,9 @@ def test_another_drag_needs_no_other_controller(rng):
     z1, z2 = c17_errors(x, path.outputs(t, ()), 0.2)
     ahead, behind = (c17_errors(x + s * h * dx, path.outputs(t + s * h, ()), 0.2)[1] for s in (1, -1))
     assert np.allclose((ahead - behind) / (2 * h), -2 * z1 - 2 * z2, atol=1e-6 * (1 + np.abs(x).max()) * 10)
+
+
+def test_friction_with_bristles_is_refused():
+    numbers = {"stiffness": 300.0, "coulomb": 0.2, "static": 0.3}
+    with pytest.raises(InputError, match="has friction with the state 'lugre_u'"):
+        tracking_controller(c17_simulation().with_effects([effect("lugre_surge", **numbers)]))

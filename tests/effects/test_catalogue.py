@@ -11,6 +11,7 @@ from hovercontrol.errors import InputError
 from hovercontrol.model import Model
 from hovercontrol.vehicles import c17_simulation, four_fan
 
+MOTION = ("x", "y", "psi", "u", "v", "r")
 T, TH = 1.3, -0.4  # thrust and rudder
 STATE = np.array([0.3, -0.2, 0.7, 0.9, -0.5, 1.1])
 X, Y, PSI, U, V, R = STATE
@@ -133,7 +134,7 @@ def measured(*effects):
     values = dict(
         zip((s.name for s in block.outputs), block.to_numpy().outputs(0, STATE, [T, TH]), strict=True)
     )
-    return {name: values[f"{name}_measured"] for name in "uvr" if f"{name}_measured" in values}
+    return {name: values[f"{name}_measured"] for name in MOTION if f"{name}_measured" in values}
 
 
 def test_measurement_effects():
@@ -149,8 +150,19 @@ def test_measurement_effects():
     assert found == pytest.approx(turned)
 
 
+def test_a_tracked_point_off_the_centre_turns_about_it():
+    found = measured(effect("pose_lever_arm", x=0.03, y=-0.02))
+    place = {"x": X + 0.03 * COS + 0.02 * SIN, "y": Y + 0.03 * SIN - 0.02 * COS}
+    assert found == pytest.approx(place)
+    neutral = measured(effect("pose_lever_arm"))
+    assert neutral == pytest.approx({"x": X, "y": Y})
+    both = measured(effect("pose_lever_arm", x=0.03, y=-0.02), effect("sensor_lever_arm", 0.05))
+    assert both == pytest.approx(place | {"v": V + 0.05 * R}), "independent of each other"
+
+
 def test_measurement_effects_leave_the_motion_alone():
-    np.testing.assert_array_equal(change(effect("gyro_scale", 0.2), effect("sensor_lever_arm", 0.1)), 0.0)
+    given = effect("gyro_scale", 0.2), effect("sensor_lever_arm", 0.1), effect("pose_lever_arm", x=0.1)
+    np.testing.assert_array_equal(change(*given), 0.0)
 
 
 @pytest.mark.parametrize("name", effect_names())

@@ -1,0 +1,98 @@
+"""Actuators with a memory: play between command and actuator, and a limit of its rate.
+
+Both are regularised: the actuator follows within the time constant :data:`TAU`, which a fit leaves as it is.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import sympy as sp
+
+from hovercontrol.effects.base import TINY, Effect, Shape
+from hovercontrol.signals import Signal
+
+#: Time constant of the regularisation [s]: small against what a log of some 100 Hz shows.
+TAU = 0.005
+
+
+def play(command: sp.Expr, width: sp.Expr, tau: sp.Expr, state: sp.Expr) -> sp.Expr:
+    """Return the derivative of what follows a command with play: still while within half the width of it."""
+    ahead = sp.Max(0, command - width / 2 - state)
+    behind = sp.Max(0, state - command - width / 2)
+    return (ahead - behind) / tau
+
+
+def limited_rate(command: sp.Expr, limit: sp.Expr, tau: sp.Expr, state: sp.Expr) -> sp.Expr:
+    """Return the derivative of what follows a command at a limited rate."""
+    return sp.Max(-limit, sp.Min(limit, (command - state) / tau))
+
+
+class _Backlash(Effect):
+    def played(self, c: Any, s: Any, name: str, command: sp.Expr) -> tuple[Signal, sp.Expr]:
+        """Return the state behind the play and its derivative, from rest at zero."""
+        state = Signal(f"{name}_played", s.units[name], f"{name} behind its play")
+        return state, play(command, c.width, c.tau, state.symbol)
+
+
+class _RateLimit(Effect):
+    def limited(self, c: Any, s: Any, name: str, command: sp.Expr) -> tuple[Signal, sp.Expr]:
+        """Return the actuator's state and its derivative, from rest at zero."""
+        state = Signal(f"{name}_rate_limited", s.units[name], f"{name} behind the limit of its rate")
+        return state, limited_rate(command, c.limit, c.tau, state.symbol)
+
+
+class ThrustBacklash(_Backlash):
+    """Play between command and thrust (hysteresis): it rests while within half the width of its command."""
+
+    name, source, order = "thrust_backlash", "Nordin and Gutman, Automatica 38 (2002)", 5
+    width = Shape("{thrust}", lower=0.0, neutral=0.0, search=(0.05, 0.1, 0.2, 0.4), of="input")
+    tau = Shape("s", lower=TINY, default=TAU, fixed=True)
+
+    def commands(self, c: Any, s: Any) -> dict[Signal, sp.Expr]:
+        states = {}
+        for name, command in s.thrusts.items():
+            state, slope = self.played(c, s, name, command)
+            states[state], s.thrusts[name] = slope, state.symbol
+        return states
+
+
+class RudderBacklash(_Backlash):
+    """Play of the rudder's linkage (hysteresis): it rests while within half the width of its command."""
+
+    name, source, order, craft = "rudder_backlash", "Nordin and Gutman, Automatica 38 (2002)", 5, "rudder"
+    width = Shape("rad", lower=0.0, neutral=0.0, search=(0.03, 0.1, 0.2, 0.4))
+    tau = Shape("s", lower=TINY, default=TAU, fixed=True)
+
+    def commands(self, c: Any, s: Any) -> dict[Signal, sp.Expr]:
+        state, slope = self.played(c, s, "rudder", s.rudder)
+        s.rudder = state.symbol
+        return {state: slope}
+
+
+class ThrustRateLimit(_RateLimit):
+    """Thrust that changes no faster than a limit per second."""
+
+    name, source, order = "thrust_rate_limit", "ramp of a motor's controller", 4
+    limit = Shape("{thrust}/s", lower=TINY, search=(0.5, 1.5, 5.0), of="input")
+    tau = Shape("s", lower=TINY, default=TAU, fixed=True)
+
+    def commands(self, c: Any, s: Any) -> dict[Signal, sp.Expr]:
+        states = {}
+        for name, command in s.thrusts.items():
+            state, slope = self.limited(c, s, name, command)
+            states[state], s.thrusts[name] = slope, state.symbol
+        return states
+
+
+class RudderRateLimit(_RateLimit):
+    """A rudder that turns no faster than a limit."""
+
+    name, source, order, craft = "rudder_rate_limit", "speed of a servo under load", 4, "rudder"
+    limit = Shape("rad/s", lower=TINY, search=(0.5, 1.5, 5.0))
+    tau = Shape("s", lower=TINY, default=TAU, fixed=True)
+
+    def commands(self, c: Any, s: Any) -> dict[Signal, sp.Expr]:
+        state, slope = self.limited(c, s, "rudder", s.rudder)
+        s.rudder = state.symbol
+        return {state: slope}

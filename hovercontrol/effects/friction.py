@@ -1,0 +1,93 @@
+"""Friction beyond drag: in proportion to the thrust that presses, and with bristles that bend (LuGre)."""
+
+from __future__ import annotations
+
+import re
+from typing import Any, ClassVar
+
+import sympy as sp
+
+from hovercontrol.effects.base import TINY, Coefficient, Effect, Shape
+from hovercontrol.signals import Signal
+
+
+class LoadFriction(Effect):
+    """Dry friction of the hull in proportion to the thrust that presses: -c abs(T) along the velocity.
+
+    Adds -c abs(T) (u, v)/sqrt(u^2 + v^2 + width^2) to (u', v'): of size c abs(T) and against the planar
+    velocity once that is larger than the width, so -c abs(T) sgn(u) where the craft moves straight ahead.
+    """
+
+    name, source, craft = "load_friction", "Coulomb; the normal force grows with the thrust", "rudder"
+    value = Coefficient("m/s^2/{thrust}", lower=0.0)
+    width = Shape("m/s", lower=TINY, default=0.01)
+
+    def terms(self, c: Any, s: Any) -> dict[str, sp.Expr]:
+        pressed = c.value * sp.Abs(s.thrust) / sp.sqrt(s.u**2 + s.v**2 + c.width**2)
+        return {"u": -pressed * s.u, "v": -pressed * s.v}
+
+
+class LuGre(Effect):
+    """LuGre friction along one axis, against the velocity ``axis``.
+
+    Bristles of deflection z: z' = v - sigma0 abs(v) z/g(v), force sigma0 z + sigma1 z', level
+    g(v) = Fc + (Fs - Fc) exp(-(v/vs)^2). Numbers: ``stiffness`` sigma0, ``damping`` sigma1, ``coulomb`` Fc,
+    ``static`` Fs, ``speed`` vs.
+    """
+
+    axis: ClassVar[str]
+    deflection: ClassVar[str]  # unit of z
+
+    def bristles(self) -> Signal:
+        """Return the state z."""
+        word = re.sub(r"\W+", "_", self.axis).strip("_")
+        return Signal(f"lugre_{word}", self.deflection, f"bristles of friction against {self.axis}")
+
+    def deflection_rate(self, c: Any, s: Any) -> sp.Expr:
+        """Return z'."""
+        v, z = getattr(s, self.axis), self.bristles().symbol
+        level = c.coulomb + (c.static - c.coulomb) * sp.exp(-((v / c.speed) ** 2))
+        return v - c.stiffness * sp.Abs(v) * z / level
+
+    def states(self, c: Any, s: Any) -> dict[Signal, sp.Expr]:
+        return {self.bristles(): self.deflection_rate(c, s)}
+
+    def terms(self, c: Any, s: Any) -> dict[str, sp.Expr]:
+        z = self.bristles().symbol
+        return {self.axis: -c.stiffness * z - c.damping * self.deflection_rate(c, s)}
+
+
+SOURCE = "Canudas de Wit, Olsson, Astrom, Lischinsky, IEEE Trans. Automatic Control 40 (1995)"
+
+
+class LugreSurge(LuGre):
+    """LuGre friction in surge: bristles that bend before the craft slides, stick-slip."""
+
+    name, axis, deflection, source = "lugre_surge", "u", "m", SOURCE
+    stiffness = Shape("1/s^2", lower=0.0, search=(100.0, 1000.0))
+    damping = Shape("1/s", lower=0.0, default=10.0)
+    coulomb = Shape("m/s^2", lower=TINY, search=(0.1, 0.4))
+    static = Shape("m/s^2", lower=TINY, search=(0.5,))
+    speed = Shape("m/s", lower=TINY, default=0.05)
+
+
+class LugreSway(LuGre):
+    """LuGre friction in sway: bristles that bend before the craft slides, stick-slip."""
+
+    name, axis, deflection, source = "lugre_sway", "v", "m", SOURCE
+    stiffness = Shape("1/s^2", lower=0.0, search=(100.0, 1000.0))
+    damping = Shape("1/s", lower=0.0, default=10.0)
+    coulomb = Shape("m/s^2", lower=TINY, search=(0.1, 0.4))
+    static = Shape("m/s^2", lower=TINY, search=(0.5,))
+    speed = Shape("m/s", lower=TINY, default=0.05)
+
+
+class LugreYaw(LuGre):
+    """LuGre friction in yaw: bristles that bend before the craft turns, stick-slip."""
+
+    name, axis, deflection, source = "lugre_yaw", "r", "rad", SOURCE
+    stiffness = Shape("1/s^2", lower=0.0, search=(100.0, 1000.0))
+    damping = Shape("1/s", lower=0.0, default=10.0)
+    coulomb = Shape("rad/s^2", lower=TINY, search=(0.2, 1.0))
+    static = Shape("rad/s^2", lower=TINY, search=(1.2,))
+    speed = Shape("rad/s", lower=TINY, default=0.1)
