@@ -319,7 +319,9 @@ def disturbed(
 
 def _sized(of: Disturbance, made: Callable[[Disturbance], float], wanted: float) -> Disturbance:
     """Return the disturbance so strong that it makes about the error that is wanted."""
-    low, high = {"patch": (0.1, 8.0), "resonance": (0.02, 0.9), "cable": (0.01, 3.0)}.get(of.kind, (0.02, 20.0))
+    low, high = {"patch": (0.02, 4.0), "resonance": (0.02, 0.9), "cable": (1e-3, 3.0)}.get(
+        of.kind, (0.02, 20.0)
+    )
     of = replace(of, gain=float(np.sqrt(low * high)) if of.kind != "bumps" else 1.0)
     for _ in range(3):
         gain = of.gain * np.clip(wanted / made(of), 0.1, 10.0)
