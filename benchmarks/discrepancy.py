@@ -1,4 +1,4 @@
-"""Blind cases with remainders, gusts, dirty logs and fans: what ``diagnose`` makes of them (a sample of five).
+"""Blind cases with remainders, gusts and dirty logs: what ``diagnose`` makes of them (a sample of five).
 
 ``python -m benchmarks.discrepancy SUITE`` runs a whole suite; with ``--out`` it goes on where it was stopped.
 """

@@ -335,7 +335,7 @@ _TILT, _REACH, _HALF = np.pi / 3, 0.052, 0.019
 
 
 def fan_craft(rng: Random) -> Model:
-    """Return a light craft of six fans: three pairs about the hull, those of a pair push against each other."""
+    """Return a light craft of six fans: three pairs about the hull, those of a pair against each other."""
     fans = []
     for letter, angle in zip("abc", (0.0, 2 * np.pi / 3, -2 * np.pi / 3), strict=True):
         for k, side in ((1, -1.0), (2, 1.0)):
