@@ -14,6 +14,7 @@ import math
 import sys
 import time
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -46,14 +47,14 @@ def fan_craft(mass: float) -> Model:
     """Return the nominal craft: rigid body, fans, a little linear drag."""
     return Model(
         "holohover",
-        [
+        (
             effect("surge_linear_drag", 0.1),
             effect("sway_linear_drag", 0.1),
             effect("yaw_linear_drag", 0.1),
             effect("fan_force", 1.0 / mass),
             effect("fan_torque", 1.0 / INERTIA),
-        ],
-        fans=[Fan(name, *place) for name, place in MOTORS.items()],
+        ),
+        fans=tuple(Fan(name, *place) for name, place in MOTORS.items()),
     )
 
 
@@ -92,6 +93,11 @@ def halves(name: str, craft: Model, log: Log) -> list[Split]:
     ]
 
 
+def holohover_halves(name: str) -> list[Split]:
+    """Return a log of the six-fan craft, each half fitted once and held out once."""
+    return halves(name, fan_craft(MASS[name]), holohover(name))
+
+
 def abcd() -> list[Split]:
     """Return the four runs of the four-fan craft, each held out in turn."""
     craft, runs = vehicle("four_fan"), {run: real_logs.read(run) for run in "abcd"}
@@ -108,7 +114,7 @@ def drive() -> list[Split]:
 
 
 WHAT: dict[str, Callable[[], list[Split]]] = {
-    **{n: (lambda n=n: halves(n, fan_craft(MASS[n]), holohover(n))) for n in MASS},
+    **{name: partial(holohover_halves, name) for name in MASS},
     "abcd": abcd,
     "drive": drive,
 }
@@ -124,7 +130,7 @@ def told(split: Split, whole: bool) -> tuple[str, dict[str, Any]]:
     rivals = ", ".join(f"{r.name} for {r.instead_of}" for r in found.rivals)
     line = f"{title:30} {found.verdict:12} {numbers or '-'}{f' (rivals {rivals})' if rivals else ''}"
     result = found.result()
-    kept = {k: result[k] for k in ("gap", "where", "evidence", "remainder", "leads") if k in result}
+    kept: dict[str, Any] = {k: result[k] for k in ("gap", "evidence", "remainder", "leads") if k in result}
     of_effects = {e["name"]: e["evidence"] for e in result["effects"] if "evidence" in e}
     if of_effects:
         kept["evidence of effects"] = of_effects
