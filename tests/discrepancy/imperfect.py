@@ -45,7 +45,7 @@ from .generator import (
     hidden,
     with_gusts,
 )
-from .windows import misfit
+from .windows import late, misfit
 
 Array = NDArray[np.float64]
 Random = np.random.Generator
@@ -247,11 +247,6 @@ def driven(name: str, rng: Random, conditions: Conditions) -> Drive:
     return Drive(name, np.asarray(t, dtype=np.float64), commands, pushes, rng.uniform(0.0, 2 * np.pi))
 
 
-def late(model: Model) -> float:
-    """Return how late the commands of a craft show in its log [s]."""
-    return sum(e.values["seconds"] for e in model.effects if e.name in ("input_delay", "time_offset"))
-
-
 def move(truth: Model, drive: Drive, disturbance: Disturbance | None = None) -> Motion:
     """Return the motion of a craft."""
     block = truth.plant(late=True)
@@ -326,7 +321,7 @@ def disturbed(
         calm = [move(truth, d) for d in drives]
         wanted = max(rng.uniform(*BESIDE) * of_effects, LEAST) if effects else rng.uniform(*ALONE)
         best = np.inf
-        for _ in range(4 if kind == "patch" else 1):  # a patch may hold a craft, or be left for good
+        for _ in range(8 if kind == "patch" else 1):  # a patch may hold a craft, or be left for good
             tried = _sized(Disturbance(kind, _placed(kind, rng, calm)), made, wanted)
             made_by_it = made(tried)
             off = abs(np.log(made_by_it / wanted)) + _unmet(tried, [move(truth, d, tried) for d in drives])

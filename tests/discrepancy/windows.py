@@ -19,6 +19,11 @@ Array = NDArray[np.float64]
 SECONDS, STEP = 0.5, 0.005
 
 
+def late(model: Model) -> float:
+    """Return how late the commands of a craft show in its log [s]."""
+    return sum(e.values["seconds"] for e in model.effects if e.name in ("input_delay", "time_offset"))
+
+
 def misfit(
     model: Model, motions: Sequence[Motion], channels: Sequence[str], noise: Mapping[str, float]
 ) -> float:
@@ -37,8 +42,6 @@ def _errors(
     model: Model, motion: Motion, channels: Sequence[str], noise: Mapping[str, float]
 ) -> tuple[Array, Array]:
     """Return the errors in all windows, shape (n,), and the predictions' slopes by coefficients (k, n)."""
-    from .imperfect import late
-
     block = model.plant(late=True)
     derivatives, outputs = block.to_numpy().vector
     t, drive = motion.drive.time, motion.drive
