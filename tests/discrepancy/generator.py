@@ -196,11 +196,11 @@ def make(seed: int, names: Sequence[str], conditions: Conditions | None = None) 
 def simulated(model: Model, rng: Random, conditions: Conditions, name: str) -> Log:
     """Return one log of a craft."""
     plant = model.plant(late=True)
-    block = _with_gusts(plant) if conditions.gusts else plant
+    block = with_gusts(plant) if conditions.gusts else plant
     commands = conditions.commands(rng, conditions.duration, conditions.dt)
     t = np.arange(0.0, conditions.duration, conditions.dt)[: len(commands["thrust"])]
     late = sum(e.values["seconds"] for e in model.effects if e.name in ("input_delay", "time_offset"))
-    gusts = {f"gust_{axis}": _gust(rng, t.size, conditions.dt, size) for axis, size in GUST.items()}
+    gusts = {f"gust_{axis}": gust(rng, t.size, conditions.dt, size) for axis, size in GUST.items()}
     grid = np.unique(np.round(np.concatenate([t, t + late, [min(0.0, late)]]), 9)) if late else t
     held = np.searchsorted(t, grid - late + 1e-9, side="right") - 1
     held_gust = np.clip(np.searchsorted(t, grid + 1e-9, side="right") - 1, 0, t.size - 1)
@@ -218,10 +218,10 @@ def simulated(model: Model, rng: Random, conditions: Conditions, name: str) -> L
         for c in conditions.channels
     }
     log = Log(name, t, {**seen, **commands})
-    return _faulty(log, rng, conditions) if conditions.faults else log
+    return faulty(log, rng, conditions) if conditions.faults else log
 
 
-def _faulty(log: Log, rng: Random, conditions: Conditions) -> Log:
+def faulty(log: Log, rng: Random, conditions: Conditions) -> Log:
     """Return the log with 2 % outliers, 5 % of its rows dropped, stamps off by up to 3 ms."""
     n = len(log)
     columns = dict(log.columns)
@@ -233,7 +233,7 @@ def _faulty(log: Log, rng: Random, conditions: Conditions) -> Log:
     return Log(log.name, stamps[kept], {k: v[kept] for k, v in columns.items()})
 
 
-def _gust(rng: Random, n: int, dt: float, size: float) -> Array:
+def gust(rng: Random, n: int, dt: float, size: float) -> Array:
     """Return an Ornstein-Uhlenbeck process."""
     fade = np.exp(-dt / GUST_SECONDS)
     z = rng.normal(size=n)
@@ -243,13 +243,13 @@ def _gust(rng: Random, n: int, dt: float, size: float) -> Array:
     return np.array(values)
 
 
-def _with_gusts(block: Block) -> Block:
+def with_gusts(block: Block) -> Block:
     gusts = {axis: Signal(f"gust_{axis}", "rad/s^2" if axis == "r" else "m/s^2") for axis in GUST}
     added = {axis: block.derivatives[axis] + signal.symbol for axis, signal in gusts.items()}
-    return _changed(block, {**block.derivatives, **added}, inputs=tuple(gusts.values()))
+    return changed(block, {**block.derivatives, **added}, inputs=tuple(gusts.values()))
 
 
-def _changed(
+def changed(
     block: Block,
     derivatives: dict[str, sp.Expr],
     *,
@@ -307,7 +307,7 @@ def outside(seed: int, kind: str, conditions: Conditions | None = None) -> Case:
         parameters = [rate]
     else:
         raise ValueError(kind)
-    block = _changed(block, d, states=states, parameters=parameters)
+    block = changed(block, d, states=states, parameters=parameters)
     logs = [_run(block, rng, conditions, f"log {k + 1}") for k in range(conditions.logs)]
     return Case(given(model, rng), logs, _run(block, rng, conditions, "hold-out"), model, (kind,))
 

@@ -2,7 +2,8 @@
 
 Every case hides effects in a craft, makes logs, and lets :func:`hovercontrol.discrepancy.diagnose` look at
 the logs and at a model whose coefficients are off. Cases are written to a CSV file as they come, so that a
-run that was stopped goes on where it was; the table is made from that file.
+run that was stopped goes on where it was; the table is made from that file. With ``--reduced`` only the cases
+of ``blind/reduced.csv`` are run, which were drawn once by :func:`drawn`.
 """
 
 from __future__ import annotations
@@ -32,6 +33,8 @@ from .generator import OUTSIDE, SIZES, VELOCITY_ONLY, Case, Conditions, make, mi
 
 #: In every log a delay of the commands is a clock that is late: these two may be named together.
 SAME = {"input_delay", "time_offset"}
+
+Planned = tuple[str, tuple[str, ...], int]  # axis, hidden, seed
 
 POSE, VELOCITIES = ("x", "y", "psi"), ("u", "v", "r")
 ONE = tuple((name,) for name in SIZES)
@@ -100,6 +103,10 @@ AXES = {
     "laps": Axis("closed-loop laps", replace(BASE, laps=True), ONE, 3, "exact >= 98 %, rest honest"),
     "outside": Axis("not in the catalogue", BASE, tuple((k,) for k in OUTSIDE), 10, "unexplained >= 95 %"),
 }
+
+#: Cases of the reduced table, drawn once; each axis keeps some.
+REDUCED = Path(__file__).parent / "blind" / "reduced.csv"
+FEWEST = 4
 
 #: Axes that are asked for together, under the last of them.
 TOGETHER = {
@@ -200,12 +207,34 @@ def _coverage(of: Case, found: Diagnosis) -> tuple[int, int]:
     return sum(inside), len(inside)
 
 
-def cases(axes: Sequence[str], seeds: int | None) -> Iterator[tuple[str, tuple[str, ...], int]]:
+def cases(axes: Sequence[str], seeds: int | None) -> Iterator[Planned]:
     """Return all cases, seeds outermost."""
     for seed in range(max(AXES[a].seeds for a in axes)):
         for axis in axes:
             if seed < min(AXES[axis].seeds, seeds or AXES[axis].seeds):
                 yield from ((axis, hidden, seed) for hidden in AXES[axis].hidden)
+
+
+def drawn(count: int = 300, seed: int = 2026) -> list[Planned]:
+    """Return planned cases drawn at random, of each axis in proportion and at least ``FEWEST``."""
+    planned = list(cases(list(AXES), None))
+    rng = np.random.default_rng(seed)
+    of = {axis: [c for c in planned if c[0] == axis] for axis in AXES}
+    wanted = {axis: count * len(own) / len(planned) for axis, own in of.items()}
+    number = {axis: max(FEWEST, int(w)) for axis, w in wanted.items()}
+    for axis in sorted(AXES, key=lambda a: number[a] - wanted[a])[: count - sum(number.values())]:
+        number[axis] += 1
+    picked = {axis: sorted(rng.choice(len(own), number[axis], replace=False)) for axis, own in of.items()}
+    return [of[axis][k] for axis in AXES for k in picked[axis]]
+
+
+def reduced() -> list[Planned]:
+    """Return the cases of the reduced table."""
+    with REDUCED.open(newline="", encoding="utf-8") as file:
+        return [
+            (line["axis"], tuple(n for n in line["hidden"].split("+") if n), int(line["seed"]))
+            for line in csv.DictReader(file)
+        ]
 
 
 def table(rows: Sequence[Row]) -> str:
@@ -282,6 +311,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--axes", nargs="+", default=list(AXES), choices=list(AXES), metavar="AXIS")
     parser.add_argument("--seeds", type=int, help="at most so many of each axis")
+    parser.add_argument("--reduced", action="store_true", help="only the cases of blind/reduced.csv")
     parser.add_argument("--jobs", type=int, default=os.cpu_count())
     parser.add_argument("--out", type=Path, default=Path("out/blind"))
     given = parser.parse_args(arguments)
@@ -289,7 +319,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     path = given.out / "cases.csv"
     rows = _read(path)
     done = {(r.axis, r.hidden, r.seed) for r in rows}
-    todo = [c for c in cases(given.axes, given.seeds) if (c[0], "+".join(c[1]), c[2]) not in done]
+    wanted = list(cases(given.axes, given.seeds))
+    if given.reduced:
+        few = set(reduced())
+        wanted = [c for c in wanted if c in few]
+        names = {(axis, "+".join(hidden), seed) for axis, hidden, seed in few}
+        rows = [r for r in rows if (r.axis, r.hidden, r.seed) in names]
+    todo = [c for c in wanted if (c[0], "+".join(c[1]), c[2]) not in done]
     fresh = not path.exists()
     with path.open("a", newline="", encoding="utf-8") as file, ProcessPoolExecutor(given.jobs) as pool:
         writer = csv.DictWriter(file, [f.name for f in fields(Row)])
@@ -306,7 +342,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             )
             print(f"{k + 1}/{len(todo)} {row.seconds:.1f} s {note}", file=sys.stderr, flush=True)
     text = table(rows)
-    (given.out / "table.md").write_text(text, encoding="utf-8")
+    (given.out / ("reduced.md" if given.reduced else "table.md")).write_text(text, encoding="utf-8")
     print(text)
     return 0
 

@@ -1,0 +1,461 @@
+"""Logs of craft on which something acts that is in no catalogue, or that a poor recorder wrote.
+
+As in :mod:`.generator` a case is made of a seed and what is hidden, and the search sees only the model, its
+coefficients up to 3 % off, and the logs. Here a craft that lacks a known effect meets a disturbance as well:
+a rough patch of floor, a load that swings, a cable, an oscillating torque, bumps, gusts. Five suites:
+
+========== =================================================================================
+partial    an effect of the catalogue beside a disturbance, about as large as the effect
+remainder  a disturbance, nothing of the catalogue
+dirty      outliers, lost rows, stamps that are off; an effect or none
+gusts      coloured accelerations; an effect or none
+fans       a craft of six fans whose thrust lags, on a floor with a patch, tracked by cameras
+========== =================================================================================
+"""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+from itertools import count
+from typing import NamedTuple
+
+import numpy as np
+import sympy as sp
+from numpy.typing import NDArray
+
+from hovercontrol.block import Block
+from hovercontrol.effects import Effect, effect, effect_names
+from hovercontrol.logs import Log
+from hovercontrol.model import Fan, Model
+from hovercontrol.signals import Signal, time
+
+from .generator import (
+    GUST,
+    NOISE,
+    Case,
+    Conditions,
+    changed,
+    craft,
+    faulty,
+    given,
+    gust,
+    hidden,
+    with_gusts,
+)
+from .windows import late, misfit
+
+Array = NDArray[np.float64]
+Random = np.random.Generator
+
+POSE = ("x", "y", "psi")
+DISTURBANCES = ("patch", "resonance", "cable", "torque", "bumps")
+EFFECTS = (
+    "thrust_lag",
+    "input_delay",
+    "slope",
+    "yaw_quadratic_drag",
+    "rudder_offset",
+    "sway_quadratic_drag",
+    "thrust_deadzone",
+    "gyro_scale",
+    "surge_stribeck",
+    "munk_moment",
+)
+#: What poses cannot show, and what is hidden in its place.
+IN_POSE = {"gyro_scale": "thrust_saturation"}
+#: Errors of a prediction over 0.5 s, in standard deviations of the noise: of a disturbance that is alone, and
+#: the least of one beside an effect.
+ALONE, LEAST = (2.0, 6.0), 1.5
+#: Effects beside a disturbance are made larger until they make an error of one standard deviation.
+LARGER = (1.0, 1.5, 2.0, 3.0)
+#: A disturbance beside an effect makes so many times the error that the effect makes.
+BESIDE = (0.5, 1.5)
+CAMERA = {"x": 3e-4, "y": 3e-4, "psi": 5e-4}  # standard deviations [m, rad], on the fan craft
+
+
+@dataclass(frozen=True)
+class Disturbance:
+    """Something that no effect says, with its numbers; its phase differs from log to log."""
+
+    kind: str
+    values: Mapping[str, float]
+    gain: float = 1.0
+
+    def added(self, plant: Block, phase: float) -> Block:
+        """Return the plant with the disturbance."""
+        return ADDED[self.kind](plant, {**self.values, "phase": phase}, self.gain)
+
+
+@dataclass(frozen=True)
+class Disturbed(Case):
+    """A case, and how large what was hidden is.
+
+    Attributes
+    ----------
+    disturbance : Disturbance or None
+    shares : (float, float)
+        Error of a prediction over 0.5 s, coefficients fitted again, in standard deviations of the noise: what
+        the effects make, what the disturbance makes; NaN where it was not measured.
+    """
+
+    disturbance: Disturbance | None = field(default=None, repr=False)
+    shares: tuple[float, float] = field(default=(np.nan, np.nan), repr=False)
+
+
+class Drive(NamedTuple):
+    """What one log is made from: times, commands, and what is random in the disturbance."""
+
+    name: str
+    time: Array
+    commands: dict[str, Array]
+    pushes: dict[str, Array]  # of bumps and gusts, by the inputs' names
+    phase: float
+
+
+class Motion(NamedTuple):
+    """A motion without noise, by name: the states, and what sensors see of it."""
+
+    drive: Drive
+    states: dict[str, Array]
+    seen: dict[str, Array]
+
+
+# ---- disturbances --------------------------------------------------------------------------------------
+
+
+def _numbers(values: Mapping[str, float], strength: float, **units: str) -> dict[str, Signal]:
+    """Return the gain and other numbers, with their units, as parameters of a Block."""
+    named = {**values, "gain": strength}
+    return {k: Signal(f"hidden_{k}", unit, start=float(named[k])) for k, unit in units.items()}
+
+
+def _patch(block: Block, values: Mapping[str, float], strength: float) -> Block:
+    """A rough patch of floor: more drag within a disc."""
+    n = _numbers(values, strength, x="m", y="m", radius="m", gain="1/s")
+    x, y = (sp.Symbol(s, real=True) for s in ("x", "y"))
+    inside = (x - n["x"].symbol) ** 2 + (y - n["y"].symbol) ** 2 < n["radius"].symbol ** 2
+    drag = n["gain"].symbol * sp.Piecewise((1, inside), (0, True))
+    d = dict(block.derivatives)
+    for axis in ("u", "v", "r"):
+        d[axis] = d[axis] - drag * sp.Symbol(axis, real=True)
+    return changed(block, d, parameters=tuple(n.values()))
+
+
+def _resonance(block: Block, values: Mapping[str, float], strength: float) -> Block:
+    """A load on a spring, lightly damped, shaken along one axis: it pushes back on the hull."""
+    n = _numbers(values, strength, rate="1/s", damping="1", gain="1")
+    axis = "v" if values["sideways"] else "u"
+    place, speed = Signal("load", "m"), Signal("load_rate", "m/s")
+    w, z, q, dq = n["rate"].symbol, n["damping"].symbol, place.symbol, speed.symbol
+    d = dict(block.derivatives)
+    u, v, r = (sp.Symbol(s, real=True) for s in ("u", "v", "r"))
+    turning = -u * r if axis == "v" else v * r  # of the axes, no acceleration of the hull
+    pull = w**2 * q + 2 * z * w * dq
+    d |= {"load": dq, "load_rate": -pull - (d[axis] - turning), axis: d[axis] + n["gain"].symbol * pull}
+    return changed(block, d, states=(place, speed), parameters=tuple(n.values()))
+
+
+def _cable(block: Block, values: Mapping[str, float], strength: float) -> Block:
+    """A cable to a point of the floor: beyond its slack length it pulls like a spring."""
+    n = _numbers(values, strength, x="m", y="m", slack="m", gain="m/s^2/m")
+    x, y, psi = (sp.Symbol(s, real=True) for s in ("x", "y", "psi"))
+    dx, dy = n["x"].symbol - x, n["y"].symbol - y
+    slack = n["slack"].symbol
+    pull = n["gain"].symbol * (1 - slack / sp.Max(slack, sp.sqrt(dx**2 + dy**2)))  # per metre
+    d = dict(block.derivatives)
+    d["u"] = d["u"] + pull * (sp.cos(psi) * dx + sp.sin(psi) * dy)
+    d["v"] = d["v"] + pull * (-sp.sin(psi) * dx + sp.cos(psi) * dy)
+    return changed(block, d, parameters=tuple(n.values()))
+
+
+def _torque(block: Block, values: Mapping[str, float], strength: float) -> Block:
+    """A yaw torque that oscillates at 0.7 Hz."""
+    n = _numbers(values, strength, rate="rad/s", phase="rad", gain="rad/s^2")
+    wave = sp.sin(n["rate"].symbol * time + n["phase"].symbol)
+    d = {**block.derivatives, "r": block.derivatives["r"] + n["gain"].symbol * wave}
+    return changed(block, d, parameters=tuple(n.values()))
+
+
+def _bumps(block: Block, values: Mapping[str, float], strength: float) -> Block:
+    """Short impulses at random times, along all axes."""
+    n = _numbers(values, strength, gain="1")
+    pushes = {a: Signal(f"bump_{a}", "rad/s^2" if a == "r" else "m/s^2") for a in ("u", "v", "r")}
+    d = {a: block.derivatives[a] + n["gain"].symbol * s.symbol for a, s in pushes.items()}
+    inputs = tuple(pushes.values())
+    return changed(block, {**block.derivatives, **d}, inputs=inputs, parameters=tuple(n.values()))
+
+
+ADDED: dict[str, Callable[[Block, Mapping[str, float], float], Block]] = {
+    "patch": _patch,
+    "resonance": _resonance,
+    "cable": _cable,
+    "torque": _torque,
+    "bumps": _bumps,
+    "gusts": lambda block, values, strength: with_gusts(block),
+}
+
+
+def _placed(kind: str, rng: Random, motions: Sequence[Motion]) -> dict[str, float]:
+    """Return the numbers of a disturbance; places so that the undisturbed craft meets it."""
+    if kind == "resonance":
+        rate = 2 * np.pi * rng.uniform(1.0, 2.0)
+        return {"rate": rate, "damping": rng.uniform(0.03, 0.08), "sideways": float(rng.integers(2))}
+    if kind == "torque":
+        return {"rate": 2 * np.pi * 0.7}
+    if kind not in ("patch", "cable"):
+        return {}
+    wanted, best, found = rng.uniform(0.25, 0.45), np.inf, {}
+    for _ in range(300):  # each log shall meet it: those that are made from these motions begin alike
+        motion = motions[int(rng.integers(len(motions)))]
+        k = rng.integers(motion.drive.time.size)
+        x, y = float(motion.states["x"][k]), float(motion.states["y"][k])
+        away = [np.hypot(m.states["x"] - x, m.states["y"] - y) for m in motions]
+        radius = float(np.quantile(away[0], rng.uniform(0.2, 0.7)))
+        inside = np.array([np.mean(a < radius) for a in away])
+        off = np.abs((inside if kind == "patch" else 1 - inside) - wanted).max()
+        off += 0.2 * (kind == "patch" and np.hypot(x, y) < radius)  # a craft that starts in it may stay
+        if off < best:
+            best, found = off, {"x": x, "y": y, "radius" if kind == "patch" else "slack": radius}
+    return found
+
+
+def _unmet(of: Disturbance, motions: Sequence[Motion]) -> float:
+    """Return by how much a patch holds, or does not meet, the craft in any log; 0 if it does neither."""
+    if of.kind != "patch":
+        return 0.0
+    x, y, radius = (of.values[k] for k in ("x", "y", "radius"))
+    inside = [np.mean(np.hypot(m.states["x"] - x, m.states["y"] - y) < radius) for m in motions]
+    return float(sum(max(0.0, 0.1 - part) + max(0.0, part - 0.8) for part in inside)) * 10.0
+
+
+# ---- logs ----------------------------------------------------------------------------------------------
+
+
+def driven(name: str, rng: Random, conditions: Conditions) -> Drive:
+    commands = conditions.commands(rng, conditions.duration, conditions.dt)
+    t = conditions.dt * np.arange(len(next(iter(commands.values()))))
+    pushes = {f"bump_{a}": np.zeros(t.size) for a in ("u", "v", "r")}
+    for begin in np.cumsum(rng.exponential(1.5, int(conditions.duration))):
+        rows = (t >= begin) & (t < begin + rng.uniform(0.03, 0.08))
+        seconds = max(conditions.dt * rows.sum(), conditions.dt)
+        for a, size in (("u", 0.15), ("v", 0.15), ("r", 0.4)):  # changes of speed [m/s, rad/s]
+            pushes[f"bump_{a}"][rows] = size * rng.normal() / seconds
+    pushes |= {f"gust_{a}": gust(rng, t.size, conditions.dt, size) for a, size in GUST.items()}
+    return Drive(name, np.asarray(t, dtype=np.float64), commands, pushes, rng.uniform(0.0, 2 * np.pi))
+
+
+def move(truth: Model, drive: Drive, disturbance: Disturbance | None = None) -> Motion:
+    """Return the motion of a craft."""
+    block = truth.plant(late=True)
+    if disturbance:
+        block = disturbance.added(block, drive.phase)
+    t, delay = drive.time, late(truth)
+    grid = np.unique(np.round(np.concatenate([t, t + delay, [min(0.0, delay)]]), 9)) if delay else t
+    held = np.searchsorted(t, grid - delay + 1e-9, side="right") - 1
+    now = np.clip(np.searchsorted(t, grid + 1e-9, side="right") - 1, 0, t.size - 1)
+    rows = [
+        drive.pushes[s.name][now]
+        if s.name in drive.pushes
+        else np.where(held >= 0, drive.commands[s.name][np.clip(held, 0, t.size - 1)], 0.0)
+        for s in block.inputs
+    ]
+    run = block.compile(friction="smooth").simulate(grid, rows, rtol=1e-7, atol=1e-9)
+    at = np.searchsorted(grid, t - 1e-9)
+    states = {s.name: x[at] for s, x in zip(block.states, np.atleast_2d(run.states), strict=True)}
+    y = dict(zip(run.output_labels, np.atleast_2d(run.outputs), strict=True))
+    return Motion(drive, states, {c: y.get(f"{c}_measured", y[c])[at] for c in NOISE})
+
+
+def _log(motion: Motion, rng: Random, conditions: Conditions, noise: Mapping[str, float]) -> Log:
+    drive = motion.drive
+    seen = {
+        c: motion.seen[c] + conditions.noise * noise[c] * rng.normal(size=drive.time.size)
+        for c in conditions.channels
+    }
+    log = Log(drive.name, drive.time, {**seen, **drive.commands})
+    return faulty(log, rng, conditions) if conditions.faults else log
+
+
+def disturbed(
+    rng: Random,
+    model: Model,
+    effects: Sequence[Callable[[float], Effect]],
+    kind: str,
+    conditions: Conditions,
+    noise: Mapping[str, float] = NOISE,
+) -> Disturbed:
+    """Return a case: a craft that lacks effects and meets a disturbance.
+
+    Parameters
+    ----------
+    model : Model
+        The craft without what is hidden, its coefficients true.
+    effects : sequence of callable
+        Hidden: each returns its effect of a size, 1.0 for the usual one.
+    kind : str
+        One of ``DISTURBANCES``, ``"gusts"``, or empty.
+    """
+    believed = given(model, rng)
+    titles = [f"log {k + 1}" for k in range(conditions.logs)] + ["hold-out"]
+    drives = [driven(name, rng, conditions) for name in titles]
+    train = drives[: conditions.logs]
+    error = partial(misfit, channels=conditions.channels, noise=noise)
+    disturbance, shares, of_effects = None, (np.nan, np.nan), 0.0
+    for scale in LARGER:
+        truth = model.with_effects([sized(scale) for sized in effects])
+        if kind not in DISTURBANCES or not effects:
+            break
+        of_effects = error(model, [move(truth, d) for d in train])
+        if of_effects >= 1.0:
+            break
+
+    def made(d: Disturbance) -> float:
+        return error(truth, [move(truth, x, d) for x in train])
+
+    if kind:
+        disturbance = Disturbance(kind, {})
+    if kind in DISTURBANCES:
+        calm = [move(truth, d) for d in drives]
+        wanted = max(rng.uniform(*BESIDE) * of_effects, LEAST) if effects else rng.uniform(*ALONE)
+        best = np.inf
+        for _ in range(8 if kind == "patch" else 1):  # a patch may hold a craft, or be left for good
+            tried = _sized(Disturbance(kind, _placed(kind, rng, calm)), made, wanted)
+            made_by_it = made(tried)
+            off = abs(np.log(made_by_it / wanted)) + _unmet(tried, [move(truth, d, tried) for d in drives])
+            if off < best:
+                best, disturbance, shares = off, tried, (of_effects, made_by_it)
+            if off < 0.5:
+                break
+    motions = [move(truth, d, disturbance) for d in drives]
+    logs = [_log(m, rng, conditions, noise) for m in motions]
+    names = [e.name for e in truth.effects if e not in model.effects]
+    return Disturbed(believed, logs[:-1], logs[-1], truth, tuple(names), disturbance, shares)
+
+
+def _sized(of: Disturbance, made: Callable[[Disturbance], float], wanted: float) -> Disturbance:
+    """Return the disturbance so strong that it makes about the error that is wanted."""
+    if of.kind == "patch":  # too rough a patch holds the craft, which then shows less of it
+        tried = [replace(of, gain=float(gain)) for gain in np.geomspace(0.06, 2.5, 9)]
+        return min(tried, key=lambda d: abs(np.log(made(d) / wanted)))
+    low, high = {"resonance": (0.02, 0.9), "cable": (1e-3, 3.0)}.get(of.kind, (0.02, 20.0))
+    of = replace(of, gain=float(np.sqrt(low * high)))
+    for _ in range(3):
+        gain = of.gain * np.clip(wanted / made(of), 0.1, 10.0)
+        of = replace(of, gain=float(np.clip(gain, low, high)))
+    return of
+
+
+# ---- the fan craft -------------------------------------------------------------------------------------
+
+_TILT, _REACH, _HALF = np.pi / 3, 0.052, 0.019
+
+
+def fan_craft(rng: Random) -> Model:
+    """Return a light craft of six fans: three pairs about the hull, those of a pair against each other."""
+    fans = []
+    for letter, angle in zip("abc", (0.0, 2 * np.pi / 3, -2 * np.pi / 3), strict=True):
+        for k, side in ((1, -1.0), (2, 1.0)):
+            x = _REACH * np.cos(angle) - side * _HALF * np.sin(angle)
+            y = _REACH * np.sin(angle) + side * _HALF * np.cos(angle)
+            fans.append(Fan(f"fan_{letter}_{k}", x, y, angle - side * np.pi / 2))
+    mass, inertia = rng.uniform(0.15, 0.19), rng.uniform(3.5e-4, 5e-4)
+    width = rng.uniform(2e-3, 1e-2)
+    effects = [
+        effect("surge_linear_drag", rng.uniform(0.1, 0.3)),
+        effect("sway_linear_drag", rng.uniform(0.1, 0.3)),
+        effect("yaw_linear_drag", rng.uniform(0.8, 1.2)),
+        effect("surge_coulomb", rng.uniform(0.02, 0.05), width=width),
+        effect("sway_coulomb", rng.uniform(0.02, 0.05), width=width),
+        effect("fan_force", 1.0 / mass),
+        effect("fan_torque", 1.0 / inertia),
+    ]
+    return Model("fan_craft", tuple(effects), fans=tuple(fans))
+
+
+def fan_steps(rng: Random, duration: float, dt: float) -> dict[str, Array]:
+    """Return random steps of six fans' forces, sent at 100 Hz; of each pair mostly one fan runs."""
+    rows, sent = round(duration / dt), round(0.01 / dt)
+    forces = {f"fan_{letter}_{k}": np.zeros(rows) for letter in "abc" for k in (1, 2)}
+    for letter in "abc":
+        k = 0
+        while k < rows:
+            n = sent * max(1, int(rng.uniform(0.05, 0.4) / (sent * dt)))
+            for fan in (1, 2):
+                forces[f"fan_{letter}_{fan}"][k : k + n] = rng.uniform(0.002, 0.01)
+            forces[f"fan_{letter}_{rng.integers(1, 3)}"][k : k + n] = rng.uniform(0.02, 0.15)
+            k += n
+    return forces
+
+
+def lag_of_fans() -> str:
+    """Return the name by which the catalogue knows the lag of fans."""
+    return "fan_lag" if "fan_lag" in effect_names() else "thrust_lag"
+
+
+# ---- suites --------------------------------------------------------------------------------------------
+
+
+class Key(NamedTuple):
+    """What a case is made of."""
+
+    suite: str
+    effect: str
+    disturbance: str
+    variant: str
+    seed: int
+
+    @property
+    def name(self) -> str:
+        """What the case is called in tables, without its seed."""
+        what = "+".join(filter(None, (self.effect, self.disturbance))) or "none"
+        return f"{what} {self.variant}".strip()
+
+    def case(self) -> Disturbed:
+        """Return the case."""
+        rng = np.random.default_rng([self.seed, zlib.crc32(f"{self.suite} {self.name}".encode())])
+        conditions = CONDITIONS[self.suite]
+        if self.variant == "pose":
+            conditions = replace(conditions, channels=POSE)
+        if self.suite == "fans":
+            seconds = rng.uniform(0.02, 0.05)
+            lag = [lambda scale: effect(self.effect, seconds=scale * seconds)]
+            return disturbed(rng, fan_craft(rng), lag, self.disturbance, conditions, CAMERA)
+        model, draw = craft(rng), int(rng.integers(2**32))
+
+        def sized(scale: float) -> Effect:
+            scale = 1.0 if self.effect == "thrust_saturation" else scale  # a lower limit is another craft
+            return hidden(self.effect, np.random.default_rng(draw), model, scale)
+
+        effects = [sized] if self.effect else []
+        return disturbed(rng, model, effects, self.disturbance, conditions)
+
+
+CONDITIONS = {
+    "partial": Conditions(),
+    "remainder": Conditions(),
+    "dirty": Conditions(dt=0.01, faults=True),
+    "gusts": Conditions(),
+    "fans": Conditions(commands=fan_steps, dt=0.005, channels=POSE),
+}
+SUITES = tuple(CONDITIONS)
+
+
+def keys(suite: str, seeds: int) -> Iterator[Key]:
+    """Return the cases of a suite, seeds outermost, so that a run that is stopped has some of all."""
+    for seed in range(seeds):
+        if suite == "partial":
+            for first, variant in ((seed, ""), (seed + 2, "pose")):
+                for k, name in zip(count(first), EFFECTS, strict=False):
+                    shown = IN_POSE.get(name, name) if variant else name
+                    yield Key(suite, shown, DISTURBANCES[k % len(DISTURBANCES)], variant, seed)
+        elif suite == "remainder":
+            yield from (Key(suite, "", kind, "", seed) for kind in (*DISTURBANCES, "gusts"))
+            yield from (Key(suite, "", kind, "pose", seed) for kind in ("patch", "cable", "torque", "gusts"))
+        elif suite == "fans":
+            yield Key(suite, lag_of_fans(), "patch", "", seed)
+        else:
+            kind = "gusts" if suite == "gusts" else ""
+            yield from (Key(suite, name, kind, "", seed) for name in (*EFFECTS, ""))
