@@ -32,6 +32,8 @@ class Criteria:
     remains : float
         Fall of twice the negative log likelihood by process noise in one equation from which on something
         remains there: two numbers, its size and its correlation time.
+    negligible : float
+        Process noise below this part of the accelerations seen is none: what steps of the simulation leave.
     share : float
         Score, in parts of the best one's, below which a candidate is not fitted.
     tries : int
@@ -48,6 +50,7 @@ class Criteria:
     apart: float = 12.0
     apart_t: float = 3.0
     remains: float = 28.0
+    negligible: float = 2e-3
     share: float = 0.4
     tries: int = 4
     worse: float = 3.0

@@ -3,34 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from hovercontrol.discrepancy.checks import check_excitation, check_logs
-from hovercontrol.discrepancy.data import gather
+from hovercontrol.discrepancy.criteria import CRITERIA, Criteria
 from hovercontrol.discrepancy.diagnosis import Diagnosis, numbers_of
-from hovercontrol.discrepancy.experiment import BADLY, Experiment, only_late, same_time, separate, sharpen
-from hovercontrol.discrepancy.fit import TINY, Fit, fit, noise_of
-from hovercontrol.discrepancy.gains import held_back
-from hovercontrol.discrepancy.holdout import gap, gap_of
-from hovercontrol.discrepancy.ladder import ladder, paced, rungs
-from hovercontrol.discrepancy.laws import regime
-from hovercontrol.discrepancy.levels import unlike
-from hovercontrol.discrepancy.localize import localize
-from hovercontrol.discrepancy.navigation import Navigated
-from hovercontrol.discrepancy.outliers import cleaned, left_out
-from hovercontrol.discrepancy.probes import probe
-from hovercontrol.discrepancy.select import select
-from hovercontrol.discrepancy.selection import Rival, Selection
-from hovercontrol.discrepancy.subject import Subject
-from hovercontrol.discrepancy.verdict import signs_against, stopped, verdict_of
-from hovercontrol.discrepancy.weighing import less
+from hovercontrol.discrepancy.evidence.holdout import Ahead, ahead, gap, held_fit
+from hovercontrol.discrepancy.evidence.laws import regime
+from hovercontrol.discrepancy.evidence.of_effects import Evidence
+from hovercontrol.discrepancy.evidence.remainder import missing_forces, remainders
+from hovercontrol.discrepancy.search.select import Lead, Selection, select
+from hovercontrol.discrepancy.verdict import verdict_of
 from hovercontrol.errors import InputError
+from hovercontrol.estimation.data import Data, gather
+from hovercontrol.estimation.fit import Fit, estimate, first_noise
+from hovercontrol.estimation.prior import prior_of
+from hovercontrol.estimation.problem import Problem
+from hovercontrol.estimation.subject import Subject
 from hovercontrol.logs import Log
-
-#: chi2 per degree of freedom from which on probes for the unknown are worth their time.
-PROBED = 1.04
 
 
 def diagnose(
@@ -94,6 +86,12 @@ def diagnose(
         )
 
 
+def base_fit(model: Subject, data: Data) -> Fit:
+    """Return a model fitted to logs as it was given, less samples that stand out."""
+    problem = Problem(model, data)
+    return estimate(problem, prior_of(problem, model), first_noise(problem), gate=True)
+
+
 def _diagnosed(
     model: Subject,
     logs: Sequence[Log],
@@ -103,114 +101,106 @@ def _diagnosed(
     seed: int,
     tell: Callable[[float, str], None],
 ) -> Diagnosis:
-    warnings = check_logs(model, logs, holdout)
+    warnings: list[str] = []
     tell(0.0, "reading what was measured")
-    data, told = paced(model, gather(model, logs))
-    given = data
-    warnings += [f"{m.name}: {m.drift}" for m in data.logs if isinstance(m, Navigated)]
-    warnings += unlike(data.channels, data.scales)
-    warnings += check_excitation(told, data)
-    selection = select(model, data, names=names, max_effects=max_effects, tell=tell)
-    _finish(model, selection)
+    data = gather(model, logs)
+    tell(0.05, "fitting the model as it is")
+    base = base_fit(model, data)
+    done = [0]
+
+    def said(what: str) -> None:
+        done[0] += 1
+        tell(0.1 + 0.7 * (1 - 0.85 ** done[0]), what)
+
+    selection = select(base, model, names=names, max_effects=max_effects, tell=said)
+    tell(0.82, "predicting the held-out log")
+    held_before, held_after, selection, evidence, far = _held_out(model, holdout, selection)
+    tell(0.92, "measuring what remains")
     final = selection.final
-    warnings += held_back(final, model)
-    data = final.windowed.data
-    tell(0.88, "looking for what is not in the catalogue")
-    doubtful = selection.process or final.chi2_per_dof > PROBED
-    signs = tuple(probe(final)) if doubtful else ()
-    tell(0.92, "measuring the gap")
-    length = ladder(data)[:2][-1]
-    like = (final.windowed.length, final.noise) if selection.process else (length, None)
-    bare = fit(selection.base.model, data, *like, prior_model=model) if selection.effects else final
-    held, out = None, left_out(logs, given, data)
-    if holdout is not None:
-        as_read = gather(model, [holdout])
-        held = cleaned(final.model, as_read, rungs(model, data)[:2])
-        out += left_out([holdout], as_read, held, held_out=True)
-    before = gap(bare.model, held, length) if held else None
-    after = gap(final.model, held, length) if held and final is not bare else before
-    signs += signs_against(selection, held, length, before, after)
-    verdict = verdict_of(selection, signs)
-    named = verdict in ("effect", "ambiguous")
-    warnings += stopped(selection, names, max_effects) if verdict == "unexplained" else []
-    tell(0.96, "looking where it is")
-    plain = not selection.process and bare.windowed.length <= length
-    alone = bare if plain else fit(bare.model, data, length, near=bare, frozen=True)
-    near = alone  # without process noise, in windows short enough to see when
-    if named:  # fitted without the effects the other coefficients would hide what they do
-        near = fit(less(final.model, *selection.effects), data, length, frozen=True)
-    elif selection.process:
-        near = fit(bare.model, data, length, prior_model=model)
-    noise = noise_of(near, rough=True)
-    missing = tuple(localize(near, noise))
-    experiment, advice = _next(selection, seed) if named else (None, "")
-    amended = final if named or verdict == "none" else bare
-    train_before = gap_of(alone)
-    train_after = gap(final.model, data, length) if amended is not bare else train_before
+    remains = remainders(base, final)
+    verdict = verdict_of(selection, remains)
+    missing = missing_forces(base)
+    train_before = gap(base)
+    before = gap(held_before) if held_before else None
     found = Diagnosis(
         verdict=verdict,
-        effects=numbers_of(final, selection.effects) if named else (),
-        rivals=tuple(selection.rivals) if named else (),
-        signs=signs,
+        effects=numbers_of(final, selection.effects),
+        rivals=selection.rivals,
+        evidence=evidence,
+        remainders=remains,
+        leads=selection.leads,
         model=model,
-        amended=amended.model,
-        refitted=bare.model,
+        amended=final.model,
+        refitted=base.model,
         before=before,
-        after=after if named or verdict == "none" else before,
+        after=gap(held_after) if held_after else None,
+        ahead=far,
         train_before=train_before,
-        train_after=train_after,
+        train_after=gap(final) if selection.effects else train_before,
         selection=selection,
-        noise=noise,
+        held_before=held_before,
+        held_after=held_after,
         missing=missing,
-        regime=regime(missing),
-        rows_dropped=sum(int((~np.isfinite(m.values)).any(axis=0).sum()) for m in data.logs),
+        missing_after=missing_forces(final) if selection.effects else missing,
+        regime=regime(missing) if verdict != "none" else "nowhere beyond the noise",
+        rows_dropped=_dropped(data, base),
         warnings=tuple(warnings),
-        experiment=experiment,
-        advice=advice,
-        rival_gaps={r.name: gap(r.model, held, length) for r in selection.rivals} if named and held else {},
-        held=held,
-        left_out=out,
     )
     tell(1.0, "done")
     return found
 
 
-def _finish(model: Subject, selection: Selection) -> None:
-    """Fit once more, less what stands out beside the amended model: what the given one lacks is as steep.
-
-    The amended model is fitted to the very end: widths of friction may lie in flat valleys.
-    """
-    base, final = selection.base, selection.final
-    data = final.windowed.data
-    clean = cleaned(final.model, data, rungs(model, data)[:2]) if selection.effects else data
-    if clean is not data:
-        selection.base = fit(
-            base.model, clean, base.windowed.length, base.noise, prior_model=model, near=base
+def _held_out(
+    model: Subject, holdout: Log | None, selection: Selection, criteria: Criteria = CRITERIA
+) -> tuple[Fit | None, Fit | None, Selection, dict[str, Evidence], tuple[Ahead, ...]]:
+    """Predict the held-out log without and with what was named; drop names that it predicts worse with."""
+    if holdout is None:
+        evidence = {n: Evidence(selection.gains[n], selection.blocks[n]) for n in selection.effects}
+        return None, None, selection, evidence, ()
+    data = gather(model, [holdout])
+    before = held_fit(selection.base.model, data)
+    if not selection.effects:
+        return before, before, selection, {}, ahead(before, before)
+    kept = before.problem.data
+    after = held_fit(selection.final.model, kept, before)
+    far = ahead(before, after)
+    evidence = {}
+    for name in selection.effects:
+        alone = len(selection.effects) == 1
+        less = before if alone else held_fit(selection.without[name].model, kept, after)
+        own = far if alone else ahead(less, after)
+        evidence[name] = Evidence(selection.gains[name], selection.blocks[name], own)
+    worse = [n for n, e in evidence.items() if _worse(e.holdout, criteria)]
+    if worse:
+        leads = tuple(
+            Lead(n, selection.gains[n], selection.blocks[n].t, "the held-out log is predicted worse with it")
+            for n in worse
         )
-    selection.final = fit(
-        final.model, clean, final.windowed.length, final.noise, prior_model=model, near=final, small=TINY
-    )
+        left = tuple(n for n in selection.effects if n not in worse)
+        final = selection.without[worse[0]] if len(worse) == 1 else selection.base
+        left = left if len(worse) == 1 else ()
+        selection = replace(
+            selection,
+            effects=left,
+            final=final,
+            rivals=tuple(r for r in selection.rivals if r.instead_of in left),
+            leads=leads + selection.leads,
+        )
+        evidence = {n: evidence[n] for n in left}
+        after = held_fit(final.model, kept, before) if left else before
+        far = ahead(before, after)
+    return before, after, selection, evidence, far
 
 
-def _next(selection: Selection, seed: int) -> tuple[Experiment | None, str]:
-    """Return what to drive next, and a sentence on it."""
-    final = selection.final
-    if selection.rivals:
-        apart = [r for r in selection.rivals if not _both_late(final, r)]
-        if not apart:
-            return None, same_time((selection.rivals[0].instead_of, selection.rivals[0].name))
-        rival = apart[0]
-        found = separate(final, final.model, rival.model, (rival.instead_of, rival.name), seed=seed)
-        return (None, found) if isinstance(found, str) else (found, found.text)
-    numbers = [n for n in numbers_of(final, selection.effects) if abs(n.std) > BADLY * abs(n.value)]
-    if not numbers:
-        return None, ""
-    worst = max(numbers, key=lambda n: abs(n.std) / max(abs(n.value), 1e-12))
-    sharper = sharpen(final, worst.parameter, seed=seed)
-    return sharper, sharper.text if sharper else ""
+def _worse(far: Sequence[Ahead], criteria: Criteria) -> bool:
+    """Whether held-out predictions are surely worse: beyond what chance makes of as many channels."""
+    fallen = [a.t for a in far if np.isfinite(a.t)]
+    rises = [t for t in fallen if t < -criteria.worse]
+    falls = [t for t in fallen if t > criteria.worse]
+    return len(rises) > len(falls)
 
 
-def _both_late(final: Fit, rival: Rival) -> bool:
-    """Tell whether an effect and its rival only say how late something is, which every log shows alike."""
-    named = any(e.name == rival.instead_of for e in final.model.effects)
-    return named and only_late(final.model, rival.instead_of) and only_late(rival.model, rival.name)
+def _dropped(data: Data, fit: Fit) -> int:
+    """Return of how many rows a sample was left out, by the reader or because it stands out."""
+    out = (np.isfinite(data.rows.values) & ~fit.problem.seen).any(axis=2)
+    return int(out.sum()) + sum(span.rows for m in data.logs for span in m.rejected)

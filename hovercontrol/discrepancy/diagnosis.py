@@ -1,4 +1,4 @@
-"""What came of a search: the verdict, the effects that are named, the gap, and where it is."""
+"""What came of a search: the verdict, the effects that are named, the evidence, and what remains."""
 
 from __future__ import annotations
 
@@ -9,20 +9,16 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from hovercontrol.discrepancy.data import Data
-from hovercontrol.discrepancy.experiment import Experiment
-from hovercontrol.discrepancy.fit import Fit, fit
-from hovercontrol.discrepancy.holdout import Gap
-from hovercontrol.discrepancy.ladder import ladder
-from hovercontrol.discrepancy.laws import worst
-from hovercontrol.discrepancy.localize import Missing, localize
-from hovercontrol.discrepancy.noise import Noise
-from hovercontrol.discrepancy.outliers import LeftOut
-from hovercontrol.discrepancy.probes import Sign
-from hovercontrol.discrepancy.selection import Rival, Selection
-from hovercontrol.discrepancy.subject import Subject
+from hovercontrol.discrepancy.evidence.holdout import Ahead, Gap
+from hovercontrol.discrepancy.evidence.laws import worst
+from hovercontrol.discrepancy.evidence.missing import Missing
+from hovercontrol.discrepancy.evidence.of_effects import Evidence
+from hovercontrol.discrepancy.evidence.remainder import Remainder
+from hovercontrol.discrepancy.experiment.proposal import Experiment
+from hovercontrol.discrepancy.search.select import Lead, Rival, Selection
 from hovercontrol.discrepancy.verdict import Verdict
-from hovercontrol.discrepancy.weighing import EACH
+from hovercontrol.estimation.fit import Fit
+from hovercontrol.estimation.subject import Subject
 from hovercontrol.files import write_whole
 from hovercontrol.model import Model
 
@@ -61,40 +57,38 @@ class Diagnosis:
 
     Attributes
     ----------
-    verdict : {"effect", "none", "ambiguous", "unexplained"}
+    verdict : {"effect", "none", "ambiguous", "partial", "unexplained"}
     effects : tuple of Found
-        Numbers of the effects that are named; empty if the verdict is not to name any.
+        Numbers of the effects that are named.
     rivals : tuple of Rival
         Effects that these logs cannot tell from named ones.
-    signs : tuple of Sign
-        Of something that is not in the catalogue.
-    model, amended : Model
-        As given; with the named effects and all coefficients fitted.
-    refitted : Model
-        As given, its coefficients fitted like those of `amended`.
+    evidence : dict of str to Evidence
+        By named effect.
+    remainders : tuple of Remainder
+        By equation on which forces act.
+    leads : tuple of Lead
+        Candidates that came nearest and are not named, with the reason.
+    model, amended, refitted : Model or BlockModel
+        As given; with the named effects and all coefficients fitted; as given, its coefficients fitted.
     before, after : Gap or None
-        On the hold-out log, of `refitted` and `amended`.
-    rival_gaps : dict of str to Gap
-        On the hold-out log, by name, of the model with a rival in the place of what it rivals.
-    held : Data or None
-        The hold-out log as it was used: without what stands out.
-    left_out : tuple of LeftOut
-        Samples that were not used, by log (the hold-out log last), channel and reason.
+        On the held-out log, of `refitted` and `amended`.
+    ahead : tuple of Ahead
+        The same at several horizons.
     train_before, train_after : Gap
         On the training logs.
     selection : Selection
         The search itself.
-    noise : Noise
-        What is missing, taken as process noise.
+    held_before, held_after : Fit or None
+        Of `refitted` and `amended` on the held-out log: path and noise alone.
     missing : tuple of Missing
-        The force that the given model lacks, by log and equation: where effects are named, with the
-        coefficients of `amended`; else with those of `refitted`.
+        The acceleration that the given model lacks, by log and equation.
+    missing_after : tuple of Missing
+        That which the amended model still lacks.
     regime : str
-        In words, where that force is.
+        In words, where that is.
     rows_dropped : int
         Rows of the training logs of which a sample was left out.
     warnings : tuple of str
-        About the logs, one line each.
     experiment : Experiment or None
         What to drive next, where that would settle an ambiguous case or tell a coefficient better.
     advice : str
@@ -104,35 +98,31 @@ class Diagnosis:
     verdict: Verdict
     effects: tuple[Found, ...]
     rivals: tuple[Rival, ...]
-    signs: tuple[Sign, ...]
+    evidence: dict[str, Evidence]
+    remainders: tuple[Remainder, ...]
+    leads: tuple[Lead, ...]
     model: Subject
     amended: Subject
     refitted: Subject
     before: Gap | None
     after: Gap | None
+    ahead: tuple[Ahead, ...]
     train_before: Gap
     train_after: Gap
     selection: Selection
-    noise: Noise
+    held_before: Fit | None
+    held_after: Fit | None
     missing: tuple[Missing, ...]
+    missing_after: tuple[Missing, ...]
     regime: str
     rows_dropped: int
     warnings: tuple[str, ...] = ()
     experiment: Experiment | None = None
     advice: str = ""
-    rival_gaps: dict[str, Gap] = field(default_factory=dict)
-    held: Data | None = None
-    left_out: tuple[LeftOut, ...] = ()
-
-    def missing_after(self) -> tuple[Missing, ...]:
-        """Return the force that the amended model still lacks on the training logs."""
-        data = self.selection.final.windowed.data
-        near = fit(self.amended, data, ladder(data)[:2][-1], frozen=True)
-        return tuple(localize(near, self.noise.like(len(near.windowed.free))))
+    left_out: tuple[Any, ...] = field(default=())
 
     def result(self) -> dict[str, Any]:
         """Return what ``result.json`` holds."""
-        held = self.before is not None and self.after is not None
         names = dict.fromkeys(e.effect for e in self.effects)
         numbers = {name: [e for e in self.effects if e.effect == name] for name in names}
         return {
@@ -145,31 +135,39 @@ class Diagnosis:
                     "std": own[0].std,
                     "unit": own[0].unit,
                     "numbers": {e.parameter: {"value": e.value, "std": e.std, "unit": e.unit} for e in own},
+                    "evidence": self.evidence[name].result(),
+                    "readings": [name, *(r.name for r in self.rivals if r.same and r.instead_of == name)],
                 }
                 for name, own in numbers.items()
             ],
-            "rivals": [
-                {
-                    "name": r.name,
-                    "reason": f"instead of {r.instead_of}: behind by {r.behind:.1f} in twice the log "
-                    f"likelihood, {EACH:g} charged for each number; "
-                    f"correlation of signatures {r.correlation:.3f}",
-                }
-                for r in self.rivals
-            ],
+            "rivals": [{"name": r.name, "reason": reason_of(r)} for r in self.rivals],
             "gap": {
                 "train": {"before": self.train_before.nrmse, "after": self.train_after.nrmse},
                 "holdout": {
-                    "before": self.before.nrmse if self.before else {},
-                    "after": self.after.nrmse if self.after else {},
-                    "floor": self.after.floor if self.after else {},
+                    "before": self.before.nrmse,
+                    "after": self.after.nrmse,
+                    "floor": self.after.floor,
+                    "horizon": self.after.horizon,
+                    "ahead": [a.__dict__ for a in self.ahead],
                 }
-                if held
+                if self.before and self.after
                 else {},
             },
+            "remainder": {
+                r.equation: {
+                    "rms": r.rms,
+                    "unit": r.unit,
+                    "share_explained": r.share_explained,
+                    "averaged_over": r.over,
+                    "gain": r.gain,
+                }
+                for r in self.remainders
+            },
+            "leads": [
+                {"name": lead.name, "gain": lead.gain, "blocks_t": lead.blocks_t, "reason": lead.reason}
+                for lead in self.leads
+            ],
             "where": self._where(),
-            "signs": [{"kind": s.kind, "text": s.text, "gain": s.gain} for s in self.signs],
-            "process_noise": self._process(),
             "next_experiment": self.advice or None,
             "rows_dropped": self.rows_dropped,
             "warnings": list(self.warnings),
@@ -187,11 +185,6 @@ class Diagnosis:
             "regime": self.regime,
         }
 
-    def _process(self) -> dict[str, float]:
-        final = self.selection.final
-        names = [final.windowed.block.states[i].name for i in final.windowed.free]
-        return {f"{n}'": float(v) for n, v in zip(names, final.noise.process, strict=True) if v > 0}
-
     def save(self, folder: str | Path) -> list[Path]:
         """Write ``result.json``, ``model.toml`` and, where there is one, ``next_experiment.csv``."""
         from hovercontrol.modelfile import save_model
@@ -206,6 +199,16 @@ class Diagnosis:
         return files
 
 
+def reason_of(rival: Rival) -> str:
+    """Return why a rival cannot be told from a named effect."""
+    if rival.same:
+        return f"the same as {rival.instead_of} in every log: one finding, two readings"
+    return (
+        f"instead of {rival.instead_of}: behind by {rival.behind:.1f} in twice the log likelihood, "
+        f"{rival.t:.1f} standard errors over blocks"
+    )
+
+
 def _finite(value: Any) -> Any:
     """Return a result with null where a number is not finite: JSON knows no NaN."""
     if isinstance(value, dict):
@@ -217,16 +220,16 @@ def _finite(value: Any) -> Any:
 
 def numbers_of(fit: Fit, names: Sequence[str]) -> tuple[Found, ...]:
     """Return the numbers of effects of a fitted model."""
-    w, C = fit.windowed, fit.covariance
+    problem, C = fit.problem, fit.covariance
     found = []
     for name in names:
-        e = w.model.effect(name)
+        e = problem.model.effect(name)
         for key in e.numbers:
             parameter = e.parameter(key)
-            if parameter not in w.names or (key == "width" and e.numbers[key].neutral != 0.0):
+            if parameter not in problem.names or (key == "width" and e.numbers[key].neutral != 0.0):
                 continue
-            j = w.names.index(parameter)
-            unit = w.block.parameter(parameter).unit
+            j = problem.names.index(parameter)
+            unit = problem.block.parameter(parameter).unit
             std = math.sqrt(max(C[j, j], 0.0))
             found.append(Found(name, parameter, acts_in(fit, name), float(fit.p[j]), std, unit))
     return tuple(found)
@@ -234,10 +237,9 @@ def numbers_of(fit: Fit, names: Sequence[str]) -> tuple[Found, ...]:
 
 def acts_in(fit: Fit, name: str) -> str:
     """Return where an effect acts, in words of the equations."""
-    w = fit.windowed
-    e = w.model.effect(name)
-    own = {w.block.parameter(e.parameter(k)).symbol for k in e.numbers}
-    block = w.block
+    block = fit.problem.block
+    e = fit.problem.model.effect(name)
+    own = {block.parameter(e.parameter(k)).symbol for k in e.numbers}
     rows = [f"{s.name}'" for s in block.states if block.expand(block.derivatives[s.name]).free_symbols & own]
     rows += [
         o.name.replace("_measured", " as measured")

@@ -66,7 +66,7 @@ class TimeOffset(Effect):
     """Measurements whose clock is late against the commands' clock."""
 
     name, source, order = "time_offset", "two clocks that were not set together", 4
-    seconds = Shape("s", neutral=0.0, search=(0.02, 0.06, 0.15))
+    seconds = Shape("s", neutral=0.0, search=(-0.15, -0.06, -0.02, 0.02, 0.06, 0.15))
 
     def measured(self, c: Any, s: Any) -> None:
         s.late = c.seconds  # of all channels: a plant that runs by their clock acts that late

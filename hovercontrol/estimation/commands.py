@@ -1,12 +1,14 @@
-"""Commands as they arrive at the forces: late, lagged. Computed over the whole log, outside any window.
+"""Commands as they arrive at the forces: late, lagged, with play. Computed over the whole log from rest.
 
-States that depend on nothing but the commands (a motor's lag) are no unknowns of a window: the log tells
-them, from rest at its beginning.
+States that depend on nothing but the commands (a motor's lag, a gear's play) are no unknowns of a filter: the
+log tells them.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -14,51 +16,80 @@ import sympy as sp
 from numpy.typing import NDArray
 
 from hovercontrol.block import Block
+from hovercontrol.sgn import regularise
+from hovercontrol.signals import time as TIME
 
 Array = NDArray[np.float64]
 
+#: Steps that laws which are not linear take from row to row.
+STEPS = 2
 
-def input_states(block: Block) -> tuple[int, ...]:
-    """Return the indices of the states of lags: named so, of inputs alone, each linear in itself.
+
+@dataclass(frozen=True, eq=False)
+class _Laws:
+    """How states follow from commands: each ``x' = a x + b`` where that is so for all, else by rate and slope."""
+
+    indices: tuple[int, ...]
+    linear: tuple[tuple[Callable[..., float], Callable[..., Array]], ...]
+    rates: Callable[..., list[float]]
+
+
+@lru_cache(maxsize=500)
+def input_states(block: Block, motion: tuple[str, ...]) -> tuple[int, ...]:
+    """Return the indices of the states that follow from inputs, parameters and time alone, in order of need.
+
+    Parameters
+    ----------
+    block : Block
+    motion : tuple of str
+        States that are no part of the commands' way, whatever they follow from.
 
     Examples
     --------
     >>> from hovercontrol.effects import effect
     >>> from hovercontrol.vehicles import c17_simulation
-    >>> input_states(c17_simulation().with_effects([effect("thrust_lag", seconds=0.1)]).plant())
+    >>> plant = c17_simulation().with_effects([effect("thrust_lag", seconds=0.1)]).plant()
+    >>> input_states(plant, ("x", "y", "psi", "u", "v", "r"))
     (6,)
     """
-    return tuple(i for i, _, _ in _laws(block))
+    states = {s.symbol: i for i, s in enumerate(block.states)}
+    inputs = {s.symbol for s in block.inputs}
+    needs = {
+        i: block.expand(block.derivatives[s.name]).free_symbols for i, s in enumerate(block.states)
+    }
+    found: list[int] = []
+    while True:
+        ready = [
+            i
+            for i, symbols in needs.items()
+            if i not in found
+            and block.states[i].name not in motion
+            and {states[s] for s in symbols if s in states} - {i} <= set(found)
+            and (symbols & inputs or any(block.states[k].symbol in symbols for k in found))
+        ]
+        if not ready:
+            return tuple(found)
+        found += ready
 
 
-@lru_cache(maxsize=256)
-def _laws(block: Block) -> tuple[tuple[int, sp.Expr, sp.Expr], ...]:
-    """Return index, a and b of each state with ``x' = a x + b``, a of parameters, b of inputs as well."""
-    states = {s.symbol for s in block.states}
-    parameters = {p.symbol for p in block.parameters}
-    found = []
-    for i, state in enumerate(block.states):
-        if not state.name.endswith("_lagged"):
-            continue
-        e = block.expand(block.derivatives[state.name])
-        if e.free_symbols & states != {state.symbol}:
-            continue
-        a = sp.diff(e, state.symbol)
-        b = e.subs(state.symbol, 0)
-        known = parameters | {s.symbol for s in block.inputs}
-        if a.free_symbols <= parameters and b.free_symbols <= known and b.free_symbols - parameters:
-            found.append((i, a, b))
-    return tuple(found)
-
-
-@lru_cache(maxsize=256)
-def _functions(block: Block) -> tuple[tuple[int, Callable[..., float], Callable[..., Array]], ...]:
-    """Return index, a and b of :func:`_laws` as functions of parameters, and of parameters and inputs."""
+@lru_cache(maxsize=500)
+def _laws(block: Block, motion: tuple[str, ...]) -> _Laws | None:
     keys = [p.symbol for p in block.parameters]
-    arguments = [keys, [s.symbol for s in block.inputs]]
-    return tuple(
-        (i, sp.lambdify([keys], a), sp.lambdify(arguments, b, modules="numpy")) for i, a, b in _laws(block)
-    )
+    driven = input_states(block, motion)
+    if not driven:
+        return None
+    states = [block.states[i].symbol for i in driven]
+    inputs = [s.symbol for s in block.inputs]
+    rates = [regularise(block.expand(block.derivatives[block.states[i].name])) for i in driven]
+    slopes = [sp.diff(e, x) for e, x in zip(rates, states, strict=True)]
+    linear = []
+    for e, a, x in zip(rates, slopes, states, strict=True):
+        b = e.subs(x, 0)
+        if not (a.free_symbols <= set(keys) and a != 0 and b.free_symbols <= {*keys, *inputs}):
+            break
+        linear.append((sp.lambdify([keys], a), sp.lambdify([keys, inputs], b, modules="numpy")))
+    both = sp.lambdify([TIME, states, keys, inputs], [*rates, *slopes], modules="math", cse=True)
+    return _Laws(driven, tuple(linear) if len(linear) == len(driven) else (), both)
 
 
 class Arrival:
@@ -70,21 +101,30 @@ class Arrival:
     time : ndarray, shape (n,)
         Seconds from the log's first row.
     inputs : ndarray, shape (n_inputs, n)
+    motion : tuple of str
+        As for :func:`input_states`.
     """
 
-    def __init__(self, block: Block, time: Array, inputs: Array) -> None:
-        self.time, self.inputs = time, inputs
+    def __init__(self, block: Block, time: Array, inputs: Array, motion: tuple[str, ...]) -> None:
+        self.block, self.time, self.inputs = block, time, inputs
         steps = np.diff(time, append=time[-1] + 1.0)
         self._integral = np.concatenate(
             [np.zeros((len(inputs), 1)), np.cumsum(inputs * steps, axis=1)], axis=1
         )
         self._knots = np.append(time, time[-1] + 1.0)
-        self._laws = _functions(block)
+        self._laws = _laws(block, motion)
+
+    def at(self, when: Array, delay: float = 0.0) -> Array:
+        """Return the inputs that hold at times `when` [s], late by `delay`, shape (n_inputs, ...)."""
+        row = np.searchsorted(self.time, when - delay + 1e-9, side="right") - 1
+        return np.where(row >= 0, self.inputs[:, np.maximum(row, 0)], 0.0)
 
     def mean(self, begin: Array, end: Array, delay: float = 0.0) -> Array:
         """Return the inputs' means from `begin` to `end` [s], shape (n_inputs, ...), late by `delay`."""
         at = [
             np.stack([np.interp(t - delay, self._knots, row, left=0.0) for row in self._integral])
+            if len(self._integral)
+            else np.empty((0, *begin.shape))
             for t in (begin, end)
         ]
         held = np.maximum(0.0, end - delay - self._knots[-1]) - np.maximum(
@@ -95,18 +135,55 @@ class Arrival:
 
     def lagged(self, when: Array, parameters: Sequence[float], delay: float = 0.0) -> dict[int, Array]:
         """Return the input states at times `when` [s], by index; from rest at the beginning."""
-        found = {}
+        laws = self._laws
+        if laws is None:
+            return {}
         row = np.searchsorted(self.time, when - delay + 1e-9, side="right") - 1
         at = np.maximum(row, 0)
-        for i, a_of, b_of in self._laws:
-            a = float(a_of(parameters))
-            goal = -np.broadcast_to(b_of(parameters, self.inputs), self.time.shape) / a
-            fade = np.exp(a * np.diff(self.time)).tolist()
-            value, values = 0.0, [0.0]
-            for g, f in zip(goal.tolist(), fade, strict=False):
-                value = g + (value - g) * f
-                values.append(value)
-            start = np.array(values)
+        if not laws.linear:
+            values = self._stepped(laws, parameters)
+            found = [np.interp(when - delay, self.time, own) for own in values]
+        else:
             later = np.maximum(when - delay - self.time[at], 0.0)  # before the log commands rest
-            found[i] = np.where(row < 0, 0.0, goal[at] + (start[at] - goal[at]) * np.exp(a * later))
-        return found
+            found = [self._followed(a_of, b_of, parameters, at, later) for a_of, b_of in laws.linear]
+        return {i: np.where(row < 0, 0.0, own) for i, own in zip(laws.indices, found, strict=True)}
+
+    def _followed(
+        self,
+        a_of: Callable[..., float],
+        b_of: Callable[..., Array],
+        parameters: Sequence[float],
+        at: NDArray[np.intp],
+        later: Array,
+    ) -> Array:
+        """Return a state of ``x' = a x + b`` so much later than rows `at`, exactly."""
+        a = float(a_of(parameters))
+        goal = -np.broadcast_to(b_of(parameters, self.inputs), self.time.shape) / a
+        fade = np.exp(a * np.diff(self.time)).tolist()
+        value, values = 0.0, [0.0]
+        for g, f in zip(goal.tolist(), fade, strict=False):
+            value = g + (value - g) * f
+            values.append(value)
+        start = np.array(values)
+        return np.asarray(goal[at] + (start[at] - goal[at]) * np.exp(a * later))
+
+    def _stepped(self, laws: _Laws, parameters: Sequence[float]) -> Array:
+        """Return the states at all rows, by steps that are exact where a law is linear (Rosenbrock, Euler)."""
+        p = [float(v) for v in parameters]
+        n = len(laws.indices)
+        x = [0.0] * n
+        values = [x]
+        held, time = self.inputs.T.tolist(), self.time.tolist()
+        for j in range(len(time) - 1):
+            h = (time[j + 1] - time[j]) / STEPS
+            u = held[j]
+            for i in range(STEPS):
+                f = laws.rates(time[j] + (i + 0.5) * h, x, p, u)
+                x = [
+                    v + h * rate * (math.expm1(a * h) / (a * h) if abs(a * h) > 1e-8 else 1.0)
+                    if rate
+                    else v
+                    for v, rate, a in zip(x, f[:n], f[n:], strict=True)
+                ]
+            values.append(x)
+        return np.array(values).T

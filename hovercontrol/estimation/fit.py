@@ -180,6 +180,15 @@ def _run(problem: Problem, noise: Noise, prior: Prior, p: Array, path: Array, fr
     return _Pass(linear, system, filtered, smooth, cost, costs, S, g, dz, gain)
 
 
+def _tried(problem: Problem, noise: Noise, prior: Prior, p: Array, path: Array, frozen: bool) -> _Pass | None:
+    """Return a pass; None where the model runs away."""
+    try:
+        now = _run(problem, noise, prior, p, path, frozen)
+    except np.linalg.LinAlgError:
+        return None
+    return now if np.isfinite(now.cost) else None
+
+
 def estimate(
     problem: Problem,
     prior: Prior,
@@ -221,21 +230,23 @@ def estimate(
     path = problem.guess if path is None else path
     last = np.inf
     best: tuple[float, Array, Array] | None = None
+    safe: tuple[Array, Array] | None = None
     push = np.zeros(0)
     k, still, converged, gated = 0, 0, False, 0
     moving = levels
     while True:
-        now = _run(problem, noise, prior, p, path, frozen)
+        now = _tried(problem, noise, prior, p, path, frozen)
         if trace:
             trace(f"  pass {k}: {now.cost:.2f} predicted {now.gain:.2f} {noise.process} {noise.seconds}")
-        if not np.isfinite(now.cost):
-            if best is None:
+        if now is None:
+            if safe is None:
                 raise FloatingPointError("the model runs away from the first row on")
-            p, path = 0.5 * (p + best[1]), 0.5 * (path + best[2])
+            p, path = 0.5 * (p + safe[0]), 0.5 * (path + safe[1])
             k += 1
             if k > most + STILL:
                 raise FloatingPointError("the model runs away")
             continue
+        safe = p, path
         change = last - now.cost
         last = now.cost
         if not moving and (best is None or now.cost < best[0]):

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from hovercontrol.block import Block
 from hovercontrol.estimation.commands import Arrival, input_states
-from hovercontrol.estimation.subject import Subject, same_widths, structure, timing, unknowns
+from hovercontrol.estimation.subject import Subject, motion_of, same_widths, structure, timing, unknowns
 from hovercontrol.effects import Shape
 from hovercontrol.estimation.data import Data
 from hovercontrol.targets.shoot import shoot
@@ -116,10 +116,10 @@ class Problem:
             values.get(key.rpartition(".")[2], s) for key, s in self.block.default_parameters.items()
         ]
         self._timing = [keys.index(name) if name else None for name in timing(model)]
-        self.known = input_states(self.block)
+        self.known = input_states(self.block, motion_of(model))
         self.free = tuple(i for i in range(len(self.block.states)) if i not in self.known)
         self.driven = tuple(j for j, i in enumerate(self.free) if self._is_driven(i))
-        self.arrivals = [Arrival(self.block, m.time - m.origin, m.inputs) for m in self.logs]
+        self.arrivals = [Arrival(self.block, m.time - m.origin, m.inputs, motion_of(model)) for m in self.logs]
         outputs, names_ = [s.name for s in self.block.outputs], [s.name for s in self.block.states]
         self._picked = [
             (outputs.index(f"{c}_measured"), False)
@@ -233,17 +233,53 @@ class Problem:
 
     def commands(self, parameters: Sequence[float]) -> tuple[Array, dict[int, Array]]:
         """Return inputs' means over sub-steps, (n_inputs, S, 1, N), and input states in their middles."""
+        u, lagged = self.commands_at(parameters, self.t[:, 0], self.h[0], self._log_of)
+        return u[:, :, None], {i: v[:, None] for i, v in lagged.items()}
+
+    def commands_at(
+        self, parameters: Sequence[float], t: Array, h: Array, log: NDArray[np.intp]
+    ) -> tuple[Array, dict[int, Array]]:
+        """Return inputs' means from t to t + h, (n_inputs, S, N), and input states in the middles, (S, N).
+
+        Parameters
+        ----------
+        parameters : sequence of float
+        t : ndarray, shape (S, N)
+            Seconds since the start of each log.
+        h : ndarray, shape (N,)
+        log : ndarray of int, shape (N,)
+        """
         delay = sum(parameters[at] for at in self._timing if at is not None)
-        u = np.empty((len(self.block.inputs), *self.t.shape))
-        lagged = {i: np.empty(self.t.shape) for i in self.known}
-        width = np.where(self.h > 0, self.h, 1e-9)
+        u = np.empty((len(self.block.inputs), *t.shape))
+        lagged = {i: np.empty(t.shape) for i in self.known}
+        width = np.where(h > 0, h, 1e-9)
         for k, arrival in enumerate(self.arrivals):
-            own = np.flatnonzero(self._log_of == k)
-            begin, wide = self.t[..., own], width[:, own]
+            own = np.flatnonzero(log == k)
+            begin, wide = t[:, own], width[own]
             u[..., own] = arrival.mean(begin, begin + wide, delay)
             for i, values in arrival.lagged(begin + 0.5 * wide, parameters, delay).items():
-                lagged[i][..., own] = values
+                lagged[i][:, own] = values
         return u, lagged
+
+    def channels_at(self, x: Array, parameters: Sequence[float], t: Array, log: NDArray[np.intp]) -> Array:
+        """Return the channels at states, shape (C, N).
+
+        Parameters
+        ----------
+        x : ndarray, shape (n_states, N)
+        parameters : sequence of float
+        t, log : ndarray, shape (N,)
+        """
+        delay = sum(parameters[at] for at in self._timing if at is not None)
+        u = np.empty((len(self.block.inputs), t.size))
+        for k, arrival in enumerate(self.arrivals):
+            own = np.flatnonzero(log == k)
+            u[:, own] = arrival.at(t[own], delay)
+        with np.errstate(all="ignore"):
+            y = self._outputs(t, x, u, list(parameters))
+        return np.stack(
+            [x[i] if is_state else np.broadcast_to(y[i], t.shape) for i, is_state in self._picked]
+        )
 
     def _lanes(
         self, p: Array, jacobian: bool, unknowns: bool = True
@@ -345,12 +381,10 @@ class Problem:
     def _inputs_at_rows(self, parameters: Sequence[float]) -> Array:
         """Return the commands that hold at the rows, (n_inputs, K, W)."""
         delay = sum(parameters[at] for at in self._timing if at is not None)
-        t = self.rows.time
-        u = np.empty((len(self.block.inputs), *t.shape))
+        u = np.empty((len(self.block.inputs), *self.rows.time.shape))
         for k, arrival in enumerate(self.arrivals):
             own = np.flatnonzero(self.rows.log == k)
-            row = np.searchsorted(arrival.time, t[:, own] - delay + 1e-9, side="right") - 1
-            u[..., own] = np.where(row >= 0, arrival.inputs[:, np.maximum(row, 0)], 0.0)
+            u[..., own] = arrival.at(self.rows.time[:, own], delay)
         return u
 
     def sizes_alone(self) -> Array:

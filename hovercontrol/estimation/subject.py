@@ -5,7 +5,7 @@ from __future__ import annotations
 from hovercontrol.block import Block
 from hovercontrol.blockmodel import BlockModel
 from hovercontrol.effects import Shape
-from hovercontrol.model import Model
+from hovercontrol.model import MOTION, Model
 
 #: What can be diagnosed.
 Subject = Model | BlockModel
@@ -21,6 +21,11 @@ def structure(model: Subject) -> Block:
             _STRUCTURES.clear()
         _STRUCTURES[key] = model.plant(late=True)
     return _STRUCTURES[key]
+
+
+def motion_of(model: Subject) -> tuple[str, ...]:
+    """Return the states that a model has without any effect: no part of the commands' way."""
+    return tuple(s.name for s in (MOTION if isinstance(model, Model) else model.block.states))
 
 
 _TIMINGS: dict[tuple[object, ...], tuple[str, str]] = {}
@@ -51,7 +56,7 @@ def unknowns(model: Subject) -> tuple[str, ...]:
         e.parameter(k)
         for e in model.effects
         for k, n in e.numbers.items()
-        if isinstance(n, Shape) and n.of != "time"
+        if isinstance(n, Shape) and n.of != "time" and not n.fixed
     ]
     same = same_widths(model)
     return (*model.linear_coefficients(), *(s for s in shapes if s not in same))

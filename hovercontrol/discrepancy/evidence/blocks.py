@@ -105,7 +105,7 @@ def of_effect(fit: Fit, name: str) -> Blocks:
     W = len(fit.S)
     log = problem.rows.log
     if not scaling:
-        return Blocks(np.ones(W), np.full(W, np.inf), log, 0, 0, np.inf, 1e9, 0.0)
+        raise KeyError(name)
     mine = [j for j, _ in scaling]
     away = np.array([fit.p[j] - neutral for j, neutral in scaling]) / problem.slope(fit.p)[mine]
     others = [j for j in fit.movable if j not in mine]
@@ -125,3 +125,33 @@ def of_effect(fit: Fit, name: str) -> Blocks:
         u = u - g[:, others] @ back
     information = np.maximum(np.einsum("m,wmk,k->w", away, J, away), 0.0)
     return scatter(u @ away + information, information, log)
+
+
+def agreement(fit: Fit, less: Fit, name: str) -> Blocks:
+    """Return how blocks agree on a fitted effect: on its size, or, if no number scales it, on its gain.
+
+    Parameters
+    ----------
+    fit : Fit
+        With the effect.
+    less : Fit
+        Without it.
+    name : str
+    """
+    e = fit.problem.model.effect(name)
+    scaled = any(
+        not np.isnan(n.neutral) and e.parameter(k) in fit.problem.names for k, n in e.numbers.items()
+    )
+    if scaled:
+        return of_effect(fit, name)
+    gain = less.block_costs - fit.block_costs
+    total = float(gain.sum())
+    counts = np.abs(gain) > 0.05 * abs(total) / max(gain.size, 1)
+    effective = total**2 / max(float((gain**2).sum()), 1e-300)
+    t = float(gain.mean() / max(gain.std(ddof=1) / np.sqrt(gain.size), 1e-300)) if gain.size > 1 else 0.0
+    share = gain * gain.size / max(abs(total), 1e-300)
+    dof = max(gain.size - 1.0 if effective > 1 else 0.0, 0.0)
+    return Blocks(
+        share, np.full(gain.size, np.nan), fit.problem.rows.log, int(counts.sum()),
+        int((gain[counts] > 0).sum()), abs(t) if total > 0 else 0.0, dof, 0.0,
+    )  # fmt: skip

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hovercontrol.estimation.subject import Subject, structure
-from hovercontrol.effects import Effect, Shape, effect_class, effect_names
+from hovercontrol.effects import Effect, Shape, effect_class
 from hovercontrol.errors import InputError
 from hovercontrol.estimation.fit import Fit
 
@@ -67,13 +67,12 @@ class Candidate:
 
 
 def catalogue(model: Subject, names: Sequence[str] | None = None) -> list[type[Effect]]:
-    """Return the classes of the effects that a model may lack."""
+    """Return the classes of the effects that a model may lack: of the names given, or all that it accepts."""
+    if names is None:
+        return list(model.candidates())
     have = {e.name for e in model.effects}
-    return [
-        cls
-        for cls in (effect_class(name) for name in (effect_names() if names is None else names))
-        if cls.name not in have and model.accepts(cls)
-    ]
+    own = getattr(model, "effect_class", effect_class)
+    return [own(name) for name in names if name not in have]
 
 
 def candidates(fit: Fit, names: Sequence[str] | None = None) -> list[Candidate]:
@@ -92,10 +91,11 @@ def candidates(fit: Fit, names: Sequence[str] | None = None) -> list[Candidate]:
         grid = []
         for key, number in cls.numbers.items():
             if isinstance(number, Shape) and number.search:
-                what = f"speed_{getattr(cls, 'axis', '')}" if number.of == "speed" else number.of
-                grid.append([(key, part * scales.get(what, 1.0)) for part in number.search])
+                scale = _scale(fit, cls, number.of, scales)
+                grid.append([(key, part * scale) for part in number.search])
             elif isinstance(number, Shape):
-                grid.append([(key, _width(fit, cls, number.default))])
+                default = number.default if number.default is not None else 0.01
+                grid.append([(key, _width(fit, cls, default) if key == "width" else default)])
             else:
                 grid.append([(key, number.neutral + TRIAL)])
         trials = [cls(**dict(values)) for values in itertools.product(*grid)]
@@ -113,13 +113,25 @@ def _fits(model: Subject, e: Effect) -> bool:
     return True
 
 
-def _width(fit: Fit, cls: type[Effect], default: float | None) -> float:
+def _scale(fit: Fit, cls: type[Effect], of: str, scales: Mapping[str, float]) -> float:
+    """Return what the trial values of a shape are parts of."""
+    if of == "input":
+        problem = fit.problem
+        names = [s.name for s in problem.block.inputs]
+        return max(
+            (problem.model.input_size(cls, dict(zip(names, m.inputs, strict=True))) for m in problem.logs),
+            default=1.0,
+        ) or 1.0
+    return scales.get(f"speed_{getattr(cls, 'axis', '')}" if of == "speed" else of, 1.0)
+
+
+def _width(fit: Fit, cls: type[Effect], default: float) -> float:
     """Return the width of friction along the effect's axis, as found for the model's own."""
     axis, problem = getattr(cls, "axis", ""), fit.problem
     for e in problem.model.effects:
         if getattr(e, "axis", None) == axis and e.parameter("width") in problem.names:
             return float(fit.p[problem.names.index(e.parameter("width"))])
-    return default or 0.01
+    return default
 
 
 def _scales(fit: Fit) -> dict[str, float]:
@@ -129,7 +141,5 @@ def _scales(fit: Fit) -> dict[str, float]:
     squares = [fit.path[..., i] ** 2 for i in range(len(names))]
     speeds = [math.sqrt(float(np.mean(x**2)) / max(float(np.mean(x)), 1e-300)) for x in squares]
     found = {f"speed_{n}": v or 1.0 for n, v in zip(names, speeds, strict=True)}
-    thrusts = [i for i, s in enumerate(problem.block.inputs) if s.name != "rudder"]
-    largest = max((float(np.abs(m.inputs[thrusts]).max(initial=0.0)) for m in problem.logs), default=0.0)
     longest = max(float(m.time[-1] - m.origin) for m in problem.logs)
-    return {**found, "input": largest or 1.0, "time": longest}
+    return {**found, "time": longest, "step": problem.shortest}

@@ -16,7 +16,7 @@ from scipy import stats
 from hovercontrol.block import Block
 from hovercontrol.estimation.commands import Arrival, input_states
 from hovercontrol.discrepancy.search.candidates import Candidate
-from hovercontrol.estimation.subject import Subject, structure, timing
+from hovercontrol.estimation.subject import Subject, motion_of, structure, timing
 from hovercontrol.effects import Effect
 from hovercontrol.estimation.fit import Fit, inverse, products
 from hovercontrol.estimation.kalman import run_filter
@@ -209,22 +209,55 @@ class _Along:
         every = [values.get(name, start) for name, start in block.default_parameters.items()]
         x = np.zeros((len(block.states), *self._t.shape))
         names = [s.name for s in problem.block.states]
+        u, lagged = self._commands(model, block, every)
+        new = []
         for i, s in enumerate(block.states):
             if s.name in names:
                 x[i] = self._x[names.index(s.name)]
-        u, lagged = self._commands(model, block, every)
-        for i, v in lagged.items():
-            x[i] = v
+            elif i in lagged:
+                x[i] = lagged[i]
+            else:
+                new.append(i)
+        for i in lagged:
+            x[i] = lagged[i]
+        if new:
+            self._simulate(block, new, x, u, every)
         with np.errstate(all="ignore"):
             slopes = block.to_numpy().vector[0](self._t, x, u, every)
         rows = [[s.name for s in block.states].index(names[i]) for i in problem.free]
         shape = problem.dt.shape
         return np.stack([np.broadcast_to(slopes[i], self._t.shape).mean(axis=0).reshape(shape) for i in rows])
 
+    def _simulate(self, block: Block, new: list[int], x: Array, u: Array, every: list[float]) -> None:
+        """Run states that only a candidate has along the path, from rest in each block (Rosenbrock, Euler)."""
+        problem = self.problem
+        S, (steps, W) = problem.pieces, problem.dt.shape
+        inside = x.reshape(len(x), S, steps, W)
+        inputs, t = u.reshape(len(u), S, steps, W), self._t.reshape(S, steps, W)
+        h = problem.dt / S
+        z = np.zeros((len(new), W))
+        slopes = block.to_numpy().vector[0]
+        with np.errstate(all="ignore"):
+            for k in range(steps):
+                for s in range(S):
+                    now = inside[:, s, k]
+                    now[new] = z
+                    f = slopes(t[s, k], now, inputs[:, s, k], every)
+                    for j, i in enumerate(new):
+                        tip = 1e-6 * block.states[i].nominal
+                        moved = now.copy()
+                        moved[i] += tip
+                        rate = np.broadcast_to(f[i], W)
+                        own = (slopes(t[s, k], moved, inputs[:, s, k], every)[i] - rate) / tip
+                        a = np.clip(own * h[k], -700.0, 50.0)
+                        grown = np.where(np.abs(a) > 1e-8, np.expm1(a) / np.where(a == 0, 1.0, a), 1.0)
+                        z[j] = z[j] + h[k] * rate * grown
+
     def _commands(self, model: Subject, block: Block, every: list[float]) -> tuple[Array, dict[int, Array]]:
         problem = self.problem
         same = timing(model) == timing(problem.model)
-        known = input_states(block)
+        motion = motion_of(model)
+        known = input_states(block, motion)
         if same and not set(known) - set(problem.known) and block is not problem.block and self._held and not known:
             return self._held
         keys = list(block.default_parameters)
@@ -234,7 +267,7 @@ class _Along:
         begin, width = problem.t[:, 0], np.where(problem.h > 0, problem.h, 1e-9)
         for k, log in enumerate(problem.logs):
             own = np.flatnonzero(problem._log_of == k)
-            arrival = Arrival(block, log.time - log.origin, log.inputs)
+            arrival = Arrival(block, log.time - log.origin, log.inputs, motion)
             u[..., own] = arrival.mean(begin[:, own], begin[:, own] + width[:, own], delay)
             for i, v in arrival.lagged(begin[:, own] + 0.5 * width[:, own], every, delay).items():
                 lagged[i][..., own] = v

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from hovercontrol.discrepancy.criteria import CRITERIA, Criteria
-from hovercontrol.discrepancy.evidence.blocks import Blocks, of_effect
+from hovercontrol.discrepancy.evidence.blocks import Blocks, agreement
 from hovercontrol.discrepancy.search.candidates import candidates
 from hovercontrol.discrepancy.search.score import Scored, Scores
 from hovercontrol.effects import Effect
@@ -105,6 +105,8 @@ class Selection:
         What was added in which order, with its score.
     candidates : int
         How many effects were looked at.
+    without : dict of str to Fit
+        The amended model less each effect, fitted.
     """
 
     base: Fit
@@ -116,6 +118,7 @@ class Selection:
     leads: tuple[Lead, ...] = ()
     steps: tuple[tuple[str, float], ...] = ()
     candidates: int = 0
+    without: dict[str, Fit] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,12 +164,14 @@ def select(
     steps: list[tuple[str, float]] = []
     tried: dict[str, Tried] = {}
     seen: list[Scored] = []
+    first: list[Tried] = []
     while True:
         tell("scoring the catalogue")
         seen = Scores(current, candidates(current, names)).best()
         if len(effects) >= max_effects:
             break
         found = _add(search, current, seen)
+        first = found if current is base else first
         tried = {t.name: t for t in found}
         good = [t for t in found if passes(t, len(seen), criteria)]
         if not good:
@@ -179,7 +184,7 @@ def select(
         base, current, tuple(effects), steps=tuple(steps), candidates=len(seen) + len(effects)
     )
     if effects:
-        selection = _confirmed(search, selection)
+        selection = _confirmed(search, selection, first)
     return replace(selection, leads=_leads(seen, tried, selection, criteria))
 
 
@@ -224,7 +229,8 @@ def _add(search: _Search, current: Fit, seen: Sequence[Scored]) -> list[Tried]:
         if found and found[0].gain > 0 and not kin and _explained(found[0]) and s.gain < 0.9 * top.gain:
             continue
         search.tell(f"trying {s.candidate.name}")
-        found.append(_tried(search, current, s.effect))
+        t = _tried(search, current, s.effect)
+        found += [t] if t else []
     return found
 
 
@@ -233,10 +239,14 @@ def _explained(t: Tried) -> bool:
     return bool(np.all(t.fit.noise.process <= 0.02 * t.fit.problem.accelerations))
 
 
-def _tried(search: _Search, current: Fit, e: Effect) -> Tried:
-    fit = search.fit(current, current.model.with_effects([e]))
+def _tried(search: _Search, current: Fit, e: Effect) -> Tried | None:
+    """Return the fit with an effect; None where that model runs away from the logs."""
+    try:
+        fit = search.fit(current, current.model.with_effects([e]))
+    except FloatingPointError:
+        return None
     numbers = len(fit.p) - len(current.p)
-    return Tried(e.name, fit, current.cost - fit.cost, of_effect(fit, e.name), numbers)
+    return Tried(e.name, fit, current.cost - fit.cost, agreement(fit, current, e.name), numbers)
 
 
 def same_axis(one: Effect, other: Effect) -> bool:
@@ -258,19 +268,24 @@ def without_effects(model: Subject, *names: str) -> Subject:
     return replace(model, effects=tuple(e for e in model.effects if e.name not in names))
 
 
-def _confirmed(search: _Search, selection: Selection) -> Selection:
-    """Drop what is not needed, put better ones in, and say what is level with each."""
+def _confirmed(search: _Search, selection: Selection, first: Sequence[Tried]) -> Selection:
+    """Drop what is not needed, put better ones in, and say what is level with each.
+
+    `first` were fitted beside the model as given: they need not be again.
+    """
     criteria = search.criteria
     effects, final = list(selection.effects), selection.final
     rivals: list[Rival] = []
     gains: dict[str, float] = {}
+    without: dict[str, Fit] = {}
+    done = {t.name: t for t in first}
     for _ in range(ROUNDS):
-        rivals, gains, changed = [], {}, False
+        rivals, gains, without, changed = [], {}, {}, False
         for name in list(effects):
             alone = len(effects) == 1
             less = selection.base if alone else search.fit(final, without_effects(final.model, name))
-            own = Tried(name, final, less.cost - final.cost, of_effect(final, name), _numbers(final, name))
-            gains[name] = own.gain
+            own = Tried(name, final, less.cost - final.cost, agreement(final, less, name), _numbers(final, name))
+            gains[name], without[name] = own.gain, less
             if not alone and not passes(own, selection.candidates, criteria):
                 effects.remove(name)
                 final, changed = less, True
@@ -287,8 +302,11 @@ def _confirmed(search: _Search, selection: Selection) -> Selection:
                 near = s.gain > max(criteria.share * max(best, 0.0), criteria.least)
                 if not (near or same) or len(tried) >= criteria.tries:
                     continue
-                search.tell(f"trying {s.candidate.name} in place of {name}")
-                tried.append(_tried(search, less, s.effect))
+                known = done.get(s.candidate.name) if alone else None
+                if known is None:
+                    search.tell(f"trying {s.candidate.name} in place of {name}")
+                t = known or _tried(search, less, s.effect)
+                tried += [t] if t else []
             for t in tried:
                 behind = (t.fit.cost + criteria.each * t.numbers) - (final.cost + criteria.each * own.numbers)
                 d = t.fit.block_costs - final.block_costs
@@ -305,9 +323,10 @@ def _confirmed(search: _Search, selection: Selection) -> Selection:
                 break
         if not changed:
             break
-    blocks = {name: of_effect(final, name) for name in effects}
+    blocks = {name: agreement(final, without.get(name, selection.base), name) for name in effects}
     return replace(
-        selection, final=final, effects=tuple(effects), rivals=tuple(rivals), gains=gains, blocks=blocks
+        selection, final=final, effects=tuple(effects), rivals=tuple(rivals), gains=gains, blocks=blocks,
+        without=without,
     )
 
 

@@ -1,0 +1,124 @@
+"""Whether a model with an effect predicts logs better that no coefficient was fitted to."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hovercontrol.estimation.data import Data
+from hovercontrol.estimation.fit import Fit, estimate, first_noise
+from hovercontrol.estimation.prediction import Prediction, horizons, predict
+from hovercontrol.estimation.prior import prior_of
+from hovercontrol.estimation.problem import Problem
+from hovercontrol.estimation.subject import Subject
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Ahead:
+    """The error of one channel some time ahead, without and with what was added.
+
+    Attributes
+    ----------
+    horizon : float
+        [s]
+    channel, unit : str
+    before, after : float
+        Root mean square.
+    t : float
+        Fall of the squared error over its standard error over blocks; negative if it rises.
+    """
+
+    horizon: float
+    channel: str
+    unit: str
+    before: float
+    after: float
+    t: float
+
+
+@dataclass(frozen=True)
+class Gap:
+    """Errors of a model on logs, predicted `horizon` seconds ahead.
+
+    Attributes
+    ----------
+    horizon : float
+    rms : dict of str to float
+        Of each channel, in its unit.
+    nrmse : dict of str to float
+        Over the channel's root mean square about its mean.
+    floor : dict of str to float
+        The measurement noise, likewise over the channel's: no model can do better.
+    """
+
+    horizon: float
+    rms: dict[str, float]
+    nrmse: dict[str, float]
+    floor: dict[str, float]
+
+
+def held_fit(model: Subject, data: Data, near: Fit | None = None) -> Fit:
+    """Return a model on logs that its coefficients do not follow: the path and the noise are fitted, no more.
+
+    Parameters
+    ----------
+    model : Model or BlockModel
+    data : Data
+    near : Fit, optional
+        Of another model on the same data, from which levels of noise and path begin.
+    """
+    pieces = near.problem.pieces if near else 1
+    problem = Problem(model, data, pieces=pieces)
+    path = problem.path_of(near.problem.block, near.path) if near else None
+    noise = near.noise if near else first_noise(problem)
+    return estimate(problem, prior_of(problem, model), noise, path=path, frozen=True, gate=near is None)
+
+
+def ahead(before: Fit, after: Fit, wanted: Sequence[float] = (0.2, 0.5, 1.0, 2.0)) -> tuple[Ahead, ...]:
+    """Return the errors of two models on the same rows, at each horizon and channel."""
+    found = []
+    for horizon in horizons(before, wanted):
+        one, two = predict(before, horizon), predict(after, horizon)
+        if one is None or two is None:
+            continue
+        fall = one.errors**2 - two.errors**2
+        for c, channel in enumerate(one.channels):
+            known = np.isfinite(fall[:, c])
+            if not known.any():
+                continue
+            unit = before.problem.block.signal(channel).unit
+            t = _over_blocks(fall[known, c], one.block[known])
+            found.append(Ahead(horizon, channel, unit, one.rms[channel], two.rms[channel], t))
+    return tuple(found)
+
+
+def _over_blocks(values: Array, block: NDArray[np.intp]) -> float:
+    """Return a mean over its standard error, blocks independent."""
+    means = np.array([values[block == w].mean() for w in np.unique(block)])
+    if means.size < 3:
+        return 0.0
+    spread = float(means.std(ddof=1)) / np.sqrt(means.size)
+    return float(means.mean()) / max(spread, 1e-300)
+
+
+def gap(fit: Fit, horizon: float = 1.0) -> Gap:
+    """Return how far a fitted model's predictions are off."""
+    chosen = [h for h in horizons(fit) if h <= 1.001 * max(horizon, horizons(fit)[0])][-1]
+    found = predict(fit, chosen)
+    problem = fit.problem
+    rms = found.rms if found else dict.fromkeys(problem.rows.channels, float("nan"))
+    nrmse, floor = {}, {}
+    for c, channel in enumerate(problem.rows.channels):
+        own = problem.rows.values[..., c][problem.seen[..., c]]
+        size = float(np.std(own)) or 1.0
+        nrmse[channel] = rms[channel] / size
+        floor[channel] = float(fit.noise.measured[c]) / size
+    return Gap(chosen, rms, nrmse, floor)
+
+
+__all__ = ["Ahead", "Gap", "Prediction", "ahead", "gap", "held_fit"]

@@ -1,0 +1,196 @@
+"""What a missing force depends on: one velocity or command by a simple law, or else where it is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hovercontrol.discrepancy.evidence.missing import Missing
+from hovercontrol.units import registry
+
+Array = NDArray[np.float64]
+
+#: Part of a force's mean square that a law must explain to be named, and by how much a law must explain more
+#: than a simpler one.
+MOST, SIMPLER = 0.75, 0.02
+
+#: Part of the rows in which a force must stand out of its band to be there, and part of its velocity's
+#: spread, per second, below which it is nothing to look at.
+THERE, SMALL = 0.01, 0.02
+
+#: Below this part of its root mean square a quantity counts as standing still; a change of a command by more
+#: than this part is a step, which counts as fresh for so long [s].
+STILL, STEP, FRESH = 0.1, 0.5, 0.3
+
+#: Laws, simplest first: words, power of the quantity's unit, shape over the quantity and its size.
+_SHAPES: tuple[tuple[str, int, Callable[[Array, float], Array]], ...] = (
+    ("constant: about {c}", 0, lambda x, size: np.ones_like(x)),
+    ("in proportion to {x}: about {c} times {x}", 1, lambda x, size: x),
+    ("with the sign of {x}: about {c}", 0, lambda x, size: np.tanh(x / (STILL * size))),
+    ("like {x}^2: about {c} times {x}^2", 2, lambda x, size: x**2),
+    ("like {x} |{x}|: about {c} times {x} |{x}|", 2, lambda x, size: x * np.abs(x)),
+)
+
+
+@dataclass(frozen=True)
+class Law:
+    """A missing force as a simple function of one quantity.
+
+    Attributes
+    ----------
+    quantity : str
+        A velocity or command: ``"r"``; empty for a constant.
+    value : float
+        What the function is multiplied with.
+    unit : str
+        Of the value.
+    explained : float
+        Part of the force's mean square.
+    text : str
+        ``"in proportion to r: about -2.46 1/s times r"``.
+    """
+
+    quantity: str
+    value: float
+    unit: str
+    explained: float
+    text: str
+
+
+def law(forces: Sequence[Missing]) -> Law | None:
+    """Return the simple law that one equation's missing force follows, if there is one.
+
+    Parameters
+    ----------
+    forces : sequence of Missing
+        Of one equation, log by log.
+    """
+    found = [law for law in laws(forces) if law.explained > MOST]
+    most = max((law.explained for law in found), default=0.0)
+    return next((law for law in found if law.explained > most - SIMPLER), None)
+
+
+def laws(forces: Sequence[Missing]) -> list[Law]:
+    """Return every simple law, fitted to one equation's missing force, the simplest first.
+
+    Parameters
+    ----------
+    forces : sequence of Missing
+        Of one equation, log by log.
+    """
+    force, band = (np.concatenate([getattr(m, key) for m in forces]) for key in ("force", "band"))
+    found = []
+    for words, power, shape in _SHAPES:
+        same: list[Law] = []
+        for k, quantity in enumerate(forces[0].over):
+            x = np.concatenate([m.over[k].values for m in forces])
+            known = np.isfinite(x) & np.isfinite(force) & (band > 0.0)
+            size = _size(x[known])
+            if not size or ("{x}" not in words and same):
+                continue
+            column, weight = shape(x[known], size), band[known] ** -2
+            whole, along = float(weight @ force[known] ** 2), float(weight @ column**2)
+            value = float(weight @ (column * force[known])) / along
+            explained = value**2 * along / whole if whole > 0.0 else 0.0
+            name = quantity.name if "{x}" in words else ""
+            unit = _quotient(forces[0].unit, quantity.unit, power)
+            text = words.format(x=name, c=f"{value:.3g} {unit}".strip())
+            same.append(Law(name, value, unit, explained, text))
+        found += sorted(same, key=lambda law: -law.explained)
+    return found
+
+
+def _quotient(above: str, below: str, power: int) -> str:
+    """Return the unit of a coefficient, as ``"1/s"``."""
+    parse = registry().parse_units
+    below = "dimensionless" if below in ("1", "") else below
+    found = f"{parse(above) / parse(below) ** power:~C}".replace("**", "^")
+    return above if power == 0 else "" if found in ("1", "") else found
+
+
+def is_there(force: Missing) -> bool:
+    """Whether a force stands out of its band, and is large enough to look at."""
+    return force.share >= THERE and force.rms >= small(force)
+
+
+def small(force: Missing) -> float:
+    """Return a force too small to care about: a part of how its velocity changes in a second."""
+    own = next((q.values for q in force.over if f"{q.name}'" == force.equation), np.zeros(1))
+    known = own[np.isfinite(own)]
+    return SMALL * float(known.std()) if known.size else 0.0
+
+
+def worst(missing: Sequence[Missing]) -> Missing | None:
+    """Return the force that matters most: how large it is, and in how many rows it is there."""
+    return max(missing, key=lambda m: m.share * m.rms, default=None)
+
+
+def regime(missing: Sequence[Missing]) -> str:
+    """Return in words where the missing force of the worst equation is, and what others depend on.
+
+    Parameters
+    ----------
+    missing : sequence of Missing
+        Of all logs and equations.
+    """
+    first = worst(missing)
+    if first is None or first.share < THERE:
+        return "nowhere beyond the noise"
+    said = []
+    for equation in dict.fromkeys([first.equation, *(m.equation for m in missing)]):
+        same = [m for m in missing if m.equation == equation]
+        found = law(same) if any(is_there(m) for m in same) else None
+        if found:
+            said.append(f"in {equation}, {found.text}")
+        elif equation == first.equation:
+            said.append(f"in {equation}, {_where(same)}")
+    return "; ".join(said)
+
+
+def _where(same: Sequence[Missing]) -> str:
+    """Return the condition under which one equation's force is largest."""
+    force = np.concatenate([m.force for m in same])
+    best, words = 1.5, "all along"
+    for text, rows in _conditions(same):
+        inside = rows & np.isfinite(force)
+        outside = ~rows & np.isfinite(force)
+        if inside.mean() < 0.05 or outside.mean() < 0.05:
+            continue
+        ratio = float(np.mean(force[inside] ** 2) / max(np.mean(force[outside] ** 2), 1e-300))
+        if ratio > best:
+            best, words = ratio, text
+    return words
+
+
+def _conditions(same: Sequence[Missing]) -> list[tuple[str, NDArray[np.bool_]]]:
+    """Return conditions on velocities and commands, with words for them."""
+    found = []
+    for k, quantity in enumerate(same[0].over):
+        name, values = quantity.name, np.concatenate([m.over[k].values for m in same])
+        size = _size(values[np.isfinite(values)]) or 1.0
+        found += [
+            (f"where {name} > 0", values > STILL * size),
+            (f"where {name} < 0", values < -STILL * size),
+            (f"where {name} is large", np.abs(values) > size),
+        ]
+        if quantity.is_command:
+            fresh = [_fresh(m.time, m.over[k].values, STEP * size) for m in same]
+            found.append((f"just after steps of {name}", np.concatenate(fresh)))
+        else:
+            found.append((f"near standstill of {name}", np.abs(values) < STILL * size))
+    time = np.concatenate([(m.time - m.time[0]) / max(m.time[-1] - m.time[0], 1e-9) for m in same])
+    return [*found, ("late in each log", time > 0.5), ("early in each log", time < 0.5)]
+
+
+def _fresh(time: Array, command: Array, step: float) -> NDArray[np.bool_]:
+    """Return in which rows a command stepped a moment ago."""
+    at = time[1:][np.abs(np.diff(command)) > step]
+    ago = time - np.concatenate([[-np.inf], at])[np.searchsorted(at, time, side="right")]
+    return np.asarray(ago < FRESH)
+
+
+def _size(values: Array) -> float:
+    return float(np.sqrt(np.mean(values**2))) if values.size else 0.0

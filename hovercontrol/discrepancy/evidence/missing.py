@@ -1,0 +1,94 @@
+"""The force that a model lacks along each log, with its band, and where it is there."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+#: Standard errors beyond which the force is there, the shortest stretch [s] worth naming, and how far apart
+#: two are [s] that are named as one: a force that changes its sign is not there for a moment.
+SEEN, SHORTEST, APART = 3.0, 0.2, 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class Quantity:
+    """What a missing force may depend on: a velocity or a command.
+
+    Attributes
+    ----------
+    name, unit : str
+    values : ndarray, shape (n,)
+        Velocities as reconstructed; NaN in rows outside all windows.
+    is_command : bool
+    """
+
+    name: str
+    unit: str
+    values: Array
+    is_command: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Missing:
+    """What one log says is missing in one equation.
+
+    Attributes
+    ----------
+    log, equation, unit : str
+        ``"a.csv"``, ``"u'"``, ``"m/s^2"``.
+    time : ndarray, shape (n,)
+        On the log's clock [s].
+    force, band : ndarray, shape (n,)
+        Per mass (inertia), and its standard error; NaN in rows outside all windows.
+    over : tuple of Quantity
+        What it may depend on, in the same rows.
+    """
+
+    log: str
+    equation: str
+    unit: str
+    time: Array
+    force: Array
+    band: Array
+    over: tuple[Quantity, ...] = ()
+
+    @property
+    def segments(self) -> list[tuple[float, float]]:
+        """Stretches in which the force is there beyond its band [s], those close together as one."""
+        with np.errstate(invalid="ignore"):
+            there = np.abs(self.force) > SEEN * self.band
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], there.astype(int), [0]])))
+        spans = [(float(self.time[a]), float(self.time[b - 1])) for a, b in edges.reshape(-1, 2)]
+        joined: list[tuple[float, float]] = []
+        for begin, end in (s for s in spans if s[1] - s[0] >= SHORTEST):
+            if joined and begin - joined[-1][1] < APART:
+                begin = joined.pop()[0]
+            joined.append((begin, end))
+        return joined
+
+    @property
+    def share(self) -> float:
+        """Part of the rows in which the force is there."""
+        with np.errstate(invalid="ignore"):
+            return float(np.nanmean(np.abs(self.force) > SEEN * self.band))
+
+    @property
+    def rms(self) -> float:
+        """Root mean square of the force."""
+        return math.sqrt(float(np.nanmean(self.force**2)))
+
+
+def rate(unit: str) -> str:
+    """Return the unit of a derivative.
+
+    Examples
+    --------
+    >>> rate("m/s"), rate("rad")
+    ('m/s^2', 'rad/s')
+    """
+    return f"{unit.removesuffix('/s')}/s^2" if unit.endswith("/s") else f"{unit}/s"

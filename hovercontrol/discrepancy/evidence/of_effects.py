@@ -1,0 +1,52 @@
+"""The three independent things that speak for a name: likelihood, blocks that agree, held-out predictions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from hovercontrol.discrepancy.evidence.blocks import Blocks
+from hovercontrol.discrepancy.evidence.holdout import Ahead
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """What speaks for one named effect.
+
+    Attributes
+    ----------
+    gain : float
+        Fall of twice the negative log likelihood, beside the other effects.
+    blocks : Blocks
+    holdout : tuple of Ahead
+        Errors on the held-out log without and with the effect; empty without such a log.
+    """
+
+    gain: float
+    blocks: Blocks
+    holdout: tuple[Ahead, ...] = ()
+
+    def result(self) -> dict[str, Any]:
+        """Return what ``result.json`` holds."""
+        b = self.blocks
+        return {
+            "gain": self.gain,
+            "blocks": {
+                "n": b.n,
+                "same_sign": b.same_sign,
+                "t": b.t,
+                "spread": b.spread,
+                "p_value": b.p_value,
+            },
+            "holdout": [
+                {
+                    "horizon": a.horizon,
+                    "channel": a.channel,
+                    "before": a.before,
+                    "after": a.after,
+                    "unit": a.unit,
+                    "t": a.t,
+                }
+                for a in self.holdout
+            ],
+        }

@@ -1,0 +1,125 @@
+"""What remains in each equation once effects are named: the missing acceleration, how large, where, how sure."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hovercontrol.discrepancy.criteria import CRITERIA, Criteria
+from hovercontrol.discrepancy.evidence.missing import Missing, Quantity, rate
+from hovercontrol.estimation.fit import Fit, refit
+from hovercontrol.estimation.noise import Noise
+
+Array = NDArray[np.float64]
+
+#: Time over which a missing acceleration is averaged to be told [s], in rows at least.
+OVER, ROWS = 0.2, 5
+
+
+@dataclass(frozen=True)
+class Remainder:
+    """What remains in one equation.
+
+    Attributes
+    ----------
+    equation : str
+        ``"u'"``
+    rms : float
+        Root mean square of the missing acceleration, averaged over `over` seconds; zero where nothing remains
+        beyond its error.
+    unit : str
+    share_explained : float
+        Part of the mean square of what the given model lacks that the named effects took.
+    gain : float
+        Fall of twice the negative log likelihood that process noise in this equation brings.
+    over, seconds : float
+        Averaging time, and correlation time [s].
+    """
+
+    equation: str
+    rms: float
+    unit: str
+    share_explained: float
+    gain: float
+    over: float
+    seconds: float
+
+    @property
+    def there(self) -> bool:
+        """Whether anything remains."""
+        return self.rms > 0.0
+
+
+def averaged(noise: Noise, over: float) -> Array:
+    """Return the root mean square of each missing acceleration's mean over some time, shape (q,)."""
+    s = over / noise.seconds
+    return np.asarray(noise.process * np.sqrt(np.maximum(2.0 * (s + np.expm1(-s)), 0.0)) / s)
+
+
+def remainders(base: Fit, final: Fit, criteria: Criteria = CRITERIA) -> tuple[Remainder, ...]:
+    """Return what remains in each equation on which forces act.
+
+    Parameters
+    ----------
+    base, final : Fit
+        Of the given and of the amended model; the same if nothing was added.
+    """
+    problem = final.problem
+    over = max(OVER, ROWS * problem.shortest)
+    before, after = averaged(base.noise, over), averaged(final.noise, over)
+    found = []
+    for j, i in enumerate(problem.driven):
+        state = problem.block.states[problem.free[i]]
+        gain = _gain(final, j, criteria)
+        there = gain > criteria.remains and final.noise.process[j] > criteria.negligible * problem.accelerations[j]
+        left = float(after[j]) if there else 0.0
+        lacked = float(before[j]) if j < len(before) else 0.0
+        share = 1.0 - (left / lacked) ** 2 if lacked > 0.0 else 0.0
+        unit = rate(state.unit)
+        found.append(
+            Remainder(f"{state.name}'", left, unit, max(share, 0.0), gain, over, float(final.noise.seconds[j]))
+        )
+    return tuple(found)
+
+
+def _gain(fit: Fit, j: int, criteria: Criteria) -> float:
+    """Return what process noise in one equation brings."""
+    if fit.noise.process[j] <= criteria.negligible * fit.problem.accelerations[j]:
+        return 0.0
+    process = fit.noise.process.copy()
+    process[j] = 0.0
+    without = refit(fit, fit.problem, fit.prior, noise=replace(fit.noise, process=process), levels=False)
+    return float(without.cost - fit.cost)
+
+
+def missing_forces(fit: Fit) -> tuple[Missing, ...]:
+    """Return the smoothed missing accelerations of a fit by log and equation, with their bands."""
+    problem = fit.problem
+    n = len(problem.free)
+    found = []
+    variance = np.diagonal(fit.covariance_of_path, axis1=2, axis2=3)[..., n:]
+    for k, log in enumerate(problem.logs):
+
+        def rows(values: Array, k: int = k, size: int = log.time.size) -> Array:
+            whole = np.full(size, np.nan)
+            for w in np.flatnonzero(problem.rows.log == k):
+                own = problem.rows.at[:, w] >= 0
+                whole[problem.rows.at[own, w]] = values[own, w]
+            return whole
+
+        moving = [problem.block.states[problem.free[i]] for i in problem.driven]
+        over = tuple(
+            Quantity(s.name, s.unit, rows(fit.path[..., problem.free[i]]))
+            for s, i in zip(moving, problem.driven, strict=True)
+        ) + tuple(
+            Quantity(s.name, s.unit, log.inputs[m], is_command=True)
+            for m, s in enumerate(problem.block.inputs)
+        )
+        for j, s in enumerate(moving):
+            band = np.sqrt(np.maximum(rows(variance[..., j]), 0.0))
+            found.append(
+                Missing(log.name, f"{s.name}'", rate(s.unit), log.time, rows(fit.missing[..., j]), band, over)
+            )
+    return tuple(found)
