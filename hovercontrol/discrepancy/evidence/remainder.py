@@ -10,12 +10,16 @@ from numpy.typing import NDArray
 from hovercontrol.discrepancy.criteria import CRITERIA, Criteria
 from hovercontrol.discrepancy.evidence.missing import Missing, Quantity, rate
 from hovercontrol.estimation.fit import Fit, refit
-from hovercontrol.estimation.noise import Noise
+from hovercontrol.estimation.kalman import run_filter
+from hovercontrol.estimation.noise import Noise, augment
 
 Array = NDArray[np.float64]
 
 #: Time over which a missing acceleration is averaged to be told [s], in rows at least.
 OVER, ROWS = 0.2, 5
+
+#: A gain so large needs no second fit to be believed.
+LARGE = 2000.0
 
 
 @dataclass(frozen=True)
@@ -85,12 +89,19 @@ def remainders(base: Fit, final: Fit, criteria: Criteria = CRITERIA) -> tuple[Re
 
 
 def _gain(fit: Fit, j: int, criteria: Criteria) -> float:
-    """Return what process noise in one equation brings."""
-    if fit.noise.process[j] <= criteria.negligible * fit.problem.accelerations[j]:
+    """Return what process noise in one equation brings; at most, where it is large beyond doubt."""
+    problem = fit.problem
+    if fit.noise.process[j] <= criteria.negligible * problem.accelerations[j]:
         return 0.0
     process = fit.noise.process.copy()
     process[j] = 0.0
-    without = refit(fit, fit.problem, fit.prior, noise=replace(fit.noise, process=process), levels=False)
+    noises = [fit.noise, replace(fit.noise, process=process)]
+    filtered = run_filter(augment(problem, fit.linear, noises, unknowns=False))
+    each = (filtered.white[..., 0] ** 2).sum(axis=(0, 2)) + filtered.log_det
+    there, none = each.reshape(2, -1).sum(axis=1)
+    if none - there < criteria.remains or none - there > LARGE:  # path and unknowns would follow
+        return float(none - there)
+    without = refit(fit, problem, fit.prior, noise=noises[1], levels=False)
     return float(without.cost - fit.cost)
 
 
