@@ -31,6 +31,9 @@ GATES = 8
 #: Change of minus twice the log likelihood at which a fit has settled, moving and still.
 SETTLED, STOPPED = 1.0, 0.05
 
+#: Passes after which a path that flips between two sides of a kink (stick or slip) is taken as settled.
+ENOUGH = 3
+
 #: Largest step of an unknown that is sought by its logarithm.
 FARTHEST = 1.0
 
@@ -258,7 +261,8 @@ def estimate(
                 problem, last = problem.without(stands_out), np.inf
                 p, path, k = _onward(problem, now, p), _moved_path(problem, now, path), k + 1
                 continue
-        settled = abs(change) < (SETTLED if moving else STOPPED) and now.gain < SETTLED
+        enough = SETTLED if moving else STOPPED if still < ENOUGH else 2.0 * SETTLED
+        settled = abs(change) < enough and now.gain < SETTLED
         if moving and (settled or k >= most):
             moving = False
         elif not moving and (settled or still >= STILL):
