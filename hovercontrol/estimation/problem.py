@@ -149,9 +149,11 @@ class Problem:
 
     def _is_driven(self, i: int) -> bool:
         """Whether a force acts on a state: its derivative holds a parameter or an input of the Block."""
+        name = self.block.states[i].name
+        if name not in motion_of(self.model):
+            return False  # bristles of a friction follow from the motion
         own = {s.symbol for s in (*self.block.parameters, *self.block.inputs)}
         own |= {self.block.states[k].symbol for k in self.known}
-        name = self.block.states[i].name
         return bool(self.block.expand(self.block.derivatives[name]).free_symbols & own)
 
     def _depends_on_inputs(self) -> list[int]:
