@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import maximum_filter1d, median_filter
+from scipy.ndimage import maximum_filter1d, median_filter, percentile_filter
 
 from hovercontrol.errors import InputError
 from hovercontrol.logs.clock import Clock, fit_clock
@@ -21,11 +21,14 @@ from hovercontrol.logs.reject import FORGET, follow, wrap
 COASTING = 0.3
 """Longest time [s] without an accepted sample over which velocities still count as measured."""
 
-STANDS_OUT = 80.0
-"""Squared distance, in standard deviations over three channels, at which a sample is an outlier.
+STANDS_OUT = 120.0
+"""Squared distance, over the usual one around, at which a sample is an outlier.
 
-The noise of a marker body that moves is uneven; in clean runs one sample in a thousand reaches
-50."""
+The noise of a marker body that moves is uneven; in clean runs one sample in ten thousand reaches 90.
+"""
+
+AROUND = 51
+"""Samples around one by which its distance is judged."""
 
 MOST_ROWS = 500_000
 """Rows that are smoothed at once; more would take gigabytes."""
@@ -225,8 +228,9 @@ def _drop_outliers(
         # variance of sample minus smoothed position
         variance = np.maximum(noise - estimate.covariance[:, :, 0, 0], 1e-3 * noise)
         distance = ((z[rows] - estimate.mean[:, :, 0]) ** 2 / variance).sum(axis=1) * kept[rows]
-        # 2.37: median of chi squared with three channels
-        usual = np.maximum(median_filter(distance, size=51) / 2.37, 1.0)
+        # 2.37, 6.25: median and nine tenths of chi squared with three channels
+        middle = median_filter(distance, size=AROUND) / 2.37
+        usual = np.maximum(np.maximum(middle, percentile_filter(distance, 90, size=AROUND) / 6.25), 1.0)
         peak = distance == maximum_filter1d(distance, 7)
         out = rows[peak & (distance > STANDS_OUT * usual)]
         if not out.size:
