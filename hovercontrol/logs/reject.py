@@ -17,8 +17,11 @@ from scipy.ndimage import median_filter
 
 from hovercontrol.logs.log import Floats, Mask
 
-USUAL = 8.0 * 1.4826
-"""A step may miss the neighbouring ones by so many medians of what steps miss: eight standard deviations."""
+USUAL = 12.0 * 1.4826
+"""A step may miss the neighbouring ones by so many medians of what steps miss: twelve standard deviations."""
+
+SPARE = 7
+"""Steps over whose median the speed is taken: two wrong samples in a row spoil three."""
 
 UNEVEN = 4.0
 """Where the craft moves fast steps may scatter by so many times what is usual in the log."""
@@ -157,10 +160,12 @@ def follow(time: Floats, pose: Floats) -> tuple[Mask, Floats]:
     steps = np.diff(pose, axis=0)
     steps[:, 2] = wrap(steps[:, 2])
     dt = np.diff(time)[:, None]
-    speed = median_filter(steps / dt, size=(5, 1), mode="nearest")
+    speed = median_filter(steps / dt, size=(SPARE, 1), mode="nearest")
     surprise = np.abs(steps - speed * dt)
     limits = Limits.of(time, speed, surprise)
-    smooth = np.all(surprise <= limits.local + limits.impact * dt / 2, axis=1)
+    explained = limits.local + limits.impact * dt / 2
+    explained[:, 2] = np.minimum(explained[:, 2], FARTHEST_TURN / 2)
+    smooth = np.all(surprise <= explained, axis=1)
     pieces = _cut(time, steps / dt, smooth)
     chain = _best_chain(time, pose, pieces, limits)
 
@@ -226,6 +231,7 @@ def _best_chain(time: Floats, pose: Floats, pieces: Pieces, limits: Limits) -> l
             missed[:, 2] = wrap(missed[:, 2])
             pushed = np.minimum(limits.impact * blind + limits.push * blind**2 / 4, limits.farthest)
             allowed = pushed + noise[k] * (1.0 + blind / SPEED_SPAN)
+            allowed[:, 2] = np.minimum(allowed[:, 2], FARTHEST_TURN)
             rough = np.max(np.abs(missed) / allowed, axis=1)
             possible = (rough <= 1.0) | (blind[:, 0] <= AT_ONCE * step)
             reached = np.where(possible, score[near] - ROUGHNESS * rough**2, -np.inf)
