@@ -13,7 +13,7 @@ import numpy as np
 from scipy.ndimage import maximum_filter1d, median_filter, percentile_filter
 
 from hovercontrol.errors import InputError
-from hovercontrol.logs.clock import Clock, fit_clock
+from hovercontrol.logs.clock import Clock, fit_clock, moved
 from hovercontrol.logs.kalman import Estimate, fit_noise, run_filter, run_smoother
 from hovercontrol.logs.log import POSE, VELOCITY, Floats, Log, Mask
 from hovercontrol.logs.reject import FORGET, follow, wrap
@@ -77,11 +77,11 @@ class Smoothed:
     pose_std, velocity_std, acceleration_std : ndarray (n, 3)
         Standard deviations of these.
     accepted : ndarray (n,) of bool
-        Samples that were used.
+        Samples that were used; false in rows without a pose.
     valid : ndarray (n,) of bool
         Rows less than ``COASTING`` away from sight; elsewhere the motion is only guessed.
     rejected : tuple of Span
-        Samples that were not used.
+        Samples that were not used; rows without a pose do not count.
     noise_std : tuple of float
         Measurement noise of x, y [m] and psi [rad].
     jerk_density : tuple of float
@@ -120,12 +120,13 @@ def smooth_pose(log: Log) -> Smoothed:
 
     Process and measurement noise are those of maximum likelihood for the accepted samples. The
     three channels are accepted or rejected together, as one marker body. Velocities ``u, v, r``
-    that the log has already are kept.
+    that the log has already are kept. Rows without a pose (NaN: a command came between two samples) get
+    the smoothed motion at their time.
 
     Parameters
     ----------
     log : Log
-        With ``x, y`` [m] and ``psi`` [rad]; 8 to 500 000 rows.
+        With ``x, y`` [m] and ``psi`` [rad]; 8 to 500 000 rows with a pose.
 
     Returns
     -------
@@ -144,10 +145,12 @@ def smooth_pose(log: Log) -> Smoothed:
     >>> bool(np.allclose(result.log["u"], 1.0, atol=1e-3)), result.rejected
     (True, ())
     """
-    raw = log.stack(*POSE)
-    if not 8 <= len(log) <= MOST_ROWS:
-        raise InputError(f"{log.name}: expected 8 to {MOST_ROWS} rows to smooth, found {len(log)}")
-    clock = fit_clock(log.time, raw)
+    every = log.stack(*POSE)
+    seen = np.isfinite(every).all(axis=1)
+    raw = every[seen]
+    if not (8 <= len(raw) and len(log) <= MOST_ROWS):
+        raise InputError(f"{log.name}: expected 8 to {MOST_ROWS} rows to smooth, found {len(raw)}")
+    clock = fit_clock(log.time[seen], raw)
     time = clock.time
     accepted, z = follow(time, raw)
     chained = accepted.copy()
@@ -158,6 +161,13 @@ def smooth_pose(log: Log) -> Smoothed:
         if (accepted == before).all():
             break
     else:
+        estimate = _smooth(time, z, accepted, jerk, noise)
+    spans = _spans(time, raw - estimate.mean[:, :, 0], accepted, chained)
+    if not seen.all():
+        time = moved(log.time, log.time[seen], time)
+        z = z[np.maximum(np.cumsum(seen) - 1, 0)]
+        rows, accepted = np.flatnonzero(seen)[accepted], np.zeros(seen.size, dtype=bool)
+        accepted[rows] = True
         estimate = _smooth(time, z, accepted, jerk, noise)
 
     pose, velocity, acceleration = np.moveaxis(estimate.mean, -1, 0)
@@ -175,7 +185,7 @@ def smooth_pose(log: Log) -> Smoothed:
         spread[:, :, 2],
         accepted,
         _seen(time, accepted),
-        _spans(time, raw - pose, accepted, chained),
+        spans,
         tuple(np.sqrt(noise).tolist()),
         tuple(jerk.tolist()),
         clock,
