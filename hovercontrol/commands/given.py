@@ -37,7 +37,8 @@ BenchFans = Annotated[
 ]
 OnlyWhile = Annotated[str, typer.Option("--while", help="Use only rows where this holds: 'pwm_lift>1000'")]
 Settle = Annotated[float, typer.Option("--settle", help="Seconds to leave out where that begins.", min=0.0)]
-AllowGaps = Annotated[bool, typer.Option("--allow-gaps", hidden=True)]  # gaps are always bridged; scripts say it
+#: Gaps are always bridged; scripts may still ask for it.
+AllowGaps = Annotated[bool, typer.Option("--allow-gaps", hidden=True)]
 
 
 def craft(command: str, model: Path | None, vehicle: str | None) -> Model:

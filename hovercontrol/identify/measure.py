@@ -217,7 +217,9 @@ def _part(block: Block, log: Log, channels: Sequence[str]) -> Measured:
             row = values[channels.index("psi")]
             row[:] = near["psi"] + (row - near["psi"] + np.pi) % (2 * np.pi) - np.pi
         values[:, whole & ~smooth.accepted] = np.nan
-        values[np.ix_([c in POSE for c in channels], ~whole)] = np.nan
+        for row, channel in zip(values, channels, strict=True):
+            if channel in POSE:
+                row[~whole] = np.nan
     else:
         valid, spans = sampled, ()
         if "psi" in channels:

@@ -55,7 +55,7 @@ def plot_free_run(run: FreeRun, *, held_out: bool = False) -> Figure:
 
 def _draw(axis: Axes, run: FreeRun, channel: str) -> None:
     i = run.channels.index(channel)
-    sampled = np.isfinite(run.measured).any(axis=0)  # not so in rows that are there for a command only
+    sampled = np.isfinite(run.measured[i])  # not so in rows that are there for a command only
     axis.plot(run.time[sampled], run.measured[i, sampled], color=MEASURED, lw=4.0, label="measured")
     axis.plot(run.time, run.simulated[i], color=SIMULATED, lw=0.9, label="simulated")
     for k, span in enumerate(run.rejected):

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.ndimage import minimum_filter1d
 
-from hovercontrol.logs.log import POSE, Floats, Log, gap_rows
+from hovercontrol.logs.log import POSE, VELOCITY, Floats, Log, gap_rows
 
 WINDOW = 50
 """Samples within which at least one arrives without delay."""
@@ -127,7 +127,7 @@ def steady(log: Log, columns: Sequence[str] | None = None) -> Log:
     ----------
     log : Log
     columns : sequence of str, optional
-        What was measured, else the pose, if the log has it. The clock is that of the rows in which any of
+        What was measured, else pose and body velocities. The clock is that of the rows in which any of
         these is finite; the times of the others are moved as much as those around them.
 
     Examples
@@ -136,7 +136,7 @@ def steady(log: Log, columns: Sequence[str] | None = None) -> Log:
     >>> bool(np.all(steady(irregular).time == irregular.time))
     True
     """
-    names = [name for name in (POSE if columns is None else columns) if log.has(name)]
+    names = measured(log) if columns is None else columns
     if not names:
         return replace(log, time=fit_clock(log.time).time)
     samples = log.stack(*names)
@@ -145,6 +145,17 @@ def steady(log: Log, columns: Sequence[str] | None = None) -> Log:
         return replace(log, time=fit_clock(log.time, samples).time)
     clock = fit_clock(log.time[seen], samples[seen])
     return replace(log, time=moved(log.time, log.time[seen], clock.time))
+
+
+def measured(log: Log) -> list[str]:
+    """Return which of pose and body velocities a log has.
+
+    Examples
+    --------
+    >>> measured(Log("demo", [0.0, 1.0], {"thrust": [0.0, 1.0], "r": [0.0, 0.0]}))
+    ['r']
+    """
+    return [name for name in (*POSE, *VELOCITY) if log.has(name)]
 
 
 def moved(time: Floats, stamps: Floats, clock: Floats) -> Floats:

@@ -2,10 +2,11 @@
 
 The pose is cut into pieces at every step that the neighbouring steps do not explain. A piece follows
 another at a cost: how far constant speed misses the other's start, over what pushes, impacts and noise
-explain. Only between two samples in a row it may miss by more. How much they explain is taken from the log itself (:class:`Limits`). Dynamic programming picks
-the chain with the most samples less the costs; a heading that was turned over for a while is left out
-although it is as smooth as the truth, because the steps there and back cost more than its samples, and a
-small shift that stays is kept, because leaving out the rest of the log would cost more.
+explain. Only between two samples in a row it may miss by more than that. How much they explain is taken
+from the log itself (:class:`Limits`). Dynamic programming picks the chain with the most samples less the
+costs: a heading that was turned over for a while is left out although it is as smooth as the truth,
+because the steps there and back cost more than its samples, and a small shift that stays is kept, because
+leaving out the rest of the log would cost more.
 """
 
 from __future__ import annotations

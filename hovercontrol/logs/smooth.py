@@ -13,7 +13,7 @@ import numpy as np
 from scipy.ndimage import maximum_filter1d, median_filter, percentile_filter
 
 from hovercontrol.errors import InputError
-from hovercontrol.logs.clock import Clock, fit_clock, moved
+from hovercontrol.logs.clock import Clock, fit_clock, measured, moved
 from hovercontrol.logs.kalman import Estimate, fit_noise, run_filter, run_smoother
 from hovercontrol.logs.log import POSE, VELOCITY, Floats, Log, Mask
 from hovercontrol.logs.reject import FORGET, follow, wrap
@@ -148,9 +148,9 @@ def smooth_pose(log: Log) -> Smoothed:
     every = log.stack(*POSE)
     seen = np.isfinite(every).all(axis=1)
     raw = every[seen]
-    if not (8 <= len(raw) and len(log) <= MOST_ROWS):
+    if len(raw) < 8 or len(log) > MOST_ROWS:
         raise InputError(f"{log.name}: expected 8 to {MOST_ROWS} rows to smooth, found {len(raw)}")
-    clock = fit_clock(log.time[seen], raw)
+    clock = fit_clock(log.time[seen], log.stack(*measured(log))[seen])
     time = clock.time
     accepted, z = follow(time, raw)
     chained = accepted.copy()
