@@ -47,9 +47,8 @@ def check_gaps(log: Log) -> None:
     if not gaps:
         return
     left = float(log.time[-1] - log.time[0]) - sum(gaps)
-    count = (
-        f"{len(gaps)} gap{'s' if len(gaps) > 1 else ''} of {max(gaps):.3g} s{' at most' * (len(gaps) > 1)}"
-    )
+    many = len(gaps) > 1
+    count = f"{len(gaps)} gap{'s' * many} of {max(gaps):.3g} s{' at most' * many}"
     usual = f"usual are {np.median(np.diff(log.time)):.3g} s from row to row"
     if sum(gaps) > left:
         raise InputError(
