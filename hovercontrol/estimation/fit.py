@@ -28,6 +28,9 @@ MOVING, STILL = 14, 8
 #: Passes at most in which samples are left out before levels of noise move: large outliers hide small ones.
 GATES = 8
 
+#: Times at most that samples are left out of a fit that has settled, and passes in which levels then move.
+ROUNDS, AGAIN = 5, 5
+
 #: Change of minus twice the log likelihood at which a fit has settled, moving and still.
 SETTLED, STOPPED = 1.0, 0.05
 
@@ -235,7 +238,7 @@ def estimate(
     best: tuple[float, Array, Array] | None = None
     safe: tuple[Array, Array] | None = None
     push = np.zeros(0)
-    k, still, converged, gated = 0, 0, False, 0
+    k, still, converged, gated, rounds = 0, 0, False, 0, 0
     moving = levels
     while True:
         now = _tried(problem, noise, prior, p, path, frozen)
@@ -267,9 +270,9 @@ def estimate(
             moving = False
         elif not moving and (settled or still >= STILL):
             again = gate and outliers(residuals(problem, now.system, now.smooth), problem.seen)
-            if gate and np.any(again):
-                gate, best, still, moving = False, None, 0, levels
-                problem, last, most = problem.without(again), np.inf, k + most // 2
+            if gate and np.any(again) and rounds < ROUNDS:
+                rounds, best, still, moving = rounds + 1, None, 0, levels
+                problem, last, most = problem.without(again), np.inf, k + AGAIN
                 continue
             converged = bool(settled)
             break

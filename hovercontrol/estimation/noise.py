@@ -103,6 +103,8 @@ def augment(
                 Q[:, c, :, :n, n + j] = Q[:, c, :, n + j, :n] = g * both[..., None]
                 Q[:, c, :, n + j, n + j] = own
             P0[c, :, n + j, n + j] = float(noise.process[j]) ** 2
+        if linear.jolt is not None:
+            Q[:, c, :, :n, :n] += linear.jolt[..., :, None] * linear.jolt[..., None, :]
         level = (noise.measured * noise.scale[problem.rows.log]) ** 2  # W, C
         R[:, c] = np.where(problem.seen, level, 1.0)
     if copies == 1:
