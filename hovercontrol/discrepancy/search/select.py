@@ -361,7 +361,16 @@ def _confirmed(search: _Search, selection: Selection, first: Sequence[Tried]) ->
                 break
         if not changed:
             break
+        gains, without = {}, {}
+    for name in effects:  # the last round may have changed them
+        if name not in without:
+            without[name] = (
+                selection.base if len(effects) == 1 else search.fit(final, without_effects(final.model, name))
+            )
+            gains[name] = without[name].cost - final.cost
+    rivals = [r for r in rivals if r.instead_of in effects]
     blocks = {name: agreement(final, without.get(name, selection.base), name) for name in effects}
+    gains = {name: gains[name] for name in effects}
     return replace(
         selection, final=final, effects=tuple(effects), rivals=tuple(rivals), gains=gains, blocks=blocks,
         without=without,
