@@ -12,7 +12,7 @@ from scipy.ndimage import median_filter
 from hovercontrol.block import Block
 from hovercontrol.discrepancy.levels import noise_scales
 from hovercontrol.errors import InputError
-from hovercontrol.estimation.rows import BLOCKS, Rows, arrange
+from hovercontrol.estimation.rows import Rows, arrange
 from hovercontrol.estimation.subject import Subject, structure
 from hovercontrol.identify.measure import Measured, measure_all
 from hovercontrol.identify.windows import noise_levels
@@ -58,15 +58,13 @@ class Data:
         return replace(self, rows=replace(self.rows, values=values))
 
 
-def gather(model: Subject, logs: Sequence[Log | Measured], blocks: int = BLOCKS) -> Data:
+def gather(model: Subject, logs: Sequence[Log | Measured]) -> Data:
     """Return what logs say about a model.
 
     Parameters
     ----------
     model : Model or BlockModel
     logs : sequence of Log or Measured
-    blocks : int, optional
-        Disjoint blocks that all logs together are cut into.
 
     Raises
     ------
@@ -79,7 +77,7 @@ def gather(model: Subject, logs: Sequence[Log | Measured], blocks: int = BLOCKS)
     channels = tuple(dict.fromkeys(c for m in measured for c in m.channels))
     noise = noise_levels(measured, channels)
     scales = noise_scales(measured, channels, noise)
-    rows = arrange(measured, [_guess(block, m) for m in measured], channels, blocks)
+    rows = arrange(measured, [_guess(block, m) for m in measured], channels)
     if not len(rows.log):
         raise InputError(f"{', '.join(m.name for m in measured)}: too few rows: no stretch of 12 follows on")
     return Data(measured, channels, noise, scales, rows)

@@ -22,8 +22,8 @@ Array = NDArray[np.float64]
 #: Longest sub-step [s].
 STEP = 0.01
 
-#: Most sub-steps between two rows.
-MOST = 64
+#: Sub-steps between two rows: to begin with where rows are far apart, and at most.
+FEW, MOST = 4, 64
 
 #: Relative size of the perturbations of one-sided differences.
 NUDGE = 1e-6
@@ -151,7 +151,8 @@ class Problem:
         within = self.guess[..., list(self.free)]
         self.spread = np.maximum(within.std(axis=(0, 1)), [1e-3 * self.block.states[i].nominal for i in self.free])
         self.accelerations = np.array([self._acceleration(i) for i in self.driven])
-        self.set_pieces(max(pieces, math.ceil(float(np.max(self.dt)) / STEP - 1e-9)))
+        usual = math.ceil(float(np.max(self.dt)) / STEP - 1e-9)
+        self.set_pieces(max(pieces, min(usual, FEW)))
 
     def _acceleration(self, i: int) -> float:
         """Return the root mean square slope of a free state, as seen."""
