@@ -10,12 +10,11 @@ from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
 from hovercontrol.block import Block
-from hovercontrol.discrepancy.levels import noise_scales
 from hovercontrol.errors import InputError
+from hovercontrol.estimation.levels import noise_levels, noise_scales
 from hovercontrol.estimation.rows import BLOCKS, Rows, arrange
 from hovercontrol.estimation.subject import Subject, structure
 from hovercontrol.identify.measure import Measured, measure_all
-from hovercontrol.identify.windows import noise_levels
 from hovercontrol.logs import Log
 
 Array = NDArray[np.float64]

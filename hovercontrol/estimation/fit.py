@@ -236,7 +236,7 @@ def estimate(
     moving = levels
     while True:
         now = _tried(problem, noise, prior, p, path, frozen)
-        if trace:
+        if trace and now:
             trace(f"  pass {k}: {now.cost:.2f} predicted {now.gain:.2f} {noise.process} {noise.seconds}")
         if now is None:
             if safe is None:

@@ -200,6 +200,12 @@ def _gamma(problem: Problem, A: Array) -> Array:
     return gamma
 
 
+def averaged(noise: Noise, over: float) -> Array:
+    """Return the root mean square of each missing acceleration's mean over some time [s], shape (q,)."""
+    s = over / noise.seconds
+    return np.asarray(noise.process * np.sqrt(np.maximum(2.0 * (s + np.expm1(-s)), 0.0)) / s)
+
+
 def timed(problem: Problem, linear: Linear, noise: Noise) -> Noise:
     """Return the noise with its correlation times a step nearer to the likeliest."""
     least, most = problem.shortest, problem.longest
