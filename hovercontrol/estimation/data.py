@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
 from hovercontrol.block import Block
-from hovercontrol.errors import InputError
 from hovercontrol.estimation.levels import noise_levels, noise_scales
 from hovercontrol.estimation.rows import BLOCKS, Rows, arrange
 from hovercontrol.estimation.subject import Subject, structure
@@ -79,8 +78,6 @@ def gather(model: Subject, logs: Sequence[Log | Measured], blocks: int = BLOCKS)
     noise = noise_levels(measured, channels)
     scales = noise_scales(measured, channels, noise)
     rows = arrange(measured, [_guess(block, m) for m in measured], channels, blocks)
-    if not len(rows.log):
-        raise InputError(f"{', '.join(m.name for m in measured)}: too few rows: no stretch of 12 follows on")
     return Data(measured, channels, noise, scales, rows)
 
 

@@ -183,7 +183,8 @@ def _run(problem: Problem, noise: Noise, prior: Prior, p: Array, path: Array, fr
 def _tried(problem: Problem, noise: Noise, prior: Prior, p: Array, path: Array, frozen: bool) -> _Pass | None:
     """Return a pass; None where the model runs away."""
     try:
-        now = _run(problem, noise, prior, p, path, frozen)
+        with np.errstate(all="ignore"):
+            now = _run(problem, noise, prior, p, path, frozen)
     except np.linalg.LinAlgError:
         return None
     return now if np.isfinite(now.cost) else None
@@ -275,7 +276,10 @@ def estimate(
                 noise = timed(problem, now.linear, noise)
         else:
             still += 1
+        before = path
         p, path, k = _onward(problem, now, p), _moved_path(problem, now, path), k + 1
+        if not moving and change < 0:  # to and fro about a kink of dry friction
+            path = 0.5 * (before + path)
     if best is not None and best[0] < now.cost - STOPPED:
         _, p, path = best
         now = _run(problem, noise, prior, p, path, frozen)

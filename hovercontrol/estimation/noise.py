@@ -129,6 +129,10 @@ def _integrated(s: Array) -> Array:
 #: A variance moves by at most this factor in a pass; a ratio that keeps its sign is followed so many times as far.
 FARTHEST, ONWARD = 30.0, 1.6
 
+#: Measurement noise is no less than these parts of what third differences show and of a channel's range: without
+#: any a filter is singular.
+LEAST, TINY = 0.01, 1e-6
+
 #: Missing acceleration below this part of what is seen is none.
 NONE = 1e-5
 
@@ -174,7 +178,9 @@ def moved(
         step = np.where(before * step > 0, np.clip(ONWARD * step, -limit, limit), step)
     process = noise.process * np.exp(0.5 * step[C:])
     process = np.where(process < NONE * problem.accelerations, 0.0, process)
-    return replace(noise, measured=noise.measured * np.exp(0.5 * step[:C]), process=process), step
+    least = np.maximum(LEAST * problem.data.noise, TINY * np.nanstd(problem.rows.values, axis=(0, 1)))
+    measured = np.maximum(noise.measured * np.exp(0.5 * step[:C]), least)
+    return replace(noise, measured=measured, process=process), step
 
 
 def _covariance(problem: Problem, A: Array, noise: Noise, j: int) -> Array:
@@ -219,7 +225,10 @@ def timed(problem: Problem, linear: Linear, noise: Noise) -> Noise:
             places.append(j)
     if not places:
         return noise
-    filtered = run_filter(augment(problem, linear, tries, unknowns=False))
+    try:
+        filtered = run_filter(augment(problem, linear, tries, unknowns=False))
+    except np.linalg.LinAlgError:  # next to no noise
+        return noise
     each = (filtered.white[..., 0] ** 2).sum(axis=(0, 2)) + filtered.log_det
     costs = each.reshape(len(tries), -1).sum(axis=1)
     seconds, process = noise.seconds.copy(), noise.process.copy()

@@ -5,9 +5,10 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from hovercontrol.identify.measure import Measured, measure
+
 if TYPE_CHECKING:
     from hovercontrol.identify.fit import identify
-    from hovercontrol.identify.measure import Measured, measure
     from hovercontrol.identify.plot import plot_free_run
     from hovercontrol.identify.predict import FreeRun, Prediction, free_run, window_prediction
     from hovercontrol.identify.result import Fitted, Identified, Remaining
@@ -21,7 +22,6 @@ __all__ = [
 
 _MODULES = {
     "fit": ("identify",),
-    "measure": ("measure", "Measured"),
     "plot": ("plot_free_run",),
     "predict": ("free_run", "FreeRun", "window_prediction", "Prediction"),
     "result": ("Identified", "Fitted", "Remaining"),

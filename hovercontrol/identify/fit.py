@@ -1,8 +1,8 @@
 """Identification: the coefficients of a model from logs, by maximum likelihood under process noise.
 
-A thin layer on :mod:`hovercontrol.estimation`. What no equation says is process noise, a missing acceleration of
-unknown size in each equation: a model that lacks something then neither bends its coefficients to explain it
-nor takes them for surer than they are, and the size of that noise says how much it lacks.
+A thin layer on :mod:`hovercontrol.estimation`. What no equation says is process noise, a missing acceleration
+of unknown size in each equation: a model that lacks something then neither bends its coefficients to explain
+it nor takes them for surer than they are, and the size of that noise says how much it lacks.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from threadpoolctl import threadpool_limits
 
 from hovercontrol.block import Block
 from hovercontrol.errors import InputError
-from hovercontrol.estimation.data import gather
+from hovercontrol.estimation.data import Data, gather
 from hovercontrol.estimation.fit import Fit, estimate, first_noise
 from hovercontrol.estimation.prior import prior_of
 from hovercontrol.estimation.problem import Problem
@@ -95,8 +95,9 @@ def identify(
     tell(0.0, "reading what was measured")
     measured = measure_shared(model, logs, most_rows)
     with threadpool_limits(1, "blas"):  # its threads would wait for each other at many small matrices
-        fit = _fitted(model, measured, names, tell)
-        found = _identified(model, names, fit)
+        data = gather(subject_of(model), measured)
+        fit = _fitted(model, data, names, tell)
+        found = _identified(model, names, data, fit)
     tell(1.0, "done")
     return found
 
@@ -139,12 +140,12 @@ def refuse_slow_rows(logs: Sequence[Log | Measured]) -> None:
 
 def _fitted(
     model: Model | Block,
-    measured: Sequence[Measured],
+    data: Data,
     names: Sequence[str],
     tell: Callable[[float, str], None],
 ) -> Fit:
     subject = subject_of(model)
-    problem = Problem(subject, gather(subject, measured), names)
+    problem = Problem(subject, data, names)
     passes = [0]
 
     def passed(_: str) -> None:
@@ -157,7 +158,7 @@ def _fitted(
         raise InputError(f"{model.name!r}: {error}: other start values may help") from error
 
 
-def _identified(model: Model | Block, names: Sequence[str], fit: Fit) -> Identified:
+def _identified(model: Model | Block, names: Sequence[str], data: Data, fit: Fit) -> Identified:
     problem = fit.problem
     size = _sizes(model, fit)
     S = information(fit)
@@ -171,8 +172,7 @@ def _identified(model: Model | Block, names: Sequence[str], fit: Fit) -> Identif
     values |= {one: values[other] for one, other in problem.same.items()}
     new = model.with_coefficients(values) if isinstance(model, Model) else None
     channels, logs = problem.rows.channels, problem.logs
-    out = (np.isfinite(problem.data.rows.values) & ~problem.seen).any(axis=2)
-    noise = problem.data.noise
+    out = (np.isfinite(data.rows.values) & ~problem.seen).any(axis=2)
     used = problem.seen.sum(axis=(0, 1))
     return Identified(
         model=new,
@@ -184,8 +184,8 @@ def _identified(model: Model | Block, names: Sequence[str], fit: Fit) -> Identif
         ahead=prediction(fit, averaging_time(fit)).share,
         units={c: problem.block.signal(c).unit for c in channels},
         residual=dict(zip(channels, fit.noise.measured.tolist(), strict=True)),
-        noise=dict(zip(channels, noise.tolist(), strict=True)),
-        chi2_per_dof=float(used @ (fit.noise.measured / noise) ** 2 / used.sum()),
+        noise=dict(zip(channels, data.noise.tolist(), strict=True)),
+        chi2_per_dof=float(used @ (fit.noise.measured / data.noise) ** 2 / used.sum()),
         rows=int(problem.seen.any(axis=2).sum()),
         rows_total=sum(m.rows_total for m in logs),
         outliers=int(out.sum()),

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from copy import copy
+from dataclasses import dataclass, replace
 
 import numpy as np
 import sympy as sp
@@ -97,7 +98,7 @@ class Prediction:
 
 
 def free_run(model: Model | Block, log: Log | Measured, *, restart: bool = False) -> FreeRun:
-    """Simulate a model over a log from the smoothed state at the first row that is known, on its inputs alone.
+    """Simulate a model over a log on its inputs alone, from the smoothed state at the first row known.
 
     Parameters
     ----------
@@ -132,12 +133,10 @@ def run_of(name: str, fit: Fit, k: int = 0, *, restart: bool = False) -> FreeRun
     """Return the free run of a fitted model, called `name`, over the k-th of the logs it was fitted to."""
     problem, data = fit.problem, fit.problem.logs[k]
     states = _path(fit, k)
-    known = np.isfinite(states).all(axis=0)
+    known = np.asarray(np.isfinite(states).all(axis=0))
     parts = data.segments if restart else data.stretches
-    ranges = [
-        (first + int(np.argmax(known[first:stop])), stop) for first, stop in parts if known[first:stop].any()
-    ]
-    ranges = [(a, b) for a, b in ranges if b - a > 1]
+    begun = [(first + np.flatnonzero(known[first:stop]), stop) for first, stop in parts]
+    ranges = [(int(rows[0]), stop) for rows, stop in begun if rows.size and stop - rows[0] > 1]
     if not ranges:
         raise InputError(f"{data.name}: nothing is known from which a simulation could start")
     names, reference = _reference(fit, k)
@@ -235,7 +234,7 @@ def smoothed(model: Model | Block, log: Log | Measured) -> Fit:
     Raises
     ------
     InputError
-        As :func:`~hovercontrol.identify.measure.measure`, if the log has too few rows, or the model runs away.
+        As :func:`~hovercontrol.identify.measure.measure`, if rows are too few, or the model runs away.
     """
     block = model.plant() if isinstance(model, Model) else model
     subject = subject_of(model)
@@ -244,8 +243,13 @@ def smoothed(model: Model | Block, log: Log | Measured) -> Fit:
     with threadpool_limits(1, "blas"):
         try:
             return estimate(problem, prior_of(problem, subject), first_noise(problem), frozen=True, gate=True)
-        except FloatingPointError as error:
-            raise InputError(f"{model.name!r} on {data.logs[0].name}: {error}") from error
+        except FloatingPointError:  # the model runs away: its states are those of any motion
+            plain = copy(problem)
+            plain.block = coasting(problem.block)
+            found = estimate(plain, prior_of(plain, subject), first_noise(plain), frozen=True, gate=True)
+            own = copy(found.problem)
+            own.block = problem.block
+            return replace(found, problem=own)
 
 
 def coasting(block: Block) -> Block:
@@ -285,7 +289,7 @@ def _path(fit: Fit, k: int) -> Array:
 
 
 def _starts(data: Measured, path: Array, horizon: float) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Return rows with a smoothed state from which `horizon` follows without a break, and those it leads to."""
+    """Return rows with a smoothed state that `horizon` follows without a break, and those it leads to."""
     first, last = [], []
     for a, b in data.segments:
         time = data.time[a:b]
@@ -299,7 +303,7 @@ def _starts(data: Measured, path: Array, horizon: float) -> tuple[NDArray[np.int
 
 
 def _reference(fit: Fit, k: int) -> tuple[tuple[str, ...], Array]:
-    """Return what predictions are compared with: measured channels less outliers, then states seen by the reader."""
+    """Return what predictions are held against: measured channels less outliers, then smoothed states."""
     problem, data = fit.problem, fit.problem.logs[k]
     values = data.values.copy()
     for w in np.flatnonzero(problem.rows.log == k):

@@ -23,19 +23,36 @@ def averaging_time(fit: Fit) -> float:
 def remaining(fit: Fit) -> tuple[Remaining, ...]:
     """Return the process noise of each equation on which forces act, as an acceleration."""
     problem, over = fit.problem, averaging_time(fit)
-    found = []
+    found, free = [], _forceless(fit)
     for j, rms in zip(problem.driven, averaged(fit.noise, over).tolist(), strict=True):
         i = problem.free[j]
         state = problem.block.states[i]
-        found.append(Remaining(f"{state.name}'", rms, _seen(fit, i, over), over, _rate(state.unit)))
+        found.append(Remaining(f"{state.name}'", rms, _seen(fit, i, free[i], over), over, _rate(state.unit)))
     return tuple(found)
 
 
-def _seen(fit: Fit, i: int, over: float) -> float:
-    """Return the root mean square of a smoothed state's mean slope over some time."""
+def _forceless(fit: Fit) -> Array:
+    """Return the slopes of states that no coefficient takes part in (of a body that turns), (n_states, K, W)."""
+    problem = fit.problem
+    own = {problem.block.parameter(name).name for name in problem.model.linear_coefficients()}
+    values = problem.parameters(fit.p)
+    values = [0.0 if s.name in own else v for s, v in zip(problem.block.parameters, values, strict=True)]
+    shape = problem.rows.time.shape
+    u, x = np.zeros((len(problem.block.inputs), *shape)), np.moveaxis(fit.path, 2, 0)
+    with np.errstate(all="ignore"):
+        slopes = problem.block.to_numpy().vector[0](problem.rows.time, x, u, values)
+    found = np.array([np.broadcast_to(s, shape) for s in slopes])
+    return np.where(np.isfinite(found), found, 0.0)
+
+
+def _seen(fit: Fit, i: int, free: Array, over: float) -> float:
+    """Return the root mean square of a smoothed state's mean slope over some time, less that without forces."""
     time, x = fit.problem.rows.time, fit.path[..., i]
+    gone = np.concatenate(
+        [np.zeros((1, time.shape[1])), np.cumsum(np.diff(time, axis=0) * free[:-1], axis=0)]
+    )
     slopes = []
-    for t, own in zip(time.T, x.T, strict=True):
+    for t, own in zip(time.T, (x - gone).T, strict=True):
         last = np.minimum(np.searchsorted(t, t + 0.999 * over), t.size - 1)
         wide = t[last] - t
         whole = wide >= 0.9 * over

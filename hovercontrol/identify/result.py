@@ -19,6 +19,9 @@ from hovercontrol.model import Model
 #: Parts of the accelerations seen that remain where a model explains little, and where it explains nothing.
 LITTLE, NOTHING = 0.3, 0.7
 
+#: Errors of predictions over those of the trivial one from which on they are no better.
+BETTER = 0.95
+
 
 @dataclass(frozen=True)
 class Fitted:
@@ -62,7 +65,8 @@ class Remaining:
     equation : str
         ``"u'"``
     rms, seen : float
-        Root mean square of the missing acceleration and of the acceleration seen, both of means over `over`.
+        Root mean square of the missing acceleration, and of that seen less what moves without forces (a body
+        that turns); both of means over `over`.
     over : float
         [s]
     unit : str
@@ -79,6 +83,11 @@ class Remaining:
     def share(self) -> float:
         """What remains over what was seen."""
         return self.rms / self.seen if self.seen > 0 else 0.0
+
+    @property
+    def state(self) -> str:
+        """The state that the equation is of."""
+        return self.equation.removesuffix("'")
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,16 +162,21 @@ class Identified:
         poor = [r for r in self.remaining if r.share > LITTLE]
         if not poor:
             return ""
-        over = self.remaining[0].over
+        over = f"{poor[0].over:.2g} s"
         told = ", ".join(f"{r.rms:.2g} of {r.seen:.2g} {r.unit} in {r.equation}" for r in poor)
-        remains = f"of the accelerations seen (means over {over:.2g} s) there remain {told}"
-        if all(r.share > NOTHING for r in self.remaining) and min(self.ahead.values(), default=1.0) >= 1.0:
-            return (
-                f"this model predicts nothing: {remains}; {over:.2g} s ahead velocities that stay do as well"
-            )
-        return (
-            f"the model does not explain the logs: {remains}; something is missing or wrong in model or log"
-        )
+        remains = f"of the accelerations seen (means over {over}) there remain {told}"
+        blind = [r for r in poor if r.share > NOTHING and self._ahead(r) > BETTER]
+        if len(blind) == len(self.remaining):
+            said = f"this model predicts nothing: {remains}; {over} ahead it is no better than that velocities stay"
+        else:
+            said = f"the model does not explain the logs: {remains}"
+            said += f"; it predicts nothing of {', '.join(r.state for r in blind)}" if blind else ""
+        return f"{said}; something is missing or wrong in the model or the logs"
+
+    def _ahead(self, remaining: Remaining) -> float:
+        """Return how far off an equation's state is predicted; of all channels, the best, where it is not seen."""
+        best = min(self.ahead.values(), default=1.0)
+        return self.ahead.get(remaining.state, best)
 
     def rows_of_table(self) -> list[tuple[str, str, str, str, str]]:
         """Return name, value, standard error, unit and remark of each coefficient, as text."""
