@@ -32,7 +32,7 @@ def remaining(fit: Fit) -> tuple[Remaining, ...]:
 
 
 def _forceless(fit: Fit) -> Array:
-    """Return the slopes of states that no coefficient takes part in (of a body that turns), (n_states, K, W)."""
+    """Return slopes of states without forces: of a body that turns; shape (n_states, K, W)."""
     problem = fit.problem
     own = {problem.block.parameter(name).name for name in problem.model.linear_coefficients()}
     values = problem.parameters(fit.p)
@@ -46,7 +46,7 @@ def _forceless(fit: Fit) -> Array:
 
 
 def _seen(fit: Fit, i: int, free: Array, over: float) -> float:
-    """Return the root mean square of a smoothed state's mean slope over some time, less that without forces."""
+    """Return the root mean square of a state's mean slope over some time, less that without forces."""
     time, x = fit.problem.rows.time, fit.path[..., i]
     gone = np.concatenate(
         [np.zeros((1, time.shape[1])), np.cumsum(np.diff(time, axis=0) * free[:-1], axis=0)]

@@ -167,14 +167,15 @@ class Identified:
         remains = f"of the accelerations seen (means over {over}) there remain {told}"
         blind = [r for r in poor if r.share > NOTHING and self._ahead(r) > BETTER]
         if len(blind) == len(self.remaining):
-            said = f"this model predicts nothing: {remains}; {over} ahead it is no better than that velocities stay"
+            said = f"this model predicts nothing: {remains}"
+            said += f"; {over} ahead it is no better than that velocities stay"
         else:
             said = f"the model does not explain the logs: {remains}"
             said += f"; it predicts nothing of {', '.join(r.state for r in blind)}" if blind else ""
         return f"{said}; something is missing or wrong in the model or the logs"
 
     def _ahead(self, remaining: Remaining) -> float:
-        """Return how far off an equation's state is predicted; of all channels, the best, where it is not seen."""
+        """Return how far off an equation's state is predicted; where it is not seen, the best channel."""
         best = min(self.ahead.values(), default=1.0)
         return self.ahead.get(remaining.state, best)
 
