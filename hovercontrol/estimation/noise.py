@@ -133,6 +133,9 @@ FARTHEST, ONWARD = 30.0, 1.6
 #: any a filter is singular.
 LEAST, TINY = 0.01, 1e-6
 
+#: Rows of all runs side by side, at most: for the sake of memory.
+TOGETHER = 100_000
+
 #: Missing acceleration below this part of what is seen is none.
 NONE = 1e-5
 
@@ -225,12 +228,16 @@ def timed(problem: Problem, linear: Linear, noise: Noise) -> Noise:
             places.append(j)
     if not places:
         return noise
-    try:
-        filtered = run_filter(augment(problem, linear, tries, unknowns=False))
-    except np.linalg.LinAlgError:  # next to no noise
-        return noise
-    each = (filtered.white[..., 0] ** 2).sum(axis=(0, 2)) + filtered.log_det
-    costs = each.reshape(len(tries), -1).sum(axis=1)
+    costs: list[float] = []
+    together = max(1, TOGETHER // problem.rows.time.size)
+    for k in range(0, len(tries), together):
+        part = tries[k : k + together]
+        try:
+            filtered = run_filter(augment(problem, linear, part, unknowns=False))
+        except np.linalg.LinAlgError:  # next to no noise
+            return noise
+        each = (filtered.white[..., 0] ** 2).sum(axis=(0, 2)) + filtered.log_det
+        costs += each.reshape(len(part), -1).sum(axis=1).tolist()
     seconds, process = noise.seconds.copy(), noise.process.copy()
     for k in range(0, len(places), 2):
         j, down, up = places[k], costs[1 + k], costs[2 + k]
