@@ -96,8 +96,8 @@ def arrange(
             if part[0].size > 1:
                 grids.append((i, *part))
     if not grids:
-        names = ", ".join(log.name for log in logs)
-        raise InputError(f"{names}: too few rows: no stretch of {FEWEST} follows on")
+        said = ", ".join(log.name for log in logs)
+        raise InputError(f"{said}: too few rows: no stretch of {FEWEST} follows on")
     K, W = max(t.size for _, t, _ in grids), len(grids)
     time, at = np.empty((K, W)), np.full((K, W), -1, dtype=np.intp)
     values = np.full((K, W, len(channels)), np.nan)

@@ -328,6 +328,27 @@ def test_a_log_that_tells_little_ends_in_a_result(rudder_log):
     assert not all(f.excited for f in found.coefficients)
 
 
+def test_a_force_that_lags_behind_its_command_need_not_be_measured():
+    v, f, c = Signal("v", "m/s"), Signal("f", "N"), Signal("c", "N")
+    gain, lag = Signal("gain", "1/kg", start=1.0), Signal("lag", "s", start=0.2, lower=0.01)
+    slopes = {"v": gain.symbol * f.symbol, "f": (c.symbol - f.symbol) / lag.symbol}
+    block = Block("lag", [v, f], [c], [v], [gain, lag], slopes)
+    rng, t = np.random.default_rng(2), np.arange(0.0, 20.0, 0.05)
+    push = np.repeat(rng.uniform(-1.0, 1.0, 40), 10)
+    speed = simulate(block, t, {"c": push}, params={"lag.gain": 1.7, "lag.lag": 0.3}).states[0]
+    log = Log("run", t, {"v": speed + 5e-3 * rng.standard_normal(t.size), "c": push})
+    found = identify(block, [log], ["gain", "lag"])
+    assert max(deviations(found, {"gain": 1.7, "lag": 0.3}).values()) < 3
+    assert found["lag"].std < 0.02 and [r.equation for r in found.remaining] == ["v'", "f'"]
+
+
+def test_dry_friction_is_found_from_rows_far_apart(rudder_log):
+    """Steps from row to row are cut as fine as friction of 1 cm/s width needs."""
+    found = identify(c17_experiment().with_coefficients(C17_START), [rudder_log(POSE, rate=20.0)])
+    assert max(deviations(found, c17_experiment().coefficients()).values()) < 3
+    assert found["yaw_coulomb"].std < 0.02
+
+
 def test_a_slow_plant_has_slow_rows():
     """A tank that empties in minutes, its level read every four seconds."""
     h, k, q, a = (
