@@ -8,6 +8,7 @@ noise should move (Koopman and Shephard, Biometrika 79 (1992)).
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -201,7 +202,7 @@ def estimate(
     levels: bool = True,
     gate: bool = False,
     most: int = MOVING,
-    trace=None,  # type: ignore[no-untyped-def]
+    trace: Callable[[str], None] | None = None,
 ) -> Fit:
     """Fit path, unknowns and levels of noise.
 
@@ -221,6 +222,8 @@ def estimate(
         Whether samples that stand out are left out (:mod:`.outliers`).
     most : int, optional
         Passes at most in which they do.
+    trace : callable, optional
+        Called with a line on each pass.
 
     Raises
     ------
