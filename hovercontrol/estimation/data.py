@@ -10,12 +10,11 @@ from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
 from hovercontrol.block import Block
-from hovercontrol.discrepancy.levels import noise_scales
 from hovercontrol.errors import InputError
+from hovercontrol.estimation.levels import noise_levels, noise_scales
 from hovercontrol.estimation.rows import Rows, arrange
 from hovercontrol.estimation.subject import Subject, structure
 from hovercontrol.identify.measure import Measured, measure_all
-from hovercontrol.identify.windows import noise_levels
 from hovercontrol.logs import Log
 
 Array = NDArray[np.float64]
@@ -78,8 +77,6 @@ def gather(model: Subject, logs: Sequence[Log | Measured]) -> Data:
     noise = noise_levels(measured, channels)
     scales = noise_scales(measured, channels, noise)
     rows = arrange(measured, [_guess(block, m) for m in measured], channels)
-    if not len(rows.log):
-        raise InputError(f"{', '.join(m.name for m in measured)}: too few rows: no stretch of 12 follows on")
     return Data(measured, channels, noise, scales, rows)
 
 

@@ -8,6 +8,7 @@ noise should move (Koopman and Shephard, Biometrika 79 (1992)).
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass
 
@@ -220,7 +221,7 @@ def estimate(
     most: int = MOVING,
     hold: int = 0,
     times: bool = True,
-    trace=None,  # type: ignore[no-untyped-def]
+    trace: Callable[[str], None] | None = None,
 ) -> Fit:
     """Fit path, unknowns and levels of noise.
 
@@ -244,6 +245,8 @@ def estimate(
         Passes before they do: a path that begins beside what the model says must not look like noise.
     times : bool, optional
         Whether correlation times of process noise move, too.
+    trace : callable, optional
+        Called with a line on each pass.
 
     Raises
     ------
@@ -260,7 +263,7 @@ def estimate(
     moving, factor = levels, COARSEST
     while True:
         now = _tried(problem, noise, prior, p, path, frozen)
-        if trace:
+        if trace and now:
             trace(f"  pass {k}: {now.cost:.2f} predicted {now.gain:.2f} {noise.process} {noise.seconds}")
         if now is None:
             if safe is None:
@@ -301,7 +304,10 @@ def estimate(
                 factor = factor if further else np.sqrt(factor)
         else:
             still += 1
+        before = path
         p, path, k = _onward(problem, now, p), _moved_path(problem, now, path), k + 1
+        if not moving and change < 0:  # to and fro about a kink of dry friction
+            path = 0.5 * (before + path)
     if best is not None and best[0] < now.cost - STOPPED:
         _, p, path = best
         now = _run(problem, noise, prior, p, path, frozen)

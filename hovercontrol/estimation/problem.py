@@ -149,7 +149,9 @@ class Problem:
         self.shortest = float(np.median(steps))
         self.longest = max(0.25 * float(np.median(self.rows.seconds)), 2.0 * self.shortest)
         within = self.guess[..., list(self.free)]
-        self.spread = np.maximum(within.std(axis=(0, 1)), [1e-3 * self.block.states[i].nominal for i in self.free])
+        free = [self.block.states[i] for i in self.free]
+        least = [(1e-3 if s.name in self.rows.guess else 1.0) * s.nominal for s in free]  # not seen: anywhere
+        self.spread = np.maximum(within.std(axis=(0, 1)), least)
         self.accelerations = np.array([self._acceleration(i) for i in self.driven])
         usual = math.ceil(float(np.max(self.dt)) / STEP - 1e-9)
         self.set_pieces(max(pieces, min(usual, FEW)))

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from hovercontrol.errors import InputError
 from hovercontrol.identify.measure import Measured
 
 Array = NDArray[np.float64]
@@ -77,6 +78,11 @@ def arrange(
     states : sequence of dict of str to ndarray, shape (n,)
         A finite guess of states at all rows of each log, by name.
     channels : sequence of str
+
+    Raises
+    ------
+    InputError
+        If no log has enough rows.
     """
     pieces = [(i, a, b) for i, log in enumerate(logs) for a, b in _pieces(log)]
     total = sum(logs[i].time[b - 1] - logs[i].time[a] for i, a, b in pieces)
@@ -91,6 +97,9 @@ def arrange(
         for part in zip(np.split(time, edges), np.split(at, edges), strict=True):
             if part[0].size > 1:
                 grids.append((i, *part))
+    if not grids:
+        said = ", ".join(log.name for log in logs)
+        raise InputError(f"{said}: too few rows: no stretch of {FEWEST} follows on")
     K, W = max(t.size for _, t, _ in grids), len(grids)
     time, at = np.empty((K, W)), np.full((K, W), -1, dtype=np.intp)
     values = np.full((K, W, len(channels)), np.nan)
