@@ -213,7 +213,10 @@ def timed(problem: Problem, linear: Linear, noise: Noise) -> Noise:
             places.append(j)
     if not places:
         return noise
-    filtered = run_filter(augment(problem, linear, tries, unknowns=False))
+    try:
+        filtered = run_filter(augment(problem, linear, tries, unknowns=False))
+    except np.linalg.LinAlgError:  # one of the tries lets a covariance run away
+        return noise
     each = (filtered.white[..., 0] ** 2).sum(axis=(0, 2)) + filtered.log_det
     costs = each.reshape(len(tries), -1).sum(axis=1)
     seconds, process = noise.seconds.copy(), noise.process.copy()

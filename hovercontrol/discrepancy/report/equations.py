@@ -8,9 +8,17 @@ import re
 import sympy as sp
 
 from hovercontrol.discrepancy.report.html import paragraph, table
-from hovercontrol.discrepancy.report.material import Material
-from hovercontrol.discrepancy.report.words import effect_words, listed, meaning, minus, plus_minus, unit
-from hovercontrol.discrepancy.subject import structure
+from hovercontrol.discrepancy.report.context import Context
+from hovercontrol.discrepancy.report.formatting import (
+    effect_words,
+    listed,
+    meaning,
+    minus,
+    plus_minus,
+    prime,
+    unit,
+)
+from hovercontrol.estimation.subject import structure, timing
 from hovercontrol.fmi.mathml import MathPrinter, symbol_markup
 from hovercontrol.model import Model
 
@@ -18,7 +26,7 @@ from hovercontrol.model import Model
 FAR = 2.0
 
 
-def equations(m: Material) -> str:
+def equations(m: Context) -> str:
     """Return the section with the equations that change, or nothing where none does."""
     if not m.changed:
         return ""
@@ -32,7 +40,9 @@ def equations(m: Material) -> str:
         if name not in {s.name for s in (*new.states, *new.inputs)}
     ]
     clocks = [
-        paragraph(f"No equation of the plant says {effect_words(n)}: {meaning(n)}")
+        paragraph(
+            f"No equation of the plant says {effect_words(n)}: {meaning(m.diagnosis.amended.effect(n))}"
+        )
         for n in m.named
         if m.diagnosis.amended.effect(n).parameter("seconds") in _timing(m)
     ]
@@ -40,11 +50,26 @@ def equations(m: Material) -> str:
     text, them = marked, "them, with " if marked else ""
     if isinstance(m.diagnosis.amended, Model):
         text += f"The file model.toml has {them}the coefficients found."
-    return f"<h2>The amended equations</h2>{paragraph(text.strip())}{''.join(lines)}{''.join(clocks)}"
+    return f"<h2>What was added</h2>{_added(m)}{paragraph(text.strip())}{''.join(lines)}{''.join(clocks)}"
 
 
-def _timing(m: Material) -> set[str]:
-    return {name.rpartition(".")[2] for name in m.diagnosis.amended.timing() if name}
+def _added(m: Context) -> str:
+    """Return the numbers of the named effects, with where they act and where the effect is from."""
+    rows = [
+        (
+            e.parameter,
+            prime(e.acts_in),
+            plus_minus(e.value, e.std),
+            unit(e.unit),
+            m.diagnosis.amended.effect(e.effect).source or "your own",
+        )
+        for e in m.diagnosis.effects
+    ]
+    return table(("number", "acts in", "found ± standard error", "unit", "source"), rows)
+
+
+def _timing(m: Context) -> set[str]:
+    return {name.rpartition(".")[2] for name in timing(m.diagnosis.amended) if name}
 
 
 def _line(name: str, e: sp.Expr, before: sp.Expr | None, owner: str, *, dot: bool = False) -> str:
@@ -69,30 +94,23 @@ def _line(name: str, e: sp.Expr, before: sp.Expr | None, owner: str, *, dot: boo
     )
 
 
-def coefficients(m: Material) -> str:
+def coefficients(m: Context) -> str:
     """Return the table of all coefficients, as given and as found."""
     d = m.diagnosis
-    named = d.verdict != "unexplained"
-    found = d.selection.final if named else d.selection.base
-    w, C = found.windowed, found.covariance
-    given, values = d.model.coefficients(), (d.amended if named else d.refitted).coefficients()
-    without = d.refitted.coefficients() if m.changed else {}
-    shown = [name for name, is_width in zip(w.names, w.is_width, strict=True) if not is_width]
-    bent = [n for n in shown if n in without and n in given and _far(without[n], given[n])]
+    found = d.selection.final
+    problem, C = found.problem, found.covariance
+    given, values, without = d.model.coefficients(), d.amended.coefficients(), d.refitted.coefficients()
+    widths = {e.parameter("width") for e in problem.model.effects if "width" in e.numbers}
+    shown = [(j, name) for j, name in enumerate(problem.names) if name not in widths]
+    bent = [n for _, n in shown if m.changed and n in without and n in given and _far(without[n], given[n])]
     rows: list[tuple[str, ...]] = []
-    for j, name in enumerate(w.names):
-        if w.is_width[j]:
-            continue
-        half = 1.96 * math.sqrt(max(float(C[j, j]), 0.0)) if named else 0.0
-        was = minus(f"{given[name]:.4g}") if name in given else "—"
-        alone = minus(f"{without[name]:.4g}") if name in without else "—"
-        found_value, u = plus_minus(values[name], half), unit(w.block.parameter(name).unit)
-        rows.append((name, was, alone, found_value, u) if bent else (name, was, found_value, u))
-    note = (
-        "Found values with half their 95 % intervals."
-        if named
-        else "Fitted without intervals: while something unknown is missing they would be too narrow."
-    )
+    for j, name in shown:
+        was = minus(f"{given[name]:.4g}") if name in given else "–"
+        alone = minus(f"{without[name]:.4g}") if name in without else "–"
+        std = math.sqrt(max(float(C[j, j]), 0.0))
+        u = unit(problem.block.parameter(name).unit)
+        rows.append((name, was, *([alone] if bent else []), plus_minus(values[name], std), u))
+    note = "Found values with their standard errors."
     effects = listed([effect_words(n) for n in m.named])
     if bent:
         far = listed(
@@ -101,10 +119,10 @@ def coefficients(m: Material) -> str:
         note += (
             f" Fitted without {effects} (third column), {far}: coefficients bent so far hide what is missing."
         )
-    widths = "Widths of smoothed dry friction were fitted, too, and are left out here."
+    note += " Widths of smoothed dry friction were fitted, too, and are left out here." if widths else ""
     head = ("coefficient", "given", *([f"without {effects}"] if bent else []), "found", "unit")
     new = [e.parameter for e in d.effects]
-    return f"<h2>Coefficients</h2>{paragraph(f'{note} {widths}')}{table(head, rows, new)}"
+    return f"<h2>Coefficients</h2>{paragraph(note)}{table(head, rows, new)}"
 
 
 def _far(value: float, given: float) -> bool:

@@ -69,3 +69,18 @@ def _named(cell: str) -> str:
 def _tied(cell: str) -> str:
     """Return a cell in which no line breaks before a percent sign or an interval, or behind a sign."""
     return re.sub(r" (?=[%±])|(?<=<) ", "\u00a0", cell)
+
+
+LEGEND = {
+    "measured": "measured",
+    "before": "the model as it was, its coefficients fitted again",
+    "after": "the amended model",
+    "start": "start of a run",
+}
+
+
+def legend(*kinds: str, **others: str) -> str:
+    """Return which colour is what; `others` have words of their own."""
+    words = {**{k: LEGEND[k] for k in kinds}, **others}
+    spans = "".join(f'<span class="{k}">{escape(text)}</span>' for k, text in words.items())
+    return f'<p class="legend">{spans}</p>'

@@ -1,0 +1,62 @@
+"""What all sections of a report draw from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from hovercontrol.discrepancy.diagnosis import Diagnosis, Found
+from hovercontrol.discrepancy.evidence.holdout import Ahead, ahead
+from hovercontrol.estimation.fit import Fit
+
+
+@dataclass(frozen=True, eq=False)
+class Context:
+    """A diagnosis, and the log on which its models are shown.
+
+    Attributes
+    ----------
+    diagnosis : Diagnosis
+    before, after : Fit
+        The given and the amended model on that log; the same where nothing was added.
+    held_out : bool
+        Whether that is the held-out log, or the training logs.
+    ahead : tuple of Ahead
+        Errors of both at several horizons.
+    command : str
+        That makes the report again; empty if a script made it.
+    """
+
+    diagnosis: Diagnosis
+    before: Fit
+    after: Fit
+    held_out: bool
+    ahead: tuple[Ahead, ...]
+    command: str = ""
+
+    @property
+    def changed(self) -> bool:
+        """Whether there is an amended model beside the given one."""
+        return bool(self.diagnosis.effects)
+
+    @property
+    def named(self) -> dict[str, list[Found]]:
+        """The numbers of each named effect."""
+        return numbers_by_effect(self.diagnosis)
+
+    @property
+    def shown_on(self) -> str:
+        """On which logs errors are shown, in words."""
+        return "held-out log" if self.held_out else "training logs (none was held out)"
+
+
+def numbers_by_effect(d: Diagnosis) -> dict[str, list[Found]]:
+    """Return the numbers of each named effect."""
+    return {e.effect: [n for n in d.effects if n.effect == e.effect] for e in d.effects}
+
+
+def collect(d: Diagnosis, command: str = "") -> Context:
+    """Return what a report shows."""
+    if d.held_before is not None and d.held_after is not None:
+        return Context(d, d.held_before, d.held_after, True, d.ahead, command)
+    base, final = d.selection.base, d.selection.final
+    return Context(d, base, final, False, d.ahead or ahead(base, final), command)
