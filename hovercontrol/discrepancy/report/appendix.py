@@ -17,12 +17,29 @@ from hovercontrol.estimation.fit import Fit
 SHOWN = 6
 
 _METHOD = (
-    "The model, its coefficients free about the given ones, is fitted with an unknown acceleration of random "
-    "walk in each equation (process noise) and the noise of each sensor; path, coefficients and levels of noise "
-    "are those of maximum likelihood (iterated Kalman smoother). Each effect of the catalogue is scored, the "
-    "best are fitted, and a name is given when likelihood, disjoint blocks and held-out predictions agree. What "
-    "remains is the process noise that the amended model still needs. A remainder takes no name away."
+    "The model is fitted with an unknown random acceleration in each equation (process noise) and the noise "
+    "of each sensor; path, coefficients (free about the given ones) and levels of noise are those of maximum "
+    "likelihood (iterated Kalman smoother). Each effect of the catalogue is scored, the best are fitted, and "
+    "a name is given when likelihood, disjoint blocks and held-out predictions agree. What remains is the "
+    "process noise that the amended model still needs. A remainder takes no name away."
 )
+
+
+def _asked() -> str:
+    """Return the thresholds with their reasons."""
+    c = CRITERIA
+    rows = [
+        (
+            f"{c.least:g} + {c.each:g} a number",
+            "likelihood gained, at least: odds of e^10, and of e^2",
+        ),
+        (f"{100 * c.level:g} %", "chance of one false name among all candidates, by the scatter over blocks"),
+        (f"{100 * c.spread:g} %", "spread from block to block, at most: a further block has the same sign"),
+        (f"{c.apart:g}", "a rival no more than this behind cannot be told apart: odds of e^6"),
+        (f"{c.remains:g}", "gained by random forces in an equation, from which on something remains there"),
+        (f"{c.worse:g}", "standard errors by which held-out errors may rise with a name"),
+    ]
+    return folded("What is asked for", table(("threshold", "of what"), rows))
 
 
 def appendix(m: Context) -> str:
@@ -32,27 +49,19 @@ def appendix(m: Context) -> str:
     head = ("log", "rows", "samples left out: they stand out", "left out by the reader: no craft moves so")
     script = paragraph("Made by a script: hovercontrol.discrepancy.diagnose, then write_report.")
     command = f"<pre>{escape(m.command)}</pre>" if m.command else script
-    asked = [
-        (f"{CRITERIA.least:g} + {CRITERIA.each:g} a number", "likelihood gained, at least: odds of e^10, and e^2 for each"),
-        (f"{100 * CRITERIA.level:g} %", "chance of one false name among all candidates, by the scatter over blocks"),
-        (f"{100 * CRITERIA.spread:g} %", "spread of a size from block to block at most: nearly every block has its sign"),
-        (f"{CRITERIA.apart:g}", "a rival no more than this behind cannot be told apart: odds of e^6"),
-        (f"{CRITERIA.remains:g}", "likelihood gained by random forces in an equation from which on something remains"),
-        (f"{CRITERIA.worse:g}", "standard errors by which a held-out error may rise with a name that stays"),
-    ]  # fmt: skip
+    dropped = f"{d.rows_dropped} rows of the training logs have a sample that was left out."
+    version = paragraph(f"hovercontrol {hovercontrol.__version__}.", "small")
     return (
-        f"<h2>The logs</h2>{items('Warnings', d.warnings, 'warn')}"
-        f"{paragraph(f'{d.rows_dropped} rows of the training logs have a sample that was left out.')}"
-        f"{table(head, rows)}"
-        f"<h2>Method</h2>{paragraph(_METHOD)}{folded('What is asked for', table(('threshold', 'of what'), asked))}"
-        f"<h2>To make this again</h2>{command}{paragraph(f'hovercontrol {hovercontrol.__version__}.', 'small')}"
+        f"<h2>The logs</h2>{items('Warnings', d.warnings, 'warn')}{paragraph(dropped)}{table(head, rows)}"
+        f"<h2>Method</h2>{paragraph(_METHOD)}{_asked()}"
+        f"<h2>To make this again</h2>{command}{version}"
     )
 
 
 def _logs(fit: Fit, note: str = "") -> list[tuple[str, ...]]:
     """Return of each log what was not used."""
     problem = fit.problem
-    rows = []
+    rows: list[tuple[str, ...]] = []
     for k, log in enumerate(problem.logs):
         own = problem.rows.log == k
         counts = []

@@ -7,7 +7,6 @@ import re
 
 import sympy as sp
 
-from hovercontrol.discrepancy.report.html import paragraph, table
 from hovercontrol.discrepancy.report.context import Context
 from hovercontrol.discrepancy.report.formatting import (
     effect_words,
@@ -18,6 +17,7 @@ from hovercontrol.discrepancy.report.formatting import (
     prime,
     unit,
 )
+from hovercontrol.discrepancy.report.html import paragraph, table
 from hovercontrol.estimation.subject import structure, timing
 from hovercontrol.fmi.mathml import MathPrinter, symbol_markup
 from hovercontrol.model import Model

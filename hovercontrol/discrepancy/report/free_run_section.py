@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from hovercontrol.discrepancy.report import pictures
 from hovercontrol.discrepancy.report.context import Context
 from hovercontrol.discrepancy.report.free_run import free_run
@@ -23,13 +21,9 @@ def free_runs(m: Context) -> str:
     part = end - begin < before.time[-1] - before.time[0]
     took = "held out of the fit" if m.held_out else "one of the training logs"
     text = (
-        f"Log {before.log}, {took}. Each run starts on the smoothed path and gets the commands alone; about "
-        f"every {_often(before.at[list(before.starts)], seconds):.2g} s one starts afresh: there the line breaks."
+        f"Log {before.log}, {took}. Each run starts on the smoothed path and gets the commands "
+        f"alone; about every {seconds:.2g} s one starts afresh: there the line breaks."
     ) + (" Shown is the stretch in which the model as it was errs most." if part else "")
     plots = pictures.overlays(before, after, m.changed)
     ring = ("start",) if any('class="start' in plot for plot in plots) else ()
     return f"<h2>Simulation beside measurement</h2>{paragraph(text)}{legend(*kinds, *ring)}{grid(plots)}"
-
-
-def _often(starts: np.ndarray, seconds: float) -> float:
-    return float(np.median(np.diff(starts))) if starts.size > 1 else seconds

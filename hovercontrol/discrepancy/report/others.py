@@ -30,8 +30,8 @@ def _rivals(m: Context) -> str:
         return ""
     text = (
         "Each was fitted in the place of a named effect. Less likely: by how many times it makes the logs, "
-        f"numbers penalised alike. Told apart are effects of which one is {rounded(math.exp(CRITERIA.apart / 2))} "
-        f"times less likely, by {CRITERIA.apart_t:g} standard errors over blocks."
+        f"numbers penalised alike. {rounded(math.exp(CRITERIA.apart / 2))} times, by {CRITERIA.apart_t:g} "
+        "standard errors over blocks, would tell the two apart."
     )
     head = ("effect", "instead of", "less likely", "standard errors")
     return f"<h3>Cannot be told apart by these logs</h3>{paragraph(text)}{table(head, rows)}"

@@ -61,7 +61,10 @@ svg circle.start { fill: var(--page); }
 .legend .start::before { width: .5rem; height: .5rem; border: 1.5px solid var(--soft); border-radius: 50%;
   margin-bottom: 0; }
 .legend .whole::before { background: var(--ink); height: .12rem; margin-bottom: .3rem; }
-.legend .log0::before { background: var(--log0); } .legend .log1::before { background: var(--log1); } .legend .log2::before { background: var(--log2); } .legend .log3::before { background: var(--log3); }
+.legend .log0::before { background: var(--log0); }
+.legend .log1::before { background: var(--log1); }
+.legend .log2::before { background: var(--log2); }
+.legend .log3::before { background: var(--log3); }
 .legend .shade { width: 8rem; height: .7rem; margin: 0 .4rem; }
 .legend .shade::before { width: 100%; height: 100%; margin: 0; background: none; }
 .shade.before { background: linear-gradient(to right, transparent, var(--before)); }

@@ -59,13 +59,11 @@ def _sizes(m: Context) -> str:
     for r in d.remainders:
         same = [f for f in d.missing_after if f.equation == r.equation]
         size = f"{digits(r.rms)} {unit(r.unit)}" if r.there else "nothing beyond noise"
-        share = percent(r.share_explained) if m.changed else ""
+        share = percent(r.share_explained)
         where = prime(regime(same)) if r.there and any(is_there(f) for f in same) else ""
         longest = max(same, key=lambda f: f.share, default=None)
         when = f"{longest.log}{stretches(longest.segments)}" if r.there and longest else ""
-        rows.append(
-            tuple(filter(None, (prime(r.equation), size, share if m.changed else None))) + (where, when)
-        )
+        rows.append((prime(r.equation), size, *([share] if m.changed else []), where, when))
     over = d.remainders[0].over if d.remainders else 0.0
     explained = ("explained",) if m.changed else ()
     text = f"Root mean square of the missing acceleration, averaged over {over:.2g} s."
@@ -101,7 +99,7 @@ def _maps(m: Context) -> str:
                 pictures.floor_map(f"in {prime(r.equation)}", x, y, forces[name], unit(r.unit), kind)
             )
     shown = grid(plots)
-    text = "Root mean square of what remains by place, over all training logs; cells with no colour were not met."
+    text = "Root mean square of what remains by place, over all training logs."
     return f"<h3>On the floor</h3>{paragraph(text)}{shown}" if any(plots) else ""
 
 

@@ -113,9 +113,8 @@ class Plot:
         right, high = self.at(x + side, y + side)
         shade = 0.06 + 0.94 * np.clip(share, 0.0, 1.0)
         for a, b, c, d, s in zip(left, low, right, high, shade, strict=True):
-            self._parts.append(
-                f'<path class="cell {kind}" fill-opacity="{s:.2f}" d="M{a:.1f} {b:.1f}H{c:.1f}V{d:.1f}H{a:.1f}Z"/>'
-            )
+            box = f"M{a:.1f} {b:.1f}H{c:.1f}V{d:.1f}H{a:.1f}Z"
+            self._parts.append(f'<path class="cell {kind}" fill-opacity="{s:.2f}" d="{box}"/>')
 
     def spans(self, spans: Iterable[tuple[float, float]], kind: str) -> None:
         """Mark stretches of the x axis at the foot of the axes."""
