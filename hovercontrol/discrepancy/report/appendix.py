@@ -70,7 +70,10 @@ def _logs(fit: Fit, note: str = "") -> list[tuple[str, ...]]:
                 measured = int(np.isfinite(log.values[log.channels.index(channel)]).sum())
                 used = int((problem.seen[:, own, c] & (problem.rows.at[:, own] >= 0)).sum())
                 counts += [f"{measured - used} of {channel}"] if measured > used else []
-        spans = [f"{s.start:.2f} to {s.stop:.2f} s ({s.rows} rows, {s.reason})" for s in log.rejected]
+        spans = [
+            f"{s.start:.2f} to {s.stop:.2f} s ({s.rows} {'row' if s.rows == 1 else 'rows'}, {s.reason})"
+            for s in log.rejected
+        ]
         more = [f"and {len(spans) - SHOWN} more"] if len(spans) > SHOWN else []
         rows.append(
             (

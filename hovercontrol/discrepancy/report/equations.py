@@ -25,6 +25,9 @@ from hovercontrol.model import Model
 #: Factor beyond which a coefficient that was fitted without the named effects no longer means what it says.
 FAR = 2.0
 
+#: Equations that are shown before the rest is folded away, and places in which an effect is said to act.
+SHOWN, PLACES = 4, 3
+
 
 def equations(m: Context) -> str:
     """Return the section with the equations that change, or nothing where none does."""
@@ -58,7 +61,7 @@ def _added(m: Context) -> str:
     rows = [
         (
             e.parameter,
-            prime(e.acts_in),
+            _places(e.acts_in),
             plus_minus(e.value, e.std),
             unit(e.unit),
             m.diagnosis.amended.effect(e.effect).source or "your own",
@@ -66,6 +69,14 @@ def _added(m: Context) -> str:
         for e in m.diagnosis.effects
     ]
     return table(("number", "acts in", "found ± standard error", "unit", "source"), rows)
+
+
+def _places(acts_in: str) -> str:
+    """Return where an effect acts: the first equations, and how many more."""
+    places = acts_in.split()
+    if "'" not in acts_in or len(places) <= PLACES:
+        return prime(acts_in)
+    return f"{prime(places[0])} and {len(places) - 1} more"
 
 
 def _timing(m: Context) -> set[str]:
@@ -102,7 +113,8 @@ def coefficients(m: Context) -> str:
     given, values, without = d.model.coefficients(), d.amended.coefficients(), d.refitted.coefficients()
     widths = {e.parameter("width") for e in problem.model.effects if "width" in e.numbers}
     shown = [(j, name) for j, name in enumerate(problem.names) if name not in widths]
-    bent = [n for _, n in shown if m.changed and n in without and n in given and _far(without[n], given[n])]
+    both = [n for _, n in shown if m.changed and n in without and n in given]
+    bent = [n for n in both if _far(without[n], given[n]) and not _far(values[n], given[n])]
     rows: list[tuple[str, ...]] = []
     for j, name in shown:
         was = minus(f"{given[name]:.4g}") if name in given else "–"

@@ -11,14 +11,18 @@ from hovercontrol.discrepancy.report.formatting import effect_words, percent, ro
 from hovercontrol.discrepancy.report.html import folded, grid, legend, paragraph, table
 from hovercontrol.discrepancy.report.verdict import SURE, key_of, most_fallen
 
+#: What is told of each name.
+MEASURES = ("likelihood gained", "blocks with its sign", "t over blocks", "spread", "held-out log")
+
 
 def evidence(m: Context) -> str:
     """Return the section on the evidence for each name; nothing where none is given."""
     d = m.diagnosis
     if not m.changed:
         return ""
-    rows = [_row(name, d.evidence[name]) for name in m.named]
-    head = ("effect", "likelihood gained", "blocks with its sign", "t over blocks", "spread", "held-out log")
+    columns = [_column(d.evidence[name]) for name in m.named]
+    rows = list(zip(MEASURES, *columns, strict=True))
+    head = ("", *(effect_words(name) for name in m.named))
     text = (
         "Three independent things speak for a name. Likelihood gained: fall of twice the negative log "
         "likelihood, with random forces allowed for. Blocks: the logs are cut into disjoint pieces, each of "
@@ -29,10 +33,10 @@ def evidence(m: Context) -> str:
     return f"<h2>Evidence</h2>{paragraph(text)}{table(head, rows)}{_blocks(m)}"
 
 
-def _row(name: str, e: Evidence) -> tuple[str, ...]:
+def _column(e: Evidence) -> tuple[str, ...]:
     b = e.blocks
     spread = percent(b.spread) if np.isfinite(b.std).any() else "–"
-    return (effect_words(name), rounded(e.gain), f"{b.same_sign} of {b.n}", f"{b.t:.1f}", spread, _held(e))
+    return (rounded(e.gain), f"{b.same_sign} of {b.n}", f"{b.t:.1f}", spread, _held(e))
 
 
 def _held(e: Evidence) -> str:

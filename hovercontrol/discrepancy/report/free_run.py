@@ -45,6 +45,16 @@ class FreeRun:
     simulated: Array
     starts: tuple[int, ...]
 
+    def keeps_near(self) -> bool:
+        """Whether runs err in each channel by less than it moves (standard deviation)."""
+        order = np.argsort(self.at, kind="stable")
+        for measured, simulated in zip(self.measured, self.simulated, strict=True):
+            known = np.isfinite(measured)
+            error = np.interp(self.time[known], self.at[order], simulated[order]) - measured[known]
+            if known.any() and not np.mean(error**2) < np.var(measured[known]):
+                return False
+        return True
+
 
 def on_rows(fit: Fit, values: Array, log: int) -> tuple[Array, Array]:
     """Return times and values, shape (n, ...), of all rows of one log in their order.

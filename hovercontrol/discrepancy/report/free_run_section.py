@@ -7,15 +7,18 @@ from hovercontrol.discrepancy.report.context import Context
 from hovercontrol.discrepancy.report.free_run import free_run
 from hovercontrol.discrepancy.report.html import grid, legend, paragraph
 
-#: How long a run is [s], in horizons of a slow machine's log at least.
-SECONDS, ROWS = 5.0, 50
+#: How long a run may be [s]: the longest that keeps near the log; and least rows of one.
+SECONDS, ROWS = (10.0, 5.0, 2.0, 1.0), 10
 
 
 def free_runs(m: Context) -> str:
     """Return the section that shows free runs beside a log."""
-    seconds = max(SECONDS, ROWS * m.before.problem.shortest)
-    before = free_run(m.before, 0, seconds)
-    after = free_run(m.after, 0, seconds) if m.changed else before
+    for seconds in SECONDS:
+        after = free_run(m.after, 0, max(seconds, ROWS * m.after.problem.shortest))
+        if after.keeps_near():
+            break
+    seconds = max(seconds, ROWS * m.after.problem.shortest)
+    before = free_run(m.before, 0, seconds) if m.changed else after
     kinds = ("measured", "before", "after") if m.changed else ("measured", "before")
     begin, end = pictures.stretch(before)
     part = end - begin < before.time[-1] - before.time[0]

@@ -11,7 +11,7 @@ LONG = 12
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]], new: Sequence[str] = ()) -> str:
-    """Return a table; where its columns find no room it scrolls sideways, with a shadow at the edge.
+    """Return a table without empty columns; where it finds no room it scrolls, with a shadow at the edge.
 
     Parameters
     ----------
@@ -26,6 +26,9 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]], new: Sequence[str]
     >>> table(["name"], [["<a>"]])
     '<div class="scroll"><table><tr><th>name</th></tr><tr><td>&lt;a&gt;</td></tr></table></div>'
     """
+    rows = [tuple(row) for row in rows]
+    kept = [k for k in range(len(head)) if k == 0 or any(row[k] for row in rows)]
+    head, rows = [head[k] for k in kept], [tuple(row[k] for k in kept) for row in rows]
     heading = "".join(f"<th>{escape(cell)}</th>" for cell in head)
     lines = []
     for name, *cells in rows:

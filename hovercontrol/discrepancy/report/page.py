@@ -107,6 +107,10 @@ math .new { background: var(--new); border-radius: .2rem; padding: .4rem .25rem 
 summary { cursor: pointer; color: var(--after); padding: .3rem 0; }
 .warn { padding-left: 0; }
 .warn li { border-left: 3px solid var(--before); padding-left: .5rem; list-style: none; }
+@media print {
+  body { font-size: 10pt; padding: 0; } h2, h3, .legend { break-after: avoid; }
+  figure, tr, .eq, .top > div { break-inside: avoid; } * { print-color-adjust: exact; }
+}
 @media (max-width: 52rem) {
   .top { grid-template-columns: minmax(0, 1fr); gap: .6rem; }
   body { font-size: 15px; padding: .8rem; } h1 { font-size: 1.4rem; }

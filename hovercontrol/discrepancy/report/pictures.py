@@ -53,7 +53,7 @@ def horizons(far: Sequence[Ahead], changed: bool) -> list[str]:
         sides = {"before": np.array([a.before for a in own])}
         sides |= {"after": np.array([a.after for a in own])} if changed else {}
         top = max(float(np.nanmax(y)) for y in sides.values())
-        plot = Plot((0.0, 1.06 * float(at.max())), (0.0, 1.08 * top), f"error of {channel}", (300.0, 150.0))
+        plot = Plot((0.0, 1.2 * float(at.max())), (0.0, 1.08 * top), f"error of {channel}", (360.0, 160.0))
         for kind, y in sides.items():
             plot.line(at, y, kind)
             plot.dots(at, y, np.zeros(y.size), kind)
@@ -80,7 +80,7 @@ def blocks_of(title: str, blocks: Blocks, scale: Scale) -> str:
     half = np.abs(scale.size) * np.nan_to_num(blocks.std, nan=0.0, posinf=0.0)
     ends = [y[shown] - half[shown], y[shown] + half[shown]]
     limits = bounds([*ends, np.array([scale.zero, scale.zero + scale.size])])
-    plot = Plot((0.0, at.size + 1.0), limits, title, (460.0, 200.0))
+    plot = Plot((0.0, at.size + 1.0), limits, title, (360.0, 190.0))
     edges = np.array([0.0, at.size + 1.0])
     plot.line(edges, np.full(2, scale.zero), "zero")
     plot.line(edges, np.full(2, scale.zero + scale.size), "whole")

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from hovercontrol.discrepancy.evidence.laws import is_there, regime, small, worst
 from hovercontrol.discrepancy.evidence.missing import Missing
 from hovercontrol.discrepancy.report import pictures
-from hovercontrol.discrepancy.report.context import Context
+from hovercontrol.discrepancy.report.context import Context, averaged_forces
 from hovercontrol.discrepancy.report.formatting import listed, percent, prime, unit
 from hovercontrol.discrepancy.report.formatting import small as digits
 from hovercontrol.discrepancy.report.free_run import on_rows
@@ -28,8 +28,8 @@ def remainder(m: Context) -> str:
     d = m.diagnosis
     if not d.missing:
         return ""
-    before, after = _by_log(d.missing), _by_log(d.missing_after)
-    most = worst(d.missing_after)
+    was, now = averaged_forces(d, d.missing), averaged_forces(d, d.missing_after)
+    before, after, most = _by_log(was), _by_log(now), worst(now)
     first = next((k for k, forces in enumerate(after) if most in forces), 0)
     order = sorted(range(len(before)), key=lambda k: k != first)
     parts = []
@@ -41,9 +41,11 @@ def remainder(m: Context) -> str:
     kinds = ("before", "after") if m.changed else ("before",)
     how = (
         "The acceleration that the model lacks, smoothed from the logs as an unknown addition to each "
-        "equation; the band is twice its standard error. Marked at the foot: where it stands out of the band."
+        f"equation and averaged over {d.remainders[0].over:.2g} s; the band is twice its standard error. "
+        "Marked at the foot: where it stands out of the band."
     )
-    return f"<h2>What remains</h2>{_sizes(m)}{_maps(m)}{paragraph(how)}{legend(*kinds)}{''.join(parts)}"
+    over_time = f"{paragraph(how)}{legend(*kinds)}{''.join(parts)}"
+    return f"<h2>What remains</h2>{_sizes(m, now)}{_maps(m, now)}{over_time}"
 
 
 def _by_log(forces: Sequence[Missing]) -> list[list[Missing]]:
@@ -52,12 +54,12 @@ def _by_log(forces: Sequence[Missing]) -> list[list[Missing]]:
     return [list(forces[k : k + count]) for k in range(0, len(forces), count)]
 
 
-def _sizes(m: Context) -> str:
+def _sizes(m: Context, missing: Sequence[Missing]) -> str:
     """Return what remains in each equation, and which part of what was missing is explained."""
     d = m.diagnosis
     rows = []
     for r in d.remainders:
-        same = [f for f in d.missing_after if f.equation == r.equation]
+        same = [f for f in missing if f.equation == r.equation]
         size = f"{digits(r.rms)} {unit(r.unit)}" if r.there else "nothing beyond noise"
         share = percent(r.share_explained)
         where = prime(regime(same)) if r.there and any(is_there(f) for f in same) else ""
@@ -72,34 +74,32 @@ def _sizes(m: Context) -> str:
     return paragraph(text) + table(("equation", "remains", *explained, "largest", "when"), rows)
 
 
-def _maps(m: Context) -> str:
+def _maps(m: Context, missing: Sequence[Missing]) -> str:
     """Return where on the floor what remains is large."""
     d = m.diagnosis
     fit = d.selection.final
     problem = fit.problem
     names = [s.name for s in problem.block.states]
-    moving = [names[problem.free[i]] for i in problem.driven]
     if not {"x", "y"} <= set(names) or not any(r.there for r in d.remainders):
         return ""
-    every = [
-        on_rows(fit, np.concatenate([fit.path, fit.missing], axis=2), k)[1] for k in range(len(problem.logs))
-    ]
-    rows = np.concatenate(every)
-    x, y = rows[:, names.index("x")], rows[:, names.index("y")]
-    forces = {name: rows[:, len(names) + j] for j, name in enumerate(moving)}
+    places = []
+    for k, log in enumerate(problem.logs):
+        time, path = on_rows(fit, fit.path[..., [names.index("x"), names.index("y")]], k)
+        places += [path[np.searchsorted(time, log.time - log.origin).clip(0, time.size - 1)]]
+    x, y = np.concatenate(places).T
+    equations = dict.fromkeys(f.equation for f in missing)
+    forces = {e: np.concatenate([f.force for f in missing if f.equation == e]) for e in equations}
     kind = "after" if m.changed else "before"
     plots = []
-    if {"u", "v"} <= set(forces):
-        planar = np.hypot(forces.pop("u"), forces.pop("v"))
+    if {"u'", "v'"} <= set(forces):
+        planar = np.hypot(forces.pop("u'"), forces.pop("v'"))
         plots.append(pictures.floor_map("force in u′ and v′", x, y, planar, "m/s²", kind))
     for r in d.remainders:
-        name = r.equation.removesuffix("'")
-        if name in forces and r.there:
-            plots.append(
-                pictures.floor_map(f"in {prime(r.equation)}", x, y, forces[name], unit(r.unit), kind)
-            )
+        if r.equation in forces and r.there:
+            title = f"in {prime(r.equation)}"
+            plots.append(pictures.floor_map(title, x, y, forces[r.equation], unit(r.unit), kind))
     shown = grid(plots)
-    text = "Root mean square of what remains by place, over all training logs."
+    text = "Root mean square of what remains, averaged likewise, by place; all training logs."
     return f"<h3>On the floor</h3>{paragraph(text)}{shown}" if any(plots) else ""
 
 
