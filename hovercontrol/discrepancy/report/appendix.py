@@ -49,7 +49,7 @@ def appendix(m: Context) -> str:
     head = ("log", "rows", "samples left out: they stand out", "left out by the reader: no craft moves so")
     script = paragraph("Made by a script: hovercontrol.discrepancy.diagnose, then write_report.")
     command = f"<pre>{escape(m.command)}</pre>" if m.command else script
-    dropped = f"{d.rows_dropped} rows of the training logs have a sample that was left out."
+    dropped = f"{d.rows_dropped or 'No'} rows of the training logs have a sample that was left out."
     version = paragraph(f"hovercontrol {hovercontrol.__version__}.", "small")
     return (
         f"<h2>The logs</h2>{items('Warnings', d.warnings, 'warn')}{paragraph(dropped)}{table(head, rows)}"

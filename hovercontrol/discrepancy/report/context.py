@@ -50,6 +50,12 @@ class Context:
         return numbers_by_effect(self.diagnosis)
 
     @property
+    def noise(self) -> dict[str, float]:
+        """The noise of each channel's measurement, in its unit."""
+        levels = self.before.noise.measured.tolist()
+        return dict(zip(self.before.problem.rows.channels, levels, strict=True))
+
+    @property
     def shown_on(self) -> str:
         """On which logs errors are shown, in words."""
         return "held-out log" if self.held_out else "training logs (none was held out)"

@@ -17,7 +17,7 @@ from hovercontrol.discrepancy.report.formatting import (
     prime,
     unit,
 )
-from hovercontrol.discrepancy.report.html import paragraph, table
+from hovercontrol.discrepancy.report.html import folded, paragraph, table
 from hovercontrol.estimation.subject import structure, timing
 from hovercontrol.fmi.mathml import MathPrinter, symbol_markup
 from hovercontrol.model import Model
@@ -53,7 +53,10 @@ def equations(m: Context) -> str:
     text, them = marked, "them, with " if marked else ""
     if isinstance(m.diagnosis.amended, Model):
         text += f"The file model.toml has {them}the coefficients found."
-    return f"<h2>What was added</h2>{_added(m)}{paragraph(text.strip())}{''.join(lines)}{''.join(clocks)}"
+    lines = [line for line in lines if line]
+    rest = folded(f"{len(lines) - SHOWN} more equations", "".join(lines[SHOWN:])) if lines[SHOWN:] else ""
+    shown = f"{paragraph(text.strip())}{''.join(lines[:SHOWN])}{rest}"
+    return f"<h2>What was added</h2>{_added(m)}{shown}{''.join(clocks)}"
 
 
 def _added(m: Context) -> str:

@@ -108,6 +108,7 @@ def holdout(m: Context) -> str:
     else:
         numbers = ""
     return (
-        f"<h2>Predicting the {m.shown_on}</h2>{paragraph(text)}{legend(*kinds)}"
-        f"{grid(pictures.horizons(m.ahead, m.changed))}{numbers}"
+        f"<h2>Predicting the {m.shown_on}</h2>{paragraph(text)}"
+        f"{legend(*kinds, whole='noise of the measurement')}"
+        f"{grid(pictures.horizons(m.ahead, m.changed, m.noise))}{numbers}"
     )

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from hovercontrol.discrepancy.evidence.blocks import Blocks
 from hovercontrol.discrepancy.evidence.holdout import Ahead
 from hovercontrol.discrepancy.evidence.missing import Missing
-from hovercontrol.discrepancy.report.formatting import prime, small, unit
+from hovercontrol.discrepancy.report.formatting import prime, small, times, unit
 from hovercontrol.discrepancy.report.free_run import FreeRun
 from hovercontrol.discrepancy.report.svg import Plot, bounds
 
@@ -26,34 +26,45 @@ SPAN, COLOURS = 20.0, 4
 CELLS, FEWEST, WITHIN = 16, 4, 0.97
 
 
-def error_bars(errors: Sequence[Ahead], changed: bool) -> str:
-    """Return bars of each channel's error, the given model's as long as the axis, with units."""
+def error_bars(errors: Sequence[Ahead], changed: bool, noise: Mapping[str, float]) -> str:
+    """Return bars of each channel's error: before beside after, or else in multiples of the noise."""
     rows = []
+    multiples = {a.channel: a.before / max(noise[a.channel], 1e-300) for a in errors}
+    most = max(multiples.values())
     for a in errors:
-        pair = (("before", a.before), ("after", a.after))[: 2 if changed else 1]
-        longest = max(a.before, a.after if changed else 0.0, 1e-300)
-        bars = "".join(
-            f'<span class="bar"><i class="{kind}" style="--long:{value / longest:.3f}"></i>'
-            f"<b>{escape(small(value))} {escape(unit(a.unit))}</b></span>"
-            for kind, value in pair
+        longest = max(a.before, a.after, 1e-300)
+        bars = [
+            ("before", multiples[a.channel] / most, f"{times(multiples[a.channel])} ({_size(a.before, a)})")
+        ]
+        if changed:
+            pair = (("before", a.before), ("after", a.after))
+            bars = [(kind, value / longest, _size(value, a)) for kind, value in pair]
+        drawn = "".join(
+            f'<span class="bar"><i class="{kind}" style="--long:{part:.3f}"></i><b>{escape(text)}</b></span>'
+            for kind, part, text in bars
         )
         rows.append(
             f'<div class="row"><span class="channel">{escape(a.channel)}</span>'
-            f'<span class="bars">{bars}</span></div>'
+            f'<span class="bars">{drawn}</span></div>'
         )
     return f'<div class="gap">{"".join(rows)}</div>'
 
 
-def horizons(far: Sequence[Ahead], changed: bool) -> list[str]:
-    """Return for each channel its error over how far ahead it is predicted."""
+def _size(value: float, a: Ahead) -> str:
+    return f"{small(value)} {unit(a.unit)}".strip()
+
+
+def horizons(far: Sequence[Ahead], changed: bool, noise: Mapping[str, float]) -> list[str]:
+    """Return for each channel its error over how far ahead it is predicted, with the noise as a line."""
     found = []
     for channel in dict.fromkeys(a.channel for a in far):
         own = sorted((a for a in far if a.channel == channel), key=lambda a: a.horizon)
         at = np.array([a.horizon for a in own])
         sides = {"before": np.array([a.before for a in own])}
         sides |= {"after": np.array([a.after for a in own])} if changed else {}
-        top = max(float(np.nanmax(y)) for y in sides.values())
+        top = max([noise[channel], *(float(np.nanmax(y)) for y in sides.values())])
         plot = Plot((0.0, 1.2 * float(at.max())), (0.0, 1.08 * top), f"error of {channel}", (360.0, 160.0))
+        plot.line(np.array(plot.x), np.full(2, noise[channel]), "whole")
         for kind, y in sides.items():
             plot.line(at, y, kind)
             plot.dots(at, y, np.zeros(y.size), kind)

@@ -61,8 +61,8 @@ def _sizes(m: Context, missing: Sequence[Missing]) -> str:
     for r in d.remainders:
         same = [f for f in missing if f.equation == r.equation]
         size = f"{digits(r.rms)} {unit(r.unit)}" if r.there else "nothing beyond noise"
-        share = percent(r.share_explained)
-        where = prime(regime(same)) if r.there and any(is_there(f) for f in same) else ""
+        share = percent(r.share_explained) if r.there or r.share_explained > 0.0 else "–"
+        where = prime(regime(same)).partition(", ")[2] if r.there and any(is_there(f) for f in same) else ""
         longest = max(same, key=lambda f: f.share, default=None)
         when = f"{longest.log}{stretches(longest.segments)}" if r.there and longest else ""
         rows.append((prime(r.equation), size, *([share] if m.changed else []), where, when))

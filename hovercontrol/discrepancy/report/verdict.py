@@ -34,7 +34,7 @@ MEANS = {
 
 #: Standard errors by which an error must fall on the held-out log to be told as a fall, and leads that are
 #: told in a sentence.
-SURE, NEAREST = 2.0, 3
+SURE, NEAREST = 2.0, 2
 
 
 def headline(d: Diagnosis) -> str:
@@ -146,9 +146,10 @@ def _bars(m: Context) -> str:
     best = most_fallen(m.ahead) if m.changed else None
     horizon = best.horizon if best else min((a.horizon for a in m.ahead), key=lambda h: abs(h - 1.0))
     shown = [a for a in m.ahead if a.horizon == horizon]
-    kinds = ("before", "after") if m.changed else ("before",)
     note = "Predictions from many rows of the smoothed path, by the commands alone; root mean square."
+    kinds = ("before", "after") if m.changed else ("before",)
+    alone = "" if m.changed else ", in multiples of the noise"
     return (
-        f"<h2>Error {horizon:.2g} s ahead on the {m.shown_on}</h2>"
-        f"{pictures.error_bars(shown, m.changed)}{legend(*kinds)}{paragraph(note, 'small')}"
+        f"<h2>Error {horizon:.2g} s ahead on the {m.shown_on}{alone}</h2>"
+        f"{pictures.error_bars(shown, m.changed, m.noise)}{legend(*kinds)}{paragraph(note, 'small')}"
     )
