@@ -30,7 +30,7 @@ def diagnose(
     model: Subject = None,
     vehicle: given.Vehicle = None,
     holdout: Annotated[
-        str | None, typer.Option(help="A log held out of the fit, on which every name must predict better.")
+        str | None, typer.Option(help="A log held out of the fit; a name that predicts it worse is dropped.")
     ] = None,
     effects: Annotated[
         str, typer.Option(help="Look for these effects only, separated by commas (else for all).")
@@ -47,18 +47,21 @@ def diagnose(
     settle: given.Settle = 1.0,
     allow_gaps: given.AllowGaps = False,
 ) -> int:
-    """Find what a model lacks: this is missing, this much of the gap it closes, and this much remains, here.
+    """Find what a model lacks: what is missing, what it takes, what remains.
 
-    An effect is named when three independent things agree: the likelihood it gains, the same size on disjoint
-    blocks of the logs, and better predictions of the held-out log.
+    An effect is named when three independent things agree: the likelihood
+    that it gains, the same size on disjoint blocks of the logs, and
+    predictions of the held-out log.
 
-    Verdicts: none (nothing is missing beyond noise), effect (named, nothing remains), partial (named, and
-    something remains), ambiguous (one of several readings), unexplained (nothing can be named; leads are told).
+    Verdicts: none (nothing is missing beyond noise), effect (named, nothing
+    remains), partial (named, and something remains), ambiguous (one of
+    several readings), unexplained (nothing can be named; leads are told).
 
-    Writes report.html (for any browser), result.json and model.toml (a craft's amended model); where another
-    log would tell more, next_experiment.csv holds the commands to drive.
+    Writes report.html (for any browser), result.json and model.toml (a
+    craft's amended model); where another log would tell more,
+    next_experiment.csv holds the commands to drive.
 
-    Exit status 0 for none and effect, 1 for partial, ambiguous and unexplained.
+    Exit status 0 for none and effect; 1 for partial, ambiguous, unexplained.
     """
     from hovercontrol.discrepancy import diagnose as find
     from hovercontrol.discrepancy.report import gap_sentence, headline, remainder_sentence, write_report

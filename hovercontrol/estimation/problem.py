@@ -152,6 +152,8 @@ class Problem:
         own = {s.symbol for s in (*self.block.parameters, *self.block.inputs)}
         own |= {self.block.states[k].symbol for k in self.known}
         name = self.block.states[i].name
+        if name not in motion_of(self.model):  # an effect's own state, as of bristles: no force acts on it
+            return False
         return bool(self.block.expand(self.block.derivatives[name]).free_symbols & own)
 
     def _depends_on_inputs(self) -> list[int]:
