@@ -22,6 +22,7 @@ from hovercontrol.discrepancy.report.formatting import (
     unit,
 )
 from hovercontrol.discrepancy.report.html import legend, paragraph
+from hovercontrol.effects import Effect
 
 #: What each verdict means, beside its name.
 MEANS = {
@@ -121,9 +122,8 @@ def remainder_sentence(d: Diagnosis) -> str:
 def verdict(m: Context) -> str:
     """Return the first section of the page: the sentences, and bars of the error beside them."""
     d = m.diagnosis
-    said = [f"{effect_words(n).capitalize()}: {meaning(d.amended.effect(n))}" for n in m.named]
-    for r in d.rivals:
-        said.append(f"{effect_words(r.name).capitalize()}: {meaning(r.fit.model.effect(r.name))}")
+    said = [_explained(d.amended.effect(n)) for n in m.named]
+    said += [_explained(r.fit.model.effect(r.name)) for r in d.rivals]
     if d.verdict == "none":
         said.append(
             "With its coefficients fitted again, the model explains these logs down to the noise of their "
@@ -137,6 +137,12 @@ def verdict(m: Context) -> str:
         f"{''.join(map(paragraph, said))}"
     )
     return f'<div class="top"><div>{words}</div><div>{_bars(m)}</div></div>'
+
+
+def _explained(e: Effect) -> str:
+    """Return an effect with the sentence in which it explains itself."""
+    name, text = effect_words(e.name).capitalize(), meaning(e)
+    return text if text.startswith(f"{name}:") else f"{name}: {text}"
 
 
 def _bars(m: Context) -> str:
