@@ -232,4 +232,4 @@ def test_bars_of_one_model_are_multiples_of_the_noise():
     ]
     drawn = pictures.error_bars(far, False, {"x": 0.1, "y": 0.05})
     assert re.findall(r"--long:(\S+)\"", drawn) == ["1.000", "0.500"]
-    assert "4.00 (0.40 m)" in drawn and "after" not in drawn
+    assert "<b>4.00</b>" in drawn and "after" not in drawn

@@ -45,11 +45,6 @@ class Context:
         return bool(self.diagnosis.effects)
 
     @property
-    def named(self) -> dict[str, list[Found]]:
-        """The numbers of each named effect."""
-        return numbers_by_effect(self.diagnosis)
-
-    @property
     def noise(self) -> dict[str, float]:
         """The noise of each channel's measurement, in its unit."""
         levels = self.before.noise.measured.tolist()

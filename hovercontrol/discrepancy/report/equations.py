@@ -7,7 +7,7 @@ import re
 
 import sympy as sp
 
-from hovercontrol.discrepancy.report.context import Context
+from hovercontrol.discrepancy.report.context import Context, numbers_by_effect
 from hovercontrol.discrepancy.report.formatting import (
     effect_words,
     listed,
@@ -46,7 +46,7 @@ def equations(m: Context) -> str:
         paragraph(
             f"No equation of the plant says {effect_words(n)}: {meaning(m.diagnosis.amended.effect(n))}"
         )
-        for n in m.named
+        for n in numbers_by_effect(m.diagnosis)
         if m.diagnosis.amended.effect(n).parameter("seconds") in _timing(m)
     ]
     marked = "What is new is marked; c with a name below is a coefficient. " if any(lines) else ""
@@ -126,7 +126,7 @@ def coefficients(m: Context) -> str:
         u = unit(problem.block.parameter(name).unit)
         rows.append((name, was, *([alone] if bent else []), plus_minus(values[name], std), u))
     note = "Found values with their standard errors."
-    effects = listed([effect_words(n) for n in m.named])
+    effects = listed([effect_words(n) for n in numbers_by_effect(m.diagnosis)])
     if bent:
         far = listed(
             [f"{n} ends at {minus(f'{without[n]:.2g}')}, given {minus(f'{given[n]:.2g}')}" for n in bent]

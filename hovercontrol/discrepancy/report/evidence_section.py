@@ -6,7 +6,7 @@ import numpy as np
 
 from hovercontrol.discrepancy.evidence.of_effects import Evidence
 from hovercontrol.discrepancy.report import pictures
-from hovercontrol.discrepancy.report.context import Context
+from hovercontrol.discrepancy.report.context import Context, numbers_by_effect
 from hovercontrol.discrepancy.report.formatting import effect_words, percent, rounded, unit
 from hovercontrol.discrepancy.report.html import folded, grid, legend, paragraph, table
 from hovercontrol.discrepancy.report.verdict import SURE, key_of, most_fallen
@@ -20,9 +20,9 @@ def evidence(m: Context) -> str:
     d = m.diagnosis
     if not m.changed:
         return ""
-    columns = [_column(d.evidence[name]) for name in m.named]
+    columns = [_column(d.evidence[name]) for name in numbers_by_effect(d)]
     rows = list(zip(MEASURES, *columns, strict=True))
-    head = ("", *(effect_words(name) for name in m.named))
+    head = ("", *(effect_words(name) for name in numbers_by_effect(d)))
     text = (
         "Three independent things speak for a name. Likelihood gained: fall of twice the negative log "
         "likelihood, with random forces allowed for. Blocks: the logs are cut into disjoint pieces, each of "
@@ -58,7 +58,7 @@ def _blocks(m: Context) -> str:
     d = m.diagnosis
     problem = d.selection.final.problem
     shown, logs = [], set[int]()
-    for name, numbers in m.named.items():
+    for name, numbers in numbers_by_effect(d).items():
         blocks = d.evidence[name].blocks
         e = problem.model.effect(name)
         scaling = [n for n in numbers if not np.isnan(e.numbers[_key(n.effect, n.parameter)].neutral)]
@@ -69,7 +69,7 @@ def _blocks(m: Context) -> str:
             title = f"{effect_words(name)} {key_of(one)}".strip()
             scale = pictures.Scale(neutral, one.value - neutral, one.unit)
         elif not np.isfinite(blocks.std).any():
-            title = f"{effect_words(name)}: likelihood gained, over the mean of all blocks"
+            title = f"{effect_words(name)}: likelihood"
         shown.append(pictures.blocks_of(title, blocks, scale))
         logs |= set(blocks.log[pictures.telling(blocks)].tolist())
     named = {f"log{k % pictures.COLOURS}": problem.logs[k].name for k in sorted(logs)}
@@ -77,6 +77,8 @@ def _blocks(m: Context) -> str:
         "The size that each block tells, all else as the whole logs have it, with its standard error. The "
         "line is the size on all. Blocks that tell nothing are left out. A real cause is everywhere the same."
     )
+    if any(np.isnan(d.evidence[name].blocks.std).all() for name in d.evidence):
+        text += " Where no number scales an effect, the likelihood that it gains is shown, over the mean."
     return f"<h3>Block by block</h3>{paragraph(text)}{legend(**named, whole='on all')}{grid(shown)}"
 
 

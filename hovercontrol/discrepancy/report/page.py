@@ -77,8 +77,7 @@ svg circle.start { fill: var(--page); }
 .gap i { display: block; flex: none; width: calc((100% - 7rem) * var(--long)); height: .75rem;
   border-radius: 0 .2rem .2rem 0; }
 .gap i.before { background: var(--before); } .gap i.after { background: var(--after); }
-.gap b { font: 600 .8rem system-ui, sans-serif; margin-left: .2rem; padding: 0 .2rem; z-index: 1;
-  background: var(--card); }
+.gap b { font: 600 .8rem system-ui, sans-serif; margin-left: .4rem; white-space: nowrap; }
 .scroll, .eq { overflow-x: auto; background:
   linear-gradient(to right, var(--page) 50%, transparent) left / 2rem 104% no-repeat local,
   linear-gradient(to left, var(--page) 50%, transparent) right / 2rem 104% no-repeat local,

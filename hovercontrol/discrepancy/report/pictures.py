@@ -124,7 +124,7 @@ def overlays(before: FreeRun, after: FreeRun, changed: bool) -> list[str]:
         drawn = {kind: _part(run, begin, end) for kind, run in sides.items()}
         limits = bounds([measured, *(y[c] for _, y, _ in drawn.values())], part=0.999)
         plot = Plot((begin, end), limits, channel)
-        plot.line(before.time[rows], _bridged(measured), "measured")
+        plot.line(*_known(before.time[rows], measured), "measured")
         for kind, (at, y, starts) in drawn.items():
             plot.line(at, y[c], kind, starts)
         found.append(plot.svg(_bracketed(before.units[channel]), "[s]"))
@@ -143,14 +143,7 @@ def stretch(run: FreeRun) -> tuple[float, float]:
     first, last = float(run.time[0]), float(run.time[-1])
     if last - first <= 1.5 * SPAN:
         return first, last
-    order = np.argsort(run.at, kind="stable")
-    error = np.zeros(run.time.size)
-    for measured, simulated in zip(run.measured, run.simulated, strict=True):
-        if not np.isfinite(measured).any():
-            continue
-        size = float(np.nanstd(measured)) or 1.0
-        gap = (np.interp(run.time, run.at[order], simulated[order]) - measured) / size
-        error += np.minimum(np.nan_to_num(gap, nan=0.0, posinf=10.0, neginf=-10.0) ** 2, 100.0)
+    error = np.minimum(np.nan_to_num(run.error**2, nan=0.0, posinf=100.0), 100.0).sum(axis=0)
     total = np.concatenate([[0.0], np.cumsum(error)])
     starts = [s for s in run.at[list(run.starts)].tolist() if s + SPAN <= last] or [first]
     rows = [np.searchsorted(run.time, [s, s + SPAN]) for s in starts]
@@ -161,16 +154,9 @@ def stretch(run: FreeRun) -> tuple[float, float]:
 def forces(
     before: Sequence[Missing], after: Sequence[Missing], least: Mapping[str, float], changed: bool
 ) -> list[str]:
-    """Return for each equation the missing force over time, before and after, with band and segments.
+    """Return for each equation of a log the missing force over time, with band and segments.
 
-    Parameters
-    ----------
-    before, after : sequence of Missing
-        Of one log, equation by equation.
-    least : mapping
-        By equation, the force that the axes show at least.
-    changed : bool
-        Whether there is an after.
+    `least` is, by equation, the force that the axes show at least.
     """
     found = []
     for was, now in zip(before, after, strict=True):
@@ -186,17 +172,9 @@ def forces(
 
 
 def floor_map(title: str, x: Array, y: Array, force: Array, label: str, kind: str) -> str:
-    """Return where on the floor a force is large: its root mean square in cells; empty if it is nowhere.
+    """Return where on the floor a force is large: its root mean square in cells; empty if too few rows tell.
 
-    Parameters
-    ----------
-    title : str
-    x, y, force : ndarray, shape (n,)
-        Of all rows of all logs; places in metres.
-    label : str
-        Unit of the force.
-    kind : str
-        Of the colour.
+    `x`, `y` and `force` are of all rows of all logs, `label` is the force's unit, `kind` its colour.
     """
     known = np.isfinite(x) & np.isfinite(y) & np.isfinite(force)
     x, y, force = x[known], y[known], force[known]
@@ -231,16 +209,9 @@ def _bracketed(text: str) -> str:
     return f"[{unit(text)}]" if unit(text) else ""
 
 
-def _bridged(row: Array) -> Array:
-    """Return a row with short holes bridged, so that a sample left out does not cut the line."""
+def _known(time: Array, row: Array) -> tuple[Array, Array]:
+    """Return the samples there are, with a break (NaN) in each longer hole: one left out cuts no line."""
     known = np.flatnonzero(np.isfinite(row))
-    if known.size < 2:
-        return row
-    joined = np.interp(np.arange(row.size), known, row[known])
     steps = np.diff(known)
-    holes = steps > max(10.0, 3.0 * float(np.median(steps)))  # a slow sensor has no holes
-    for a, b in zip(known[:-1][holes], known[1:][holes], strict=True):
-        joined[a + 1 : b] = np.nan
-    joined[: known[0]] = np.nan
-    joined[known[-1] + 1 :] = np.nan
-    return joined
+    holes = np.flatnonzero(steps > max(10.0, 3.0 * float(np.median(steps)) if steps.size else 0.0)) + 1
+    return np.insert(time[known], holes, np.nan), np.insert(row[known], holes, np.nan)

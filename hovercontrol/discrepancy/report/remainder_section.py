@@ -26,7 +26,7 @@ LOGS, STRETCHES = 3, 3
 def remainder(m: Context) -> str:
     """Return the section on what remains."""
     d = m.diagnosis
-    if not d.missing:
+    if not d.missing or not d.remainders:
         return ""
     was, now = averaged_forces(d, d.missing), averaged_forces(d, d.missing_after)
     before, after, most = _by_log(was), _by_log(now), worst(now)
@@ -66,7 +66,7 @@ def _sizes(m: Context, missing: Sequence[Missing]) -> str:
         longest = max(same, key=lambda f: f.share, default=None)
         when = f"{longest.log}{stretches(longest.segments)}" if r.there and longest else ""
         rows.append((prime(r.equation), size, *([share] if m.changed else []), where, when))
-    over = d.remainders[0].over if d.remainders else 0.0
+    over = d.remainders[0].over
     explained = ("explained",) if m.changed else ()
     text = f"Root mean square of the missing acceleration, averaged over {over:.2g} s."
     if m.changed:

@@ -122,7 +122,7 @@ def remainder_sentence(d: Diagnosis) -> str:
 def verdict(m: Context) -> str:
     """Return the first section of the page: the sentences, and bars of the error beside them."""
     d = m.diagnosis
-    said = [_explained(d.amended.effect(n)) for n in m.named]
+    said = [_explained(d.amended.effect(n)) for n in numbers_by_effect(d)]
     said += [_explained(r.fit.model.effect(r.name)) for r in d.rivals]
     if d.verdict == "none":
         said.append(
