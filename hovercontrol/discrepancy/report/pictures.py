@@ -33,9 +33,8 @@ def error_bars(errors: Sequence[Ahead], changed: bool, noise: Mapping[str, float
     most = max(multiples.values())
     for a in errors:
         longest = max(a.before, a.after, 1e-300)
-        bars = [
-            ("before", multiples[a.channel] / most, f"{times(multiples[a.channel])} ({_size(a.before, a)})")
-        ]
+        many = multiples[a.channel]
+        bars = [("before", many / most, times(many))]
         if changed:
             pair = (("before", a.before), ("after", a.after))
             bars = [(kind, value / longest, _size(value, a)) for kind, value in pair]
