@@ -28,8 +28,20 @@ MOVING, STILL = 14, 8
 #: Passes at most in which samples are left out before levels of noise move: large outliers hide small ones.
 GATES = 8
 
+#: Times at most that samples are left out of a fit that has settled, and passes in which levels then move.
+ROUNDS, AGAIN = 5, 5
+
+#: Factors by which correlation times are tried, the largest and the smallest.
+COARSEST, FINEST = 2.0, 1.2
+
+#: Passes of a refit before levels of noise move.
+HOLD = 2
+
 #: Change of minus twice the log likelihood at which a fit has settled, moving and still.
 SETTLED, STOPPED = 1.0, 0.05
+
+#: Passes after which a path that flips between two sides of a kink (stick or slip) is taken as settled.
+ENOUGH = 3
 
 #: Largest step of an unknown that is sought by its logarithm.
 FARTHEST = 1.0
@@ -183,7 +195,8 @@ def _run(problem: Problem, noise: Noise, prior: Prior, p: Array, path: Array, fr
 def _tried(problem: Problem, noise: Noise, prior: Prior, p: Array, path: Array, frozen: bool) -> _Pass | None:
     """Return a pass; None where the model runs away."""
     try:
-        now = _run(problem, noise, prior, p, path, frozen)
+        with np.errstate(all="ignore"):
+            now = _run(problem, noise, prior, p, path, frozen)
     except np.linalg.LinAlgError:
         return None
     return now if np.isfinite(now.cost) else None
@@ -200,6 +213,8 @@ def estimate(
     levels: bool = True,
     gate: bool = False,
     most: int = MOVING,
+    hold: int = 0,
+    times: bool = True,
     trace=None,  # type: ignore[no-untyped-def]
 ) -> Fit:
     """Fit path, unknowns and levels of noise.
@@ -220,6 +235,10 @@ def estimate(
         Whether samples that stand out are left out (:mod:`.outliers`).
     most : int, optional
         Passes at most in which they do.
+    hold : int, optional
+        Passes before they do: a path that begins beside what the model says must not look like noise.
+    times : bool, optional
+        Whether correlation times of process noise move, too.
 
     Raises
     ------
@@ -232,8 +251,8 @@ def estimate(
     best: tuple[float, Array, Array] | None = None
     safe: tuple[Array, Array] | None = None
     push = np.zeros(0)
-    k, still, converged, gated = 0, 0, False, 0
-    moving = levels
+    k, still, converged, gated, rounds = 0, 0, False, 0, 0
+    moving, factor = levels, COARSEST
     while True:
         now = _tried(problem, noise, prior, p, path, frozen)
         if trace:
@@ -258,21 +277,23 @@ def estimate(
                 problem, last = problem.without(stands_out), np.inf
                 p, path, k = _onward(problem, now, p), _moved_path(problem, now, path), k + 1
                 continue
-        settled = abs(change) < (SETTLED if moving else STOPPED) and now.gain < SETTLED
-        if moving and (settled or k >= most):
+        enough = SETTLED if moving else STOPPED if still < ENOUGH else 2.0 * SETTLED
+        settled = abs(change) < enough and now.gain < SETTLED
+        if moving and ((settled and k > hold) or k >= most + hold):
             moving = False
         elif not moving and (settled or still >= STILL):
             again = gate and outliers(residuals(problem, now.system, now.smooth), problem.seen)
-            if gate and np.any(again):
-                gate, best, still, moving = False, None, 0, levels
-                problem, last, most = problem.without(again), np.inf, k + most // 2
+            if gate and np.any(again) and rounds < ROUNDS:
+                rounds, best, still, moving = rounds + 1, None, 0, levels
+                problem, last, most = problem.without(again), np.inf, k + AGAIN
                 continue
             converged = bool(settled)
             break
-        if moving:
+        if moving and k >= hold:
             noise, push = moved(problem, noise, now.system, now.smooth, push)
-            if k % 3 == 1:
-                noise = timed(problem, now.linear, noise)
+            if times and (k - hold) % 3 == 1 and factor > FINEST:
+                noise, further = timed(problem, now.linear, noise, factor)
+                factor = factor if further else np.sqrt(factor)
         else:
             still += 1
         p, path, k = _onward(problem, now, p), _moved_path(problem, now, path), k + 1
@@ -328,7 +349,7 @@ def refit(
     if not frozen:
         p = np.array([ended.get(name, v) for name, v in zip(problem.names, p.tolist(), strict=True)])
     path = problem.path_of(near.problem.block, near.path)
-    return estimate(problem, prior, noise or near.noise, p=p, path=path, frozen=frozen, **options)
+    return estimate(problem, prior, noise or near.noise, p=p, path=path, frozen=frozen, hold=HOLD, **options)
 
 
 def first_noise(problem: Problem) -> Noise:

@@ -97,8 +97,14 @@ def augment(
             A[:, c, :, :n, n + j] = gamma[..., j] * (tau * -np.expm1(-s))[..., None]
             A[:, c, :, n + j, n + j] = fade
             if noise.process[j] > 0.0:
-                Q[:, c] += _covariance(problem, A[:, c], noise, j)
+                pushed, both, own = _covariance(problem, noise, j)
+                g = gamma[..., j]
+                Q[:, c, :, :n, :n] += g[..., :, None] * (g * pushed[..., None])[..., None, :]
+                Q[:, c, :, :n, n + j] = Q[:, c, :, n + j, :n] = g * both[..., None]
+                Q[:, c, :, n + j, n + j] = own
             P0[c, :, n + j, n + j] = float(noise.process[j]) ** 2
+        if linear.jolt is not None:
+            Q[:, c, :, :n, :n] += linear.jolt[..., :, None] * linear.jolt[..., None, :]
         level = (noise.measured * noise.scale[problem.rows.log]) ** 2  # W, C
         R[:, c] = np.where(problem.seen, level, 1.0)
     if copies == 1:
@@ -126,11 +132,18 @@ def _integrated(s: Array) -> Array:
     return np.where(small, series, plain)
 
 
-#: A variance moves by at most this factor in a pass; a ratio that keeps its sign is followed so many times as far.
-FARTHEST, ONWARD = 30.0, 1.6
+#: A variance moves by at most this factor in a pass; a far ratio that keeps its sign is followed
+#: so many times as far.
+FARTHEST, ONWARD = 100.0, 2.5
 
-#: Missing acceleration below this part of what is seen is none.
-NONE = 1e-5
+#: Logarithm of such a ratio from which on it is far.
+FAR = 0.5
+
+#: Fall of the cost from which on another correlation time is taken.
+WORTH_A_STEP = 0.5
+
+#: Missing acceleration below these parts of what is seen is none, or too small for its correlation time to matter.
+NONE, SMALL = 1e-5, 1e-3
 
 
 def moved(
@@ -161,34 +174,43 @@ def moved(
         A = float((e[..., c][own] ** 2 / R).sum())
         B = float((1.0 - known[..., c][own] / R).sum())
         ratio[c] = np.log(A / B) if A > 0 and B > 0 else 0.0
+    n = len(problem.free)
+    gamma = _gamma(problem, system.A[..., :n, :n])
     for j in range(q):
         if noise.process[j] <= 0.0:
             continue
-        dQ = _covariance(problem, system.A, noise, j)
-        A = float(np.einsum("kwi,kwij,kwj->", smooth.push, dQ, smooth.push))
-        B = float(np.einsum("kwij,kwji->", smooth.information, dQ))
+        pushed, both, own = _covariance(problem, noise, j)
+        g = gamma[..., j]
+        r, N = smooth.push, smooth.information
+        along, last = (r[..., :n] * g).sum(axis=-1), r[..., n + j]
+        A = float((pushed * along**2 + 2.0 * both * along * last + own * last**2).sum())
+        Ng = (N[..., :n, :n] @ g[..., None])[..., 0]
+        B = float(
+            (
+                pushed * (Ng * g).sum(axis=-1)
+                + 2.0 * both * (N[..., n + j, :n] * g).sum(axis=-1)
+                + own * N[..., n + j, n + j]
+            ).sum()
+        )
         ratio[C + j] = np.log(max(A, 1e-300) / max(B, 1e-300))
     limit = np.log(FARTHEST)
     step = np.clip(ratio, -limit, limit)
     if before.size:
-        step = np.where(before * step > 0, np.clip(ONWARD * step, -limit, limit), step)
+        far = (before * step > 0) & (np.abs(step) > FAR)
+        step = np.where(far, np.clip(ONWARD * step, -limit, limit), step)
     process = noise.process * np.exp(0.5 * step[C:])
     process = np.where(process < NONE * problem.accelerations, 0.0, process)
     return replace(noise, measured=noise.measured * np.exp(0.5 * step[:C]), process=process), step
 
 
-def _covariance(problem: Problem, A: Array, noise: Noise, j: int) -> Array:
-    """Return the part of Q that one missing acceleration makes."""
-    n, dt = len(problem.free), problem.dt
-    gamma = _gamma(problem, A[..., :n, :n])[..., j]
+def _covariance(problem: Problem, noise: Noise, j: int) -> tuple[Array, Array, Array]:
+    """Return variance of a missing acceleration's integral over each step, covariance with it, its own variance.
+
+    Shapes (K-1, W).
+    """
     tau, var = float(noise.seconds[j]), float(noise.process[j]) ** 2
-    s = dt / tau
-    Q = np.zeros((*dt.shape, A.shape[-1], A.shape[-1]))
-    both = gamma * (var * tau * np.expm1(-s) ** 2)[..., None]
-    Q[..., :n, :n] = gamma[..., :, None] * gamma[..., None, :] * (var * tau**2 * _integrated(s))[..., None, None]
-    Q[..., :n, n + j] = Q[..., n + j, :n] = both
-    Q[..., n + j, n + j] = -var * np.expm1(-2.0 * s)
-    return Q
+    s = problem.dt / tau
+    return var * tau**2 * _integrated(s), var * tau * np.expm1(-s) ** 2, -var * np.expm1(-2.0 * s)
 
 
 def _gamma(problem: Problem, A: Array) -> Array:
@@ -200,31 +222,34 @@ def _gamma(problem: Problem, A: Array) -> Array:
     return gamma
 
 
-def timed(problem: Problem, linear: Linear, noise: Noise) -> Noise:
-    """Return the noise with its correlation times a step nearer to the likeliest."""
+def timed(problem: Problem, linear: Linear, noise: Noise, factor: float) -> tuple[Noise, bool]:
+    """Return the noise with likelier correlation times, if there are such `factor` away; and whether.
+
+    Each is tried longer and shorter, with the same push over long times and with the same over short ones.
+    """
     least, most = problem.shortest, problem.longest
     tries, places = [noise], []
-    for j in np.flatnonzero(noise.process > 0).tolist():
-        for factor in (0.5, 2.0):
-            seconds, process = noise.seconds.copy(), noise.process.copy()
-            seconds[j] = np.clip(seconds[j] * factor, least, most)
-            process[j] *= np.sqrt(noise.seconds[j] / seconds[j])  # the same push over long times
-            tries.append(replace(noise, seconds=seconds, process=process))
-            places.append(j)
+    for j in np.flatnonzero(noise.process > SMALL * problem.accelerations).tolist():
+        for times in (1.0 / factor, factor):
+            new = float(np.clip(noise.seconds[j] * times, least, most))
+            for power in (-0.5, 0.5):
+                seconds, process = noise.seconds.copy(), noise.process.copy()
+                process[j] *= (new / seconds[j]) ** power
+                seconds[j] = new
+                tries.append(replace(noise, seconds=seconds, process=process))
+                places.append(j)
     if not places:
-        return noise
+        return noise, False
     try:
         filtered = run_filter(augment(problem, linear, tries, unknowns=False))
-    except np.linalg.LinAlgError:  # one of the tries lets a covariance run away
-        return noise
+    except np.linalg.LinAlgError:  # the path ran away: the next pass comes back
+        return noise, False
     each = (filtered.white[..., 0] ** 2).sum(axis=(0, 2)) + filtered.log_det
     costs = each.reshape(len(tries), -1).sum(axis=1)
-    seconds, process = noise.seconds.copy(), noise.process.copy()
-    for k in range(0, len(places), 2):
-        j, down, up = places[k], costs[1 + k], costs[2 + k]
-        slope, curve = (up - down) / 2.0, up + down - 2.0 * costs[0]
-        shift = -slope / curve if curve > 0 else (-2.0 if down < up else 2.0)
-        new = float(np.clip(seconds[j] * 2.0 ** np.clip(shift, -2.0, 2.0), least, most))
-        process[j] *= np.sqrt(seconds[j] / new)
-        seconds[j] = new
-    return replace(noise, seconds=seconds, process=process)
+    seconds, process, moved_on = noise.seconds.copy(), noise.process.copy(), False
+    for j in sorted(set(places)):
+        own = [1 + k for k, place in enumerate(places) if place == j]
+        best = min(own, key=lambda k: costs[k])
+        if costs[best] < costs[0] - WORTH_A_STEP:
+            seconds[j], process[j], moved_on = tries[best].seconds[j], tries[best].process[j], True
+    return replace(noise, seconds=seconds, process=process), moved_on
