@@ -66,7 +66,7 @@ def collect(d: Diagnosis, command: str = "") -> Context:
     if d.held_before is not None and d.held_after is not None:
         return Context(d, d.held_before, d.held_after, True, d.ahead, command)
     base, final = d.selection.base, d.selection.final
-    return Context(d, base, final, False, d.ahead or ahead(base, final), command)
+    return Context(d, base, final, False, d.ahead or ahead(base, final).each, command)
 
 
 def averaged_forces(d: Diagnosis, forces: tuple[Missing, ...]) -> tuple[Missing, ...]:

@@ -41,16 +41,17 @@ def _column(e: Evidence) -> tuple[str, ...]:
 
 def _held(e: Evidence) -> str:
     """Return how predictions of the held-out log change."""
-    if not e.holdout:
+    far = e.holdout.each
+    if not far:
         return "none held out"
-    falls = sum(a.t >= SURE and a.after < a.before for a in e.holdout)
-    rises = sum(a.t <= -SURE and a.after > a.before for a in e.holdout)
-    best = most_fallen(e.holdout)
+    falls = sum(a.t >= SURE and a.after < a.before for a in far)
+    rises = sum(a.t <= -SURE and a.after > a.before for a in far)
+    best = most_fallen(far)
     most = ""
     if best:
         fall = percent(1.0 - best.after / best.before)
         most = f", most by {fall} ({best.channel}, {best.horizon:.2g} s ahead)"
-    return f"{falls} of {len(e.holdout)} fall, {rises} rise{most}"
+    return f"{falls} of {len(far)} fall, {rises} rise{most}"
 
 
 def _blocks(m: Context) -> str:

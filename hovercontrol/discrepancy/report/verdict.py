@@ -77,7 +77,7 @@ def gap_sentence(d: Diagnosis) -> str:
     held = d.held_before is not None
     if not d.effects:
         return _error_of_noise(d)
-    far = d.ahead or ahead(d.selection.base, d.selection.final)
+    far = d.ahead or ahead(d.selection.base, d.selection.final).each
     where = "On the held-out log" if held else "No log was held out; on the training logs"
     best = most_fallen(far)
     one = len(numbers_by_effect(d)) == 1
