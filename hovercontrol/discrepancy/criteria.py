@@ -36,6 +36,8 @@ class Criteria:
         Process noise below this part of the accelerations seen is none: what steps of the simulation leave.
     share : float
         Score, in parts of the best one's, below which a candidate is not fitted.
+    alike : float
+        The same where the best one leaves nothing: only near twins do as well (signatures correlated by 0.88 and more).
     tries : int
         Candidates that are fitted at most to find the best.
     worse : float
@@ -53,6 +55,7 @@ class Criteria:
     remains: float = 28.0
     negligible: float = 2e-3
     share: float = 0.4
+    alike: float = 0.8
     tries: int = 4
     worse: float = 3.0
 

@@ -62,16 +62,16 @@ def predict(fit: Fit, horizon: float, starts: int = STARTS) -> Prediction | None
         Predictions at most, spread evenly.
     """
     problem = fit.problem
-    time, K = problem.rows.time, problem.rows.time.shape[0]
+    time = problem.rows.time
     half = 0.5 * problem.shortest
     begin, end, block = [], [], []
+    seen = problem.seen.any(axis=2)
     for w in range(time.shape[1]):
-        stop = np.searchsorted(time[:, w], time[-1, w], side="left") + 1  # padding repeats the last time
-        at = np.arange(stop)
-        ahead = np.searchsorted(time[:stop, w], time[at, w] + horizon - half)
-        good = (ahead < stop) & (problem.rows.at[np.minimum(ahead, K - 1), w] >= 0)
-        begin.append(at[good])
-        end.append(ahead[good])
+        rows = np.flatnonzero(seen[:, w])
+        ahead = np.searchsorted(time[rows, w], time[rows, w] + horizon - half)
+        good = ahead < rows.size
+        begin.append(rows[good])
+        end.append(rows[ahead[good]])
         block.append(np.full(int(good.sum()), w))
     first, last, of = (np.concatenate(a).astype(np.intp) for a in (begin, end, block))
     if not first.size:

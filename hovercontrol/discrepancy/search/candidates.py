@@ -17,6 +17,9 @@ from hovercontrol.estimation.fit import Fit
 
 Array = NDArray[np.float64]
 
+#: Effects that shift commands against measurements: no log tells them apart.
+LATE = {"input_delay", "time_offset", "fan_delay"}
+
 #: Size of the trial of a number that enters linearly; in units of its own, the answer being linear.
 TRIAL = 1e-2
 
@@ -68,11 +71,12 @@ class Candidate:
 
 def catalogue(model: Subject, names: Sequence[str] | None = None) -> list[type[Effect]]:
     """Return the classes of the effects that a model may lack: of the names given, or all that it accepts."""
-    if names is None:
-        return list(model.candidates())
     have = {e.name for e in model.effects}
+    if have & LATE:  # another one would be the same once more
+        have |= LATE
     own = getattr(model, "effect_class", effect_class)
-    return [own(name) for name in names if name not in have]
+    found = model.candidates() if names is None else [own(name) for name in names]
+    return [cls for cls in found if cls.name not in have]
 
 
 def candidates(fit: Fit, names: Sequence[str] | None = None) -> list[Candidate]:

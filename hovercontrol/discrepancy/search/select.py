@@ -9,7 +9,7 @@ import numpy as np
 
 from hovercontrol.discrepancy.criteria import CRITERIA, Criteria
 from hovercontrol.discrepancy.evidence.blocks import Blocks, agreement
-from hovercontrol.discrepancy.search.candidates import candidates
+from hovercontrol.discrepancy.search.candidates import LATE, candidates
 from hovercontrol.discrepancy.search.score import Scored, Scores
 from hovercontrol.effects import Effect
 from hovercontrol.estimation.fit import Fit, refit
@@ -249,7 +249,7 @@ def _add(search: _Search, current: Fit, seen: Sequence[Scored]) -> list[Tried]:
             continue
         if found and _explained(found[0]) and not same_axis(e, top.candidate.trial):
             share = next(s.gain for s in seen if s.candidate.name == e.name) / top.gain
-            if share < 0.9:
+            if share < criteria.alike:
                 continue
         search.tell(f"trying {e.name}")
         t = _tried(search, current, e)
@@ -295,10 +295,6 @@ def twins(one: str, other: str) -> bool:
     return one != other and {one, other} <= LATE
 
 
-#: Effects that shift commands against measurements: no log tells them apart.
-LATE = {"input_delay", "time_offset", "fan_delay"}
-
-
 def without_effects(model: Subject, *names: str) -> Subject:
     """Return a model less some of its effects, all else as it is."""
     return replace(model, effects=tuple(e for e in model.effects if e.name not in names))
@@ -335,8 +331,13 @@ def _confirmed(search: _Search, selection: Selection, first: Sequence[Tried]) ->
             tried: list[Tried] = []
             for s in others:
                 same = twins(name, s.candidate.name)
-                near = s.gain > max(criteria.share * max(best, 0.0), criteria.least)
-                if not (near or same) or len(tried) >= criteria.tries:
+                if same:
+                    rivals.append(Rival(s.candidate.name, name, 0.0, 0.0, final, same))
+                    continue
+                kin = same_axis(s.candidate.trial, final.problem.model.effect(name))
+                share = criteria.share if kin or not _explained(own) else criteria.alike
+                near = s.gain > max(share * max(best, 0.0), criteria.least)
+                if not near or len(tried) >= criteria.tries:
                     continue
                 known = done.get(s.candidate.name) if alone else None
                 if known is None:
@@ -350,13 +351,12 @@ def _confirmed(search: _Search, selection: Selection, first: Sequence[Tried]) ->
                 d = t.fit.block_costs - final.block_costs
                 score = float(d.sum() / max(np.sqrt(d.size) * d.std(ddof=1), 1e-300)) if d.size > 1 else 0.0
                 ok = passes(t, selection.candidates, criteria)
-                if behind < 0.0 and ok and not twins(name, t.name):
+                if behind < 0.0 and ok:
                     effects[effects.index(name)] = t.name
                     final, changed = t.fit, True
                     break
-                same = twins(name, t.name)
-                if same or (ok and (behind < criteria.apart or score < criteria.apart_t)):
-                    rivals.append(Rival(t.name, name, behind, score, t.fit, same))
+                if ok and (behind < criteria.apart or score < criteria.apart_t):
+                    rivals.append(Rival(t.name, name, behind, score, t.fit))
             if changed:
                 break
         if not changed:
