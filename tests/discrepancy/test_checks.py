@@ -3,13 +3,14 @@
 import numpy as np
 import pytest
 
-from hovercontrol.discrepancy.checks import check_excitation, check_logs
-from hovercontrol.discrepancy.clocks import command_drift
-from hovercontrol.discrepancy.data import gather
-from hovercontrol.discrepancy.diagnose import diagnose
-from hovercontrol.discrepancy.ladder import paced
+from hovercontrol.discrepancy.checks import check_fitted, check_logs
+from hovercontrol.discrepancy.checks.clocks import command_drift
+from hovercontrol.discrepancy.checks.excitation import check_excitation, predicts_nothing
+from hovercontrol.discrepancy.checks.units import refuse_units
+from hovercontrol.discrepancy.diagnose import base_fit, diagnose
 from hovercontrol.effects import effect
 from hovercontrol.errors import InputError
+from hovercontrol.estimation.data import gather
 from hovercontrol.identify import identify
 from hovercontrol.logs import Log
 from hovercontrol.vehicles import four_fan
@@ -29,8 +30,7 @@ def without(*names):
 
 
 def excitation(model, logs):
-    data, told = paced(model, gather(model, logs))
-    return check_excitation(told, data)
+    return check_excitation(base_fit(model, gather(model, logs)))
 
 
 def in_degrees(log, *names):
@@ -100,7 +100,7 @@ def test_a_bad_log_is_refused_in_one_line(log, said):
 def test_commands_in_other_units_or_of_the_other_sign_are_refused(column, factor, said):
     logs = [changed(log, **{column: factor * log[column]}) for log in CASE.logs]
     with pytest.raises(InputError, match=said) as error:
-        diagnose(CASE.model, logs)
+        check_fitted(base_fit(CASE.model, gather(CASE.model, logs)))
     assert "'thrust' and 'rudder' (rad) in the model's units" in str(error.value)
     assert "\n" not in str(error.value)
 

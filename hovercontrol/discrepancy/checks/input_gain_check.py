@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from hovercontrol.discrepancy.fit import Fit
-from hovercontrol.discrepancy.subject import Subject
 from hovercontrol.errors import InputError
+from hovercontrol.estimation.fit import Fit
+from hovercontrol.estimation.subject import Subject
 from hovercontrol.identify.excitation import inputs_beside
 
 #: By how much logs must want more (or less) of an input than the model has, what is its opposite, and how
@@ -36,24 +36,25 @@ def refuse_gains(base: Fit) -> None:
         If the coefficient of an input is 20 times as large or as small as the model's, or about its opposite,
         and well known: its column is in another unit, or of another sign.
     """
-    w, std = base.windowed, np.sqrt(np.diag(base.covariance))
-    linear = [w.names.index(name) for name in w.model.linear_coefficients() if name in w.names]
-    if not any(_is_far(base.p[j], w.start[j], std[j]) for j in linear):
+    problem, std = base.problem, np.sqrt(np.diag(base.covariance))
+    linear = [problem.names.index(name) for name in problem.model.linear_coefficients() if name in problem.names]
+    if not any(_is_far(base.p[j], problem.start[j], std[j]) for j in linear):
         return
-    beside = {j: inputs_beside(w.block, w.block.parameter(w.names[j]).name) for j in linear}
-    does = {j: float(np.sqrt(base.normal.S[j, j]) * abs(w.start[j])) for j in linear if beside[j]}
+    S = base.S.sum(axis=0)
+    beside = {j: inputs_beside(problem.block, problem.block.parameter(problem.names[j]).name) for j in linear}
+    does = {j: float(np.sqrt(S[j, j]) * abs(problem.start[j])) for j in linear if beside[j]}
     main = [j for j, much in does.items() if much > SLIGHT * max(does.values())]
-    far = {j: beside[j] for j in main if _is_far(base.p[j], w.start[j], std[j])}
+    far = {j: beside[j] for j in main if _is_far(base.p[j], problem.start[j], std[j])}
     if not far:
         return
     first = min(far, key=lambda j: len(far[j]))
     shared = [n for n in far[first] if all(n in inputs for inputs in far.values())] or far[first]
-    units = {s.name: "" if s.unit == "1" else f" ({s.unit})" for s in w.block.inputs}
+    units = {s.name: "" if s.unit == "1" else f" ({s.unit})" for s in problem.block.inputs}
     columns = " and ".join(f"{n!r}{units[n]}" for n in shared)
-    logs, name = ", ".join(m.name for m in w.data.logs), w.names[first]
+    logs, name = ", ".join(m.name for m in problem.logs), problem.names[first]
     raise InputError(
-        f"{logs}: {name} would be {base.p[first]:.3g} {w.block.parameter(name).unit}, the model has "
-        f"{w.start[first]:.3g}: {'are columns' if len(shared) > 1 else 'is column'} {columns} in the model's "
+        f"{logs}: {name} would be {base.p[first]:.3g} {problem.block.parameter(name).unit}, the model has "
+        f"{problem.start[first]:.3g}: {'are columns' if len(shared) > 1 else 'is column'} {columns} in the model's "
         "units, and of its sign? If so, the model is far off: fit it first (hovercontrol identify)"
     )
 
@@ -75,11 +76,11 @@ def held_back(final: Fit, model: Subject) -> list[str]:
     model : Model or BlockModel
         As given.
     """
-    w, given, linear = final.windowed, model.coefficients(), set(model.linear_coefficients())
+    problem, given, linear = final.problem, model.coefficients(), set(model.linear_coefficients())
     return [
-        f"the logs put {name} at {final.p[j]:.3g} {w.block.parameter(name).unit} or beyond, the model at "
+        f"the logs put {name} at {final.p[j]:.3g} {problem.block.parameter(name).unit} or beyond, the model at "
         f"{given[name]:.3g}, which holds it back: an effect may be named for what it leaves; "
         "fit the model first (hovercontrol identify)"
-        for j, name in enumerate(w.names)
-        if name in linear and np.sqrt(final.prior[j]) * abs(final.p[j] - given[name]) > HELD
+        for j, name in enumerate(problem.names)
+        if name in linear and name in given and np.sqrt(final.prior.precision[j]) * abs(final.p[j] - given[name]) > HELD
     ]
