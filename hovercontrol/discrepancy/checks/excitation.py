@@ -22,11 +22,11 @@ from hovercontrol.identify.excitation import (
 from hovercontrol.identify.predict import coasting
 
 #: Part of the accelerations seen from which on process noise may be all there is.
-SWALLOWED = 0.5
+SWALLOWED = 0.3
 
-#: How far ahead such a model is asked to predict [s], and what its errors must be of those of a craft whose
-#: velocities stay.
-AHEAD, BETTER = 0.2, 0.95
+#: How far ahead such a model is asked to predict [s], and what its errors (their median over channels) must be
+#: of those of a craft whose velocities stay: drag along one axis is no merit.
+AHEAD, BETTER = 0.2, 0.9
 
 
 def check_fitted(base: Fit) -> list[str]:
@@ -96,7 +96,7 @@ def check_excitation(base: Fit, predicts_nothing: bool = False) -> list[str]:
 
 
 def predicts_nothing(base: Fit) -> list[str]:
-    """Return a warning if a model predicts no better than that velocities stay; else nothing.
+    """Return a warning if a model predicts hardly better than that velocities stay; else nothing.
 
     Parameters
     ----------
@@ -113,9 +113,9 @@ def predicts_nothing(base: Fit) -> list[str]:
     if found is None or trivial is None:
         return []
     ratios = [found.rms[c] / trivial.rms[c] for c in found.channels if trivial.rms[c] > 0.0]
-    if not ratios or float(np.exp(np.mean(np.log(ratios)))) < BETTER:
+    if not ratios or float(np.median(ratios)) < BETTER:
         return []
     return [
-        f"the model predicts nothing: {horizon:.2g} s ahead it is no better than that velocities stay; what it "
-        "is said to lack may be anything"
+        f"the model predicts nothing: {horizon:.2g} s ahead it is hardly better than that velocities stay; "
+        "are model, commands and motion of the same craft and time?"
     ]

@@ -6,7 +6,6 @@ import numpy as np
 
 from hovercontrol.errors import InputError
 from hovercontrol.estimation.fit import Fit
-from hovercontrol.estimation.subject import Subject
 from hovercontrol.identify.excitation import inputs_beside
 
 #: By how much logs must want more (or less) of an input than the model has, what is its opposite, and how
@@ -17,9 +16,6 @@ FAR, OPPOSITE, KNOWN = 20.0, -0.5, 0.02
 #: A coefficient that does less than this part of what the most effective one beside an input does is a small
 #: effect of a model, which may be far off in any unit.
 SLIGHT = 0.1
-
-#: From how many standard deviations of the prior on a coefficient is said to be held back by the model.
-HELD = 5.0
 
 
 def refuse_gains(base: Fit) -> None:
@@ -64,23 +60,3 @@ def _is_far(value: float, given: float, std: float) -> bool:
         return False
     times = value / given
     return bool(times > FAR or abs(times) < 1.0 / FAR or times < OPPOSITE)
-
-
-def held_back(final: Fit, model: Subject) -> list[str]:
-    """Return warnings of coefficients that logs put so far from the model's that the prior holds them back.
-
-    Parameters
-    ----------
-    final : Fit
-        Of the amended model.
-    model : Model or BlockModel
-        As given.
-    """
-    problem, given, linear = final.problem, model.coefficients(), set(model.linear_coefficients())
-    return [
-        f"the logs put {name} at {final.p[j]:.3g} {problem.block.parameter(name).unit} or beyond, the model at "
-        f"{given[name]:.3g}, which holds it back: an effect may be named for what it leaves; "
-        "fit the model first (hovercontrol identify)"
-        for j, name in enumerate(problem.names)
-        if name in linear and name in given and np.sqrt(final.prior.precision[j]) * abs(final.p[j] - given[name]) > HELD
-    ]
