@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -79,8 +79,8 @@ def _trace(fit: Fit, k: int, seconds: float, missing: tuple[Missing, ...]) -> Tr
     problem, log = fit.problem, fit.problem.logs[k]
     own = [problem.rows.channels.index(c) for c in log.channels]
     measured, simulated = (np.full((len(own), log.time.size), np.nan) for _ in range(2))
-    runs = list(_runs(problem, k, seconds))
-    for (row, block), values in zip(runs, _simulated(fit, runs), strict=True):
+    runs = list(runs_of(problem, k, seconds))
+    for (row, block), (_, values) in zip(runs, simulate_runs(problem, fit.p, fit.path, runs), strict=True):
         at = problem.rows.at[row, block]
         there = at >= 0
         simulated[:, at[there]] = values[own][:, there]
@@ -98,8 +98,17 @@ def _trace(fit: Fit, k: int, seconds: float, missing: tuple[Missing, ...]) -> Tr
     )
 
 
-def _runs(problem: Problem, k: int, seconds: float) -> Iterator[tuple[Indices, Indices]]:
-    """Yield rows and blocks, one after the other, of each run over a log."""
+def runs_of(problem: Problem, k: int, seconds: float = np.inf) -> Iterator[tuple[Indices, Indices]]:
+    """Yield rows and blocks, one after the other, of each run over a log.
+
+    Parameters
+    ----------
+    problem : Problem
+    k : int
+        Which log.
+    seconds : float, optional
+        After which a run ends and another begins; a long gap ends one as well.
+    """
     blocks = np.flatnonzero(problem.rows.log == k)
     time = problem.rows.time
     lengths = [int(np.searchsorted(time[:, w], time[-1, w], side="left")) + 1 for w in blocks]
@@ -115,16 +124,28 @@ def _runs(problem: Problem, k: int, seconds: float) -> Iterator[tuple[Indices, I
             begin = j
 
 
-def _simulated(fit: Fit, runs: list[tuple[Indices, Indices]]) -> list[Array]:
-    """Return the channels along each run, shape (C, n) each; all runs side by side."""
-    problem = fit.problem
-    parameters = problem.parameters(fit.p)
+def simulate_runs(
+    problem: Problem, p: Array, path: Array, runs: Sequence[tuple[Indices, Indices]]
+) -> list[tuple[Array, Array]]:
+    """Return states and channels along each run, shapes (n_states, n) and (C, n); all runs side by side.
+
+    Parameters
+    ----------
+    problem : Problem
+    p : ndarray, shape (P,)
+        Unknowns.
+    path : ndarray, shape (K, W, n_states)
+        From which each run starts.
+    runs : sequence of (ndarray of int, ndarray of int)
+        By :func:`runs_of`.
+    """
+    parameters = problem.parameters(p)
     M, N = max(row.size for row, _ in runs), len(runs)
     t = np.empty((M, N))
     for j, (row, block) in enumerate(runs):
         t[: row.size, j] = problem.rows.time[row, block]
         t[row.size :, j] = t[row.size - 1, j]
-    start = np.stack([fit.path[row[0], block[0]] for row, block in runs], axis=-1)
+    start = np.stack([path[row[0], block[0]] for row, block in runs], axis=-1)
     log = np.array([problem.rows.log[block[0]] for _, block in runs])
     dt = np.diff(t, axis=0)
     S = max(problem.pieces, math.ceil(float(dt.max()) / STEP - 1e-9))
@@ -144,4 +165,4 @@ def _simulated(fit: Fit, runs: list[tuple[Indices, Indices]]) -> list[Array]:
     x = np.moveaxis(states, 1, 0).reshape(states.shape[1], -1)
     with np.errstate(all="ignore"):
         found = problem.channels_at(x, parameters, t.ravel(), np.tile(log, M)).reshape(-1, M, N)
-    return [found[:, : row.size, j] for j, (row, _) in enumerate(runs)]
+    return [(states[: row.size, :, j].T, found[:, : row.size, j]) for j, (row, _) in enumerate(runs)]
