@@ -67,7 +67,7 @@ def holohover(name: str) -> Log:
     """Return a log whose inputs are the nominal forces [N] of the motors."""
     if name == "h1_raw":
         files = f"{DATA}/h1_blue_raw_pose.csv+{DATA}/h1_blue_raw_command.csv"
-        log = gather(files, list(MOTORS), allow_gaps=True)
+        log = gather(files, list(MOTORS))
         log = log.between(*_both(files, log))
     else:
         log = read_log(DATA / f"{name}_aligned.csv", inputs=list(MOTORS))

@@ -100,7 +100,7 @@ SAMPLE = sample_path().read_text().splitlines()
         (lambda rows: [rows[0].replace("psi", "psy"), *rows[1:]], "no column 'psi'; did you mean 'psy'?"),
         (lambda rows: [*rows[:50], rows[49], *rows[50:]], "line 51, column 'time': time repeats"),
         (lambda rows: [*rows[:50], rows[9], *rows[50:]], "line 51, column 'time': time runs backwards"),
-        (lambda rows: [*rows[:50], *rows[400:]], "line 51, column 'time': 7.02 s without a row"),
+        (lambda rows: [*rows[:50], *rows[1150:]], "1 gap of 22 s, 22 s in all: usual are 0.02 s"),
         (lambda rows: [*rows[:50], "0.98,nan,0,0,0,0", *rows[51:]], "line 51, column 'x': expected a finite"),
         (lambda rows: [*rows[:50], "0.98,0,abc,0,0,0", *rows[51:]], "line 51, column 'y': expected a number"),
         (lambda rows: rows[:1], "found no rows"),
@@ -121,11 +121,17 @@ def test_a_wrong_log_is_one_line_with_file_and_row(call, tmp_path, change, said)
     assert done.stdout == "" and [p.name for p in tmp_path.iterdir()] == ["mine.csv"]
 
 
-def test_a_log_meant_to_have_gaps_is_accepted_on_request(call, tmp_path):
-    (tmp_path / "mine.csv").write_text("\n".join([*SAMPLE[:700], *SAMPLE[1000:]]) + "\n")
-    done = call("identify", "mine.csv", "--allow-gaps", "--out", "out", cwd=tmp_path)
+@pytest.mark.parametrize("option", [[], ["--allow-gaps"]])
+def test_a_log_with_gaps_is_accepted_with_one_line(call, tmp_path, option):
+    (tmp_path / "mine.csv").write_text("\n".join([*SAMPLE[:700], *SAMPLE[1000:1300], *SAMPLE[1313:]]) + "\n")
+    done = call("identify", "mine.csv", *option, "--out", "out", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
+    said = [line for line in done.stderr.splitlines() if line.startswith("warning")]
+    assert said == [
+        "warning: mine.csv: 2 gaps of 6.02 s at most, bridged by the model: usual are 0.02 s from row to row"
+    ]
     assert "free_run_mine.png" in {p.name for p in (tmp_path / "out").iterdir()}
+    assert "--allow-gaps" not in call("identify", "--help", cwd=tmp_path).stdout
 
 
 @pytest.mark.parametrize(

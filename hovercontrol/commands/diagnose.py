@@ -71,7 +71,7 @@ def diagnose(
         effect_class(name)
     inputs = [s.name for s in lacks.plant(late=True).inputs]
     moves = isinstance(lacks, Model)
-    read = given.reader(inputs, columns, bench, bench_fans, only_while, settle, allow_gaps, motion=moves)
+    read = given.reader(inputs, columns, bench, bench_fans, only_while, settle, motion=moves)
     with progress_bar("diagnose", 1.0) as report:
         report(0.0, "reading logs")
         training, held = [read(name) for name in logs], read(holdout) if holdout else None

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+import warnings
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -35,7 +37,8 @@ BenchFans = Annotated[
 ]
 OnlyWhile = Annotated[str, typer.Option("--while", help="Use only rows where this holds: 'pwm_lift>1000'")]
 Settle = Annotated[float, typer.Option("--settle", help="Seconds to leave out where that begins.", min=0.0)]
-AllowGaps = Annotated[bool, typer.Option("--allow-gaps", help="Accept logs in which rows are missing.")]
+#: Gaps are always bridged; scripts may still ask for it.
+AllowGaps = Annotated[bool, typer.Option("--allow-gaps", hidden=True)]
 
 
 def craft(command: str, model: Path | None, vehicle: str | None) -> Model:
@@ -99,13 +102,13 @@ def reader(
     bench_fans: int,
     only_while: str,
     settle: float,
-    allow_gaps: bool,
     *,
     motion: bool = True,
 ) -> Callable[[str], Log]:
     """Return what reads a log of a craft with these inputs, as the options of the command say.
 
-    Without `motion` a log need not hold pose or body velocities: it is of some other machine.
+    Without `motion` a log need not hold pose or body velocities: it is of some other machine. What is
+    remarkable about a log, such as its gaps, is one line each on the standard error.
     """
     from hovercontrol.logs import BenchTable, Condition, gather
 
@@ -114,16 +117,20 @@ def reader(
     renamed = _pairs(columns)
 
     def read(files: str) -> Log:
-        return gather(
-            files,
-            inputs,
-            columns=renamed,
-            bench=table,
-            only_while=condition,
-            settle=settle,
-            allow_gaps=allow_gaps,
-            motion=motion,
-        )
+        with warnings.catch_warnings(record=True) as remarks:
+            warnings.simplefilter("always")
+            log = gather(
+                files,
+                inputs,
+                columns=renamed,
+                bench=table,
+                only_while=condition,
+                settle=settle,
+                motion=motion,
+            )
+        for remark in remarks:
+            print(f"warning: {remark.message}", file=sys.stderr)
+        return log
 
     return read
 

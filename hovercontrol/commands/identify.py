@@ -61,7 +61,7 @@ def identify(
     given.refuse_twice("identify", [*names, *held])
     craft = given.craft("identify", model, vehicle)
     inputs = [s.name for s in craft.plant().inputs]
-    read = given.reader(inputs, columns, bench, bench_fans, only_while, settle, allow_gaps)
+    read = given.reader(inputs, columns, bench, bench_fans, only_while, settle)
     with progress_bar("identify", 1.0) as report:
         every = []
         for k, name in enumerate([*names, *held]):

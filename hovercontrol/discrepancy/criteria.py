@@ -28,7 +28,7 @@ class Criteria:
         A rival no more than this behind (odds of e^6) cannot be told apart.
     apart_t : float
         Nor one behind by less than so many standard errors of the difference over blocks (Vuong,
-        Econometrica 57 (1989)).
+        Econometrica 57 (1989)): at two, 2.5 % of true ones are.
     remains : float
         Fall of twice the negative log likelihood by process noise in one equation from which on something
         remains there: two numbers, its size and its correlation time.
@@ -39,7 +39,8 @@ class Criteria:
     tries : int
         Candidates that are fitted at most to find the best.
     worse : float
-        Rise of a held-out error, in its standard errors over starts, that no effect survives.
+        Rise of the held-out errors of all channels together, in its standard errors over blocks, that no effect
+        survives at most horizons.
     """
 
     level: float = 0.01
@@ -48,7 +49,7 @@ class Criteria:
     spread: float = 0.5
     blocks: int = 6
     apart: float = 12.0
-    apart_t: float = 3.0
+    apart_t: float = 2.0
     remains: float = 28.0
     negligible: float = 2e-3
     share: float = 0.4

@@ -11,7 +11,7 @@ from threadpoolctl import threadpool_limits
 from hovercontrol.discrepancy.checks import check_fitted, check_logs
 from hovercontrol.discrepancy.criteria import CRITERIA, Criteria
 from hovercontrol.discrepancy.diagnosis import Diagnosis, numbers_of
-from hovercontrol.discrepancy.evidence.holdout import Ahead, ahead, gap, held_fit
+from hovercontrol.discrepancy.evidence.holdout import Horizons, ahead, gap, held_fit
 from hovercontrol.discrepancy.evidence.laws import regime
 from hovercontrol.discrepancy.evidence.of_effects import Evidence
 from hovercontrol.discrepancy.evidence.remainder import missing_forces, remainders
@@ -140,7 +140,7 @@ def _diagnosed(
         refitted=base.model,
         before=before,
         after=gap(held_after) if held_after else None,
-        ahead=far,
+        ahead=far.each,
         train_before=train_before,
         train_after=gap(final) if selection.effects else train_before,
         selection=selection,
@@ -160,11 +160,11 @@ def _diagnosed(
 
 def _held_out(
     model: Subject, holdout: Log | None, selection: Selection, criteria: Criteria = CRITERIA
-) -> tuple[Fit | None, Fit | None, Selection, dict[str, Evidence], tuple[Ahead, ...]]:
+) -> tuple[Fit | None, Fit | None, Selection, dict[str, Evidence], Horizons]:
     """Predict the held-out log without and with what was named; drop names that it predicts worse with."""
     if holdout is None:
         evidence = {n: Evidence(selection.gains[n], selection.blocks[n]) for n in selection.effects}
-        return None, None, selection, evidence, ()
+        return None, None, selection, evidence, Horizons()
     data = gather(model, [holdout])
     before = held_fit(selection.base.model, data)
     if not selection.effects:
@@ -200,12 +200,10 @@ def _held_out(
     return before, after, selection, evidence, far
 
 
-def _worse(far: Sequence[Ahead], criteria: Criteria) -> bool:
-    """Whether held-out predictions are surely worse: beyond what chance makes of as many channels."""
-    fallen = [a.t for a in far if np.isfinite(a.t)]
-    rises = [t for t in fallen if t < -criteria.worse]
-    falls = [t for t in fallen if t > criteria.worse]
-    return len(rises) > len(falls)
+def _worse(far: Horizons, criteria: Criteria) -> bool:
+    """Whether held-out predictions are surely worse, at most horizons."""
+    worse = [t < -criteria.worse for t in far.together]
+    return sum(worse) > len(worse) / 2
 
 
 def _dropped(data: Data, fit: Fit) -> int:

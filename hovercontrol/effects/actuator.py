@@ -46,7 +46,7 @@ class ThrustBacklash(_Backlash):
     """Play between command and thrust (hysteresis): it rests while within half the width of its command."""
 
     name, source, order = "thrust_backlash", "Nordin and Gutman, Automatica 38 (2002)", 5
-    width = Shape("{thrust}", lower=0.0, neutral=0.0, search=(0.05, 0.1, 0.2, 0.4), of="input")
+    width = Shape("{thrust}", lower=0.0, neutral=0.0, search=(0.05, 0.15, 0.4), of="input")
     tau = Shape("s", lower=TINY, default=TAU, fixed=True)
 
     def commands(self, c: Any, s: Any) -> dict[Signal, sp.Expr]:
@@ -61,7 +61,7 @@ class RudderBacklash(_Backlash):
     """Play of the rudder's linkage (hysteresis): it rests while within half the width of its command."""
 
     name, source, order, craft = "rudder_backlash", "Nordin and Gutman, Automatica 38 (2002)", 5, "rudder"
-    width = Shape("rad", lower=0.0, neutral=0.0, search=(0.03, 0.1, 0.2, 0.4))
+    width = Shape("rad", lower=0.0, neutral=0.0, search=(0.04, 0.12, 0.35))
     tau = Shape("s", lower=TINY, default=TAU, fixed=True)
 
     def commands(self, c: Any, s: Any) -> dict[Signal, sp.Expr]:

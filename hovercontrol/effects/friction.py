@@ -64,7 +64,7 @@ class LugreSurge(LuGre):
     """LuGre friction in surge: bristles that bend before the craft slides, stick-slip."""
 
     name, axis, deflection, source = "lugre_surge", "u", "m", SOURCE
-    stiffness = Shape("1/s^2", lower=0.0, search=(100.0, 1000.0))
+    stiffness = Shape("1/s^2", lower=0.0, search=(300.0,))
     damping = Shape("1/s", lower=0.0, default=10.0)
     coulomb = Shape("m/s^2", lower=TINY, search=(0.1, 0.4))
     static = Shape("m/s^2", lower=TINY, search=(0.5,))
@@ -75,7 +75,7 @@ class LugreSway(LuGre):
     """LuGre friction in sway: bristles that bend before the craft slides, stick-slip."""
 
     name, axis, deflection, source = "lugre_sway", "v", "m", SOURCE
-    stiffness = Shape("1/s^2", lower=0.0, search=(100.0, 1000.0))
+    stiffness = Shape("1/s^2", lower=0.0, search=(300.0,))
     damping = Shape("1/s", lower=0.0, default=10.0)
     coulomb = Shape("m/s^2", lower=TINY, search=(0.1, 0.4))
     static = Shape("m/s^2", lower=TINY, search=(0.5,))
@@ -86,7 +86,7 @@ class LugreYaw(LuGre):
     """LuGre friction in yaw: bristles that bend before the craft turns, stick-slip."""
 
     name, axis, deflection, source = "lugre_yaw", "r", "rad", SOURCE
-    stiffness = Shape("1/s^2", lower=0.0, search=(100.0, 1000.0))
+    stiffness = Shape("1/s^2", lower=0.0, search=(300.0,))
     damping = Shape("1/s", lower=0.0, default=10.0)
     coulomb = Shape("rad/s^2", lower=TINY, search=(0.2, 1.0))
     static = Shape("rad/s^2", lower=TINY, search=(1.2,))

@@ -16,10 +16,14 @@ import sympy as sp
 from numpy.typing import NDArray
 
 from hovercontrol.block import Block
+from hovercontrol.identify.measure import Measured
 from hovercontrol.sgn import regularise
 from hovercontrol.signals import time as TIME
 
 Array = NDArray[np.float64]
+
+#: A step so many times as long as usual lacks a row.
+MISSING = 1.5
 
 #: Steps that laws which are not linear take from row to row.
 STEPS = 2
@@ -90,6 +94,23 @@ def _laws(block: Block, motion: tuple[str, ...]) -> _Laws | None:
         linear.append((sp.lambdify([keys], a), sp.lambdify([keys, inputs], b, modules="numpy")))
     both = sp.lambdify([TIME, states, keys, inputs], [*rates, *slopes], modules="math", cse=True)
     return _Laws(driven, tuple(linear) if len(linear) == len(driven) else (), both)
+
+
+def command_times(log: Measured) -> tuple[Array, Array]:
+    """Return when the commands of each row began to hold, and how sure that is [s].
+
+    That is the time of the row. Where rows are missing before a row with a new command, it changed at any time
+    since the row before: at the middle on average, with the standard deviation of a uniform distribution.
+    """
+    time, std = log.time.copy(), np.zeros(log.time.size)
+    seen = np.isfinite(log.values).any(axis=0)
+    usual = float(np.median(np.diff(log.time[seen]))) if seen.sum() > 1 else 0.0
+    step = np.diff(log.time)
+    changed = (np.diff(log.inputs, axis=1) != 0).any(axis=0)
+    unsure = np.flatnonzero(changed & seen[1:] & (step > MISSING * usual))
+    time[unsure + 1] -= 0.5 * step[unsure]
+    std[unsure + 1] = step[unsure] / math.sqrt(12.0)
+    return time, std
 
 
 class Arrival:

@@ -28,8 +28,14 @@ MOVING, STILL = 14, 8
 #: Passes at most in which samples are left out before levels of noise move: large outliers hide small ones.
 GATES = 8
 
+#: Times at most that samples are left out of a fit that has settled, and passes in which levels then move.
+ROUNDS, AGAIN = 5, 5
+
 #: Change of minus twice the log likelihood at which a fit has settled, moving and still.
 SETTLED, STOPPED = 1.0, 0.05
+
+#: Passes after which a path that flips between two sides of a kink (stick or slip) is taken as settled.
+ENOUGH = 3
 
 #: Largest step of an unknown that is sought by its logarithm.
 FARTHEST = 1.0
@@ -232,7 +238,7 @@ def estimate(
     best: tuple[float, Array, Array] | None = None
     safe: tuple[Array, Array] | None = None
     push = np.zeros(0)
-    k, still, converged, gated = 0, 0, False, 0
+    k, still, converged, gated, rounds = 0, 0, False, 0, 0
     moving = levels
     while True:
         now = _tried(problem, noise, prior, p, path, frozen)
@@ -258,14 +264,15 @@ def estimate(
                 problem, last = problem.without(stands_out), np.inf
                 p, path, k = _onward(problem, now, p), _moved_path(problem, now, path), k + 1
                 continue
-        settled = abs(change) < (SETTLED if moving else STOPPED) and now.gain < SETTLED
+        enough = SETTLED if moving else STOPPED if still < ENOUGH else 2.0 * SETTLED
+        settled = abs(change) < enough and now.gain < SETTLED
         if moving and (settled or k >= most):
             moving = False
         elif not moving and (settled or still >= STILL):
             again = gate and outliers(residuals(problem, now.system, now.smooth), problem.seen)
-            if gate and np.any(again):
-                gate, best, still, moving = False, None, 0, levels
-                problem, last, most = problem.without(again), np.inf, k + most // 2
+            if gate and np.any(again) and rounds < ROUNDS:
+                rounds, best, still, moving = rounds + 1, None, 0, levels
+                problem, last, most = problem.without(again), np.inf, k + AGAIN
                 continue
             converged = bool(settled)
             break

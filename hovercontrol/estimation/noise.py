@@ -97,8 +97,14 @@ def augment(
             A[:, c, :, :n, n + j] = gamma[..., j] * (tau * -np.expm1(-s))[..., None]
             A[:, c, :, n + j, n + j] = fade
             if noise.process[j] > 0.0:
-                Q[:, c] += _covariance(problem, A[:, c], noise, j)
+                pushed, both, own = _covariance(problem, noise, j)
+                g = gamma[..., j]
+                Q[:, c, :, :n, :n] += g[..., :, None] * (g * pushed[..., None])[..., None, :]
+                Q[:, c, :, :n, n + j] = Q[:, c, :, n + j, :n] = g * both[..., None]
+                Q[:, c, :, n + j, n + j] = own
             P0[c, :, n + j, n + j] = float(noise.process[j]) ** 2
+        if linear.jolt is not None:
+            Q[:, c, :, :n, :n] += linear.jolt[..., :, None] * linear.jolt[..., None, :]
         level = (noise.measured * noise.scale[problem.rows.log]) ** 2  # W, C
         R[:, c] = np.where(problem.seen, level, 1.0)
     if copies == 1:
@@ -127,10 +133,10 @@ def _integrated(s: Array) -> Array:
 
 
 #: A variance moves by at most this factor in a pass; a ratio that keeps its sign is followed so many times as far.
-FARTHEST, ONWARD = 30.0, 1.6
+FARTHEST, ONWARD = 100.0, 2.5
 
-#: Missing acceleration below this part of what is seen is none.
-NONE = 1e-5
+#: Missing acceleration below these parts of what is seen is none, or too small for its correlation time to matter.
+NONE, SMALL = 1e-5, 1e-3
 
 
 def moved(
@@ -161,12 +167,24 @@ def moved(
         A = float((e[..., c][own] ** 2 / R).sum())
         B = float((1.0 - known[..., c][own] / R).sum())
         ratio[c] = np.log(A / B) if A > 0 and B > 0 else 0.0
+    n = len(problem.free)
+    gamma = _gamma(problem, system.A[..., :n, :n])
     for j in range(q):
         if noise.process[j] <= 0.0:
             continue
-        dQ = _covariance(problem, system.A, noise, j)
-        A = float(np.einsum("kwi,kwij,kwj->", smooth.push, dQ, smooth.push))
-        B = float(np.einsum("kwij,kwji->", smooth.information, dQ))
+        pushed, both, own = _covariance(problem, noise, j)
+        g = gamma[..., j]
+        r, N = smooth.push, smooth.information
+        along, last = (r[..., :n] * g).sum(axis=-1), r[..., n + j]
+        A = float((pushed * along**2 + 2.0 * both * along * last + own * last**2).sum())
+        Ng = (N[..., :n, :n] @ g[..., None])[..., 0]
+        B = float(
+            (
+                pushed * (Ng * g).sum(axis=-1)
+                + 2.0 * both * (N[..., n + j, :n] * g).sum(axis=-1)
+                + own * N[..., n + j, n + j]
+            ).sum()
+        )
         ratio[C + j] = np.log(max(A, 1e-300) / max(B, 1e-300))
     limit = np.log(FARTHEST)
     step = np.clip(ratio, -limit, limit)
@@ -177,18 +195,14 @@ def moved(
     return replace(noise, measured=noise.measured * np.exp(0.5 * step[:C]), process=process), step
 
 
-def _covariance(problem: Problem, A: Array, noise: Noise, j: int) -> Array:
-    """Return the part of Q that one missing acceleration makes."""
-    n, dt = len(problem.free), problem.dt
-    gamma = _gamma(problem, A[..., :n, :n])[..., j]
+def _covariance(problem: Problem, noise: Noise, j: int) -> tuple[Array, Array, Array]:
+    """Return variance of a missing acceleration's integral over each step, covariance with it, its own variance.
+
+    Shapes (K-1, W).
+    """
     tau, var = float(noise.seconds[j]), float(noise.process[j]) ** 2
-    s = dt / tau
-    Q = np.zeros((*dt.shape, A.shape[-1], A.shape[-1]))
-    both = gamma * (var * tau * np.expm1(-s) ** 2)[..., None]
-    Q[..., :n, :n] = gamma[..., :, None] * gamma[..., None, :] * (var * tau**2 * _integrated(s))[..., None, None]
-    Q[..., :n, n + j] = Q[..., n + j, :n] = both
-    Q[..., n + j, n + j] = -var * np.expm1(-2.0 * s)
-    return Q
+    s = problem.dt / tau
+    return var * tau**2 * _integrated(s), var * tau * np.expm1(-s) ** 2, -var * np.expm1(-2.0 * s)
 
 
 def _gamma(problem: Problem, A: Array) -> Array:
@@ -204,7 +218,7 @@ def timed(problem: Problem, linear: Linear, noise: Noise) -> Noise:
     """Return the noise with its correlation times a step nearer to the likeliest."""
     least, most = problem.shortest, problem.longest
     tries, places = [noise], []
-    for j in np.flatnonzero(noise.process > 0).tolist():
+    for j in np.flatnonzero(noise.process > SMALL * problem.accelerations).tolist():
         for factor in (0.5, 2.0):
             seconds, process = noise.seconds.copy(), noise.process.copy()
             seconds[j] = np.clip(seconds[j] * factor, least, most)

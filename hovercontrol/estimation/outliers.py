@@ -8,21 +8,22 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import maximum_filter1d, median_filter
+from scipy.ndimage import maximum_filter1d, percentile_filter
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 #: How many times its kind's standard deviation an outlier is off. Among a million normal samples none is 6 off;
-#: real noise has heavier tails.
-STANDS_OUT = 8.0
+#: real noise has heavier tails: on a clean motion-capture log of 20,000 rows the farthest sample is 13 off where
+#: nine in ten are within 2.3.
+STANDS_OUT = 12.0
 
-#: Rows about a sample whose median tells its kind, and rows of which one at a time is taken: its neighbours may
-#: be off because of it.
+#: Rows about a sample of which nine in ten tell its kind, and rows of which one at a time is taken: its
+#: neighbours may be off because of it.
 ABOUT, ALONE = 51, 7
 
-#: Half of all samples are less than so many standard deviations off; 95 in 100 less than so many.
-HALF, MOST = 0.6745, 1.96
+#: Nine in ten normal samples are less than so many standard deviations off; 95 in 100 less than so many.
+NINE_IN_TEN, MOST = 1.645, 1.96
 
 
 def outliers(left: Array, seen: Mask) -> Mask:
@@ -51,7 +52,7 @@ def outliers(left: Array, seen: Mask) -> Mask:
             continue
         columns = np.flatnonzero(suspect.any(axis=0))
         filled = np.where(own[:, columns], z[:, columns], np.median(z[own]))
-        about = median_filter(filled, size=(ABOUT, 1), mode="nearest") / HALF
+        about = percentile_filter(filled, 90, size=(ABOUT, 1), mode="nearest") / NINE_IN_TEN
         peak = z[:, columns] == maximum_filter1d(z[:, columns], ALONE, axis=0)
         found[:, columns, c] = suspect[:, columns] & peak & (z[:, columns] > STANDS_OUT * about)
     return found

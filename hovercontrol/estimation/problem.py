@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hovercontrol.block import Block
-from hovercontrol.estimation.commands import Arrival, input_states
+from hovercontrol.estimation.commands import Arrival, command_times, input_states
 from hovercontrol.estimation.subject import Subject, motion_of, same_widths, structure, timing, unknowns
 from hovercontrol.effects import Shape
 from hovercontrol.estimation.data import Data
@@ -46,6 +46,8 @@ class Linear:
     D : ndarray, shape (K, W, C, P)
     residual : ndarray, shape (K, W, C)
         Measured minus path; zero where nothing was measured.
+    jolt : ndarray, shape (K-1, W, n), or None
+        What a standard deviation of the times at which commands changed, where those are not known, adds.
     """
 
     A: Array
@@ -54,6 +56,7 @@ class Linear:
     H: Array
     D: Array
     residual: Array
+    jolt: Array | None = None
 
 
 class Problem:
@@ -119,7 +122,18 @@ class Problem:
         self.known = input_states(self.block, motion_of(model))
         self.free = tuple(i for i in range(len(self.block.states)) if i not in self.known)
         self.driven = tuple(j for j, i in enumerate(self.free) if self._is_driven(i))
-        self.arrivals = [Arrival(self.block, m.time - m.origin, m.inputs, motion_of(model)) for m in self.logs]
+        clocks = [command_times(m) for m in self.logs]
+        motion = motion_of(model)
+        self.arrivals = [
+            Arrival(self.block, t - m.origin, m.inputs, motion)
+            for m, (t, _) in zip(self.logs, clocks, strict=True)
+        ]
+        unsure = any(np.any(std > 0) for _, std in clocks)
+        self._later = [
+            Arrival(self.block, t + std - m.origin, m.inputs, motion)
+            for m, (t, std) in zip(self.logs, clocks, strict=True)
+            if unsure
+        ]
         outputs, names_ = [s.name for s in self.block.outputs], [s.name for s in self.block.states]
         self._picked = [
             (outputs.index(f"{c}_measured"), False)
@@ -149,9 +163,11 @@ class Problem:
 
     def _is_driven(self, i: int) -> bool:
         """Whether a force acts on a state: its derivative holds a parameter or an input of the Block."""
+        name = self.block.states[i].name
+        if name not in motion_of(self.model):
+            return False  # bristles of a friction follow from the motion
         own = {s.symbol for s in (*self.block.parameters, *self.block.inputs)}
         own |= {self.block.states[k].symbol for k in self.known}
-        name = self.block.states[i].name
         return bool(self.block.expand(self.block.derivatives[name]).free_symbols & own)
 
     def _depends_on_inputs(self) -> list[int]:
@@ -231,13 +247,20 @@ class Problem:
         self.t = begin.reshape(self.pieces, 1, -1)
         self._log_of = np.tile(self.rows.log, len(self.dt))
 
-    def commands(self, parameters: Sequence[float]) -> tuple[Array, dict[int, Array]]:
+    def commands(
+        self, parameters: Sequence[float], arrivals: Sequence[Arrival] | None = None
+    ) -> tuple[Array, dict[int, Array]]:
         """Return inputs' means over sub-steps, (n_inputs, S, 1, N), and input states in their middles."""
-        u, lagged = self.commands_at(parameters, self.t[:, 0], self.h[0], self._log_of)
+        u, lagged = self.commands_at(parameters, self.t[:, 0], self.h[0], self._log_of, arrivals)
         return u[:, :, None], {i: v[:, None] for i, v in lagged.items()}
 
     def commands_at(
-        self, parameters: Sequence[float], t: Array, h: Array, log: NDArray[np.intp]
+        self,
+        parameters: Sequence[float],
+        t: Array,
+        h: Array,
+        log: NDArray[np.intp],
+        arrivals: Sequence[Arrival] | None = None,
     ) -> tuple[Array, dict[int, Array]]:
         """Return inputs' means from t to t + h, (n_inputs, S, N), and input states in the middles, (S, N).
 
@@ -248,12 +271,14 @@ class Problem:
             Seconds since the start of each log.
         h : ndarray, shape (N,)
         log : ndarray of int, shape (N,)
+        arrivals : sequence of Arrival, optional
+            Of the commands of each log; default: as likely.
         """
         delay = sum(parameters[at] for at in self._timing if at is not None)
         u = np.empty((len(self.block.inputs), *t.shape))
         lagged = {i: np.empty(t.shape) for i in self.known}
         width = np.where(h > 0, h, 1e-9)
-        for k, arrival in enumerate(self.arrivals):
+        for k, arrival in enumerate(self.arrivals if arrivals is None else arrivals):
             own = np.flatnonzero(log == k)
             begin, wide = t[:, own], width[own]
             u[..., own] = arrival.mean(begin, begin + wide, delay)
@@ -306,7 +331,15 @@ class Problem:
         every = np.array([np.broadcast_to(np.ravel(v), 1 + n + P) for v in values])
         return every, values, width, moved
 
-    def advance(self, x: Array, p: Array, *, jacobian: bool = True, unknowns: bool = True) -> tuple[Array, Array, Array]:
+    def advance(
+        self,
+        x: Array,
+        p: Array,
+        *,
+        jacobian: bool = True,
+        unknowns: bool = True,
+        arrivals: Sequence[Arrival] | None = None,
+    ) -> tuple[Array, Array, Array]:
         """Return where each row but the last leads, with slopes.
 
         Parameters
@@ -328,9 +361,12 @@ class Problem:
         for j, i in enumerate(self.free):
             if jacobian:
                 start[i, 1 + j] += width[j]
-        if not self._arrived or self._moves_commands:
-            self._arrived = self.commands(self.parameters(p))
-        u, lagged = self._arrived
+        if arrivals is not None:
+            u, lagged = self.commands(self.parameters(p), arrivals)
+        else:
+            if not self._arrived or self._moves_commands:
+                self._arrived = self.commands(self.parameters(p))
+            u, lagged = self._arrived
         u, lagged = u[:, :, :, None, :], {i: v[:, :, None, :] for i, v in lagged.items()}
         if moved:
             u = np.repeat(u, lanes, axis=3)
@@ -419,7 +455,10 @@ class Problem:
         own = self.seen[..., None]
         residual = np.where(self.seen, self.rows.values - y, 0.0)
         moving = (self.dt > 0)[..., None]
+        jolt = None
+        if self._later:
+            jolt = np.where(moving, self.advance(x, p, jacobian=False, arrivals=self._later)[0] - F, 0.0)
         defect = np.where(moving, F - x[1:][..., list(self.free)], 0.0)
         A = np.where(moving[..., None], A, np.eye(len(self.free)))
         B = np.where(moving[..., None], B * slope, 0.0)
-        return Linear(A, B, defect, np.where(own, H, 0.0), np.where(own, D * slope, 0.0), residual)
+        return Linear(A, B, defect, np.where(own, H, 0.0), np.where(own, D * slope, 0.0), residual, jolt)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from hovercontrol.block import Block
 from hovercontrol.errors import InputError
-from hovercontrol.logs import POSE, VELOCITY, Log, Span, smooth_pose
+from hovercontrol.logs import POSE, VELOCITY, Log, Span, smooth_pose, steady
 from hovercontrol.signals import Signal
 
 Array = NDArray[np.float64]
@@ -50,7 +50,7 @@ class Measured:
     channels : tuple of str
         States or outputs of the Block that were measured.
     values : ndarray, shape (n_channels, n)
-        Measurements; NaN where a sample was rejected.
+        Measurements; NaN where a sample was rejected, and in rows that are there for a command only.
     states : ndarray, shape (n_states, n)
         Where the states were, as far as the log tells; NaN in the rows of states it does not tell.
     segments : tuple of (int, int)
@@ -58,7 +58,7 @@ class Measured:
     stretches : tuple of (int, int)
         The same for the stretches that a very long log was cut into; else one for all rows.
     rejected : tuple of Span
-        What the smoother left out.
+        Samples that the smoother left out: when, how many and why.
     rows_total : int
         Rows of the log, of which a very long one keeps only some stretches.
     """
@@ -79,9 +79,11 @@ class Measured:
 def measure(block: Block, log: Log, most_rows: int = MOST_ROWS) -> Measured:
     """Return what a log says about a Block.
 
-    A log with the whole pose of a planar craft goes through the smoother: samples that are no
-    motion carry no residual, stretches without sight are breaks, and body velocities start the fit.
-    Of a log of more than `most_rows` rows only ten stretches, spread evenly, are taken.
+    Stamps that scatter about a steady rate are replaced by that (:func:`hovercontrol.logs.steady`). A log
+    with the whole pose of a planar craft goes through the smoother: samples that are no motion carry no
+    residual, stretches without sight are breaks, and body velocities start the fit. Rows in which nothing
+    was measured keep the time of their commands. Of a log of more than `most_rows` rows only ten
+    stretches, spread evenly, are taken.
 
     Parameters
     ----------
@@ -121,6 +123,7 @@ def measure(block: Block, log: Log, most_rows: int = MOST_ROWS) -> Measured:
         _check_input(log, signal)
     if log.has(*POSE):
         refuse_still(log.name, channels, [log[c] for c in channels])  # nothing to smooth
+    log = steady(log, channels)
     parts = [_part(block, piece, channels) for piece in _stretches(log, most_rows)]
     starts = np.cumsum([0, *(p.time.size for p in parts)])
     return Measured(
@@ -201,29 +204,31 @@ def _stretches(log: Log, most_rows: int) -> list[Log]:
 def _part(block: Block, log: Log, channels: Sequence[str]) -> Measured:
     names = [s.name for s in block.states]
     planar = log.has(*POSE) and set(names) >= {*POSE, *VELOCITY}
-    if planar:
-        whole = np.isfinite(log.stack(*POSE))
-        log = log.select(np.flatnonzero(whole.all(axis=1)))
-    n = len(log)
+    n, time = len(log), log.time
     values = np.array([log[c] for c in channels])
     inputs = np.array([log[s.name] for s in block.inputs]).reshape(-1, n)
-    if planar and n >= 8:
+    sampled = np.isfinite(values).any(axis=0)
+    whole = np.isfinite(log.stack(*POSE)).all(axis=1) if planar else sampled
+    if planar and np.count_nonzero(whole) >= 8:
         smooth = smooth_pose(log)
         near = dict(smooth.log.columns)
-        time, valid, spans = smooth.log.time, smooth.valid, smooth.rejected
+        time, valid, spans = smooth.log.time, smooth.valid & sampled, smooth.rejected
         if "psi" in channels:
             row = values[channels.index("psi")]
             row[:] = near["psi"] + (row - near["psi"] + np.pi) % (2 * np.pi) - np.pi
-        values[:, ~smooth.accepted] = np.nan
+        values[:, whole & ~smooth.accepted] = np.nan
+        for row, channel in zip(values, channels, strict=True):
+            if channel in POSE:
+                row[~whole] = np.nan
     else:
-        time, valid, spans = log.time, np.ones(n, dtype=bool), ()
+        valid, spans = sampled, ()
         if "psi" in channels:
             row = values[channels.index("psi")]
             row[np.isfinite(row)] = np.unwrap(row[np.isfinite(row)])
         near = dict(zip(channels, values, strict=True))
     values[~np.isfinite(values)] = np.nan
     unknown = np.full(n, np.nan)
-    states = np.array([_filled(near.get(name, unknown)) for name in names]).reshape(-1, n)
+    states = np.array([_filled(time, near.get(name, unknown)) for name in names]).reshape(-1, n)
     origin = float(log.time[0]) if n else 0.0
     segments = _segments(log.name, time, valid)
     return Measured(
@@ -241,13 +246,12 @@ def _part(block: Block, log: Log, channels: Sequence[str]) -> Measured:
     )
 
 
-def _filled(row: Array) -> Array:
+def _filled(time: Array, row: Array) -> Array:
     """Return a measured row with missing samples interpolated."""
     known = np.isfinite(row)
     if known.all() or not known.any():
         return row.copy()
-    at = np.arange(row.size)
-    return np.interp(at, at[known], row[known])
+    return np.interp(time, time[known], row[known])
 
 
 def _segments(name: str, time: Array, valid: Mask) -> tuple[tuple[int, int], ...]:

@@ -55,7 +55,8 @@ def plot_free_run(run: FreeRun, *, held_out: bool = False) -> Figure:
 
 def _draw(axis: Axes, run: FreeRun, channel: str) -> None:
     i = run.channels.index(channel)
-    axis.plot(run.time, run.measured[i], color=MEASURED, lw=4.0, label="measured")
+    sampled = np.isfinite(run.measured[i])  # not so in rows that are there for a command only
+    axis.plot(run.time[sampled], run.measured[i, sampled], color=MEASURED, lw=4.0, label="measured")
     axis.plot(run.time, run.simulated[i], color=SIMULATED, lw=0.9, label="simulated")
     for k, span in enumerate(run.rejected):
         axis.axvspan(

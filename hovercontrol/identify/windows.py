@@ -98,11 +98,13 @@ def noise_levels(logs: Sequence[Measured], channels: Sequence[str]) -> Array:
     for channel in channels:
         spans = [(m, a, b) for m in logs if channel in m.channels for a, b in m.segments]
         rows = [m.values[m.channels.index(channel), a:b] for m, a, b in spans]
-        thirds = [(np.diff(row, 3), _even(m.time[a:b])) for row, (m, a, b) in zip(rows, spans, strict=True)]
+        seen = [np.isfinite(row) for row in rows]  # not so in rows that are there for a command only
+        times = [m.time[a:b][known] for (m, a, b), known in zip(spans, seen, strict=True)]
+        rows = [row[known] for row, known in zip(rows, seen, strict=True)]
+        thirds = [(np.diff(row, 3), _even(time)) for row, time in zip(rows, times, strict=True)]
         jumps = np.abs(np.concatenate([third[even if even.any() else ...] for third, even in thirds]))
-        jumps = jumps[np.isfinite(jumps)]
         every = np.concatenate(rows)
-        jumped = np.concatenate([steps(row[np.isfinite(row)]) for row in rows])
+        jumped = np.concatenate([steps(row) for row in rows])
         if not jumped.size:
             names = ", ".join(m.name for m in logs if channel in m.channels)
             raise InputError(f"{names}: column {channel!r} is constant; is it measured?")

@@ -1,11 +1,13 @@
-"""What a log must satisfy before anything is computed from it; each check names the line."""
+"""What a log must satisfy before anything is computed from it; each check names the line or the span."""
 
 from __future__ import annotations
+
+import warnings
 
 import numpy as np
 
 from hovercontrol.errors import InputError
-from hovercontrol.logs.log import Floats, gap_rows
+from hovercontrol.logs.log import Floats, Log
 from hovercontrol.logs.source import Source
 
 FASTEST_TURN = 60.0
@@ -39,18 +41,20 @@ def check_time(file: str, source: Source, column: str, time: Floats) -> None:
     )
 
 
-def check_gaps(file: str, source: Source, column: str, time: Floats) -> None:
-    """Raise if rows are missing; ``column`` is the name of time in the file."""
-    rows = gap_rows(time)
-    if not rows.size:
+def check_gaps(log: Log) -> None:
+    """Say how many gaps a log has, and raise if they are longer than what is left."""
+    gaps = [stop - start for start, stop in log.gaps]
+    if not gaps:
         return
-    row = int(rows[0])
-    where, _ = source.place(row, column)
-    more = f" ({rows.size} such gaps)" if rows.size > 1 else ""
-    raise InputError(
-        f"{file}: {where}, column {column!r}: {time[row] - time[row - 1]:.3g} s without a row, usual are "
-        f"{np.median(np.diff(time)):.3g} s{more}; if the log is meant to have gaps: --allow-gaps"
-    )
+    left = float(log.time[-1] - log.time[0]) - sum(gaps)
+    many = len(gaps) > 1
+    count = f"{len(gaps)} gap{'s' * many} of {max(gaps):.3g} s{' at most' * many}"
+    usual = f"usual are {np.median(np.diff(log.time)):.3g} s from row to row"
+    if sum(gaps) > left:
+        raise InputError(
+            f"{log.name}: {count}, {sum(gaps):.3g} s in all: {usual}, and only {left:.3g} s are left"
+        )
+    warnings.warn(f"{log.name}: {count}, bridged by the model: {usual}", stacklevel=3)
 
 
 def check_heading(file: str, column: str, time: Floats, psi: Floats, r: Floats | None) -> None:

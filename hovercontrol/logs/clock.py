@@ -1,21 +1,22 @@
-"""The steady sampling clock behind jittered arrival times.
+"""The steady sampling clock behind jittered time stamps.
 
 A motion-capture system samples at a fixed rate, but a log written over a network stamps each
 sample when it arrives: several at once, then none for 0.2 s. Velocities from such stamps are
-nonsense (a 0.3 rad turn within 0.1 ms). Each arrival time is ``start + frame * period + delay``
-with a delay that is near zero most of the time; the lower envelope of the delays shows the frames
-that were lost on the way. Stamps that only scatter, by less than half a period, are counted
-step by step.
+nonsense (a 0.3 rad turn within 0.1 ms). Each stamp is ``start + frame * period + delay``. Where all
+delays lie within half a period of each other's mean, the stamps' phase tells the frame of each, however
+many are missing; else a delay is near zero most of the time, and the lower envelope of the delays shows
+the frames that were lost on the way.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.ndimage import minimum_filter1d
 
-from hovercontrol.logs.log import POSE, Floats, Log, gap_rows
+from hovercontrol.logs.log import POSE, VELOCITY, Floats, Log, gap_rows
 
 WINDOW = 50
 """Samples within which at least one arrives without delay."""
@@ -28,6 +29,24 @@ EXACT = 1e-6
 
 FEWEST = 20
 """Stamps from which a clock is fitted."""
+
+ROUGHER = 1.02
+"""The samples may be so many times as rough on the clock as on the stamps."""
+
+ONE_SIDED = 1.5
+"""Delays whose upper tail is so many times as long as the lower one are delays of arrival."""
+
+SPAN = 16
+"""Samples over which the stamps must stay in phase at first; then over ever longer spans."""
+
+FINER = 8
+"""Trial periods to either side of the best so far, a quarter of a turn over the span apart."""
+
+MOST_PHASES = 20_000
+"""Stamps whose phase is looked at."""
+
+IN_PHASE = 0.99
+"""Share of stamps that must lie within half a period of the clock for the phase to count frames."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,33 +74,142 @@ class Clock:
     worst_delay: float
 
 
-def fit_clock(arrival: Floats, pose: Floats | None = None) -> Clock:
+def fit_clock(arrival: Floats, samples: Floats | None = None) -> Clock:
     """Fit a steady sampling clock to the time stamps of a log.
 
-    The stamps are kept where they are no arrival times: where there are fewer than ``FEWEST``,
-    where too few are ``PUNCTUAL``, or where the pose is smoother on the stamps than on the clock.
-    A constant delay cannot be seen and stays.
+    The stamps are kept where they are exact, and where they are truly irregular: fewer than ``FEWEST``
+    of them, too few ``PUNCTUAL``, or samples that are smoother on the stamps than on the clock.
+
+    The clock's zero is the mean of the stamps where these scatter alike to both sides, as a jittering
+    time stamp does, and their lower envelope (the fiftieth part that comes first) where their scatter
+    has one long tail, as delays on a network have: the shape of the scatter decides. What all stamps
+    are late by alike cannot be seen and stays.
 
     Parameters
     ----------
     arrival : ndarray (n,)
         Time stamps [s], strictly increasing.
-    pose : ndarray (n, k), optional
-        What was sampled.
+    samples : ndarray (n, k), optional
+        What was sampled; NaN where nothing was.
 
     Examples
     --------
-    >>> arrival = 0.02 * np.arange(100.0)
-    >>> arrival[50:55] = 1.0801 + 1e-4 * np.arange(5)  # five samples arrive together
-    >>> clock = fit_clock(arrival)
-    >>> clock.steady, round(clock.period, 4), round(float(clock.time[50]), 3)
-    (True, 0.02, 1.0)
+    >>> jitter = 1e-3 * np.sin(np.arange(100.0) ** 2)
+    >>> clock = fit_clock(0.02 * np.arange(100) + jitter)
+    >>> clock.steady, round(clock.period, 4)
+    (True, 0.02)
     """
     steps = np.diff(arrival)
     period = float(np.median(steps)) if steps.size else 0.0
     as_stamped = Clock(arrival, False, period, 0, 0.0)
     if arrival.size < FEWEST:
         return as_stamped
+    found = _in_phase(arrival, period) or _in_envelope(arrival, period)
+    time, period, lost = found
+    delay = arrival - time
+    if np.abs(delay).max() < EXACT * period:
+        return Clock(arrival, True, period, lost, 0.0)
+    punctual = np.abs(delay) < 0.25 * period
+    if np.mean(punctual) < PUNCTUAL or not np.all(np.diff(time) > 0):
+        return as_stamped
+    if samples is not None and _rougher(time, arrival, samples):
+        return as_stamped
+    time = time + _zero(delay[punctual])
+    return Clock(time, True, period, lost, float((arrival - time).max()))
+
+
+def steady(log: Log, columns: Sequence[str] | None = None) -> Log:
+    """Return the log with its stamps replaced by the steady clock behind them, if any.
+
+    Commands in the same rows move with them: each row stays one.
+
+    Parameters
+    ----------
+    log : Log
+    columns : sequence of str, optional
+        What was measured, else pose and body velocities. The clock is that of the rows in which any of
+        these is finite; the times of the others are moved as much as those around them.
+
+    Examples
+    --------
+    >>> irregular = Log("demo", np.cumsum(1.0 + np.arange(50) % 3), {})
+    >>> bool(np.all(steady(irregular).time == irregular.time))
+    True
+    """
+    names = measured(log) if columns is None else columns
+    if not names:
+        return replace(log, time=fit_clock(log.time).time)
+    samples = log.stack(*names)
+    seen = np.isfinite(samples).any(axis=1)
+    if seen.all():
+        return replace(log, time=fit_clock(log.time, samples).time)
+    clock = fit_clock(log.time[seen], samples[seen])
+    return replace(log, time=moved(log.time, log.time[seen], clock.time))
+
+
+def measured(log: Log) -> list[str]:
+    """Return which of pose and body velocities a log has.
+
+    Examples
+    --------
+    >>> measured(Log("demo", [0.0, 1.0], {"thrust": [0.0, 1.0], "r": [0.0, 0.0]}))
+    ['r']
+    """
+    return [name for name in (*POSE, *VELOCITY) if log.has(name)]
+
+
+def moved(time: Floats, stamps: Floats, clock: Floats) -> Floats:
+    """Return times among stamps, each moved as much as the stamps around it are by a clock.
+
+    Examples
+    --------
+    >>> moved(np.array([0.0, 1.0, 2.5]), np.array([1.0, 2.0]), np.array([1.1, 2.1]))
+    array([0.1, 1.1, 2.6])
+    """
+    shifted: Floats = time + np.interp(time, stamps, clock - stamps)
+    return shifted
+
+
+def _in_phase(arrival: Floats, period: float) -> tuple[Floats, float, int] | None:
+    """Return times, period and lost frames where all stamps scatter by less than half a period, else None."""
+    period = _refined(arrival, period)
+    phase = np.exp(2j * np.pi * (arrival - arrival[0]) / period)
+    late = float(np.angle(phase.sum())) / (2 * np.pi)
+    line = np.array([period, arrival[0] + late * period])
+    order = np.arange(arrival.size)
+    for _ in range(2):
+        frame = np.rint((arrival - line[1]) / line[0]) - order
+        frame = np.minimum.accumulate(frame[::-1])[::-1] + order  # a late stamp is before the next
+        near = np.abs(arrival - np.polyval(line, frame)) < 0.5 * line[0]
+        if near.mean() < IN_PHASE:
+            return None
+        line = np.polyfit(frame[near], arrival[near], 1)
+    return np.polyval(line, frame), float(line[0]), int(frame[-1] - frame[0]) - (arrival.size - 1)
+
+
+def _refined(arrival: Floats, period: float) -> float:
+    """Return the period at which the stamps' phases agree best, first over short spans, then over long ones.
+
+    Within spans of so many samples the phases are added up as directions; between them only the lengths
+    of the sums.
+    """
+    turns = np.arange(-FINER, FINER + 1)
+    span = min(SPAN, arrival.size)
+    while True:
+        count = min(arrival.size // span, max(MOST_PHASES // span, 1))
+        firsts = np.linspace(0, arrival.size - span, count).astype(int)
+        inside = np.linspace(0, span - 1, min(span, MOST_PHASES)).astype(int)
+        stamps = arrival[firsts[:, None] + inside] - arrival[firsts, None]
+        faster = 1 + 0.25 / span * turns
+        agree = [np.abs(np.exp(2j * np.pi * f / period * stamps).sum(axis=1)).sum() for f in faster]
+        period = period / float(faster[int(np.argmax(agree))])
+        if span == arrival.size:
+            return period
+        span = min(4 * span, arrival.size)
+
+
+def _in_envelope(arrival: Floats, period: float) -> tuple[Floats, float, int]:
+    """Return times, period and lost frames by the lower envelope of the delays."""
     for span in (10, 100):
         if arrival.size > 2 * span:
             strides = arrival[span:] - arrival[:-span]
@@ -91,51 +219,37 @@ def fit_clock(arrival: Floats, pose: Floats | None = None) -> Clock:
     time = np.empty_like(arrival)
     lost = 0
     for part in np.split(np.arange(arrival.size), gap_rows(arrival)):
-        frame = _counted(arrival[part], period)
-        if frame is None:
-            frame = _frames(arrival[part], period)
-            time[part] = _line(arrival[part], frame, period)
-        else:
-            time[part] = np.polyval(np.polyfit(frame, arrival[part], 1), frame)
+        frame = _frames(arrival[part], period)
+        time[part] = _line(arrival[part], frame, period)
         lost += int(frame[-1]) - (part.size - 1)
-    delay = arrival - time
-    if np.abs(delay).max() < EXACT * period:
-        time, delay = arrival, np.zeros_like(arrival)
-    if np.mean(np.abs(delay) < 0.25 * period) < PUNCTUAL or not np.all(np.diff(time) > 0):
-        return as_stamped
-    if pose is not None and _roughness(time, pose) > 1.02 * _roughness(arrival, pose):
-        return as_stamped
-    return Clock(time, True, period, lost, float(delay.max()))
+    return time, period, lost
 
 
-def steady(log: Log) -> Log:
-    """Return the log with arrival times replaced by the steady clock behind them, if any.
-
-    Examples
-    --------
-    >>> irregular = Log("demo", np.cumsum(1.0 + np.arange(50) % 3), {})
-    >>> bool(np.all(steady(irregular).time == irregular.time))
-    True
-    """
-    pose = log.stack(*POSE) if log.has(*POSE) else None
-    return replace(log, time=fit_clock(log.time, pose).time)
+def _zero(delay: Floats) -> float:
+    """Return the delay that counts as none: the mean of a scatter alike to both sides, else its lower end."""
+    low, middle, high = np.quantile(delay, [0.05, 0.5, 0.95])
+    if high - middle > ONE_SIDED * (middle - low):
+        return float(np.quantile(delay, 0.02))
+    return float(delay.mean())
 
 
-def _roughness(time: Floats, pose: Floats) -> float:
-    """Return how far samples are from the line between their neighbours, averaged over channels."""
-    share = ((time[1:-1] - time[:-2]) / (time[2:] - time[:-2]))[:, None]
-    off = pose[1:-1] - (1 - share) * pose[:-2] - share * pose[2:]
-    return float(np.exp(np.log(np.abs(off).mean(axis=0) + 1e-12).mean()))
+def _rougher(time: Floats, stamps: Floats, samples: Floats) -> bool:
+    """Tell whether samples are rougher on a clock than on the stamps, over all channels that move."""
+    ratios = []
+    for row in samples.T:
+        seen = np.isfinite(row)
+        if np.count_nonzero(seen) >= FEWEST:
+            on, as_stamped = (_roughness(t[seen], row[seen]) for t in (time, stamps))
+            if min(on, as_stamped) > 0:
+                ratios.append(np.log(on / as_stamped))
+    return bool(ratios and np.exp(np.mean(ratios)) > ROUGHER)
 
 
-def _counted(arrival: Floats, period: float) -> Floats | None:
-    """Return the frame number of each stamp where all scatter by less than half a period, or None."""
-    steps = np.rint(np.diff(arrival) / period)
-    if arrival.size < 3 or (steps < 1).any():
-        return None
-    frame: Floats = np.append(0.0, np.cumsum(steps))
-    pace, start = np.polyfit(frame, arrival, 1)
-    return frame if np.abs(arrival - start - pace * frame).max() < 0.5 * period else None
+def _roughness(time: Floats, row: Floats) -> float:
+    """Return how far samples usually are from the line between their neighbours, noise alike everywhere."""
+    share = (time[1:-1] - time[:-2]) / (time[2:] - time[:-2])
+    off = row[1:-1] - (1 - share) * row[:-2] - share * row[2:]
+    return float(np.median(np.abs(off) / np.sqrt(1 + share**2 + (1 - share) ** 2)))
 
 
 def _frames(arrival: Floats, period: float) -> Floats:

@@ -12,6 +12,7 @@ import numpy as np
 
 from hovercontrol.errors import InputError
 from hovercontrol.logs.bench import BenchTable
+from hovercontrol.logs.check import check_gaps
 from hovercontrol.logs.join import join_logs
 from hovercontrol.logs.log import Log
 from hovercontrol.logs.read import read_log
@@ -59,10 +60,11 @@ def gather(
     bench: BenchTable | None = None,
     only_while: Condition | None = None,
     settle: float = 0.0,
-    allow_gaps: bool = False,
     motion: bool = True,
 ) -> Log:
     """Return one run as one log.
+
+    Rows may be missing: a warning counts the gaps.
 
     Parameters
     ----------
@@ -79,8 +81,6 @@ def gather(
         Keep the longest stretch in which it holds.
     settle : float, optional
         Seconds left out at the beginning of that stretch.
-    allow_gaps : bool, optional
-        Accept a log in which rows are missing; what works on it starts afresh behind each gap.
     motion : bool, optional
         Whether a log must hold pose or body velocities.
 
@@ -91,21 +91,25 @@ def gather(
     Raises
     ------
     InputError
-        As :func:`read_log` and :func:`join_logs`; or if an input is missing or nothing is left.
+        As :func:`read_log` and :func:`join_logs`; or if an input is missing, nothing is left, or the gaps
+        are longer than what is left.
     """
     wanted = [f"{PULSE}{name}" if bench else name for name in inputs]
     paths = split_files(files)
     extra = [only_while.column] if only_while and only_while.column != "time" else []
     if len(paths) == 1:
-        log = read_log(paths[0], columns, [*wanted, *extra], motion=motion, allow_gaps=allow_gaps)
+        log = measured = read_log(paths[0], columns, [*wanted, *extra], motion=motion)
     else:
         pose, commands = paths
         ours, theirs = _columns_by_file(pose, commands, columns or {})
         sent = read_log(commands, theirs, [*wanted, *extra], motion=False)
-        log = join_logs(read_log(pose, ours, motion=motion, allow_gaps=allow_gaps), sent)
+        measured = read_log(pose, ours, motion=motion)
+        log = join_logs(measured, sent)
     if bench:
         log = bench.apply(log, dict(zip(wanted, inputs, strict=True)))
-    return _longest(log, only_while, settle) if only_while else log
+    log = _longest(log, only_while, settle) if only_while else log
+    check_gaps(measured.between(log.time[0], log.time[-1]))
+    return log
 
 
 def split_files(files: str) -> list[Path]:

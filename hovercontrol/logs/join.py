@@ -8,7 +8,10 @@ import numpy as np
 
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.logs.clock import steady
-from hovercontrol.logs.log import Log
+from hovercontrol.logs.log import Floats, Log
+
+SAME = 0.01
+"""Of a sampling period: a command this near to a sample comes with it."""
 
 
 def join_logs(
@@ -18,11 +21,13 @@ def join_logs(
     *,
     hold: float = 0.5,
 ) -> Log:
-    """Add to a pose log the commands in force at each of its samples.
+    """Add to a pose log the commands in force at each of its samples, and rows where a command changes.
 
-    A command holds until the next one. Arrival times of the pose are first replaced by the steady
-    sampling clock behind them (:func:`~hovercontrol.logs.clock.steady`), so that a late stamp does
-    not pick a later command.
+    A command holds until the next one. Where one changes between two samples there is a row more, at the
+    command's own time and with NaN for all that was not measured then: rounded to the next sample, every
+    command would come half a sampling period late. Arrival times of the pose are first replaced by the
+    steady sampling clock behind them (:func:`~hovercontrol.logs.clock.steady`), so that a late stamp
+    does not pick a later command.
 
     Parameters
     ----------
@@ -37,7 +42,8 @@ def join_logs(
     Returns
     -------
     Log
-        The samples of ``pose`` that have a command, with the columns of both, named after ``pose``.
+        The samples of ``pose`` that have a command, and the changes of commands between them, with the
+        columns of both, named after ``pose``.
 
     Raises
     ------
@@ -48,8 +54,11 @@ def join_logs(
     --------
     >>> pose = Log("pose", [0.0, 1.0, 2.0, 3.0, 4.0], {"x": [0.0, 1.0, 2.0, 3.0, 4.0]})
     >>> fan = Log("fan", [0.5, 1.5, 2.5], {"pwm": [1200.0, 1300.0, 1000.0]})
-    >>> join_logs(pose, fan, before=1000.0)["pwm"]
-    array([1000., 1200., 1300., 1000.])
+    >>> joined = join_logs(pose, fan, before=1000.0)
+    >>> joined.time, joined["pwm"]
+    (array([0. , 0.5, 1. , 1.5, 2. , 2.5, 3. ]), array([1000., 1200., 1200., 1300., 1300., 1000., 1000.]))
+    >>> joined["x"]
+    array([ 0., nan,  1., nan,  2., nan,  3.])
     """
     both = sorted(pose.columns.keys() & commands.columns.keys())
     if both:
@@ -65,12 +74,30 @@ def join_logs(
             f"{pose.time[0]:g} to {pose.time[-1]:g} s against "
             f"{commands.time[0]:g} to {commands.time[-1]:g} s"
         )
-    row = np.searchsorted(commands.time, kept.time, side="right") - 1
+    near = SAME * float(np.median(np.diff(kept.time))) if len(kept) > 1 else 0.0
+    own = _changes(commands, idle)
+    own = own[(own > kept.time[0]) & (own < kept.time[-1])]
+    behind = np.searchsorted(kept.time, own)
+    own = own[np.minimum(kept.time[behind] - own, own - kept.time[behind - 1]) > near]
+    time = np.union1d(kept.time, own)
+    row = np.searchsorted(commands.time, time + near * np.isin(time, kept.time), side="right") - 1
     held = {
         name: np.where(row < 0, 0.0 if idle is None else idle[name], column[np.maximum(row, 0)])
         for name, column in commands.columns.items()
     }
-    return kept.with_columns(held)
+    at = np.searchsorted(time, kept.time)
+    measured = {name: np.full(time.size, np.nan) for name in kept.columns}
+    for name, column in kept.columns.items():
+        measured[name][at] = column
+    return Log(pose.name, time, {**measured, **held})
+
+
+def _changes(commands: Log, idle: Mapping[str, float] | None) -> Floats:
+    """Return the times at which a command changes."""
+    changed = np.zeros(len(commands), dtype=bool)
+    for name, column in commands.columns.items():
+        changed |= np.diff(column, prepend=column[0] if idle is None else idle[name]) != 0
+    return commands.time[changed]
 
 
 def _idle_values(commands: Log, before: Mapping[str, float] | float | None) -> Mapping[str, float] | None:

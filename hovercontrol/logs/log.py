@@ -39,7 +39,7 @@ class Log:
         Seconds, strictly increasing.
     columns : mapping of str to ndarray (n,)
         Signals by name in SI units: any of ``x, y, psi`` (pose), ``u, v, r`` (body velocities) and
-        the inputs.
+        the inputs. NaN where a row holds no measurement, only inputs.
 
     Raises
     ------

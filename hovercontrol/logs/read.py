@@ -12,7 +12,7 @@ import numpy as np
 import pyarrow as pa
 
 from hovercontrol.errors import InputError, did_you_mean
-from hovercontrol.logs.check import check_finite, check_gaps, check_heading, check_time
+from hovercontrol.logs.check import check_finite, check_heading, check_time
 from hovercontrol.logs.log import POSE, VELOCITY, Floats, Log
 from hovercontrol.logs.source import Source, open_source
 
@@ -27,7 +27,6 @@ def read_log(
     *,
     motion: bool = True,
     usecols: Sequence[str] | None = None,
-    allow_gaps: bool = True,
 ) -> Log:
     r"""Read a log from CSV (commas, header) or Parquet.
 
@@ -48,13 +47,12 @@ def read_log(
         commands.
     usecols : sequence of str, optional
         The only columns to keep besides ``time`` and ``inputs`` (our names).
-    allow_gaps : bool
-        False refuses a log with missing rows; true keeps it, ``Log.gaps`` tells where they are.
 
     Returns
     -------
     Log
-        Named after the file; numbers as in the file, which must be in SI units.
+        Named after the file; numbers as in the file, which must be in SI units. Rows may be missing:
+        ``Log.gaps`` tells where.
 
     Raises
     ------
@@ -90,8 +88,6 @@ def read_log(
     for ours in (name for name in names if name in checked):
         check_finite(str(file), source, names[ours], data[ours])
     check_time(str(file), source, names["time"], time)
-    if not allow_gaps:
-        check_gaps(str(file), source, names["time"], time)
     if "psi" in data:
         check_heading(str(file), names["psi"], time, data["psi"], data.get("r"))
     return Log(file.name, data.pop("time"), data)

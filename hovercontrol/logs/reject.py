@@ -1,10 +1,12 @@
-"""Telling motion from a lost marker body: the longest chain of pieces that one craft could follow.
+"""Telling motion from a lost marker body: the best chain of pieces that one craft could follow.
 
-The pose is cut into pieces at every step that the neighbouring steps do not explain. A piece may
-follow another if constant speed carries one end to the other's start within what pushes and
-impacts allow. Dynamic programming picks the chain with the most samples; a heading that was turned
-over for a while is left out although it is as smooth as the truth, because no step leads to it and
-back.
+The pose is cut into pieces at every step that the neighbouring steps do not explain. A piece follows
+another at a cost: how far constant speed misses the other's start, over what pushes, impacts and noise
+explain. Only between two samples in a row it may miss by more than that. How much they explain is taken
+from the log itself (:class:`Limits`). Dynamic programming picks the chain with the most samples less the
+costs: a heading that was turned over for a while is left out although it is as smooth as the truth,
+because the steps there and back cost more than its samples, and a small shift that stays is kept, because
+leaving out the rest of the log would cost more.
 """
 
 from __future__ import annotations
@@ -16,14 +18,32 @@ from scipy.ndimage import median_filter
 
 from hovercontrol.logs.log import Floats, Mask
 
-PUSH = np.array([5.0, 5.0, 50.0])
-"""Largest sustained acceleration of x, y [m/s^2] and psi [rad/s^2]; models reach a fifth."""
+USUAL = 12.0 * 1.4826
+"""A step may miss the neighbouring ones by so many medians of what steps miss: twelve standard deviations."""
 
-IMPACT = np.array([0.3, 0.3, 3.0])
-"""Largest change of speed between two samples, by landing or hitting a wall [m/s, rad/s]."""
+SPARE = 7
+"""Steps over whose median the speed is taken: two wrong samples in a row spoil three."""
 
-FARTHEST = np.array([0.5, 0.5, 2.0])
-"""Largest departure from constant speed over a loss of sight [m, rad]; a flip is pi."""
+UNEVEN = 4.0
+"""Where the craft moves fast steps may scatter by so many times what is usual in the log."""
+
+NEIGHBOURS = 51
+"""Samples over which the local scatter of steps is taken."""
+
+PUSHED = 4.0
+"""Largest sustained acceleration over the one that nine tenths of the log stay below."""
+
+STOPS = 0.2
+"""A craft that lands loses the log's highest speed within this time [s]."""
+
+BUMP = 1.0 / 3.0
+"""Largest change of speed between two samples, by hitting a wall, over the log's highest speed."""
+
+FARTHEST_TURN = 2.0
+"""Largest departure of the heading from a constant rate over a loss of sight [rad]; a flip is pi."""
+
+FARTHEST_TIME = 1.0
+"""Largest departure from constant speed over a loss of sight: the log's highest speed for so long [s]."""
 
 FORGET = 2.0
 """After this long [s] without sight the craft may be anywhere."""
@@ -38,7 +58,65 @@ LOOK_BACK = 100
 """Earlier pieces tried as predecessors."""
 
 ROUGHNESS = 3.0
-"""Samples that a link at the edge of the allowed costs."""
+"""Samples that a link at the edge of the explained costs; twice as far costs four times as much."""
+
+AT_ONCE = 1.5
+"""Within so many steps a link may be rougher than what is explained: a shift between two samples."""
+
+
+@dataclass(frozen=True, eq=False)
+class Limits:
+    """What a log explains, for x, y, psi.
+
+    All are quantiles that a few samples in a hundred, wherever they lie, hardly move.
+
+    Attributes
+    ----------
+    noise : ndarray (3,)
+        What a step may miss its neighbours by where nothing happens [m, rad].
+    local : ndarray (n - 1, 3)
+        The same for each step, by the scatter around it.
+    push : ndarray (3,)
+        Sustained acceleration [m/s^2, rad/s^2].
+    impact : ndarray (3,)
+        Change of speed between two samples [m/s, rad/s].
+    farthest : ndarray (3,)
+        Departure from constant speed over a loss of sight [m, rad].
+    """
+
+    noise: Floats
+    local: Floats
+    push: Floats
+    impact: Floats
+    farthest: Floats
+
+    @classmethod
+    def of(cls, time: Floats, speed: Floats, surprise: Floats) -> Limits:
+        """Return the limits of a log.
+
+        Parameters
+        ----------
+        time : ndarray (n,)
+        speed : ndarray (n - 1, 3)
+            Of each step, without single ones that stand out.
+        surprise : ndarray (n - 1, 3)
+            How far each step is from what that speed says.
+        """
+        step = float(np.median(np.diff(time)))
+        reach = min(_reach(step), len(speed) - 1)
+        change = np.abs(speed[reach:] - speed[:-reach]) / (reach * step)
+        usual, fastest = np.quantile(change, 0.9, axis=0), np.quantile(np.abs(speed), 0.99, axis=0)
+        for row in (usual, fastest):
+            row[:2] = row[:2].max()  # the craft turns
+        noise = USUAL * np.median(surprise, axis=0) + 1e-6
+        around = USUAL * median_filter(surprise, size=(NEIGHBOURS, 1), mode="nearest")
+        return cls(
+            noise,
+            np.clip(around, noise, UNEVEN * noise),
+            np.maximum(PUSHED * usual, fastest / STOPS),
+            BUMP * fastest,
+            np.append(FARTHEST_TIME * fastest[:2], FARTHEST_TURN),
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,12 +161,14 @@ def follow(time: Floats, pose: Floats) -> tuple[Mask, Floats]:
     steps = np.diff(pose, axis=0)
     steps[:, 2] = wrap(steps[:, 2])
     dt = np.diff(time)[:, None]
-    speed = median_filter(steps / dt, size=(5, 1), mode="nearest")
+    speed = median_filter(steps / dt, size=(SPARE, 1), mode="nearest")
     surprise = np.abs(steps - speed * dt)
-    noise = 8.0 * 1.4826 * np.median(surprise, axis=0) + 1e-6
-    smooth = np.all(surprise <= noise + IMPACT * dt / 2, axis=1)
+    limits = Limits.of(time, speed, surprise)
+    explained = limits.local + limits.impact * dt / 2
+    explained[:, 2] = np.minimum(explained[:, 2], FARTHEST_TURN / 2)
+    smooth = np.all(surprise <= explained, axis=1)
     pieces = _cut(time, steps / dt, smooth)
-    chain = _best_chain(time, pose, pieces, noise)
+    chain = _best_chain(time, pose, pieces, limits)
 
     accepted = np.zeros(time.size, dtype=bool)
     straight = pose.copy()
@@ -116,16 +196,22 @@ def _cut(time: Floats, rates: Floats, smooth: Mask) -> Pieces:
     first = np.concatenate([[0], np.flatnonzero(cut) + 1])
     last = np.concatenate([first[1:] - 1, [time.size - 1]])
     total = np.concatenate([np.zeros((1, 3)), np.cumsum(rates, axis=0)])
-    usual = int(np.rint(SPEED_SPAN / np.median(np.diff(time))))
-    reach = np.minimum(last - first, max(4, usual))
+    reach = np.minimum(last - first, _reach(float(np.median(np.diff(time)))))
     count = np.maximum(reach, 1)[:, None]
     speed_in = (total[first + reach] - total[first]) / count
     speed_out = (total[last] - total[last - reach]) / count
     return Pieces(first, last, speed_in, speed_out, reach == 0)
 
 
-def _best_chain(time: Floats, pose: Floats, pieces: Pieces, noise: Floats) -> list[int]:
+def _reach(step: float) -> int:
+    """Return over how many steps the speed at the end of a piece is taken."""
+    return max(4, int(np.rint(SPEED_SPAN / step)))
+
+
+def _best_chain(time: Floats, pose: Floats, pieces: Pieces, limits: Limits) -> list[int]:
     """Return the chain of pieces with the most samples, less what its rough links cost."""
+    noise = np.vstack([limits.noise, limits.local])[pieces.first]  # of the step into each piece
+    step = float(np.median(np.diff(time)))
     start, end = time[pieces.first], time[pieces.last]
     at_start, at_end = pose[pieces.first], pose[pieces.last]
     score = (pieces.last - pieces.first + 1).astype(float)
@@ -144,10 +230,12 @@ def _best_chain(time: Floats, pose: Floats, pieces: Pieces, noise: Floats) -> li
             out = np.where(pieces.single[near, None], into, pieces.speed_out[near])
             missed = at_start[k] - at_end[near] - (into + out) / 2 * blind
             missed[:, 2] = wrap(missed[:, 2])
-            pushed = np.minimum(IMPACT * blind + PUSH * blind**2 / 4, FARTHEST)
-            allowed = pushed + noise * (1.0 + blind / SPEED_SPAN)
+            pushed = np.minimum(limits.impact * blind + limits.push * blind**2 / 4, limits.farthest)
+            allowed = pushed + noise[k] * (1.0 + blind / SPEED_SPAN)
+            allowed[:, 2] = np.minimum(allowed[:, 2], FARTHEST_TURN)
             rough = np.max(np.abs(missed) / allowed, axis=1)
-            reached = np.where(rough <= 1.0, score[near] - ROUGHNESS * rough**2, -np.inf)
+            possible = (rough <= 1.0) | (blind[:, 0] <= AT_ONCE * step)
+            reached = np.where(possible, score[near] - ROUGHNESS * rough**2, -np.inf)
             j = int(reached.argmax())
             if reached[j] > gain:
                 best, gain = near.start + j, reached[j]

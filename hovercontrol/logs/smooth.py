@@ -10,10 +10,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import maximum_filter1d, median_filter
+from scipy.ndimage import maximum_filter1d, median_filter, percentile_filter
 
 from hovercontrol.errors import InputError
-from hovercontrol.logs.clock import Clock, fit_clock
+from hovercontrol.logs.clock import Clock, fit_clock, measured, moved
 from hovercontrol.logs.kalman import Estimate, fit_noise, run_filter, run_smoother
 from hovercontrol.logs.log import POSE, VELOCITY, Floats, Log, Mask
 from hovercontrol.logs.reject import FORGET, follow, wrap
@@ -21,11 +21,14 @@ from hovercontrol.logs.reject import FORGET, follow, wrap
 COASTING = 0.3
 """Longest time [s] without an accepted sample over which velocities still count as measured."""
 
-STANDS_OUT = 80.0
-"""Squared distance, in standard deviations over three channels, at which a sample is an outlier.
+STANDS_OUT = 120.0
+"""Squared distance, over the usual one around, at which a sample is an outlier.
 
-The noise of a marker body that moves is uneven; in clean runs one sample in a thousand reaches
-50."""
+The noise of a marker body that moves is uneven; in clean runs one sample in ten thousand reaches 90.
+"""
+
+AROUND = 51
+"""Samples around one by which its distance is judged."""
 
 MOST_ROWS = 500_000
 """Rows that are smoothed at once; more would take gigabytes."""
@@ -74,11 +77,11 @@ class Smoothed:
     pose_std, velocity_std, acceleration_std : ndarray (n, 3)
         Standard deviations of these.
     accepted : ndarray (n,) of bool
-        Samples that were used.
+        Samples that were used; false in rows without a pose.
     valid : ndarray (n,) of bool
         Rows less than ``COASTING`` away from sight; elsewhere the motion is only guessed.
     rejected : tuple of Span
-        Samples that were not used.
+        Samples that were not used; rows without a pose do not count.
     noise_std : tuple of float
         Measurement noise of x, y [m] and psi [rad].
     jerk_density : tuple of float
@@ -117,12 +120,13 @@ def smooth_pose(log: Log) -> Smoothed:
 
     Process and measurement noise are those of maximum likelihood for the accepted samples. The
     three channels are accepted or rejected together, as one marker body. Velocities ``u, v, r``
-    that the log has already are kept.
+    that the log has already are kept. Rows without a pose (NaN: a command came between two samples) get
+    the smoothed motion at their time.
 
     Parameters
     ----------
     log : Log
-        With ``x, y`` [m] and ``psi`` [rad]; 8 to 500 000 rows.
+        With ``x, y`` [m] and ``psi`` [rad]; 8 to 500 000 rows with a pose.
 
     Returns
     -------
@@ -141,10 +145,12 @@ def smooth_pose(log: Log) -> Smoothed:
     >>> bool(np.allclose(result.log["u"], 1.0, atol=1e-3)), result.rejected
     (True, ())
     """
-    raw = log.stack(*POSE)
-    if not 8 <= len(log) <= MOST_ROWS:
-        raise InputError(f"{log.name}: expected 8 to {MOST_ROWS} rows to smooth, found {len(log)}")
-    clock = fit_clock(log.time, raw)
+    every = log.stack(*POSE)
+    seen = np.isfinite(every).all(axis=1)
+    raw = every[seen]
+    if len(raw) < 8 or len(log) > MOST_ROWS:
+        raise InputError(f"{log.name}: expected 8 to {MOST_ROWS} rows to smooth, found {len(raw)}")
+    clock = fit_clock(log.time[seen], log.stack(*measured(log))[seen])
     time = clock.time
     accepted, z = follow(time, raw)
     chained = accepted.copy()
@@ -155,6 +161,13 @@ def smooth_pose(log: Log) -> Smoothed:
         if (accepted == before).all():
             break
     else:
+        estimate = _smooth(time, z, accepted, jerk, noise)
+    spans = _spans(time, raw - estimate.mean[:, :, 0], accepted, chained)
+    if not seen.all():
+        time = moved(log.time, log.time[seen], time)
+        z = z[np.maximum(np.cumsum(seen) - 1, 0)]
+        rows, accepted = np.flatnonzero(seen)[accepted], np.zeros(seen.size, dtype=bool)
+        accepted[rows] = True
         estimate = _smooth(time, z, accepted, jerk, noise)
 
     pose, velocity, acceleration = np.moveaxis(estimate.mean, -1, 0)
@@ -172,7 +185,7 @@ def smooth_pose(log: Log) -> Smoothed:
         spread[:, :, 2],
         accepted,
         _seen(time, accepted),
-        _spans(time, raw - pose, accepted, chained),
+        spans,
         tuple(np.sqrt(noise).tolist()),
         tuple(jerk.tolist()),
         clock,
@@ -225,8 +238,9 @@ def _drop_outliers(
         # variance of sample minus smoothed position
         variance = np.maximum(noise - estimate.covariance[:, :, 0, 0], 1e-3 * noise)
         distance = ((z[rows] - estimate.mean[:, :, 0]) ** 2 / variance).sum(axis=1) * kept[rows]
-        # 2.37: median of chi squared with three channels
-        usual = np.maximum(median_filter(distance, size=51) / 2.37, 1.0)
+        # 2.37, 6.25: median and nine tenths of chi squared with three channels
+        middle = median_filter(distance, size=AROUND) / 2.37
+        usual = np.maximum(np.maximum(middle, percentile_filter(distance, 90, size=AROUND) / 6.25), 1.0)
         peak = distance == maximum_filter1d(distance, 7)
         out = rows[peak & (distance > STANDS_OUT * usual)]
         if not out.size:

@@ -77,3 +77,22 @@ def test_three_files_for_one_run_are_refused(run):
 def test_a_missing_pulse_column_is_named(run):
     with pytest.raises(InputError, match="no column 'pwm_rigth'"):
         gather(f"{run}/pose.csv+{run}/cmd.csv", ["rigth"], bench=BenchTable.from_csv(run / "bench.csv"))
+
+
+def test_gaps_are_bridged_and_counted_though_commands_came_meanwhile(run):
+    log = gather(f"{run}/pose.csv")
+    log.select((log.time < 1.0) | (log.time > 1.26)).save(run / "pose.csv")
+    with pytest.warns(
+        UserWarning, match=r"pose\.csv: 1 gap of 0\.3 s, bridged by the model: usual are 0\.02 s"
+    ):
+        joined = gather(f"{run}/pose.csv+{run}/cmd.csv")
+    within = (joined.time > 0.99) & (joined.time < 1.27)
+    assert joined["pwm_lift"][within].tolist() == [1375.0]  # it changed in the gap, at its own time
+    assert np.isnan(joined["psi"][within]).all()
+
+
+def test_a_log_with_more_gap_than_rows_is_refused(run):
+    log = gather(f"{run}/pose.csv")
+    log.select((log.time < 1.0) | (log.time > 3.5)).save(run / "pose.csv")
+    with pytest.raises(InputError, match=r"pose\.csv: 1 gap of 2\.5\d s, .* and only 1\.4\d? s are left"):
+        gather(f"{run}/pose.csv")

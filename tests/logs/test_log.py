@@ -38,7 +38,16 @@ def pose() -> Log:
 def test_commands_hold_until_the_next_one() -> None:
     joined = join_logs(pose(), commands(), before={"pwm": 1000.0}, hold=0.5)
     assert joined.time[-1] == 2.4  # the last command is forgotten after 0.5 s
-    assert joined["pwm"].tolist() == [1000, 1000, 1100, 1200, 1000, 1000]
+    assert joined.time.tolist() == pose().time[:-1].tolist()  # commands as near to a sample come with it
+    assert joined["pwm"].tolist() == [1000, 1000, 1200, 1200, 1000, 1000]
+
+
+def test_a_command_between_two_samples_changes_at_its_own_time() -> None:
+    fans = Log("fans", np.array([1.2, 1.3, 1.7, 2.1]), {"pwm": np.array([1100.0, 1100.0, 1300.0, 1000.0])})
+    joined = join_logs(pose(), fans, before=1000.0)
+    assert joined.time.tolist() == [0.0, 0.9, 1.00005, 1.2, 1.5, 1.7, 2.0, 2.1, 2.4]
+    assert joined["pwm"].tolist() == [1000, 1000, 1000, 1100, 1100, 1300, 1300, 1000, 1000]
+    assert np.flatnonzero(np.isnan(joined["x"])).tolist() == [3, 5, 7]
 
 
 def test_without_an_idle_value_the_pose_is_cut_at_the_first_command() -> None:

@@ -17,12 +17,13 @@ from hovercontrol.logs import (
 )
 
 _SHARED = Path(__file__).parents[2].parent / "shared" / "data"
-DATA = Path(os.environ.get("HOVERCONTROL_DATA", _SHARED)) / "real_hovercraft"
+FOLDER = Path(os.environ.get("HOVERCONTROL_DATA", _SHARED))
+DATA, FAST = FOLDER / "real_hovercraft", FOLDER / "holohover"
 FANS = ("rear_left", "rear_right", "front_left", "front_right")
 
 pytestmark = pytest.mark.skipif(
-    not DATA.is_dir(),
-    reason=f"measured data not at {DATA}; set HOVERCONTROL_DATA to the folder that holds it",
+    not (DATA.is_dir() and FAST.is_dir()),
+    reason=f"measured data not at {FOLDER}; set HOVERCONTROL_DATA to the folder that holds it",
 )
 
 
@@ -49,11 +50,9 @@ def test_arrival_bursts_and_lost_frames_are_seen_through(runs) -> None:
         assert fit_clock(pose.time, pose.stack("x", "y", "psi")).lost == lost
 
 
-def test_only_the_jumps_of_run_d_and_single_samples_are_rejected(runs) -> None:
+def test_only_the_jumps_of_run_d_are_rejected(runs) -> None:
     rejected = {run: smoothed.rejected for run, (_, smoothed) in runs.items()}
-    assert rejected["a"] == rejected["c"] == ()
-    assert {span.reason for span in rejected["b"]} == {"outlier"}
-    assert sum(span.rows for span in rejected["b"]) <= 5
+    assert rejected["a"] == rejected["b"] == rejected["c"] == ()
     starts = [span.start for span in rejected["d"]]
     assert starts == pytest.approx([30.36, 30.84, 31.28, 31.98], abs=0.03)
     assert sum(span.rows for span in rejected["d"]) <= 16
@@ -67,7 +66,7 @@ def test_no_jump_survives_and_no_fast_turn_is_lost(runs) -> None:
         assert np.abs(smoothed.body_acceleration()[:, 2]).max() < 60  # the landing
         used = smoothed.accepted
         assert np.abs(log["x"] - smoothed.log["x"])[used].max() < 1.5e-3
-        assert np.abs(log["psi"] - smoothed.log["psi"])[used].max() < 0.03
+        assert np.abs(log["psi"] - smoothed.log["psi"])[used].max() < 0.035
 
 
 def test_fans_push_the_way_the_readme_says(runs) -> None:
@@ -88,3 +87,33 @@ def test_fans_push_the_way_the_readme_says(runs) -> None:
         terms = np.column_stack([torque, r, ones])[flying]
         gain = np.linalg.lstsq(terms, turn[flying])[0][0]
         assert 700 < gain < 1500
+
+
+@pytest.mark.parametrize("name", ["h1_aligned", "h1_blue_aligned", "h1_blue_raw_pose"])
+@pytest.mark.parametrize("part", [(0.0, 1.0), (0.0, 0.5), (0.5, 1.0)])
+def test_no_row_of_a_fast_craft_is_rejected(name: str, part: tuple[float, float]) -> None:
+    """At 240 Hz and up to 22 rad/s; a marker body that is changed on the way shifts it by 2 mm at once."""
+    log = read_log(FAST / f"{name}.csv")
+    log = log.select(slice(*(int(share * len(log)) for share in part)))
+    smoothed = smooth_pose(log)
+    assert smoothed.rejected == ()
+    assert smoothed.accepted.all()
+
+
+@pytest.mark.parametrize("run", ["h1_aligned", "h1_blue_aligned", "run_a_pose", "run_d_pose"])
+def test_gross_outliers_in_real_motion_never_pull_the_pose(run: str) -> None:
+    log = read_log((FAST if run.startswith("h1") else DATA) / f"{run}.csv")
+    clean, pose = smooth_pose(log), log.stack("x", "y", "psi")
+    rng = np.random.default_rng(4)
+    bad = np.zeros(len(log), dtype=bool)
+    for first in rng.permutation(np.arange(10, len(log) - 10, 8))[: len(log) // 75]:  # 2 % of the rows
+        rows = slice(first, first + rng.integers(1, 3))  # alone or in twos
+        size = np.append(rng.uniform(0.05, 1.0, 2), rng.uniform(0.2, 3.0))
+        pose[rows] += size * rng.choice([-1, 0, 1], 3, p=[0.4, 0.2, 0.4])
+        bad[rows] = np.abs(pose[rows] - log.stack("x", "y", "psi")[rows]).max(axis=1) > 0.01
+    found = smooth_pose(log.with_columns(dict(zip(("x", "y", "psi"), pose.T, strict=True))))
+    assert not (bad & found.accepted).any()
+    assert np.count_nonzero(~bad & ~found.accepted & clean.accepted) <= 5
+    pull = found.pose - clean.pose
+    pull[:, 2] = (pull[:, 2] + np.pi) % (2 * np.pi) - np.pi
+    assert np.all(np.abs(pull[found.valid]).max(axis=0) < (1.5e-3, 1.5e-3, 0.02))

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from hovercontrol.estimation.data import Data
 from hovercontrol.estimation.fit import Fit, estimate, first_noise
-from hovercontrol.estimation.prediction import Prediction, horizons, predict
+from hovercontrol.estimation.prediction import horizons, predict
 from hovercontrol.estimation.prior import prior_of
 from hovercontrol.estimation.problem import Problem
 from hovercontrol.estimation.subject import Subject
@@ -79,14 +79,35 @@ def held_fit(model: Subject, data: Data, near: Fit | None = None) -> Fit:
     return estimate(problem, prior_of(problem, model), noise, path=path, frozen=True, gate=near is None)
 
 
-def ahead(before: Fit, after: Fit, wanted: Sequence[float] = (0.2, 0.5, 1.0, 2.0)) -> tuple[Ahead, ...]:
+@dataclass(frozen=True)
+class Horizons:
+    """Errors of two models at several horizons.
+
+    Attributes
+    ----------
+    each : tuple of Ahead
+        By horizon and channel.
+    together : tuple of float
+        By horizon: mean fall of the squared errors of all channels, each in parts of its own, over its standard
+        error over blocks.
+    """
+
+    each: tuple[Ahead, ...] = ()
+    together: tuple[float, ...] = ()
+
+
+def ahead(before: Fit, after: Fit, wanted: Sequence[float] = (0.2, 0.5, 1.0, 2.0)) -> Horizons:
     """Return the errors of two models on the same rows, at each horizon and channel."""
-    found = []
+    found, together = [], []
     for horizon in horizons(before, wanted):
         one, two = predict(before, horizon), predict(after, horizon)
         if one is None or two is None:
             continue
         fall = one.errors**2 - two.errors**2
+        size = np.nanmean(0.5 * (one.errors**2 + two.errors**2), axis=0)
+        pooled = np.nanmean(fall / np.maximum(size, 1e-300), axis=1)
+        known = np.isfinite(pooled)
+        together.append(_over_blocks(pooled[known], one.block[known]))
         for c, channel in enumerate(one.channels):
             known = np.isfinite(fall[:, c])
             if not known.any():
@@ -94,7 +115,7 @@ def ahead(before: Fit, after: Fit, wanted: Sequence[float] = (0.2, 0.5, 1.0, 2.0
             unit = before.problem.block.signal(channel).unit
             t = _over_blocks(fall[known, c], one.block[known])
             found.append(Ahead(horizon, channel, unit, one.rms[channel], two.rms[channel], t))
-    return tuple(found)
+    return Horizons(tuple(found), tuple(together))
 
 
 def _over_blocks(values: Array, block: NDArray[np.intp]) -> float:
@@ -119,6 +140,3 @@ def gap(fit: Fit, horizon: float = 1.0) -> Gap:
         nrmse[channel] = rms[channel] / size
         floor[channel] = float(fit.noise.measured[c]) / size
     return Gap(chosen, rms, nrmse, floor)
-
-
-__all__ = ["Ahead", "Gap", "Prediction", "ahead", "gap", "held_fit"]

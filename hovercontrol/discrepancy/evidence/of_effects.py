@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from hovercontrol.discrepancy.evidence.blocks import Blocks
-from hovercontrol.discrepancy.evidence.holdout import Ahead
+from hovercontrol.discrepancy.evidence.holdout import Horizons
 
 
 @dataclass(frozen=True, eq=False)
@@ -18,13 +18,13 @@ class Evidence:
     gain : float
         Fall of twice the negative log likelihood, beside the other effects.
     blocks : Blocks
-    holdout : tuple of Ahead
+    holdout : Horizons
         Errors on the held-out log without and with the effect; empty without such a log.
     """
 
     gain: float
     blocks: Blocks
-    holdout: tuple[Ahead, ...] = ()
+    holdout: Horizons = Horizons()
 
     def result(self) -> dict[str, Any]:
         """Return what ``result.json`` holds."""
@@ -47,6 +47,6 @@ class Evidence:
                     "unit": a.unit,
                     "t": a.t,
                 }
-                for a in self.holdout
+                for a in self.holdout.each
             ],
         }

@@ -20,8 +20,8 @@ Array = NDArray[np.float64]
 #: Size of the trial of a number that enters linearly; in units of its own, the answer being linear.
 TRIAL = 1e-2
 
-#: Parts of a trial beyond which its linear answer is no guide to a shape.
-BELIEVED = (0.1, 4.0)
+#: Parts of a trial beyond which its linear answer is no guide to a shape: a larger trial would score better.
+BELIEVED = (0.1, 1.3)
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from hovercontrol.block import Block
-from hovercontrol.estimation.commands import Arrival, input_states
+from hovercontrol.estimation.commands import Arrival, command_times, input_states
 from hovercontrol.discrepancy.search.candidates import Candidate
 from hovercontrol.estimation.subject import Subject, motion_of, structure, timing
 from hovercontrol.effects import Effect
@@ -267,7 +267,7 @@ class _Along:
         begin, width = problem.t[:, 0], np.where(problem.h > 0, problem.h, 1e-9)
         for k, log in enumerate(problem.logs):
             own = np.flatnonzero(problem._log_of == k)
-            arrival = Arrival(block, log.time - log.origin, log.inputs, motion)
+            arrival = Arrival(block, command_times(log)[0] - log.origin, log.inputs, motion)
             u[..., own] = arrival.mean(begin[:, own], begin[:, own] + width[:, own], delay)
             for i, v in arrival.lagged(begin[:, own] + 0.5 * width[:, own], every, delay).items():
                 lagged[i][..., own] = v

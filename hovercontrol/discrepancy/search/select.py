@@ -15,7 +15,7 @@ from hovercontrol.effects import Effect
 from hovercontrol.estimation.fit import Fit, refit
 from hovercontrol.estimation.prior import prior_of
 from hovercontrol.estimation.problem import Problem
-from hovercontrol.estimation.subject import Subject, timing
+from hovercontrol.estimation.subject import Subject
 
 #: Times at most that better effects are looked for in place of the named ones.
 ROUNDS = 2
@@ -210,28 +210,44 @@ def why_not(t: Tried, looked_at: int, criteria: Criteria) -> str:
 
 
 def _add(search: _Search, current: Fit, seen: Sequence[Scored]) -> list[Tried]:
-    """Return fits with the candidates that score best."""
-    criteria = search.criteria
-    worthy = [
-        s for s in seen if s.allowed and s.gain > criteria.least + criteria.each * len(s.parts)
-    ]
+    """Return fits with the candidates that score best, and with drags along the same axis as the best."""
+    criteria, model = search.criteria, current.problem.model
+    worthy = [s for s in seen if s.allowed and s.gain > criteria.least + criteria.each * len(s.parts)]
     if not worthy:
         return []
+    top = worthy[0]
+    starts = [s.effect for s in worthy if s is top or s.gain > criteria.share * top.gain]
+    names = {e.name for e in starts}
+    kin = [
+        _sized(model, s.effect)
+        for s in seen
+        if same_axis(s.candidate.trial, top.candidate.trial) and s.candidate.name not in names
+    ]
     found: list[Tried] = []
-    for s in worthy:
-        if len(found) >= criteria.tries:
-            break
-        top = worthy[0]
-        kin = same_axis(s.candidate.trial, top.candidate.trial)
-        same = any(twins(current.problem.model, s.candidate.name, t.name) for t in found)
-        if same or (found and s.gain < (0.5 if kin else 1.0) * criteria.share * top.gain):
+    for e in [*starts[: criteria.tries], *kin]:
+        if any(twins(t.name, e.name) for t in found):
             continue
-        if found and found[0].gain > 0 and not kin and _explained(found[0]) and s.gain < 0.9 * top.gain:
-            continue
-        search.tell(f"trying {s.candidate.name}")
-        t = _tried(search, current, s.effect)
+        if found and _explained(found[0]) and not same_axis(e, top.candidate.trial):
+            share = next(s.gain for s in seen if s.candidate.name == e.name) / top.gain
+            if share < 0.9:
+                continue
+        search.tell(f"trying {e.name}")
+        t = _tried(search, current, e)
         found += [t] if t else []
     return found
+
+
+def _sized(model: Subject, e: Effect) -> Effect:
+    """Return a drag as large as half of what the model has along its axis, if its score says less.
+
+    Near standstill dry friction hides what a drag would score: the model's own takes its place.
+    """
+    own = [o for o in model.effects if same_axis(o, e) and "value" in o.numbers and "value" in e.numbers]
+    alike = [o for o in own if o.numbers["value"].unit == e.numbers["value"].unit]
+    if not alike:
+        return e
+    value = max(abs(e.values["value"]), 0.5 * max(abs(o.values["value"]) for o in alike))
+    return type(e)(**{**e.values, "value": value})
 
 
 def _explained(t: Tried) -> bool:
@@ -254,7 +270,7 @@ def same_axis(one: Effect, other: Effect) -> bool:
     return getattr(one, "axis", None) == getattr(other, "axis", 0)
 
 
-def twins(model: Subject, one: str, other: str) -> bool:
+def twins(one: str, other: str) -> bool:
     """Whether two effects only say how late something is, which every log shows alike."""
     return one != other and {one, other} <= LATE
 
@@ -298,7 +314,7 @@ def _confirmed(search: _Search, selection: Selection, first: Sequence[Tried]) ->
             best = max((s.gain for s in others), default=0.0)
             tried: list[Tried] = []
             for s in others:
-                same = twins(final.problem.model, name, s.candidate.name)
+                same = twins(name, s.candidate.name)
                 near = s.gain > max(criteria.share * max(best, 0.0), criteria.least)
                 if not (near or same) or len(tried) >= criteria.tries:
                     continue
@@ -312,11 +328,11 @@ def _confirmed(search: _Search, selection: Selection, first: Sequence[Tried]) ->
                 d = t.fit.block_costs - final.block_costs
                 score = float(d.sum() / max(np.sqrt(d.size) * d.std(ddof=1), 1e-300)) if d.size > 1 else 0.0
                 ok = passes(t, selection.candidates, criteria)
-                if behind < 0.0 and ok and not twins(final.problem.model, name, t.name):
+                if behind < 0.0 and ok and not twins(name, t.name):
                     effects[effects.index(name)] = t.name
                     final, changed = t.fit, True
                     break
-                same = twins(final.problem.model, name, t.name)
+                same = twins(name, t.name)
                 if same or (ok and (behind < criteria.apart or score < criteria.apart_t)):
                     rivals.append(Rival(t.name, name, behind, score, t.fit, same))
             if changed:
