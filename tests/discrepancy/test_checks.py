@@ -118,7 +118,9 @@ def test_commands_and_motion_that_are_never_known_together_are_refused():
     half = len(LOG) // 2
     early = {k: np.where(np.arange(len(LOG)) < half, LOG[k], np.nan) for k in ("thrust", "rudder")}
     late = {k: np.where(np.arange(len(LOG)) < half, np.nan, LOG[k]) for k in NOISE}
-    with pytest.raises(InputError, match=r"input 'thrust' \(from 0 to 11.98 s\) and motion \(from 12 to 23.98 s"):
+    with pytest.raises(
+        InputError, match=r"input 'thrust' \(from 0 to 11.98 s\) and motion \(from 12 to 23.98 s"
+    ):
         check_logs(CASE.model, [changed(**early, **late)])
 
 
@@ -138,7 +140,9 @@ def whirl(time):
 
 def test_a_model_that_predicts_nothing_is_said_to():
     other = make(2, [], Conditions(duration=24.0)).logs
-    logs = [changed(a, **{k: b[k] for k in ("thrust", "rudder")}) for a, b in zip(CASE.logs, other, strict=True)]
+    logs = [
+        changed(a, **{k: b[k] for k in ("thrust", "rudder")}) for a, b in zip(CASE.logs, other, strict=True)
+    ]
     (said,) = predicts_nothing(base_fit(CASE.model, gather(CASE.model, logs)))
     assert "the model predicts nothing: 0.2 s ahead" in said
     assert predicts_nothing(base_fit(CASE.model, gather(CASE.model, CASE.logs))) == []

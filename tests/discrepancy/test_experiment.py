@@ -63,7 +63,9 @@ def test_a_badly_known_coefficient_has_an_experiment_that_tells_it_better(unclea
     parameter = found.effects[-1].parameter
     sharper = sharpen(found.selection.final, parameter)
     assert sharper.worth > 1.5
-    assert sharper.text.endswith(f"the standard error of {parameter} then falls by a factor of {sharper.worth:.2g}.")
+    assert sharper.text.endswith(
+        f"the standard error of {parameter} then falls by a factor of {sharper.worth:.2g}."
+    )
 
 
 def test_rivals_that_are_the_same_have_no_experiment():

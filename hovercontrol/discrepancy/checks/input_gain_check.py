@@ -33,7 +33,9 @@ def refuse_gains(base: Fit) -> None:
         and well known: its column is in another unit, or of another sign.
     """
     problem, std = base.problem, np.sqrt(np.diag(base.covariance))
-    linear = [problem.names.index(name) for name in problem.model.linear_coefficients() if name in problem.names]
+    linear = [
+        problem.names.index(name) for name in problem.model.linear_coefficients() if name in problem.names
+    ]
     if not any(_is_far(base.p[j], problem.start[j], std[j]) for j in linear):
         return
     S = base.S.sum(axis=0)

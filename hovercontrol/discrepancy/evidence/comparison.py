@@ -8,13 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from hovercontrol.discrepancy.evidence.holdout import held_fit
 from hovercontrol.discrepancy.evidence.traces import Trace, simulated_traces
 from hovercontrol.discrepancy.evidence.whiteness import independence, innovations, past_commands, whiteness
 from hovercontrol.estimation.data import gather
-from hovercontrol.estimation.fit import Fit, estimate, first_noise
+from hovercontrol.estimation.fit import Fit
 from hovercontrol.estimation.noise import Noise
-from hovercontrol.estimation.prior import prior_of
-from hovercontrol.estimation.problem import Problem
 from hovercontrol.estimation.subject import Subject
 from hovercontrol.logs import Log
 
@@ -145,26 +144,25 @@ def compare(
     True
     """
     total = sum(float(log.time[-1] - log.time[0]) for log in logs if len(log))
-    data = gather(model, logs, max(1, round(total / horizon)))
-    problem = Problem(model, data)
-    if noise is None:
-        begin = first_noise(problem)
-        noise = replace(begin, process=np.zeros_like(begin.process))
-    fit = estimate(problem, prior_of(problem, model), noise, frozen=True, levels=False)
-    return compared(fit, horizon)
+    fit = held_fit(model, gather(model, logs, max(1, round(total / horizon))))
+    return compared(fit, horizon, noise)
 
 
-def compared(fit: Fit, horizon: float = HORIZON) -> Comparison:
+def compared(fit: Fit, horizon: float = HORIZON, noise: Noise | None = None) -> Comparison:
     """Return the comparison of a fitted model.
 
     Parameters
     ----------
     fit : Fit
-        Its coefficients, and its noise, as they are judged.
+        Its coefficients as they are judged; its path is where the craft was. Samples that it left out are not
+        compared.
     horizon : float, optional
         Length of short simulations [s].
+    noise : Noise, optional
+        Default: that of the measurements.
     """
     problem = fit.problem
+    fit = replace(fit, noise=noise or replace(fit.noise, process=np.zeros_like(fit.noise.process)))
     short, free = simulated_traces(fit, horizon), simulated_traces(fit)
     z = innovations(fit)
     found = []

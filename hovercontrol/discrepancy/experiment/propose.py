@@ -67,9 +67,7 @@ def next_experiment(
         return (None, found) if isinstance(found, str) else (found, found.text)
     if selection.rivals:
         return None, same_time((selection.rivals[0].instead_of, selection.rivals[0].name))
-    numbers = [
-        n for n in effects if abs(n.std) > BADLY * abs(n.value) and n.parameter in final.problem.names
-    ]
+    numbers = [n for n in effects if abs(n.std) > BADLY * abs(n.value) and n.parameter in final.problem.names]
     if not numbers:
         return None, ""
     worst = max(numbers, key=lambda n: abs(n.std) / max(abs(n.value), 1e-12))
