@@ -1,4 +1,4 @@
-"""A machine with time constants of a minute and a row a second: how far ahead it is predicted grows with it."""
+"""A machine with time constants of a minute and a row a second is predicted as much farther ahead."""
 
 import numpy as np
 import pytest

@@ -24,8 +24,8 @@ from hovercontrol.identify.predict import coasting
 #: Part of the accelerations seen from which on process noise may be all there is.
 SWALLOWED = 0.3
 
-#: How far ahead such a model is asked to predict [s], and what its errors (their median over channels) must be
-#: of those of a craft whose velocities stay: drag along one axis is no merit.
+#: How far ahead such a model is asked to predict [s], and what its errors (their median over channels) must
+#: be of those of a craft whose velocities stay: drag along one axis is no merit.
 AHEAD, BETTER = 0.2, 0.9
 
 

@@ -25,8 +25,8 @@ HORIZON = 1.0
 #: Chance at which all tests together find something where there is nothing.
 CHANCE = 1e-3
 
-#: Standard error of a noise level from the median of n third differences, times the root of n; and how many of
-#: them what remains may be larger.
+#: Standard error of a noise level from the median of n third differences, times the root of n; and how many
+#: of them what remains may be larger.
 LEVEL, BEYOND = 1.65, 4.0
 
 

@@ -3,10 +3,10 @@
 Commands keep to what was driven in the logs; where the model bounds an input, to at most twice that within
 the bounds, and to no direction that was never driven.
 
-Every manoeuvre of a family is simulated with one rival as the truth and the other fitted to it and to what the
-logs so far say of its coefficients, and the other way round: what that fit cannot take up is what the added log
-will say (the discrimination design of Atkinson and Fedorov, Biometrika 62, 1975, over a family instead of a
-continuum).
+Every manoeuvre of a family is simulated with one rival as the truth and the other fitted to it and to what
+the logs so far say of its coefficients, and the other way round: what that fit cannot take up is what the
+added log will say (the discrimination design of Atkinson and Fedorov, Biometrika 62, 1975, over a family
+instead of a continuum).
 """
 
 from __future__ import annotations
@@ -38,8 +38,8 @@ Array = NDArray[np.float64]
 #: Fall of minus twice the log likelihood that settles a case, as an expectation.
 SETTLES = 40.0
 
-#: A coefficient of which the standard error is more than this part is known badly; a manoeuvre must lower it by
-#: the second.
+#: A coefficient of which the standard error is more than this part is known badly; a manoeuvre must lower it
+#: by the second.
 BADLY, SHARPER = 0.1, 1.5
 
 #: Shortest step between two commands of a proposal [s].

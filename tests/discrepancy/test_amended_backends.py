@@ -1,4 +1,4 @@
-"""The amended model gives one set of figures on the held-out log, whoever simulates it: report, FMU, python-control."""
+"""The amended model gives one set of figures on the held-out log: report, FMU, python-control."""
 
 import control
 import fmpy
@@ -40,7 +40,7 @@ def amended(diagnosed, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def windows(diagnosed, amended):
-    """First row, row behind the last and initial state of the runs of a second that the figures are made of."""
+    """First row, row behind the last and initial state of the runs of a second that figures are made of."""
     case, found = diagnosed
     fit = found.held_after
     rows = fit.problem.rows
@@ -109,11 +109,11 @@ def root_mean_square(found):
     return np.sqrt(np.mean(np.concatenate(found, axis=1) ** 2, axis=1))
 
 
-def figures(face, amended, log, windows):
+def figures(backend, amended, log, windows):
     """Errors of runs that start where told and follow the commands from there on alone."""
     block, fmu = amended
     inputs = commands(block, log)
-    runs = ((face(block, fmu, DT * np.arange(b - a), inputs[:, a:b], x0), a, b) for a, b, x0 in windows)
+    runs = ((backend(block, fmu, DT * np.arange(b - a), inputs[:, a:b], x0), a, b) for a, b, x0 in windows)
     return root_mean_square([errors(block, run, log, a, b) for run, a, b in runs])
 
 
@@ -150,9 +150,9 @@ def test_the_simulations_of_the_report_are_those_of_the_saved_model(diagnosed, a
     np.testing.assert_allclose(measured, list(NOISE.values()), rtol=0.15)
 
 
-@pytest.mark.parametrize("face", [by_fmpy, by_python_control])
-def test_every_face_gives_the_same_figures(face, diagnosed, amended, windows):
+@pytest.mark.parametrize("backend", [by_fmpy, by_python_control])
+def test_every_backend_gives_the_same_figures(backend, diagnosed, amended, windows):
     log = diagnosed[0].holdout
     for spans in (windows[:5], [(0, len(log), windows[0][2])]):
         expected = figures(by_machine_code, amended, log, spans)
-        np.testing.assert_allclose(figures(face, amended, log, spans), expected, rtol=1e-6)
+        np.testing.assert_allclose(figures(backend, amended, log, spans), expected, rtol=1e-6)
