@@ -12,6 +12,8 @@ from scipy.ndimage import median_filter
 from hovercontrol.block import Block
 from hovercontrol.discrepancy.levels import noise_scales
 from hovercontrol.errors import InputError
+from hovercontrol.estimation.drift import DriftStates, drift_states
+from hovercontrol.estimation.navigation import measure_navigated
 from hovercontrol.estimation.rows import BLOCKS, Rows, arrange
 from hovercontrol.estimation.subject import Subject, structure
 from hovercontrol.identify.measure import Measured, measure_all
@@ -44,6 +46,8 @@ class Data:
     scales : ndarray, shape (L, C)
         The noise of each log over that of all.
     rows : Rows
+    drift : DriftStates or None
+        Errors of a navigation's velocities.
     """
 
     logs: tuple[Measured, ...]
@@ -51,6 +55,7 @@ class Data:
     noise: Array
     scales: Array
     rows: Rows
+    drift: DriftStates | None = None
 
     def without(self, samples: NDArray[np.bool_]) -> Data:
         """Return the data less some samples, shape (K, W, C)."""
@@ -75,14 +80,15 @@ def gather(model: Subject, logs: Sequence[Log | Measured], blocks: int = BLOCKS)
         has too few rows.
     """
     block = structure(model)
-    measured = tuple(measure_all(block, logs, MOST_ROWS))
+    every = [(isinstance(log, Log) and measure_navigated(block, log)) or log for log in logs]
+    measured = tuple(measure_all(block, every, MOST_ROWS))
     channels = tuple(dict.fromkeys(c for m in measured for c in m.channels))
     noise = noise_levels(measured, channels)
     scales = noise_scales(measured, channels, noise)
     rows = arrange(measured, [_guess(block, m) for m in measured], channels, blocks)
     if not len(rows.log):
         raise InputError(f"{', '.join(m.name for m in measured)}: too few rows: no stretch of 12 follows on")
-    return Data(measured, channels, noise, scales, rows)
+    return Data(measured, channels, noise, scales, rows, drift_states(measured, rows))
 
 
 def _guess(block: Block, log: Measured) -> dict[str, Array]:

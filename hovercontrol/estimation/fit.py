@@ -62,8 +62,10 @@ class Fit:
         Normal equations of each block, in the coordinates in which unknowns are sought.
     missing : ndarray, shape (K, W, q)
         The smoothed missing accelerations.
+    drift : ndarray, shape (K, W, C)
+        The smoothed error of a navigation in each channel.
     covariance_of_path : ndarray, shape (K, W, n + q, n + q)
-        Of free states and missing accelerations, the unknowns as they are.
+        Of free states and missing accelerations (and drift), the unknowns as they are.
     left : ndarray, shape (K, W, C)
         Measured minus smoothed path, in standard deviations of that; zero where not measured.
     converged : bool
@@ -80,6 +82,7 @@ class Fit:
     S: Array
     g: Array
     missing: Array
+    drift: Array
     covariance_of_path: Array
     left: Array
     converged: bool
@@ -189,7 +192,8 @@ def _run(problem: Problem, noise: Noise, prior: Prior, p: Array, path: Array, fr
 def _tried(problem: Problem, noise: Noise, prior: Prior, p: Array, path: Array, frozen: bool) -> _Pass | None:
     """Return a pass; None where the model runs away."""
     try:
-        now = _run(problem, noise, prior, p, path, frozen)
+        with np.errstate(all="ignore"):
+            now = _run(problem, noise, prior, p, path, frozen)
     except np.linalg.LinAlgError:
         return None
     return now if np.isfinite(now.cost) else None
@@ -288,9 +292,11 @@ def estimate(
         now = _run(problem, noise, prior, p, path, frozen)
     left = residuals(problem, now.system, now.smooth)
     n = len(problem.free)
+    end = n + len(problem.driven)
+    drift = (now.system.H[..., end:] @ now.smooth.state[..., end:, None])[..., 0]
     return Fit(
         problem, p, path, noise, prior, now.linear, now.cost, now.block_costs, now.S, now.g,
-        now.smooth.state[..., n:], now.smooth.covariance, left, converged,
+        now.smooth.state[..., n:end], drift, now.smooth.covariance, left, converged,
     )  # fmt: skip
 
 

@@ -11,6 +11,7 @@ from hovercontrol.discrepancy.checks.input_gain_check import refuse_gains
 from hovercontrol.discrepancy.levels import unlike
 from hovercontrol.errors import InputError
 from hovercontrol.estimation.fit import Fit
+from hovercontrol.estimation.navigation import Navigated
 from hovercontrol.estimation.prediction import horizons, predict
 from hovercontrol.identify.excitation import (
     covariance,
@@ -50,7 +51,9 @@ def check_fitted(base: Fit) -> list[str]:
     data = base.problem.data
     refuse_gains(base)
     nothing = predicts_nothing(base)
-    return unlike(data.channels, data.scales) + check_excitation(base, bool(nothing)) + nothing
+    navigated = [f"{m.name}: {m.drift}" for m in data.logs if isinstance(m, Navigated)]
+    alike = unlike(data.channels, data.scales)
+    return [*navigated, *alike, *check_excitation(base, bool(nothing)), *nothing]
 
 
 def check_excitation(base: Fit, predicts_nothing: bool = False) -> list[str]:

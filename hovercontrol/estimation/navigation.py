@@ -1,0 +1,194 @@
+"""Logs that a navigation wrote: between its corrections velocities drift, at them positions jump.
+
+An inertial navigation integrates accelerometers between fixes. Its velocity over ground is then off by an
+offset and a ramp that nobody knows, smooth to a millimetre, and its position, which integrates that, says
+nothing new; at a fix both jump where the craft does not. So positions are left out, and offset and ramp are
+states of the filter that every correction draws anew (:mod:`.drift`). K06 sections 3.5 and 5.4 describe such a
+navigation.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hovercontrol.block import Block
+from hovercontrol.estimation.spikes import stand_out
+from hovercontrol.identify.measure import MOST_ROWS, Measured, measure, steps
+from hovercontrol.logs import POSE, VELOCITY, Log
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+#: Robust standard deviations by which a correction moves a position beyond what the velocities say.
+JUMP = 8.0
+
+#: Steps of a position's resolution that are no correction.
+RESOLVED = 3.0
+
+#: Rows to either side of a correction whose medians differ by it.
+BESIDE = 5
+
+#: Times that spikes are looked for: large ones hide small ones.
+ROUNDS = 5
+
+#: Corrections that make a navigation, and the largest part of the rows that may be some.
+LEAST, MOST = 5, 0.2
+
+#: How far a median of sizes is from the standard deviation of normal numbers.
+NORMAL = 0.6745
+
+
+@dataclass(frozen=True)
+class Drift:
+    """Errors of the velocities over ground between two corrections.
+
+    Attributes
+    ----------
+    offset : float
+        Standard deviation of their constant part [m/s].
+    ramp : float
+        Of its growth [m/s^2].
+    white : float
+        Of what differs from row to row [m/s].
+    corrections : int
+        How often the log was corrected.
+    jump : float
+        Root mean square of a correction of the position [m].
+    """
+
+    offset: float
+    ramp: float
+    white: float
+    corrections: int
+    jump: float
+
+    def __str__(self) -> str:
+        return (
+            f"the position jumps {self.corrections} times, by {self.jump:.2g} m, where the velocities say "
+            "nothing of it: corrections of a navigation. Positions are left out, and between corrections the "
+            f"velocities may be off by an offset ({self.offset:.2g} m/s) and a ramp ({self.ramp:.2g} m/s^2)"
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Navigated(Measured):
+    """A log that a navigation wrote.
+
+    Attributes
+    ----------
+    drift : Drift
+    corrected : ndarray
+        Times on the log's clock of the first rows behind corrections [s].
+    """
+
+    drift: Drift
+    corrected: Array
+
+
+def over_ground(log: Log) -> Array:
+    """Return the velocities over ground that a log's heading and body velocities say, shape (2, n) [m/s]."""
+    c, s = np.cos(log["psi"]), np.sin(log["psi"])
+    return np.stack([c * log["u"] - s * log["v"], s * log["u"] + c * log["v"]])
+
+
+def without_spikes(rows: Array) -> Array:
+    """Return rows, shape (m, n), with straight lines in place of spikes; a correction stays, and is none.
+
+    Examples
+    --------
+    >>> row = np.sin(997.0 * np.arange(100)) + 50 * (np.arange(100) > 49) + 30 * (np.arange(100) == 20)
+    >>> clean = without_spikes(row[None])[0]
+    >>> np.flatnonzero(clean != row).tolist(), bool(abs(clean[20]) < 1)
+    ([20], True)
+    """
+    rows, known, at = rows.copy(), np.isfinite(rows), np.arange(rows.shape[1])
+    good = known.copy()
+    for _ in range(ROUNDS):
+        levels = np.array([[noise_level(row[ok])] for row, ok in zip(rows, good, strict=True)])
+        z = np.where(good, rows, 0.0) / levels
+        found = stand_out(z.T[None], good.T[None])[0].T
+        if not found.any():
+            break
+        good &= ~found
+    for row, ok, all_known in zip(rows, good, known, strict=True):
+        row[all_known] = np.interp(at[all_known], at[ok], row[ok]) if ok.any() else row[all_known]
+    return rows
+
+
+def noise_level(row: Array) -> float:
+    """Return the standard deviation of what differs from row to row, from third differences."""
+    thirds = np.abs(np.diff(row, 3))
+    return max(float(np.median(thirds)) / (NORMAL * np.sqrt(20.0)) if thirds.size else 0.0, 1e-12)
+
+
+def corrections(log: Log) -> Indices:
+    """Return the rows at which the position jumps as no velocity says, and stays there.
+
+    Parameters
+    ----------
+    log : Log
+        With pose and body velocities; else there are none.
+
+    Examples
+    --------
+    >>> t = 0.01 * np.arange(1000)
+    >>> x = t + 1e-4 * np.sin(997.0 * t) + 0.05 * (t // 1 % 2)
+    >>> columns = {"x": x, "y": 0 * t, "psi": 0 * t, "u": 1 + 0 * t, "v": 0 * t, "r": 0 * t}
+    >>> corrections(Log("demo", t, columns)).tolist()
+    [100, 200, 300, 400, 500, 600, 700, 800, 900]
+    """
+    if not log.has(*POSE, *VELOCITY) or len(log) < 8:
+        return np.empty(0, dtype=np.intp)
+    speed, step = without_spikes(over_ground(log)), np.diff(log.time)
+    moved = np.diff(log.stack("x", "y"), axis=0).T - 0.5 * (speed[:, 1:] + speed[:, :-1]) * step
+    known = np.isfinite(moved).all(axis=0)
+    if not known.any():
+        return np.empty(0, dtype=np.intp)
+    carried = np.concatenate([np.zeros((2, 1)), np.cumsum(np.where(known, moved, 0.0), axis=1)], axis=1)
+    carried = without_spikes(carried)  # a spike would enter what is integrated, and stay there
+    moved = np.diff(carried)
+    level = np.median(np.abs(moved[:, known]), axis=1, keepdims=True) / NORMAL
+    longer = np.maximum(step / float(np.median(step)), 1.0)  # velocities may change where rows are missing
+    apart = [steps(row[np.isfinite(row)]) for row in log.stack("x", "y").T]
+    finest = np.array([[sizes.min() if sizes.size else 0.0] for sizes in apart])  # their resolution
+    least = np.maximum(JUMP * np.maximum(level, 1e-12), RESOLVED * finest)
+    least = least * longer + np.abs(np.diff(speed)) * step  # a velocity that jumps tells when only to a row
+    far = known & (np.abs(moved) > least).any(axis=0)
+    found = []
+    for row in np.flatnonzero(far) + 1:
+        before, after = carried[:, max(row - BESIDE, 0) : row], carried[:, row : row + BESIDE]
+        stayed = np.median(after, axis=1) - np.median(before, axis=1)
+        if (np.abs(stayed) > np.maximum(0.5 * np.abs(moved[:, row - 1]), JUMP * level[:, 0])).any():
+            found.append(int(row))
+    return np.array(found, dtype=np.intp)
+
+
+def measure_navigated(block: Block, log: Log, most_rows: int = MOST_ROWS) -> Navigated | None:
+    """Return what a log says about a Block if a navigation wrote it, else None.
+
+    Parameters
+    ----------
+    block : Block
+    log : Log
+    most_rows : int, optional
+        As for :func:`hovercontrol.identify.measure.measure`.
+    """
+    if not {"psi", "u", "v"} <= {s.name for s in (*block.states, *block.outputs)}:
+        return None
+    at = corrections(log)
+    if not LEAST <= at.size <= MOST * len(log):
+        return None
+    speed = without_spikes(over_ground(log))
+    moved = np.diff(log.stack("x", "y"), axis=0)[at - 1]
+    jumps = np.sqrt(((speed[:, at] - speed[:, at - 1]) ** 2).mean())
+    thirds = np.abs(np.diff(speed, 3, axis=1))
+    white = max(float(np.nanmedian(thirds)) / (NORMAL * np.sqrt(20.0)), 1e-12)
+    apart = float(np.median(np.diff(log.time[at])))
+    drift = Drift(float(jumps), float(jumps) / apart, white, int(at.size), float(np.sqrt((moved**2).mean())))
+    columns = {name: values for name, values in log.columns.items() if name not in ("x", "y")}
+    plain = measure(block, Log(log.name, log.time, columns), most_rows)
+    given = {f.name: getattr(plain, f.name) for f in fields(Measured)}
+    return Navigated(**given, drift=drift, corrected=log.time[at])
