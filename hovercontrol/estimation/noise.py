@@ -235,7 +235,10 @@ def timed(problem: Problem, linear: Linear, noise: Noise) -> Noise:
             places.append(j)
     if not places:
         return noise
-    filtered = run_filter(augment(problem, linear, tries, unknowns=False))
+    try:
+        filtered = run_filter(augment(problem, linear, tries, unknowns=False))
+    except np.linalg.LinAlgError:  # the model runs away at one of them
+        return noise
     each = (filtered.white[..., 0] ** 2).sum(axis=(0, 2)) + filtered.log_det
     costs = each.reshape(len(tries), -1).sum(axis=1)
     seconds, process = noise.seconds.copy(), noise.process.copy()
