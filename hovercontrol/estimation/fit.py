@@ -31,6 +31,12 @@ GATES = 8
 #: Times at most that samples are left out of a fit that has settled, and passes in which levels then move.
 ROUNDS, AGAIN = 5, 5
 
+#: Factors by which correlation times are tried, the largest and the smallest.
+COARSEST, FINEST = 2.0, 1.2
+
+#: Passes of a refit before levels of noise move.
+HOLD = 2
+
 #: Change of minus twice the log likelihood at which a fit has settled, moving and still.
 SETTLED, STOPPED = 1.0, 0.05
 
@@ -210,6 +216,8 @@ def estimate(
     levels: bool = True,
     gate: bool = False,
     most: int = MOVING,
+    hold: int = 0,
+    times: bool = True,
     trace=None,  # type: ignore[no-untyped-def]
 ) -> Fit:
     """Fit path, unknowns and levels of noise.
@@ -230,6 +238,10 @@ def estimate(
         Whether samples that stand out are left out (:mod:`.outliers`).
     most : int, optional
         Passes at most in which they do.
+    hold : int, optional
+        Passes before they do: a path that begins beside what the model says must not look like noise.
+    times : bool, optional
+        Whether correlation times of process noise move, too.
 
     Raises
     ------
@@ -243,7 +255,7 @@ def estimate(
     safe: tuple[Array, Array] | None = None
     push = np.zeros(0)
     k, still, converged, gated, rounds = 0, 0, False, 0, 0
-    moving = levels
+    moving, factor = levels, COARSEST
     while True:
         now = _tried(problem, noise, prior, p, path, frozen)
         if trace:
@@ -270,7 +282,7 @@ def estimate(
                 continue
         enough = SETTLED if moving else STOPPED if still < ENOUGH else 2.0 * SETTLED
         settled = abs(change) < enough and now.gain < SETTLED
-        if moving and (settled or k >= most):
+        if moving and ((settled and k > hold) or k >= most + hold):
             moving = False
         elif not moving and (settled or still >= STILL):
             again = gate and outliers(residuals(problem, now.system, now.smooth), problem.seen)
@@ -280,10 +292,11 @@ def estimate(
                 continue
             converged = bool(settled)
             break
-        if moving:
+        if moving and k >= hold:
             noise, push = moved(problem, noise, now.system, now.smooth, push)
-            if k % 3 == 1:
-                noise = timed(problem, now.linear, noise)
+            if times and (k - hold) % 3 == 1 and factor > FINEST:
+                noise, further = timed(problem, now.linear, noise, factor)
+                factor = factor if further else np.sqrt(factor)
         else:
             still += 1
         p, path, k = _onward(problem, now, p), _moved_path(problem, now, path), k + 1
@@ -341,7 +354,7 @@ def refit(
     if not frozen:
         p = np.array([ended.get(name, v) for name, v in zip(problem.names, p.tolist(), strict=True)])
     path = problem.path_of(near.problem.block, near.path)
-    return estimate(problem, prior, noise or near.noise, p=p, path=path, frozen=frozen, **options)
+    return estimate(problem, prior, noise or near.noise, p=p, path=path, frozen=frozen, hold=HOLD, **options)
 
 
 def first_noise(problem: Problem) -> Noise:

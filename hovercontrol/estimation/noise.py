@@ -140,8 +140,15 @@ def _integrated(s: Array) -> Array:
     return np.where(small, series, plain)
 
 
-#: A variance moves by at most this factor in a pass; a ratio that keeps its sign is followed so many times as far.
+#: A variance moves by at most this factor in a pass; a far ratio that keeps its sign is followed
+#: so many times as far.
 FARTHEST, ONWARD = 100.0, 2.5
+
+#: Logarithm of such a ratio from which on it is far.
+FAR = 0.5
+
+#: Fall of the cost from which on another correlation time is taken.
+WORTH_A_STEP = 0.5
 
 #: Missing acceleration below these parts of what is seen is none, or too small for its correlation time to matter.
 NONE, SMALL = 1e-5, 1e-3
@@ -197,7 +204,8 @@ def moved(
     limit = np.log(FARTHEST)
     step = np.clip(ratio, -limit, limit)
     if before.size:
-        step = np.where(before * step > 0, np.clip(ONWARD * step, -limit, limit), step)
+        far = (before * step > 0) & (np.abs(step) > FAR)
+        step = np.where(far, np.clip(ONWARD * step, -limit, limit), step)
     process = noise.process * np.exp(0.5 * step[C:])
     process = np.where(process < NONE * problem.accelerations, 0.0, process)
     return replace(noise, measured=noise.measured * np.exp(0.5 * step[:C]), process=process), step
@@ -222,31 +230,34 @@ def _gamma(problem: Problem, A: Array) -> Array:
     return gamma
 
 
-def timed(problem: Problem, linear: Linear, noise: Noise) -> Noise:
-    """Return the noise with its correlation times a step nearer to the likeliest."""
+def timed(problem: Problem, linear: Linear, noise: Noise, factor: float) -> tuple[Noise, bool]:
+    """Return the noise with likelier correlation times, if there are such `factor` away; and whether.
+
+    Each is tried longer and shorter, with the same push over long times and with the same over short ones.
+    """
     least, most = problem.shortest, problem.longest
     tries, places = [noise], []
     for j in np.flatnonzero(noise.process > SMALL * problem.accelerations).tolist():
-        for factor in (0.5, 2.0):
-            seconds, process = noise.seconds.copy(), noise.process.copy()
-            seconds[j] = np.clip(seconds[j] * factor, least, most)
-            process[j] *= np.sqrt(noise.seconds[j] / seconds[j])  # the same push over long times
-            tries.append(replace(noise, seconds=seconds, process=process))
-            places.append(j)
+        for times in (1.0 / factor, factor):
+            new = float(np.clip(noise.seconds[j] * times, least, most))
+            for power in (-0.5, 0.5):
+                seconds, process = noise.seconds.copy(), noise.process.copy()
+                process[j] *= (new / seconds[j]) ** power
+                seconds[j] = new
+                tries.append(replace(noise, seconds=seconds, process=process))
+                places.append(j)
     if not places:
-        return noise
+        return noise, False
     try:
         filtered = run_filter(augment(problem, linear, tries, unknowns=False))
-    except np.linalg.LinAlgError:  # the model runs away at one of them
-        return noise
+    except np.linalg.LinAlgError:  # the path ran away: the next pass comes back
+        return noise, False
     each = (filtered.white[..., 0] ** 2).sum(axis=(0, 2)) + filtered.log_det
     costs = each.reshape(len(tries), -1).sum(axis=1)
-    seconds, process = noise.seconds.copy(), noise.process.copy()
-    for k in range(0, len(places), 2):
-        j, down, up = places[k], costs[1 + k], costs[2 + k]
-        slope, curve = (up - down) / 2.0, up + down - 2.0 * costs[0]
-        shift = -slope / curve if curve > 0 else (-2.0 if down < up else 2.0)
-        new = float(np.clip(seconds[j] * 2.0 ** np.clip(shift, -2.0, 2.0), least, most))
-        process[j] *= np.sqrt(seconds[j] / new)
-        seconds[j] = new
-    return replace(noise, seconds=seconds, process=process)
+    seconds, process, moved_on = noise.seconds.copy(), noise.process.copy(), False
+    for j in sorted(set(places)):
+        own = [1 + k for k, place in enumerate(places) if place == j]
+        best = min(own, key=lambda k: costs[k])
+        if costs[best] < costs[0] - WORTH_A_STEP:
+            seconds[j], process[j], moved_on = tries[best].seconds[j], tries[best].process[j], True
+    return replace(noise, seconds=seconds, process=process), moved_on

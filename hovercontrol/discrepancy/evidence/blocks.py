@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from types import SimpleNamespace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
+from hovercontrol.effects import Effect
 from hovercontrol.estimation.fit import Fit, inverse
+from hovercontrol.signals import time
 
 Array = NDArray[np.float64]
 
@@ -124,7 +127,32 @@ def of_effect(fit: Fit, name: str) -> Blocks:
         )
         u = u - g[:, others] @ back
     information = np.maximum(np.einsum("m,wmk,k->w", away, J, away), 0.0)
-    return scatter(u @ away + information, information, log)
+    found = scatter(u @ away + information, information, log)
+    return replace(found, spread=max(found.spread, _uneven(fit, name)))
+
+
+def _uneven(fit: Fit, name: str) -> float:
+    """Return how much what an effect modulates differs from block to block, in parts of the modulation.
+
+    A jump of all drags is the same jump only if drags are one set before it and another behind it: blocks that
+    each want their own are those of a floor that differs from place to place.
+    """
+    problem = fit.problem
+    e = problem.model.effect(name)
+    if type(e).factors is Effect.factors:
+        return 0.0
+    symbols = e.symbols(problem.block.name)
+    others = set(e.factors(symbols, SimpleNamespace(time=time)))
+    along = np.zeros(len(fit.p))
+    for o in problem.model.effects:
+        if o.name in others and o.parameter("value") in problem.names:
+            j = problem.names.index(o.parameter("value"))
+            along[j] = fit.p[j]
+    scaling = [(k, n.neutral) for k, n in e.numbers.items() if not np.isnan(n.neutral)]
+    size = max(abs(e.values[k] - neutral) / max(abs(e.values[k]), abs(neutral)) for k, neutral in scaling)
+    information = np.maximum(np.einsum("p,wpq,q->w", along, fit.S, along), 0.0)
+    own = scatter(fit.g @ along + information, information, problem.rows.log)
+    return own.spread / max(size, 1e-9)
 
 
 def agreement(fit: Fit, less: Fit, name: str) -> Blocks:

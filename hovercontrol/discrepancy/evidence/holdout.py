@@ -104,10 +104,12 @@ def ahead(before: Fit, after: Fit, wanted: Sequence[float] = (0.2, 0.5, 1.0, 2.0
         if one is None or two is None:
             continue
         fall = one.errors**2 - two.errors**2
-        size = np.nanmean(0.5 * (one.errors**2 + two.errors**2), axis=0)
-        pooled = np.nanmean(fall / np.maximum(size, 1e-300), axis=1)
-        known = np.isfinite(pooled)
-        together.append(_over_blocks(pooled[known], one.block[known]))
+        seen = np.isfinite(fall)
+        squares = np.where(seen, 0.5 * (one.errors**2 + two.errors**2), 0.0)
+        size = squares.sum(axis=0) / np.maximum(seen.sum(axis=0), 1)
+        pooled = np.where(seen, fall / np.maximum(size, 1e-300), 0.0).sum(axis=1)
+        known = seen.any(axis=1)
+        together.append(_over_blocks(pooled[known] / seen[known].sum(axis=1), one.block[known]))
         for c, channel in enumerate(one.channels):
             known = np.isfinite(fall[:, c])
             if not known.any():

@@ -20,6 +20,9 @@ from hovercontrol.estimation.subject import Subject
 #: Times at most that better effects are looked for in place of the named ones.
 ROUNDS = 2
 
+#: Differences of cost that correlation times of process noise may make: nearer fits get their own.
+NEAR = 300.0
+
 
 @dataclass(frozen=True, eq=False)
 class Tried:
@@ -130,9 +133,10 @@ class _Search:
     criteria: Criteria
     tell: Callable[[str], None]
 
-    def fit(self, near: Fit, model: Subject) -> Fit:
+    def fit(self, near: Fit, model: Subject, times: bool = False) -> Fit:
+        """Fit a model from where another ended; correlation times of process noise stay unless asked."""
         problem = Problem(model, near.problem.data, pieces=near.problem.pieces)
-        return refit(near, problem, prior_of(problem, self.model))
+        return refit(near, problem, prior_of(problem, self.model), times=times)
 
 
 def select(
@@ -176,7 +180,7 @@ def select(
         good = [t for t in found if passes(t, len(seen), criteria)]
         if not good:
             break
-        best = min(good, key=lambda t: t.fit.cost + criteria.each * t.numbers)
+        best = _likeliest(search, good)
         effects.append(best.name)
         steps.append((best.name, best.gain))
         current = best.fit
@@ -186,6 +190,22 @@ def select(
     if effects:
         selection = _confirmed(search, selection, first)
     return replace(selection, leads=_leads(seen, tried, selection, criteria))
+
+
+def _likeliest(search: _Search, good: Sequence[Tried]) -> Tried:
+    """Return the likeliest of effects that may be named, each with correlation times of its own."""
+    each = search.criteria.each
+    least = min(t.fit.cost + each * t.numbers for t in good)
+    near = [_timed(search, t) for t in good if t.fit.cost + each * t.numbers < least + NEAR]
+    return min(near, key=lambda t: t.fit.cost + each * t.numbers)
+
+
+def _timed(search: _Search, t: Tried) -> Tried:
+    """Return a fit with its correlation times at their likeliest, where process noise is left."""
+    if not np.any(t.fit.noise.process > search.criteria.negligible * t.fit.problem.accelerations):
+        return t
+    fit = search.fit(t.fit, t.fit.model, times=True)
+    return replace(t, fit=fit, gain=t.gain + t.fit.cost - fit.cost)
 
 
 def passes(t: Tried, looked_at: int, criteria: Criteria) -> bool:
@@ -324,6 +344,8 @@ def _confirmed(search: _Search, selection: Selection, first: Sequence[Tried]) ->
                 t = known or _tried(search, less, s.effect)
                 tried += [t] if t else []
             for t in tried:
+                if (t.fit.cost + criteria.each * t.numbers) < final.cost + criteria.each * own.numbers + NEAR:
+                    t = _timed(search, t)
                 behind = (t.fit.cost + criteria.each * t.numbers) - (final.cost + criteria.each * own.numbers)
                 d = t.fit.block_costs - final.block_costs
                 score = float(d.sum() / max(np.sqrt(d.size) * d.std(ddof=1), 1e-300)) if d.size > 1 else 0.0
@@ -339,7 +361,16 @@ def _confirmed(search: _Search, selection: Selection, first: Sequence[Tried]) ->
                 break
         if not changed:
             break
+        gains, without = {}, {}
+    for name in effects:  # the last round may have changed them
+        if name not in without:
+            without[name] = (
+                selection.base if len(effects) == 1 else search.fit(final, without_effects(final.model, name))
+            )
+            gains[name] = without[name].cost - final.cost
+    rivals = [r for r in rivals if r.instead_of in effects]
     blocks = {name: agreement(final, without.get(name, selection.base), name) for name in effects}
+    gains = {name: gains[name] for name in effects}
     return replace(
         selection, final=final, effects=tuple(effects), rivals=tuple(rivals), gains=gains, blocks=blocks,
         without=without,
