@@ -3,8 +3,8 @@
 An inertial navigation integrates accelerometers between fixes. Its velocity over ground is then off by an
 offset and a ramp that nobody knows, smooth to a millimetre, and its position, which integrates that, says
 nothing new; at a fix both jump where the craft does not. So positions are left out, and offset and ramp are
-states of the filter that every correction draws anew (:mod:`.drift`). K06 sections 3.5 and 5.4 describe such a
-navigation.
+states of the filter that every correction draws anew (:mod:`.drift`). K06 sections 3.5 and 5.4 describe such
+a navigation.
 """
 
 from __future__ import annotations
