@@ -50,7 +50,9 @@ def rows() -> Iterator[tuple[str, str, str, bool | None]]:
     p = held_out.prediction
     yield "fit on a + b, yaw rate of c 1 s ahead: rms error", f"{p.rms['r']:.2f} rad/s", "", None
     yield "... if the rate stayed as it is (no model)", f"{p.trivial['r']:.2f} rad/s", "", None
-    yield "chi^2/dof of the fit (1: the model lacks nothing)", f"{study.found.chi2_per_dof:.3g}", "", None
+    for r in study.found.remaining:
+        what = f"remains of the fit in {r.equation}, of the acceleration seen"
+        yield what, f"{r.rms:.2g} of {r.seen:.2g} {r.unit}", "", None
     found = diagnose(craft, [read("a"), read("b")], read("c"))
     names = " + ".join(dict.fromkeys(e.effect for e in found.effects)) or "no name"
     yield "diagnosis of a + b, c held out", f"{found.verdict}, {names}", "", None

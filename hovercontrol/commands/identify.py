@@ -31,7 +31,6 @@ def identify(
     bench_fans: given.BenchFans = 2,
     only_while: given.OnlyWhile = "",
     settle: given.Settle = 1.0,
-    window: Annotated[float, typer.Option(help="Length of the fit's windows in seconds.")] = 1.0,
     allow_gaps: given.AllowGaps = False,
     sample: Annotated[
         bool, typer.Option("--sample", help="Use the sample log that comes with the package.")
@@ -54,8 +53,6 @@ def identify(
     held = holdout or []
     if not names:
         raise InputError("identify: expected one or more logs (or --sample)")
-    if window <= 0:
-        raise InputError(f"identify: --window must be positive, found {window:g}")
     out = out or Path("out") / "identify"
     check_folder(out)
     given.refuse_twice("identify", [*names, *held])
@@ -72,7 +69,6 @@ def identify(
             every[: len(names)],
             every[len(names) :],
             coefficients=given.listed(coefficients),
-            window=window,
             progress=lambda part, what: report(0.1 + 0.9 * part, what),
         )
     files = study.save(out)

@@ -20,7 +20,7 @@ from hovercontrol.discrepancy.search.select import Lead, Selection, select
 from hovercontrol.discrepancy.verdict import verdict_of
 from hovercontrol.errors import InputError
 from hovercontrol.estimation.data import Data, gather
-from hovercontrol.estimation.fit import Fit, estimate, first_noise
+from hovercontrol.estimation.fit import Fit, estimate, fine_enough, first_noise
 from hovercontrol.estimation.prior import prior_of
 from hovercontrol.estimation.problem import Problem
 from hovercontrol.estimation.subject import Subject
@@ -91,7 +91,7 @@ def diagnose(
 def base_fit(model: Subject, data: Data) -> Fit:
     """Return a model fitted to logs as it was given, less samples that stand out."""
     problem = Problem(model, data)
-    return estimate(problem, prior_of(problem, model), first_noise(problem), gate=True)
+    return fine_enough(estimate(problem, prior_of(problem, model), first_noise(problem), gate=True))
 
 
 def _diagnosed(

@@ -10,14 +10,13 @@ from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
 from hovercontrol.block import Block
-from hovercontrol.discrepancy.levels import noise_scales
 from hovercontrol.errors import InputError
 from hovercontrol.estimation.drift import DriftStates, drift_states
+from hovercontrol.estimation.levels import noise_levels, noise_scales
 from hovercontrol.estimation.navigation import measure_navigated
-from hovercontrol.estimation.rows import BLOCKS, Rows, arrange
+from hovercontrol.estimation.rows import Rows, arrange
 from hovercontrol.estimation.subject import Subject, structure
 from hovercontrol.identify.measure import Measured, measure_all
-from hovercontrol.identify.windows import noise_levels
 from hovercontrol.logs import Log
 
 Array = NDArray[np.float64]
@@ -63,15 +62,13 @@ class Data:
         return replace(self, rows=replace(self.rows, values=values))
 
 
-def gather(model: Subject, logs: Sequence[Log | Measured], blocks: int = BLOCKS) -> Data:
+def gather(model: Subject, logs: Sequence[Log | Measured]) -> Data:
     """Return what logs say about a model.
 
     Parameters
     ----------
     model : Model or BlockModel
     logs : sequence of Log or Measured
-    blocks : int, optional
-        Disjoint blocks that all logs together are cut into.
 
     Raises
     ------
@@ -85,9 +82,7 @@ def gather(model: Subject, logs: Sequence[Log | Measured], blocks: int = BLOCKS)
     channels = tuple(dict.fromkeys(c for m in measured for c in m.channels))
     noise = noise_levels(measured, channels)
     scales = noise_scales(measured, channels, noise)
-    rows = arrange(measured, [_guess(block, m) for m in measured], channels, blocks)
-    if not len(rows.log):
-        raise InputError(f"{', '.join(m.name for m in measured)}: too few rows: no stretch of 12 follows on")
+    rows = arrange(measured, [_guess(block, m) for m in measured], channels)
     return Data(measured, channels, noise, scales, rows, drift_states(measured, rows))
 
 

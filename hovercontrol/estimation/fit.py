@@ -8,7 +8,9 @@ noise should move (Koopman and Shephard, Biometrika 79 (1992)).
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from copy import copy
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +19,7 @@ from hovercontrol.estimation.kalman import Filtered, Smoothed, System, run_filte
 from hovercontrol.estimation.noise import Noise, augment, moved, timed
 from hovercontrol.estimation.outliers import outliers
 from hovercontrol.estimation.prior import Prior
+from hovercontrol.estimation.problem import MOST as MOST_PIECES
 from hovercontrol.estimation.problem import Linear, Problem
 
 Array = NDArray[np.float64]
@@ -30,6 +33,9 @@ GATES = 8
 
 #: Times at most that samples are left out of a fit that has settled, and passes in which levels then move.
 ROUNDS, AGAIN = 5, 5
+
+#: Change of the cost by halved sub-steps that does not matter: an effect must bring ten times as much.
+FINE = 2.0
 
 #: Factors by which correlation times are tried, the largest and the smallest.
 COARSEST, FINEST = 2.0, 1.2
@@ -218,7 +224,7 @@ def estimate(
     most: int = MOVING,
     hold: int = 0,
     times: bool = True,
-    trace=None,  # type: ignore[no-untyped-def]
+    trace: Callable[[str], None] | None = None,
 ) -> Fit:
     """Fit path, unknowns and levels of noise.
 
@@ -242,6 +248,8 @@ def estimate(
         Passes before they do: a path that begins beside what the model says must not look like noise.
     times : bool, optional
         Whether correlation times of process noise move, too.
+    trace : callable, optional
+        Called with a line on each pass.
 
     Raises
     ------
@@ -258,7 +266,7 @@ def estimate(
     moving, factor = levels, COARSEST
     while True:
         now = _tried(problem, noise, prior, p, path, frozen)
-        if trace:
+        if trace and now:
             trace(f"  pass {k}: {now.cost:.2f} predicted {now.gain:.2f} {noise.process} {noise.seconds}")
         if now is None:
             if safe is None:
@@ -299,7 +307,10 @@ def estimate(
                 factor = factor if further else np.sqrt(factor)
         else:
             still += 1
+        before = path
         p, path, k = _onward(problem, now, p), _moved_path(problem, now, path), k + 1
+        if not moving and change < 0:  # to and fro about a kink of dry friction
+            path = 0.5 * (before + path)
     if best is not None and best[0] < now.cost - STOPPED:
         _, p, path = best
         now = _run(problem, noise, prior, p, path, frozen)
@@ -334,7 +345,14 @@ def residuals(problem: Problem, system: System, smooth: Smoothed) -> Array:
 
 
 def refit(
-    near: Fit, problem: Problem, prior: Prior, *, noise: Noise | None = None, frozen: bool = False, **options
+    near: Fit,
+    problem: Problem,
+    prior: Prior,
+    *,
+    noise: Noise | None = None,
+    p: Array | None = None,
+    frozen: bool = False,
+    **options,
 ) -> Fit:  # type: ignore[no-untyped-def]
     """Fit another problem on the same rows from where a fit ended.
 
@@ -346,13 +364,16 @@ def refit(
     prior : Prior
     noise : Noise, optional
         To begin with; default: that of `near`.
+    p : ndarray, optional
+        Unknowns to begin with.
     frozen, **options
         As for :func:`estimate`.
     """
     ended = dict(zip(near.problem.names, near.p.tolist(), strict=True))
-    p = problem.start.copy()
-    if not frozen:
-        p = np.array([ended.get(name, v) for name, v in zip(problem.names, p.tolist(), strict=True)])
+    if p is None:
+        p = problem.start.copy()
+        if not frozen:
+            p = np.array([ended.get(name, v) for name, v in zip(problem.names, p.tolist(), strict=True)])
     path = problem.path_of(near.problem.block, near.path)
     return estimate(problem, prior, noise or near.noise, p=p, path=path, frozen=frozen, hold=HOLD, **options)
 
@@ -361,3 +382,21 @@ def first_noise(problem: Problem) -> Noise:
     """Return levels of noise to begin with: of the measurements as seen, and all acceleration missing."""
     data, q = problem.data, len(problem.driven)
     return Noise(data.noise, data.scales, problem.accelerations, np.full(q, 5.0 * problem.shortest))
+
+
+def fine_enough(fit: Fit) -> Fit:
+    """Return a fit in sub-steps so fine that finer ones do not change its likelihood.
+
+    Each time sub-steps are halved, the cost at the same path and unknowns is compared.
+    """
+    while fit.problem.pieces < MOST_PIECES:
+        finer = copy(fit.problem)
+        finer.set_pieces(2 * fit.problem.pieces)
+        linear = finer.linearise(fit.path, fit.p, unknowns=False)
+        filtered = run_filter(augment(finer, linear, [fit.noise], unknowns=False))
+        cost = float((filtered.white**2).sum() + filtered.log_det.sum())
+        same = run_filter(augment(fit.problem, fit.linear, [fit.noise], unknowns=False))
+        if abs(cost - float((same.white**2).sum() + same.log_det.sum())) < FINE:
+            return fit
+        fit = estimate(finer, fit.prior, fit.noise, p=fit.p, path=fit.path)
+    return fit

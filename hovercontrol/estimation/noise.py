@@ -153,6 +153,13 @@ WORTH_A_STEP = 0.5
 #: Missing acceleration below these parts of what is seen is none, or too small for its correlation time to matter.
 NONE, SMALL = 1e-5, 1e-3
 
+#: Measurement noise is no less than these parts of what third differences show and of a channel's range: without
+#: any a filter is singular.
+LEAST, TINY = 0.01, 1e-6
+
+#: Rows of all runs side by side, at most: for the sake of memory.
+TOGETHER = 100_000
+
 
 def moved(
     problem: Problem, noise: Noise, system: System, smooth: Smoothed, before: Array
@@ -208,7 +215,9 @@ def moved(
         step = np.where(far, np.clip(ONWARD * step, -limit, limit), step)
     process = noise.process * np.exp(0.5 * step[C:])
     process = np.where(process < NONE * problem.accelerations, 0.0, process)
-    return replace(noise, measured=noise.measured * np.exp(0.5 * step[:C]), process=process), step
+    least = np.maximum(LEAST * problem.data.noise, TINY * np.nanstd(problem.rows.values, axis=(0, 1)))
+    measured = np.maximum(noise.measured * np.exp(0.5 * step[:C]), least)
+    return replace(noise, measured=measured, process=process), step
 
 
 def _covariance(problem: Problem, noise: Noise, j: int) -> tuple[Array, Array, Array]:
@@ -230,6 +239,12 @@ def _gamma(problem: Problem, A: Array) -> Array:
     return gamma
 
 
+def averaged(noise: Noise, over: float) -> Array:
+    """Return the root mean square of each missing acceleration's mean over some time [s], shape (q,)."""
+    s = over / noise.seconds
+    return np.asarray(noise.process * np.sqrt(np.maximum(2.0 * (s + np.expm1(-s)), 0.0)) / s)
+
+
 def timed(problem: Problem, linear: Linear, noise: Noise, factor: float) -> tuple[Noise, bool]:
     """Return the noise with likelier correlation times, if there are such `factor` away; and whether.
 
@@ -248,12 +263,16 @@ def timed(problem: Problem, linear: Linear, noise: Noise, factor: float) -> tupl
                 places.append(j)
     if not places:
         return noise, False
-    try:
-        filtered = run_filter(augment(problem, linear, tries, unknowns=False))
-    except np.linalg.LinAlgError:  # the path ran away: the next pass comes back
-        return noise, False
-    each = (filtered.white[..., 0] ** 2).sum(axis=(0, 2)) + filtered.log_det
-    costs = each.reshape(len(tries), -1).sum(axis=1)
+    costs: list[float] = []
+    together = max(1, TOGETHER // problem.rows.time.size)
+    for k in range(0, len(tries), together):
+        part = tries[k : k + together]
+        try:
+            filtered = run_filter(augment(problem, linear, part, unknowns=False))
+        except np.linalg.LinAlgError:  # the path ran away: the next pass comes back
+            return noise, False
+        each = (filtered.white[..., 0] ** 2).sum(axis=(0, 2)) + filtered.log_det
+        costs += each.reshape(len(part), -1).sum(axis=1).tolist()
     seconds, process, moved_on = noise.seconds.copy(), noise.process.copy(), False
     for j in sorted(set(places)):
         own = [1 + k for k, place in enumerate(places) if place == j]

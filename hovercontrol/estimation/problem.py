@@ -22,8 +22,8 @@ Array = NDArray[np.float64]
 #: Longest sub-step [s].
 STEP = 0.01
 
-#: Most sub-steps between two rows.
-MOST = 64
+#: Sub-steps between two rows: to begin with where rows are far apart, and at most.
+FEW, MOST = 4, 64
 
 #: Relative size of the perturbations of one-sided differences.
 NUDGE = 1e-6
@@ -149,9 +149,12 @@ class Problem:
         self.shortest = float(np.median(steps))
         self.longest = max(0.25 * float(np.median(self.rows.seconds)), 2.0 * self.shortest)
         within = self.guess[..., list(self.free)]
-        self.spread = np.maximum(within.std(axis=(0, 1)), [1e-3 * self.block.states[i].nominal for i in self.free])
+        free = [self.block.states[i] for i in self.free]
+        least = [(1e-3 if s.name in self.rows.guess else 1.0) * s.nominal for s in free]  # not seen: anywhere
+        self.spread = np.maximum(within.std(axis=(0, 1)), least)
         self.accelerations = np.array([self._acceleration(i) for i in self.driven])
-        self.set_pieces(max(pieces, math.ceil(float(np.max(self.dt)) / STEP - 1e-9)))
+        usual = math.ceil(float(np.max(self.dt)) / STEP - 1e-9)
+        self.set_pieces(max(pieces, min(usual, FEW)))
 
     def _acceleration(self, i: int) -> float:
         """Return the root mean square slope of a free state, as seen."""

@@ -12,13 +12,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from hovercontrol.errors import InputError
 from hovercontrol.identify.measure import Measured
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
-#: Blocks that all logs together are cut into, if they are long enough; at least 8 to compare are wanted.
-BLOCKS = 24
+#: Blocks that all logs together are cut into, at least (their scatter is judged) and at most (more tell no more).
+LEAST_BLOCKS, MOST_BLOCKS = 8, 24
+
+#: Length of a block [s], and its rows on a machine that is logged slowly: long enough to tell coefficients.
+SECONDS, ROWS = 2.5, 30
 
 #: Fewest rows of a block.
 FEWEST = 12
@@ -65,7 +69,6 @@ def arrange(
     logs: Sequence[Measured],
     states: Sequence[Mapping[str, Array]],
     channels: Sequence[str],
-    blocks: int = BLOCKS,
 ) -> Rows:
     """Cut logs into blocks.
 
@@ -75,20 +78,28 @@ def arrange(
     states : sequence of dict of str to ndarray, shape (n,)
         A finite guess of states at all rows of each log, by name.
     channels : sequence of str
-    blocks : int, optional
-        How many, about, in all logs together.
+
+    Raises
+    ------
+    InputError
+        If no log has enough rows.
     """
     pieces = [(i, a, b) for i, log in enumerate(logs) for a, b in _pieces(log)]
     total = sum(logs[i].time[b - 1] - logs[i].time[a] for i, a, b in pieces)
+    count = min(total / SECONDS, sum(b - a for _, a, b in pieces) / ROWS)
+    blocks = int(np.clip(round(count), LEAST_BLOCKS, MOST_BLOCKS))
     grids = []
     for i, a, b in pieces:
         time, at = _grid(logs[i], a, b)
         share = (time[-1] - time[0]) / max(total, 1e-300)
-        count = int(np.clip(round(blocks * share), 1, max(time.size // FEWEST, 1)))
-        edges = np.searchsorted(time, np.linspace(time[0], time[-1], count + 1)[1:-1])
+        own = int(np.clip(round(blocks * share), 1, max(time.size // FEWEST, 1)))
+        edges = np.searchsorted(time, np.linspace(time[0], time[-1], own + 1)[1:-1])
         for part in zip(np.split(time, edges), np.split(at, edges), strict=True):
             if part[0].size > 1:
                 grids.append((i, *part))
+    if not grids:
+        said = ", ".join(log.name for log in logs)
+        raise InputError(f"{said}: too few rows: no stretch of {FEWEST} follows on")
     K, W = max(t.size for _, t, _ in grids), len(grids)
     time, at = np.empty((K, W)), np.full((K, W), -1, dtype=np.intp)
     values = np.full((K, W, len(channels)), np.nan)

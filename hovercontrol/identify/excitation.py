@@ -1,9 +1,9 @@
 """Which coefficients a log excites, and in which directions it says nothing.
 
-A direction is a combination of coefficients that may change together while the simulation of what
-was measured stays as it was. Coefficients are compared by their size: their nominal value (of a
-model's coefficient: its value before, or 1 if that was 0), or a quarter of their estimate where
-that is larger (chance alone does not carry an estimate four standard errors away).
+A direction is a combination of coefficients that may change together while what the model says of the
+measurements stays as it was. Coefficients are compared by their size: their value before (1 if that was 0),
+of a Block's parameter its nominal value; or a quarter of their estimate where that is larger (chance alone
+does not carry an estimate four standard errors away).
 """
 
 from __future__ import annotations
@@ -16,55 +16,66 @@ from numpy.typing import NDArray
 
 from hovercontrol.block import Block
 from hovercontrol.derivatives import partial_derivatives
+from hovercontrol.estimation.fit import Fit, inverse, products
+from hovercontrol.estimation.kalman import run_filter
+from hovercontrol.estimation.noise import augment
 
 Array = NDArray[np.float64]
 
 #: A component of a direction is named when it is at least this part of the largest.
 NAMED = 0.1
 
-#: Standard error, in sizes, of the directions along which start values are kept.
-BLIND = 4.0
-
-#: How stiffly they are held, in (1/nominal)^2.
-STIFFNESS = 1e6
-
-#: Standard deviation, in nominal values, of the weak pull to the start values while the way is
-#: sought.
-LOOSE = 3.0
+#: A state is at rest where it is within so many standard errors of zero.
+RESTING = 3.0
 
 #: Standard errors of more than this many sizes are called infinite.
 NO_INFORMATION = 1e5
 
 
-def covariance(S: Array, scores: Array, size: Array) -> Array:
-    """Return the covariance of the coefficients, shape (P, P).
+def information(fit: Fit) -> Array:
+    """Return what the logs alone say of the coefficients, in their own units, shape (P, P).
 
-    Two estimates of each standard error, the larger of them: the inverse of the information matrix
-    `S` (weighted by the residuals' own scatter, hence inflated by the square root of chi2/dof),
-    right when residuals are white; and the sandwich over windows (Huber 1967; Liang and Zeger,
-    Biometrika 73 (1986) 13), right when they are correlated within windows, as those of a model
-    that lacks something are.
+    States that are at rest but for noise are taken to be at rest: on a velocity that is fitted to noise drag
+    seems to act, and the log would seem to tell it.
+    """
+    problem, path = fit.problem, fit.path.copy()
+    n = len(problem.free)
+    std = np.sqrt(np.maximum(np.diagonal(fit.covariance_of_path, axis1=2, axis2=3)[..., :n], 0.0))
+    free = path[..., list(problem.free)]
+    path[..., list(problem.free)] = np.where(np.abs(free) < RESTING * std, 0.0, free)
+    system = augment(problem, problem.linearise(path, fit.p), [fit.noise])
+    slope = problem.slope(fit.p)
+    S = products(run_filter(system).white)[:, 1:, 1:].sum(axis=0)
+    return np.asarray(S / np.outer(slope, slope))
+
+
+def covariance(S: Array, size: Array, widen: Array) -> Array:
+    """Return the covariance of the coefficients, shape (P, P); very large, not infinite, where none is known.
 
     Parameters
     ----------
     S : ndarray, shape (P, P)
         Information matrix.
-    scores : ndarray, shape (W, P)
-        What each window adds to the gradient.
     size : ndarray, shape (P,)
         For scaling.
+    widen : ndarray, shape (P,)
+        Factors of the standard errors.
     """
     values, vectors = np.linalg.eigh(S * np.outer(size, size))
     values = np.maximum(values, max(1e-14 * values[-1], NO_INFORMATION**-3))
     C = (vectors / values) @ vectors.T * np.outer(size, size)
-    W, P = scores.shape
-    if W <= P + 1:
-        return C
-    centred = scores - scores.mean(axis=0)
-    robust = C @ (centred.T @ centred) @ C * (W / (W - P))
-    plain, wide = np.diag(C), np.maximum(np.diag(C), np.diag(robust))
-    grow = np.sqrt(wide / plain)
-    return C * np.outer(grow, grow)
+    return np.asarray(C * np.outer(widen, widen))
+
+
+def widening(fit: Fit) -> Array:
+    """Return how many times wider than their noise says blocks of the logs scatter coefficients, shape (P,).
+
+    See :attr:`Fit.covariance <hovercontrol.estimation.fit.Fit.covariance>`.
+    """
+    plain = inverse(fit.S.sum(axis=0) + np.diag(fit.prior.precision))
+    slope = fit.problem.slope(fit.p)
+    wide = np.diag(fit.covariance) / np.maximum(np.diag(plain) * slope**2, 1e-300)
+    return np.sqrt(np.maximum(wide, 1.0))
 
 
 def unexcited_directions(C: Array, size: Array) -> Array:
@@ -75,31 +86,6 @@ def unexcited_directions(C: Array, size: Array) -> Array:
     scaled = C / np.outer(size, size)
     values, vectors = np.linalg.eigh(scaled)
     return vectors[:, values > (1.0 if np.diag(scaled).max() > 1.0 else np.inf)]
-
-
-def blind_directions(C: Array, size: Array) -> Array:
-    """Return the directions of which the logs say next to nothing, as above, shape (P, m)."""
-    values, vectors = np.linalg.eigh(C / np.outer(size, size))
-    return vectors[:, values > BLIND**2]
-
-
-def same_directions(a: Array, b: Array) -> bool:
-    """Tell whether two sets of directions span nearly the same, each of shape (P, m)."""
-    if a.shape != b.shape or not a.size:
-        return a.shape == b.shape
-    return bool(np.linalg.svd(a.T @ b, compute_uv=False).min() > 0.95)
-
-
-def stiff_pull(directions: Array, nominal: Array) -> Array:
-    """Return the precision, shape (P, P), that keeps start values along directions only."""
-    steps, _ = np.linalg.qr(directions)
-    scaled = steps / nominal[:, None]
-    return STIFFNESS * scaled @ scaled.T
-
-
-def weak_pull(nominal: Array) -> Array:
-    """Return a precision, shape (P, P), that keeps what is not excited from drifting far."""
-    return np.diag(1 / (LOOSE * nominal) ** 2)
 
 
 def named_directions(directions: Array, size: Array, names: Sequence[str]) -> tuple[dict[str, float], ...]:

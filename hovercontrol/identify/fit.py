@@ -1,10 +1,8 @@
-"""Identification: the coefficients of a model from logs, by maximum-likelihood multiple shooting.
+"""Identification: the coefficients of a model from logs, by maximum likelihood under process noise.
 
-The logs are cut into windows of a few seconds. Within each the Block runs free from an initial
-state that is itself sought; the coefficients are those that make all windows fit best (van
-Domselaar and Hemker, 1975; Bock, 1983). Long windows would let model errors pile up and lose the
-way to the minimum, one-step predictions would let measurement noise bias the coefficients; windows
-of seconds do neither.
+A thin layer on :mod:`hovercontrol.estimation`. What no equation says is process noise, a missing acceleration
+of unknown size in each equation: a model that lacks something then neither bends its coefficients to explain
+it nor takes them for surer than they are, and the size of that noise says how much it lacks.
 """
 
 from __future__ import annotations
@@ -12,40 +10,34 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from hovercontrol.block import Block
-from hovercontrol.errors import InputError, did_you_mean
-from hovercontrol.estimators.regression import regression
+from hovercontrol.errors import InputError
+from hovercontrol.estimation.data import Data, gather
+from hovercontrol.estimation.fit import Fit, estimate, first_noise
+from hovercontrol.estimation.prior import prior_of
+from hovercontrol.estimation.problem import Problem
 from hovercontrol.identify.excitation import (
     NO_INFORMATION,
-    blind_directions,
     covariance,
     idle_inputs,
+    information,
     named_directions,
     reason,
-    same_directions,
-    stiff_pull,
     unexcited_directions,
-    weak_pull,
+    widening,
 )
-from hovercontrol.identify.measure import MOST_ROWS, Array, Measured, measure_all, refuse_still
-from hovercontrol.identify.problem import Problem
+from hovercontrol.identify.measure import MOST_ROWS, Array, Measured, measure, refuse_still
+from hovercontrol.identify.predict import prediction
+from hovercontrol.identify.remaining import averaging_time, remaining
 from hovercontrol.identify.result import Fitted, Identified
-from hovercontrol.identify.shooting import STEP, known_states
-from hovercontrol.identify.solve import Solution, Solver
-from hovercontrol.identify.windows import noise_levels, refuse_slow_rows, thin, windows
+from hovercontrol.identify.subject import chosen, subject_of
 from hovercontrol.logs import Log
 from hovercontrol.model import Model
 
-#: Length of a window [s], unless told. A model that lacks nothing gains from longer ones: 2 s make
-#: the standard errors of a simulated pose log a third. But the errors of a model that does lack
-#: something pile up with time: on the real logs 2 and 3 s scatter more from run to run.
-WINDOW = 1.0
-
-#: Windows of this part of the length find the start of the fit: short ones are nearly linear
-#: problems, and on the real logs the way to the minimum takes a third of the iterations and does
-#: not end beside it.
-SHORT = 0.25
+#: Rows of a craft's log that are farther apart [s] are in other units of time, or tell nothing.
+SLOWEST = 1.0
 
 
 def identify(
@@ -53,9 +45,6 @@ def identify(
     logs: Sequence[Log | Measured],
     coefficients: Sequence[str] | None = None,
     *,
-    window: float = WINDOW,
-    step: float = STEP,
-    huber: float | None = None,
     most_rows: int = MOST_ROWS,
     progress: Callable[[float, str], None] | None = None,
 ) -> Identified:
@@ -72,15 +61,8 @@ def identify(
     coefficients : sequence of str, optional
         Names of parameters, shapes included (``yaw_coulomb_width``); by default all linear
         coefficients.
-    window : float, optional
-        Length of the windows [s].
-    step : float, optional
-        Longest sub-step of the simulation [s]; stiff friction makes it shorter, down to 1 ms.
-    huber : float, optional
-        Residuals beyond this many standard deviations weigh less (Huber's loss); without it all
-        weigh alike.
     most_rows : int, optional
-        Most rows used of all logs together; windows are then spread evenly.
+        Most rows used of all logs together; longer ones are thinned to stretches, spread evenly.
     progress : callable, optional
         Called with the part done (0 to 1) and a word on what is being done.
 
@@ -91,8 +73,8 @@ def identify(
     Raises
     ------
     InputError
-        If there is no log, a coefficient or an input is unknown, nothing moves in a log, a window
-        would hold too few rows, or no log holds a whole window.
+        If there is no log, a coefficient or an input is unknown, nothing moves in a log, it has too few
+        rows or too slow ones, or the model runs away.
 
     Examples
     --------
@@ -105,134 +87,142 @@ def identify(
     0.7
     """
     tell = progress or (lambda part, what: None)
-    block = model.plant() if isinstance(model, Model) else model
-    names = _names(model, block, coefficients)
+    names = chosen(model, coefficients)
     if not logs:
         raise InputError("identification needs at least one log")
-    if not window > 0:
-        raise InputError(f"the window must be a time above 0 s, found {window:g}")
-    refuse_slow_rows(logs, window)
+    if isinstance(model, Model):
+        refuse_slow_rows(logs)
     tell(0.0, "reading what was measured")
-    measured = measure_all(block, logs, most_rows)
-    channels = tuple(dict.fromkeys(c for m in measured for c in m.channels))
-    states = [known_states(block, m, block.parameter_values(), step) for m in measured]
-    full_names = [block.parameter(name).name for name in names]
-    whole = windows(measured, window)
-    for log in measured:
-        refuse_still(log.name, log.channels, log.values)
-    noise = noise_levels(measured, channels)
-
-    def solver_of(found: list[tuple[int, int, int]], iterations: int = 0) -> Solver:
-        problem = Problem(block, full_names, measured, states, channels, thin(found, most_rows))
-        return Solver(problem, noise, huber, step, tell, iterations)
-
-    solver = solver_of(windows(measured, SHORT * window))
-    problem = solver.problem
-    rough = solver.solve(problem.start, problem.first_states(), weak_pull(problem.nominal))
-    solver = solver_of(whole, solver.iterations)
-    problem = solver.problem
-    solution = _held(solver, rough.point.p, problem.first_states(), _blind(problem, rough))
-    size = _size(problem, solution)
-    C = covariance(solution.information, solution.scores, size)
-    directions = unexcited_directions(C, size)
+    measured = measure_shared(model, logs, most_rows)
+    with threadpool_limits(1, "blas"):  # its threads would wait for each other at many small matrices
+        data = gather(subject_of(model), measured)
+        fit = _fitted(model, data, names, tell)
+        found = _identified(model, names, data, fit)
     tell(1.0, "done")
-    named = named_directions(directions, size, names)
-    fitted = _fitted(problem, names, solution, C, size, named)
-    return Identified(
-        model=model.with_coefficients({f.name: f.value for f in fitted})
-        if isinstance(model, Model)
-        else None,
-        block=block.with_values({n: f.value for n, f in zip(full_names, fitted, strict=True)}),
-        coefficients=fitted,
-        covariance=C,
-        unexcited=named,
-        units={c: block.signal(c).unit for c in channels},
-        residual=dict(zip(channels, solution.residual.tolist(), strict=True)),
-        noise=dict(zip(channels, noise.tolist(), strict=True)),
-        chi2_per_dof=solution.chi2_per_dof,
-        windows=len(problem.ranges),
-        rows=sum(
-            int(np.isfinite(measured[i].values[:, first:stop]).any(axis=0).sum())
-            for i, first, stop in problem.ranges
-        ),
-        rows_total=sum(m.rows_total for m in measured),
-        logs=tuple(m.name for m in measured),
-        iterations=solver.iterations,
-        converged=solution.converged,
-    )
+    return found
 
 
-def _names(model: Model | Block, block: Block, coefficients: Sequence[str] | None) -> tuple[str, ...]:
-    if coefficients is None:
-        found = model.linear_coefficients() if isinstance(model, Model) else regression(block).names
-    else:
-        known = [p.name.rpartition(".")[2] for p in block.parameters]
-        if isinstance(model, Model):
-            known = list(model.coefficients())
-        for name in coefficients:
-            if name.rpartition(".")[2] not in known:
-                raise InputError(f"{model.name!r} has no coefficient {name!r}{did_you_mean(name, known)}")
-        if isinstance(model, Model):
-            coefficients = [name.rpartition(".")[2] for name in coefficients]
-        twice = [name for name in coefficients if list(coefficients).count(name) > 1]
-        if twice:
-            raise InputError(f"coefficient {twice[0]!r} is named twice")
-        found = tuple(coefficients)
-    if not found:
-        raise InputError(f"{model.name!r} has no coefficients to identify")
-    return tuple(found)
+def measure_shared(model: Model | Block, logs: Sequence[Log | Measured], most_rows: int) -> list[Measured]:
+    """Return what each log says, all together no more than `most_rows` rows; those measured already are kept.
+
+    Raises
+    ------
+    InputError
+        As :func:`~hovercontrol.identify.measure.measure`, or if a craft never moves.
+    """
+    block = model.plant() if isinstance(model, Model) else model
+    total = sum(len(log) for log in logs if isinstance(log, Log))
+    found = []
+    for log in logs:
+        own = log if isinstance(log, Measured) else measure(block, log, _share(log, total, most_rows))
+        refuse_still(own.name, own.channels, own.values)
+        found.append(own)
+    return found
 
 
-def _size(problem: Problem, solution: Solution) -> Array:
-    """Return the sizes against which standard errors are held, shape (P,)."""
-    return np.maximum(problem.nominal, np.abs(solution.point.p) / 4)
+def _share(log: Log, total: int, most_rows: int) -> int:
+    return len(log) if total <= most_rows else int(most_rows * len(log) / total)
 
 
-def _blind(problem: Problem, solution: Solution) -> Array:
-    size = _size(problem, solution)
-    return blind_directions(covariance(solution.information, solution.scores, size), size)
+def refuse_slow_rows(logs: Sequence[Log | Measured]) -> None:
+    """Refuse logs of a craft whose rows are too far apart.
 
-
-def _held(solver: Solver, p: Array, x0: list[Array], directions: Array) -> Solution:
-    """Solve with start values kept along blind directions, until those are the right ones."""
-    problem = solver.problem
-    for _ in range(3):
-        solution = solver.solve(p, x0, stiff_pull(directions, problem.nominal))
-        p, x0 = solution.point.p, solution.point.x0
-        found = _blind(problem, solution)
-        if same_directions(found, directions):
-            break
-        directions = found
-    return solution
+    Raises
+    ------
+    InputError
+        The line names the log.
+    """
+    for log in logs:
+        apart = float(np.median(np.diff(log.time))) if log.time.size > 1 else 0.0
+        if apart > SLOWEST:
+            raise InputError(f"{log.name}: rows are {apart:g} s apart: is its time in seconds?")
 
 
 def _fitted(
-    problem: Problem,
+    model: Model | Block,
+    data: Data,
     names: Sequence[str],
-    solution: Solution,
+    tell: Callable[[float, str], None],
+) -> Fit:
+    subject = subject_of(model)
+    problem = Problem(subject, data, names)
+    passes = [0]
+
+    def passed(_: str) -> None:
+        passes[0] += 1
+        tell(1 - 1 / (1 + passes[0] / 8), "fitting")
+
+    try:
+        return estimate(problem, prior_of(problem, subject), first_noise(problem), gate=True, trace=passed)
+    except FloatingPointError as error:
+        raise InputError(f"{model.name!r}: {error}: other start values may help") from error
+
+
+def _identified(model: Model | Block, names: Sequence[str], data: Data, fit: Fit) -> Identified:
+    problem = fit.problem
+    size = _sizes(model, fit)
+    S = information(fit)
+    C = covariance(S, size, widening(fit))
+    labels = [name.rpartition(".")[2] for name in names]
+    labels = labels if len(set(labels)) == len(labels) else list(names)
+    directions = named_directions(unexcited_directions(C, size), size, labels)
+    alone = 1.0 / np.sqrt(np.maximum(np.diag(S), 1e-300))
+    found = tuple(_coefficient(fit, j, labels[j], C, size, alone, directions) for j in range(len(names)))
+    values = {names[j]: f.value for j, f in enumerate(found)}
+    values |= {one: values[other] for one, other in problem.same.items()}
+    new = model.with_coefficients(values) if isinstance(model, Model) else None
+    channels, logs = problem.rows.channels, problem.logs
+    out = (np.isfinite(data.rows.values) & ~problem.seen).any(axis=2)
+    used = problem.seen.sum(axis=(0, 1))
+    return Identified(
+        model=new,
+        block=new.plant() if new else problem.block.with_values(values),
+        coefficients=found,
+        covariance=C,
+        unexcited=directions,
+        remaining=remaining(fit),
+        ahead=prediction(fit, averaging_time(fit)).share,
+        units={c: problem.block.signal(c).unit for c in channels},
+        residual=dict(zip(channels, fit.noise.measured.tolist(), strict=True)),
+        noise=dict(zip(channels, data.noise.tolist(), strict=True)),
+        chi2_per_dof=float(used @ (fit.noise.measured / data.noise) ** 2 / used.sum()),
+        rows=int(problem.seen.any(axis=2).sum()),
+        rows_total=sum(m.rows_total for m in logs),
+        outliers=int(out.sum()),
+        rejected=sum(span.rows for m in logs for span in m.rejected),
+        logs=tuple(m.name for m in logs),
+        converged=fit.converged,
+        fit=fit,
+    )
+
+
+def _sizes(model: Model | Block, fit: Fit) -> Array:
+    """Return the sizes against which standard errors are held, shape (P,)."""
+    problem = fit.problem
+    if isinstance(model, Model):
+        nominal = [abs(model.coefficients()[name]) or 1.0 for name in problem.names]
+    else:
+        nominal = [model.parameter(name).nominal for name in problem.names]
+    return np.maximum(nominal, np.abs(fit.p) / 4)
+
+
+def _coefficient(
+    fit: Fit,
+    j: int,
+    label: str,
     C: Array,
     size: Array,
+    alone: Array,
     directions: Sequence[dict[str, float]],
-) -> tuple[Fitted, ...]:
-    moving = np.zeros(len(problem.block.inputs), dtype=bool)
-    for group in problem.groups:
-        moving |= (group.inputs != 0).any(axis=(1, 2))
-    fitted = []
-    for j, name in enumerate(names):
-        signal = problem.block.parameter(problem.names[j])
-        std = float(np.sqrt(C[j, j]))
-        alone = 1.0 / np.sqrt(max(solution.information[j, j], 1e-300))
-        value = float(np.clip(solution.point.p[j], problem.lower[j], problem.upper[j]))
-        bound = "lower" if value <= signal.lower else "upper" if value >= signal.upper else ""
-        why = reason(
-            name,
-            std,
-            size[j],
-            alone,
-            directions,
-            signal.unit,
-            idle_inputs(problem.block, signal.name, moving.tolist()),
-        )
-        std = std if std < NO_INFORMATION * size[j] else np.inf
-        fitted.append(Fitted(name, value, std, signal.unit, signal.start, bound, why))
-    return tuple(fitted)
+) -> Fitted:
+    problem, value = fit.problem, float(fit.p[j])
+    signal = problem.block.parameter(problem.names[j])
+    start = problem.model.coefficients()[problem.names[j]]
+    std = float(np.sqrt(C[j, j]))
+    bound = "lower" if value <= problem.lower[j] else "upper" if value >= problem.upper[j] else ""
+    moving = [any(np.any(m.inputs[i] != 0.0) for m in problem.logs) for i in range(len(problem.block.inputs))]
+    idle = idle_inputs(problem.block, signal.name, moving)
+    why = reason(label, std, size[j], alone[j], directions, signal.unit, idle)
+    return Fitted(
+        label, value, std if std < NO_INFORMATION * size[j] else np.inf, signal.unit, start, bound, why
+    )

@@ -3,21 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from copy import copy
+from dataclasses import dataclass, replace
 
 import numpy as np
 import sympy as sp
+from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
 
 from hovercontrol.block import Block
 from hovercontrol.errors import InputError
+from hovercontrol.estimation.data import gather
+from hovercontrol.estimation.fit import Fit, estimate, first_noise
+from hovercontrol.estimation.prior import prior_of
+from hovercontrol.estimation.problem import Problem
 from hovercontrol.expressions import Expressions
 from hovercontrol.identify.measure import Array, Measured, measure
-from hovercontrol.identify.shooting import STEP, Shooter, Windows, cut, known_states, stable_step
+from hovercontrol.identify.subject import subject_of
 from hovercontrol.logs import Log, Span
 from hovercontrol.model import Model
+from hovercontrol.targets.shoot import shoot
 
-#: Rows of all predictions together, and starts, at most.
-MOST_PREDICTED, MOST_STARTS = 400_000, 2000
+#: Starts of predictions at most.
+MOST_STARTS = 2000
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,14 +98,14 @@ class Prediction:
 
 
 def free_run(model: Model | Block, log: Log | Measured, *, restart: bool = False) -> FreeRun:
-    """Simulate a model over a log from the first row that is known, on the log's inputs alone.
+    """Simulate a model over a log on its inputs alone, from the smoothed state at the first row known.
 
     Parameters
     ----------
     model : Model or Block
     log : Log
     restart : bool, optional
-        Start again from the measurement behind every break (a gap, a loss of sight). Without it
+        Start again behind every break (a gap, a loss of sight). Without it
         only behind the cuts of a log too long to be taken whole.
 
     Returns
@@ -118,48 +126,46 @@ def free_run(model: Model | Block, log: Log | Measured, *, restart: bool = False
     >>> free_run(decay, Log("demo", t, {"v": np.exp(-t)})).rms["v"] < 1e-9
     True
     """
-    block, data, states = _prepare(model, log)
-    if restart:
-        ranges = [(0, a, b) for a, b in data.segments if b - a > 1]
-    else:
-        known = [
-            min((a for a, _ in data.segments if first <= a < stop), default=stop)
-            for first, stop in data.stretches
-        ]
-        ranges = [(0, a, stop) for a, (_, stop) in zip(known, data.stretches, strict=True) if stop - a > 1]
+    return run_of(model.name, smoothed(model, log), 0, restart=restart)
+
+
+def run_of(name: str, fit: Fit, k: int = 0, *, restart: bool = False) -> FreeRun:
+    """Return the free run of a fitted model, called `name`, over the k-th of the logs it was fitted to."""
+    problem, data = fit.problem, fit.problem.logs[k]
+    states = _path(fit, k)
+    known = np.asarray(np.isfinite(states).all(axis=0))
+    parts = data.segments if restart else data.stretches
+    begun = [(first + np.flatnonzero(known[first:stop]), stop) for first, stop in parts]
+    ranges = [(int(rows[0]), stop) for rows, stop in begun if rows.size and stop - rows[0] > 1]
     if not ranges:
         raise InputError(f"{data.name}: nothing is known from which a simulation could start")
-    names, reference = _reference(block, data)
-    cuts = cut([data], [states], data.channels, ranges)
-    Y = _simulate(block, cuts, names, _probes(data, states))
-    simulated = np.full(reference.shape, np.nan)
-    for w, (_, a, b) in enumerate(ranges):
-        simulated[:, a:b] = Y[: b - a, :, w].T
-    ran = np.zeros(data.time.size, dtype=bool)
-    for _, a, b in ranges:
+    names, reference = _reference(fit, k)
+    simulated, ran = np.full(reference.shape, np.nan), np.zeros(data.time.size, dtype=bool)
+    longest = float(problem.h.max())
+    for a, b in ranges:
+        time = data.time[a:b] - data.origin
+        pieces = np.ceil(np.diff(time) / longest - 1e-9).astype(int).clip(1)
+        at = np.concatenate([[0], np.cumsum(pieces)])
+        h = np.repeat(np.diff(time) / pieces, pieces)
+        t = np.repeat(time[:-1], pieces) + h * (np.arange(h.size) - np.repeat(at[:-1], pieces))
+        x = _simulate(fit, problem.block, states[:, a : a + 1], t[:, None], h[:, None], np.array([k]))[
+            at, :, 0
+        ].T
+        simulated[:, a:b] = _channels(fit, k, names, x, time)
         ran[a:b] = True
     rms, nrmse = _errors(names, simulated[:, ran], reference[:, ran])
+    units = {c: problem.block.signal(c).unit for c in names}
+    starts = tuple(float(data.time[a]) for a, _ in ranges)
     return FreeRun(
-        model.name,
-        data.name,
-        data.time,
-        names,
-        {c: block.signal(c).unit for c in names},
-        reference,
-        simulated,
-        tuple(float(data.time[a]) for _, a, _ in ranges),
-        data.rejected,
-        rms,
-        nrmse,
+        name, data.name, data.time, names, units, reference, simulated, starts, data.rejected, rms, nrmse
     )
 
 
 def window_prediction(model: Model | Block, log: Log | Measured, horizon: float = 1.0) -> Prediction:
-    """Return the error of a model `horizon` seconds ahead of the measured or smoothed state.
+    """Return the error of a model `horizon` seconds ahead of the smoothed state.
 
     Every row of the log is a start (of a long log, 2000 rows spread evenly) from which `horizon`
-    seconds follow without a break. States that were not measured are those that the model itself
-    gives.
+    seconds follow without a break.
 
     Parameters
     ----------
@@ -178,31 +184,72 @@ def window_prediction(model: Model | Block, log: Log | Measured, horizon: float 
         As :func:`~hovercontrol.identify.measure.measure`, or if the log is shorter than the
         horizon.
     """
-    block, data, states = _prepare(model, log)
-    ranges = []
-    for a, b in data.segments:
-        time = data.time[a:b]
-        half = np.median(np.diff(time)) / 2 if time.size > 1 else 0.0
-        ends = np.searchsorted(time, time + (horizon - half))
-        ranges += [(0, a + i, a + int(end) + 1) for i, end in enumerate(ends) if i < end < b - a]
-    if not ranges:
-        raise InputError(f"{data.name}: no stretch of {horizon:g} s without a break to predict")
-    longest = max(b - a for _, a, b in ranges)
-    keep = min(len(ranges), MOST_STARTS, max(1, MOST_PREDICTED // longest))
-    ranges = [ranges[int(i)] for i in np.linspace(0, len(ranges) - 1, keep)]
-    names, reference = _reference(block, data)
-    cuts = cut([data], [states], data.channels, ranges)
-    ends = np.array([b - 1 for _, _, b in ranges])
-    last = np.array([b - a - 1 for _, a, b in ranges])
+    return prediction(smoothed(model, log), horizon)
+
+
+def prediction(fit: Fit, horizon: float, k: int | None = None) -> Prediction:
+    """Return the error of a fitted model `horizon` seconds ahead on the k-th of its logs, or on all."""
+    problem = fit.problem
+    which = range(len(problem.logs)) if k is None else (k,)
+    begin, states, t0, t1, reference = [], [], [], [], []
+    names = tuple(dict.fromkeys(c for i in which for c in _reference(fit, i)[0]))
+    for i in which:
+        data, path = problem.logs[i], _path(fit, i)
+        first, last = _starts(data, path, horizon)
+        own, seen = _reference(fit, i)
+        rows = dict(zip(own, seen[:, last], strict=True))
+        begin.append(np.full(first.size, i))
+        states.append(path[:, first])
+        t0.append(data.time[first] - data.origin)
+        t1.append(data.time[last] - data.origin)
+        reference.append(np.array([rows.get(c, np.full(last.size, np.nan)) for c in names]))
+    log, x0, y = np.concatenate(begin), np.concatenate(states, axis=1), np.concatenate(reference, axis=1)
+    if not log.size:
+        logs = ", ".join(problem.logs[i].name for i in which)
+        raise InputError(f"{logs}: no stretch of {horizon:g} s without a break to predict")
+    keep = np.unique(np.linspace(0, log.size - 1, min(log.size, MOST_STARTS)).astype(int))
+    log, x0, y = log[keep], x0[:, keep], y[:, keep]
+    start, stop = np.concatenate(t0)[keep], np.concatenate(t1)[keep]
+    S = max(1, int(np.ceil((stop - start).max() / float(problem.h.max()) - 1e-9)))
+    h = np.broadcast_to((stop - start) / S, (S, log.size))
+    t = start + np.arange(S)[:, None] * h
 
     def errors(of: Block) -> tuple[dict[str, float], dict[str, float]]:
-        Y = _simulate(of, cuts, names, _probes(data, states))
-        return _errors(names, Y[last, :, np.arange(len(ranges))].T, reference[:, ends])
+        x = _simulate(fit, of, x0, t, h, log)[-1]
+        found = np.empty(y.shape)
+        for i in np.unique(log).tolist():
+            own = log == i
+            found[:, own] = _channels(fit, i, names, x[:, own], stop[own])
+        return _errors(names, found, y)
 
-    rms, nrmse = errors(block)
-    trivial, _ = errors(coasting(block))
-    units = {c: block.signal(c).unit for c in names}
-    return Prediction(horizon, len(ranges), units, rms, nrmse, trivial)
+    rms, nrmse = errors(problem.block)
+    trivial, _ = errors(coasting(problem.block))
+    units = {c: problem.block.signal(c).unit for c in names}
+    return Prediction(horizon, log.size, units, rms, nrmse, trivial)
+
+
+def smoothed(model: Model | Block, log: Log | Measured) -> Fit:
+    """Return a model on a log that its coefficients do not follow: path and levels of noise are fitted.
+
+    Raises
+    ------
+    InputError
+        As :func:`~hovercontrol.identify.measure.measure`, if rows are too few, or the model runs away.
+    """
+    block = model.plant() if isinstance(model, Model) else model
+    subject = subject_of(model)
+    data = gather(subject, [log if isinstance(log, Measured) else measure(block, log)])
+    problem = Problem(subject, data, ())
+    with threadpool_limits(1, "blas"):
+        try:
+            return estimate(problem, prior_of(problem, subject), first_noise(problem), frozen=True, gate=True)
+        except FloatingPointError:  # the model runs away: its states are those of any motion
+            plain = copy(problem)
+            plain.block = coasting(problem.block)
+            found = estimate(plain, prior_of(plain, subject), first_noise(plain), frozen=True, gate=True)
+            own = copy(found.problem)
+            own.block = problem.block
+            return replace(found, problem=own)
 
 
 def coasting(block: Block) -> Block:
@@ -231,37 +278,80 @@ def coasting(block: Block) -> Block:
     )
 
 
-def _prepare(model: Model | Block, log: Log | Measured) -> tuple[Block, Measured, Array]:
-    block = model.plant() if isinstance(model, Model) else model
-    data = log if isinstance(log, Measured) else measure(block, log)
-    return block, data, known_states(block, data, block.parameter_values())
+def _path(fit: Fit, k: int) -> Array:
+    """Return the smoothed states at the rows of a log, shape (n_states, n); NaN where there are none."""
+    rows = fit.problem.rows
+    states = np.full((fit.path.shape[2], fit.problem.logs[k].time.size), np.nan)
+    for w in np.flatnonzero(rows.log == k):
+        own = rows.at[:, w] >= 0
+        states[:, rows.at[own, w]] = fit.path[own, w].T
+    return states
 
 
-def _reference(block: Block, data: Measured) -> tuple[tuple[str, ...], Array]:
-    """Return what predictions are compared with: measured channels, then smoothed states."""
-    seen = np.zeros(data.time.size, dtype=bool)
+def _starts(data: Measured, path: Array, horizon: float) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return rows with a smoothed state that `horizon` follows without a break, and those it leads to."""
+    first, last = [], []
     for a, b in data.segments:
-        seen[a:b] = True
-    names, rows = list(data.channels), list(data.values)
-    for state, row in zip(block.states, data.states, strict=True):
+        time = data.time[a:b]
+        half = float(np.median(np.diff(time))) / 2 if time.size > 1 else 0.0
+        ends = np.searchsorted(time, time + (horizon - half))
+        good = (ends < b - a) & (ends > np.arange(b - a)) & np.isfinite(path[:, a:b]).all(axis=0)
+        first.append(a + np.flatnonzero(good))
+        last.append(a + ends[good])
+    none = np.zeros(0, dtype=np.intp)
+    return np.concatenate([none, *first]), np.concatenate([none, *last])
+
+
+def _reference(fit: Fit, k: int) -> tuple[tuple[str, ...], Array]:
+    """Return what predictions are held against: measured channels less outliers, then smoothed states."""
+    problem, data = fit.problem, fit.problem.logs[k]
+    values = data.values.copy()
+    for w in np.flatnonzero(problem.rows.log == k):
+        own = problem.rows.at[:, w] >= 0
+        for c, channel in enumerate(data.channels):
+            out = own & ~problem.seen[:, w, problem.rows.channels.index(channel)]
+            values[c, problem.rows.at[out, w]] = np.nan
+    unbroken = np.zeros(data.time.size, dtype=bool)
+    for a, b in data.segments:
+        unbroken[a:b] = True
+    names, rows = list(data.channels), list(values)
+    for state, row in zip(problem.block.states, data.states, strict=False):
         if state.name not in names and not np.isnan(row).any():
             names.append(state.name)
-            rows.append(np.where(seen, row, np.nan))
+            rows.append(np.where(unbroken, row, np.nan))
     return tuple(names), np.array(rows)
 
 
-def _probes(data: Measured, states: Array) -> Windows:
-    """Return up to 200 rows spread over a log, at which the sub-step is chosen."""
-    rows = np.unique(np.linspace(0, data.time.size - 1, 200).astype(int))
-    return cut([data], [states], (), [(0, int(k), int(k) + 1) for k in rows])
+def _channels(fit: Fit, k: int, names: Sequence[str], x: Array, t: Array) -> Array:
+    """Return channels and states by name at states of a log, shape (len(names), N)."""
+    problem = fit.problem
+    log = np.full(t.size, k)
+    found = dict(zip([s.name for s in problem.block.states], x, strict=True))
+    measured = problem.channels_at(x, problem.parameters(fit.p), t, log)
+    found |= dict(zip(problem.rows.channels, measured, strict=True))
+    return np.array([found[c] for c in names])
 
 
-def _simulate(block: Block, windows: Windows, names: Sequence[str], probes: Windows) -> Array:
-    """Return the channels over windows, shape (K, n_channels, W)."""
-    parameters = block.parameter_values()
-    step = stable_step(block, probes, parameters, STEP)
-    shooter = Shooter(block, windows, names, step)
-    return shooter.channels(windows.start[:, None, :], parameters)[:, :, 0]
+def _simulate(fit: Fit, block: Block, x0: Array, t: Array, h: Array, log: NDArray[np.intp]) -> Array:
+    """Return the states before and behind each sub-step, shape (S + 1, n_states, N).
+
+    Parameters
+    ----------
+    fit : Fit
+        Of whose coefficients and logs.
+    block : Block
+    x0 : ndarray, shape (n_states, N)
+    t, h : ndarray, shape (S, N)
+        Begin and length of each sub-step [s].
+    log : ndarray of int, shape (N,)
+    """
+    problem, shape = fit.problem, (1, *t.shape)
+    parameters = problem.parameters(fit.p)
+    u, lagged = problem.commands_at(parameters, t.reshape(1, -1), h.ravel(), np.tile(log, len(t)))
+    u = u.reshape(len(u), *shape)[:, :, :, None]
+    known = {i: v.reshape(shape)[:, :, None] for i, v in lagged.items()}
+    with np.errstate(all="ignore"):
+        return shoot(block, t[None], h, u, known, np.array(parameters)[:, None], x0[:, None])[:, :, 0]
 
 
 def _errors(

@@ -12,11 +12,15 @@ from numpy.typing import NDArray
 
 from hovercontrol.block import Block
 from hovercontrol.errors import InputError, did_you_mean
+from hovercontrol.estimation.fit import Fit
 from hovercontrol.files import write_whole
 from hovercontrol.model import Model
 
-#: Above this chi2/dof a model does not explain the logs.
-POOR = 2.0
+#: Parts of the accelerations seen that remain where a model explains little, and where it explains nothing.
+LITTLE, NOTHING = 0.3, 0.7
+
+#: Errors of predictions over those of the trivial one from which on they are no better.
+BETTER = 0.95
 
 
 @dataclass(frozen=True)
@@ -52,6 +56,40 @@ class Fitted:
         return not self.reason
 
 
+@dataclass(frozen=True)
+class Remaining:
+    """What one equation leaves unexplained: the process noise, averaged over some time.
+
+    Attributes
+    ----------
+    equation : str
+        ``"u'"``
+    rms, seen : float
+        Root mean square of the missing acceleration, and of that seen less what moves without forces (a body
+        that turns); both of means over `over`.
+    over : float
+        [s]
+    unit : str
+        Of both.
+    """
+
+    equation: str
+    rms: float
+    seen: float
+    over: float
+    unit: str
+
+    @property
+    def share(self) -> float:
+        """What remains over what was seen."""
+        return self.rms / self.seen if self.seen > 0 else 0.0
+
+    @property
+    def state(self) -> str:
+        """The state that the equation is of."""
+        return self.equation.removesuffix("'")
+
+
 @dataclass(frozen=True, eq=False)
 class Identified:
     """The result of :func:`~hovercontrol.identify.fit.identify`.
@@ -68,19 +106,28 @@ class Identified:
     unexcited : tuple of mapping
         Directions without excitation: steps of coefficients that together change nothing measured.
         Along them the start values are kept.
+    remaining : tuple of Remaining
+        What each equation on which forces act leaves unexplained.
+    ahead : mapping
+        Of each channel, how far off the model predicts the logs as soon as accelerations are averaged
+        (``remaining[0].over``), over how far off it would be if velocities stayed as they are.
     units : mapping
         Of each channel.
     residual, noise : mapping
-        Standard deviation of each channel's residuals over the windows, and its measurement noise.
+        Measurement noise of each channel: as fitted beside the process noise, and as third differences
+        show it.
     chi2_per_dof : float
-        Squared residuals in units of the measurement noise, per degree of freedom: 1 for a model
-        that lacks nothing, more for one that does.
-    windows, rows, rows_total : int
-        Windows used, rows with a measurement in them, rows of the logs.
+        Mean square of the former over the latter: about 1 where process noise bridges what the model lacks;
+        how much that is, :attr:`remaining` says.
+    rows, rows_total : int
+        Rows with a measurement that was used, rows of the logs.
+    outliers, rejected : int
+        Rows of which a sample was left out since it stands alone, and rows left out since no craft moves so.
     logs : tuple of str
         Their names.
-    iterations : int
     converged : bool
+    fit : Fit
+        Path, levels of noise and information behind the coefficients.
     """
 
     model: Model | None
@@ -88,16 +135,19 @@ class Identified:
     coefficients: tuple[Fitted, ...]
     covariance: NDArray[np.float64]
     unexcited: tuple[Mapping[str, float], ...]
+    remaining: tuple[Remaining, ...]
+    ahead: Mapping[str, float]
     units: Mapping[str, str]
     residual: Mapping[str, float]
     noise: Mapping[str, float]
     chi2_per_dof: float
-    windows: int
     rows: int
     rows_total: int
+    outliers: int
+    rejected: int
     logs: tuple[str, ...]
-    iterations: int
     converged: bool
+    fit: Fit
 
     def __getitem__(self, name: str) -> Fitted:
         for found in self.coefficients:
@@ -108,13 +158,26 @@ class Identified:
 
     @property
     def misfit(self) -> str:
-        """What to make of a fit that residuals say is bad; empty if it is good."""
-        if self.chi2_per_dof <= POOR:
+        """What to make of a fit that leaves much unexplained; empty if it does not."""
+        poor = [r for r in self.remaining if r.share > LITTLE]
+        if not poor:
             return ""
-        return (
-            f"the model does not explain the logs: residuals are {np.sqrt(self.chi2_per_dof):.3g} times the "
-            f"noise (chi2/dof {self.chi2_per_dof:.3g}); something is missing or wrong in the model or the log"
-        )
+        over = f"{poor[0].over:.2g} s"
+        told = ", ".join(f"{r.rms:.2g} of {r.seen:.2g} {r.unit} in {r.equation}" for r in poor)
+        remains = f"of the accelerations seen (means over {over}) there remain {told}"
+        blind = [r for r in poor if r.share > NOTHING and self._ahead(r) > BETTER]
+        if len(blind) == len(self.remaining):
+            said = f"this model predicts nothing: {remains}"
+            said += f"; {over} ahead it is no better than that velocities stay"
+        else:
+            said = f"the model does not explain the logs: {remains}"
+            said += f"; it predicts nothing of {', '.join(r.state for r in blind)}" if blind else ""
+        return f"{said}; something is missing or wrong in the model or the logs"
+
+    def _ahead(self, remaining: Remaining) -> float:
+        """Return how far off an equation's state is predicted; where it is not seen, the best channel."""
+        best = min(self.ahead.values(), default=1.0)
+        return self.ahead.get(remaining.state, best)
 
     def rows_of_table(self) -> list[tuple[str, str, str, str, str]]:
         """Return name, value, standard error, unit and remark of each coefficient, as text."""
@@ -127,26 +190,25 @@ class Identified:
         return table
 
     def table(self) -> str:
-        """Return the result as plain text: coefficients, then channels, then what was used."""
+        """Return the result as text: coefficients, channels, what remains in each equation, what was used."""
         lines = aligned([("coefficient", "value", "std", "unit", ""), *self.rows_of_table()])
-        lines += [
-            "",
-            *aligned(
-                [
-                    ("channel", "residual", "noise", "unit"),
-                    *(
-                        (c, f"{self.residual[c]:.3g}", f"{self.noise[c]:.3g}", unit)
-                        for c, unit in self.units.items()
-                    ),
-                ]
-            ),
+        channels = [(c, f"{self.residual[c]:.3g}", f"{self.noise[c]:.3g}", u) for c, u in self.units.items()]
+        equations = [
+            (r.equation, f"{r.rms:.3g}", f"{r.seen:.3g}", r.unit, f"{100 * r.share:.2g} %")
+            for r in self.remaining
         ]
-        used = f"{self.rows} of {self.rows_total} rows in {self.windows} windows"
-        lines += ["", f"chi2/dof {self.chi2_per_dof:.3g}; {used} of {', '.join(self.logs)}"]
+        lines += ["", *aligned([("channel", "residual", "noise", "unit"), *channels])]
+        if equations:
+            lines += ["", *aligned([("equation", "remains", "seen", "unit", "share"), *equations])]
+        left = [f"{self.outliers} with an outlier"] if self.outliers else []
+        left += [f"{self.rejected} where no craft moves so"] if self.rejected else []
+        used = f"{self.rows} of {self.rows_total} rows of {', '.join(self.logs)}"
+        used += f"; left out: {', '.join(left)}" if left else ""
+        lines += ["", f"chi2/dof {self.chi2_per_dof:.3g}; {used}"]
         if self.misfit:
             lines.append(self.misfit)
         if not self.converged:
-            lines.append(f"not converged after {self.iterations} iterations")
+            lines.append("not converged")
         return "\n".join(lines)
 
     def save_csv(self, path: str | Path) -> Path:

@@ -9,12 +9,11 @@ from pathlib import Path
 
 from hovercontrol.errors import InputError
 from hovercontrol.files import write_folder
-from hovercontrol.identify.fit import WINDOW, identify
-from hovercontrol.identify.measure import Measured, measure, refuse_still
+from hovercontrol.identify.fit import identify, measure_shared, refuse_slow_rows
+from hovercontrol.identify.measure import MOST_ROWS, Measured
 from hovercontrol.identify.plot import plot_free_run
-from hovercontrol.identify.predict import FreeRun, Prediction, free_run, window_prediction
+from hovercontrol.identify.predict import FreeRun, Prediction, prediction, run_of, smoothed
 from hovercontrol.identify.result import Identified, aligned
-from hovercontrol.identify.windows import refuse_slow_rows
 from hovercontrol.logs import VELOCITY, Log
 from hovercontrol.model import Model
 from hovercontrol.modelfile import save_model
@@ -64,7 +63,6 @@ class Study:
         holdout: Sequence[Log] = (),
         *,
         coefficients: Sequence[str] | None = None,
-        window: float = WINDOW,
         progress: Callable[[float, str], None] | None = None,
     ) -> Study:
         """Fit on the training logs, then predict every log.
@@ -73,7 +71,7 @@ class Study:
         ----------
         model : Model
         training, holdout : sequence of Log
-        coefficients, window
+        coefficients : sequence of str, optional
             As for :func:`~hovercontrol.identify.fit.identify`.
         progress : callable, optional
             Called with the part done (0 to 1) and a word on what is being done.
@@ -81,22 +79,18 @@ class Study:
         Raises
         ------
         InputError
-            As :func:`~hovercontrol.identify.fit.identify` and :func:`measure`, or if a name is taken twice.
+            As :func:`~hovercontrol.identify.fit.identify`, or if a name is taken twice.
         """
         tell = progress or (lambda part, what: None)
-        refuse_slow_rows([*training, *holdout], window)
-        block = model.plant()
-        measured: list[Measured] = []
-        for k, log in enumerate([*training, *holdout]):
-            tell(0.2 * k / (len(training) + len(holdout)), f"smoothing {log.name}")
-            data = measure(block, log)
-            refuse_still(data.name, data.channels, data.values)
-            measured.append(data)
+        refuse_slow_rows([*training, *holdout])
+        tell(0.0, "reading what was measured")
+        measured: list[Measured] = measure_shared(model, training, MOST_ROWS)
+        for log in holdout:
+            measured += measure_shared(model, [log], MOST_ROWS)
         found = identify(
             model,
             measured[: len(training)],
             coefficients,
-            window=window,
             progress=lambda part, what: tell(0.2 + 0.6 * part, what),
         )
         assert found.model is not None
@@ -104,8 +98,10 @@ class Study:
         judged = []
         for k, (label, data) in enumerate(zip(labels, measured, strict=True)):
             tell(0.8 + 0.2 * k / len(measured), f"predicting {label}")
-            ahead, run = window_prediction(found.model, data, HORIZON), free_run(found.model, data)
-            judged.append(Judged(label, k >= len(training), ahead, run))
+            held_out = k >= len(training)
+            fit, own = (smoothed(found.model, data), 0) if held_out else (found.fit, k)
+            run = run_of(model.name, fit, own)
+            judged.append(Judged(label, held_out, prediction(fit, HORIZON, own), run))
         return cls(found, tuple(judged))
 
     @property

@@ -24,10 +24,12 @@ from pathlib import Path
 import numpy as np
 
 from hovercontrol.discrepancy import Diagnosis, diagnose
-from hovercontrol.discrepancy.data import gather
-from hovercontrol.discrepancy.fit import TINY, fit
-from hovercontrol.discrepancy.holdout import gap
-from hovercontrol.discrepancy.weighing import EACH, LEAST
+from hovercontrol.discrepancy.criteria import CRITERIA
+from hovercontrol.discrepancy.evidence.holdout import gap, held_fit
+from hovercontrol.estimation.data import gather
+from hovercontrol.estimation.fit import refit
+from hovercontrol.estimation.prior import prior_of
+from hovercontrol.estimation.problem import Problem
 
 from .generator import OUTSIDE, SIZES, VELOCITY_ONLY, Case, Conditions, make, mild, outside
 
@@ -149,60 +151,65 @@ def run(axis: str, hidden: tuple[str, ...], seed: int) -> Row:
     known = axis != "outside"
     ratio, invisible = _against_truth(of, found) if known else (np.nan, False)
     inside, count = _coverage(of, found) if known else (0, 0)
-    outcome = judge(of.names, found, invisible) if known else _outside(found)
+    outcome = judge(of.names, found, invisible, bool(a.conditions.gusts)) if known else _outside(found)
     rivals = sorted({r.name for r in found.rivals})
-    chi2 = found.selection.final.chi2_per_dof
+    left = found.selection.final.left
+    chi2 = float(np.mean(left[left != 0.0] ** 2))
     return Row(
         axis, "+".join(hidden), seed, found.verdict, "+".join(named), "+".join(rivals), outcome,
         round(chi2, 4), round(ratio, 5), inside, count, round(seconds, 2),
     )  # fmt: skip
 
 
-def judge(hidden: Sequence[str], found: Diagnosis, invisible: bool) -> str:
+def judge(hidden: Sequence[str], found: Diagnosis, invisible: bool, remainder: bool = False) -> str:
     """Return ``exact``, ``honest``, ``missed`` or ``wrong``.
 
-    Exact includes a delay named with the clock as its rival, and `none` where even the true effect would not
-    pass the threshold. Honest: `ambiguous` with the truth inside, or `unexplained`.
+    Exact includes `none` where even the true effect would not pass the threshold, a delay named as one finding
+    with the clock, and, where something of no catalogue acts as well (gusts), `partial` and, with nothing
+    hidden, `unexplained`. Honest: `ambiguous` with the truth inside, `unexplained`, or the truth named beside a
+    remainder that is not there.
     """
     truth, named = set(hidden), {e.effect for e in found.effects}
     inside = named | {r.name for r in found.rivals}
     if found.verdict == "none":
         return "exact" if not truth or invisible else "missed"
     if found.verdict == "unexplained":
-        return "honest" if truth else "wrong"
-    if found.verdict == "effect":
-        return "exact" if named == truth else "wrong"
-    same = {*named, *truth} - {*named} | {r.name for r in found.rivals}
-    if truth & SAME and same <= SAME and inside - SAME == truth - SAME:
-        return "exact"
+        return "honest" if truth else "exact" if remainder else "wrong"
+    late = {n if n not in SAME else "late" for n in truth} == {n if n not in SAME else "late" for n in named}
+    if found.verdict in ("effect", "partial"):
+        if not late:
+            return "wrong" if named - truth - SAME or not truth else "missed"
+        return "exact" if found.verdict == "effect" or remainder else "honest"
     return "honest" if truth and truth <= inside else "wrong"
 
 
 def _outside(found: Diagnosis) -> str:
+    """Something of no catalogue acts alone: no name is right."""
     return {"unexplained": "exact", "none": "missed"}.get(found.verdict, "wrong")
 
 
 def _against_truth(of: Case, found: Diagnosis) -> tuple[float, bool]:
     """Return the hold-out error over the true structure's, and whether the truth could not be seen."""
-    final = found.selection.final
-    data, length = final.windowed.data, final.windowed.length
-    like = {"prior_model": of.model, "near": final, "small": TINY}  # in the same sub-steps, to the same end
-    true = fit(of.truth, data, length, final.noise, **like)
+    base, final = found.selection.base, found.selection.final
+    problem = Problem(of.truth, base.problem.data, pieces=base.problem.pieces)
+    true = refit(final, problem, prior_of(problem, of.model), p=problem.start)
     numbers = sum(len(e.numbers) for e in of.truth.effects if e.name in of.names)
     held = gather(of.model, [of.holdout])
-    ours, best = (gap(m, held, length).rms for m in (found.amended, true.model))
-    ratio = float(np.sqrt(np.mean([(ours[c] / best[c]) ** 2 for c in ours])))
-    return ratio, final.cost - true.cost < LEAST + EACH * numbers
+    ours = held_fit(found.amended, held)
+    best = held_fit(true.model, ours.problem.data, ours)
+    one, other = gap(ours).rms, gap(best).rms
+    ratio = float(np.sqrt(np.mean([(one[c] / other[c]) ** 2 for c in one])))
+    return ratio, base.cost - true.cost < CRITERIA.least + CRITERIA.each * numbers
 
 
 def _coverage(of: Case, found: Diagnosis) -> tuple[int, int]:
     """Return how many 95 % intervals of coefficients hold the truth, where the set is exact."""
-    if {e.effect for e in found.effects} != set(of.names) or found.verdict not in ("effect", "none"):
+    if {e.effect for e in found.effects} != set(of.names) or found.verdict not in ("effect", "none", "partial"):
         return 0, 0
     final = found.selection.final
     std = np.sqrt(np.diag(final.covariance))
     truth = of.truth.coefficients()
-    own = [(j, truth[n]) for j, n in enumerate(final.windowed.names) if not n.endswith("_width")]
+    own = [(j, truth[n]) for j, n in enumerate(final.problem.names) if not n.endswith("_width")]
     inside = [abs(final.p[j] - value) <= 1.96 * std[j] for j, value in own]
     return sum(inside), len(inside)
 

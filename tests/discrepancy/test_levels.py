@@ -70,7 +70,7 @@ def test_together_they_tell_what_each_tells_alone_added():
 
 def information(model, logs):
     """Return what logs say of the coefficients of a model that lacks nothing."""
-    problem = Problem(model, gather(model, logs, 12 * len(logs)))
+    problem = Problem(model, gather(model, logs))
     noise = replace(first_noise(problem), process=np.zeros(3))
     return estimate(problem, prior_of(problem, model), noise, levels=False).S.sum(axis=0)[:8, :8]
 

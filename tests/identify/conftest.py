@@ -118,9 +118,11 @@ def cart() -> Block:
 
 @pytest.fixture
 def cart_log(cart: Block) -> Callable[..., Log]:
-    def make(seed: int, drag: float = 0.6, gain: float = 1.7, noise: float = 0.01) -> Log:
+    def make(
+        seed: int, drag: float = 0.6, gain: float = 1.7, noise: float = 0.01, seconds: float = 12.0
+    ) -> Log:
         rng = np.random.default_rng(seed)
-        t = np.arange(0.0, 12.0, 0.05)
+        t = np.arange(0.0, seconds, 0.05)
         force = held(rng, t, 0.6, -1, 1)
         truth = {"cart.drag": drag, "cart.gain": gain}
         free = replace(cart, parameters=tuple(p.but(lower=-np.inf) for p in cart.parameters))

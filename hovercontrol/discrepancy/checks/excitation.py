@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from hovercontrol.discrepancy.checks.input_gain_check import refuse_gains
-from hovercontrol.discrepancy.levels import unlike
 from hovercontrol.errors import InputError
 from hovercontrol.estimation.fit import Fit
+from hovercontrol.estimation.levels import unlike
 from hovercontrol.estimation.navigation import Navigated
 from hovercontrol.estimation.prediction import horizons, predict
 from hovercontrol.identify.excitation import (

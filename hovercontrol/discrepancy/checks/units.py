@@ -175,9 +175,9 @@ def _busiest(log: Log, angle: str) -> Log:
 
 
 def _misfit(model: Subject, log: Log) -> float:
-    """Return what a model leaves of a log, as it is given, over a second at a time: 1 is noise."""
+    """Return what a model leaves of a log, as it is given, over short blocks: 1 is noise."""
     try:
-        data = gather(model, [log], max(1, round(float(log.time[-1] - log.time[0]))))
+        data = gather(model, [log])
         problem = Problem(model, data)
         begin = first_noise(problem)
         noise = replace(begin, process=np.zeros_like(begin.process))

@@ -11,7 +11,7 @@ from hovercontrol.discrepancy.criteria import CRITERIA, Criteria
 from hovercontrol.discrepancy.evidence.missing import Missing, Quantity, rate
 from hovercontrol.estimation.fit import Fit, inverse, products, refit
 from hovercontrol.estimation.kalman import run_filter
-from hovercontrol.estimation.noise import Noise, augment
+from hovercontrol.estimation.noise import augment, averaged
 
 Array = NDArray[np.float64]
 
@@ -54,12 +54,6 @@ class Remainder:
     def there(self) -> bool:
         """Whether anything remains."""
         return self.rms > 0.0
-
-
-def averaged(noise: Noise, over: float) -> Array:
-    """Return the root mean square of each missing acceleration's mean over some time, shape (q,)."""
-    s = over / noise.seconds
-    return np.asarray(noise.process * np.sqrt(np.maximum(2.0 * (s + np.expm1(-s)), 0.0)) / s)
 
 
 def remainders(base: Fit, final: Fit, criteria: Criteria = CRITERIA) -> tuple[Remainder, ...]:

@@ -178,10 +178,8 @@ def predicted(fit: Fit, manoeuvre: Manoeuvre) -> Data:
 
 
 def _data(like: Data, log: Measured, states: Sequence[str]) -> Data:
-    """Return one log as data, in blocks as long as those so far."""
-    usual = float(np.median(like.rows.seconds))
-    blocks = max(1, round(float(log.time[-1] - log.time[0]) / max(usual, 1e-9)))
-    rows = arrange([log], [dict(zip(states, log.states, strict=True))], like.channels, blocks)
+    """Return one log as data."""
+    rows = arrange([log], [dict(zip(states, log.states, strict=True))], like.channels)
     return Data((log,), like.channels, like.noise, np.ones((1, len(like.channels))), rows)
 
 

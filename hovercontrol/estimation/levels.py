@@ -1,0 +1,109 @@
+"""How noisy each channel is, from its third differences, and each log beside the others."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hovercontrol.errors import InputError
+from hovercontrol.identify.measure import Measured, steps
+
+Array = NDArray[np.float64]
+
+#: Standard error of a noise level from the median of n third differences, times the root of n.
+LEVEL = 1.65
+
+#: How many times another log's a level must be to count as another, and how many standard errors beyond.
+UNLIKE, SURE = 1.25, 4.0
+
+
+def noise_levels(logs: Sequence[Measured], channels: Sequence[str]) -> Array:
+    """Return the measurement noise of each channel, shape (C,), in its unit.
+
+    From third differences, which motion hardly enters: the median of their size over 0.6745
+    sqrt(20). An upper estimate where sampling is slow. Not below what the smallest step of the
+    channel, its resolution, makes (over sqrt(12)).
+
+    Raises
+    ------
+    InputError
+        If a channel is constant; the line names it.
+    """
+    levels = []
+    for channel in channels:
+        spans = [(m, a, b) for m in logs if channel in m.channels for a, b in m.segments]
+        rows = [m.values[m.channels.index(channel), a:b] for m, a, b in spans]
+        thirds = [(np.diff(row, 3), _even(m.time[a:b])) for row, (m, a, b) in zip(rows, spans, strict=True)]
+        jumps = np.abs(np.concatenate([third[even if even.any() else ...] for third, even in thirds]))
+        jumps = jumps[np.isfinite(jumps)]
+        every = np.concatenate(rows)
+        jumped = np.concatenate([steps(row[np.isfinite(row)]) for row in rows])
+        if not jumped.size:
+            names = ", ".join(m.name for m in logs if channel in m.channels)
+            raise InputError(f"{names}: column {channel!r} is constant; is it measured?")
+        level = float(np.median(jumps)) / (0.6745 * np.sqrt(20.0)) if jumps.size else 0.0
+        levels.append(max(level, 1e-6 * float(np.nanstd(every)), float(jumped.min()) / np.sqrt(12.0), 1e-12))
+    return np.array(levels)
+
+
+def noise_scales(logs: Sequence[Measured], channels: Sequence[str], noise: Array) -> Array:
+    """Return the noise of each log's channels over that of all logs, shape (L, C); 1 where they are alike.
+
+    Parameters
+    ----------
+    logs : sequence of Measured
+    channels : sequence of str
+    noise : ndarray, shape (C,)
+        Of all logs together.
+    """
+    scales = np.ones((len(logs), len(channels)))
+    for c, channel in enumerate(channels):
+        own = [i for i, m in enumerate(logs) if channel in m.channels]
+        found = [_level(logs[i], channel) for i in own]
+        known = [(i, level, error) for i, (level, error) in zip(own, found, strict=True) if level > 0.0]
+        if len(known) < 2:
+            continue
+        (_, least, one), (_, most, other) = (f(known, key=lambda k: k[1]) for f in (min, max))
+        if np.log(most / least) > max(np.log(UNLIKE), SURE * np.hypot(one, other)):
+            for i, level, _ in known:
+                scales[i, c] = level / noise[c]
+    return scales
+
+
+def unlike(channels: Sequence[str], scales: Array) -> list[str]:
+    """Return one line on logs that differ in noise; none if they do not.
+
+    Parameters
+    ----------
+    channels : sequence of str
+    scales : ndarray, shape (L, C)
+        By :func:`noise_scales`.
+
+    Examples
+    --------
+    >>> unlike(["u", "r"], np.array([[0.5, 1.0], [2.0, 1.0]]))
+    ['the logs differ in noise (u: up to 4 times): each counts by its own']
+    """
+    times = scales.max(axis=0) / scales.min(axis=0)
+    said = [f"{c}: up to {t:.2g} times" for c, t in zip(channels, times, strict=True) if t > 1.0]
+    return [f"the logs differ in noise ({', '.join(said)}): each counts by its own"] if said else []
+
+
+def _level(log: Measured, channel: str) -> tuple[float, float]:
+    """Return the noise of one channel and its relative standard error; 0 if it is constant."""
+    row = log.values[log.channels.index(channel)]
+    try:
+        return float(noise_levels([log], [channel])[0]), LEVEL / np.sqrt(max(np.isfinite(row).sum(), 1))
+    except InputError:
+        return 0.0, 0.0
+
+
+def _even(time: Array) -> NDArray[np.bool_]:
+    """Tell which four rows in a row follow each other evenly: across a missing row motion enters."""
+    step = np.diff(time)
+    if step.size < 3:
+        return np.zeros(0, dtype=bool)
+    widest = np.maximum(np.maximum(step[:-2], step[1:-1]), step[2:])
+    return widest < 1.5 * float(np.median(step))
