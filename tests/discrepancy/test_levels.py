@@ -59,7 +59,7 @@ def test_the_gap_of_both_is_in_units():
     case, logs = unlike([], 4.0)
     both = gap(held_fit(case.truth, gather(case.truth, logs)))
     alone = [gap(held_fit(case.truth, gather(case.truth, [log]))) for log in logs]
-    assert both.rms["u"] == pytest.approx(np.sqrt(np.mean([a.rms["u"] ** 2 for a in alone])), rel=0.05)
+    assert both.rms["u"] == pytest.approx(np.sqrt(np.mean([a.rms["u"] ** 2 for a in alone])), rel=0.1)
 
 
 def test_together_they_tell_what_each_tells_alone_added():

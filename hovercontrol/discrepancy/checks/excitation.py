@@ -16,9 +16,11 @@ from hovercontrol.estimation.prediction import horizons, predict
 from hovercontrol.identify.excitation import (
     covariance,
     idle_inputs,
+    information,
     named_directions,
     reason,
     unexcited_directions,
+    widening,
 )
 from hovercontrol.identify.predict import coasting
 
@@ -76,10 +78,10 @@ def check_excitation(base: Fit, predicts_nothing: bool = False) -> list[str]:
     if not own:
         return []
     names, size = [problem.names[j] for j in own], problem.size[own]
-    S = base.S[:, own][:, :, own]
-    C = covariance(S.sum(axis=0), base.g[:, own], size)
+    S = information(base)[np.ix_(own, own)]
+    C = covariance(S, size, widening(base)[own])
     std = np.sqrt(np.diag(C))
-    alone = 1.0 / np.sqrt(np.maximum(np.diag(S.sum(axis=0)), 1e-300))
+    alone = 1.0 / np.sqrt(np.maximum(np.diag(S), 1e-300))
     blind = np.flatnonzero(std > size).tolist()
     moving = [any(np.ptp(m.inputs[i]) > 0.0 for m in problem.logs) for i in range(len(problem.block.inputs))]
     if len(blind) == len(names) and not (predicts_nothing and any(moving)):
