@@ -126,7 +126,7 @@ def main(out: Path) -> Diagnosis:
     if found.before and found.after:
         before, after = (1e3 * gap.rms["position"] for gap in (found.before, found.after))
         print(f"error of the position on the hold-out log: {before:.2f} mm before, {after:.2f} mm after")
-    print(f"look at {write_report(found, holdout, out / 'report.html')}")
+    print(f"look at {write_report(found, out / 'report.html')}")
     return found
 
 

@@ -30,7 +30,7 @@ def diagnose(
     model: Subject = None,
     vehicle: given.Vehicle = None,
     holdout: Annotated[
-        str | None, typer.Option(help="A log that takes no part, on which the gap is shown.")
+        str | None, typer.Option(help="A log held out of the fit; a name that predicts it worse is dropped.")
     ] = None,
     effects: Annotated[
         str, typer.Option(help="Look for these effects only, separated by commas (else for all).")
@@ -47,16 +47,24 @@ def diagnose(
     settle: given.Settle = 1.0,
     allow_gaps: given.AllowGaps = False,
 ) -> int:
-    """Find what a model lacks: name the missing effect, add it, show the gap shrink on a held-out log.
+    """Find what a model lacks: what is missing, what it takes, what remains.
 
-    Writes report.html (for any browser), result.json and model.toml (a craft's amended model).
+    An effect is named when three independent things agree: the likelihood
+    that it gains, the same size on disjoint blocks of the logs, and
+    predictions of the held-out log.
 
-    Where another log would tell more, next_experiment.csv holds the commands to drive.
+    Verdicts: none (nothing is missing beyond noise), effect (named, nothing
+    remains), partial (named, and something remains), ambiguous (one of
+    several readings), unexplained (nothing can be named; leads are told).
 
-    Exit status 1 if something is missing that these logs cannot tell, or that no known effect explains.
+    Writes report.html (for any browser), result.json and model.toml (a
+    craft's amended model); where another log would tell more,
+    next_experiment.csv holds the commands to drive.
+
+    Exit status 0 for none and effect; 1 for partial, ambiguous, unexplained.
     """
     from hovercontrol.discrepancy import diagnose as find
-    from hovercontrol.discrepancy.report import gap_sentence, headline, write_report
+    from hovercontrol.discrepancy.report import gap_sentence, headline, remainder_sentence, write_report
     from hovercontrol.effects import effect_class
     from hovercontrol.model import Model
 
@@ -82,22 +90,21 @@ def diagnose(
             names=names,
             max_effects=max_effects,
             seed=seed,
-            progress=lambda part, what: report(0.05 + 0.85 * part, what),
+            progress=lambda part, what: report(0.02 + 0.95 * part, what),
         )
-        report(0.9, "writing the report")
+        report(0.97, "writing the report")
 
         def write(folder: Path) -> None:
             found.save(folder)
-            page = folder / "report.html"
-            write_report(found, held, page, names=names, warnings=found.warnings, command=_command())
+            write_report(found, folder / "report.html", command=_command())
 
         files = write_folder(out, write)
     for warning in found.warnings:
         print(f"warning: {warning}", file=sys.stderr)
-    print(headline(found))
-    print(gap_sentence(found))
+    for sentence in (headline(found), gap_sentence(found), remainder_sentence(found)):
+        print(sentence)
     print(f"wrote {', '.join(f.name for f in files)} to {out}")
-    return 1 if found.verdict in ("ambiguous", "unexplained") else 0
+    return 0 if found.verdict in ("none", "effect") else 1
 
 
 def _command() -> str:

@@ -20,7 +20,7 @@ class Criteria:
         decisive), as `level` asks of a chi-squared of sixty candidates.
     spread : float
         Largest standard deviation of a coefficient from block to block, noise taken off, in parts of the
-        coefficient: at one half a further block has the same sign with 97.5 %. A real cause is invariant, a
+        coefficient: at one third a further block has the same sign with 99.9 %. A real cause is invariant, a
         stand-in is not (Peters, Buehlmann, Meinshausen, J. R. Stat. Soc. B 78 (2016)).
     blocks : int
         Fewest blocks that must tell a coefficient for their scatter to be judged.
@@ -46,7 +46,7 @@ class Criteria:
     level: float = 0.01
     least: float = 20.0
     each: float = 4.0
-    spread: float = 0.5
+    spread: float = 1 / 3
     blocks: int = 6
     apart: float = 12.0
     apart_t: float = 2.0

@@ -37,7 +37,12 @@ def diagnose(
     seed: int = 0,
     progress: Callable[[float, str], None] | None = None,
 ) -> Diagnosis:
-    """Find what a model lacks.
+    """Find what a model lacks, how much of the gap that closes, and what remains.
+
+    An effect is named when three independent things agree: the likelihood that it gains with random forces
+    allowed for, the same size on disjoint blocks of the logs, and better predictions of the held-out log. What
+    remains beside it takes no name away: it is measured, and the verdict is ``"partial"``
+    (:func:`.verdict.verdict_of`).
 
     Parameters
     ----------
@@ -46,7 +51,7 @@ def diagnose(
     logs : sequence of Log
         Measured; with the model's inputs, and pose, body velocities or both.
     holdout : Log, optional
-        A log that takes no part, on which the gap is shown.
+        A log held out of the fit; a name with which it is predicted worse is dropped.
     names : sequence of str, optional
         Effects to consider; default: the whole catalogue.
     max_effects : int, optional

@@ -68,9 +68,9 @@ class Fit:
         About the path.
     cost : float
         Minus twice the log likelihood and the log prior, but for constants.
-    block_costs : ndarray, shape (W,)
+    block_costs : ndarray, shape (B,)
         What each block adds to the cost.
-    S, g : ndarray, shapes (W, P, P), (W, P)
+    S, g : ndarray, shapes (B, P, P), (B, P)
         Normal equations of each block, in the coordinates in which unknowns are sought.
     missing : ndarray, shape (K, W, q)
         The smoothed missing accelerations.
@@ -315,11 +315,12 @@ def estimate(
         _, p, path = best
         now = _run(problem, noise, prior, p, path, frozen)
     left = residuals(problem, now.system, now.smooth)
-    n = len(problem.free)
+    n, rows = len(problem.free), problem.rows
     end = n + len(problem.driven)
     drift = (now.system.H[..., end:] @ now.smooth.state[..., end:, None])[..., 0]
     return Fit(
-        problem, p, path, noise, prior, now.linear, now.cost, now.block_costs, now.S, now.g,
+        problem, p, path, noise, prior, now.linear, now.cost,
+        rows.by_block(now.block_costs), rows.by_block(now.S), rows.by_block(now.g),
         now.smooth.state[..., n:end], drift, now.smooth.covariance, left, converged,
     )  # fmt: skip
 

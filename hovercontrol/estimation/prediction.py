@@ -94,7 +94,7 @@ def predict(fit: Fit, horizon: float, starts: int = STARTS) -> Prediction | None
         )[1][:, 0]  # fmt: skip
     found = problem.channels_at(x, parameters, t1, problem.rows.log[of])
     values = np.where(problem.seen[last, of], (problem.rows.values - fit.drift)[last, of], np.nan)
-    return Prediction(horizon, problem.rows.channels, values - found.T, of)
+    return Prediction(horizon, problem.rows.channels, values - found.T, problem.rows.block[of])
 
 
 def horizons(fit: Fit, wanted: Sequence[float] = (0.2, 0.5, 1.0, 2.0)) -> tuple[float, ...]:

@@ -24,6 +24,9 @@ LEAST_BLOCKS, MOST_BLOCKS = 8, 24
 #: Length of a block [s], and its rows on a machine that is logged slowly: long enough to tell coefficients.
 SECONDS, ROWS = 2.5, 30
 
+#: Rows of a stretch that is filtered in one piece, at least: its first states are unknown, which costs information.
+STRETCH = 240
+
 #: Fewest rows of a block.
 FEWEST = 12
 
@@ -36,17 +39,21 @@ LONGEST_GAP, GAP_STEPS = 2.0, 20.0
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """W blocks of up to K rows, the shorter ones padded with their last row.
+    """W stretches of up to K rows, the shorter ones padded with their last row.
 
     Attributes
     ----------
     time : ndarray, shape (K, W)
-        Seconds since the start of the log that each block is from.
+        Seconds since the start of the log that each stretch is from.
     values : ndarray, shape (K, W, C)
         Measurements; NaN where there is none.
     guess : dict of str to ndarray, shape (K, W)
         Where states may be, by name, as far as the logs tell.
     log : ndarray of int, shape (W,)
+    block : ndarray of int, shape (W,)
+        Which stretches belong to one block: long ones are filtered in several stretches, side by side.
+    block_log : ndarray of int, shape (B,)
+        From which log each block is.
     at : ndarray of int, shape (K, W)
         Row of the log; -1 where there is none.
     channels : tuple of str
@@ -56,13 +63,21 @@ class Rows:
     values: Array
     guess: dict[str, Array]
     log: Indices
+    block: Indices
+    block_log: Indices
     at: Indices
     channels: tuple[str, ...]
 
     @property
     def seconds(self) -> Array:
-        """Length of each block [s], shape (W,)."""
-        return np.asarray(self.time[-1] - self.time[0])
+        """Length of each block [s], shape (B,)."""
+        return self.by_block(self.time[-1] - self.time[0])
+
+    def by_block(self, values: Array) -> Array:
+        """Return sums over the stretches of each block, shape (B, ...) of (W, ...)."""
+        found = np.zeros((len(self.block_log), *values.shape[1:]))
+        np.add.at(found, self.block, values)
+        return found
 
 
 def arrange(
@@ -88,15 +103,20 @@ def arrange(
     total = sum(logs[i].time[b - 1] - logs[i].time[a] for i, a, b in pieces)
     count = min(total / SECONDS, sum(b - a for _, a, b in pieces) / ROWS)
     blocks = int(np.clip(round(count), LEAST_BLOCKS, MOST_BLOCKS))
-    grids = []
+    grids, block, block_log = [], [], []
     for i, a, b in pieces:
         time, at = _grid(logs[i], a, b)
         share = (time[-1] - time[0]) / max(total, 1e-300)
         own = int(np.clip(round(blocks * share), 1, max(time.size // FEWEST, 1)))
         edges = np.searchsorted(time, np.linspace(time[0], time[-1], own + 1)[1:-1])
-        for part in zip(np.split(time, edges), np.split(at, edges), strict=True):
-            if part[0].size > 1:
-                grids.append((i, *part))
+        for block_time, block_at in zip(np.split(time, edges), np.split(at, edges), strict=True):
+            if block_time.size < 2:
+                continue
+            parts = max(1, block_time.size // STRETCH)
+            for t, rows in zip(np.array_split(block_time, parts), np.array_split(block_at, parts), strict=True):
+                grids.append((i, t, rows))
+                block.append(len(block_log))
+            block_log.append(i)
     if not grids:
         said = ", ".join(log.name for log in logs)
         raise InputError(f"{said}: too few rows: no stretch of {FEWEST} follows on")
@@ -117,7 +137,8 @@ def arrange(
         for name in names:
             guess[name][:n, w] = np.interp(t, log.time, states[i][name])
             guess[name][n:, w] = guess[name][n - 1, w]
-    return Rows(time, values, guess, np.array([i for i, _, _ in grids], dtype=np.intp), at, tuple(channels))
+    log, of, from_log = (np.array(a, dtype=np.intp) for a in ([i for i, _, _ in grids], block, block_log))
+    return Rows(time, values, guess, log, of, from_log, at, tuple(channels))
 
 
 def _pieces(log: Measured) -> list[tuple[int, int]]:

@@ -1,5 +1,6 @@
-"""The report: one page that says the verdict with its number, and needs nothing from elsewhere."""
+"""The report: one page that says what is missing and what remains, and needs nothing from elsewhere."""
 
+import json
 import re
 from dataclasses import replace
 from html.parser import HTMLParser
@@ -8,20 +9,16 @@ import numpy as np
 import pytest
 
 from hovercontrol.discrepancy import diagnose
-from hovercontrol.discrepancy.data import gather
-from hovercontrol.discrepancy.fit import fit
-from hovercontrol.discrepancy.probes import Sign
-from hovercontrol.discrepancy.report import headline, write_report
+from hovercontrol.discrepancy.report import gap_sentence, headline, remainder_sentence, write_report
+from hovercontrol.discrepancy.report.formatting import meaning
+from hovercontrol.discrepancy.report.free_run import free_run
 from hovercontrol.discrepancy.report.svg import Plot, bounds, ticks
-from hovercontrol.discrepancy.report.verdict import explanation, gap_sentence
-from hovercontrol.discrepancy.report.words import meaning
-from hovercontrol.discrepancy.selection import Rival
-from hovercontrol.effects import effect_names
+from hovercontrol.effects import effect_class, effect_names
 from hovercontrol.logs import Log
 
 from .generator import Conditions, make
 
-SIGN = Sign("oscillation", "v' answers like a load that swings at 0.5 Hz", 120.0, 2)
+KINDS = ("effect", "partial", "none", "ambiguous", "two readings", "unexplained")
 VOID = {"meta", "br", "path", "circle"}
 
 
@@ -53,70 +50,122 @@ def read(path):
     page = Page()
     page.feed(path.read_text(encoding="utf-8"))
     assert page.open == []
-    return page, " ".join(" ".join(page.text).split())
-
-
-def variants(found):
-    bare = replace(found.selection, final=found.selection.base, effects=[], gains={})
-    none = replace(found, verdict="none", effects=(), amended=found.refitted, selection=bare)
-    rival = Rival("wind", "slope", 3.2, 0.93, found.amended)
-    return {
-        "effect": found,
-        "none": none,
-        "ambiguous": replace(found, verdict="ambiguous", rivals=(rival,)),
-        "unexplained": replace(none, verdict="unexplained", signs=(SIGN,)),
-    }
+    return page, " ".join(" ".join(page.text).replace("\u00a0", " ").split())
 
 
 @pytest.fixture(scope="session")
-def pages(sloping, tmp_path_factory):
+def pages(every, tmp_path_factory):
     folder = tmp_path_factory.mktemp("pages")
     return {
-        name: write_report(
-            d,
-            sloping.case.holdout,
-            folder / f"{name}.html",
-            names=["slope", "wind"],
-            warnings=["log 1: <doubtful>"],
+        kind: write_report(
+            replace(d.found, warnings=("log 1: <doubtful>",)),
+            folder / f"{kind.replace(' ', '_')}.html",
             command="hovercontrol diagnose a.csv",
         )
-        for name, d in variants(sloping.found).items()
+        for kind, d in every.items()
     }
 
 
-@pytest.mark.parametrize("verdict", ["effect", "none", "ambiguous", "unexplained"])
-def test_a_page_is_whole_small_and_fetches_nothing(pages, verdict):
-    page, text = read(pages[verdict])
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_page_is_whole_small_and_fetches_nothing(every, pages, kind):
+    page, text = read(pages[kind])
     assert page.fetched == [] and "script" not in page.tags
-    content = pages[verdict].read_text(encoding="utf-8")
+    content = pages[kind].read_text(encoding="utf-8")
     assert "url(" not in content and "@import" not in content
-    assert pages[verdict].stat().st_size < 1_000_000
+    assert pages[kind].stat().st_size < 1_000_000
     assert not re.search(r"\bnan\b|\binf\b|None", text)
     assert "log 1: <doubtful>" in text and "hovercontrol diagnose a.csv" in text
     assert "prefers-color-scheme: dark" in content and "width=device-width" in content
+    found = every[kind].found
+    for sentence in (headline(found), gap_sentence(found), remainder_sentence(found)):
+        assert sentence in text
+    assert found.verdict == ("effect" if kind == "two readings" else kind)
 
 
-def test_the_first_heading_is_the_verdict_with_number_interval_and_unit(pages, sloping):
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_result_has_evidence_remainder_and_leads(every, kind):
+    d = every[kind].found
+    result = json.loads(json.dumps(d.result()))
+    assert {*result["remainder"]} == {"u'", "v'", "r'"}
+    for left in result["remainder"].values():
+        assert {"rms", "unit", "share_explained"} <= {*left} and left["rms"] >= 0
+    remains = any(left["rms"] > 0 for left in result["remainder"].values())
+    assert remains == (kind in ("partial", "unexplained"))
+    assert bool(result["effects"]) == (kind not in ("none", "unexplained"))
+    for e in result["effects"]:
+        told = e["evidence"]
+        assert told["gain"] > 0 and {"n", "same_sign", "t"} <= {*told["blocks"]}
+        assert {*told["holdout"][0]} == {"horizon", "channel", "before", "after", "unit", "t"}
+    assert all({"name", "gain", "blocks_t", "reason"} == {*lead} for lead in result["leads"])
+    assert {"before", "after", "floor"} <= {*result["gap"]["holdout"]} and "train" in result["gap"]
+    assert {"verdict", "rivals", "where", "next_experiment", "rows_dropped"} <= {*result}
+
+
+def test_an_effect_is_told_with_number_standard_error_and_unit(sloping):
     truth = sloping.case.truth.effect("slope").values["x"]
-    content = pages["effect"].read_text(encoding="utf-8")
-    heading = re.search(r"<h1>(.*?)</h1>", content)[1].replace("\u00a0", " ")
-    assert heading.startswith("The model has no slope: slope_x ") and "m/s²" in heading
-    value, half = re.search(r"slope_x (\S+) ± (\S+) m/s²", heading).groups()
-    assert float(value.replace("−", "-")) == pytest.approx(truth, abs=2.5 * float(half))
+    value, std = re.match(r"Missing: slope, x (\S+) ± (\S+) m/s² and y", headline(sloping.found)).groups()
+    assert float(value) == pytest.approx(truth, abs=4 * float(std))
+    assert remainder_sentence(sloping.found) == "What remains: nothing beyond noise."
 
 
-def test_the_gap_of_the_worst_channel_is_told(sloping):
+def test_what_it_takes_of_the_held_out_error_is_told_in_units(sloping):
     d = sloping.found
-    said = re.search(r"the error of (\w+) falls from (\S+) to (\S+) times its noise", gap_sentence(d))
-    channel, before, after = said.groups()
-    assert float(before) == pytest.approx(d.before.nrmse[channel] / d.before.floor[channel], rel=0.01)
-    assert float(after) == pytest.approx(d.after.nrmse[channel] / d.after.floor[channel], rel=0.01)
-    assert float(before) > 1.5 > float(after)
+    said = re.fullmatch(
+        r"On the held-out log it takes (\S+) % of the error of (\w+) (\S+) s ahead \((\S+) to (\S+) \S+\)\.",
+        gap_sentence(d),
+    )
+    part, channel, horizon, before, after = said.groups()
+    (told,) = [a for a in d.ahead if a.channel == channel and a.horizon == pytest.approx(float(horizon))]
+    assert float(before) == pytest.approx(told.before, rel=0.1)
+    assert float(after) == pytest.approx(told.after, rel=0.1)
+    assert float(part) == pytest.approx(100 * (1 - told.after / told.before), abs=1)
 
 
-def test_without_a_hold_out_log_that_is_said(sloping):
-    d = replace(sloping.found, before=None, after=None)
-    assert gap_sentence(d).startswith("On the training logs (none was held out)")
+def test_a_remainder_is_told_beside_the_name(gusty, pages):
+    d = gusty.found
+    assert d.verdict == "partial" and headline(d).startswith("Missing: slope, x ")
+    said = remainder_sentence(d)
+    for r in d.remainders:
+        assert r.rms > 0 and f"in {r.equation[0]}′" in said
+    assert "(averaged over 0.2 s), that no known effect explains; it is largest in" in said
+    _, text = read(pages["partial"])
+    assert "On the floor" in text and "explained" in text.partition("What remains Root")[2]
+
+
+def test_two_readings_of_one_finding_are_no_doubt(late):
+    said = headline(late.found)
+    assert late.found.verdict == "effect"
+    assert re.fullmatch(
+        r"Missing: input delay, \S+ ± \S+ s \(or time offset: every log shows both alike\)\.", said
+    )
+
+
+def test_what_cannot_be_told_apart_is_named_together(windy, pages):
+    assert windy.found.verdict == "ambiguous"
+    assert headline(windy.found).endswith("or else slope: these logs cannot tell which.")
+    assert "Cannot be told apart by these logs" in read(pages["ambiguous"])[1]
+
+
+def test_what_is_unexplained_has_leads_and_no_name(patched, pages):
+    d = patched.found
+    assert d.verdict == "unexplained" and d.leads
+    assert headline(d).startswith("Missing: something that no known effect explains; nearest comes ")
+    _, text = read(pages["unexplained"])
+    assert "They are leads, not findings." in text and d.leads[0].reason in text
+    assert "the amended model" not in text.replace("the amended model still needs", "")
+
+
+def test_nothing_missing_is_said_so(complete, pages):
+    assert headline(complete.found) == "Missing: nothing beyond noise."
+    assert remainder_sentence(complete.found) == "What remains: nothing beyond noise."
+    assert "Evidence" not in read(pages["none"])[1]
+
+
+def test_without_a_held_out_log_that_is_said(sloping, tmp_path):
+    d = replace(sloping.found, before=None, after=None, held_before=None, held_after=None, ahead=())
+    assert gap_sentence(d).startswith("No log was held out; on the training logs it takes ")
+    _, text = read(write_report(d, tmp_path / "r.html"))
+    assert "Log log 1, one of the training logs" in text and "Made by a script" in text
 
 
 def test_new_terms_are_marked_and_old_ones_are_not(pages):
@@ -128,105 +177,46 @@ def test_new_terms_are_marked_and_old_ones_are_not(pages):
 
 @pytest.mark.parametrize("name", effect_names())
 def test_effects_explain_themselves_without_marks_of_a_docstring(name):
-    said = meaning(name)
+    said = meaning(effect_class(name))
     assert said.endswith(".") and "`" not in said
 
 
-def test_rivals_are_named_with_their_correlation(pages):
-    _, text = read(pages["ambiguous"])
-    assert re.search(r"these logs cannot tell what: slope \(slope_x .*?\) or wind\.", text)
-    assert re.search(r"wind slope 5 times 0\.930", text)  # e^(3.2 / 2)
-    assert (
-        "7.4 times charged for each number that one has more than the other; 400 times would tell" in text
-        and "errs as little" not in text
-    )
-    assert "error on the hold-out log" not in text  # not measured: nothing is said of it
-
-
-def test_rivals_are_shown_with_their_error_on_the_hold_out_log(sloping, tmp_path):
-    d = variants(sloping.found)["ambiguous"]
-    d = replace(d, rival_gaps={"wind": d.before})
-    _, text = read(write_report(d, sloping.case.holdout, tmp_path / "r.html", names=["slope"]))
-    ours, rival = (f"{np.sqrt(g.chi2 / g.count):.2f}" for g in (d.after, d.before))
-    assert f"slope (named) {ours} wind slope 5 times 0.930 {rival}" in text.replace("\u2014 ", "")
-
-
-def test_the_error_of_a_rival_is_that_of_its_model():
-    case = make(11009, ["wind"], Conditions(duration=10.0, logs=1))
-    found = diagnose(case.model, case.logs, case.holdout, names=["wind", "slope"])
-    assert found.verdict == "ambiguous" and [*found.rival_gaps] == [r.name for r in found.rivals]
-    rival, held = found.rivals[0], gather(case.model, [case.holdout])
-    again = fit(rival.model, held, 1.0, frozen=True)
-    for k, channel in enumerate(held.channels):
-        left = again.residual[..., k][again.windowed.seen[..., k]]
-        assert found.rival_gaps[rival.name].rms[channel] == pytest.approx(np.sqrt(np.mean(left**2)))
-
-
-def test_random_forces_are_not_called_noise(sloping, tmp_path):
-    d = sloping.found
-    final = d.selection.final
-    gusty = replace(final, noise=final.noise.but(process=np.array([0, 0, 0, 1e-3, 1e-3, 1e-3])))
-    selection = replace(d.selection, base=gusty, final=gusty, process=True, effects=[], gains={})
-    text = "these logs take random forces of 2.8 rad/s^2 in r' to explain"
-    veto = "body_side_force would fit the training logs, but the hold-out log is predicted worse with it"
-    signs = (Sign("process", text, 818455592.0, 1), Sign("hold-out", veto, 1e8, 1), SIGN)
-    d = replace(d, verdict="unexplained", effects=(), refitted=d.amended, selection=selection, signs=signs)
-    _, text = read(write_report(d, sloping.case.holdout, tmp_path / "r.html", names=["slope"]))
-    assert "What remains is noise" not in text and "count as noise: beyond them nothing is left" in text
-    assert "random forces of 2.8 rad/s² in r′" in text and "Body side force would fit" in text
-    assert "818455592" not in text and "1 numbers" not in text and "evidence 120, where chance" in text
-
-
 def test_coefficients_that_hide_what_is_missing_are_shown(sloping, pages, tmp_path):
-    _, text = read(pages["none"])
-    assert "without" not in text.partition("Coefficients")[2].partition("widths")[0].replace(
-        "without int", ""
-    )
+    assert "without slope" not in read(pages["effect"])[1]
     d, name = sloping.found, "yaw_linear_drag"
     given = d.model.coefficients()[name]
     d = replace(d, refitted=d.refitted.with_coefficients({name: 3.0 * given}))
-    _, text = read(write_report(d, sloping.case.holdout, tmp_path / "r.html", names=["slope"]))
+    _, text = read(write_report(d, tmp_path / "r.html"))
     table = text.partition("Coefficients")[2].replace("_ ", "_")  # long names may break
     assert f"{name} ends at {3 * given:.2g}, given {given:.2g}" in table and "without slope found" in table
     assert re.search(rf"{name} {given:.4g} {3 * given:.4g} \S+ ± ", table)
 
 
-def test_what_is_unexplained_gets_no_name(pages):
-    _, text = read(pages["unexplained"])
-    assert "in a way that no effect of the catalogue explains" in text
-    assert "v′ answers like a load that swings at 0.5 Hz" in text
-    assert not re.search(r"\bslope|\bwind\b|±", text)
-
-
-def test_none_says_what_would_have_shown(pages):
-    _, text = read(pages["none"])
-    assert "No disagreement beyond noise." in text and "would show from" in text
-    assert "the amended model" not in text
-
-
-def test_with_gusts_none_does_not_say_that_nothing_is_missing(sloping):
-    d = sloping.found
-    final = d.selection.final
-    gusty = replace(final, noise=final.noise.but(process=np.array([0, 0, 0, 0.05, 0.05, 0.2])))
-    selection = replace(d.selection, final=gusty, process=True)
-    d = replace(d, verdict="none", effects=(), selection=selection)
-    assert headline(d) == "No effect can be named above the disturbances in these logs."
-    said = " ".join(explanation(d))
-    assert "0.05 m/s² in u′" in said and "0.2 rad/s² in r′" in said and "may still be missing" in said
-
-
-def test_without_a_hold_out_log_a_training_log_is_shown(sloping, tmp_path):
-    d = replace(sloping.found, before=None, after=None)
-    _, text = read(write_report(d, None, tmp_path / "r.html", names=["slope"]))
-    assert "Log log 1, one of the training logs" in text and "Made by a script" in text
+def test_blocks_that_tell_nothing_are_left_out_of_the_picture(sloping, pages):
+    content = pages["effect"].read_text(encoding="utf-8")
+    picture = re.search(r'aria-label="slope, in parts of the whole">(.*?)</svg>', content)[1]
+    assert picture.count('<circle class="log0"') == sloping.found.evidence["slope"].blocks.n
 
 
 def test_two_logs_of_one_name_are_kept_apart(tmp_path):
     case = make(11, ["slope"], Conditions(duration=12.0))
     logs = [Log("log.csv", log.time, log.columns) for log in (case.logs[0], case.logs[1].between(1.0, 12.0))]
     found = diagnose(case.model, logs, names=["slope"])
-    _, text = read(write_report(found, None, tmp_path / "r.html", names=["slope"]))
+    _, text = read(write_report(found, tmp_path / "r.html"))
     assert text.count("Over time, in log.csv") == 1
+
+
+@pytest.mark.parametrize("seconds", [2.0, 5.0, 100.0])
+def test_free_runs_follow_the_log_and_start_on_its_path(sloping, seconds):
+    run = free_run(sloping.found.held_after, 0, seconds)
+    begins = run.at[list(run.starts)]
+    assert begins.size == max(1, round(20.0 / seconds)) and begins[0] == run.time[0]
+    assert np.diff(begins) == pytest.approx(seconds, abs=0.05)
+    for measured, simulated in zip(run.measured, run.simulated, strict=True):
+        at_rows = np.interp(begins, run.time, measured) - simulated[list(run.starts)]
+        assert np.abs(at_rows).max() < 0.05
+    if seconds < 10:
+        assert run.keeps_near()
 
 
 def test_ticks_are_round_and_inside():

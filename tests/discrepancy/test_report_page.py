@@ -3,17 +3,18 @@
 import asyncio
 import re
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from hovercontrol.discrepancy.report import pictures, write_report
+from hovercontrol.discrepancy.report.context import Context
 from hovercontrol.discrepancy.report.equations import equations
+from hovercontrol.discrepancy.report.free_run import FreeRun
 from hovercontrol.discrepancy.report.html import grid
-from hovercontrol.discrepancy.report.material import Material
 from hovercontrol.discrepancy.report.page import page as html
 from hovercontrol.discrepancy.report.svg import Plot, labelled
-from hovercontrol.discrepancy.traces import Trace
 from hovercontrol.effects import effect
 from hovercontrol.model import Model
 
@@ -92,19 +93,14 @@ async def marked_terms_are_seen(page):
 
 
 @pytest.fixture(scope="session")
-def report(sloping, tmp_path_factory):
-    folder = tmp_path_factory.mktemp("page")
-    return write_report(sloping.found, sloping.case.holdout, folder / "report.html", names=["slope", "wind"])
+def report(gusty, tmp_path_factory):
+    return write_report(gusty.found, tmp_path_factory.mktemp("page") / "report.html")
 
 
 @pytest.fixture(scope="session")
-def unexplained(sloping, tmp_path_factory):
-    bare = replace(sloping.found.selection, final=sloping.found.selection.base, effects=[], gains={})
-    found = replace(
-        sloping.found, verdict="unexplained", effects=(), amended=sloping.found.refitted, selection=bare
-    )
-    path = tmp_path_factory.mktemp("page") / "report.html"
-    return write_report(found, sloping.case.holdout, path, names=["slope"], warnings=["a" * 90])
+def unexplained(patched, tmp_path_factory):
+    found = replace(patched.found, warnings=("a" * 90,))
+    return write_report(found, tmp_path_factory.mktemp("page") / "report.html")
 
 
 @browsed
@@ -131,7 +127,7 @@ def test_on_a_phone_nothing_that_matters_is_cut(report):
     async def look(page):
         await marked_terms_are_seen(page)
         tables = await page.value(TABLES)
-        assert {"channel", "coefficient", "effect"} <= {name for _, name in tables}
+        assert {"number", "equation", "coefficient"} <= {name for _, name in tables}
         assert [name for cut, name in tables if cut > 0] == []
 
     looked_at(report, look, width=390, height=844)
@@ -140,9 +136,9 @@ def test_on_a_phone_nothing_that_matters_is_cut(report):
 @browsed
 def test_a_new_term_wider_than_a_phone_is_seen_whole(sloping, tmp_path):
     model = sloping.found.refitted
-    windy = Model("craft", [*model.effects, effect("wind", x=0.3, y=0.1)])
-    found = replace(sloping.found, amended=windy, effects=())
-    section = equations(Material(found, False, None, None, (), None, 1.0, (), ""))
+    added = [effect("wind", x=0.3, y=0.1), effect("slope", x=0.1)]
+    windy = Model("craft", [*model.effects, *added])
+    section = equations(Context(replace(sloping.found, amended=windy), None, None, False, ()))
     assert "wind_x" in section
     path = tmp_path / "equations.html"
     path.write_text(html("equations", [section]), encoding="utf-8")
@@ -171,16 +167,18 @@ def test_labels_say_their_number_and_no_two_say_the_same(low, high):
         assert float(text.replace("−", "-")) == pytest.approx(value, abs=1e-6 * (high - low))
 
 
-def saw(starts, seconds=40.0, every=1):
-    """Return a craft that stands still beside a simulation that runs away at 1 m/s from each start."""
+def saw(every=1, seconds=40.0, run=10.0):
+    """Return a craft that stands still beside runs that leave it at 1 m/s, each for some seconds."""
     time = np.arange(0.0, seconds, 0.05)
-    since = time - np.array(starts)[np.searchsorted(starts, time, side="right") - 1]
-    simulated = np.array([since, -since, since])
-    measured = np.zeros_like(simulated)
-    for rows in (measured, simulated):
-        rows[:, np.arange(time.size) % every > 0] = np.nan
+    measured = np.zeros((3, time.size))
+    measured[:, np.arange(time.size) % every > 0] = np.nan
+    at = np.concatenate([np.linspace(begin, begin + run, 201) for begin in np.arange(0.0, seconds, run)])
+    since = np.tile(np.linspace(0.0, run, 201), round(seconds / run))
     units = {"x": "m", "y": "m", "psi": "rad"}
-    return Trace("log", time, ("x", "y", "psi"), units, measured, simulated, tuple(starts))
+    starts = tuple(range(0, at.size, 201))
+    return FreeRun(
+        "log", ("x", "y", "psi"), units, time, measured, at, np.array([since, -since, since]), starts
+    )
 
 
 def strokes(picture, kind="before"):
@@ -192,30 +190,46 @@ def strokes(picture, kind="before"):
 
 
 @pytest.mark.parametrize("every", [1, 3, 15])
-def test_no_line_leads_from_one_simulation_to_the_next(every):
-    trace = saw([0.0, 10.0, 20.0, 30.0], every=every)
-    still = dict.fromkeys(trace.channels, 0.1)
-    drawn = {
-        "over time": (pictures.overlays(trace, trace, False)[0], 2, 0),
-        "errors": (pictures.errors(trace, trace, still, False)[0], 4, 0),
-        "way": (pictures.path(trace, trace, False), 2, 1),
-    }
-    for name, (picture, count, upwards) in drawn.items():
-        lines = strokes(picture)
-        assert len(lines) == count, name
-        for line in lines:  # away from the measurement all the time, and never back
-            assert (np.diff(line[:, 1]) * (1 if upwards else -1) > -0.11).all(), name
-        assert picture.count('class="start before"') == count, name
-    assert strokes(drawn["over time"][0], "measured")
+def test_no_line_leads_from_one_run_to_the_next(every):
+    run = saw(every)
+    assert not run.keeps_near()
+    picture = pictures.overlays(run, run, False)[0]
+    lines = strokes(picture)
+    assert len(lines) >= 2 and picture.count('class="start before"') == len(lines)
+    for line in lines:  # away from the measurement all the time, and never back
+        assert (np.diff(line[:, 1]) < 0.11).all()
+    assert strokes(picture, "measured")
 
 
 def test_many_starts_are_not_marked():
-    trace = saw(np.arange(0.0, 40.0, 1.0).tolist())
-    picture = pictures.errors(trace, trace, dict.fromkeys(trace.channels, 0.1), False)[0]
-    assert len(strokes(picture)) == 40 and "start" not in picture
+    run = saw(run=1.0)
+    picture = pictures.overlays(run, run, False)[0]
+    assert len(strokes(picture)) > 12 and 'class="start' not in picture
 
 
-def test_the_legend_says_when_simulations_start_afresh(report):
+def test_the_legend_says_when_runs_start_afresh(report):
     text = report.read_text(encoding="utf-8")
-    assert "They start afresh about every 10 s: there the line breaks." in text
-    assert '<span class="start">start of a simulation</span>' in text
+    assert re.search(r"about every \d+ s one starts afresh: there the line breaks", text)
+    assert '<span class="start">start of a run</span>' in text
+
+
+def test_a_map_of_the_floor_is_darkest_where_the_force_is():
+    rng = np.random.default_rng(0)
+    x, y = rng.uniform(-1.0, 1.0, (2, 4000))
+    picture = pictures.floor_map("force", x, y, np.where(x > 0.5, 1.0, 0.1), "m/s²", "after")
+    cells = re.findall(r'fill-opacity="(\S+)" d="M(\S+) ', picture)
+    shades = np.array(cells, dtype=float)
+    right = shades[:, 1] > np.quantile(shades[:, 1], 0.85)
+    assert shades[right, 0].min() > 0.9 and np.median(shades[~right, 0]) < 0.2
+    assert "0 <span" in picture and "m/s²" in picture
+    assert pictures.floor_map("force", x[:5], y[:5], x[:5], "m/s²", "after") == ""
+
+
+def test_bars_of_one_model_are_multiples_of_the_noise():
+    far = [
+        SimpleNamespace(channel=c, before=b, after=b, unit="m", horizon=1.0)
+        for c, b in (("x", 0.4), ("y", 0.1))
+    ]
+    drawn = pictures.error_bars(far, False, {"x": 0.1, "y": 0.05})
+    assert re.findall(r"--long:(\S+)\"", drawn) == ["1.000", "0.500"]
+    assert "<b>4.00</b>" in drawn and "after" not in drawn

@@ -106,7 +106,7 @@ def of_effect(fit: Fit, name: str) -> Blocks:
         if not np.isnan(n.neutral) and e.parameter(k) in problem.names
     ]
     W = len(fit.S)
-    log = problem.rows.log
+    log = problem.rows.block_log
     if not scaling:
         raise KeyError(name)
     mine = [j for j, _ in scaling]
@@ -151,7 +151,7 @@ def _uneven(fit: Fit, name: str) -> float:
     scaling = [(k, n.neutral) for k, n in e.numbers.items() if not np.isnan(n.neutral)]
     size = max(abs(e.values[k] - neutral) / max(abs(e.values[k]), abs(neutral)) for k, neutral in scaling)
     information = np.maximum(np.einsum("p,wpq,q->w", along, fit.S, along), 0.0)
-    own = scatter(fit.g @ along + information, information, problem.rows.log)
+    own = scatter(fit.g @ along + information, information, problem.rows.block_log)
     return own.spread / max(size, 1e-9)
 
 
@@ -180,6 +180,6 @@ def agreement(fit: Fit, less: Fit, name: str) -> Blocks:
     share = gain * gain.size / max(abs(total), 1e-300)
     dof = max(gain.size - 1.0 if effective > 1 else 0.0, 0.0)
     return Blocks(
-        share, np.full(gain.size, np.nan), fit.problem.rows.log, int(counts.sum()),
+        share, np.full(gain.size, np.nan), fit.problem.rows.block_log, int(counts.sum()),
         int((gain[counts] > 0).sum()), abs(t) if total > 0 else 0.0, dof, 0.0,
     )  # fmt: skip

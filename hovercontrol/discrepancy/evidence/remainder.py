@@ -74,7 +74,8 @@ def remainders(base: Fit, final: Fit, criteria: Criteria = CRITERIA) -> tuple[Re
         there = gain > criteria.remains and final.noise.process[j] > criteria.negligible * problem.accelerations[j]
         left = float(after[j]) if there else 0.0
         lacked = float(before[j]) if j < len(before) else 0.0
-        share = 1.0 - (left / lacked) ** 2 if lacked > 0.0 else 0.0
+        lacks = base.noise.process[j] > criteria.negligible * problem.accelerations[j]
+        share = 1.0 - (left / lacked) ** 2 if lacked > 0.0 and lacks else 0.0
         unit = rate(state.unit)
         found.append(
             Remainder(f"{state.name}'", left, unit, max(share, 0.0), gain, over, float(final.noise.seconds[j]))

@@ -1,53 +1,86 @@
-"""What was left out of the logs and why, warnings, and how to make the report again."""
+"""What was left out of the logs, warnings, the method, and how to make the report again."""
 
 from __future__ import annotations
 
 from html import escape
 
+import numpy as np
+
 import hovercontrol
-from hovercontrol.discrepancy.report.html import items, paragraph, table
-from hovercontrol.discrepancy.report.material import Material
-from hovercontrol.identify.measure import Measured
+from hovercontrol.discrepancy.criteria import CRITERIA
+from hovercontrol.discrepancy.report.context import Context
+from hovercontrol.discrepancy.report.formatting import listed
+from hovercontrol.discrepancy.report.html import folded, items, paragraph, table
+from hovercontrol.estimation.fit import Fit
 
 #: Rejected stretches of a log that are listed.
-SHOWN = 8
+SHOWN = 6
+
+_METHOD = (
+    "The model is fitted with an unknown random acceleration in each equation (process noise) and the noise "
+    "of each sensor; path, coefficients (free about the given ones) and levels of noise are those of maximum "
+    "likelihood (iterated Kalman smoother). Each effect of the catalogue is scored, the best are fitted, and "
+    "a name is given when likelihood, disjoint blocks and held-out predictions agree. What remains is the "
+    "process noise that the amended model still needs. A remainder takes no name away."
+)
 
 
-def appendix(m: Material) -> str:
+def _asked() -> str:
+    """Return the thresholds with their reasons."""
+    c = CRITERIA
+    rows = [
+        (
+            f"{c.least:g} + {c.each:g} a number",
+            "likelihood gained, at least: odds of e^10, and of e^2",
+        ),
+        (f"{100 * c.level:g} %", "chance of one false name among all candidates, by the scatter over blocks"),
+        (f"{100 * c.spread:g} %", "spread from block to block, at most: a further block has the same sign"),
+        (f"{c.apart:g}", "a rival no more than this behind cannot be told apart: odds of e^6"),
+        (f"{c.remains:g}", "gained by random forces in an equation, from which on something remains there"),
+        (f"{c.worse:g}", "standard errors by which held-out errors may rise with a name"),
+    ]
+    return folded("What is asked for", table(("threshold", "of what"), rows))
+
+
+def appendix(m: Context) -> str:
     """Return the last sections of the page."""
     d = m.diagnosis
-    logs = [(log, "") for log in d.selection.final.windowed.data.logs]
-    logs += [(log, " (held out)") for log in (d.held.logs if d.held else ())]
-    rows = [
-        (log.name + note, f"{log.rows_total}", f"{len(log.segments)}", _rejected(log)) for log, note in logs
-    ]
-    by_script = paragraph("Made by a script: hovercontrol.discrepancy.diagnose, then write_report.")
-    command = f"<pre>{escape(m.command)}</pre>" if m.command else by_script
-    version = (
-        f"hovercontrol {hovercontrol.__version__}. Nothing in it is random: the same logs and model give the "
-        "same answer. The method: maximum likelihood over windows with free starts, all coefficients fitted "
-        "again with each candidate, the noise of measurements and of the process in the likelihood."
-    )
+    rows = _logs(d.selection.base) + (_logs(d.held_before, " (held out)") if d.held_before else [])
+    head = ("log", "rows", "samples left out: they stand out", "left out by the reader: no craft moves so")
+    script = paragraph("Made by a script: hovercontrol.discrepancy.diagnose, then write_report.")
+    command = f"<pre>{escape(m.command)}</pre>" if m.command else script
+    dropped = f"{d.rows_dropped or 'No'} rows of the training logs have a sample that was left out."
+    version = paragraph(f"hovercontrol {hovercontrol.__version__}.", "small")
     return (
-        f"<h2>The logs</h2>{items('Warnings', m.warnings, 'warn')}"
-        f"{table(('log', 'rows', 'stretches', 'what the reader rejected: no craft moves so'), rows)}"
-        f"{_left_out(m)}"
-        f"<h2>To make this again</h2>{command}{paragraph(version)}"
+        f"<h2>The logs</h2>{items('Warnings', d.warnings, 'warn')}{paragraph(dropped)}{table(head, rows)}"
+        f"<h2>Method</h2>{paragraph(_METHOD)}{_asked()}"
+        f"<h2>To make this again</h2>{command}{version}"
     )
 
 
-def _rejected(log: Measured) -> str:
-    spans = [f"{s.start:.2f} to {s.stop:.2f} s ({s.rows} rows, {s.reason})" for s in log.rejected]
-    more = [f"and {len(spans) - SHOWN} more"] if len(spans) > SHOWN else []
-    return "; ".join([*spans[:SHOWN], *more]) or "nothing"
-
-
-def _left_out(m: Material) -> str:
-    """Return how many samples of which log and channel were left out, and why."""
-    d = m.diagnosis
-    if not d.left_out:
-        return paragraph("All samples of all logs were used.")
-    total = sum(o.count for o in d.left_out)
-    rows = [(o.log + " (held out)" * o.held_out, o.channel, f"{o.count}", o.reason) for o in d.left_out]
-    said = f"{total} samples were left out; {d.rows_dropped} rows of the training logs have one."
-    return paragraph(said) + table(("log", "channel", "samples", "left out because"), rows)
+def _logs(fit: Fit, note: str = "") -> list[tuple[str, ...]]:
+    """Return of each log what was not used."""
+    problem = fit.problem
+    rows: list[tuple[str, ...]] = []
+    for k, log in enumerate(problem.logs):
+        own = problem.rows.log == k
+        counts = []
+        for c, channel in enumerate(problem.rows.channels):
+            if channel in log.channels:
+                measured = int(np.isfinite(log.values[log.channels.index(channel)]).sum())
+                used = int((problem.seen[:, own, c] & (problem.rows.at[:, own] >= 0)).sum())
+                counts += [f"{measured - used} of {channel}"] if measured > used else []
+        spans = [
+            f"{s.start:.2f} to {s.stop:.2f} s ({s.rows} {'row' if s.rows == 1 else 'rows'}, {s.reason})"
+            for s in log.rejected
+        ]
+        more = [f"and {len(spans) - SHOWN} more"] if len(spans) > SHOWN else []
+        rows.append(
+            (
+                f"{log.name}{note}",
+                f"{log.rows_total}",
+                listed(counts) or "none",
+                "; ".join([*spans[:SHOWN], *more]) or "nothing",
+            )
+        )
+    return rows

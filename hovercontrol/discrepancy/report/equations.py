@@ -7,18 +7,29 @@ import re
 
 import sympy as sp
 
-from hovercontrol.discrepancy.report.html import paragraph, table
-from hovercontrol.discrepancy.report.material import Material
-from hovercontrol.discrepancy.report.words import effect_words, listed, meaning, minus, plus_minus, unit
-from hovercontrol.discrepancy.subject import structure
+from hovercontrol.discrepancy.report.context import Context, numbers_by_effect
+from hovercontrol.discrepancy.report.formatting import (
+    effect_words,
+    listed,
+    meaning,
+    minus,
+    plus_minus,
+    prime,
+    unit,
+)
+from hovercontrol.discrepancy.report.html import folded, paragraph, table
+from hovercontrol.estimation.subject import structure, timing
 from hovercontrol.fmi.mathml import MathPrinter, symbol_markup
 from hovercontrol.model import Model
 
 #: Factor beyond which a coefficient that was fitted without the named effects no longer means what it says.
 FAR = 2.0
 
+#: Equations that are shown before the rest is folded away, and places in which an effect is said to act.
+SHOWN, PLACES = 4, 3
 
-def equations(m: Material) -> str:
+
+def equations(m: Context) -> str:
     """Return the section with the equations that change, or nothing where none does."""
     if not m.changed:
         return ""
@@ -32,19 +43,47 @@ def equations(m: Material) -> str:
         if name not in {s.name for s in (*new.states, *new.inputs)}
     ]
     clocks = [
-        paragraph(f"No equation of the plant says {effect_words(n)}: {meaning(n)}")
-        for n in m.named
+        paragraph(
+            f"No equation of the plant says {effect_words(n)}: {meaning(m.diagnosis.amended.effect(n))}"
+        )
+        for n in numbers_by_effect(m.diagnosis)
         if m.diagnosis.amended.effect(n).parameter("seconds") in _timing(m)
     ]
     marked = "What is new is marked; c with a name below is a coefficient. " if any(lines) else ""
     text, them = marked, "them, with " if marked else ""
     if isinstance(m.diagnosis.amended, Model):
         text += f"The file model.toml has {them}the coefficients found."
-    return f"<h2>The amended equations</h2>{paragraph(text.strip())}{''.join(lines)}{''.join(clocks)}"
+    lines = [line for line in lines if line]
+    rest = folded(f"{len(lines) - SHOWN} more equations", "".join(lines[SHOWN:])) if lines[SHOWN:] else ""
+    shown = f"{paragraph(text.strip())}{''.join(lines[:SHOWN])}{rest}"
+    return f"<h2>What was added</h2>{_added(m)}{shown}{''.join(clocks)}"
 
 
-def _timing(m: Material) -> set[str]:
-    return {name.rpartition(".")[2] for name in m.diagnosis.amended.timing() if name}
+def _added(m: Context) -> str:
+    """Return the numbers of the named effects, with where they act and where the effect is from."""
+    rows = [
+        (
+            e.parameter,
+            _places(e.acts_in),
+            plus_minus(e.value, e.std),
+            unit(e.unit),
+            m.diagnosis.amended.effect(e.effect).source or "your own",
+        )
+        for e in m.diagnosis.effects
+    ]
+    return table(("number", "acts in", "found ± standard error", "unit", "source"), rows)
+
+
+def _places(acts_in: str) -> str:
+    """Return where an effect acts: the first equations, and how many more."""
+    places = acts_in.split()
+    if "'" not in acts_in or len(places) <= PLACES:
+        return prime(acts_in)
+    return f"{prime(places[0])} and {len(places) - 1} more"
+
+
+def _timing(m: Context) -> set[str]:
+    return {name.rpartition(".")[2] for name in timing(m.diagnosis.amended) if name}
 
 
 def _line(name: str, e: sp.Expr, before: sp.Expr | None, owner: str, *, dot: bool = False) -> str:
@@ -69,31 +108,25 @@ def _line(name: str, e: sp.Expr, before: sp.Expr | None, owner: str, *, dot: boo
     )
 
 
-def coefficients(m: Material) -> str:
+def coefficients(m: Context) -> str:
     """Return the table of all coefficients, as given and as found."""
     d = m.diagnosis
-    named = d.verdict != "unexplained"
-    found = d.selection.final if named else d.selection.base
-    w, C = found.windowed, found.covariance
-    given, values = d.model.coefficients(), (d.amended if named else d.refitted).coefficients()
-    without = d.refitted.coefficients() if m.changed else {}
-    shown = [name for name, is_width in zip(w.names, w.is_width, strict=True) if not is_width]
-    bent = [n for n in shown if n in without and n in given and _far(without[n], given[n])]
+    found = d.selection.final
+    problem, C = found.problem, found.covariance
+    given, values, without = d.model.coefficients(), d.amended.coefficients(), d.refitted.coefficients()
+    widths = {e.parameter("width") for e in problem.model.effects if "width" in e.numbers}
+    shown = [(j, name) for j, name in enumerate(problem.names) if name not in widths]
+    both = [n for _, n in shown if m.changed and n in without and n in given]
+    bent = [n for n in both if _far(without[n], given[n]) and not _far(values[n], given[n])]
     rows: list[tuple[str, ...]] = []
-    for j, name in enumerate(w.names):
-        if w.is_width[j]:
-            continue
-        half = 1.96 * math.sqrt(max(float(C[j, j]), 0.0)) if named else 0.0
-        was = minus(f"{given[name]:.4g}") if name in given else "—"
-        alone = minus(f"{without[name]:.4g}") if name in without else "—"
-        found_value, u = plus_minus(values[name], half), unit(w.block.parameter(name).unit)
-        rows.append((name, was, alone, found_value, u) if bent else (name, was, found_value, u))
-    note = (
-        "Found values with half their 95 % intervals."
-        if named
-        else "Fitted without intervals: while something unknown is missing they would be too narrow."
-    )
-    effects = listed([effect_words(n) for n in m.named])
+    for j, name in shown:
+        was = minus(f"{given[name]:.4g}") if name in given else "–"
+        alone = minus(f"{without[name]:.4g}") if name in without else "–"
+        std = math.sqrt(max(float(C[j, j]), 0.0))
+        u = unit(problem.block.parameter(name).unit)
+        rows.append((name, was, *([alone] if bent else []), plus_minus(values[name], std), u))
+    note = "Found values with their standard errors."
+    effects = listed([effect_words(n) for n in numbers_by_effect(m.diagnosis)])
     if bent:
         far = listed(
             [f"{n} ends at {minus(f'{without[n]:.2g}')}, given {minus(f'{given[n]:.2g}')}" for n in bent]
@@ -101,10 +134,10 @@ def coefficients(m: Material) -> str:
         note += (
             f" Fitted without {effects} (third column), {far}: coefficients bent so far hide what is missing."
         )
-    widths = "Widths of smoothed dry friction were fitted, too, and are left out here."
+    note += " Widths of smoothed dry friction were fitted, too, and are left out here." if widths else ""
     head = ("coefficient", "given", *([f"without {effects}"] if bent else []), "found", "unit")
     new = [e.parameter for e in d.effects]
-    return f"<h2>Coefficients</h2>{paragraph(f'{note} {widths}')}{table(head, rows, new)}"
+    return f"<h2>Coefficients</h2>{paragraph(note)}{table(head, rows, new)}"
 
 
 def _far(value: float, given: float) -> bool:

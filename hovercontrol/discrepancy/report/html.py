@@ -11,7 +11,7 @@ LONG = 12
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]], new: Sequence[str] = ()) -> str:
-    """Return a table; where its columns find no room it scrolls sideways, with a shadow at the edge.
+    """Return a table without empty columns; where it finds no room it scrolls, with a shadow at the edge.
 
     Parameters
     ----------
@@ -26,6 +26,9 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]], new: Sequence[str]
     >>> table(["name"], [["<a>"]])
     '<div class="scroll"><table><tr><th>name</th></tr><tr><td>&lt;a&gt;</td></tr></table></div>'
     """
+    rows = [tuple(row) for row in rows]
+    kept = [k for k in range(len(head)) if k == 0 or any(row[k] for row in rows)]
+    head, rows = [head[k] for k in kept], [tuple(row[k] for k in kept) for row in rows]
     heading = "".join(f"<th>{escape(cell)}</th>" for cell in head)
     lines = []
     for name, *cells in rows:
@@ -69,3 +72,18 @@ def _named(cell: str) -> str:
 def _tied(cell: str) -> str:
     """Return a cell in which no line breaks before a percent sign or an interval, or behind a sign."""
     return re.sub(r" (?=[%±])|(?<=<) ", "\u00a0", cell)
+
+
+LEGEND = {
+    "measured": "measured",
+    "before": "the model as it was, its coefficients fitted again",
+    "after": "the amended model",
+    "start": "start of a run",
+}
+
+
+def legend(*kinds: str, **others: str) -> str:
+    """Return which colour is what; `others` have words of their own."""
+    words = {**{k: LEGEND[k] for k in kinds}, **others}
+    spans = "".join(f'<span class="{k}">{escape(text)}</span>' for k, text in words.items())
+    return f'<p class="legend">{spans}</p>'

@@ -7,10 +7,11 @@ from html import escape
 _STYLE = """
 :root { color-scheme: light dark; --ink: #1b2a33; --soft: #5b6b75; --line: #d9e0e4; --page: #fff;
   --card: #f5f8f9; --measured: #9aa8b0; --before: #c4541a; --after: #1769a5; --noise: #7d8b93;
-  --new: #dcecf7; --edge: #0004; }
+  --new: #dcecf7; --edge: #0004; --log0: #1769a5; --log1: #c4541a; --log2: #00805e; --log3: #a0488c; }
 @media (prefers-color-scheme: dark) { :root { --ink: #e6edf1; --soft: #9fb0ba; --line: #2f3e48;
   --page: #12191e; --card: #1a242b; --measured: #71828c; --before: #f08a4b; --after: #6cb8ee;
-  --noise: #8b9aa3; --new: #1d3d54; --edge: #fff5; } }
+  --noise: #8b9aa3; --new: #1d3d54; --edge: #fff5;
+  --log0: #6cb8ee; --log1: #f08a4b; --log2: #2fc79b; --log3: #dc93cb; } }
 * { box-sizing: border-box; }
 body { font: 16px/1.5 system-ui, sans-serif; color: var(--ink); background: var(--page);
   max-width: 76rem; margin: 0 auto; padding: 1.2rem; }
@@ -44,7 +45,12 @@ svg .line.before, svg .start.before { stroke: var(--before); }
 svg .line.after, svg .start.after { stroke: var(--after); }
 svg .fill.before, svg .mark.before, svg circle.before { fill: var(--before); }
 svg .fill.after, svg .mark.after, svg circle.after { fill: var(--after); }
-svg .fill.noise { fill: var(--noise); }
+svg .line.whole { stroke: var(--ink); stroke-dasharray: 5 3; } svg .line.zero { stroke: var(--noise); }
+svg .cell.before { fill: var(--before); } svg .cell.after { fill: var(--after); }
+svg .line.log0 { stroke: var(--log0); } svg circle.log0 { fill: var(--log0); }
+svg .line.log1 { stroke: var(--log1); } svg circle.log1 { fill: var(--log1); }
+svg .line.log2 { stroke: var(--log2); } svg circle.log2 { fill: var(--log2); }
+svg .line.log3 { stroke: var(--log3); } svg circle.log3 { fill: var(--log3); }
 svg circle.start { fill: var(--page); }
 .legend { font-size: .88rem; color: var(--soft); max-width: none; }
 .legend span { margin-right: 1.2rem; display: inline-flex; align-items: baseline; }
@@ -54,19 +60,24 @@ svg circle.start { fill: var(--page); }
 .legend .after::before { background: var(--after); }
 .legend .start::before { width: .5rem; height: .5rem; border: 1.5px solid var(--soft); border-radius: 50%;
   margin-bottom: 0; }
-.legend .noise::before { background: var(--noise); opacity: .4; height: .7rem; margin-bottom: 0; }
+.legend .whole::before { background: var(--ink); height: .12rem; margin-bottom: .3rem; }
+.legend .log0::before { background: var(--log0); }
+.legend .log1::before { background: var(--log1); }
+.legend .log2::before { background: var(--log2); }
+.legend .log3::before { background: var(--log3); }
+.legend .shade { width: 8rem; height: .7rem; margin: 0 .4rem; }
+.legend .shade::before { width: 100%; height: 100%; margin: 0; background: none; }
+.shade.before { background: linear-gradient(to right, transparent, var(--before)); }
+.shade.after { background: linear-gradient(to right, transparent, var(--after)); }
 .gap .row { display: grid; grid-template-columns: 4rem minmax(0, 1fr); margin: .45rem 0;
   align-items: center; }
 .gap .channel { font-weight: 600; overflow-wrap: anywhere; }
 .gap .bars { position: relative; display: block; }
-.gap .bars::after { content: ""; position: absolute; top: -2px; bottom: -2px;
-  left: calc((100% - 4.5rem) * var(--floor)); border-left: 2px dotted var(--soft); }
 .gap .bar { display: flex; align-items: center; height: 1.05rem; }
-.gap i { display: block; flex: none; width: calc((100% - 4.5rem) * var(--long)); height: .75rem;
+.gap i { display: block; flex: none; width: calc((100% - 7rem) * var(--long)); height: .75rem;
   border-radius: 0 .2rem .2rem 0; }
 .gap i.before { background: var(--before); } .gap i.after { background: var(--after); }
-.gap b { font: 600 .8rem system-ui, sans-serif; margin-left: .2rem; padding: 0 .2rem; z-index: 1;
-  background: var(--card); }
+.gap b { font: 600 .8rem system-ui, sans-serif; margin-left: .4rem; white-space: nowrap; }
 .scroll, .eq { overflow-x: auto; background:
   linear-gradient(to right, var(--page) 50%, transparent) left / 2rem 104% no-repeat local,
   linear-gradient(to left, var(--page) 50%, transparent) right / 2rem 104% no-repeat local,
@@ -95,6 +106,10 @@ math .new { background: var(--new); border-radius: .2rem; padding: .4rem .25rem 
 summary { cursor: pointer; color: var(--after); padding: .3rem 0; }
 .warn { padding-left: 0; }
 .warn li { border-left: 3px solid var(--before); padding-left: .5rem; list-style: none; }
+@media print {
+  body { font-size: 10pt; padding: 0; } h2, h3, .legend { break-after: avoid; }
+  figure, tr, .eq, .top > div { break-inside: avoid; } * { print-color-adjust: exact; }
+}
 @media (max-width: 52rem) {
   .top { grid-template-columns: minmax(0, 1fr); gap: .6rem; }
   body { font-size: 15px; padding: .8rem; } h1 { font-size: 1.4rem; }

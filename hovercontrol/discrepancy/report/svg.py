@@ -67,7 +67,7 @@ class Plot:
         ----------
         x, y : ndarray, shape (n,)
         kind : str
-            Its class in the style: ``"measured"``, ``"before"``, ``"after"``, ``"floor"``.
+            Its class in the style: ``"measured"``, ``"before"``, ``"after"``.
         starts : sequence of int, optional
             Rows where the line starts afresh: no stroke leads there, and rings mark them if they are few.
         """
@@ -98,6 +98,24 @@ class Plot:
                 self._parts.append(f'<path class="line {kind}" d="M{a:.1f} {c:.1f}V{d:.1f}"/>')
                 self._parts.append(f'<circle class="{kind}" cx="{a:.1f}" cy="{b:.1f}" r="2.6"/>')
 
+    def cells(self, x: Array, y: Array, side: float, share: Array, kind: str) -> None:
+        """Fill squares of a side in the axes' units, the darker the larger their `share` of the most.
+
+        Parameters
+        ----------
+        x, y : ndarray, shape (n,)
+            Lower left corners.
+        side : float
+        share : ndarray, shape (n,)
+        kind : str
+        """
+        left, low = self.at(x, y)
+        right, high = self.at(x + side, y + side)
+        shade = 0.06 + 0.94 * np.clip(share, 0.0, 1.0)
+        for a, b, c, d, s in zip(left, low, right, high, shade, strict=True):
+            box = f"M{a:.1f} {b:.1f}H{c:.1f}V{d:.1f}H{a:.1f}Z"
+            self._parts.append(f'<path class="cell {kind}" fill-opacity="{s:.2f}" d="{box}"/>')
+
     def spans(self, spans: Iterable[tuple[float, float]], kind: str) -> None:
         """Mark stretches of the x axis at the foot of the axes."""
         foot = self.height - BOTTOM
@@ -108,7 +126,7 @@ class Plot:
         if path:
             self._parts.append(f'<path class="mark {kind}" d="{path}"/>')
 
-    def svg(self, unit: str = "", x_label: str = "s") -> str:
+    def svg(self, unit: str = "", x_label: str = "[s]") -> str:
         """Return the picture; `unit` stands at the y axis, `x_label` at the end of the x axis."""
         w, h, left = self.width, self.height, self.left
         axes = [f'<path class="axis" d="M{left:g} {TOP:g}V{h - BOTTOM:g}H{w - RIGHT:g}"/>']

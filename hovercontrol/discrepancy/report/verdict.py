@@ -1,151 +1,161 @@
-"""The answer in one sentence, with number, interval and unit; first on the page, and all of the terminal."""
+"""Both halves of the answer in plain sentences: what is missing, and what remains."""
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from html import escape
 
 from hovercontrol.discrepancy.diagnosis import Diagnosis, Found
-from hovercontrol.discrepancy.holdout import Gap
-from hovercontrol.discrepancy.localize import rate
-from hovercontrol.discrepancy.probes import Sign
-from hovercontrol.discrepancy.report.html import paragraph
-from hovercontrol.discrepancy.report.words import effect_words, listed, meaning, number_of, prime, times, unit
+from hovercontrol.discrepancy.evidence.holdout import Ahead, ahead
+from hovercontrol.discrepancy.evidence.laws import regime
+from hovercontrol.discrepancy.report import pictures
+from hovercontrol.discrepancy.report.context import Context, averaged_forces, numbers_by_effect
+from hovercontrol.discrepancy.report.formatting import (
+    effect_words,
+    listed,
+    meaning,
+    number_of,
+    percent,
+    prime,
+    small,
+    times,
+    unit,
+)
+from hovercontrol.discrepancy.report.html import legend, paragraph
+from hovercontrol.effects import Effect
 
-_TIED = "\u00a0±\u00a0"
-_COUNT = ("no", "one", "two", "three", "four", "five", "six")
+#: What each verdict means, beside its name.
+MEANS = {
+    "none": "nothing is missing beyond noise",
+    "effect": "named, and nothing remains beyond noise",
+    "partial": "named, and something remains",
+    "ambiguous": "one of several readings",
+    "unexplained": "something is missing, and nothing can be named",
+}
+
+#: Standard errors by which an error must fall on the held-out log to be told as a fall, and leads that are
+#: told in a sentence.
+SURE, NEAREST = 2.0, 2
 
 
 def headline(d: Diagnosis) -> str:
-    """Return the verdict as one plain sentence."""
+    """Return what is missing as one plain sentence."""
+    if d.effects:
+        said = [_named(d, name, numbers) for name, numbers in numbers_by_effect(d).items()]
+        return f"Missing: {'; '.join(said)}."
     if d.verdict == "none":
-        if d.selection.process:
-            return "No effect can be named above the disturbances in these logs."
-        return "No disagreement beyond noise."
-    if d.verdict == "unexplained":
-        return "The model disagrees with the logs in a way that no effect of the catalogue explains."
-    doubtful = {r.instead_of for r in d.rivals}
-    names = dict.fromkeys(e.effect for e in d.effects)
-    sure = [_with_numbers(name, d.effects) for name in names if name not in doubtful]
-    said = []
-    if len(sure) == 1:
-        name = next(n for n in names if n not in doubtful)
-        said.append(f"The model has no {effect_words(name)}: {_numbers(name, d.effects)}.")
-    elif sure:
-        said.append(f"The model lacks {_COUNT[len(sure)]} effects: {listed(sure)}.")
-    for name in names:
-        if name in doubtful:
-            others = [effect_words(r.name) for r in d.rivals if r.instead_of == name]
-            more = "more" if sure else "something"
-            either = listed([_with_numbers(name, d.effects), *others], "or")
-            said.append(f"The model lacks {more}, and these logs cannot tell what: {either}.")
-    return " ".join(said)
+        return "Missing: nothing beyond noise."
+    nearest = [effect_words(lead.name) for lead in d.leads[:NEAREST]]
+    came = f"; nearest {'comes' if len(nearest) == 1 else 'come'} {listed(nearest)}" if nearest else ""
+    return f"Missing: something that no known effect explains{came}."
 
 
-def _with_numbers(name: str, effects: Sequence[Found]) -> str:
-    return f"{effect_words(name)} ({_numbers(name, effects)})"
+def _named(d: Diagnosis, name: str, numbers: Sequence[Found]) -> str:
+    """Return an effect with its numbers, other readings of it, and what cannot be told from it."""
+    rivals = [r for r in d.rivals if r.instead_of == name]
+    doubtful = listed([effect_words(r.name) for r in rivals if not r.same], "or")
+    same = listed([effect_words(r.name) for r in rivals if r.same], "or")
+    said = f"{effect_words(name)}, {numbers_of(numbers)}" if numbers else effect_words(name)
+    said += f" (or {same}: every log shows both alike)" if same else ""
+    return f"{said}, or else {doubtful}: these logs cannot tell which" if doubtful else said
 
 
-def _numbers(name: str, effects: Sequence[Found]) -> str:
-    return listed([f"{e.parameter} {number_of(e)}" for e in effects if e.effect == name])
+def numbers_of(numbers: Sequence[Found]) -> str:
+    """Return the numbers of one effect, each with its standard error and unit."""
+    if len(numbers) == 1:
+        return number_of(numbers[0])
+    return listed([f"{key_of(n) or 'value'} {number_of(n)}" for n in numbers])
 
 
-def explanation(d: Diagnosis) -> list[str]:
-    """Return what the verdict means, in sentences."""
-    if d.verdict == "none":
-        return _none(d)
-    if d.verdict == "unexplained":
-        said = [f"{_sentence(sign_words(s))}." for s in first_of_kind(d.signs)]
-        where = f"It shows {prime(d.regime)}." if d.missing else ""
-        return [
-            *said,
-            where,
-            "So no name is given: the best fitting effect of the catalogue would be a wrong one.",
-        ]
-    said = [
-        f"{effect_words(n).capitalize()}: {meaning(n)}" for n in dict.fromkeys(e.effect for e in d.effects)
-    ]
-    if d.verdict == "ambiguous":
-        said += [f"{effect_words(r.name).capitalize()}: {meaning(r.name)}" for r in d.rivals]
-    if d.selection.process:
-        said.append(f"Besides, {disturbances(d)}.")
-    return said
-
-
-def first_of_kind(signs: Sequence[Sign]) -> list[Sign]:
-    """Return the weightiest sign of each kind."""
-    return list({s.kind: s for s in reversed(signs)}.values())[::-1]
-
-
-def sign_words(sign: Sign) -> str:
-    """Return what a sign says, effects in words."""
-    text = prime(sign.text)
-    if sign.kind not in ("weak", "hold-out"):  # the others speak of states and inputs, whose names stay
-        return text
-    return re.sub(r"\b[a-z]+(_[a-z]+)+\b", lambda m: effect_words(m[0]), text)
-
-
-def _sentence(text: str) -> str:
-    """Return a text with a capital, if it begins with a word."""
-    return text[0].upper() + text[1:] if text[:2].isalpha() else text
-
-
-def _none(d: Diagnosis) -> list[str]:
-    if d.selection.process:
-        return [
-            f"The model with coefficients fitted anew explains the logs but for {disturbances(d)}.",
-            "An effect weaker than that may still be missing: the table of candidates says from which size "
-            "on each would have shown.",
-        ]
-    return [
-        "With its coefficients fitted anew, the model explains these logs down to the noise of their "
-        "measurements.",
-        "An effect that these logs do not excite would not show: the table of candidates says from which "
-        "size on each would have.",
-    ]
-
-
-def disturbances(d: Diagnosis) -> str:
-    """Return the process noise in words."""
-    final = d.selection.final
-    states = [final.windowed.block.states[i] for i in final.windowed.free]
-    levels = [
-        f"{level:.2g} {unit(rate(s.unit))} in {s.name}′"
-        for s, level in zip(states, final.noise.process, strict=True)
-        if level > 0
-    ]
-    return (
-        f"forces that come and go within about {final.noise.seconds:g} s, as of gusts or an uneven floor "
-        f"({listed(levels)})"
-    )
+def key_of(number: Found) -> str:
+    """Return what a number is called within its effect; empty for its coefficient."""
+    return number.parameter.removeprefix(number.effect).lstrip("_").replace("_", " ")
 
 
 def gap_sentence(d: Diagnosis) -> str:
-    """Return what happens to the gap in the channel that gains most."""
-    before, after, where = shown_gap(d)
-    if not before.nrmse:
+    """Return what the named effects take of the error on the held-out log, or how large that is."""
+    held = d.held_before is not None
+    if not d.effects:
+        return _error_of_noise(d)
+    far = d.ahead or ahead(d.selection.base, d.selection.final).each
+    where = "On the held-out log" if held else "No log was held out; on the training logs"
+    best = most_fallen(far)
+    one = len(numbers_by_effect(d)) == 1
+    if best is None:
+        return f"{where} no channel is predicted better beyond chance."
+    part = f"{percent(1.0 - best.after / best.before)} of the error of {best.channel}"
+    figures = f"{small(best.before)} to {small(best.after)} {unit(best.unit)}".strip()
+    who = "it takes" if one else "they take"
+    return f"{where} {who} {part} {best.horizon:.2g} s ahead ({figures})."
+
+
+def most_fallen(far: Sequence[Ahead]) -> Ahead | None:
+    """Return the channel and horizon whose error falls most, of those that fall beyond chance."""
+    fallen = [a for a in far if a.t >= SURE and a.after < a.before]
+    return max(fallen, key=lambda a: 1.0 - a.after / a.before, default=None)
+
+
+def _error_of_noise(d: Diagnosis) -> str:
+    """Return the largest error in multiples of its noise."""
+    gap = d.before or d.train_before
+    ratios = {c: e / max(gap.floor[c], 1e-12) for c, e in gap.nrmse.items()}
+    worst = max(ratios, key=lambda c: ratios[c])
+    where = "On the held-out log" if d.before else "No log was held out; on the training logs"
+    return (
+        f"{where} the error of {worst} {gap.horizon:.2g} s ahead is {times(ratios[worst])} times its noise, "
+        "the largest of all channels."
+    )
+
+
+def remainder_sentence(d: Diagnosis) -> str:
+    """Return what remains, how much of it in which equation, and where."""
+    left = [r for r in d.remainders if r.there]
+    if not left:
+        return "What remains: nothing beyond noise."
+    sizes = listed([f"{small(r.rms)} {unit(r.unit)} in {prime(r.equation)}" for r in left])
+    same = [m for m in averaged_forces(d, d.missing_after) if any(m.equation == r.equation for r in left)]
+    where = prime(regime(same))
+    most = "" if where.startswith("nowhere") else f"; it is largest {where}"
+    return f"What remains: {sizes} (averaged over {left[0].over:.2g} s), that no known effect explains{most}."
+
+
+def verdict(m: Context) -> str:
+    """Return the first section of the page: the sentences, and bars of the error beside them."""
+    d = m.diagnosis
+    said = [_explained(d.amended.effect(n)) for n in numbers_by_effect(d)]
+    said += [_explained(r.fit.model.effect(r.name)) for r in d.rivals]
+    if d.verdict == "none":
+        said.append(
+            "With its coefficients fitted again, the model explains these logs down to the noise of their "
+            "measurements. An effect that these logs do not excite would not show."
+        )
+    title = escape(headline(d)).replace(" ± ", "\u00a0±\u00a0")
+    note = paragraph("± is one standard error.", "small") if d.effects else ""
+    words = (
+        f"{paragraph(f'Verdict: {d.verdict} – {MEANS[d.verdict]}', 'kicker')}<h1>{title}</h1>"
+        f"{paragraph(gap_sentence(d), 'lead')}{paragraph(remainder_sentence(d), 'lead')}{note}"
+        f"{''.join(map(paragraph, said))}"
+    )
+    return f'<div class="top"><div>{words}</div><div>{_bars(m)}</div></div>'
+
+
+def _explained(e: Effect) -> str:
+    """Return an effect with the sentence in which it explains itself."""
+    name, text = effect_words(e.name).capitalize(), meaning(e)
+    return text if text.startswith(f"{name}:") else f"{name}: {text}"
+
+
+def _bars(m: Context) -> str:
+    """Return bars of each channel's error some time ahead."""
+    if not m.ahead:
         return ""
-    start = where[0].upper() + where[1:]
-    ratios = {c: [g.nrmse[c] / max(before.floor[c], 1e-12) for g in (before, after)] for c in before.nrmse}
-    still = d.verdict in ("none", "unexplained")
-    worst = max(ratios, key=lambda c: ratios[c][0] / (1.0 if still else max(ratios[c][1], 1e-12)))
-    was, now = ratios[worst]
-    if still:
-        return f"{start}, the error of {worst} is {times(was)} times its noise, the largest of all channels."
-    return f"{start}, the error of {worst} falls from {times(was)} to {times(now)} times its noise."
-
-
-def shown_gap(d: Diagnosis) -> tuple[Gap, Gap, str]:
-    """Return the gap before and after, and on which logs that is."""
-    if d.before is not None and d.after is not None:
-        return d.before, d.after, "on the log that took no part"
-    return d.train_before, d.train_after, "on the training logs (none was held out)"
-
-
-def verdict(d: Diagnosis) -> str:
-    """Return the first section of the page."""
-    sentences = "".join(paragraph(s) for s in explanation(d))
-    first = paragraph(f"Verdict: {d.verdict}", "kicker")
-    title = escape(headline(d).replace(" ± ", _TIED))
-    return f"{first}<h1>{title}</h1>{paragraph(gap_sentence(d), 'lead')}{sentences}"
+    best = most_fallen(m.ahead) if m.changed else None
+    horizon = best.horizon if best else min((a.horizon for a in m.ahead), key=lambda h: abs(h - 1.0))
+    shown = [a for a in m.ahead if a.horizon == horizon]
+    note = "Predictions from many rows of the smoothed path, by the commands alone; root mean square."
+    kinds = ("before", "after") if m.changed else ("before",)
+    alone = "" if m.changed else ", in multiples of the noise"
+    return (
+        f"<h2>Error {horizon:.2g} s ahead on the {m.shown_on}{alone}</h2>"
+        f"{pictures.error_bars(shown, m.changed, m.noise)}{legend(*kinds)}{paragraph(note, 'small')}"
+    )

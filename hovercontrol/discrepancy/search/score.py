@@ -76,7 +76,7 @@ class Scores:
         self.fit, self.tried = fit, list(tried)
         drive, seen, self.own = columns(fit, tried)
         system = augment(fit.problem, fit.linear, [fit.noise], drive=drive, seen=seen)
-        every = products(run_filter(system).white)
+        every = fit.problem.rows.by_block(products(run_filter(system).white))
         self.G = every[:, 1:, 1:]  # W, P+M, P+M
         self.f = -every[:, 1:, 0]
         # columns are minus what an unknown adds to a channel: signs of both cancel in G

@@ -7,7 +7,7 @@ import re
 from collections.abc import Sequence
 
 from hovercontrol.discrepancy.diagnosis import Found
-from hovercontrol.effects import effect_class
+from hovercontrol.effects import Effect
 
 _RAISED = str.maketrans("23456789*", "²³⁴⁵⁶⁷⁸⁹ ", "^")
 _AXES = ("surge", "sway", "yaw")
@@ -52,13 +52,13 @@ def effect_words(name: str) -> str:
     return re.sub(r"\b(munk|coriolis)\b", lambda m: m[0].capitalize(), words)
 
 
-def meaning(name: str) -> str:
+def meaning(effect: Effect | type[Effect]) -> str:
     """Return the sentence in which an effect explains itself."""
-    return " ".join((effect_class(name).__doc__ or "").split("\n\n")[0].replace("``", "").split())
+    return " ".join((effect.__doc__ or "").split("\n\n")[0].replace("``", "").split())
 
 
 def plus_minus(value: float, half: float) -> str:
-    """Return a value with half its 95 % interval, to two digits of that.
+    """Return a value with its standard error, to two digits of that.
 
     Examples
     --------
@@ -83,8 +83,8 @@ def minus(text: str) -> str:
 
 
 def number_of(found: Found) -> str:
-    """Return an effect's number with its 95 % interval and unit."""
-    return f"{plus_minus(found.value, 1.96 * found.std)} {unit(found.unit)}".strip()
+    """Return an effect's number with its standard error and unit."""
+    return f"{plus_minus(found.value, found.std)} {unit(found.unit)}".strip()
 
 
 def rounded(value: float) -> str:

@@ -1,0 +1,119 @@
+"""What remains: in which equation, how much, when and where on the floor."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from html import escape
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hovercontrol.discrepancy.evidence.laws import is_there, regime, small, worst
+from hovercontrol.discrepancy.evidence.missing import Missing
+from hovercontrol.discrepancy.report import pictures
+from hovercontrol.discrepancy.report.context import Context, averaged_forces
+from hovercontrol.discrepancy.report.formatting import listed, percent, prime, unit
+from hovercontrol.discrepancy.report.formatting import small as digits
+from hovercontrol.discrepancy.report.free_run import on_rows
+from hovercontrol.discrepancy.report.html import folded, grid, legend, paragraph, table
+
+Array = NDArray[np.float64]
+
+#: Logs whose forces are drawn, and stretches that are named, at most.
+LOGS, STRETCHES = 3, 3
+
+
+def remainder(m: Context) -> str:
+    """Return the section on what remains."""
+    d = m.diagnosis
+    if not d.missing or not d.remainders:
+        return ""
+    was, now = averaged_forces(d, d.missing), averaged_forces(d, d.missing_after)
+    before, after, most = _by_log(was), _by_log(now), worst(now)
+    first = next((k for k, forces in enumerate(after) if most in forces), 0)
+    order = sorted(range(len(before)), key=lambda k: k != first)
+    parts = []
+    for k in order[:LOGS]:
+        least = {f.equation: small(f) for f in before[k]}
+        plots = grid(pictures.forces(before[k], after[k], least, m.changed))
+        log = before[k][0].log
+        parts.append(folded(log, plots) if k != first else f"<h3>Over time, in {escape(log)}</h3>{plots}")
+    kinds = ("before", "after") if m.changed else ("before",)
+    how = (
+        "The acceleration that the model lacks, smoothed from the logs as an unknown addition to each "
+        f"equation and averaged over {d.remainders[0].over:.2g} s; the band is twice its standard error. "
+        "Marked at the foot: where it stands out of the band."
+    )
+    over_time = f"{paragraph(how)}{legend(*kinds)}{''.join(parts)}"
+    return f"<h2>What remains</h2>{_sizes(m, now)}{_maps(m, now)}{over_time}"
+
+
+def _by_log(forces: Sequence[Missing]) -> list[list[Missing]]:
+    """Return the forces of each log; two logs may share a name."""
+    count = len({f.equation for f in forces})
+    return [list(forces[k : k + count]) for k in range(0, len(forces), count)]
+
+
+def _sizes(m: Context, missing: Sequence[Missing]) -> str:
+    """Return what remains in each equation, and which part of what was missing is explained."""
+    d = m.diagnosis
+    rows = []
+    for r in d.remainders:
+        same = [f for f in missing if f.equation == r.equation]
+        size = f"{digits(r.rms)} {unit(r.unit)}" if r.there else "nothing beyond noise"
+        share = percent(r.share_explained) if r.there or r.share_explained > 0.0 else "–"
+        where = prime(regime(same)).partition(", ")[2] if r.there and any(is_there(f) for f in same) else ""
+        longest = max(same, key=lambda f: f.share, default=None)
+        when = f"{longest.log}{stretches(longest.segments)}" if r.there and longest else ""
+        rows.append((prime(r.equation), size, *([share] if m.changed else []), where, when))
+    over = d.remainders[0].over
+    explained = ("explained",) if m.changed else ()
+    text = f"Root mean square of the missing acceleration, averaged over {over:.2g} s."
+    if m.changed:
+        text += " Explained: the part of its mean square that the named effects took."
+    return paragraph(text) + table(("equation", "remains", *explained, "largest", "when"), rows)
+
+
+def _maps(m: Context, missing: Sequence[Missing]) -> str:
+    """Return where on the floor what remains is large."""
+    d = m.diagnosis
+    fit = d.selection.final
+    problem = fit.problem
+    names = [s.name for s in problem.block.states]
+    if not {"x", "y"} <= set(names) or not any(r.there for r in d.remainders):
+        return ""
+    places = []
+    for k, log in enumerate(problem.logs):
+        time, path = on_rows(fit, fit.path[..., [names.index("x"), names.index("y")]], k)
+        places += [path[np.searchsorted(time, log.time - log.origin).clip(0, time.size - 1)]]
+    x, y = np.concatenate(places).T
+    equations = dict.fromkeys(f.equation for f in missing)
+    forces = {e: np.concatenate([f.force for f in missing if f.equation == e]) for e in equations}
+    kind = "after" if m.changed else "before"
+    plots = []
+    if {"u'", "v'"} <= set(forces):
+        planar = np.hypot(forces.pop("u'"), forces.pop("v'"))
+        plots.append(pictures.floor_map("force in u′ and v′", x, y, planar, "m/s²", kind))
+    for r in d.remainders:
+        if r.equation in forces and r.there:
+            title = f"in {prime(r.equation)}"
+            plots.append(pictures.floor_map(title, x, y, forces[r.equation], unit(r.unit), kind))
+    shown = grid(plots)
+    text = "Root mean square of what remains, averaged likewise, by place; all training logs."
+    return f"<h3>On the floor</h3>{paragraph(text)}{shown}" if any(plots) else ""
+
+
+def stretches(segments: Sequence[tuple[float, float]]) -> str:
+    """Return when a force is there: the longest stretches, and how many more there are.
+
+    Examples
+    --------
+    >>> stretches([(0.0, 2.5), (4.0, 9.26)])
+    ', 0 to 2.5 s and 4 to 9.3 s'
+    """
+    longest = sorted(sorted(segments, key=lambda s: s[0] - s[1])[:STRETCHES])
+    if not longest:
+        return ""
+    named = [f"{round(begin, 1):g} to {round(end, 1):g} s" for begin, end in longest]
+    more = len(segments) - len(longest)
+    return f", {listed(named)}{f', and {more} shorter' if more else ''}"
