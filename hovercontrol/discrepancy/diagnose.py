@@ -8,12 +8,14 @@ from dataclasses import replace
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from hovercontrol.discrepancy.checks import check_fitted, check_logs
 from hovercontrol.discrepancy.criteria import CRITERIA, Criteria
 from hovercontrol.discrepancy.diagnosis import Diagnosis, numbers_of
 from hovercontrol.discrepancy.evidence.holdout import Horizons, ahead, gap, held_fit
 from hovercontrol.discrepancy.evidence.laws import regime
 from hovercontrol.discrepancy.evidence.of_effects import Evidence
 from hovercontrol.discrepancy.evidence.remainder import missing_forces, remainders
+from hovercontrol.discrepancy.experiment.propose import next_experiment
 from hovercontrol.discrepancy.search.select import Lead, Selection, select
 from hovercontrol.discrepancy.verdict import verdict_of
 from hovercontrol.errors import InputError
@@ -106,11 +108,12 @@ def _diagnosed(
     seed: int,
     tell: Callable[[float, str], None],
 ) -> Diagnosis:
-    warnings: list[str] = []
     tell(0.0, "reading what was measured")
+    warnings = check_logs(model, logs, holdout)
     data = gather(model, logs)
     tell(0.05, "fitting the model as it is")
     base = base_fit(model, data)
+    warnings += check_fitted(base)
     done = [0]
 
     def said(what: str) -> None:
@@ -124,12 +127,15 @@ def _diagnosed(
     final = selection.final
     remains = remainders(base, final)
     verdict = verdict_of(selection, remains)
+    effects = numbers_of(final, selection.effects)
+    tell(0.96, "looking for the next experiment")
+    experiment, advice = next_experiment(selection, effects, seed)
     missing = missing_forces(base)
     train_before = gap(base)
     before = gap(held_before) if held_before else None
     found = Diagnosis(
         verdict=verdict,
-        effects=numbers_of(final, selection.effects),
+        effects=effects,
         rivals=selection.rivals,
         evidence=evidence,
         remainders=remains,
@@ -150,6 +156,8 @@ def _diagnosed(
         regime=regime(missing) if verdict != "none" else "nowhere beyond the noise",
         rows_dropped=_dropped(data, base),
         warnings=tuple(warnings),
+        experiment=experiment,
+        advice=advice,
     )
     tell(1.0, "done")
     return found

@@ -11,7 +11,9 @@ from scipy.ndimage import median_filter
 
 from hovercontrol.block import Block
 from hovercontrol.errors import InputError
+from hovercontrol.estimation.drift import DriftStates, drift_states
 from hovercontrol.estimation.levels import noise_levels, noise_scales
+from hovercontrol.estimation.navigation import measure_navigated
 from hovercontrol.estimation.rows import Rows, arrange
 from hovercontrol.estimation.subject import Subject, structure
 from hovercontrol.identify.measure import Measured, measure_all
@@ -43,6 +45,8 @@ class Data:
     scales : ndarray, shape (L, C)
         The noise of each log over that of all.
     rows : Rows
+    drift : DriftStates or None
+        Errors of a navigation's velocities.
     """
 
     logs: tuple[Measured, ...]
@@ -50,6 +54,7 @@ class Data:
     noise: Array
     scales: Array
     rows: Rows
+    drift: DriftStates | None = None
 
     def without(self, samples: NDArray[np.bool_]) -> Data:
         """Return the data less some samples, shape (K, W, C)."""
@@ -72,12 +77,13 @@ def gather(model: Subject, logs: Sequence[Log | Measured]) -> Data:
         has too few rows.
     """
     block = structure(model)
-    measured = tuple(measure_all(block, logs, MOST_ROWS))
+    every = [(isinstance(log, Log) and measure_navigated(block, log)) or log for log in logs]
+    measured = tuple(measure_all(block, every, MOST_ROWS))
     channels = tuple(dict.fromkeys(c for m in measured for c in m.channels))
     noise = noise_levels(measured, channels)
     scales = noise_scales(measured, channels, noise)
     rows = arrange(measured, [_guess(block, m) for m in measured], channels)
-    return Data(measured, channels, noise, scales, rows)
+    return Data(measured, channels, noise, scales, rows, drift_states(measured, rows))
 
 
 def _guess(block: Block, log: Measured) -> dict[str, Array]:

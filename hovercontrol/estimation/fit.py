@@ -74,8 +74,10 @@ class Fit:
         Normal equations of each block, in the coordinates in which unknowns are sought.
     missing : ndarray, shape (K, W, q)
         The smoothed missing accelerations.
+    drift : ndarray, shape (K, W, C)
+        The smoothed error of a navigation in each channel.
     covariance_of_path : ndarray, shape (K, W, n + q, n + q)
-        Of free states and missing accelerations, the unknowns as they are.
+        Of free states and missing accelerations (and drift), the unknowns as they are.
     left : ndarray, shape (K, W, C)
         Measured minus smoothed path, in standard deviations of that; zero where not measured.
     converged : bool
@@ -92,6 +94,7 @@ class Fit:
     S: Array
     g: Array
     missing: Array
+    drift: Array
     covariance_of_path: Array
     left: Array
     converged: bool
@@ -313,10 +316,12 @@ def estimate(
         now = _run(problem, noise, prior, p, path, frozen)
     left = residuals(problem, now.system, now.smooth)
     n, rows = len(problem.free), problem.rows
+    end = n + len(problem.driven)
+    drift = (now.system.H[..., end:] @ now.smooth.state[..., end:, None])[..., 0]
     return Fit(
         problem, p, path, noise, prior, now.linear, now.cost,
         rows.by_block(now.block_costs), rows.by_block(now.S), rows.by_block(now.g),
-        now.smooth.state[..., n:], now.smooth.covariance, left, converged,
+        now.smooth.state[..., n:end], drift, now.smooth.covariance, left, converged,
     )  # fmt: skip
 
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from hovercontrol.estimation.drift import STATES
 from hovercontrol.estimation.kalman import Smoothed, System, run_filter
 from hovercontrol.estimation.problem import Linear, Problem
 
@@ -51,7 +52,7 @@ def augment(
     drive: Array | None = None,
     seen: Array | None = None,
 ) -> System:
-    """Return the linear system of a problem with its missing accelerations as further states.
+    """Return the linear system of a problem with its missing accelerations, and drift, as further states.
 
     Parameters
     ----------
@@ -66,7 +67,8 @@ def augment(
     """
     n, driven, dt = len(problem.free), list(problem.driven), problem.dt
     q, (K, W, C) = len(driven), linear.residual.shape
-    N = n + q
+    drift = problem.data.drift
+    N = n + q + (STATES if drift else 0)
     gamma = _gamma(problem, linear.A)
     columns = [linear.defect[..., None]]
     channels = [linear.residual[..., None]]
@@ -82,6 +84,8 @@ def augment(
     watched = np.concatenate(channels, axis=-1)
     H = np.zeros((K, W, C, N))
     H[..., :n] = linear.H
+    if drift:
+        H[..., n + q :] = np.where(problem.seen[..., None], drift.H, 0.0)
     copies = len(noises)
     A = np.zeros((K - 1, copies, W, N, N))
     Q = np.zeros((K - 1, copies, W, N, N))
@@ -105,6 +109,10 @@ def augment(
             P0[c, :, n + j, n + j] = float(noise.process[j]) ** 2
         if linear.jolt is not None:
             Q[:, c, :, :n, :n] += linear.jolt[..., :, None] * linear.jolt[..., None, :]
+        if drift:
+            A[:, c, :, n + q :, n + q :] = drift.A
+            Q[:, c, :, n + q :, n + q :] = drift.Q
+            P0[c, :, n + q :, n + q :] = drift.P0
         level = (noise.measured * noise.scale[problem.rows.log]) ** 2  # W, C
         R[:, c] = np.where(problem.seen, level, 1.0)
     if copies == 1:

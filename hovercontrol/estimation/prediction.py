@@ -30,7 +30,7 @@ class Prediction:
         [s]
     channels : tuple of str
     errors : ndarray, shape (N, C)
-        Measured minus predicted; NaN where not measured.
+        Measured, less the drift of a navigation, minus predicted; NaN where not measured.
     block : ndarray of int, shape (N,)
         In which block each prediction starts.
     """
@@ -93,7 +93,7 @@ def predict(fit: Fit, horizon: float, starts: int = STARTS) -> Prediction | None
             np.array(parameters)[:, None], start,
         )[1][:, 0]  # fmt: skip
     found = problem.channels_at(x, parameters, t1, problem.rows.log[of])
-    values = np.where(problem.seen[last, of], problem.rows.values[last, of], np.nan)
+    values = np.where(problem.seen[last, of], (problem.rows.values - fit.drift)[last, of], np.nan)
     return Prediction(horizon, problem.rows.channels, values - found.T, problem.rows.block[of])
 
 

@@ -3,18 +3,18 @@
 import numpy as np
 import pytest
 
-from hovercontrol.discrepancy.checks import check_excitation, check_logs
-from hovercontrol.discrepancy.clocks import command_drift
-from hovercontrol.discrepancy.data import gather
-from hovercontrol.discrepancy.diagnose import diagnose
-from hovercontrol.discrepancy.ladder import paced
+from hovercontrol.discrepancy.checks import check_fitted, check_logs
+from hovercontrol.discrepancy.checks.clocks import command_drift
+from hovercontrol.discrepancy.checks.excitation import check_excitation, predicts_nothing
+from hovercontrol.discrepancy.checks.units import refuse_units
+from hovercontrol.discrepancy.diagnose import base_fit, diagnose
 from hovercontrol.effects import effect
 from hovercontrol.errors import InputError
-from hovercontrol.identify import identify
+from hovercontrol.estimation.data import gather
 from hovercontrol.logs import Log
 from hovercontrol.vehicles import four_fan
 
-from .generator import SIZES, Conditions, make, simulated
+from .generator import NOISE, SIZES, Conditions, make, simulated
 
 CASE = make(1, [], Conditions(duration=24.0))
 LOG, OTHER = CASE.logs
@@ -29,8 +29,7 @@ def without(*names):
 
 
 def excitation(model, logs):
-    data, told = paced(model, gather(model, logs))
-    return check_excitation(told, data)
+    return check_excitation(base_fit(model, gather(model, logs)))
 
 
 def in_degrees(log, *names):
@@ -100,7 +99,7 @@ def test_a_bad_log_is_refused_in_one_line(log, said):
 def test_commands_in_other_units_or_of_the_other_sign_are_refused(column, factor, said):
     logs = [changed(log, **{column: factor * log[column]}) for log in CASE.logs]
     with pytest.raises(InputError, match=said) as error:
-        diagnose(CASE.model, logs)
+        check_fitted(base_fit(CASE.model, gather(CASE.model, logs)))
     assert "'thrust' and 'rudder' (rad) in the model's units" in str(error.value)
     assert "\n" not in str(error.value)
 
@@ -110,11 +109,43 @@ def test_a_small_effect_of_the_model_may_be_far_off(given):
     case = make(1, ["thrust_yaw_torque"], Conditions(duration=24.0))
     wanted = case.truth.effect("thrust_yaw_torque").values["value"]
     model = case.model.with_effects([effect("thrust_yaw_torque", given)])
-    said = diagnose(model, case.logs).warnings
-    assert any("put thrust_yaw_torque at -0.2" in s and "holds it back" in s for s in said)
-    found = diagnose(identify(model, case.logs).model, case.logs)
+    found = diagnose(model, case.logs)
     assert found.verdict == "none" and found.warnings == ()
     assert found.amended.effect("thrust_yaw_torque").values["value"] == pytest.approx(wanted, rel=0.02)
+
+
+def test_commands_and_motion_that_are_never_known_together_are_refused():
+    half = len(LOG) // 2
+    early = {k: np.where(np.arange(len(LOG)) < half, LOG[k], np.nan) for k in ("thrust", "rudder")}
+    late = {k: np.where(np.arange(len(LOG)) < half, np.nan, LOG[k]) for k in NOISE}
+    with pytest.raises(
+        InputError, match=r"input 'thrust' \(from 0 to 11.98 s\) and motion \(from 12 to 23.98 s"
+    ):
+        check_logs(CASE.model, [changed(**early, **late)])
+
+
+def test_a_craft_that_whirls_is_not_in_degrees():
+    whirling = Conditions(duration=24.0, commands=lambda rng, duration, dt: whirl(LOG.time))
+    log = simulated(CASE.truth, np.random.default_rng(0), whirling, "whirl")
+    assert np.abs(log["r"]).max() > 6.0
+    refuse_units(CASE.model, log)
+    with pytest.raises(InputError, match="look like degrees"):
+        refuse_units(CASE.model, in_degrees(log, "psi", "r"))
+
+
+def whirl(time):
+    """Full thrust and rudder, to either side by turns."""
+    return {"thrust": np.full(time.size, 6.0), "rudder": np.where(time % 8.0 < 5.0, 0.6, -0.6)}
+
+
+def test_a_model_that_predicts_nothing_is_said_to():
+    other = make(2, [], Conditions(duration=24.0)).logs
+    logs = [
+        changed(a, **{k: b[k] for k in ("thrust", "rudder")}) for a, b in zip(CASE.logs, other, strict=True)
+    ]
+    (said,) = predicts_nothing(base_fit(CASE.model, gather(CASE.model, logs)))
+    assert "the model predicts nothing: 0.2 s ahead" in said
+    assert predicts_nothing(base_fit(CASE.model, gather(CASE.model, CASE.logs))) == []
 
 
 def test_the_model_of_another_craft_is_recognised():

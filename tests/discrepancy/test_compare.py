@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from hovercontrol.discrepancy.compare import compare
-from hovercontrol.discrepancy.data import gather
-from hovercontrol.discrepancy.fit import fit
-from hovercontrol.discrepancy.noise import Noise
-from hovercontrol.discrepancy.traces import traces
-from hovercontrol.discrepancy.whiteness import independence, recursive_residuals, whiteness
+from hovercontrol.discrepancy.evidence.comparison import compare
+from hovercontrol.discrepancy.evidence.holdout import held_fit
+from hovercontrol.discrepancy.evidence.traces import Trace, simulated_traces
+from hovercontrol.discrepancy.evidence.whiteness import independence, innovations, whiteness
 from hovercontrol.effects import effect
+from hovercontrol.estimation.data import gather
+from hovercontrol.estimation.noise import Noise
 from hovercontrol.logs import Log
 
 from .generator import NOISE, Conditions, make
@@ -43,40 +43,37 @@ def test_a_model_that_lacks_an_effect_disagrees(name):
 def test_gusts_count_as_noise_where_they_are_said_to_be_there():
     case = make(14, [], Conditions(duration=20.0, logs=1, gusts=True))
     data = gather(case.truth, case.logs)
-    gusts = Noise(data.noise, np.array([0.0, 0.0, 0.0, 0.05, 0.05, 0.15]), 0.3)
-    assert not compare(case.truth, data).agrees
-    told = compare(case.truth, data, noise=gusts)
+    gusts = Noise(data.noise, data.scales, np.array([0.05, 0.05, 0.15]), np.full(3, 0.3))
+    assert not compare(case.truth, case.logs).agrees
+    told = compare(case.truth, case.logs, noise=gusts)
     assert all(c.remains < c.largest for c in told.channels)
 
 
-def test_recursive_residuals_of_the_true_model_are_standard_normal_and_white():
+def test_innovations_of_the_true_model_are_standard_normal_and_white():
     case = make(3, [], SHORT)
-    near = fit(case.truth, gather(case.truth, case.logs), 1.0, frozen=True)
-    z = recursive_residuals(near)
-    known = z[np.isfinite(z)]
-    assert near.windowed.seen.sum() - known.size >= len(near.windowed.free) * len(near.windowed.ranges)
-    assert known.std() == pytest.approx(1.0, abs=0.05)
+    z = innovations(held_fit(case.truth, gather(case.truth, case.logs)))
+    assert z[np.isfinite(z)].std() == pytest.approx(1.0, abs=0.05)
     assert all(whiteness(z[..., c]) > 1e-4 for c in range(z.shape[-1]))
 
 
 def test_what_follows_a_command_is_seen_to_follow_it(rng):
-    past = [np.repeat(rng.normal(size=(30, 10)), 5, axis=1) for _ in range(2)]
-    noise = rng.normal(size=(30, 50))
+    past = [np.repeat(rng.normal(size=(10, 30)), 5, axis=0) for _ in range(2)]
+    noise = rng.normal(size=(50, 30))
     assert independence(noise, past) > 1e-3
     assert independence(noise + 0.3 * past[1], past) < 1e-6
-    assert independence(noise, [np.zeros((30, 50))]) == 1.0
+    assert independence(noise, [np.zeros((50, 30))]) == 1.0
 
 
 def test_outliers_do_not_make_noise_correlated(rng):
-    z = rng.normal(size=(40, 60))
+    z = rng.normal(size=(60, 40))
     z[rng.random(z.shape) < 0.02] *= 50.0
     assert whiteness(z) > 1e-3
 
 
 def test_a_free_run_of_the_true_model_stays_with_the_log():
     case = make(4, ["input_delay"], SHORT)
-    near = fit(case.truth, gather(case.truth, [case.holdout]), 1.0, frozen=True)
-    (whole,), (parts,) = traces(near), traces(near, 5.0)
+    fit = held_fit(case.truth, gather(case.truth, [case.holdout]))
+    (whole,), (parts,) = simulated_traces(fit), simulated_traces(fit, 5.0)
     assert len(whole.starts) == 1 and len(parts.starts) == 4
     assert whole.rms()["r"] < 1.1 * NOISE["r"] and parts.rms()["x"] < 10 * NOISE["x"]
 
@@ -88,8 +85,6 @@ def test_velocities_alone_can_be_compared():
 
 
 def test_a_run_that_flies_off_has_an_infinite_error():
-    from hovercontrol.discrepancy.traces import Trace
-
     time = np.arange(4.0)
     measured, simulated = np.zeros((1, 4)), np.array([[0.0, 1e200, np.inf, np.nan]])
     assert Trace("a", time, ("u",), {"u": "m/s"}, measured, simulated, (0.0,)).rms() == {"u": np.inf}

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from hovercontrol.discrepancy import diagnose
-from hovercontrol.discrepancy.manoeuvres import SECONDS, family, reach
+from hovercontrol.discrepancy.experiment.manoeuvres import SECONDS, family, reach
+from hovercontrol.discrepancy.experiment.propose import sharpen
 from hovercontrol.signals import Signal
 
 from .generator import Conditions, make, simulated
@@ -49,7 +50,7 @@ def test_an_ambiguous_answer_comes_with_a_proposal(unclear, tmp_path):
 def test_the_added_log_settles_it(unclear, truth):
     case, found = unclear
     rival = found.rivals[0]
-    model = found.amended if truth == "named" else rival.model
+    model = found.amended if truth == "named" else rival.fit.model
     wanted = rival.instead_of if truth == "named" else rival.name
     again = simulated(model, np.random.default_rng(5), SHORT, "first")
     settled = diagnose(case.model, [again, driven(model, found.experiment, 6)])
@@ -57,10 +58,20 @@ def test_the_added_log_settles_it(unclear, truth):
     assert {e.effect for e in settled.effects} == {wanted}
 
 
+def test_a_badly_known_coefficient_has_an_experiment_that_tells_it_better(unclear):
+    _, found = unclear
+    parameter = found.effects[-1].parameter
+    sharper = sharpen(found.selection.final, parameter)
+    assert sharper.worth > 1.5
+    assert sharper.text.endswith(
+        f"the standard error of {parameter} then falls by a factor of {sharper.worth:.2g}."
+    )
+
+
 def test_rivals_that_are_the_same_have_no_experiment():
-    case = make(13, ["input_delay"], Conditions(duration=20.0))
+    case = make(17, ["input_delay"], Conditions(duration=20.0))
     found = diagnose(case.model, case.logs, names=["input_delay", "time_offset"])
-    assert found.verdict == "ambiguous" and found.experiment is None
+    assert [r.same for r in found.rivals] == [True] and found.experiment is None
     assert found.advice.startswith("no log tells ") and "one clock for commands and sensors" in found.advice
 
 

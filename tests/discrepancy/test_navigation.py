@@ -1,12 +1,13 @@
-"""Logs that a navigation wrote: corrections are found, drift is whitened, effects named in spite of both."""
+"""Logs that a navigation wrote: corrections are found, drift is estimated, effects named in spite of both."""
 
 import numpy as np
 import pytest
 
 from hovercontrol.discrepancy import diagnose
-from hovercontrol.discrepancy.data import gather
-from hovercontrol.discrepancy.navigation import Navigated, corrections, measure_navigated, over_ground
-from hovercontrol.discrepancy.windowed import Windowed
+from hovercontrol.discrepancy.evidence.holdout import held_fit
+from hovercontrol.discrepancy.evidence.whiteness import innovations
+from hovercontrol.estimation.data import gather
+from hovercontrol.estimation.navigation import Navigated, corrections, measure_navigated, over_ground
 from hovercontrol.logs import Log
 
 from .generator import NOISE, Conditions, make
@@ -92,35 +93,26 @@ def test_neither_exact_nor_coarse_positions_are_corrections():
     assert not corrections(coarse).size
 
 
-def test_drift_is_whitened_to_independent_numbers_and_taken_out():
-    model, logs, _ = case_of(4, [])
-    data = gather(model, logs)
-    assert data.navigated and "x" not in data.channels
-    assert all(isinstance(m, Navigated) for m in data.logs)
-    w = Windowed(model, data, 1.0)
-    drift, rng = data.logs[0].drift, np.random.default_rng(0)
-    W, K, C = w.seen.shape
-    iu, iv, ipsi = (data.channels.index(c) for c in ("u", "v", "psi"))
-    psi = w.cut.values[ipsi]
-    since = w.cut.time - w.cut.time[:, :1]
-    log_of = np.array([data.logs[i].drift.offset for i, _, _ in w.ranges])
-    assert np.allclose(log_of, drift.offset, rtol=0.5)
-    residual = np.zeros((W, K, C))
-    slow = np.zeros((2, W, K))
-    for j, (i, _, _) in enumerate(w.ranges):
-        own = data.logs[i].drift
-        slow[:, j] = own.offset * rng.normal(size=(2, 1)) + own.ramp * rng.normal(size=(2, 1)) * since[j]
-    white = np.array([data.logs[i].drift.white for i, _, _ in w.ranges])[:, None] * rng.normal(size=(2, W, K))
-    ground = slow + white
-    c, s = np.cos(psi).reshape(W, K), np.sin(psi).reshape(W, K)
-    residual[..., iu] = c * ground[0] + s * ground[1]
-    residual[..., iv] = c * ground[1] - s * ground[0]
-    residual = np.where(w.seen, np.nan_to_num(residual), 0.0)
-    found = w.plainly_white(residual)[..., [iu, iv]][w.seen[..., [iu, iv]]]
-    assert np.mean(found**2) == pytest.approx(1.0, abs=0.05)
-    left = w.errors.without(residual)
-    raw, cleaned = (np.sqrt(np.mean(r[..., [iu, iv]][w.seen[..., [iu, iv]]] ** 2)) for r in (residual, left))
-    assert cleaned < 1.2 * drift.white < 0.5 * raw
+def test_drift_is_estimated_beside_the_motion():
+    case = make(4, [], Conditions(duration=40.0))
+    logs = [navigated(log, np.random.default_rng([4, 2, k])) for k, log in enumerate(case.logs)]
+    fit = held_fit(case.truth, gather(case.truth, logs))
+    assert all(isinstance(m, Navigated) for m in fit.problem.logs)
+    rows, channels = fit.problem.rows, fit.problem.rows.channels
+    assert "x" not in channels
+    z = innovations(fit)
+    for name in ("u", "v"):
+        c = channels.index(name)
+        assert np.nanstd(z[..., c]) == pytest.approx(1.0, abs=0.1)
+        wrong, left = [], []
+        for w, k in enumerate(rows.log):
+            there = rows.at[:, w] >= 0
+            at = rows.at[there, w]
+            drift = (logs[k][name] - case.logs[k][name])[at]
+            wrong.append(drift)
+            left.append(drift - fit.drift[there, w, c])
+        wrong, left = (np.sqrt(np.mean(np.concatenate(e) ** 2)) for e in (wrong, left))
+        assert left < 0.5 * wrong
 
 
 @pytest.mark.parametrize("name", ["rudder_offset", "reverse_thrust_loss", "surge_quadratic_drag"])
@@ -135,7 +127,8 @@ def test_effects_are_named_in_spite_of_drift(name):
         ]
         assert abs(number.value - wanted) < 4 * number.std
     assert any("corrections of a navigation" in line for line in found.warnings)
-    assert found.after.chi2 < found.before.chi2
+    channel = {"rudder_offset": "r"}.get(name, "u")
+    assert found.after.rms[channel] < found.before.rms[channel]
 
 
 def test_nothing_is_named_where_only_the_navigation_drifts():

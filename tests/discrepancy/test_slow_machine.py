@@ -1,4 +1,4 @@
-"""A machine with time constants of a minute and a row a second: windows grow with it."""
+"""A machine with time constants of a minute and a row a second is predicted as much farther ahead."""
 
 import numpy as np
 import pytest
@@ -71,5 +71,4 @@ def test_what_a_ship_lacks_is_found(hidden, step):
     found = diagnose(MODEL, [log(truth, 1, step), log(truth, 2, step)], log(truth, 3, step))
     assert found.verdict == ("effect" if hidden else "none")
     assert {e.effect: e.value for e in found.effects} == pytest.approx(hidden, rel=0.03)
-    assert found.after.rms["psi"] < 2.2e-3
-    assert found.selection.final.windowed.length >= 9.0
+    assert found.after.horizon > 1.5 and found.after.rms["psi"] < 3e-3

@@ -3,102 +3,100 @@
 Commands keep to what was driven in the logs; where the model bounds an input, to at most twice that within
 the bounds, and to no direction that was never driven.
 
-Every manoeuvre of a family is simulated with one rival as the truth and the other fitted to it, coefficients
-and all, and the other way round: what the fit cannot take up is what the added log will say (the
-discrimination design of Atkinson and Fedorov, Biometrika 62, 1975, over a family instead of a continuum).
+Every manoeuvre of a family is simulated with one rival as the truth and the other fitted to it and to what
+the logs so far say of its coefficients, and the other way round: what that fit cannot take up is what the
+added log will say (the discrimination design of Atkinson and Fedorov, Biometrika 62, 1975, over a family
+instead of a continuum).
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from pathlib import Path
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hovercontrol.discrepancy.data import Data
-from hovercontrol.discrepancy.fit import Fit, fit
-from hovercontrol.discrepancy.manoeuvres import Manoeuvre, family, reach
-from hovercontrol.discrepancy.noise import Noise
-from hovercontrol.discrepancy.reduce import scaled_inverse
-from hovercontrol.discrepancy.subject import Subject, structure, timing, unknowns
-from hovercontrol.discrepancy.windowed import Windowed
-from hovercontrol.files import write_whole
+from hovercontrol.discrepancy.evidence.traces import runs_of, simulate_runs
+from hovercontrol.discrepancy.experiment.manoeuvres import Manoeuvre, family, reach
+from hovercontrol.discrepancy.experiment.proposal import Experiment
+from hovercontrol.discrepancy.search.select import Selection
+from hovercontrol.estimation.data import Data
+from hovercontrol.estimation.fit import Fit, estimate, inverse, products
+from hovercontrol.estimation.kalman import run_filter
+from hovercontrol.estimation.noise import augment
+from hovercontrol.estimation.problem import Problem
+from hovercontrol.estimation.rows import arrange
 from hovercontrol.identify.measure import Measured
+
+if TYPE_CHECKING:
+    from hovercontrol.discrepancy.diagnosis import Found
 
 Array = NDArray[np.float64]
 
 #: Fall of minus twice the log likelihood that settles a case, as an expectation.
 SETTLES = 40.0
 
-#: A coefficient of which the standard error is more than this part is known badly.
-BADLY = 0.1
+#: A coefficient of which the standard error is more than this part is known badly; a manoeuvre must lower it
+#: by the second.
+BADLY, SHARPER = 0.1, 1.5
 
 #: Shortest step between two commands of a proposal [s].
 TICK = 0.02
 
 
-@dataclass(frozen=True, eq=False)
-class Experiment:
-    """A proposal.
+def next_experiment(
+    selection: Selection, effects: Sequence[Found], seed: int = 0
+) -> tuple[Experiment | None, str]:
+    """Return what to drive next, and a sentence on it; empty where nothing need be driven.
 
-    Attributes
+    Parameters
     ----------
-    name : str
-        Of the manoeuvre: ``"spin"``.
-    text : str
-        One sentence: what to drive, and why.
-    time : ndarray, shape (n,)
-        [s].
-    commands : dict of str to ndarray, shape (n,)
-        By the plant's inputs, each held until the next row.
-    worth : float
-        Expected fall of minus twice the log likelihood between the rivals; or the factor by which the
-        standard error of a badly known coefficient falls.
+    selection : Selection
+    effects : sequence of Found
+        The numbers of what is named.
+    seed : int, optional
+        Of the manoeuvres drawn at random.
     """
+    final = selection.final
+    apart = [r for r in selection.rivals if not r.same]
+    if apart:
+        rival = apart[0]
+        found = separate(final, rival.fit, (rival.instead_of, rival.name), seed=seed)
+        return (None, found) if isinstance(found, str) else (found, found.text)
+    if selection.rivals:
+        return None, same_time((selection.rivals[0].instead_of, selection.rivals[0].name))
+    numbers = [n for n in effects if abs(n.std) > BADLY * abs(n.value) and n.parameter in final.problem.names]
+    if not numbers:
+        return None, ""
+    worst = max(numbers, key=lambda n: abs(n.std) / max(abs(n.value), 1e-12))
+    sharper = sharpen(final, worst.parameter, seed=seed)
+    return sharper, sharper.text if sharper else ""
 
-    name: str
-    text: str
-    time: Array
-    commands: Mapping[str, Array]
-    worth: float
 
-    def save(self, path: str | Path) -> Path:
-        """Write the commands to a CSV file with the columns of a log."""
-        rows = np.column_stack([self.time, *self.commands.values()])
-        head = ",".join(["time", *self.commands])
-        return write_whole(
-            Path(path), lambda p: np.savetxt(p, rows, delimiter=",", fmt="%.6g", header=head, comments="")
-        )
-
-
-def separate(
-    final: Fit, one: Subject, other: Subject, names: tuple[str, str], *, seed: int = 0
-) -> Experiment | str:
+def separate(one: Fit, other: Fit, names: tuple[str, str], *, seed: int = 0) -> Experiment | str:
     """Return the manoeuvre that best tells two models apart, or why none does.
 
     Parameters
     ----------
-    final : Fit
-        Of the logs so far.
-    one, other : Model or BlockModel
-        As fitted to them.
+    one, other : Fit
+        Of the two models to the logs so far.
     names : (str, str)
         What is in the one and in the other.
     seed : int, optional
         Of the manoeuvres drawn at random.
     """
     best: tuple[float, Manoeuvre, Data] | None = None
-    for manoeuvre in _family(final, seed):
+    for manoeuvre in _family(one, seed):
         worth, runs = np.inf, None
         for truth, rival in ((one, other), (other, one)):
-            seen = predicted(truth, final.windowed.data, manoeuvre)
+            seen = predicted(truth, manoeuvre)
             runs = runs or seen
             if not np.isfinite(seen.logs[0].values).all():
                 worth = 0.0
                 break
-            worth = min(worth, _left(final, rival, seen))
+            worth = min(worth, _left(rival, seen))
         if runs is not None and (best is None or worth > best[0]):
             best = worth, manoeuvre, runs
     first, second = names
@@ -113,22 +111,6 @@ def separate(
     return Experiment(manoeuvre.name, text, manoeuvre.time, manoeuvre.commands, worth)
 
 
-def only_late(model: Subject, name: str) -> bool:
-    """Tell whether all that an effect of a model says is how late something is.
-
-    Examples
-    --------
-    >>> from hovercontrol.effects import effect
-    >>> from hovercontrol.vehicles import c17_simulation
-    >>> late = c17_simulation().with_effects([effect("time_offset", seconds=0.1), effect("slope", x=0.1)])
-    >>> only_late(late, "time_offset"), only_late(late, "slope")
-    (True, False)
-    """
-    times = {parameter.rpartition(".")[2] for parameter in timing(model) if parameter}
-    own = {model.effect(name).parameter(k) for k in model.effect(name).numbers}
-    return bool(own & set(unknowns(model))) and own <= times
-
-
 def same_time(names: tuple[str, str]) -> str:
     """Return why nothing that is driven tells two effects apart that say how late something is."""
     first, second = names
@@ -138,95 +120,103 @@ def same_time(names: tuple[str, str]) -> str:
     )
 
 
-def sharpen(final: Fit, name: str, *, seed: int = 0) -> Experiment | None:
+def sharpen(final: Fit, parameter: str, *, seed: int = 0) -> Experiment | None:
     """Return the manoeuvre that tells most of a badly known coefficient; None if none does.
 
     Parameters
     ----------
     final : Fit
         Of the logs so far.
-    name : str
-        A parameter of the fitted model.
+    parameter : str
+        Of the fitted model.
     seed : int, optional
         Of the manoeuvres drawn at random.
     """
-    w = final.windowed
-    j = w.names.index(name)
-    now = float(final.covariance[j, j])
-    known = final.normal.S + np.diag(final.prior)
+    j = final.problem.names.index(parameter)
+    known = _information(final)
+    now = float(inverse(known)[j, j])
     best: tuple[float, Manoeuvre, Data] | None = None
     for manoeuvre in _family(final, seed):
-        seen = predicted(final.model, w.data, manoeuvre)
+        seen = predicted(final, manoeuvre)
         if not np.isfinite(seen.logs[0].values).all():
             continue
-        added = _fit(final, final.model, seen, frozen=True)
-        then = float(scaled_inverse(known + added.normal.S)[j, j])
+        _, S, _ = _added(final, seen)
+        then = float(inverse(known + S)[j, j])
         worth = float(np.sqrt(now / then)) if then > 0.0 else 0.0
         if best is None or worth > best[0]:
             best = worth, manoeuvre, seen
-    if best is None or best[0] < 1.5:
+    if best is None or best[0] < SHARPER:
         return None
     worth, manoeuvre, seen = best
     text = (
-        f"Drive {manoeuvre.text}{_room(seen)}: the standard error of {name} then falls by a factor of "
+        f"Drive {manoeuvre.text}{_room(seen)}: the standard error of {parameter} then falls by a factor of "
         f"{worth:.2g}."
     )
     return Experiment(manoeuvre.name, text, manoeuvre.time, manoeuvre.commands, worth)
 
 
-def predicted(model: Subject, like: Data, manoeuvre: Manoeuvre) -> Data:
-    """Return what a model would measure during a manoeuvre, from rest, without noise."""
-    block = structure(model)
-    inputs = np.array([manoeuvre.commands[s.name] for s in block.inputs])
-    n = len(manoeuvre.time)
-    start = np.repeat(np.array([s.start for s in block.states])[:, None], n, axis=1)
+def predicted(fit: Fit, manoeuvre: Manoeuvre) -> Data:
+    """Return what a fitted model would measure during a manoeuvre, from rest, without noise.
+
+    Parameters
+    ----------
+    fit : Fit
+    manoeuvre : Manoeuvre
+    """
+    like, block = fit.problem.data, fit.problem.block
+    n, names = manoeuvre.time.size, [s.name for s in block.states]
+    rest = np.repeat(np.array([s.start for s in block.states])[:, None], n, axis=1)
+    inputs = np.array([manoeuvre.commands[s.name] for s in block.inputs]).reshape(-1, n)
+    whole = ((0, n),)
     empty = Measured(
-        manoeuvre.name,
-        manoeuvre.time,
-        0.0,
-        inputs,
-        like.channels,
-        np.zeros((len(like.channels), n)),
-        start,
-        ((0, n),),
-        ((0, n),),
-        (),
-        n,
-    )
-    data = Data((empty,), like.channels, like.noise)
-    w = Windowed(model, data, float(manoeuvre.time[-1]) + 1.0)
-    w.set_step(w.start, w.cut.start)
-    residual, _ = w.linearise(w.start, w.cut.start, jacobian=False)
-    seen = Measured(
-        empty.name, empty.time, 0.0, inputs, empty.channels, -residual[0].T, w.x[:, :, 0].T,
-        empty.segments, empty.stretches, (), n,
+        manoeuvre.name, manoeuvre.time, 0.0, inputs, like.channels, np.zeros((len(like.channels), n)), rest,
+        whole, whole, (), n,
     )  # fmt: skip
-    return Data((seen,), like.channels, like.noise)
+    problem = Problem(fit.model, _data(like, empty, names))
+    (found,) = simulate_runs(problem, problem.start, problem.guess, list(runs_of(problem, 0)))
+    return _data(like, replace(empty, states=found[0], values=found[1]), names)
 
 
-def _family(final: Fit, seed: int) -> Sequence[Manoeuvre]:
-    data = final.windowed.data
-    names = [s.name for s in final.windowed.block.inputs]
-    every = np.concatenate([m.inputs for m in data.logs], axis=1)
-    signals = dict(zip(names, final.windowed.block.inputs, strict=True))
-    limits = {name: reach(signals[name], row) for name, row in zip(names, every, strict=True)}
-    step = float(np.median(np.diff(data.logs[0].time)))
-    return family(limits, max(step, TICK), seed)
+def _data(like: Data, log: Measured, states: Sequence[str]) -> Data:
+    """Return one log as data."""
+    rows = arrange([log], [dict(zip(states, log.states, strict=True))], like.channels)
+    return Data((log,), like.channels, like.noise, np.ones((1, len(like.channels))), rows)
 
 
-def _fit(final: Fit, model: Subject, data: Data, frozen: bool = False) -> Fit:
-    length = final.windowed.length
-    noise: Noise | None = final.noise if final.noise.has_process else None
-    if noise is not None:
-        free = len(Windowed(model, data, length).free)
-        noise = noise.like(free)
-    return fit(model, data, length, noise, frozen=frozen)
+def _family(fit: Fit, seed: int) -> Sequence[Manoeuvre]:
+    logs, inputs = fit.problem.logs, fit.problem.block.inputs
+    every = np.concatenate([m.inputs for m in logs], axis=1)
+    limits = {s.name: reach(s, row) for s, row in zip(inputs, every, strict=True)}
+    return family(limits, max(float(np.median(np.diff(logs[0].time))), TICK), seed)
 
 
-def _left(final: Fit, rival: Subject, seen: Data) -> float:
-    """Return the misfit of a rival, fitted, to what it should not explain: no noise is in it."""
-    found = _fit(final, rival, seen)
-    return float(found.normal.rest)
+def _information(fit: Fit) -> Array:
+    """Return what logs and prior say of a fit's unknowns, shape (P, P)."""
+    return np.asarray(fit.S.sum(axis=0) + np.diag(fit.prior.precision))
+
+
+def _added(fit: Fit, seen: Data) -> tuple[float, Array, Array]:
+    """Return what a fitted model leaves of another log, its path fitted to it, with normal equations."""
+    problem = Problem(fit.model, seen, fit.problem.names, pieces=fit.problem.pieces)
+    noise = replace(fit.noise, scale=np.ones((1, len(seen.channels))))
+    try:
+        path = estimate(problem, fit.prior, noise, frozen=True, levels=False).path
+    except FloatingPointError:
+        return np.inf, np.zeros((len(fit.p),) * 2), np.zeros(len(fit.p))
+    linear = problem.linearise(path, problem.start)
+    every = products(run_filter(augment(problem, linear, [noise])).white).sum(axis=0)
+    return float(every[0, 0]), every[1:, 1:], -every[1:, 0]
+
+
+def _left(rival: Fit, seen: Data) -> float:
+    """Return the misfit of a rival to what it should not explain: no noise is in it.
+
+    Its coefficients follow as far as the logs so far let them.
+    """
+    rest, S, g = _added(rival, seen)
+    if not np.isfinite(rest):
+        return 0.0  # cannot be judged
+    return rest - float(g @ inverse(_information(rival) + S) @ g)
 
 
 def _room(seen: Data) -> str:

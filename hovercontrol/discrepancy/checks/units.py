@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hovercontrol.discrepancy.data import gather
-from hovercontrol.discrepancy.fit import fit
-from hovercontrol.discrepancy.subject import Subject, structure
 from hovercontrol.errors import InputError
+from hovercontrol.estimation.data import gather
+from hovercontrol.estimation.fit import estimate, first_noise
+from hovercontrol.estimation.kalman import run_filter
+from hovercontrol.estimation.noise import augment
+from hovercontrol.estimation.prior import prior_of
+from hovercontrol.estimation.problem import Problem
+from hovercontrol.estimation.subject import Subject, structure
 from hovercontrol.logs import POSE, VELOCITY, Log
 
 Array = NDArray[np.float64]
@@ -170,13 +175,17 @@ def _busiest(log: Log, angle: str) -> Log:
 
 
 def _misfit(model: Subject, log: Log) -> float:
-    """Return what a model leaves of a log, as it is given, in short windows."""
+    """Return what a model leaves of a log, as it is given, over short blocks: 1 is noise."""
     try:
         data = gather(model, [log])
-        longest = max(m.time[b - 1] - m.time[a] for m in data.logs for a, b in m.segments)
-        return fit(model, data, min(1.0, float(longest)), frozen=True).chi2_per_dof
-    except InputError:  # it runs away; what else is wrong with the log is said where it is read
+        problem = Problem(model, data)
+        begin = first_noise(problem)
+        noise = replace(begin, process=np.zeros_like(begin.process))
+        fit = estimate(problem, prior_of(problem, model), noise, frozen=True, levels=False)
+    except (InputError, FloatingPointError):  # it runs away; what else is wrong is said where it is read
         return math.inf
+    white = run_filter(augment(problem, fit.linear, [noise], unknowns=False)).white[..., 0]
+    return float((white**2).sum()) / int(problem.seen.sum())
 
 
 def _whirls(log: Log) -> bool:

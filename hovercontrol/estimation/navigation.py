@@ -2,27 +2,25 @@
 
 An inertial navigation integrates accelerometers between fixes. Its velocity over ground is then off by an
 offset and a ramp that nobody knows, smooth to a millimetre, and its position, which integrates that, says
-nothing new; at a fix both jump where the craft does not. So windows cross no correction, positions are left
-out, and offset and ramp are noise that lasts through a window: with their covariance residuals are whitened
-(K06 sections 3.5 and 5.4 describe such a navigation).
+nothing new; at a fix both jump where the craft does not. So positions are left out, and offset and ramp are
+states of the filter that every correction draws anew (:mod:`.drift`). K06 sections 3.5 and 5.4 describe such
+a navigation.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hovercontrol.block import Block
-from hovercontrol.discrepancy.spikes import stand_out
+from hovercontrol.estimation.spikes import stand_out
 from hovercontrol.identify.measure import MOST_ROWS, Measured, measure, steps
-from hovercontrol.identify.windows import FEWEST
 from hovercontrol.logs import POSE, VELOCITY, Log
 
 Array = NDArray[np.float64]
-Rows = NDArray[np.intp]
+Indices = NDArray[np.intp]
 
 #: Robust standard deviations by which a correction moves a position beyond what the velocities say.
 JUMP = 8.0
@@ -77,14 +75,17 @@ class Drift:
 
 @dataclass(frozen=True, eq=False)
 class Navigated(Measured):
-    """A log that a navigation wrote, cut at its corrections.
+    """A log that a navigation wrote.
 
     Attributes
     ----------
     drift : Drift
+    corrected : ndarray
+        Times on the log's clock of the first rows behind corrections [s].
     """
 
     drift: Drift
+    corrected: Array
 
 
 def over_ground(log: Log) -> Array:
@@ -123,7 +124,7 @@ def noise_level(row: Array) -> float:
     return max(float(np.median(thirds)) / (NORMAL * np.sqrt(20.0)) if thirds.size else 0.0, 1e-12)
 
 
-def corrections(log: Log) -> Rows:
+def corrections(log: Log) -> Indices:
     """Return the rows at which the position jumps as no velocity says, and stays there.
 
     Parameters
@@ -175,6 +176,8 @@ def measure_navigated(block: Block, log: Log, most_rows: int = MOST_ROWS) -> Nav
     most_rows : int, optional
         As for :func:`hovercontrol.identify.measure.measure`.
     """
+    if not {"psi", "u", "v"} <= {s.name for s in (*block.states, *block.outputs)}:
+        return None
     at = corrections(log)
     if not LEAST <= at.size <= MOST * len(log):
         return None
@@ -187,89 +190,5 @@ def measure_navigated(block: Block, log: Log, most_rows: int = MOST_ROWS) -> Nav
     drift = Drift(float(jumps), float(jumps) / apart, white, int(at.size), float(np.sqrt((moved**2).mean())))
     columns = {name: values for name, values in log.columns.items() if name not in ("x", "y")}
     plain = measure(block, Log(log.name, log.time, columns), most_rows)
-    times = log.time[at]
-    cuts = np.searchsorted(plain.time, times - 1e-9)
-    segments = []
-    for first, stop in plain.segments:
-        own = cuts[(cuts > first) & (cuts < stop)].tolist()
-        segments += [(a, b) for a, b in zip([first, *own], [*own, stop], strict=True) if b - a >= FEWEST]
     given = {f.name: getattr(plain, f.name) for f in fields(Measured)}
-    return Navigated(**{**given, "segments": tuple(segments)}, drift=drift)
-
-
-class Errors:
-    """The errors of a navigation's velocities in windows: whitened, or taken out.
-
-    Parameters
-    ----------
-    logs : sequence of Measured
-        Of each window.
-    channels : sequence of str
-    values, seen : ndarray, shape (W, K, C)
-    time : ndarray, shape (W, K)
-    """
-
-    def __init__(
-        self,
-        logs: Sequence[Measured],
-        channels: Sequence[str],
-        values: Array,
-        seen: NDArray[np.bool_],
-        time: Array,
-    ) -> None:
-        self._at = [channels.index(name) for name in ("psi", "u", "v")]
-        self._own = np.flatnonzero([isinstance(m, Navigated) for m in logs])
-        drifts = [m.drift for m in logs if isinstance(m, Navigated)]
-        K = values.shape[1]
-        psi, u, v = np.moveaxis(np.nan_to_num(values[self._own][..., self._at]), -1, 0)
-        c, s = np.cos(psi), np.sin(psi)
-        # residuals over ground: those of the body turned, and the heading's, which turns the velocity
-        self._turn = np.stack(
-            [np.stack([-s * u - c * v, c, -s], axis=-1), np.stack([c * u - s * v, s, c], axis=-1)], axis=-2
-        )
-        self._known: NDArray[np.bool_] = np.all(seen[self._own][..., self._at], axis=-1, keepdims=False)
-        self._turn *= self._known[..., None, None]
-        offset, ramp, white = np.array([[d.offset, d.ramp, d.white] for d in drifts]).T[..., None]
-        since = time[self._own] - time[self._own, :1]
-        slow = offset[..., None] ** 2 + (ramp * since)[:, :, None] * (ramp * since)[:, None, :]
-        self._slow = slow * self._known[:, :, None] * self._known[:, None, :]
-        whole = self._slow.copy()
-        whole[:, range(K), range(K)] += np.where(self._known, white**2, 1.0)
-        L = np.linalg.cholesky(whole)
-        self._inverse = np.linalg.inv(L)
-        self._spread = 4.0 * np.log(np.diagonal(L, axis1=1, axis2=2)).sum(axis=1)  # of both directions
-
-    def whiten(self, columns: Array, white: Array, measured: Array) -> tuple[Array, Array]:
-        """Return whitened columns, those of the velocities anew, and what the determinants gain.
-
-        Parameters
-        ----------
-        columns, white : ndarray, shape (W, K, C, M)
-            As they are, and over the noise of each channel.
-        measured : ndarray, shape (C,)
-            That noise.
-        """
-        ground = self._over_ground(columns)
-        W, K, _, M = ground.shape
-        found = (self._inverse @ ground.reshape(W, K, 2 * M)).reshape(W, K, 2, M)
-        white = white.copy()
-        for j, c in enumerate(self._at[1:]):
-            white[self._own, :, c] = np.where(self._known[..., None], found[:, :, j], 0.0)
-        gained = np.zeros(len(columns))
-        plain = 2.0 * np.log(measured[self._at[1:]]).sum()
-        gained[self._own] = self._spread - plain * self._known.sum(axis=1)
-        return white, gained
-
-    def without(self, residual: Array) -> Array:
-        """Return residuals, (W, K, C), less the likeliest drift."""
-        ground = self._over_ground(residual[..., None])[..., 0]
-        drift = self._slow @ (self._inverse.swapaxes(1, 2) @ (self._inverse @ ground))
-        body = np.swapaxes(self._turn[..., 1:], -1, -2) @ drift[..., None]
-        left = residual.copy()
-        for j, c in enumerate(self._at[1:]):
-            left[self._own, :, c] -= body[..., j, 0]
-        return left
-
-    def _over_ground(self, columns: Array) -> Array:
-        """Return the residuals of the velocities over ground, (W', K, 2, M)."""
-        return np.asarray(self._turn @ columns[self._own][:, :, self._at])
+    return Navigated(**given, drift=drift, corrected=log.time[at])

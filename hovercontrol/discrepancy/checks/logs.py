@@ -9,19 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hovercontrol.block import Block
-from hovercontrol.discrepancy.clocks import check_clocks
-from hovercontrol.discrepancy.data import Data
-from hovercontrol.discrepancy.ladder import Excited
-from hovercontrol.discrepancy.same import refuse_same
-from hovercontrol.discrepancy.subject import Subject, structure
-from hovercontrol.discrepancy.units import refuse_units
+from hovercontrol.discrepancy.checks.clocks import check_clocks
+from hovercontrol.discrepancy.checks.duplicate_logs import refuse_duplicates
+from hovercontrol.discrepancy.checks.units import refuse_units
 from hovercontrol.errors import InputError, did_you_mean
-from hovercontrol.identify.excitation import (
-    idle_inputs,
-    named_directions,
-    reason,
-    unexcited_directions,
-)
+from hovercontrol.estimation.rows import FEWEST
+from hovercontrol.estimation.subject import Subject, structure
 from hovercontrol.identify.measure import steps
 from hovercontrol.logs import Log
 from hovercontrol.logs.check import check_heading
@@ -34,8 +27,9 @@ SHORTEST, SHORT = 2.0, 10.0
 #: Seconds for which a sensor may say the same while others move, in rows at least.
 STUCK, STUCK_ROWS = 0.5, 10
 
-#: Part of the rows at its largest value, and visits there, that make a command look cut off.
-CUT_OFF, VISITS = 0.05, 3
+#: Part of the rows at its largest value, and visits there, that make a command look cut off; values below the
+#: last part of the largest are idle.
+CUT_OFF, VISITS, IDLE = 0.05, 3, 0.02
 
 
 def check_logs(model: Subject, logs: Sequence[Log], holdout: Log | None = None) -> list[str]:
@@ -56,8 +50,8 @@ def check_logs(model: Subject, logs: Sequence[Log], holdout: Log | None = None) 
     ------
     InputError
         If a log lacks an input of the model (the nearest column is named), is too short, holds a channel that
-        is empty or constant or in wrong units, has clocks that drift apart by much, or shares rows with
-        another.
+        is empty or constant or in wrong units, has commands and measurements at other times or clocks that
+        drift apart by much, or shares rows with another.
 
     Examples
     --------
@@ -75,6 +69,7 @@ def check_logs(model: Subject, logs: Sequence[Log], holdout: Log | None = None) 
         warnings += _length(log)
         channels = _channels(block, log)
         _refuse_dead(log, channels)
+        _refuse_apart(log, channels, [s.name for s in block.inputs])
         refuse_units(model, log)
         if log.has("psi"):
             known = np.isfinite(log["psi"])
@@ -82,43 +77,10 @@ def check_logs(model: Subject, logs: Sequence[Log], holdout: Log | None = None) 
             check_heading(log.name, "psi", log.time[known], log["psi"][known], rate)
         warnings += _stuck(log, channels) + _cut_off(log, [s.name for s in block.inputs])
     _refuse_other_pace(every)
-    refuse_same(logs, holdout, _measured(block), [s.name for s in block.inputs])
+    refuse_duplicates(logs, holdout, _measured(block), [s.name for s in block.inputs])
     for log in every:
         warnings += check_clocks(model, log)
     return warnings
-
-
-def check_excitation(told: Excited, data: Data) -> list[str]:
-    """Return which coefficients the logs say nothing of, one line each.
-
-    Parameters
-    ----------
-    told : Excited
-        By :func:`.ladder.paced`.
-    data : Data
-        Of the training logs.
-
-    Raises
-    ------
-    InputError
-        If that is true of all: the craft hardly moves.
-    """
-    names, size, std, blind = told.names, told.size, told.std, told.blind
-    directions = named_directions(unexcited_directions(told.covariance, size), size, names)
-    block = told.windowed.block
-    moving = [any(np.any(m.inputs[i] != 0.0) for m in data.logs) for i in range(len(block.inputs))]
-    if blind and len(blind) == len(names):
-        logs = ", ".join(m.name for m in data.logs)
-        raise InputError(
-            f"{logs}: no coefficient of the model can be known from it: the craft or its commands hardly move"
-        )
-    said = []
-    for j in blind:
-        signal = block.parameter(names[j])
-        idle = idle_inputs(block, signal.name, moving)
-        why = reason(names[j], std[j], size[j], told.alone[j], directions, signal.unit, idle)
-        said.append(f"{names[j]} cannot be known from these logs: {why}")
-    return said
 
 
 def _refuse_inputs(block: Block, log: Log) -> None:
@@ -159,6 +121,8 @@ def _length(log: Log) -> list[str]:
             f"{log.name}: too short: the longest stretch without a break is {longest:.3g} s, expected "
             f"{SHORTEST:g} s or more"
         )
+    if len(log) < FEWEST:
+        raise InputError(f"{log.name}: too short: {len(log)} rows, expected {FEWEST} or more")
     if longest < SHORT:
         return [f"{log.name}: {longest:.3g} s without a break are little: effects may not show"]
     return []
@@ -174,6 +138,19 @@ def _refuse_dead(log: Log, channels: Sequence[str]) -> None:
             others = [o for o in channels if o != c and steps(log[o][np.isfinite(log[o])]).size]
             but = f" while {others[0]} moves" if others else ""
             raise InputError(f"{log.name}: column {c!r} is constant{but}: is the sensor stuck? Leave it out")
+
+
+def _refuse_apart(log: Log, channels: Sequence[str], inputs: Sequence[str]) -> None:
+    """Refuse commands that are known at no time at which anything was measured."""
+    measured = np.isfinite(np.array([log[c] for c in channels])).any(axis=0)
+    for name in inputs:
+        known = np.isfinite(log[name])
+        if known.any() and measured.any() and not (known & measured).any():
+            one, other = (log.time[rows] for rows in (known, measured))
+            raise InputError(
+                f"{log.name}: input {name!r} (from {one[0]:.6g} to {one[-1]:.6g} s) and motion (from "
+                f"{other[0]:.6g} to {other[-1]:.6g} s) are at no time known together: do their clocks agree?"
+            )
 
 
 def _stuck(log: Log, channels: Sequence[str]) -> list[str]:
@@ -210,7 +187,7 @@ def _cut_off(log: Log, inputs: Sequence[str]) -> list[str]:
         for value in (float(row.max()), float(row.min())):
             at = row == value
             visits = int((np.diff(np.concatenate([[0], at.astype(int)])) == 1).sum())
-            if value != 0.0 and at.mean() > CUT_OFF and visits >= VISITS:
+            if abs(value) > IDLE * float(np.abs(row).max()) and at.mean() > CUT_OFF and visits >= VISITS:
                 said.append(
                     f"{log.name}: {name} is at its limit of {value:.4g} in {100 * at.mean():.0f} % of the "
                     "rows: saturated? An effect that acts beyond it cannot show"

@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import t as student
 
-from hovercontrol.discrepancy.subject import Subject, structure
-from hovercontrol.discrepancy.units import scale
+from hovercontrol.discrepancy.checks.units import scale
 from hovercontrol.errors import InputError
+from hovercontrol.estimation.subject import Subject, structure
 from hovercontrol.logs import VELOCITY, Log
 
 Array = NDArray[np.float64]

@@ -1,25 +1,20 @@
-"""Compare a model with logs: free-running, a short time ahead, and whether what remains is noise."""
+"""Compare a model with logs: a short time ahead, free-running, and whether what remains is noise."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hovercontrol.discrepancy.data import Data, gather
-from hovercontrol.discrepancy.fit import Fit, fit
-from hovercontrol.discrepancy.levels import LEVEL
-from hovercontrol.discrepancy.noise import Noise
-from hovercontrol.discrepancy.subject import Subject
-from hovercontrol.discrepancy.traces import Trace, traces
-from hovercontrol.discrepancy.whiteness import (
-    independence,
-    past_commands,
-    recursive_residuals,
-    whiteness,
-)
+from hovercontrol.discrepancy.evidence.holdout import held_fit
+from hovercontrol.discrepancy.evidence.traces import Trace, simulated_traces
+from hovercontrol.discrepancy.evidence.whiteness import independence, innovations, past_commands, whiteness
+from hovercontrol.estimation.data import gather
+from hovercontrol.estimation.fit import Fit
+from hovercontrol.estimation.noise import Noise
+from hovercontrol.estimation.subject import Subject
 from hovercontrol.logs import Log
 
 Array = NDArray[np.float64]
@@ -29,6 +24,10 @@ HORIZON = 1.0
 
 #: Chance at which all tests together find something where there is nothing.
 CHANCE = 1e-3
+
+#: Standard error of a noise level from the median of n third differences, times the root of n; and how many
+#: of them what remains may be larger.
+LEVEL, BEYOND = 1.65, 4.0
 
 
 @dataclass(frozen=True)
@@ -41,8 +40,8 @@ class Compared:
     noise : float
         Of the measurement, from the log itself, in that unit.
     short, free : float
-        Root mean square error over windows of a second, each from its own fitted start; and of one run over
-        the longest stretch, from the start alone. In that unit.
+        Root mean square error of simulations of a second, each from its own smoothed start; and of one over
+        the whole log, from its start alone. In that unit.
     remains : float
         Size of what the rows before do not foretell, over that of noise: 1 if nothing is missing.
     largest : float
@@ -71,7 +70,7 @@ class Comparison:
     ----------
     model : str
     horizon : float
-        Length of the short windows [s].
+        Length of the short simulations [s].
     channels : tuple of Compared
     runs : tuple of Trace
         Running free, one for each log.
@@ -111,17 +110,17 @@ class Comparison:
 
 
 def compare(
-    model: Subject, logs: Sequence[Log] | Data, *, horizon: float = HORIZON, noise: Noise | None = None
+    model: Subject, logs: Sequence[Log], *, horizon: float = HORIZON, noise: Noise | None = None
 ) -> Comparison:
     """Compare a model, its coefficients as they are, with logs.
 
     Parameters
     ----------
     model : Model or BlockModel
-    logs : sequence of Log, or Data
+    logs : sequence of Log
         With the model's inputs, and some of what it computes.
     horizon : float, optional
-        Length of short windows [s].
+        Length of short simulations [s].
     noise : Noise, optional
         Default: that of the measurements, from the logs; with process noise, gusts count as noise.
 
@@ -132,7 +131,7 @@ def compare(
     Raises
     ------
     InputError
-        If a log lacks an input, is too short for a window, or shows nothing of the model.
+        If a log lacks an input, is too short, or shows nothing of the model.
 
     Examples
     --------
@@ -144,50 +143,47 @@ def compare(
     >>> compare(c17_simulation(), [Log("demo", t, {**seen, **commands})]).agrees
     True
     """
-    data = logs if isinstance(logs, Data) else gather(model, logs)
-    return compared(fit(model, data, horizon, noise, frozen=True))
+    fit = held_fit(model, gather(model, logs))
+    return compared(fit, horizon, noise)
 
 
-def compared(near: Fit) -> Comparison:
-    """Return the comparison of a model that was fitted to windows as long as the horizon.
+def compared(fit: Fit, horizon: float = HORIZON, noise: Noise | None = None) -> Comparison:
+    """Return the comparison of a fitted model.
 
     Parameters
     ----------
-    near : Fit
-        Its coefficients as they are judged.
+    fit : Fit
+        Its coefficients as they are judged; its path is where the craft was. Samples that it left out are not
+        compared.
+    horizon : float, optional
+        Length of short simulations [s].
+    noise : Noise, optional
+        Default: that of the measurements.
     """
-    data, horizon = near.windowed.data, near.windowed.length
-    short, runs, z = traces(near, horizon), traces(near), recursive_residuals(near)
+    problem = fit.problem
+    fit = replace(fit, noise=noise or replace(fit.noise, process=np.zeros_like(fit.noise.process)))
+    short, free = simulated_traces(fit, horizon), simulated_traces(fit)
+    z = innovations(fit)
     found = []
-    for i, (log, windows, run) in enumerate(zip(data.logs, short, runs, strict=True)):
-        own = np.array([k == i for k, _, _ in near.windowed.ranges], dtype=bool)
-        past = past_commands(near, i)
-        near_rms, free_rms = _short_rms(near, own), run.rms()
+    for i, (log, ahead, run) in enumerate(zip(problem.logs, short, free, strict=True)):
+        own = problem.rows.log == i
+        past, ahead_rms, free_rms = past_commands(fit, i), ahead.rms(), run.rms()
         for channel in log.channels:
-            c = data.channels.index(channel)
-            mine = z[own][:, :, c]
+            c = problem.rows.channels.index(channel)
+            mine = z[:, own, c]
             known = mine[np.isfinite(mine)]
             found.append(
                 Compared(
                     log.name,
                     channel,
-                    windows.units[channel],
-                    float(data.noise[c] * data.scales[i, c]),
-                    near_rms[c],
+                    run.units[channel],
+                    float(fit.noise.measured[c] * fit.noise.scale[i, c]),
+                    ahead_rms[channel],
                     free_rms[channel],
                     float(np.sqrt(np.mean(known**2))) if known.size else np.nan,
-                    1.0 + 4.0 * LEVEL / np.sqrt(max(int(near.windowed.seen[..., c].sum()), 1)),
+                    1.0 + BEYOND * LEVEL / np.sqrt(max(int(problem.seen[:, own, c].sum()), 1)),
                     whiteness(mine),
                     independence(mine, past),
                 )
             )
-    return Comparison(near.windowed.model.name, horizon, tuple(found), tuple(runs))
-
-
-def _short_rms(near: Fit, own: NDArray[np.bool_]) -> list[float]:
-    """Return the root mean square residual of each channel in some windows."""
-    seen = near.windowed.seen[own]
-    count = np.maximum(seen.sum(axis=(0, 1)), 1)
-    left = near.left[own] * near.windowed.scale[own]
-    rms: Array = np.sqrt((left**2).sum(axis=(0, 1)) / count)
-    return rms.tolist()
+    return Comparison(problem.model.name, horizon, tuple(found), free)

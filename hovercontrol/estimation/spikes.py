@@ -1,4 +1,4 @@
-"""Spikes: samples off the rows before and behind alike, as neither motion nor a missing effect puts them."""
+"""Spikes: samples off the rows before and behind alike, as no motion puts them."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-Rows = NDArray[np.intp]
 
 #: Standard deviations by which a residual stands out from both sides, and in steps from row to row there.
 STANDS_OUT, STEPS = 5.5, 4.0
@@ -26,12 +25,7 @@ SHARP = (0.5, 0.5, 0.75)
 LONELY = 2.0
 
 
-def seen_first(seen: Mask) -> Rows:
-    """Return the order of rows, (W, K, C), that puts those seen side by side, in front."""
-    return np.argsort(~seen, axis=1, kind="stable")
-
-
-def stand_out(z: Array, seen: Mask, behind: Rows | None = None, beside: Array | None = None) -> Mask:
+def stand_out(z: Array, seen: Mask) -> Mask:
     """Return which samples lie off the rows before and those behind them alike, alone or a few together.
 
     Parameters
@@ -40,10 +34,6 @@ def stand_out(z: Array, seen: Mask, behind: Rows | None = None, beside: Array | 
         Residuals over the noise.
     seen : ndarray of bool, shape (W, K, C)
         Rows that are not are passed over.
-    behind : ndarray of int, shape (W,), optional
-        The window that follows each without a break, or -1.
-    beside : ndarray, shape (W, C), optional
-        What is added to that one's residuals to go on from this one's.
 
     Examples
     --------
@@ -51,28 +41,17 @@ def stand_out(z: Array, seen: Mask, behind: Rows | None = None, beside: Array | 
     >>> np.flatnonzero(stand_out(z, np.ones(z.shape, dtype=bool)))  # a peak is none
     array([4])
     """
-    W, K, C = z.shape
     rows = np.where(seen, z, np.nan)
-    edges = np.full((2, W, BESIDE, C), np.nan)
-    if behind is not None and beside is not None:
-        order, count, own = seen_first(seen), seen.sum(axis=1)[:, None], np.flatnonzero(behind >= 0)
-        last = count + np.arange(-BESIDE, 0)[:, None]
-        ends = np.take_along_axis(rows, np.take_along_axis(order, np.maximum(last, 0), axis=1), axis=1)
-        ends = np.where(last >= 0, ends, np.nan)
-        starts = np.take_along_axis(rows, order[:, :BESIDE], axis=1)
-        edges[0, behind[own]] = ends[own] - beside[own, None]
-        edges[1, own] = starts[behind[own]] + beside[own, None]
-    longer = np.concatenate([edges[0], rows, edges[1]], axis=1)
-    order = seen_first(np.isfinite(longer))
-    longer = np.take_along_axis(longer, order, axis=1)
-    found = np.zeros(longer.shape, dtype=np.bool_)
+    order = np.argsort(~np.isfinite(rows), axis=1, kind="stable")  # rows that are seen side by side, in front
+    rows = np.take_along_axis(rows, order, axis=1)
+    found = np.zeros(rows.shape, dtype=np.bool_)
     for width in range(1, len(SHARP) + 1):
-        first = _alone(longer, width)
+        first = _alone(rows, width)
         for k in range(width):
-            found[:, k : longer.shape[1] - width + 1 + k] |= first
+            found[:, k : rows.shape[1] - width + 1 + k] |= first
     out = np.zeros_like(found)
     np.put_along_axis(out, order, found, axis=1)
-    return np.asarray(out[:, BESIDE : BESIDE + K] & seen)
+    return np.asarray(out & seen)
 
 
 def _alone(rows: Array, width: int) -> Mask:

@@ -33,7 +33,7 @@ SOUGHT, PARTNERS, SHIFTS = 400, 3, 3
 ASIDE = 0.3
 
 
-def refuse_same(
+def refuse_duplicates(
     logs: Sequence[Log], holdout: Log | None, channels: Sequence[str], inputs: Sequence[str]
 ) -> None:
     """Refuse a hold-out log that is a training log or overlaps one, and training logs that count twice.

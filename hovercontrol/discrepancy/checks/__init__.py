@@ -1,0 +1,6 @@
+"""What logs and a first fit must satisfy before a model is diagnosed from them."""
+
+from hovercontrol.discrepancy.checks.excitation import check_fitted
+from hovercontrol.discrepancy.checks.logs import check_logs
+
+__all__ = ["check_fitted", "check_logs"]

@@ -1,0 +1,126 @@
+"""What a first fit says of the logs: coefficients that they cannot tell, a model that predicts nothing."""
+
+from __future__ import annotations
+
+from copy import copy
+from dataclasses import replace
+
+import numpy as np
+
+from hovercontrol.discrepancy.checks.input_gain_check import refuse_gains
+from hovercontrol.errors import InputError
+from hovercontrol.estimation.fit import Fit
+from hovercontrol.estimation.levels import unlike
+from hovercontrol.estimation.navigation import Navigated
+from hovercontrol.estimation.prediction import horizons, predict
+from hovercontrol.identify.excitation import (
+    covariance,
+    idle_inputs,
+    information,
+    named_directions,
+    reason,
+    unexcited_directions,
+    widening,
+)
+from hovercontrol.identify.predict import coasting
+
+#: Part of the accelerations seen from which on process noise may be all there is.
+SWALLOWED = 0.3
+
+#: How far ahead such a model is asked to predict [s], and what its errors (their median over channels) must
+#: be of those of a craft whose velocities stay: drag along one axis is no merit.
+AHEAD, BETTER = 0.2, 0.9
+
+
+def check_fitted(base: Fit) -> list[str]:
+    """Refuse logs that tell nothing of a model, or are in other units; warn of what they do not tell.
+
+    Parameters
+    ----------
+    base : Fit
+        Of the given model.
+
+    Returns
+    -------
+    list of str
+        One line each.
+
+    Raises
+    ------
+    InputError
+        If no coefficient can be known, or a command is in other units or of the other sign.
+    """
+    data = base.problem.data
+    refuse_gains(base)
+    nothing = predicts_nothing(base)
+    navigated = [f"{m.name}: {m.drift}" for m in data.logs if isinstance(m, Navigated)]
+    alike = unlike(data.channels, data.scales)
+    return [*navigated, *alike, *check_excitation(base, bool(nothing)), *nothing]
+
+
+def check_excitation(base: Fit, predicts_nothing: bool = False) -> list[str]:
+    """Return which coefficients the logs say nothing of, one line each.
+
+    Parameters
+    ----------
+    base : Fit
+        Of the given model.
+    predicts_nothing : bool, optional
+        Whether all that moves is noise to it, so that it is no wonder.
+
+    Raises
+    ------
+    InputError
+        If that is true of all: the craft hardly moves.
+    """
+    problem, linear = base.problem, set(base.problem.model.linear_coefficients())
+    own = [j for j, name in enumerate(problem.names) if name in linear]
+    if not own:
+        return []
+    names, size = [problem.names[j] for j in own], problem.size[own]
+    S = information(base)[np.ix_(own, own)]
+    C = covariance(S, size, widening(base)[own])
+    std = np.sqrt(np.diag(C))
+    alone = 1.0 / np.sqrt(np.maximum(np.diag(S), 1e-300))
+    blind = np.flatnonzero(std > size).tolist()
+    moving = [any(np.ptp(m.inputs[i]) > 0.0 for m in problem.logs) for i in range(len(problem.block.inputs))]
+    if len(blind) == len(names) and not (predicts_nothing and any(moving)):
+        logs = ", ".join(m.name for m in problem.logs)
+        raise InputError(
+            f"{logs}: no coefficient of the model can be known from it: the craft or its commands hardly move"
+        )
+    directions = named_directions(unexcited_directions(C, size), size, names)
+    used = [any(np.any(m.inputs[i] != 0.0) for m in problem.logs) for i in range(len(problem.block.inputs))]
+    said = []
+    for j in blind:
+        signal = problem.block.parameter(names[j])
+        idle = idle_inputs(problem.block, signal.name, used)
+        why = reason(names[j], std[j], size[j], alone[j], directions, signal.unit, idle)
+        said.append(f"{names[j]} cannot be known from these logs: {why}")
+    return said
+
+
+def predicts_nothing(base: Fit) -> list[str]:
+    """Return a warning if a model predicts hardly better than that velocities stay; else nothing.
+
+    Parameters
+    ----------
+    base : Fit
+        Of the given model.
+    """
+    problem = base.problem
+    if not problem.driven or np.any(base.noise.process < SWALLOWED * problem.accelerations):
+        return []
+    horizon = horizons(base, (AHEAD,))[0]
+    still = copy(problem)
+    still.block = coasting(problem.block)
+    found, trivial = predict(base, horizon), predict(replace(base, problem=still), horizon)
+    if found is None or trivial is None:
+        return []
+    ratios = [found.rms[c] / trivial.rms[c] for c in found.channels if trivial.rms[c] > 0.0]
+    if not ratios or float(np.median(ratios)) < BETTER:
+        return []
+    return [
+        f"the model predicts nothing: {horizon:.2g} s ahead it is hardly better than that velocities stay; "
+        "are model, commands and motion of the same craft and time?"
+    ]

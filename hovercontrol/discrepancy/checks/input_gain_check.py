@@ -1,0 +1,64 @@
+"""Coefficients that come to lie far from the model's: inputs in other units, or of the other sign."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hovercontrol.errors import InputError
+from hovercontrol.estimation.fit import Fit
+from hovercontrol.identify.excitation import inputs_beside
+
+#: By how much logs must want more (or less) of an input than the model has, what is its opposite, and how
+#: well they must know it (standard error, relative): no craft is so far from its model, but one in other
+#: units. What a model lacks may take nearly all of a gain, yet never so surely.
+FAR, OPPOSITE, KNOWN = 20.0, -0.5, 0.02
+
+#: A coefficient that does less than this part of what the most effective one beside an input does is a small
+#: effect of a model, which may be far off in any unit.
+SLIGHT = 0.1
+
+
+def refuse_gains(base: Fit) -> None:
+    """Refuse inputs that do a small part, or many times, or the opposite of what the model says.
+
+    Parameters
+    ----------
+    base : Fit
+        Of the given model.
+
+    Raises
+    ------
+    InputError
+        If the coefficient of an input is 20 times as large or as small as the model's, or about its opposite,
+        and well known: its column is in another unit, or of another sign.
+    """
+    problem, std = base.problem, np.sqrt(np.diag(base.covariance))
+    linear = [
+        problem.names.index(name) for name in problem.model.linear_coefficients() if name in problem.names
+    ]
+    if not any(_is_far(base.p[j], problem.start[j], std[j]) for j in linear):
+        return
+    S = base.S.sum(axis=0)
+    beside = {j: inputs_beside(problem.block, problem.block.parameter(problem.names[j]).name) for j in linear}
+    does = {j: float(np.sqrt(S[j, j]) * abs(problem.start[j])) for j in linear if beside[j]}
+    main = [j for j, much in does.items() if much > SLIGHT * max(does.values())]
+    far = {j: beside[j] for j in main if _is_far(base.p[j], problem.start[j], std[j])}
+    if not far:
+        return
+    first = min(far, key=lambda j: len(far[j]))
+    shared = [n for n in far[first] if all(n in inputs for inputs in far.values())] or far[first]
+    units = {s.name: "" if s.unit == "1" else f" ({s.unit})" for s in problem.block.inputs}
+    columns = " and ".join(f"{n!r}{units[n]}" for n in shared)
+    logs, name = ", ".join(m.name for m in problem.logs), problem.names[first]
+    raise InputError(
+        f"{logs}: {name} would be {base.p[first]:.3g} {problem.block.parameter(name).unit}, the model has "
+        f"{problem.start[first]:.3g}: {'are columns' if len(shared) > 1 else 'is column'} {columns} in the "
+        "model's units, and of its sign? If so, the model is far off: fit it first (hovercontrol identify)"
+    )
+
+
+def _is_far(value: float, given: float, std: float) -> bool:
+    if given == 0.0 or std > KNOWN * abs(value):
+        return False
+    times = value / given
+    return bool(times > FAR or abs(times) < 1.0 / FAR or times < OPPOSITE)

@@ -1,0 +1,168 @@
+"""A fitted model's simulation beside the logs, some seconds at a time or all at once."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hovercontrol.discrepancy.evidence.missing import Missing
+from hovercontrol.discrepancy.evidence.remainder import missing_forces
+from hovercontrol.estimation.fit import Fit
+from hovercontrol.estimation.problem import STEP, Problem
+from hovercontrol.estimation.rows import GAP_STEPS, LONGEST_GAP
+from hovercontrol.targets.shoot import shoot
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+
+@dataclass(frozen=True, eq=False)
+class Trace:
+    """One log beside a simulation.
+
+    Attributes
+    ----------
+    log : str
+    time : ndarray, shape (n,)
+        On the log's clock [s].
+    channels : tuple of str
+    units : mapping
+        Of each channel.
+    measured, simulated : ndarray, shape (C, n)
+        NaN where nothing was measured; `simulated` also in rows that no block holds.
+    starts : tuple of float
+        Times at which the simulation starts afresh, from the smoothed path.
+    missing : tuple of Missing
+        The smoothed missing force in the same rows, by equation.
+    """
+
+    log: str
+    time: Array
+    channels: tuple[str, ...]
+    units: Mapping[str, str]
+    measured: Array
+    simulated: Array
+    starts: tuple[float, ...]
+    missing: tuple[Missing, ...] = ()
+
+    def rms(self) -> dict[str, float]:
+        """Return the root mean square error of each channel in its unit; infinite where it runs away."""
+        found = {}
+        for c, measured, simulated in zip(self.channels, self.measured, self.simulated, strict=True):
+            both = ~np.isnan(measured) & ~np.isnan(simulated)
+            with np.errstate(over="ignore"):
+                square = float(np.mean((simulated[both] - measured[both]) ** 2)) if both.any() else np.nan
+            found[c] = float(np.sqrt(square))
+        return found
+
+
+def simulated_traces(fit: Fit, seconds: float = np.inf) -> tuple[Trace, ...]:
+    """Return a fitted model's simulation beside each log.
+
+    It starts from the smoothed path and then follows the log's commands alone.
+
+    Parameters
+    ----------
+    fit : Fit
+    seconds : float, optional
+        After which it starts afresh; default: only where a log was interrupted.
+    """
+    missing = missing_forces(fit)
+    return tuple(_trace(fit, k, seconds, missing) for k in range(len(fit.problem.logs)))
+
+
+def _trace(fit: Fit, k: int, seconds: float, missing: tuple[Missing, ...]) -> Trace:
+    problem, log = fit.problem, fit.problem.logs[k]
+    own = [problem.rows.channels.index(c) for c in log.channels]
+    measured, simulated = (np.full((len(own), log.time.size), np.nan) for _ in range(2))
+    runs = list(runs_of(problem, k, seconds))
+    for (row, block), (_, values) in zip(runs, simulate_runs(problem, fit.p, fit.path, runs), strict=True):
+        at = problem.rows.at[row, block]
+        there = at >= 0
+        simulated[:, at[there]] = values[own][:, there]
+        seen = problem.rows.values[row, block][:, own].T
+        measured[:, at[there]] = seen[:, there]
+    return Trace(
+        log.name,
+        log.time,
+        log.channels,
+        {c: problem.block.signal(c).unit for c in log.channels},
+        measured,
+        simulated,
+        tuple(float(problem.rows.time[row[0], block[0]] + log.origin) for row, block in runs),
+        tuple(m for m in missing if m.log == log.name),
+    )
+
+
+def runs_of(problem: Problem, k: int, seconds: float = np.inf) -> Iterator[tuple[Indices, Indices]]:
+    """Yield rows and blocks, one after the other, of each run over a log.
+
+    Parameters
+    ----------
+    problem : Problem
+    k : int
+        Which log.
+    seconds : float, optional
+        After which a run ends and another begins; a long gap ends one as well.
+    """
+    blocks = np.flatnonzero(problem.rows.log == k)
+    time = problem.rows.time
+    lengths = [int(np.searchsorted(time[:, w], time[-1, w], side="left")) + 1 for w in blocks]
+    row = np.concatenate([np.arange(n) for n in lengths]).astype(np.intp)
+    block = np.repeat(blocks, lengths)
+    t = time[row, block]
+    far = max(LONGEST_GAP, GAP_STEPS * problem.shortest)
+    begin = 0
+    for j in range(1, t.size + 1):
+        if j == t.size or t[j] - t[j - 1] > far or t[j] - t[begin] >= seconds - 0.5 * problem.shortest:
+            if j - begin > 1:
+                yield row[begin:j], block[begin:j]
+            begin = j
+
+
+def simulate_runs(
+    problem: Problem, p: Array, path: Array, runs: Sequence[tuple[Indices, Indices]]
+) -> list[tuple[Array, Array]]:
+    """Return states and channels along each run, shapes (n_states, n) and (C, n); all runs side by side.
+
+    Parameters
+    ----------
+    problem : Problem
+    p : ndarray, shape (P,)
+        Unknowns.
+    path : ndarray, shape (K, W, n_states)
+        From which each run starts.
+    runs : sequence of (ndarray of int, ndarray of int)
+        By :func:`runs_of`.
+    """
+    parameters = problem.parameters(p)
+    M, N = max(row.size for row, _ in runs), len(runs)
+    t = np.empty((M, N))
+    for j, (row, block) in enumerate(runs):
+        t[: row.size, j] = problem.rows.time[row, block]
+        t[row.size :, j] = t[row.size - 1, j]
+    start = np.stack([path[row[0], block[0]] for row, block in runs], axis=-1)
+    log = np.array([problem.rows.log[block[0]] for _, block in runs])
+    dt = np.diff(t, axis=0)
+    S = max(problem.pieces, math.ceil(float(dt.max()) / STEP - 1e-9))
+    h = dt / S
+    begin = t[:-1] + np.arange(S)[:, None, None] * h
+    every = np.tile(log, M - 1)
+    u, lagged = problem.commands_at(parameters, begin.reshape(S, -1), h.ravel(), every)
+    states = shoot(
+        problem.block,
+        begin,
+        h,
+        u.reshape(-1, S, M - 1, 1, N),
+        {i: v.reshape(S, M - 1, 1, N) for i, v in lagged.items()},
+        np.array(parameters)[:, None],
+        start[:, None],
+    )[:, :, 0]
+    x = np.moveaxis(states, 1, 0).reshape(states.shape[1], -1)
+    with np.errstate(all="ignore"):
+        found = problem.channels_at(x, parameters, t.ravel(), np.tile(log, M)).reshape(-1, M, N)
+    return [(states[: row.size, :, j].T, found[:, : row.size, j]) for j, (row, _) in enumerate(runs)]

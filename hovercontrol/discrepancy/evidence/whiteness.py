@@ -1,0 +1,114 @@
+"""What a model that lacks nothing leaves: independent numbers of variance one, which no command foretells."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2
+
+from hovercontrol.estimation.fit import Fit
+from hovercontrol.estimation.kalman import run_filter
+from hovercontrol.estimation.noise import augment
+
+Array = NDArray[np.float64]
+
+#: Rows apart at which innovations are compared.
+LAGS = 10
+
+#: How long past commands are that innovations are compared with [s].
+PAST = (0.0, 0.1, 0.2, 0.4, 0.8)
+
+#: Standard deviations at which outliers are cut off.
+FAR = 4.0
+
+
+def innovations(fit: Fit) -> Array:
+    """Return each row against what the rows before it foretell, in standard deviations, shape (K, W, C).
+
+    Where a model and its noise are right they are independent, with variance one.
+
+    Parameters
+    ----------
+    fit : Fit
+
+    Returns
+    -------
+    ndarray, shape (K, W, C)
+        NaN where nothing was measured, and until as much was measured as there are states.
+    """
+    problem = fit.problem
+    white = run_filter(augment(problem, fit.linear, [fit.noise], unknowns=False)).white[..., 0]
+    so_far = np.cumsum(problem.seen.sum(axis=2), axis=0)[..., None]
+    return np.where(problem.seen & (so_far > 2 * len(problem.free)), white, np.nan)
+
+
+def whiteness(z: Array) -> float:
+    """Return the chance of correlations in time as large as found, were there none (Ljung, Box 1978).
+
+    Parameters
+    ----------
+    z : ndarray, shape (K, W)
+        Innovations of one channel by block; NaN where there is none.
+
+    Examples
+    --------
+    >>> e = np.random.default_rng(0).normal(size=(101, 40))
+    >>> whiteness(e[1:]) > 0.01, whiteness(e[1:] + 0.3 * e[:-1]) < 1e-6
+    (True, True)
+    """
+    z = _cut(z)
+    there = np.isfinite(z)
+    values = np.where(there, z, 0.0)
+    square = float((values**2).sum()) / max(int(there.sum()), 1)
+    total, used = 0.0, 0
+    for lag in range(1, min(LAGS, z.shape[0] // 3) + 1):
+        pairs = int((there[lag:] & there[:-lag]).sum())
+        if pairs and square > 0:
+            r = float((values[lag:] * values[:-lag]).sum()) / (pairs * square)
+            total, used = total + pairs * r * r, used + 1
+    return float(chi2.sf(total, used)) if used else 1.0
+
+
+def independence(z: Array, past: Sequence[Array]) -> float:
+    """Return the chance of correlations with past commands as large as found, were there none.
+
+    Parameters
+    ----------
+    z : ndarray, shape (K, W)
+    past : sequence of ndarray, shape (K, W)
+        Commands at rows and before (:func:`past_commands`).
+    """
+    z = _cut(z)
+    there = np.isfinite(z)
+    if not past or there.sum() < 10 * len(past):
+        return 1.0
+    values = z[there]
+    U = np.stack([u[there] for u in past], axis=-1)
+    U = U - U.mean(axis=0)
+    size = np.sqrt((U**2).mean(axis=0))
+    U = U[:, size > 1e-12] / size[size > 1e-12]
+    if not U.shape[1]:
+        return 1.0
+    _, s, Vt = np.linalg.svd(U.T @ U / len(U))
+    kept = s > 1e-6 * s[0]
+    scores = Vt[kept] @ (U.T @ values) / np.sqrt(s[kept] * len(U))
+    return float(chi2.sf(float((scores**2).sum()) / float(np.mean(values**2)), int(kept.sum())))
+
+
+def past_commands(fit: Fit, log: int) -> list[Array]:
+    """Return the commands of a log before each row of its blocks, by one row and more, each (K, W)."""
+    problem = fit.problem
+    m, at = problem.logs[log], problem.rows.at[:, problem.rows.log == log]
+    step = float(np.median(np.diff(m.time)))
+    ago = sorted({max(1, round(seconds / step)) for seconds in PAST})
+    last = m.time.size - 1
+    return [row[np.clip(at - back, 0, last)] for row in m.inputs for back in ago]
+
+
+def _cut(z: Array) -> Array:
+    """Return innovations with outliers cut off, so that a few of them do not decide."""
+    known = np.abs(z[np.isfinite(z)])
+    scale = float(np.median(known)) / 0.6745 if known.size else 1.0
+    return np.clip(z, -FAR * scale, FAR * scale)
