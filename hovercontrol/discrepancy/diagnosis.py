@@ -18,7 +18,7 @@ from hovercontrol.discrepancy.experiment.proposal import Experiment
 from hovercontrol.discrepancy.search.select import Lead, Rival, Selection
 from hovercontrol.discrepancy.verdict import Verdict
 from hovercontrol.estimation.fit import Fit
-from hovercontrol.estimation.subject import Subject
+from hovercontrol.estimation.subject import Subject, motion_of
 from hovercontrol.files import write_whole
 from hovercontrol.model import Model
 
@@ -240,7 +240,12 @@ def acts_in(fit: Fit, name: str) -> str:
     block = fit.problem.block
     e = fit.problem.model.effect(name)
     own = {block.parameter(e.parameter(k)).symbol for k in e.numbers}
-    rows = [f"{s.name}'" for s in block.states if block.expand(block.derivatives[s.name]).free_symbols & own]
+    motion = motion_of(fit.problem.model)
+    rows = [
+        f"{s.name}'"
+        for s in block.states
+        if s.name in motion and block.expand(block.derivatives[s.name]).free_symbols & own
+    ]
     rows += [
         o.name.replace("_measured", " as measured")
         for o in block.outputs

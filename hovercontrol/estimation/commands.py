@@ -58,9 +58,7 @@ def input_states(block: Block, motion: tuple[str, ...]) -> tuple[int, ...]:
     """
     states = {s.symbol: i for i, s in enumerate(block.states)}
     inputs = {s.symbol for s in block.inputs}
-    needs = {
-        i: block.expand(block.derivatives[s.name]).free_symbols for i, s in enumerate(block.states)
-    }
+    needs = {i: block.expand(block.derivatives[s.name]).free_symbols for i, s in enumerate(block.states)}
     found: list[int] = []
     while True:
         ready = [
@@ -201,9 +199,7 @@ class Arrival:
             for i in range(STEPS):
                 f = laws.rates(time[j] + (i + 0.5) * h, x, p, u)
                 x = [
-                    v + h * rate * (math.expm1(a * h) / (a * h) if abs(a * h) > 1e-8 else 1.0)
-                    if rate
-                    else v
+                    v + h * rate * (math.expm1(a * h) / (a * h) if abs(a * h) > 1e-8 else 1.0) if rate else v
                     for v, rate, a in zip(x, f[:n], f[n:], strict=True)
                 ]
             values.append(x)

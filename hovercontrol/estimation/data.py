@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
 from hovercontrol.block import Block
-from hovercontrol.errors import InputError
 from hovercontrol.estimation.drift import DriftStates, drift_states
 from hovercontrol.estimation.levels import noise_levels, noise_scales
 from hovercontrol.estimation.navigation import measure_navigated

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hovercontrol.block import Block
-from hovercontrol.estimation.commands import Arrival, command_times, input_states
-from hovercontrol.estimation.subject import Subject, motion_of, same_widths, structure, timing, unknowns
 from hovercontrol.effects import Shape
+from hovercontrol.estimation.commands import Arrival, command_times, input_states
 from hovercontrol.estimation.data import Data
+from hovercontrol.estimation.subject import Subject, motion_of, same_widths, structure, timing, unknowns
 from hovercontrol.targets.shoot import shoot
 
 Array = NDArray[np.float64]
@@ -100,7 +100,10 @@ class Problem:
         same = {one: other for one, other in same_widths(model).items() if other in self.names}
         self.same = same
         self._at = [
-            [keys.index(self.block.parameter(n).name) for n in (name, *(o for o, f in same.items() if f == name))]
+            [
+                keys.index(self.block.parameter(n).name)
+                for n in (name, *(o for o, f in same.items() if f == name))
+            ]
             for name in self.names
         ]
         self.lower = np.array([s.lower for s in signals])

@@ -113,7 +113,9 @@ def arrange(
             if block_time.size < 2:
                 continue
             parts = max(1, block_time.size // STRETCH)
-            for t, rows in zip(np.array_split(block_time, parts), np.array_split(block_at, parts), strict=True):
+            for t, rows in zip(
+                np.array_split(block_time, parts), np.array_split(block_at, parts), strict=True
+            ):
                 grids.append((i, t, rows))
                 block.append(len(block_log))
             block_log.append(i)

@@ -125,7 +125,7 @@ def small(force: Missing) -> float:
 
 def worst(missing: Sequence[Missing]) -> Missing | None:
     """Return the force that matters most: how large it is, and in how many rows it is there."""
-    return max(missing, key=lambda m: m.share * m.rms, default=None)
+    return max(missing, key=lambda m: m.share * m.rms / m.seen, default=None)
 
 
 def regime(missing: Sequence[Missing]) -> str:

@@ -47,6 +47,8 @@ class Missing:
         Per mass (inertia), and its standard error; NaN in rows outside all windows.
     over : tuple of Quantity
         What it may depend on, in the same rows.
+    seen : float
+        Root mean square of the whole acceleration in that equation, as seen: by it equations compare.
     """
 
     log: str
@@ -56,6 +58,7 @@ class Missing:
     force: Array
     band: Array
     over: tuple[Quantity, ...] = ()
+    seen: float = 1.0
 
     @property
     def segments(self) -> list[tuple[float, float]]:
@@ -92,3 +95,15 @@ def rate(unit: str) -> str:
     ('m/s^2', 'rad/s')
     """
     return f"{unit.removesuffix('/s')}/s^2" if unit.endswith("/s") else f"{unit}/s"
+
+
+def running_mean(time: Array, values: Array, over: float) -> Array:
+    """Return the mean of rows about each row, over so many seconds; NaN where there is none."""
+    known = np.isfinite(values)
+    total = np.concatenate([[0.0], np.cumsum(np.where(known, values, 0.0))])
+    count = np.concatenate([[0], np.cumsum(known)])
+    first = np.searchsorted(time, time - 0.5 * over, side="left")
+    stop = np.searchsorted(time, time + 0.5 * over, side="right")
+    with np.errstate(all="ignore"):
+        mean = (total[stop] - total[first]) / (count[stop] - count[first])
+    return np.asarray(np.where(known, mean, np.nan))

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hovercontrol.discrepancy.criteria import CRITERIA, Criteria
-from hovercontrol.discrepancy.evidence.missing import Missing, Quantity, rate
+from hovercontrol.discrepancy.evidence.missing import Missing, Quantity, rate, running_mean
 from hovercontrol.estimation.fit import Fit, inverse, products, refit
 from hovercontrol.estimation.kalman import run_filter
 from hovercontrol.estimation.noise import augment, averaged
@@ -65,20 +65,25 @@ def remainders(base: Fit, final: Fit, criteria: Criteria = CRITERIA) -> tuple[Re
         Of the given and of the amended model; the same if nothing was added.
     """
     problem = final.problem
-    over = max(OVER, ROWS * problem.shortest)
+    over = averaging_time(final)
     before, after = averaged(base.noise, over), averaged(final.noise, over)
     found = []
     for j, i in enumerate(problem.driven):
         state = problem.block.states[problem.free[i]]
         gain = _gain(final, j, criteria)
-        there = gain > criteria.remains and final.noise.process[j] > criteria.negligible * problem.accelerations[j]
+        there = (
+            gain > criteria.remains
+            and final.noise.process[j] > criteria.negligible * problem.accelerations[j]
+        )
         left = float(after[j]) if there else 0.0
         lacked = float(before[j]) if j < len(before) else 0.0
         lacks = base.noise.process[j] > criteria.negligible * problem.accelerations[j]
         share = 1.0 - (left / lacked) ** 2 if lacked > 0.0 and lacks else 0.0
         unit = rate(state.unit)
         found.append(
-            Remainder(f"{state.name}'", left, unit, max(share, 0.0), gain, over, float(final.noise.seconds[j]))
+            Remainder(
+                f"{state.name}'", left, unit, max(share, 0.0), gain, over, float(final.noise.seconds[j])
+            )
         )
     return tuple(found)
 
@@ -114,11 +119,18 @@ def _costs(fit: Fit, noises: list[Noise]) -> list[float]:
 
 
 def missing_forces(fit: Fit) -> tuple[Missing, ...]:
-    """Return the smoothed missing accelerations of a fit by log and equation, with their bands."""
+    """Return the smoothed missing accelerations of a fit by log and equation, averaged, with their bands.
+
+    Averaged over the time over which remainders are told; the band of a mean is that of an error as correlated
+    in time as the acceleration itself.
+    """
     problem = fit.problem
-    n = len(problem.free)
-    found = []
+    n, over = len(problem.free), averaging_time(fit)
     variance = np.diagonal(fit.covariance_of_path, axis1=2, axis2=3)[..., n:]
+    s = over / fit.noise.seconds
+    narrower = np.sqrt(np.maximum(2.0 * (s + np.expm1(-s)), 0.0)) / s
+    moving = [problem.block.states[problem.free[i]] for i in problem.driven]
+    found = []
     for k, log in enumerate(problem.logs):
 
         def rows(values: Array, k: int = k, size: int = log.time.size) -> Array:
@@ -128,17 +140,22 @@ def missing_forces(fit: Fit) -> tuple[Missing, ...]:
                 whole[problem.rows.at[own, w]] = values[own, w]
             return whole
 
-        moving = [problem.block.states[problem.free[i]] for i in problem.driven]
-        over = tuple(
+        depends = tuple(
             Quantity(s.name, s.unit, rows(fit.path[..., problem.free[i]]))
             for s, i in zip(moving, problem.driven, strict=True)
         ) + tuple(
             Quantity(s.name, s.unit, log.inputs[m], is_command=True)
             for m, s in enumerate(problem.block.inputs)
         )
-        for j, s in enumerate(moving):
-            band = np.sqrt(np.maximum(rows(variance[..., j]), 0.0))
-            found.append(
-                Missing(log.name, f"{s.name}'", rate(s.unit), log.time, rows(fit.missing[..., j]), band, over)
-            )
+        for j, state in enumerate(moving):
+            force = running_mean(log.time, rows(fit.missing[..., j]), over)
+            band = np.sqrt(np.maximum(rows(variance[..., j]), 0.0)) * narrower[j]
+            seen = float(problem.accelerations[j])
+            unit = rate(state.unit)
+            found.append(Missing(log.name, f"{state.name}'", unit, log.time, force, band, depends, seen))
     return tuple(found)
+
+
+def averaging_time(fit: Fit) -> float:
+    """Return the time over which missing accelerations are averaged to be told [s]."""
+    return max(OVER, ROWS * fit.problem.shortest)

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hovercontrol.discrepancy.diagnosis import Diagnosis, Found
 from hovercontrol.discrepancy.evidence.holdout import Ahead, ahead
-from hovercontrol.discrepancy.evidence.missing import Missing
 from hovercontrol.estimation.fit import Fit
 
 Array = NDArray[np.float64]
@@ -67,31 +66,3 @@ def collect(d: Diagnosis, command: str = "") -> Context:
         return Context(d, d.held_before, d.held_after, True, d.ahead, command)
     base, final = d.selection.base, d.selection.final
     return Context(d, base, final, False, d.ahead or ahead(base, final).each, command)
-
-
-def averaged_forces(d: Diagnosis, forces: tuple[Missing, ...]) -> tuple[Missing, ...]:
-    """Return missing forces averaged over the time over which remainders are told.
-
-    The band of a mean is that of an error as correlated in time as the force itself.
-    """
-    by_equation = {r.equation: r for r in d.remainders}
-    found = []
-    for m in forces:
-        r = by_equation[m.equation]
-        s = r.over / max(r.seconds, 1e-9)
-        narrower = float(np.sqrt(2.0 * (s + np.expm1(-s)))) / s
-        force = running_mean(m.time, m.force, r.over)
-        found.append(replace(m, force=force, band=m.band * narrower))
-    return tuple(found)
-
-
-def running_mean(time: Array, values: Array, over: float) -> Array:
-    """Return the mean of rows about each row, over so many seconds; NaN where there is none."""
-    known = np.isfinite(values)
-    total = np.concatenate([[0.0], np.cumsum(np.where(known, values, 0.0))])
-    count = np.concatenate([[0], np.cumsum(known)])
-    first = np.searchsorted(time, time - 0.5 * over, side="left")
-    stop = np.searchsorted(time, time + 0.5 * over, side="right")
-    with np.errstate(all="ignore"):
-        mean = (total[stop] - total[first]) / (count[stop] - count[first])
-    return np.asarray(np.where(known, mean, np.nan))

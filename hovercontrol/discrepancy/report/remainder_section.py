@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from hovercontrol.discrepancy.evidence.laws import is_there, regime, small, worst
 from hovercontrol.discrepancy.evidence.missing import Missing
 from hovercontrol.discrepancy.report import pictures
-from hovercontrol.discrepancy.report.context import Context, averaged_forces
+from hovercontrol.discrepancy.report.context import Context
 from hovercontrol.discrepancy.report.formatting import listed, percent, prime, unit
 from hovercontrol.discrepancy.report.formatting import small as digits
 from hovercontrol.discrepancy.report.free_run import on_rows
@@ -28,7 +28,7 @@ def remainder(m: Context) -> str:
     d = m.diagnosis
     if not d.missing or not d.remainders:
         return ""
-    was, now = averaged_forces(d, d.missing), averaged_forces(d, d.missing_after)
+    was, now = d.missing, d.missing_after
     before, after, most = _by_log(was), _by_log(now), worst(now)
     first = next((k for k, forces in enumerate(after) if most in forces), 0)
     order = sorted(range(len(before)), key=lambda k: k != first)

@@ -9,7 +9,7 @@ from hovercontrol.discrepancy.diagnosis import Diagnosis, Found
 from hovercontrol.discrepancy.evidence.holdout import Ahead, ahead
 from hovercontrol.discrepancy.evidence.laws import regime
 from hovercontrol.discrepancy.report import pictures
-from hovercontrol.discrepancy.report.context import Context, averaged_forces, numbers_by_effect
+from hovercontrol.discrepancy.report.context import Context, numbers_by_effect
 from hovercontrol.discrepancy.report.formatting import (
     effect_words,
     listed,
@@ -113,7 +113,7 @@ def remainder_sentence(d: Diagnosis) -> str:
     if not left:
         return "What remains: nothing beyond noise."
     sizes = listed([f"{small(r.rms)} {unit(r.unit)} in {prime(r.equation)}" for r in left])
-    same = [m for m in averaged_forces(d, d.missing_after) if any(m.equation == r.equation for r in left)]
+    same = [m for m in d.missing_after if any(m.equation == r.equation for r in left)]
     where = prime(regime(same))
     most = "" if where.startswith("nowhere") else f"; it is largest {where}"
     return f"What remains: {sizes} (averaged over {left[0].over:.2g} s), that no known effect explains{most}."

@@ -10,10 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hovercontrol.estimation.subject import Subject, structure
 from hovercontrol.effects import Effect, Shape, effect_class
 from hovercontrol.errors import InputError
 from hovercontrol.estimation.fit import Fit
+from hovercontrol.estimation.subject import Subject, structure
 
 Array = NDArray[np.float64]
 
@@ -122,10 +122,16 @@ def _scale(fit: Fit, cls: type[Effect], of: str, scales: Mapping[str, float]) ->
     if of == "input":
         problem = fit.problem
         names = [s.name for s in problem.block.inputs]
-        return max(
-            (problem.model.input_size(cls, dict(zip(names, m.inputs, strict=True))) for m in problem.logs),
-            default=1.0,
-        ) or 1.0
+        return (
+            max(
+                (
+                    problem.model.input_size(cls, dict(zip(names, m.inputs, strict=True)))
+                    for m in problem.logs
+                ),
+                default=1.0,
+            )
+            or 1.0
+        )
     return scales.get(f"speed_{getattr(cls, 'axis', '')}" if of == "speed" else of, 1.0)
 
 

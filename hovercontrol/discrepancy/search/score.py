@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from hovercontrol.block import Block
-from hovercontrol.estimation.commands import Arrival, command_times, input_states
 from hovercontrol.discrepancy.search.candidates import Candidate
-from hovercontrol.estimation.subject import Subject, motion_of, structure, timing
 from hovercontrol.effects import Effect
+from hovercontrol.estimation.commands import Arrival, command_times, input_states
 from hovercontrol.estimation.fit import Fit, inverse, products
 from hovercontrol.estimation.kalman import run_filter
 from hovercontrol.estimation.noise import augment
+from hovercontrol.estimation.subject import Subject, motion_of, structure, timing
 
 Array = NDArray[np.float64]
 
@@ -82,7 +82,7 @@ class Scores:
         # columns are minus what an unknown adds to a channel: signs of both cancel in G
         problem, P = fit.problem, len(fit.p)
         z = problem.inside(fit.p)
-        slack = (self.f[:, :P].sum(axis=0) - fit.prior.precision * (z - fit.prior.centre))
+        slack = self.f[:, :P].sum(axis=0) - fit.prior.precision * (z - fit.prior.centre)
         stuck = ((fit.p <= problem.lower) & (slack < 0)) | ((fit.p >= problem.upper) & (slack > 0))
         self.movable = np.flatnonzero(~stuck)
         self.pull = fit.prior.precision * (z - fit.prior.centre)
@@ -258,7 +258,13 @@ class _Along:
         same = timing(model) == timing(problem.model)
         motion = motion_of(model)
         known = input_states(block, motion)
-        if same and not set(known) - set(problem.known) and block is not problem.block and self._held and not known:
+        if (
+            same
+            and not set(known) - set(problem.known)
+            and block is not problem.block
+            and self._held
+            and not known
+        ):
             return self._held
         keys = list(block.default_parameters)
         delay = sum(every[keys.index(name)] for name in timing(model) if name)

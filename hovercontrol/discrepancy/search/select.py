@@ -316,7 +316,9 @@ def _confirmed(search: _Search, selection: Selection, first: Sequence[Tried]) ->
         for name in list(effects):
             alone = len(effects) == 1
             less = selection.base if alone else search.fit(final, without_effects(final.model, name))
-            own = Tried(name, final, less.cost - final.cost, agreement(final, less, name), _numbers(final, name))
+            own = Tried(
+                name, final, less.cost - final.cost, agreement(final, less, name), _numbers(final, name)
+            )
             gains[name], without[name] = own.gain, less
             if not alone and not passes(own, selection.candidates, criteria):
                 effects.remove(name)
@@ -372,7 +374,12 @@ def _confirmed(search: _Search, selection: Selection, first: Sequence[Tried]) ->
     blocks = {name: agreement(final, without.get(name, selection.base), name) for name in effects}
     gains = {name: gains[name] for name in effects}
     return replace(
-        selection, final=final, effects=tuple(effects), rivals=tuple(rivals), gains=gains, blocks=blocks,
+        selection,
+        final=final,
+        effects=tuple(effects),
+        rivals=tuple(rivals),
+        gains=gains,
+        blocks=blocks,
         without=without,
     )
 
