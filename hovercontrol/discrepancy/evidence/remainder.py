@@ -11,7 +11,7 @@ from hovercontrol.discrepancy.criteria import CRITERIA, Criteria
 from hovercontrol.discrepancy.evidence.missing import Missing, Quantity, rate, running_mean
 from hovercontrol.estimation.fit import Fit, inverse, products, refit
 from hovercontrol.estimation.kalman import run_filter
-from hovercontrol.estimation.noise import augment, averaged
+from hovercontrol.estimation.noise import Noise, augment, averaged
 
 Array = NDArray[np.float64]
 
