@@ -16,7 +16,7 @@ import sympy as sp
 from numpy.typing import NDArray
 
 from hovercontrol.block import Block
-from hovercontrol.identify.measure import Measured
+from hovercontrol.estimation.measure import Measured
 from hovercontrol.sgn import regularise
 from hovercontrol.signals import time as TIME
 

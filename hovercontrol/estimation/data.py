@@ -15,7 +15,7 @@ from hovercontrol.estimation.levels import noise_levels, noise_scales
 from hovercontrol.estimation.navigation import measure_navigated
 from hovercontrol.estimation.rows import Rows, arrange
 from hovercontrol.estimation.subject import Subject, structure
-from hovercontrol.identify.measure import Measured, measure_all
+from hovercontrol.estimation.measure import Measured, measure_all
 from hovercontrol.logs import Log
 
 Array = NDArray[np.float64]

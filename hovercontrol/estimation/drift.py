@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from hovercontrol.estimation.navigation import Navigated
 from hovercontrol.estimation.rows import Rows
-from hovercontrol.identify.measure import Measured
+from hovercontrol.estimation.measure import Measured
 
 Array = NDArray[np.float64]
 

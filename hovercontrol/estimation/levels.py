@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hovercontrol.errors import InputError
-from hovercontrol.identify.measure import Measured, steps
+from hovercontrol.estimation.measure import Measured, steps
 
 Array = NDArray[np.float64]
 

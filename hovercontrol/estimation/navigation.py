@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from hovercontrol.block import Block
 from hovercontrol.estimation.spikes import stand_out
-from hovercontrol.identify.measure import MOST_ROWS, Measured, measure, steps
+from hovercontrol.estimation.measure import MOST_ROWS, Measured, measure, steps
 from hovercontrol.logs import POSE, VELOCITY, Log
 
 Array = NDArray[np.float64]
@@ -174,7 +174,7 @@ def measure_navigated(block: Block, log: Log, most_rows: int = MOST_ROWS) -> Nav
     block : Block
     log : Log
     most_rows : int, optional
-        As for :func:`hovercontrol.identify.measure.measure`.
+        As for :func:`hovercontrol.estimation.measure.measure`.
     """
     if not {"psi", "u", "v"} <= {s.name for s in (*block.states, *block.outputs)}:
         return None

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hovercontrol.errors import InputError
-from hovercontrol.identify.measure import Measured
+from hovercontrol.estimation.measure import Measured
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -103,7 +103,9 @@ def arrange(
     total = sum(logs[i].time[b - 1] - logs[i].time[a] for i, a, b in pieces)
     count = min(total / SECONDS, sum(b - a for _, a, b in pieces) / ROWS)
     blocks = int(np.clip(round(count), LEAST_BLOCKS, MOST_BLOCKS))
-    grids, block, block_log = [], [], []
+    grids: list[tuple[int, Array, Indices]] = []
+    block: list[int] = []
+    block_log: list[int] = []
     for i, a, b in pieces:
         time, at = _grid(logs[i], a, b)
         share = (time[-1] - time[0]) / max(total, 1e-300)

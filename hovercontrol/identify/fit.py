@@ -28,7 +28,7 @@ from hovercontrol.identify.excitation import (
     unexcited_directions,
     widening,
 )
-from hovercontrol.identify.measure import MOST_ROWS, Array, Measured, measure, refuse_still
+from hovercontrol.estimation.measure import MOST_ROWS, Array, Measured, measure, refuse_still
 from hovercontrol.identify.predict import prediction
 from hovercontrol.identify.remaining import averaging_time, remaining
 from hovercontrol.identify.result import Fitted, Identified
@@ -57,7 +57,7 @@ def identify(
     logs : sequence of Log
         One or several, each with the model's inputs and pose (``x, y, psi``), body velocities
         (``u, v, r``), both, or any other states or outputs of the Block. Already measured ones
-        (:func:`~hovercontrol.identify.measure.measure`) are taken as they are.
+        (:func:`~hovercontrol.estimation.measure.measure`) are taken as they are.
     coefficients : sequence of str, optional
         Names of parameters, shapes included (``yaw_coulomb_width``); by default all linear
         coefficients.
@@ -108,7 +108,7 @@ def measure_shared(model: Model | Block, logs: Sequence[Log | Measured], most_ro
     Raises
     ------
     InputError
-        As :func:`~hovercontrol.identify.measure.measure`, or if a craft never moves.
+        As :func:`~hovercontrol.estimation.measure.measure`, or if a craft never moves.
     """
     block = model.plant() if isinstance(model, Model) else model
     total = sum(len(log) for log in logs if isinstance(log, Log))

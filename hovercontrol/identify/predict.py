@@ -18,7 +18,7 @@ from hovercontrol.estimation.fit import Fit, estimate, first_noise
 from hovercontrol.estimation.prior import prior_of
 from hovercontrol.estimation.problem import Problem
 from hovercontrol.expressions import Expressions
-from hovercontrol.identify.measure import Array, Measured, measure
+from hovercontrol.estimation.measure import Array, Measured, measure
 from hovercontrol.identify.subject import subject_of
 from hovercontrol.logs import Log, Span
 from hovercontrol.model import Model
@@ -115,7 +115,7 @@ def free_run(model: Model | Block, log: Log | Measured, *, restart: bool = False
     Raises
     ------
     InputError
-        As :func:`~hovercontrol.identify.measure.measure`, or if nothing in the log is known.
+        As :func:`~hovercontrol.estimation.measure.measure`, or if nothing in the log is known.
 
     Examples
     --------
@@ -181,7 +181,7 @@ def window_prediction(model: Model | Block, log: Log | Measured, horizon: float 
     Raises
     ------
     InputError
-        As :func:`~hovercontrol.identify.measure.measure`, or if the log is shorter than the
+        As :func:`~hovercontrol.estimation.measure.measure`, or if the log is shorter than the
         horizon.
     """
     return prediction(smoothed(model, log), horizon)
@@ -234,7 +234,7 @@ def smoothed(model: Model | Block, log: Log | Measured) -> Fit:
     Raises
     ------
     InputError
-        As :func:`~hovercontrol.identify.measure.measure`, if rows are too few, or the model runs away.
+        As :func:`~hovercontrol.estimation.measure.measure`, if rows are too few, or the model runs away.
     """
     block = model.plant() if isinstance(model, Model) else model
     subject = subject_of(model)

@@ -10,7 +10,7 @@ from pathlib import Path
 from hovercontrol.errors import InputError
 from hovercontrol.files import write_folder
 from hovercontrol.identify.fit import identify, measure_shared, refuse_slow_rows
-from hovercontrol.identify.measure import MOST_ROWS, Measured
+from hovercontrol.estimation.measure import MOST_ROWS, Measured
 from hovercontrol.identify.plot import plot_free_run
 from hovercontrol.identify.predict import FreeRun, Prediction, prediction, run_of, smoothed
 from hovercontrol.identify.result import Identified, aligned

@@ -1,0 +1,1 @@
+"""What speaks for a named effect, and what remains."""

@@ -28,7 +28,7 @@ from hovercontrol.estimation.kalman import run_filter
 from hovercontrol.estimation.noise import augment
 from hovercontrol.estimation.problem import Problem
 from hovercontrol.estimation.rows import arrange
-from hovercontrol.identify.measure import Measured
+from hovercontrol.estimation.measure import Measured
 
 if TYPE_CHECKING:
     from hovercontrol.discrepancy.diagnosis import Found
