@@ -37,12 +37,13 @@ class Criteria:
     share : float
         Score, in parts of the best one's, below which a candidate is not fitted.
     alike : float
-        The same where the best one leaves nothing: only near twins do as well (signatures correlated by 0.88 and more).
+        The same where the best one leaves nothing: only near twins do as well (signatures correlated by
+        0.88 and more).
     tries : int
         Candidates that are fitted at most to find the best.
     worse : float
-        Rise of the held-out errors of all channels together, in its standard errors over blocks, that no effect
-        survives at most horizons.
+        Rise of the held-out errors of all channels together, in its standard errors over blocks, that no
+        effect survives at most horizons.
     """
 
     level: float = 0.01
@@ -53,7 +54,7 @@ class Criteria:
     apart: float = 12.0
     apart_t: float = 2.0
     remains: float = 28.0
-    negligible: float = 2e-3
+    negligible: float = 4e-3
     share: float = 0.4
     alike: float = 0.8
     tries: int = 4

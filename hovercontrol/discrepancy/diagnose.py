@@ -40,8 +40,8 @@ def diagnose(
     """Find what a model lacks, how much of the gap that closes, and what remains.
 
     An effect is named when three independent things agree: the likelihood that it gains with random forces
-    allowed for, the same size on disjoint blocks of the logs, and better predictions of the held-out log. What
-    remains beside it takes no name away: it is measured, and the verdict is ``"partial"``
+    allowed for, the same size on disjoint blocks of the logs, and better predictions of the held-out log.
+    What remains beside it takes no name away: it is measured, and the verdict is ``"partial"``
     (:func:`.verdict.verdict_of`).
 
     Parameters

@@ -1,1 +1,1 @@
-"""Estimation: one engine for logs and imperfect models, used by identification and by the search for effects."""
+"""Estimation: one engine for logs and imperfect models, behind identification and the search for effects."""

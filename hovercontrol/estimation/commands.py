@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from hovercontrol.block import Block
 from hovercontrol.estimation.measure import Measured
 from hovercontrol.sgn import regularise
-from hovercontrol.signals import time as TIME
+from hovercontrol.signals import time as now
 
 Array = NDArray[np.float64]
 
@@ -31,7 +31,7 @@ STEPS = 2
 
 @dataclass(frozen=True, eq=False)
 class _Laws:
-    """How states follow from commands: each ``x' = a x + b`` where that is so for all, else by rate and slope."""
+    """How states follow from commands: ``x' = a x + b`` where that is so for all, else rates and slopes."""
 
     indices: tuple[int, ...]
     linear: tuple[tuple[Callable[..., float], Callable[..., Array]], ...]
@@ -90,22 +90,23 @@ def _laws(block: Block, motion: tuple[str, ...]) -> _Laws | None:
         if not (a.free_symbols <= set(keys) and a != 0 and b.free_symbols <= {*keys, *inputs}):
             break
         linear.append((sp.lambdify([keys], a), sp.lambdify([keys, inputs], b, modules="numpy")))
-    both = sp.lambdify([TIME, states, keys, inputs], [*rates, *slopes], modules="math", cse=True)
+    both = sp.lambdify([now, states, keys, inputs], [*rates, *slopes], modules="math", cse=True)
     return _Laws(driven, tuple(linear) if len(linear) == len(driven) else (), both)
 
 
 def command_times(log: Measured) -> tuple[Array, Array]:
     """Return when the commands of each row began to hold, and how sure that is [s].
 
-    That is the time of the row. Where rows are missing before a row with a new command, it changed at any time
-    since the row before: at the middle on average, with the standard deviation of a uniform distribution.
+    That is the time of the row. Where rows are missing before a row with a new command, it changed at any
+    time since the row before: at the middle on average, with a uniform distribution's standard deviation.
     """
     time, std = log.time.copy(), np.zeros(log.time.size)
     seen = np.isfinite(log.values).any(axis=0)
     usual = float(np.median(np.diff(log.time[seen]))) if seen.sum() > 1 else 0.0
     step = np.diff(log.time)
     changed = (np.diff(log.inputs, axis=1) != 0).any(axis=0)
-    unsure = np.flatnonzero(changed & seen[1:] & (step > MISSING * usual))
+    late = np.asarray(step > MISSING * usual)
+    unsure = np.flatnonzero(changed & seen[1:] & late)
     time[unsure + 1] -= 0.5 * step[unsure]
     std[unsure + 1] = step[unsure] / math.sqrt(12.0)
     return time, std
@@ -187,7 +188,7 @@ class Arrival:
         return np.asarray(goal[at] + (start[at] - goal[at]) * np.exp(a * later))
 
     def _stepped(self, laws: _Laws, parameters: Sequence[float]) -> Array:
-        """Return the states at all rows, by steps that are exact where a law is linear (Rosenbrock, Euler)."""
+        """Return the states at all rows, by steps that are exact where a law is linear (Rosenbrock)."""
         p = [float(v) for v in parameters]
         n = len(laws.indices)
         x = [0.0] * n

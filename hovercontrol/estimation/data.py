@@ -1,4 +1,4 @@
-"""Logs as a model's Block sees them: measured channels in blocks, their noise, and where the states may be."""
+"""Logs as a model's Block sees them: measured channels in blocks, their noise, and a guess of the states."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from scipy.ndimage import median_filter
 from hovercontrol.block import Block
 from hovercontrol.estimation.drift import DriftStates, drift_states
 from hovercontrol.estimation.levels import noise_levels, noise_scales
+from hovercontrol.estimation.measure import Measured, measure_all
 from hovercontrol.estimation.navigation import measure_navigated
 from hovercontrol.estimation.rows import Rows, arrange
 from hovercontrol.estimation.subject import Subject, structure
-from hovercontrol.estimation.measure import Measured, measure_all
 from hovercontrol.logs import Log
 
 Array = NDArray[np.float64]

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from hovercontrol.estimation.measure import Measured
 from hovercontrol.estimation.navigation import Navigated
 from hovercontrol.estimation.rows import Rows
-from hovercontrol.estimation.measure import Measured
 
 Array = NDArray[np.float64]
 

@@ -293,8 +293,8 @@ def estimate(
         if moving and ((settled and k > hold) or k >= most + hold):
             moving = False
         elif not moving and (settled or still >= STILL):
-            again = gate and outliers(residuals(problem, now.system, now.smooth), problem.seen)
-            if gate and np.any(again) and rounds < ROUNDS:
+            again = outliers(residuals(problem, now.system, now.smooth), problem.seen)
+            if gate and again.any() and rounds < ROUNDS:
                 rounds, best, still, moving = rounds + 1, None, 0, levels
                 problem, last, most = problem.without(again), np.inf, k + AGAIN
                 continue
@@ -304,8 +304,8 @@ def estimate(
             noise, push = moved(problem, noise, now.system, now.smooth, push)
             if times and (k - hold) % 3 == 1 and factor > FINEST:
                 noise, further = timed(problem, now.linear, noise, factor)
-                factor = factor if further else np.sqrt(factor)
-        else:
+                factor = factor if further else factor**0.5
+        elif not moving:
             still += 1
         before = path
         p, path, k = _onward(problem, now, p), _moved_path(problem, now, path), k + 1
@@ -353,8 +353,10 @@ def refit(
     noise: Noise | None = None,
     p: Array | None = None,
     frozen: bool = False,
-    **options,
-) -> Fit:  # type: ignore[no-untyped-def]
+    levels: bool = True,
+    times: bool = True,
+    trace: Callable[[str], None] | None = None,
+) -> Fit:
     """Fit another problem on the same rows from where a fit ended.
 
     Parameters
@@ -367,7 +369,7 @@ def refit(
         To begin with; default: that of `near`.
     p : ndarray, optional
         Unknowns to begin with.
-    frozen, **options
+    frozen, levels, times, trace
         As for :func:`estimate`.
     """
     ended = dict(zip(near.problem.names, near.p.tolist(), strict=True))
@@ -376,7 +378,10 @@ def refit(
         if not frozen:
             p = np.array([ended.get(name, v) for name, v in zip(problem.names, p.tolist(), strict=True)])
     path = problem.path_of(near.problem.block, near.path)
-    return estimate(problem, prior, noise or near.noise, p=p, path=path, frozen=frozen, hold=HOLD, **options)
+    return estimate(
+        problem, prior, noise or near.noise, p=p, path=path, frozen=frozen, levels=levels, times=times,
+        hold=HOLD, trace=trace,
+    )  # fmt: skip
 
 
 def first_noise(problem: Problem) -> Noise:

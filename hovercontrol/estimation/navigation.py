@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hovercontrol.block import Block
-from hovercontrol.estimation.spikes import stand_out
 from hovercontrol.estimation.measure import MOST_ROWS, Measured, measure, steps
+from hovercontrol.estimation.spikes import stand_out
 from hovercontrol.logs import POSE, VELOCITY, Log
 
 Array = NDArray[np.float64]

@@ -1,7 +1,8 @@
 """Measurement noise and process noise: what a likelihood assumes of all that no equation says.
 
 Process noise is a missing acceleration in each equation on which forces act, of a root mean square and a
-correlation time (Ornstein and Uhlenbeck): gusts, bumps and floors last a while. Its size is what a model lacks.
+correlation time (Ornstein and Uhlenbeck): gusts, bumps and floors last a while. Its size says what a model
+lacks.
 """
 
 from __future__ import annotations
@@ -150,11 +151,11 @@ FAR = 0.5
 #: Fall of the cost from which on another correlation time is taken.
 WORTH_A_STEP = 0.5
 
-#: Missing acceleration below these parts of what is seen is none, or too small for its correlation time to matter.
+#: Missing acceleration below these parts of what is seen is none, or its correlation time does not matter.
 NONE, SMALL = 1e-5, 1e-3
 
-#: Measurement noise is no less than these parts of what third differences show and of a channel's range: without
-#: any a filter is singular.
+#: Measurement noise is no less than these parts of what third differences show and of a channel's range:
+#: without any a filter is singular.
 LEAST, TINY = 0.01, 1e-6
 
 #: Rows of all runs side by side, at most: for the sake of memory.
@@ -221,7 +222,7 @@ def moved(
 
 
 def _covariance(problem: Problem, noise: Noise, j: int) -> tuple[Array, Array, Array]:
-    """Return variance of a missing acceleration's integral over each step, covariance with it, its own variance.
+    """Return variance of a missing acceleration's integral over steps, covariance with it, own variance.
 
     Shapes (K-1, W).
     """

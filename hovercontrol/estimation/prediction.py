@@ -1,4 +1,4 @@
-"""How far ahead a fitted model predicts: simulated from the smoothed path at many rows, compared with the log."""
+"""How well a fitted model predicts: simulated from the smoothed path at many rows, compared with the log."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def predict(fit: Fit, horizon: float, starts: int = STARTS) -> Prediction | None
     time = problem.rows.time
     half = 0.5 * problem.shortest
     begin, end, block = [], [], []
-    seen = problem.seen.any(axis=2)
+    seen = np.asarray(problem.seen.any(axis=2))
     for w in range(time.shape[1]):
         rows = np.flatnonzero(seen[:, w])
         ahead = np.searchsorted(time[rows, w], time[rows, w] + horizon - half)

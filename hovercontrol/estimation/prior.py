@@ -16,8 +16,8 @@ Array = NDArray[np.float64]
 #: stays where it is.
 SHAPES = 1.5
 
-#: Standard deviation of a coefficient about the model's value, in parts of that value; or, if that is more, in
-#: parts of what would make its term alone as large as all accelerations seen.
+#: Standard deviation of a coefficient about the model's value, in parts of that value; or, if that is more,
+#: in parts of what would make its term alone as large as all accelerations seen.
 COEFFICIENTS, ALONE = 0.3, 0.1
 
 

@@ -241,7 +241,7 @@ class Problem:
         found = dict(zip(self.names, p.tolist(), strict=True))
         return {**found, **{one: found[other] for one, other in self.same.items()}}
 
-    # ---- simulation -----------------------------------------------------------------------------------------
+    # ---- simulation ----------------------------------------------------------------------------------------
 
     def set_pieces(self, pieces: int) -> None:
         """Choose how many sub-steps a step from row to row is made of."""
@@ -430,7 +430,7 @@ class Problem:
         return u
 
     def sizes_alone(self) -> Array:
-        """Return how large each unknown would be if its term alone made all accelerations seen, shape (P,)."""
+        """Return how large each unknown would be, its term alone making all accelerations seen, shape (P,)."""
         part = slice(None, None, max(1, self.dt.shape[0] // 40))
         x = np.moveaxis(self.guess[:-1][part], 2, 0)
         u = self._inputs_at_rows(self.parameters(self.start))[:, :-1][:, part]

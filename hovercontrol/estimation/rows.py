@@ -18,13 +18,13 @@ from hovercontrol.estimation.measure import Measured
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
-#: Blocks that all logs together are cut into, at least (their scatter is judged) and at most (more tell no more).
+#: Blocks that all logs are cut into, at least (their scatter is judged) and at most (more tell no more).
 LEAST_BLOCKS, MOST_BLOCKS = 8, 24
 
 #: Length of a block [s], and its rows on a machine that is logged slowly: long enough to tell coefficients.
 SECONDS, ROWS = 2.5, 30
 
-#: Rows of a stretch that is filtered in one piece, at least: its first states are unknown, which costs information.
+#: Rows of a stretch that is filtered in one piece, at least: its unknown first states cost information.
 STRETCH = 240
 
 #: Fewest rows of a block.
@@ -125,24 +125,24 @@ def arrange(
         said = ", ".join(log.name for log in logs)
         raise InputError(f"{said}: too few rows: no stretch of {FEWEST} follows on")
     K, W = max(t.size for _, t, _ in grids), len(grids)
-    time, at = np.empty((K, W)), np.full((K, W), -1, dtype=np.intp)
+    times, places = np.empty((K, W)), np.full((K, W), -1, dtype=np.intp)
     values = np.full((K, W, len(channels)), np.nan)
     names = [name for name in states[0] if all(name in s for s in states)]
     guess = {name: np.empty((K, W)) for name in names}
     for w, (i, t, rows) in enumerate(grids):
         log, n = logs[i], t.size
-        time[:n, w], time[n:, w] = t - log.origin, t[-1] - log.origin
-        at[:n, w] = rows
-        own = rows >= 0
+        times[:n, w], times[n:, w] = t - log.origin, t[-1] - log.origin
+        places[:n, w] = rows
+        there = rows >= 0
         for c, channel in enumerate(channels):
             if channel in log.channels:
                 row = log.values[log.channels.index(channel)]
-                values[:n, w, c] = np.where(own, row[np.maximum(rows, 0)], np.nan)
+                values[:n, w, c] = np.where(there, row[np.maximum(rows, 0)], np.nan)
         for name in names:
             guess[name][:n, w] = np.interp(t, log.time, states[i][name])
             guess[name][n:, w] = guess[name][n - 1, w]
-    log, of, from_log = (np.array(a, dtype=np.intp) for a in ([i for i, _, _ in grids], block, block_log))
-    return Rows(time, values, guess, log, of, from_log, at, tuple(channels))
+    owner, of, from_log = (np.array(a, dtype=np.intp) for a in ([i for i, _, _ in grids], block, block_log))
+    return Rows(times, values, guess, owner, of, from_log, places, tuple(channels))
 
 
 def _pieces(log: Measured) -> list[tuple[int, int]]:

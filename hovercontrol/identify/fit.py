@@ -16,6 +16,7 @@ from hovercontrol.block import Block
 from hovercontrol.errors import InputError
 from hovercontrol.estimation.data import Data, gather
 from hovercontrol.estimation.fit import Fit, estimate, first_noise
+from hovercontrol.estimation.measure import MOST_ROWS, Array, Measured, measure, refuse_still
 from hovercontrol.estimation.prior import prior_of
 from hovercontrol.estimation.problem import Problem
 from hovercontrol.identify.excitation import (
@@ -28,7 +29,6 @@ from hovercontrol.identify.excitation import (
     unexcited_directions,
     widening,
 )
-from hovercontrol.estimation.measure import MOST_ROWS, Array, Measured, measure, refuse_still
 from hovercontrol.identify.predict import prediction
 from hovercontrol.identify.remaining import averaging_time, remaining
 from hovercontrol.identify.result import Fitted, Identified

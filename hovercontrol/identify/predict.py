@@ -15,10 +15,10 @@ from hovercontrol.block import Block
 from hovercontrol.errors import InputError
 from hovercontrol.estimation.data import gather
 from hovercontrol.estimation.fit import Fit, estimate, first_noise
+from hovercontrol.estimation.measure import Array, Measured, measure
 from hovercontrol.estimation.prior import prior_of
 from hovercontrol.estimation.problem import Problem
 from hovercontrol.expressions import Expressions
-from hovercontrol.estimation.measure import Array, Measured, measure
 from hovercontrol.identify.subject import subject_of
 from hovercontrol.logs import Log, Span
 from hovercontrol.model import Model

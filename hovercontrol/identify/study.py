@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from hovercontrol.errors import InputError
+from hovercontrol.estimation.measure import MOST_ROWS, Measured
 from hovercontrol.files import write_folder
 from hovercontrol.identify.fit import identify, measure_shared, refuse_slow_rows
-from hovercontrol.estimation.measure import MOST_ROWS, Measured
 from hovercontrol.identify.plot import plot_free_run
 from hovercontrol.identify.predict import FreeRun, Prediction, prediction, run_of, smoothed
 from hovercontrol.identify.result import Identified, aligned

@@ -164,10 +164,10 @@ def run(axis: str, hidden: tuple[str, ...], seed: int) -> Row:
 def judge(hidden: Sequence[str], found: Diagnosis, invisible: bool, remainder: bool = False) -> str:
     """Return ``exact``, ``honest``, ``missed`` or ``wrong``.
 
-    Exact includes `none` where even the true effect would not pass the threshold, a delay named as one finding
-    with the clock, and, where something of no catalogue acts as well (gusts), `partial` and, with nothing
-    hidden, `unexplained`. Honest: `ambiguous` with the truth inside, `unexplained`, or the truth named beside a
-    remainder that is not there.
+    Exact includes `none` where even the true effect would not pass the threshold, a delay named as one
+    finding with the clock, and, where something of no catalogue acts as well (gusts), `partial` and, with
+    nothing hidden, `unexplained`. Honest: `ambiguous` with the truth inside, `unexplained`, or the truth named
+    beside a remainder that is not there.
     """
     truth, named = set(hidden), {e.effect for e in found.effects}
     inside = named | {r.name for r in found.rivals}
@@ -204,7 +204,8 @@ def _against_truth(of: Case, found: Diagnosis) -> tuple[float, bool]:
 
 def _coverage(of: Case, found: Diagnosis) -> tuple[int, int]:
     """Return how many 95 % intervals of coefficients hold the truth, where the set is exact."""
-    if {e.effect for e in found.effects} != set(of.names) or found.verdict not in ("effect", "none", "partial"):
+    named = {e.effect for e in found.effects}
+    if named != set(of.names) or found.verdict not in ("effect", "none", "partial"):
         return 0, 0
     final = found.selection.final
     std = np.sqrt(np.diag(final.covariance))

@@ -13,9 +13,9 @@ from hovercontrol.discrepancy.checks.clocks import check_clocks
 from hovercontrol.discrepancy.checks.duplicate_logs import refuse_duplicates
 from hovercontrol.discrepancy.checks.units import refuse_units
 from hovercontrol.errors import InputError, did_you_mean
+from hovercontrol.estimation.measure import steps
 from hovercontrol.estimation.rows import FEWEST
 from hovercontrol.estimation.subject import Subject, structure
-from hovercontrol.estimation.measure import steps
 from hovercontrol.logs import Log
 from hovercontrol.logs.check import check_heading
 

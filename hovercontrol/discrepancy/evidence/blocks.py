@@ -105,7 +105,6 @@ def of_effect(fit: Fit, name: str) -> Blocks:
         for k, n in e.numbers.items()
         if not np.isnan(n.neutral) and e.parameter(k) in problem.names
     ]
-    W = len(fit.S)
     log = problem.rows.block_log
     if not scaling:
         raise KeyError(name)
@@ -134,8 +133,8 @@ def of_effect(fit: Fit, name: str) -> Blocks:
 def _uneven(fit: Fit, name: str) -> float:
     """Return how much what an effect modulates differs from block to block, in parts of the modulation.
 
-    A jump of all drags is the same jump only if drags are one set before it and another behind it: blocks that
-    each want their own are those of a floor that differs from place to place.
+    A jump of all drags is the same jump only if drags are one set before it and another behind it: blocks
+    that each want their own are those of a floor that differs from place to place.
     """
     problem = fit.problem
     e = problem.model.effect(name)

@@ -88,8 +88,8 @@ class Horizons:
     each : tuple of Ahead
         By horizon and channel.
     together : tuple of float
-        By horizon: mean fall of the squared errors of all channels, each in parts of its own, over its standard
-        error over blocks.
+        By horizon: mean fall of the squared errors of all channels, each in parts of its own, over its
+        standard error over blocks.
     """
 
     each: tuple[Ahead, ...] = ()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from hovercontrol.discrepancy.evidence.blocks import Blocks
@@ -24,7 +24,7 @@ class Evidence:
 
     gain: float
     blocks: Blocks
-    holdout: Horizons = Horizons()
+    holdout: Horizons = field(default_factory=Horizons)
 
     def result(self) -> dict[str, Any]:
         """Return what ``result.json`` holds."""

@@ -1,4 +1,4 @@
-"""What remains in each equation once effects are named: the missing acceleration, how large, where, how sure."""
+"""What remains in each equation once effects are named: the missing acceleration, its size, and where."""
 
 from __future__ import annotations
 
@@ -121,8 +121,8 @@ def _costs(fit: Fit, noises: list[Noise]) -> list[float]:
 def missing_forces(fit: Fit) -> tuple[Missing, ...]:
     """Return the smoothed missing accelerations of a fit by log and equation, averaged, with their bands.
 
-    Averaged over the time over which remainders are told; the band of a mean is that of an error as correlated
-    in time as the acceleration itself.
+    Averaged over the time over which remainders are told; the band of a mean is that of an error as
+    correlated in time as the acceleration itself.
     """
     problem = fit.problem
     n, over = len(problem.free), averaging_time(fit)

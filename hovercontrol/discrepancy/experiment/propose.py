@@ -25,10 +25,10 @@ from hovercontrol.discrepancy.search.select import Selection
 from hovercontrol.estimation.data import Data
 from hovercontrol.estimation.fit import Fit, estimate, inverse, products
 from hovercontrol.estimation.kalman import run_filter
+from hovercontrol.estimation.measure import Measured
 from hovercontrol.estimation.noise import augment
 from hovercontrol.estimation.problem import Problem
 from hovercontrol.estimation.rows import arrange
-from hovercontrol.estimation.measure import Measured
 
 if TYPE_CHECKING:
     from hovercontrol.discrepancy.diagnosis import Found

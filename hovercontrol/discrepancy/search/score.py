@@ -145,7 +145,7 @@ class Scores:
 
 
 def columns(fit: Fit, tried: Sequence[Candidate]) -> tuple[Array, Array, list[tuple[int, ...]]]:
-    """Return what each amplitude of each candidate adds to states and channels, and whose columns are whose."""
+    """Return what each amplitude of each candidate adds to states and channels, and each one's columns."""
     problem = fit.problem
     K, W, C = fit.linear.residual.shape
     n = len(problem.free)
@@ -229,7 +229,7 @@ class _Along:
         return np.stack([np.broadcast_to(slopes[i], self._t.shape).mean(axis=0).reshape(shape) for i in rows])
 
     def _simulate(self, block: Block, new: list[int], x: Array, u: Array, every: list[float]) -> None:
-        """Run states that only a candidate has along the path, from rest in each block (Rosenbrock, Euler)."""
+        """Run states that only a candidate has along the path, from rest in each stretch (Rosenbrock)."""
         problem = self.problem
         S, (steps, W) = problem.pieces, problem.dt.shape
         inside = x.reshape(len(x), S, steps, W)

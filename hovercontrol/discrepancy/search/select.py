@@ -1,4 +1,4 @@
-"""Which effects a model lacks: by score, by fits, by what blocks agree on; and what cannot be told from them."""
+"""Which effects a model lacks: by score, by fits, by what blocks agree on; and what is level with them."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from hovercontrol.discrepancy.criteria import CRITERIA, Criteria
 from hovercontrol.discrepancy.evidence.blocks import Blocks, agreement
 from hovercontrol.discrepancy.search.candidates import LATE, candidates
 from hovercontrol.discrepancy.search.score import Scored, Scores
-from hovercontrol.effects import Effect
+from hovercontrol.effects import Effect, Shape
 from hovercontrol.estimation.fit import Fit, refit
 from hovercontrol.estimation.prior import prior_of
 from hovercontrol.estimation.problem import Problem
@@ -19,6 +19,9 @@ from hovercontrol.estimation.subject import Subject
 
 #: Times at most that better effects are looked for in place of the named ones.
 ROUNDS = 2
+
+#: Part of what a score promised that a fit must gain to be believed.
+HALF = 0.5
 
 #: Differences of cost that correlation times of process noise may make: nearer fits get their own.
 NEAR = 300.0
@@ -164,7 +167,8 @@ def select(
         Called with what is being tried.
     """
     search = _Search(model, names, criteria, tell)
-    current, effects = base, []
+    current = base
+    effects: list[str] = []
     steps: list[tuple[str, float]] = []
     tried: dict[str, Tried] = {}
     seen: list[Scored] = []
@@ -180,7 +184,7 @@ def select(
         good = [t for t in found if passes(t, len(seen), criteria)]
         if not good:
             break
-        best = _likeliest(search, good)
+        best = _begun_again(search, current, _likeliest(search, good))
         effects.append(best.name)
         steps.append((best.name, best.gain))
         current = best.fit
@@ -198,6 +202,25 @@ def _likeliest(search: _Search, good: Sequence[Tried]) -> Tried:
     least = min(t.fit.cost + each * t.numbers for t in good)
     near = [_timed(search, t) for t in good if t.fit.cost + each * t.numbers < least + NEAR]
     return min(near, key=lambda t: t.fit.cost + each * t.numbers)
+
+
+def _begun_again(search: _Search, current: Fit, t: Tried) -> Tried:
+    """Return a fit, or the likelier one that begins at the given coefficients.
+
+    The model without an effect may have gone far to make up for it, and not come back.
+    """
+    given = _as_given(search, current)
+    fit = _added(search, t.fit, t.fit.model.effect(t.name), given)
+    if fit is None or fit.cost > t.fit.cost - 1.0:
+        return t
+    again = replace(t, fit=fit, gain=t.gain + t.fit.cost - fit.cost, blocks=agreement(fit, current, t.name))
+    return _timed(search, again)
+
+
+def _as_given(search: _Search, current: Fit) -> Subject:
+    """Return the given model with the effects that were added to it so far."""
+    have = {o.name for o in search.model.effects}
+    return search.model.with_effects([o for o in current.model.effects if o.name not in have])
 
 
 def _timed(search: _Search, t: Tried) -> Tried:
@@ -252,7 +275,8 @@ def _add(search: _Search, current: Fit, seen: Sequence[Scored]) -> list[Tried]:
             if share < criteria.alike:
                 continue
         search.tell(f"trying {e.name}")
-        t = _tried(search, current, e)
+        promised = next((s for s in seen if s.candidate.name == e.name), None)
+        t = _tried(search, current, e, promised)
         found += [t] if t else []
     return found
 
@@ -275,14 +299,43 @@ def _explained(t: Tried) -> bool:
     return bool(np.all(t.fit.noise.process <= 0.02 * t.fit.problem.accelerations))
 
 
-def _tried(search: _Search, current: Fit, e: Effect) -> Tried | None:
-    """Return the fit with an effect; None where that model runs away from the logs."""
-    try:
-        fit = search.fit(current, current.model.with_effects([e]))
-    except FloatingPointError:
+def _tried(search: _Search, current: Fit, e: Effect, scored: Scored | None = None) -> Tried | None:
+    """Return the fit with an effect; None where that model runs away from the logs.
+
+    A fit that gains less than half of what its score promised has lost its way: it begins again at the given
+    coefficients, with the effect at each of its trial values.
+    """
+    fits = [_added(search, current, e)]
+    gain = max((current.cost - f.cost for f in fits if f), default=-np.inf)
+    if scored is not None and scored.allowed and gain < HALF * scored.gain:
+        given = _as_given(search, current)
+        fits += [_added(search, current, start, given) for start in dict.fromkeys([e, *_trials(scored)])]
+    done = [f for f in fits if f]
+    if not done:
         return None
+    fit = min(done, key=lambda f: f.cost)
     numbers = len(fit.p) - len(current.p)
     return Tried(e.name, fit, current.cost - fit.cost, agreement(fit, current, e.name), numbers)
+
+
+def _trials(scored: Scored) -> list[Effect]:
+    """Return an effect at the trial values of the shape that scales it."""
+    trial, shapes = scored.candidate.trial, scored.candidate.amplitudes
+    if len(shapes) != 1 or not isinstance(type(trial).numbers[shapes[0]], Shape):
+        return []
+    size = trial.values[shapes[0]]
+    return [type(trial)(**{**trial.values, shapes[0]: size * part}) for part in (0.4, 1.0, 2.5)]
+
+
+def _added(search: _Search, current: Fit, e: Effect, start: Subject | None = None) -> Fit | None:
+    """Return the fit of a model with one more effect, from where another ended or from given coefficients."""
+    model = (start or current.model).with_effects([e])
+    problem = Problem(model, current.problem.data, pieces=current.problem.pieces)
+    prior = prior_of(problem, search.model)
+    try:
+        return refit(current, problem, prior, p=problem.start if start else None, times=False)
+    except FloatingPointError:
+        return None
 
 
 def same_axis(one: Effect, other: Effect) -> bool:
@@ -344,7 +397,7 @@ def _confirmed(search: _Search, selection: Selection, first: Sequence[Tried]) ->
                 known = done.get(s.candidate.name) if alone else None
                 if known is None:
                     search.tell(f"trying {s.candidate.name} in place of {name}")
-                t = known or _tried(search, less, s.effect)
+                t = known or _tried(search, less, s.effect, s)
                 tried += [t] if t else []
             for t in tried:
                 if (t.fit.cost + criteria.each * t.numbers) < final.cost + criteria.each * own.numbers + NEAR:
