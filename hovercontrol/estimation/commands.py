@@ -105,8 +105,8 @@ def command_times(log: Measured) -> tuple[Array, Array]:
     usual = float(np.median(np.diff(log.time[seen]))) if seen.sum() > 1 else 0.0
     step = np.diff(log.time)
     changed = (np.diff(log.inputs, axis=1) != 0).any(axis=0)
-    late = np.asarray(step > MISSING * usual)
-    unsure = np.flatnonzero(changed & seen[1:] & late)
+    late = step > MISSING * usual
+    unsure = np.flatnonzero(changed & np.asarray(seen)[1:] & late)
     time[unsure + 1] -= 0.5 * step[unsure]
     std[unsure + 1] = step[unsure] / math.sqrt(12.0)
     return time, std

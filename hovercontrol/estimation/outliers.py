@@ -13,8 +13,8 @@ from scipy.ndimage import maximum_filter1d, percentile_filter
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-#: How many times its kind's standard deviation an outlier is off. Among a million normal samples none is 6 off;
-#: real noise has heavier tails: on clean motion-capture logs of 10,000 rows the farthest sample is 12.5 off.
+#: How many times its kind's standard deviation an outlier is off. Among a million normal samples none is 6
+#: off; real noise has heavier tails: on clean motion-capture logs of 10,000 rows the farthest is 12.5 off.
 STANDS_OUT = 15.0
 
 #: Rows about a sample of which three in four tell its kind, and rows of which one at a time is taken: its

@@ -430,7 +430,7 @@ class Problem:
         return u
 
     def sizes_alone(self) -> Array:
-        """Return how large each unknown would be, its term alone making all accelerations seen, shape (P,)."""
+        """Return how large each unknown is whose term alone makes all accelerations seen, shape (P,)."""
         part = slice(None, None, max(1, self.dt.shape[0] // 40))
         x = np.moveaxis(self.guess[:-1][part], 2, 0)
         u = self._inputs_at_rows(self.parameters(self.start))[:, :-1][:, part]
