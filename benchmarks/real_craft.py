@@ -17,9 +17,6 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from benchmarks import real_logs
 from hovercontrol.discrepancy import diagnose
 from hovercontrol.effects import effect
@@ -39,12 +36,14 @@ MOTORS = {
 }
 MASS = {"h1": 0.1377, "h1_blue": 0.1446, "h1_raw": 0.1446}  # kg
 INERTIA = 3.4e-4  # kg m^2
+#: Nominal thrust [N] of a motor over its signal s: coefficients of s, s^2, s^3.
+CURVE = (0.02683, 1.05084, -0.43372)
 
 Split = tuple[str, Model, list[Log], Log]
 
 
 def fan_craft(mass: float) -> Model:
-    """Return the nominal craft: rigid body, fans, a little linear drag."""
+    """Return the nominal craft: rigid body, fans with their nominal curve, a little linear drag."""
     return Model(
         "holohover",
         (
@@ -54,24 +53,19 @@ def fan_craft(mass: float) -> Model:
             effect("fan_force", 1.0 / mass),
             effect("fan_torque", 1.0 / INERTIA),
         ),
-        fans=tuple(Fan(name, *place) for name, place in MOTORS.items()),
+        fans=tuple(Fan(name, *place, curve=CURVE) for name, place in MOTORS.items()),
     )
 
 
-def nominal_force(signal: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return a motor's nominal thrust [N] for its signal."""
-    return 0.02683 * signal + 1.05084 * signal**2 - 0.43372 * signal**3
-
-
 def holohover(name: str) -> Log:
-    """Return a log whose inputs are the nominal forces [N] of the motors."""
+    """Return a log; its inputs are the motors' signals."""
     if name == "h1_raw":
         files = f"{DATA}/h1_blue_raw_pose.csv+{DATA}/h1_blue_raw_command.csv"
         log = gather(files, list(MOTORS))
         log = log.between(*_both(files, log))
     else:
         log = read_log(DATA / f"{name}_aligned.csv", inputs=list(MOTORS))
-    return log.with_columns({motor: nominal_force(log[motor]) for motor in MOTORS})
+    return log
 
 
 def _both(files: str, log: Log) -> tuple[float, float]:

@@ -29,7 +29,7 @@ STUCK, STUCK_ROWS = 0.5, 10
 
 #: Part of the rows at its largest value, and visits there, that make a command look cut off; values below the
 #: last part of the largest are idle.
-CUT_OFF, VISITS, IDLE = 0.05, 3, 0.02
+CUT_OFF, VISITS, IDLE = 0.05, 3, 0.05
 
 
 def check_logs(model: Subject, logs: Sequence[Log], holdout: Log | None = None) -> list[str]:
