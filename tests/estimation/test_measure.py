@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from hovercontrol.identify import identify, measure
-from hovercontrol.identify.windows import noise_levels
+from hovercontrol.estimation.levels import noise_levels
 from hovercontrol.logs import Log, gather, join_logs
 from hovercontrol.vehicles import c17_experiment
 
