@@ -18,11 +18,23 @@ def cost(problem, linear, noise):
 
 
 @pytest.fixture
-def linearised(cart_model, pushed_log):
-    """The cart in pushes with its true coefficients; it is linear, so the path does not matter."""
-    model = cart_model.with_coefficients({"drag": 0.6, "gain": 1.7})
-    problem = Problem(model, gather(model, [pushed_log(seconds=60.0)]))
-    return problem, problem.linearise(problem.guess.copy(), problem.start, unknowns=False)
+def pushed(cart_model, pushed_log):
+    """Return a function for the cart in pushes with its true coefficients.
+
+    It is linear, so the path does not matter.
+    """
+
+    def make(**how):
+        model = cart_model.with_coefficients({"drag": 0.6, "gain": 1.7})
+        problem = Problem(model, gather(model, [pushed_log(seconds=60.0, **how)]))
+        return problem, problem.linearise(problem.guess.copy(), problem.start, unknowns=False)
+
+    return make
+
+
+@pytest.fixture
+def linearised(pushed):
+    return pushed()
 
 
 def test_each_move_raises_the_likelihood_until_the_truth_comes_back(linearised):
@@ -45,12 +57,12 @@ def test_each_move_raises_the_likelihood_until_the_truth_comes_back(linearised):
         assert cost(problem, linear, replace(noise, measured=size * noise.measured)) > costs[-1]
 
 
-@pytest.mark.parametrize("seconds", [0.06, 0.6])
-def test_another_correlation_time_is_taken_where_it_is_likelier(linearised, seconds):
-    problem, linear = linearised
-    noise = Noise(np.array([0.01]), np.ones((1, 1)), np.array([0.5]), np.array([seconds]))
+@pytest.mark.parametrize(("seconds", "truth"), [(0.06, 0.4), (0.6, 0.1)])
+def test_another_correlation_time_is_taken_where_it_is_likelier(pushed, seconds, truth):
+    problem, linear = pushed(lasting=truth, push=1.0)
+    noise = Noise(np.array([0.01]), np.ones((1, 1)), np.array([1.0]), np.array([seconds]))
     found, further = timed(problem, linear, noise, 2.0)
-    assert further and abs(np.log(found.seconds[0] / 0.3)) < abs(np.log(seconds / 0.3))
+    assert further and abs(np.log(found.seconds[0] / truth)) < abs(np.log(seconds / truth))
     assert cost(problem, linear, found) < cost(problem, linear, noise)
 
 
