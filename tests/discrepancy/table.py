@@ -204,7 +204,11 @@ def _against_truth(of: Case, found: Diagnosis) -> tuple[float, bool]:
 
 def _coverage(of: Case, found: Diagnosis) -> tuple[int, int]:
     """Return how many 95 % intervals of coefficients hold the truth, where the set is exact."""
-    if {e.effect for e in found.effects} != set(of.names) or found.verdict not in ("effect", "none", "partial"):
+    if {e.effect for e in found.effects} != set(of.names) or found.verdict not in (
+        "effect",
+        "none",
+        "partial",
+    ):
         return 0, 0
     final = found.selection.final
     std = np.sqrt(np.diag(final.covariance))

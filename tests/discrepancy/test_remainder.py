@@ -42,7 +42,13 @@ def test_what_a_named_effect_took_is_told(gusts):
 def test_nothing_remains_where_nothing_is_missing():
     case = make(72, [], SHORT)
     fit = base_fit(case.model, gather(case.model, case.logs))
-    assert [(r.there, r.rms, r.share_explained) for r in remainders(fit, fit)] == [(False, 0.0, 0.0)] * 3
+    assert [(r.there, r.rms) for r in remainders(fit, fit)] == [(False, 0.0)] * 3
+
+
+def test_no_share_is_explained_where_nothing_was_added():
+    case = make(72, [], SHORT)
+    fit = base_fit(case.model, gather(case.model, case.logs))
+    assert [r.share_explained for r in remainders(fit, fit)] == [0.0, 0.0, 0.0]
 
 
 def test_missing_accelerations_lie_in_their_rows_with_a_band(gusts):

@@ -7,7 +7,7 @@ import pytest
 
 from hovercontrol.discrepancy.criteria import CRITERIA
 from hovercontrol.discrepancy.diagnose import base_fit
-from hovercontrol.discrepancy.search.select import passes, same_axis, select, twins, why_not
+from hovercontrol.discrepancy.search.select import Tried, passes, same_axis, select, twins, why_not
 from hovercontrol.effects import effect
 from hovercontrol.estimation.data import gather
 
@@ -76,8 +76,6 @@ def test_nothing_is_named_where_blocks_do_not_agree():
 
 def test_what_is_asked_of_an_effect(dragged):
     _, found = dragged
-    from hovercontrol.discrepancy.search.select import Tried
-
     name = "yaw_quadratic_drag"
     t = Tried(name, found.final, found.gains[name], found.blocks[name], 1)
     assert passes(t, 60, CRITERIA) and why_not(t, 60, CRITERIA) == ""

@@ -5,16 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hovercontrol.blockmodel import BlockModel
 from hovercontrol.effects import effect
 from hovercontrol.estimation.data import gather
 from hovercontrol.estimation.fit import estimate, first_noise, refit
 from hovercontrol.estimation.noise import averaged
 from hovercontrol.estimation.prior import prior_of
 from hovercontrol.estimation.problem import Problem
+from hovercontrol.identify.subject import subject_of
 from hovercontrol.logs import Log
 
-from ..discrepancy.generator import Conditions, make, simulated
+from ..discrepancy.generator import Conditions, make
 
 SHORT = Conditions(duration=12.0, logs=1)
 
@@ -114,7 +114,9 @@ def test_the_prior_says_its_own_slope(rng):
     case = make(33, [], replace(SHORT, duration=5.0))
     problem = Problem(case.model, gather(case.model, case.logs))
     prior = prior_of(problem, case.model)
-    z = problem.inside(problem.outside(problem.inside(problem.start) + 0.3 * rng.normal(size=len(problem.start))))
+    z = problem.inside(
+        problem.outside(problem.inside(problem.start) + 0.3 * rng.normal(size=len(problem.start)))
+    )
     for j in range(z.size):
         step = np.zeros_like(z)
         step[j] = 1e-6
@@ -136,9 +138,9 @@ def test_nothing_is_held_of_what_was_added():
 def test_unknowns_stay_within_their_bounds(fitted, cart, pushed_log):
     drag, gain = cart.parameters
     narrow = replace(cart, parameters=(drag.but(start=0.3, upper=0.3), gain))
-    fit = fitted(BlockModel(narrow, ["input_delay"]), [pushed_log()])
-    assert fit.p[fit.problem.names.index("drag")] == 0.3  # the truth is 0.6
-    assert fit.movable.tolist() == [fit.problem.names.index("gain")]
+    fit = fitted(subject_of(narrow), [pushed_log()])
+    assert fit.p[fit.problem.names.index("cart.drag")] == 0.3  # the truth is 0.6
+    assert fit.movable.tolist() == [fit.problem.names.index("cart.gain")]
 
 
 def test_a_refit_ends_where_the_first_one_did(fitted, cart_model, pushed_log):

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hovercontrol.identify import identify, measure
 from hovercontrol.estimation.levels import noise_levels
+from hovercontrol.identify import identify, measure
 from hovercontrol.logs import Log, gather, join_logs
 from hovercontrol.vehicles import c17_experiment
 
