@@ -52,8 +52,7 @@ def test_no_share_is_explained_where_nothing_was_added():
 
 
 def test_missing_accelerations_lie_in_their_rows_with_a_band(gusts):
-    base, final = gusts
-    log = base.problem.logs[0]
+    log = gusts[0].problem.logs[0]
     for fit in gusts:
         found = missing_forces(fit)
         assert [(m.log, m.equation) for m in found] == [(log.name, e) for e in ("u'", "v'", "r'")]
