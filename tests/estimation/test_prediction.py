@@ -1,5 +1,7 @@
 """Predictions some time ahead: as far off as the noise of what they start from says."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -47,7 +49,7 @@ def test_predictions_are_those_of_the_model(fit, cart):
     errors = []
     for w in range(rows.time.shape[1]):
         own = np.flatnonzero(rows.at[:, w] >= 0)
-        for k, after in zip(own[:-1], own[1:], strict=True):
+        for k, after in pairwise(own):
             h, F = rows.time[after, w] - rows.time[k, w], log.inputs[0, rows.at[k, w]]
             p, v = path[k, w]
             fade, goal = np.exp(-drag * h), gain * F / drag
