@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from hovercontrol.estimation.levels import noise_levels
 from hovercontrol.identify import identify, measure
-from hovercontrol.identify.windows import noise_levels
 from hovercontrol.logs import Log, gather, join_logs
 from hovercontrol.vehicles import c17_experiment
 
@@ -77,10 +77,11 @@ def test_rows_of_commands_alone_keep_their_time_and_cost_nothing(rudder_log, cha
     assert np.isfinite(data.states[3:]).all()
     assert data.rejected == () and data.segments == ((0, len(joined)),)
     assert noise_levels([data], ["r"]) == pytest.approx(0.02, rel=0.15)
-    own, rounded = (
-        identify(c17_experiment(), [each]).residual["r"] for each in (joined, joined.select(~alone))
-    )
-    assert own == pytest.approx(0.02, rel=0.1) and rounded > 1.3 * own
+    own, rounded = (identify(c17_experiment(), [each]) for each in (joined, joined.select(~alone)))
+    assert own.residual["r"] == pytest.approx(0.02, rel=0.1)
+    assert rounded.ahead["r"] > 1.3 * own.ahead["r"]
+    left, wrong = ({r.equation: r.share for r in found.remaining}["r'"] for found in (own, rounded))
+    assert left < 0.01 and wrong > 0.03  # commands at the wrong time look like a torque
 
 
 def test_a_loss_of_sight_is_a_break_though_commands_came_meanwhile(rudder_log):

@@ -1,0 +1,97 @@
+"""Searches among a few effects: one that is there, none, twins, and what blocks do not agree on."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from hovercontrol.discrepancy.criteria import CRITERIA
+from hovercontrol.discrepancy.diagnose import base_fit
+from hovercontrol.discrepancy.search.select import Tried, passes, same_axis, select, twins, why_not
+from hovercontrol.effects import effect
+from hovercontrol.estimation.data import gather
+
+from .generator import Conditions, make, outside
+
+SHORT = Conditions(duration=20.0, logs=1)
+
+
+def searched(case, names, **how):
+    base = base_fit(case.model, gather(case.model, case.logs))
+    return select(base, case.model, names=names, **how)
+
+
+@pytest.fixture(scope="module")
+def dragged():
+    case = make(61, ["yaw_quadratic_drag"], SHORT)
+    return case, searched(case, ["yaw_quadratic_drag", "slope", "gyro_bias"])
+
+
+def test_what_is_there_is_named_with_its_gain(dragged):
+    case, found = dragged
+    assert found.effects == ("yaw_quadratic_drag",) and found.rivals == ()
+    assert found.gains["yaw_quadratic_drag"] == pytest.approx(found.base.cost - found.final.cost)
+    assert found.gains["yaw_quadratic_drag"] > 100.0
+    assert found.blocks["yaw_quadratic_drag"].spread < 1 / 3
+    names, p = found.final.problem.names, found.final.p
+    j = names.index("yaw_quadratic_drag")
+    truth = case.truth.effect("yaw_quadratic_drag").values["value"]
+    assert abs(p[j] - truth) < 4.0 * np.sqrt(found.final.covariance[j, j])
+    assert [name for name, _ in found.steps] == ["yaw_quadratic_drag"]
+    assert found.without["yaw_quadratic_drag"] is found.base
+
+
+def test_nothing_is_named_where_nothing_is_missing():
+    found = searched(make(62, [], SHORT), ["yaw_quadratic_drag", "slope", "gyro_bias", "thrust_lag"])
+    assert (found.effects, found.rivals, found.leads) == ((), (), ())
+    assert found.final is found.base and found.candidates == 4
+
+
+def test_two_effects_are_named_one_after_the_other():
+    found = searched(make(63, ["slope", "gyro_bias"], SHORT), ["slope", "gyro_bias", "munk_moment"])
+    assert set(found.effects) == {"slope", "gyro_bias"} and len(found.steps) == 2
+    assert set(found.without) == set(found.gains) == set(found.blocks) == set(found.effects)
+
+
+def test_no_more_are_named_than_asked_for():
+    found = searched(make(63, ["slope", "gyro_bias"], SHORT), ["slope", "gyro_bias"], max_effects=1)
+    assert len(found.effects) == 1
+
+
+def test_twins_are_one_finding():
+    found = searched(make(64, ["input_delay"], SHORT), ["input_delay", "time_offset", "thrust_lag"])
+    (name,) = found.effects
+    assert {name, *(r.name for r in found.rivals)} == {"input_delay", "time_offset"}
+    assert all(r.same and r.instead_of == name and r.behind == 0.0 for r in found.rivals)
+    assert twins("input_delay", "time_offset") and not twins("input_delay", "input_delay")
+    assert not twins("input_delay", "thrust_lag")
+
+
+def test_nothing_is_named_where_blocks_do_not_agree():
+    case = outside(1, "oscillator", SHORT)
+    found = searched(case, ["slope", "body_side_force", "munk_moment", "sway_quadratic_drag"])
+    assert found.effects == ()
+    assert all(lead.reason for lead in found.leads)
+
+
+def test_what_is_asked_of_an_effect(dragged):
+    _, found = dragged
+    name = "yaw_quadratic_drag"
+    t = Tried(name, found.final, found.gains[name], found.blocks[name], 1)
+    assert passes(t, 60, CRITERIA) and why_not(t, 60, CRITERIA) == ""
+    little = replace(t, gain=CRITERIA.least + CRITERIA.each - 0.1)
+    assert "are asked for" in why_not(little, 60, CRITERIA)
+    process = np.full_like(found.final.noise.process, 0.1)
+    left = replace(t, fit=replace(found.final, noise=replace(found.final.noise, process=process)))
+    assert passes(left, 60, CRITERIA)
+    few = replace(left, blocks=replace(t.blocks, t=1.5, same_sign=5, n=8))
+    assert "do not agree on it (t = 1.5, 5 of 8 with its sign)" in why_not(few, 60, CRITERIA)
+    assert passes(replace(few, fit=found.final), 60, CRITERIA) == (not found.final.noise.process.any())
+    uneven = replace(left, blocks=replace(t.blocks, spread=0.6))
+    assert "differs from block to block by 60 %" in why_not(uneven, 60, CRITERIA)
+
+
+def test_drags_along_one_axis_are_kin():
+    assert same_axis(effect("yaw_stribeck", 0.1, speed=0.2), effect("yaw_quadratic_drag", 0.1))
+    assert not same_axis(effect("yaw_quadratic_drag", 0.1), effect("sway_quadratic_drag", 0.1))
+    assert not same_axis(effect("slope", x=0.1, y=0.0), effect("gyro_bias", 0.1))
