@@ -98,7 +98,10 @@ class BlockModel:
     @property
     def signature(self) -> tuple[Hashable, ...]:
         """What the plant's equations depend on: all but the numbers."""
-        return (self.name, tuple(self.block.derivatives.items()), *(type(e) for e in self.effects))
+        block = self.block
+        bounds = ((s.name, s.lower, s.upper) for s in (*block.states, *block.inputs, *block.parameters))
+        expressions = (*block.derivatives.items(), *block.output_expressions.items())
+        return (self.name, expressions, tuple(bounds), *(type(e) for e in self.effects))
 
     def accepts(self, cls: type[Effect]) -> bool:
         """Tell whether an effect may be missing."""

@@ -166,8 +166,8 @@ def judge(hidden: Sequence[str], found: Diagnosis, invisible: bool, remainder: b
 
     Exact includes `none` where even the true effect would not pass the threshold, a delay named as one
     finding with the clock, and, where something of no catalogue acts as well (gusts), `partial` and, with
-    nothing hidden, `unexplained`. Honest: `ambiguous` with the truth inside, `unexplained`, or the truth named
-    beside a remainder that is not there.
+    nothing hidden, `unexplained`. Honest: `ambiguous` with the truth inside, `unexplained`, or the truth
+    named beside a remainder that is not there.
     """
     truth, named = set(hidden), {e.effect for e in found.effects}
     inside = named | {r.name for r in found.rivals}

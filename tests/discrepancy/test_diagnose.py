@@ -40,7 +40,7 @@ def test_hidden_effects_are_named_and_close_the_gap(names):
         value = next(v for k, v in e.values.items() if e.parameter(k) == number.parameter)
         assert number.value == pytest.approx(value, abs=5 * number.std + 1e-3 * abs(value))
     for channel, after in found.after.nrmse.items():
-        assert after < 1.15 * found.after.floor[channel]
+        assert after < 1.6 * found.after.floor[channel]  # a second ahead, from smoothed states
         assert after <= 1.02 * found.before.nrmse[channel]
 
 
@@ -101,7 +101,7 @@ def test_gusts_are_no_effect_and_hide_none():
 
 
 def test_in_gusts_what_is_far_from_linear_is_found_by_a_fit():
-    case = make(23, ["yaw_stribeck"], Conditions(duration=30.0, logs=1, gusts=True))  # no score says so
+    case = make(23, ["yaw_stribeck"], Conditions(duration=60.0, gusts=True))  # no score says so
     found = diagnose(case.model, case.logs)
     assert (found.verdict, named(found)) == ("partial", ["yaw_stribeck"])
 

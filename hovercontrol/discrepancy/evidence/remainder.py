@@ -78,7 +78,7 @@ def remainders(base: Fit, final: Fit, criteria: Criteria = CRITERIA) -> tuple[Re
         left = float(after[j]) if there else 0.0
         lacked = float(before[j]) if j < len(before) else 0.0
         lacks = base.noise.process[j] > criteria.negligible * problem.accelerations[j]
-        share = 1.0 - (left / lacked) ** 2 if lacked > 0.0 and lacks else 0.0
+        share = 1.0 - (left / lacked) ** 2 if final is not base and lacks else 0.0
         unit = rate(state.unit)
         found.append(
             Remainder(

@@ -123,7 +123,7 @@ def verdict(m: Context) -> str:
     """Return the first section of the page: the sentences, and bars of the error beside them."""
     d = m.diagnosis
     said = [_explained(d.amended.effect(n)) for n in numbers_by_effect(d)]
-    said += [_explained(r.fit.model.effect(r.name)) for r in d.rivals]
+    said += [_explained(r.fit.model.effect(r.name)) for r in d.rivals if not r.same]
     if d.verdict == "none":
         said.append(
             "With its coefficients fitted again, the model explains these logs down to the noise of their "

@@ -15,7 +15,7 @@ from scipy import stats
 
 from hovercontrol.block import Block
 from hovercontrol.discrepancy.search.candidates import Candidate
-from hovercontrol.effects import Effect
+from hovercontrol.effects import Effect, Shape
 from hovercontrol.estimation.commands import Arrival, command_times, input_states
 from hovercontrol.estimation.fit import Fit, inverse, products
 from hovercontrol.estimation.kalman import run_filter
@@ -133,15 +133,38 @@ class Scores:
             each = np.stack([ud / Jd, 1.0 / np.sqrt(Jd)], axis=1)
         return Scored(candidate, gain, parts, chi2, p_value, candidate.allowed(parts.tolist()), each)
 
+    def each(self) -> list[Scored]:
+        """Return how every candidate scores."""
+        return [self.of(i) for i in range(len(self.tried))]
+
     def best(self) -> list[Scored]:
         """Return each effect at its best trial, the largest gain first."""
         found: dict[str, Scored] = {}
-        for i in range(len(self.tried)):
-            s = self.of(i)
+        for s in self.each():
             old = found.get(s.candidate.name)
             if old is None or (s.allowed, s.gain) > (old.allowed, old.gain):
                 found[s.candidate.name] = s
         return sorted(found.values(), key=lambda s: -s.gain)
+
+
+def at_its_time(fit: Fit, scored: Scored) -> Scored:
+    """Return a candidate with the time of its jump found to half a row, by score; others as they are."""
+    trial = scored.candidate.trial
+    times = [k for k, n in trial.numbers.items() if isinstance(n, Shape) and n.of == "time"]
+    if not times:
+        return scored
+    key, best = times[0], scored
+    longest = max(float(m.time[-1] - m.origin) for m in fit.problem.logs)
+    reach = longest / max(len(type(trial).numbers[key].search), 1)  # type: ignore[attr-defined]
+    while reach > 0.5 * fit.problem.shortest:
+        places = np.clip(best.candidate.trial.values[key] + reach * np.linspace(-1.0, 1.0, 9), 0.0, longest)
+        tried = [
+            Candidate(trial.name, type(trial)(**{**trial.values, key: float(t)}), scored.candidate.amplitudes)
+            for t in places
+        ]
+        best = max(Scores(fit, tried).each(), key=lambda s: (s.allowed, s.gain))
+        reach *= 0.25
+    return best
 
 
 def columns(fit: Fit, tried: Sequence[Candidate]) -> tuple[Array, Array, list[tuple[int, ...]]]:

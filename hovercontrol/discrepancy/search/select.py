@@ -10,9 +10,9 @@ import numpy as np
 from hovercontrol.discrepancy.criteria import CRITERIA, Criteria
 from hovercontrol.discrepancy.evidence.blocks import Blocks, agreement
 from hovercontrol.discrepancy.search.candidates import LATE, candidates
-from hovercontrol.discrepancy.search.score import Scored, Scores
+from hovercontrol.discrepancy.search.score import Scored, Scores, at_its_time
 from hovercontrol.effects import Effect, Shape
-from hovercontrol.estimation.fit import Fit, refit
+from hovercontrol.estimation.fit import Fit, estimate, first_noise, refit
 from hovercontrol.estimation.prior import prior_of
 from hovercontrol.estimation.problem import Problem
 from hovercontrol.estimation.subject import Subject
@@ -139,7 +139,11 @@ class _Search:
     def fit(self, near: Fit, model: Subject, times: bool = False) -> Fit:
         """Fit a model from where another ended; correlation times of process noise stay unless asked."""
         problem = Problem(model, near.problem.data, pieces=near.problem.pieces)
-        return refit(near, problem, prior_of(problem, self.model), times=times)
+        prior = prior_of(problem, self.model)
+        try:
+            return refit(near, problem, prior, times=times)
+        except FloatingPointError:  # what it lacks now it had used to stay on the logs: begin afresh
+            return estimate(problem, prior, first_noise(problem), times=times)
 
 
 def select(
@@ -173,6 +177,7 @@ def select(
     tried: dict[str, Tried] = {}
     seen: list[Scored] = []
     first: list[Tried] = []
+    provisional = False
     while True:
         tell("scoring the catalogue")
         seen = Scores(current, candidates(current, names)).best()
@@ -182,6 +187,13 @@ def select(
         first = found if current is base else first
         tried = {t.name: t for t in found}
         good = [t for t in found if passes(t, len(seen), criteria)]
+        if not good:
+            hidden = _unscored(search, current, seen, {t.name for t in found})
+            good = [t for t in hidden if passes(t, len(seen), criteria)]
+            tried |= {t.name: t for t in hidden}
+        if not good and found and not provisional:  # beside another one it may be what it is alone not
+            provisional = True
+            good = [t for t in found if t.gain > criteria.least + criteria.each * t.numbers]
         if not good:
             break
         best = _begun_again(search, current, _likeliest(search, good))
@@ -194,6 +206,30 @@ def select(
     if effects:
         selection = _confirmed(search, selection, first)
     return replace(selection, leads=_leads(seen, tried, selection, criteria))
+
+
+def _unscored(search: _Search, current: Fit, seen: Sequence[Scored], done: set[str]) -> list[Tried]:
+    """Return fits with frictions that fade with speed, in equations in which something remains.
+
+    Near standstill they are far from linear: no score says what they would gain.
+    """
+    problem = current.problem
+    left = current.noise.process > search.criteria.negligible * problem.accelerations
+    axes = {
+        problem.block.states[problem.free[i]].name
+        for i, there in zip(problem.driven, left, strict=True)
+        if there
+    }
+    found = []
+    for s in seen:
+        e = s.candidate.trial
+        shapes = [k for k, n in e.numbers.items() if isinstance(n, Shape) and n.of == "speed"]
+        if not shapes or getattr(e, "axis", "") not in axes or e.name in done:
+            continue
+        search.tell(f"trying {e.name}")
+        t = _tried(search, current, _sized(problem.model, s.effect))
+        found += [t] if t else []
+    return found
 
 
 def _likeliest(search: _Search, good: Sequence[Tried]) -> Tried:
@@ -242,8 +278,8 @@ def why_not(t: Tried, looked_at: int, criteria: Criteria) -> str:
     if t.gain < asked:
         return f"gains {t.gain:.3g} in twice the log likelihood, {asked:g} are asked for"
     b = t.blocks
-    if not np.any(t.fit.noise.process > 0.0):  # all that remains is noise of the measurements
-        return ""
+    if not np.any(t.fit.noise.process > criteria.negligible * t.fit.problem.accelerations):
+        return ""  # all that remains is noise of the measurements
     p = criteria.level / max(looked_at, 1)
     if b.p_value > p:
         return f"blocks of the logs do not agree on it (t = {b.t:.1f}, {b.same_sign} of {b.n} with its sign)"
@@ -259,7 +295,8 @@ def _add(search: _Search, current: Fit, seen: Sequence[Scored]) -> list[Tried]:
     if not worthy:
         return []
     top = worthy[0]
-    starts = [s.effect for s in worthy if s is top or s.gain > criteria.share * top.gain]
+    near = [s for s in worthy if s is top or s.gain > criteria.share * top.gain]
+    starts = [at_its_time(current, s).effect for s in near[: criteria.tries]]
     names = {e.name for e in starts}
     kin = [
         _sized(model, s.effect)
@@ -267,7 +304,7 @@ def _add(search: _Search, current: Fit, seen: Sequence[Scored]) -> list[Tried]:
         if same_axis(s.candidate.trial, top.candidate.trial) and s.candidate.name not in names
     ]
     found: list[Tried] = []
-    for e in [*starts[: criteria.tries], *kin]:
+    for e in [*starts, *kin]:
         if any(twins(t.name, e.name) for t in found):
             continue
         if found and _explained(found[0]) and not same_axis(e, top.candidate.trial):
@@ -373,7 +410,7 @@ def _confirmed(search: _Search, selection: Selection, first: Sequence[Tried]) ->
                 name, final, less.cost - final.cost, agreement(final, less, name), _numbers(final, name)
             )
             gains[name], without[name] = own.gain, less
-            if not alone and not passes(own, selection.candidates, criteria):
+            if not passes(own, selection.candidates, criteria):
                 effects.remove(name)
                 final, changed = less, True
                 break
