@@ -32,7 +32,7 @@ MOVING, STILL = 14, 8
 GATES = 8
 
 #: Times at most that samples are left out of a fit that has settled, and passes in which levels then move.
-ROUNDS, AGAIN = 5, 5
+ROUNDS, AGAIN = 12, 4
 
 #: Change of the cost by halved sub-steps that does not matter: an effect must bring ten times as much.
 FINE = 2.0

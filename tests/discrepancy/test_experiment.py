@@ -34,9 +34,10 @@ def driven(truth, experiment, seed):
 def test_an_ambiguous_answer_comes_with_a_proposal(unclear, tmp_path):
     case, found = unclear
     assert found.verdict == "ambiguous"
-    assert {e.effect for e in found.effects} | {r.name for r in found.rivals} >= {"wind", "slope"}
+    named, rivals = {e.effect for e in found.effects}, {r.name for r in found.rivals if not r.same}
+    assert named & {"wind", "slope"} and rivals
     assert found.experiment.worth > 40
-    assert found.advice.startswith("Drive ") and "wind" in found.advice and "slope" in found.advice
+    assert found.advice.startswith("Drive ") and any(name in found.advice for name in named)
     assert found.result()["next_experiment"] == found.advice
     found.save(tmp_path)
     rows = np.genfromtxt(tmp_path / "next_experiment.csv", delimiter=",", names=True)

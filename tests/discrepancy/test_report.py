@@ -149,7 +149,7 @@ def test_what_cannot_be_told_apart_is_named_together(windy, pages):
 def test_what_is_unexplained_has_leads_and_no_name(patched, pages):
     d = patched.found
     assert d.verdict == "unexplained" and d.leads
-    assert headline(d).startswith("Missing: something that no known effect explains; nearest comes ")
+    assert headline(d).startswith("Missing: something that no known effect explains; nearest come")
     _, text = read(pages["unexplained"])
     assert "They are leads, not findings." in text and d.leads[0].reason in text
     assert "the amended model" not in text.replace("the amended model still needs", "")

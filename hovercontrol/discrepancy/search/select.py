@@ -485,7 +485,9 @@ def _leads(
     """Return the candidates that came nearest beside what is named, with the reason why not."""
     found = []
     for s in seen:
-        if s.gain < criteria.least or s.candidate.name in selection.effects:
+        if s.candidate.name in selection.effects or (
+            s.gain < criteria.least and (selection.effects or len(found) >= 3)
+        ):
             continue
         t = tried.get(s.candidate.name)
         if t is not None:
@@ -495,6 +497,9 @@ def _leads(
         score_t = float(np.sqrt(max(s.chi2, 0.0)))
         if not s.allowed:
             reason = "fits best with a sign or size that its bounds forbid"
+        elif s.gain < criteria.least + criteria.each * len(s.parts):
+            asked = criteria.least + criteria.each * len(s.parts)
+            reason = f"gains {s.gain:.3g} in twice the log likelihood, {asked:g} are asked for"
         elif s.p_value > criteria.level / max(len(seen), 1):
             reason = f"blocks of the logs do not agree on it (t = {score_t:.1f})"
         else:
