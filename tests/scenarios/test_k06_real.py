@@ -186,7 +186,9 @@ def test_diagnose_names_the_rudders_offset_in_the_log_of_the_crafts_navigation(t
     assert found.verdict in ("effect", "partial")
     offset = found.effects[0]
     assert {e.effect for e in found.effects} - {"input_delay", "time_offset"} == {"rudder_offset"}
-    assert offset.effect == "rudder_offset" and offset.value == pytest.approx(scenario.plant.effect("rudder_offset").values["value"], rel=0.05)
+    assert offset.effect == "rudder_offset" and offset.value == pytest.approx(
+        scenario.plant.effect("rudder_offset").values["value"], rel=0.05
+    )
     for late in found.effects[1:]:  # a row holds the last sample of an IMU of 6.5536 ms
         assert 0.001 < late.value < 0.0066
 

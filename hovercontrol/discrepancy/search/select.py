@@ -483,7 +483,7 @@ def _leads(
     seen: Sequence[Scored], tried: dict[str, Tried], selection: Selection, criteria: Criteria
 ) -> tuple[Lead, ...]:
     """Return the candidates that came nearest beside what is named, with the reason why not."""
-    found = []
+    found: list[Lead] = []
     for s in seen:
         if s.candidate.name in selection.effects or (
             s.gain < criteria.least and (selection.effects or len(found) >= 3)
