@@ -1,6 +1,7 @@
 """The tutorials run as they stand, and what they show is what the scripts hold."""
 
 import json
+import os
 import re
 import subprocess
 import sys
@@ -68,3 +69,16 @@ def test_the_calibration_finds_what_its_benches_were_drawn_with(tmp_path):
     assert {"thrust.png", "reverse_ratio.png", "speed_over_force.csv"} <= {
         file.name for file in (tmp_path / "out").iterdir()
     }
+
+
+def test_the_real_crafts_fans_lag(tmp_path):
+    data = Path(os.environ.get("HOVERCONTROL_DATA", TUTORIALS.parents[2] / "shared" / "data")) / "holohover"
+    if not (data / "h1_aligned.csv").exists():
+        pytest.skip(f"the craft's log is not in {data}")
+    script = TUTORIALS / "real_craft.py"
+    command = [sys.executable, str(script), "--data", str(data), "--out", str(tmp_path)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=600)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith("verdict: partial\nMissing: fan lag, 0.02")
+    falls = re.findall(r"0.2 s ahead: (\S+) -> (\S+)", done.stdout)
+    assert len(falls) == 3 and all(float(after) < 0.85 * float(before) for before, after in falls)
