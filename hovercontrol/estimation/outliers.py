@@ -17,6 +17,9 @@ Mask = NDArray[np.bool_]
 #: off; real noise has heavier tails: on clean motion-capture logs of 10,000 rows the farthest is 14.8 off.
 STANDS_OUT = 16.0
 
+#: Below this part of its own standard deviation nothing is usual: a log without noise has no outliers.
+LEAST = 0.2
+
 #: Rows about a sample of which half tell its kind, and rows of which one at a time is taken: its
 #: neighbours may be off because of it.
 ABOUT, ALONE = 51, 7
@@ -46,7 +49,7 @@ def outliers(left: Array, seen: Mask) -> Mask:
         if not own.any():
             continue
         z = np.where(own, off[..., c], 0.0)
-        usual = float(np.quantile(z[own], 0.75)) / THREE_IN_FOUR
+        usual = max(LEAST, float(np.quantile(z[own], 0.75)) / THREE_IN_FOUR)
         suspect = z > STANDS_OUT * usual
         if not suspect.any():
             continue

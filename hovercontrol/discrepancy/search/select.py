@@ -484,10 +484,10 @@ def _leads(
 ) -> tuple[Lead, ...]:
     """Return the candidates that came nearest beside what is named, with the reason why not."""
     found: list[Lead] = []
+    left = selection.final.noise.process > criteria.negligible * selection.final.problem.accelerations
+    nearest = 3 if np.any(left) and not selection.effects else 0  # are told however little they gain
     for s in seen:
-        if s.candidate.name in selection.effects or (
-            s.gain < criteria.least and (selection.effects or len(found) >= 3)
-        ):
+        if s.candidate.name in selection.effects or (s.gain < criteria.least and len(found) >= nearest):
             continue
         t = tried.get(s.candidate.name)
         if t is not None:
