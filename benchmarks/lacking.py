@@ -8,10 +8,10 @@ import sys
 from collections.abc import Iterator
 
 CASES = (
-    ("nothing hidden", (), 2.0),
-    ("slope", ("slope",), 5.0),
-    ("thrust_lag", ("thrust_lag",), 5.0),
-    ("yaw_quadratic_drag", ("yaw_quadratic_drag",), 5.0),
+    ("nothing hidden", (), 3.0),
+    ("slope", ("slope",), 7.0),
+    ("thrust_lag", ("thrust_lag",), 7.0),
+    ("yaw_quadratic_drag", ("yaw_quadratic_drag",), 7.0),
     ("munk_moment + sway_yaw_coupling", ("munk_moment", "sway_yaw_coupling"), 20.0),
 )
 
