@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -119,7 +119,6 @@ class Diagnosis:
     warnings: tuple[str, ...] = ()
     experiment: Experiment | None = None
     advice: str = ""
-    left_out: tuple[Any, ...] = field(default=())
 
     def result(self) -> dict[str, Any]:
         """Return what ``result.json`` holds."""
