@@ -16,7 +16,9 @@ from hovercontrol.discrepancy.evidence.laws import regime
 from hovercontrol.discrepancy.evidence.of_effects import Evidence
 from hovercontrol.discrepancy.evidence.remainder import missing_forces, remainders
 from hovercontrol.discrepancy.experiment.propose import next_experiment
-from hovercontrol.discrepancy.search.select import Lead, Selection, select
+from hovercontrol.discrepancy.search.confirm import Selection
+from hovercontrol.discrepancy.search.leads import Lead
+from hovercontrol.discrepancy.search.select import select
 from hovercontrol.discrepancy.verdict import verdict_of
 from hovercontrol.errors import InputError
 from hovercontrol.estimation.data import Data, gather

@@ -15,7 +15,8 @@ from hovercontrol.discrepancy.evidence.missing import Missing
 from hovercontrol.discrepancy.evidence.of_effects import Evidence
 from hovercontrol.discrepancy.evidence.remainder import Remainder
 from hovercontrol.discrepancy.experiment.proposal import Experiment
-from hovercontrol.discrepancy.search.select import Lead, Rival, Selection
+from hovercontrol.discrepancy.search.confirm import Rival, Selection
+from hovercontrol.discrepancy.search.leads import Lead
 from hovercontrol.discrepancy.verdict import Verdict
 from hovercontrol.estimation.fit import Fit
 from hovercontrol.estimation.subject import Subject, motion_of
