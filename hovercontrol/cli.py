@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from hovercontrol.commands import analyze, check, cockpit, diagnose, export, identify, simulate, sweep
+from hovercontrol.commands import analyze, check, cockpit, diagnose, export, identify, new, simulate, sweep
 from hovercontrol.errors import InputError
 
 app = typer.Typer(
@@ -60,6 +60,7 @@ def _root(
 
 for command, example in (
     (simulate.simulate, simulate.EXAMPLE),
+    (new.new, new.EXAMPLE),
     (check.check, check.EXAMPLE),
     (identify.identify, identify.EXAMPLE),
     (diagnose.diagnose, diagnose.EXAMPLE),
