@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -94,6 +94,17 @@ def show(text: str, files: Sequence[Path], out: Path, result: object = None) -> 
     if text:
         print(text)
     print(f"wrote {', '.join(f.name for f in files)} to {out}")
+
+
+def show_list(titles: Mapping[str, str], json: bool) -> None:
+    """Print what there is, one line each, or as a JSON object of titles by name."""
+    if json:
+        from hovercontrol.plain_json import json_text
+
+        sys.stdout.write(json_text(titles))
+        return
+    for name, title in titles.items():
+        print(f"{name:24} {title}")
 
 
 def refuse_twice(command: str, names: Sequence[str]) -> None:
