@@ -50,11 +50,19 @@ def _refuse(text: str) -> int:
 def _root(
     context: typer.Context,
     version: Annotated[bool, typer.Option("--version", help="Print the version and leave.")] = False,
+    completion: Annotated[
+        str, typer.Option("--completion", metavar="SHELL", help="Print completion for bash, zsh or fish.")
+    ] = "",
 ) -> None:
     if version:
         from hovercontrol import __version__
 
         print(__version__)
+        raise typer.Exit
+    if completion:
+        from hovercontrol.commands.completion import script
+
+        print(script(completion, context.command), end="")
         raise typer.Exit
 
 

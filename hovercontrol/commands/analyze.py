@@ -35,7 +35,7 @@ def analyze(
     json: given.Json = False,
 ) -> int:
     """Run an analysis; write its picture (PNG, SVG), its table (CSV) and its findings in words."""
-    scripts = _scripts()
+    scripts = known_scripts()
     if list_:
         given.show_list({known: _title(path) for known, path in scripts.items()}, json)
         return 0
@@ -69,7 +69,8 @@ def _whole(name: str, scripts: Mapping[str, Path]) -> str:
     return same[0]
 
 
-def _scripts() -> dict[str, Path]:
+def known_scripts() -> dict[str, Path]:
+    """Return the analyses' scripts by name."""
     folder = next((f for f in FOLDERS if f.is_dir()), None)
     found = sorted(folder.glob("[!_]*.py")) if folder else []
     return {path.stem: path for path in found}
