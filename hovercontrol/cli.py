@@ -7,7 +7,18 @@ from typing import Annotated
 
 import typer
 
-from hovercontrol.commands import analyze, check, cockpit, diagnose, export, identify, new, simulate, sweep
+from hovercontrol.commands import (
+    analyze,
+    check,
+    cockpit,
+    diagnose,
+    export,
+    identify,
+    new,
+    schema,
+    simulate,
+    sweep,
+)
 from hovercontrol.errors import InputError
 
 app = typer.Typer(
@@ -76,6 +87,7 @@ for command, example in (
     (analyze.analyze, analyze.EXAMPLE),
     (sweep.sweep, sweep.EXAMPLE),
     (cockpit.cockpit, cockpit.EXAMPLE),
+    (schema.schema, schema.EXAMPLE),
 ):
     app.command(epilog=example)(command)
 

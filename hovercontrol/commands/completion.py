@@ -94,6 +94,7 @@ def _values() -> dict[str, tuple[str, ...]]:
     from hovercontrol.fmi.binaries import PLATFORMS
     from hovercontrol.model_template import KINDS
     from hovercontrol.scenarios import scenario_names
+    from hovercontrol.schema import KINDS as SCHEMAS
     from hovercontrol.targets.sweep import FIGURES
     from hovercontrol.vehicles import VEHICLES
 
@@ -110,7 +111,7 @@ def _values() -> dict[str, tuple[str, ...]]:
         "fmi": ("2", "3"),
         "platforms": (*PLATFORMS, "all"),
         "completion": ("bash", "zsh", "fish"),
-        "schema kind": ("result", "model", "scenario"),
+        "schema kind": tuple(SCHEMAS),
     }
 
 
