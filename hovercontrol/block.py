@@ -403,6 +403,11 @@ class Block:
             object.__setattr__(block, f.name, changes.get(f.name, getattr(self, f.name)))
         return block
 
+    def _repr_html_(self) -> str:
+        from hovercontrol.notebook.systems import block_html
+
+        return block_html(self)
+
     # ---- its faces -----------------------------------------------------------------------------------
 
     def to_numpy(self) -> NumpyFunctions:

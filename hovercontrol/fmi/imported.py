@@ -341,6 +341,11 @@ class FmuSystem(control.NonlinearIOSystem):
         system.name, system.input_index, system.output_index = names
         return system
 
+    def _repr_html_(self) -> str:
+        from hovercontrol.notebook.systems import fmu_html
+
+        return fmu_html(self)
+
     def linearize(self, *args: Any, **kwargs: Any) -> NoReturn:
         """Refuse: an FMU's state is its own, and nobody outside can vary it.
 

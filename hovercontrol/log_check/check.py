@@ -109,6 +109,11 @@ class Checked:
 
         return draw(self)
 
+    def _repr_html_(self) -> str:
+        from hovercontrol.notebook.results import checked_html
+
+        return checked_html(self)
+
     def save(self, folder: str | Path) -> list[Path]:
         """Write check.txt, check.json, check.png and check.svg; return them."""
 
