@@ -48,9 +48,10 @@ def check(
 
     coefficients a fit could show. Writes check.txt, check.json, check.png and check.svg.
 
-    Exit status 1 if something must be mended, or a coefficient cannot be shown.
+    Exit status 1 if a log cannot be used as it is, or a coefficient cannot be shown.
     """
     from hovercontrol.log_check import check as find
+    from hovercontrol.logs.gather import split_files
     from hovercontrol.model import Model
 
     if not logs:
@@ -64,9 +65,23 @@ def check(
     read = given.reader(inputs, columns, bench, bench_fans, only_while, settle, motion=moves)
     with progress_bar("check", 1.0) as report:
         report(0.0, "reading logs")
-        every = [read(name) for name in logs]
-        written = [stamps(name, log, columns) for name, log in zip(logs, every, strict=True)]
-        found = find(every, known, files=written, progress=lambda part, what: report(0.05 + 0.9 * part, what))
+        every, written, unread = [], [], []
+        for name in logs:
+            try:
+                every.append(read(name))
+            except InputError as error:  # what is wrong with a log is what was asked for
+                if not all(path.is_file() for path in split_files(name)):
+                    raise
+                unread.append(str(error))
+                continue
+            written.append(stamps(name, every[-1], columns))
+        found = find(
+            every,
+            known,
+            files=written,
+            unread=unread,
+            progress=lambda part, what: report(0.05 + 0.9 * part, what),
+        )
         report(0.95, "drawing")
         files = found.save(out)
     given.show(found.text(), files, out, found.to_json() if json else None)

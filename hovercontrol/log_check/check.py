@@ -115,14 +115,15 @@ class Checked:
         return checked_html(self)
 
     def save(self, folder: str | Path) -> list[Path]:
-        """Write check.txt, check.json, check.png and check.svg; return them."""
+        """Write check.txt, check.json and, of logs that can be read, check.png and check.svg."""
 
         def write(temporary: Path) -> None:
             (temporary / "check.txt").write_text(self.text() + "\n", encoding="utf-8")
             (temporary / "check.json").write_text(json_text(self.to_json()), encoding="utf-8")
-            figure = self.plot()
-            for suffix in ("png", "svg"):
-                figure.savefig(temporary / f"check.{suffix}", dpi=110)
+            if self.logs:
+                figure = self.plot()
+                for suffix in ("png", "svg"):
+                    figure.savefig(temporary / f"check.{suffix}", dpi=110)
 
         return write_folder(folder, write)
 
@@ -132,6 +133,7 @@ def check(
     model: Model | BlockModel | None = None,
     *,
     files: Sequence[Mapping[str, Array]] | None = None,
+    unread: Sequence[str] = (),
     progress: Callable[[float, str], None] | None = None,
 ) -> Checked:
     """Check logs before a fit.
@@ -143,6 +145,8 @@ def check(
         Of the craft; without one only what the logs say of themselves is checked.
     files : sequence of mapping of str to ndarray, optional
         For each log the stamps [s] of the files it was joined from, by their names.
+    unread : sequence of str, optional
+        Why further logs could not be read, one line each; they count among the errors.
     progress : callable, optional
         Called with the part done (0 to 1) and a word on what is being done.
 
@@ -164,12 +168,11 @@ def check(
     >>> found.warnings
     ('a.csv: the position moves at 1.02e+03 m/s: is it in millimetres or centimetres? Give metres',)
     """
-    if not logs:
+    if not logs and not unread:
         raise InputError("check: expected one or more logs")
     tell = progress or (lambda part, what: None)
     block = structure(model) if model is not None else None
-    errors: list[str] = []
-    warnings: list[str] = []
+    errors, warnings = list(unread), list[str]()
     found = []
     for k, log in enumerate(logs):
         tell(0.4 * k / len(logs), f"looking at {log.name}")

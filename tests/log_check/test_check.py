@@ -134,6 +134,21 @@ def test_the_command_prints_json_alone_and_reads_two_files(log, tmp_path, capsys
     assert (tmp_path / "out" / "check.svg").exists()
 
 
+def test_a_log_that_cannot_be_read_is_a_finding_and_a_missing_one_bad_input(
+    log, tmp_path, capsys, monkeypatch
+):
+    Log("d", log.time, {**log.columns, "psi": np.degrees(log["psi"])}).save(tmp_path / "degrees.csv")
+    for name, status in (("degrees.csv", 1), ("nowhere.csv", 2)):
+        monkeypatch.setattr(
+            sys, "argv", ["hovercontrol", "check", f"{tmp_path}/{name}", "--json", "--out", f"{tmp_path}/out"]
+        )
+        with pytest.raises(SystemExit) as done:
+            cli.main()
+        assert done.value.code == status
+    told = json.loads(capsys.readouterr().out)
+    assert "look like degrees" in told["errors"][0] and told["logs"] == []
+
+
 def test_the_sample_log_without_a_model(capsys, monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "argv", ["hovercontrol", "check", str(sample_path())])

@@ -1,4 +1,4 @@
-"""What notebooks show: whole HTML without scripts, every signal with its unit, all that users write escaped."""
+"""What notebooks show: whole HTML without scripts, signals with units, all that users write escaped."""
 
 import re
 import xml.etree.ElementTree as ET
