@@ -28,6 +28,9 @@ if TYPE_CHECKING:
 #: Rows that the trial fit uses at most: it asks what the logs can show, not for the last digit.
 MOST_ROWS = 12_000
 
+#: Other columns that are named.
+LISTED = 8
+
 #: Outliers and rejected spans of a column that are listed as text.
 SHOWN = 5
 
@@ -254,11 +257,16 @@ def _timing_text(t: Timing, named: bool) -> list[str]:
 
 def _column_table(f: LogFacts) -> list[str]:
     rows = [("column", "unit", "from", "to", "noise", "resolution", "outliers", "changes every")]
-    for c in f.columns:
+    told = [c for c in f.columns if c.kind != "other"] or list(f.columns)
+    for c in told:
         every = f"{c.change_every:.3g} s" if c.change_every else ""
         span = (f"{c.low:.4g}", f"{c.high:.4g}", _number(c.noise), _number(c.resolution))
         rows.append((c.name, c.unit or "?", *span, _outliers(c), every))
     lines = list(aligned(rows))
+    rest = [c.name for c in f.columns if c not in told]
+    if rest:
+        more = f" and {len(rest) - LISTED} more" if len(rest) > LISTED else ""
+        lines.append(f"not looked at: {', '.join(rest[:LISTED])}{more}")
     if f.rejected:
         spans = [f"{s.start:.2f}-{s.stop:.2f} s ({s.reason})" for s in f.rejected[:SHOWN]]
         more = f" and {len(f.rejected) - SHOWN} more" if len(f.rejected) > SHOWN else ""

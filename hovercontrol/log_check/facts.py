@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from hovercontrol.errors import InputError
 from hovercontrol.estimation.levels import noise_levels
 from hovercontrol.estimation.measure import Measured, steps
+from hovercontrol.estimation.navigation import LEAST, MOST, corrections
 from hovercontrol.estimation.spikes import stand_out
 from hovercontrol.logs import POSE, VELOCITY, Log, Span, fit_clock, smooth_pose
 
@@ -161,9 +162,9 @@ def facts(
     measured = [name for name, kind in kinds.items() if kind == "measured"] or [
         name for name, kind in kinds.items() if kind == "other"
     ]
-    rejected: tuple[Span, ...] = ()
-    if log.has(*POSE):
-        rejected = _rejected(log)
+    corrected = corrections(log)
+    navigated = LEAST <= corrected.size <= MOST * len(log)
+    rejected = _rejected(log) if log.has(*POSE) and not navigated else ()
     columns = tuple(
         _column(log, name, known.get(name, ""), kind, name in measured, rejected)
         for name, kind in kinds.items()
@@ -173,7 +174,14 @@ def facts(
         rows = log.stack(*measured) if measured else np.zeros((len(log), 1))
         seen = np.isfinite(rows).any(axis=1)
         timing = [_timing(log.name, log.time[seen], rows[seen])]
-    return LogFacts(log, tuple(timing), columns, rejected, tuple(_remarks(log, columns)))
+    remarks = _remarks(log, columns)
+    if navigated:
+        apart = float(np.median(np.diff(log.time[corrected])))
+        remarks.append(
+            f"{log.name}: its position jumps {corrected.size} times, usually after {apart:.3g} s, and stays "
+            "there: written by a navigation that is corrected by fixes; in between its velocities drift"
+        )
+    return LogFacts(log, tuple(timing), columns, rejected, tuple(remarks))
 
 
 def _timing(name: str, stamps: Array, samples: Array | None) -> Timing:

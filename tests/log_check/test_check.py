@@ -155,3 +155,12 @@ def test_the_sample_log_without_a_model(capsys, monkeypatch, tmp_path):
     with pytest.raises(SystemExit) as done:
         cli.main()
     assert done.value.code == 0 and "nothing looks wrong" in capsys.readouterr().out
+
+
+def test_a_log_of_a_navigation_is_told_from_one_with_wrong_poses():
+    t, rng = 0.01 * np.arange(3000), np.random.default_rng(4)
+    fixes = 0.03 * np.cumsum(rng.normal(size=31))[(t // 1).astype(int)]
+    still = {name: 1e-4 * rng.normal(size=t.size) for name in ("y", "psi", "v", "r")}
+    moves = {"x": 0.5 * t + fixes + 1e-4 * rng.normal(size=t.size), "u": 0.5 + 1e-3 * rng.normal(size=t.size)}
+    found = facts(Log("ins.csv", t, still | moves))
+    assert found.rejected == () and "written by a navigation" in found.remarks[0]
