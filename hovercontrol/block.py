@@ -472,7 +472,7 @@ class Block:
         >>> run.step(None, 0.5).round(5).tolist()
         [0.13534]
         """
-        from hovercontrol.targets.runner import start_block
+        from hovercontrol.targets.python_runner import start_block
 
         return start_block(self, x0, params, inputs=inputs, time=time, rtol=rtol, atol=atol)
 

@@ -27,8 +27,9 @@ from hovercontrol.targets.executors import sweep_on
 from hovercontrol.targets.library import METHODS, Array, Library, Point, Solver, check_point
 from hovercontrol.targets.native_runner import NativeEngine
 from hovercontrol.targets.numpy import call_scalar, numpy_functions
+from hovercontrol.targets.python_runner import start_block
 from hovercontrol.targets.runge_kutta import rk4
-from hovercontrol.targets.runner import BlockRunner, Inputs, start_block
+from hovercontrol.targets.runner import BlockRunner, Inputs
 from hovercontrol.targets.sweep import (
     FIGURES,
     REASONS,

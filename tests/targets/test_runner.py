@@ -108,7 +108,7 @@ def test_stepping_is_simulating_the_same_grid(name, engine):
     block = BLOCKS[name]
     whole = block.in_continuous_time
 
-    @settings(deadline=None, max_examples=12, database=None)
+    @settings(deadline=None, max_examples=8, database=None)
     @given(
         counts=st.lists(st.integers(1, 40), min_size=3, max_size=8),
         unit=st.sampled_from([0.001, 0.0065536, 0.01]),
