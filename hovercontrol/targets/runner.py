@@ -238,7 +238,7 @@ class Runner(ABC):
 
 
 class Engine(Protocol):
-    """What steps a Block without delays: Python (:mod:`.python_runner`) or machine code (:mod:`.native_runner`)."""
+    """What steps a Block without delays: :mod:`.python_runner`, or in machine code :mod:`.native_runner`."""
 
     kind: str
     y: Array  # the outputs, kept up to date
