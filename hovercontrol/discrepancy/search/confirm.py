@@ -80,6 +80,8 @@ class Selection:
         The amended model less each effect, fitted.
     dropped : tuple of Lead
         What was added and is not needed beside the others, or not agreed on.
+    alternatives : tuple of (str, Tried)
+        In place of which effect another might be named as well, were it likelier.
     """
 
     base: Fit
@@ -93,6 +95,7 @@ class Selection:
     candidates: int = 0
     without: dict[str, Fit] = field(default_factory=dict)
     dropped: tuple[Lead, ...] = ()
+    alternatives: tuple[tuple[str, Tried], ...] = ()
 
 
 def confirmed(
@@ -130,10 +133,11 @@ def confirmed(
             continue
         if safe is not None and set(effects) <= set(safe.effects):
             return replace(safe, dropped=(*safe.dropped, *dropped))
-        rivals, better = _rivals(search, selection, own, without, {t.name: t for t in first})
-        if better is None or swaps == ROUNDS:
+        rivals, others = _rivals(search, selection, own, without, {t.name: t for t in first})
+        better = [(n, t) for n, t in others if _behind(t, own[n], criteria) < 0.0]
+        if not better or swaps == ROUNDS:
             break
-        name, t = better
+        name, t = better[0]
         effects[effects.index(name)] = t.name
         final, swaps = t.fit, swaps + 1
     return replace(
@@ -145,6 +149,7 @@ def confirmed(
         blocks={n: own[n].blocks for n in effects},
         without=without,
         dropped=tuple(dropped),
+        alternatives=tuple(others),
     )
 
 
@@ -154,11 +159,11 @@ def _rivals(
     own: Mapping[str, Tried],
     without: Mapping[str, Fit],
     first: Mapping[str, Tried],
-) -> tuple[list[Rival], tuple[str, Tried] | None]:
-    """Return what is level with each named effect, and the first that is better than one, if any is."""
+) -> tuple[list[Rival], list[tuple[str, Tried]]]:
+    """Return what is level with each named effect, and all that might be named in its place."""
     criteria = search.criteria
     rivals: list[Rival] = []
-    better: tuple[str, Tried] | None = None
+    alternatives: list[tuple[str, Tried]] = []
     for name, mine in own.items():
         less, final = without[name], mine.fit
         scored = Scores(less, candidates(less, search.names)).best()
@@ -185,11 +190,10 @@ def _rivals(
             behind = _behind(t, mine, criteria)
             d = t.fit.block_costs - final.block_costs
             score = float(d.sum() / max(np.sqrt(d.size) * d.std(ddof=1), 1e-300)) if d.size > 1 else 0.0
-            if behind < 0.0 and better is None:
-                better = name, t
+            alternatives.append((name, t))
             if behind < criteria.apart or score < criteria.apart_t:
                 rivals.append(Rival(t.name, name, behind, score, t.fit))
-    return rivals, better
+    return rivals, alternatives
 
 
 def _behind(t: Tried, other: Tried, criteria: Criteria) -> float:
