@@ -174,7 +174,11 @@ def _body(content: Mapping[str, Any]) -> Body:
 def _estimator(content: Mapping[str, Any]) -> dict[str, Any] | None:
     if "estimator" not in content:
         return None
-    given = _section(content, "estimator", {"R": object, "Q": object, "P0": object, "estimate": list})
+    given = _section(
+        content, "estimator", {"R": object, "Q": object, "P0": object, "estimate": list, "start": float}
+    )
+    if "start" in given and "sampling" not in content:
+        raise InputError("estimator.start needs a [sampling]: a continuous estimator runs from 0 on")
     for key in ("R", "Q", "P0"):
         value = given.get(key, 0.0)
         for one in value if isinstance(value, list) else [value]:
