@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -16,9 +17,9 @@ from hovercontrol.analysis.table_two import PRINTED, TableTwo, table_two
 LINES = ("k-", "k--", "k:", "k-.")
 
 
-def main(out: Path, progress: Progress | None = None, *, seeds: int = 4) -> list[Path]:
+def main(out: Path, progress: Progress | None = None, *, seeds: int = 4, **tried: Any) -> list[Path]:
     """Draw the error with the estimator on over P0 and over the noise, and the two before over the drag."""
-    found = table_two(seeds=seeds, progress=progress)
+    found = table_two(seeds=seeds, progress=progress, **tried)
     figure = Figure(figsize=(12.0, 8.5), layout="constrained")
     axes = figure.subplots(2, 2)
     _search(found, axes[0, 0])
@@ -26,6 +27,8 @@ def main(out: Path, progress: Progress | None = None, *, seeds: int = 4) -> list
     _noise(found, axes[1, 0])
     _drag(found, axes[1, 1])
     figure.suptitle(f"C17 Table II: mean tracking errors, each point the mean of {seeds} noise seeds")
+    if progress:
+        progress(1.0)
     return save(out, "c17_table2", figure, {"c17_table2": lambda path: _table(found, path)}, _said(found))
 
 

@@ -195,6 +195,5 @@ def _variances(values: Array, first: int, last: int) -> dict[str, Array]:
 
 
 def _with_drag(scenario: Scenario, factor: float) -> Scenario:
-    phases = [replace(p, scale=dict.fromkeys(p.scale, factor)) for p in scenario.phases[:2]]
-    before = tuple(m for m in scenario.metrics if m.end <= phases[-1].until)
-    return replace(scenario, phases=tuple(phases), metrics=before)
+    phases = [replace(p, scale=dict.fromkeys(p.scale, factor)) for p in scenario.phases]
+    return replace(scenario, phases=tuple(phases))

@@ -1,9 +1,8 @@
-"""A loop through the phases of a scenario, in machine code: parameters change exactly where a phase ends."""
+"""A loop through the phases of a scenario, in machine code: parameters change where a phase ends."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +15,9 @@ Array = NDArray[np.float64]
 
 #: Times that differ by less are the same [s].
 SAME = 1e-9
+
+#: A phase of a loop that ticks ends this much early [s]: the ticks of that time belong to the next one.
+EARLY = 1e-6
 
 
 def phase_grid(begin: float, end: float, step: float) -> Array:
@@ -43,8 +45,7 @@ def through_phases(
     parameters : callable
         Those that hold in a phase, by key.
     step : float, optional
-        Of the rows [s]; default that of the scenario. There is a row at each end of a phase, too, if the loop
-        has no commands to play.
+        Of the rows [s]; default that of the scenario. There is a row where a phase ends, too.
     friction : {"events", "smooth"}, optional
     progress : callable, optional
         Called with the time reached.
@@ -52,29 +53,30 @@ def through_phases(
     compiled = loop.compile(friction=friction)
     state = np.array([s.start for s in loop.states])
     pieces: list[dict[str, Array]] = []
+    step = scenario.step if step is None else step
     begin = 0.0
     for phase in scenario.phases:
-        rows = phase_grid(begin, phase.until, scenario.step if step is None else step)
-        changes = _changes(scenario, begin, phase.until)
-        time = np.array(sorted({*rows.tolist(), *changes}))
-        inputs = held_commands(scenario, time)
-        params = parameters(scenario, phase)
-        response = compiled.simulate(time, inputs, x0=state, params=params)
-        # The ticks at the end belong to the next phase, which has other parameters.
-        if phase is not scenario.phases[-1]:
-            for start, stop in pairwise([begin, *changes, phase.until]):
-                u = _at(loop, held_commands(scenario, np.array([start])))
-                state = compiled.advance(start, stop, state, u, params=params)
+        last = phase is scenario.phases[-1]
+        end = phase.until if last else phase.until - EARLY
+        rows = phase_grid(begin, end, step)
+        played = () if scenario.commands is None else scenario.commands["time"]
+        time = np.array(sorted({*rows.tolist(), *(t for t in played if begin < t < end)}))
+        response = compiled.simulate(
+            time, held_commands(scenario, time), x0=state, params=parameters(scenario, phase)
+        )
+        state = np.atleast_2d(np.asarray(response.states))[:, -1]
         shown = np.isin(time, rows)
-        shown[-1] &= phase is scenario.phases[-1]
-        outputs, given = (np.atleast_2d(np.asarray(rows)) for rows in (response.outputs, response.inputs))
+        shown[-1] &= last  # the next phase shows it
+        if len(rows) > 1 and rows[1] - begin < 2 * EARLY:
+            shown[0] = False  # a row of its own follows at once
+        outputs, given = (np.atleast_2d(np.asarray(part)) for part in (response.outputs, response.inputs))
         piece = dict(zip(response.output_labels, outputs[:, shown], strict=True))
         if loop.inputs:
             piece |= dict(zip(response.input_labels, given[:, shown], strict=True))
         pieces.append({"time": time[shown], **piece})
-        begin = phase.until
+        begin = end
         if progress is not None:
-            progress(begin)
+            progress(end)
     return {key: np.concatenate([p[key] for p in pieces]) for key in pieces[0]}
 
 
@@ -85,14 +87,3 @@ def held_commands(scenario: Scenario, time: Array) -> dict[str, Array] | None:
     times = np.array(scenario.commands["time"])
     row = np.searchsorted(times, time + SAME, side="right") - 1
     return {k: np.array(v)[row] for k, v in scenario.commands.items() if k != "time"}
-
-
-def _changes(scenario: Scenario, begin: float, end: float) -> list[float]:
-    """Return when commands change between two times, both excluded."""
-    times = () if scenario.commands is None else scenario.commands["time"]
-    return [t for t in times if begin + SAME < t < end - SAME]
-
-
-def _at(loop: Block, inputs: Mapping[str, Array] | None) -> list[float]:
-    given = inputs or {}
-    return [float(given[s.name][0]) if s.name in given else s.start for s in loop.inputs]

@@ -19,7 +19,7 @@ from hovercontrol.files import write_folder
 from hovercontrol.interconnect import interconnect
 from hovercontrol.scenarios.definition import Scenario
 from hovercontrol.scenarios.parts import loop_parts, phase_parameters
-from hovercontrol.scenarios.phases import phase_grid
+from hovercontrol.scenarios.phases import EARLY, phase_grid
 from hovercontrol.scenarios.sampling import sampled_loop
 from hovercontrol.targets.sweep import FIGURES, SweepResult
 
@@ -27,9 +27,6 @@ Array = NDArray[np.float64]
 
 #: Most runs: a picture with more points shows no more.
 MAX_RUNS = 1_000_000
-
-#: A phase of a loop that ticks ends this much early [s]: the ticks of that time belong to the next one.
-EARLY = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
