@@ -76,11 +76,13 @@ def _tracking_parts(scenario: Scenario) -> dict[str, Block]:
     parts = {"reference": REFERENCES[reference.pop("kind")](**reference)}
     parts["controller"] = tracking_controller(scenario.belief, **scenario.controller)
     if scenario.estimator is not None:
-        belief = scenario.belief.plant().with_values(scenario.start)
+        given = dict(scenario.estimator)
+        first = {f"plant.{name}": value for name, value in given.pop("first", {}).items()}
+        belief = scenario.belief.plant().with_values({**scenario.start, **first})
         parts["estimator"] = (
-            kalman_bucy(belief, **scenario.estimator)
+            kalman_bucy(belief, **given)
             if scenario.sampling is None
-            else sampled_estimator(belief, period=scenario.sampling.measurement, **scenario.estimator)
+            else sampled_estimator(belief, period=scenario.sampling.measurement, **given)
         )
     return parts
 
