@@ -13,11 +13,13 @@ from pathlib import Path
 from typing import Any
 
 from hovercontrol.errors import InputError, did_you_mean
+from hovercontrol.hardware.sensors import poor_view
 from hovercontrol.model import Model
 from hovercontrol.modelfile import load_model, model_from_table
 from hovercontrol.references import REFERENCES
 from hovercontrol.scenarios.autopilots import KEYS as AUTOPILOT_KEYS
 from hovercontrol.scenarios.autopilots import autopilot_section
+from hovercontrol.scenarios.base import with_base
 from hovercontrol.scenarios.checks import check_scenario
 from hovercontrol.scenarios.definition import Metric, Phase, Sampling, Scenario
 from hovercontrol.scenarios.measures import NEEDS, STATISTICS
@@ -46,22 +48,28 @@ def load_scenario(name: str | Path) -> Scenario:
         If there is no such scenario (the nearest is named) or the file has an error; the line names the key.
     """
     own = str(name).endswith(".toml")
-    if own:
-        path = Path(name)
-    else:
-        if name not in scenario_names():
-            few = get_close_matches(str(name), scenario_names(), n=5, cutoff=0.0)
-            hint = did_you_mean(str(name), few)
-            more = " and more (hovercontrol simulate --list)" if "known" in hint else ""
-            raise InputError(f"unknown scenario {str(name)!r}{hint}{more}")
-        path = Path(str(resources.files("hovercontrol.scenarios") / f"{name}.toml"))
+    path = Path(name) if own else _shipped(str(name))
     content = read_toml(path)
     try:
+        content = with_base(content, path, _base)
         scenario = replace(_scenario(path, content), file=str(path) if own else "")
         check_scenario(scenario)
         return scenario
     except InputError as error:
         raise type(error)(f"{path}: {error}") from None
+
+
+def _shipped(name: str) -> Path:
+    if name not in scenario_names():
+        few = get_close_matches(name, scenario_names(), n=5, cutoff=0.0)
+        hint = did_you_mean(name, few)
+        more = " and more (hovercontrol simulate --list)" if "known" in hint else ""
+        raise InputError(f"unknown scenario {name!r}{hint}{more}")
+    return Path(str(resources.files("hovercontrol.scenarios") / f"{name}.toml"))
+
+
+def _base(name: str, path: Path) -> Path:
+    return path.parent / name if name.endswith(".toml") else _shipped(name)
 
 
 def _scenario(path: Path, content: dict[str, Any]) -> Scenario:
@@ -279,8 +287,16 @@ def _sampling(content: Mapping[str, Any]) -> Sampling | None:
         "rate_noise": float,
         "log": float,
         "seed": int,
+        "poor_view": dict,
     }
     given = _section(content, "sampling", kinds, required=("measurement",))
+    if "poor_view" in given:
+        view: dict[str, type] = {
+            key: object if key == "centre" else float
+            for key in inspect.signature(poor_view).parameters
+            if key not in ("period", "seed", "name")
+        }
+        given["poor_view"] = _check("sampling.poor_view", given["poor_view"], view, ())
     given.setdefault("command", given["measurement"])
     for key in ("measurement", "command", "log"):
         positive(f"sampling.{key}", given.get(key, given["measurement"]))
