@@ -16,7 +16,7 @@ def with_base(
     """Return a scenario file's content over that of its base, and of its base's base.
 
     Keys of a section are those of the base where the file has none of its own; lists of sections
-    (``[[phase]]``, ``[[metric]]``) are taken whole.
+    (``[[phase]]``, ``[[metric]]``) and sections with a ``kind`` of their own are taken whole.
 
     Parameters
     ----------
@@ -46,4 +46,6 @@ def with_base(
 def _over(below: Any, own: Any) -> Any:
     if own is None:
         return below
-    return {**below, **own} if isinstance(below, Mapping) and isinstance(own, Mapping) else own
+    if not (isinstance(below, Mapping) and isinstance(own, Mapping)) or "kind" in own:
+        return own
+    return {**below, **own}
