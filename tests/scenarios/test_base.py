@@ -1,4 +1,4 @@
-"""A scenario on a base is that one but for its own keys; estimates may begin elsewhere; a view may be poor."""
+"""A scenario on a base is that one but for its own keys; estimates begin elsewhere; a view is poor."""
 
 import pytest
 
@@ -61,7 +61,7 @@ def test_estimates_that_begin_at_zero_find_the_truth():
 
 
 def test_where_the_sets_are_dependent_estimates_converge_to_wrong_constants():
-    """C17 section V: "estimates converge to a constant, although not guaranteed to converge to the correct"."""
+    """C17 section V: "estimates converge to a constant, although they are not guaranteed to" be correct."""
     run = run_scenario(load_scenario("c17-dependent"))
     late = run.time >= 50.0
     assert max(float(v[late].max() - v[late].min()) for v in run.estimates().values()) < 1e-5
