@@ -15,6 +15,7 @@ from hovercontrol.commands import (
     export,
     identify,
     new,
+    reproduce,
     schema,
     simulate,
     sweep,
@@ -86,6 +87,7 @@ for command, example in (
     (export.export, export.EXAMPLE),
     (analyze.analyze, analyze.EXAMPLE),
     (sweep.sweep, sweep.EXAMPLE),
+    (reproduce.reproduce, reproduce.EXAMPLE),
     (cockpit.cockpit, cockpit.EXAMPLE),
     (schema.schema, schema.EXAMPLE),
 ):

@@ -17,6 +17,7 @@ from hovercontrol.modelfile import load_model, model_from_table
 from hovercontrol.references import REFERENCES
 from hovercontrol.scenarios.autopilots import KEYS as AUTOPILOT_KEYS
 from hovercontrol.scenarios.autopilots import autopilot_section
+from hovercontrol.scenarios.base import with_base
 from hovercontrol.scenarios.checks import check_scenario
 from hovercontrol.scenarios.definition import Metric, Phase, Sampling, Scenario
 from hovercontrol.scenarios.measures import NEEDS, STATISTICS
@@ -31,6 +32,7 @@ from hovercontrol.scenarios.sections import (
     METRIC_NEEDS,
     PHASE,
     PLANT,
+    POOR_VIEW,
     SAMPLING,
     SECTIONS,
     STATES,
@@ -60,22 +62,28 @@ def load_scenario(name: str | Path) -> Scenario:
         If there is no such scenario (the nearest is named) or the file has an error; the line names the key.
     """
     own = str(name).endswith(".toml")
-    if own:
-        path = Path(name)
-    else:
-        if name not in scenario_names():
-            few = get_close_matches(str(name), scenario_names(), n=5, cutoff=0.0)
-            hint = did_you_mean(str(name), few)
-            more = " and more (hovercontrol simulate --list)" if "known" in hint else ""
-            raise InputError(f"unknown scenario {str(name)!r}{hint}{more}")
-        path = Path(str(resources.files("hovercontrol.scenarios") / f"{name}.toml"))
+    path = Path(name) if own else _shipped(str(name))
     content = read_toml(path)
     try:
+        content = with_base(content, path, _base)
         scenario = replace(_scenario(path, content), file=str(path) if own else "")
         check_scenario(scenario)
         return scenario
     except InputError as error:
         raise type(error)(f"{path}: {error}") from None
+
+
+def _shipped(name: str) -> Path:
+    if name not in scenario_names():
+        few = get_close_matches(name, scenario_names(), n=5, cutoff=0.0)
+        hint = did_you_mean(name, few)
+        more = " and more (hovercontrol simulate --list)" if "known" in hint else ""
+        raise InputError(f"unknown scenario {name!r}{hint}{more}")
+    return Path(str(resources.files("hovercontrol.scenarios") / f"{name}.toml"))
+
+
+def _base(name: str, path: Path) -> Path:
+    return path.parent / name if name.endswith(".toml") else _shipped(name)
 
 
 def _scenario(path: Path, content: dict[str, Any]) -> Scenario:
@@ -119,7 +127,7 @@ def _scenario(path: Path, content: dict[str, Any]) -> Scenario:
         controller=_controller(content) if closed else None,
         actuation=_section(content, "actuation", ACTUATION) if "actuation" in content else {},
         body=_body(content),
-        estimator=_estimator(content),
+        estimator=_estimator(content, belief),
         commands=_commands(content) if not closed else None,
         sampling=_sampling(content),
         autopilot=autopilot_section(path.parent, _section(content, "autopilot", AUTOPILOT_KEYS))
@@ -160,15 +168,20 @@ def _body(content: Mapping[str, Any]) -> Body:
     return Body(**_section(content, "body", BODY, tuple(BODY)))
 
 
-def _estimator(content: Mapping[str, Any]) -> dict[str, Any] | None:
+def _estimator(content: Mapping[str, Any], belief: Model) -> dict[str, Any] | None:
     if "estimator" not in content:
         return None
     given = _section(content, "estimator", ESTIMATOR)
+    if "start" in given and "sampling" not in content:
+        raise InputError("estimator.start needs a [sampling]: a continuous estimator runs from 0 on")
     for key in ("R", "Q", "P0"):
         value = given.get(key, 0.0)
         for one in value if isinstance(value, list) else [value]:
             if isinstance(one, bool) or not isinstance(one, int | float):
                 raise InputError(f"estimator.{key} must be a number or a list of numbers, found {value!r}")
+    if "first" in given:
+        given["first"] = _numbers("estimator.first", given["first"])
+        check_keys("coefficient in estimator.first", given["first"], belief.coefficients())
     return given
 
 
@@ -236,6 +249,8 @@ def _sampling(content: Mapping[str, Any]) -> Sampling | None:
     if "sampling" not in content:
         return None
     given = _section(content, "sampling", SAMPLING, required=("measurement",))
+    if "poor_view" in given:
+        given["poor_view"] = _check("sampling.poor_view", given["poor_view"], POOR_VIEW, ())
     given.setdefault("command", given["measurement"])
     for key in ("measurement", "command", "log"):
         positive(f"sampling.{key}", given.get(key, given["measurement"]))

@@ -29,7 +29,8 @@ SECTIONS = (
     "metric",
 )
 
-HEAD: Keys = {"title": str, "source": str, "step": float}
+#: ``base`` is taken off before the rest is checked: see :mod:`hovercontrol.scenarios.base`.
+HEAD: Keys = {"base": str, "title": str, "source": str, "step": float}
 PLANT: Keys = {"vehicle": str, "model": str, "start": dict, "coefficients": dict, "effects": dict}
 #: What ``plant.start`` may set.
 STATES = ("x", "y", "psi", "u", "v", "r")
@@ -37,7 +38,14 @@ BODY: Keys = {"mass": float, "inertia": float, "arm": float}
 #: Of C17's tracking law; others have a ``kind`` and their arguments.
 CONTROLLER: Keys = {"control_point": float, "k1": float, "k2": float, "adapt": list, "limits": bool}
 ACTUATION: Keys = {"dead_zone": float, "reversing": bool}
-ESTIMATOR: Keys = {"R": object, "Q": object, "P0": object, "estimate": list}
+ESTIMATOR: Keys = {
+    "R": object,
+    "Q": object,
+    "P0": object,
+    "estimate": list,
+    "start": float,
+    "first": dict,
+}
 SAMPLING: Keys = {
     "measurement": float,
     "command": float,
@@ -47,6 +55,16 @@ SAMPLING: Keys = {
     "rate_noise": float,
     "log": float,
     "seed": int,
+    "poor_view": dict,
+}
+#: Of ``sampling.poor_view``.
+POOR_VIEW: Keys = {
+    "centre": object,
+    "radius": float,
+    "position_noise": float,
+    "heading_noise": float,
+    "outlier_share": float,
+    "outlier_noise": float,
 }
 PHASE: Keys = {"name": str, "until": float, "scale": dict, "adaptation": float, "set": dict}
 METRIC: Keys = {

@@ -48,6 +48,7 @@ def scenario_schema() -> Schema:
                 **{key: {"type": "number", "minimum": 0} for key in keys.SAMPLING},
                 **dict.fromkeys(("measurement", "command", "log"), POSITIVE),
                 "seed": {"type": "integer", "minimum": 0},
+                "poor_view": table({**_of(keys.POOR_VIEW), "centre": array(NUMBER, 2, 2)}),
             },
             ("measurement",),
         ),
@@ -57,9 +58,17 @@ def scenario_schema() -> Schema:
             table({**_of(keys.METRIC), "statistic": {"enum": list(STATISTICS)}}, keys.METRIC_NEEDS)
         ),
     }
-    body = table({name: sections[name] for name in keys.SECTIONS}, ("scenario", "plant", "phase"))
-    body["oneOf"] = [{"required": ["controller"]}, {"required": ["commands"]}]
+    whole = table({name: sections[name] for name in keys.SECTIONS}, ("scenario", "plant", "phase"))
+    whole["oneOf"] = [{"required": ["controller"]}, {"required": ["commands"]}]
+    parts = {name: _part(sections[name]) for name in keys.SECTIONS}
+    parts["scenario"]["required"] = ["base"]
+    body: Schema = {"anyOf": [whole, table(parts, ("scenario",), "a scenario that is another but for this")]}
     return document("hovercontrol scenario", "What happens, to which craft, in which phases (TOML).", body)
+
+
+def _part(section: Schema) -> Schema:
+    """Return a section of which the base may have the rest."""
+    return {key: value for key, value in section.items() if key not in ("required", "oneOf")}
 
 
 def _of(kinds: Mapping[str, type]) -> dict[str, Schema]:
