@@ -98,7 +98,7 @@ def diagnose(
             found.save(folder)
             write_report(found, folder / "report.html", command=_command())
 
-        files = write_folder(out, write)
+        files = write_folder(out, write, stale=("model.toml", "next_experiment.csv"))
     for warning in found.warnings:
         print(f"warning: {warning}", file=sys.stderr)
     for sentence in (headline(found), gap_sentence(found), remainder_sentence(found)):

@@ -97,10 +97,7 @@ def export_fmu(
         files[f"binaries/{folder_of(p, version)}/{interface.identifier}{p.suffix}"] = binary
         report(0.1 + 0.8 * k / len(wanted))
     content = packed(files | _content(interface, version, sources, experiment, atol, description))
-    try:
-        return write_whole(target, lambda temporary: temporary.write_bytes(content))
-    except OSError as error:
-        raise InputError(f"{path}: cannot write there: {error.strerror}") from None
+    return write_whole(target, lambda temporary: temporary.write_bytes(content))
 
 
 def _experiment(step: float | None, stop: float | None, rtol: float, atol: float) -> Experiment:

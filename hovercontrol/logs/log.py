@@ -168,10 +168,7 @@ class Log:
         table = pa.table({"time": self.time, **self.columns})
         parquet = target.suffix.lower() in PARQUET
         write = pyarrow.parquet.write_table if parquet else pyarrow.csv.write_csv
-        try:
-            write_whole(target, lambda temporary: write(table, temporary))
-        except OSError as error:
-            raise InputError(f"{target}: cannot be written: {error.strerror or error}") from None
+        write_whole(target, lambda temporary: write(table, temporary))
 
 
 def gap_rows(time: Floats) -> NDArray[np.intp]:

@@ -25,7 +25,8 @@ from pathlib import Path
 import sympy as sp
 
 from hovercontrol.block import Block
-from hovercontrol.files import write_whole
+from hovercontrol.errors import InputError
+from hovercontrol.files import write_quietly
 
 #: The same numbers on every machine: no fast-math, no fused multiply-add, nothing of this processor alone.
 #: (Measured: -flto and -march=native gain less than 10 %.)
@@ -220,7 +221,8 @@ def cached_text(stem: str, suffix: str, make: Callable[[], str]) -> str:
             return found.read_text(encoding="utf-8")
     text = make()
     digest = hashlib.sha256(text.encode()).hexdigest()[:16]
-    write_whole(folder / f"{stem}-{digest}{suffix}", lambda path: path.write_bytes(text.encode()))
+    with contextlib.suppress(InputError):  # a full disk: it is made again next time
+        write_quietly(folder / f"{stem}-{digest}{suffix}", lambda path: path.write_bytes(text.encode()))
     return text
 
 

@@ -140,7 +140,9 @@ def test_a_wrong_call_is_one_line(folder, args, said, monkeypatch, capsys):
 
 
 def test_help_shows_an_example(capsys):
-    cli.app(["diagnose", "--help"], standalone_mode=False)
+    from hovercontrol.commands.app import app
+
+    app(["diagnose", "--help"], standalone_mode=False)
     said = " ".join(capsys.readouterr().out.split())
     assert "Example: hovercontrol diagnose" in said
     for verdict in ("none", "effect", "partial", "ambiguous", "unexplained"):
