@@ -10,12 +10,13 @@ import os
 import signal
 import sys
 import threading
+import warnings
 from collections.abc import Callable
 from types import FrameType
 from typing import Any, NoReturn
 
 from hovercontrol import files
-from hovercontrol.errors import InputError
+from hovercontrol.errors import InputError, one_line
 
 DONE, FINDING, WRONG, FAULT = 0, 1, 2, 3
 
@@ -46,9 +47,12 @@ def run(command: Callable[[], object]) -> int:
     command : callable
         Returns the status, or None for 0. An :class:`.InputError` and anything that the system refuses (a
         full disk, a missing permission) are one line and 2, a signal is one line and 130 or 143, a reader of
-        the output that has left is 0 without a word, everything else one line and 3.
+        the output that has left is 0 without a word, everything else one line and 3. Warnings are told at the
+        end of work that succeeds.
     """
     files.placed.clear()
+    notices, before = _Notices(), warnings.showwarning
+    warnings.showwarning = notices.add  # type: ignore[assignment]
     try:
         _listen()
         try:
@@ -56,6 +60,7 @@ def run(command: Callable[[], object]) -> int:
             status = found if isinstance(found, int) else DONE
         except SystemExit as end:  # of the library that draws tables: its reader has left
             status = end.code if isinstance(end.code, int) and end.code != 1 else DONE
+        notices.tell()
         _flush()
         return status
     except InputError as error:
@@ -72,6 +77,26 @@ def run(command: Callable[[], object]) -> int:
         return _say("this needs more memory than there is", WRONG)
     except Exception as error:  # a fault of ours: never a traceback at a user, never taken for a finding
         return _say(f"unexpected {type(error).__name__}: {error} (please report this)", FAULT)
+    finally:
+        warnings.showwarning = before
+
+
+class _Notices:
+    """What is remarkable about the input, told when the work is done: a refusal is one line."""
+
+    def __init__(self) -> None:
+        self.texts: list[str] = []
+
+    def add(self, message: Warning | str, category: type[Warning], *where: Any) -> None:
+        """Keep a warning, once; those of numerics are not for a user."""
+        text = one_line(message)
+        if issubclass(category, UserWarning) and text not in self.texts:
+            self.texts.append(text)
+
+    def tell(self) -> None:
+        """Print one line for each."""
+        for text in self.texts:
+            print(f"warning: {text}", file=sys.stderr)
 
 
 def refuse(text: str) -> int:
@@ -81,7 +106,7 @@ def refuse(text: str) -> int:
 
 def _say(text: str, status: int) -> int:
     with contextlib.suppress(OSError, ValueError):  # nobody reads it, or its device is full
-        print(f"hovercontrol: {' '.join(text.split())}", file=sys.stderr, flush=True)
+        print(f"hovercontrol: {one_line(text)}", file=sys.stderr, flush=True)
     return status
 
 

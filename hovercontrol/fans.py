@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from hovercontrol.errors import InputError
 from hovercontrol.lookup import linear
 from hovercontrol.signals import Signal
-from hovercontrol.tables import number
+from hovercontrol.tables import finite, number
 
 
 @dataclass(frozen=True)
@@ -172,7 +172,7 @@ class Fan:
 
     def __post_init__(self) -> None:
         for key in ("x", "y", "direction"):
-            object.__setattr__(self, key, float(getattr(self, key)))
+            object.__setattr__(self, key, finite(f"fan {self.name}: {key}", getattr(self, key)))
         if self.gain is not None:
             object.__setattr__(self, "gain", number(f"fan {self.name}: gain", self.gain))
             if not 0 <= self.gain < math.inf:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import sys
-import warnings
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -107,8 +105,7 @@ def reader(
 ) -> Callable[[str], Log]:
     """Return what reads a log of a craft with these inputs, as the options of the command say.
 
-    Without `motion` a log need not hold pose or body velocities: it is of some other machine. What is
-    remarkable about a log, such as its gaps, is one line each on the standard error.
+    Without `motion` a log need not hold pose or body velocities: it is of some other machine.
     """
     from hovercontrol.logs import BenchTable, Condition, gather
 
@@ -117,20 +114,15 @@ def reader(
     renamed = _pairs(columns)
 
     def read(files: str) -> Log:
-        with warnings.catch_warnings(record=True) as remarks:
-            warnings.simplefilter("always")
-            log = gather(
-                files,
-                inputs,
-                columns=renamed,
-                bench=table,
-                only_while=condition,
-                settle=settle,
-                motion=motion,
-            )
-        for remark in remarks:
-            print(f"warning: {remark.message}", file=sys.stderr)
-        return log
+        return gather(
+            files,
+            inputs,
+            columns=renamed,
+            bench=table,
+            only_while=condition,
+            settle=settle,
+            motion=motion,
+        )
 
     return read
 

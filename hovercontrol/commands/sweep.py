@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from hovercontrol.commands.given import Out
 from hovercontrol.commands.progress import progress_bar
-from hovercontrol.errors import InputError
+from hovercontrol.errors import InputError, shown
 from hovercontrol.files import check_folder
 
 EXAMPLE = "Example: hovercontrol sweep k06-turn --vary controller.k2=0.5:6:200 --of r --figure final"
@@ -73,7 +73,10 @@ def _range(text: str) -> tuple[str, NDArray[np.float64]]:
         low = high = math.nan
         points = 0
     if not (key and equals and len(parts) == 3 and points):
-        raise InputError(f"--vary: expected KEY=FROM:TO:POINTS, found {text!r}")
+        raise InputError(f"--vary: expected KEY=FROM:TO:POINTS, found {shown(text)}")
     from hovercontrol.analysis.regions import axis
+    from hovercontrol.scenarios.varied import MAX_RUNS
 
+    if points > MAX_RUNS:
+        raise InputError(f"--vary {key}: expected {MAX_RUNS} points at most, found {points:.4g}")
     return key, axis(f"--vary {key}", "", (low, high), points).values

@@ -122,7 +122,7 @@ def test_the_exit_status_follows_the_verdict(every, kind, status, first, tmp_pat
     ("args", "said"),
     [
         ([], "diagnose: expected one or more logs"),
-        (["a.csv", "--model", "none.toml"], "none.toml: no such file"),
+        (["a.csv", "--model", "none.toml"], "none.toml: expected a TOML file, there is no such file"),
         (["a.csv", "--model", "craft.toml", "--holdout", "./a.csv"], "./a.csv is given twice (as a.csv)"),
         (["a.csv", "--model", "craft.toml", "--effects", "sloep"], "did you mean 'slope'?"),
         (
