@@ -226,6 +226,8 @@ def _refusals(target: Path) -> Iterator[None]:
     except (OSError, ValueError, RuntimeError) as error:
         if not isinstance(error, OSError) and "null byte" not in str(error) and "loop" not in str(error):
             raise
+        if _is_part(target):  # who writes the whole says where that was to be
+            raise
         raise InputError(f"{_short(target)}: cannot be written: {reason(error)}") from None
 
 
@@ -249,8 +251,12 @@ def _remove(path: Path) -> None:
 
 def _tell(target: Path) -> None:
     """Remember what was written, unless it is part of what is being written."""
-    if not any(_NAME.fullmatch(part.name) for part in (target, *target.parents)):
+    if not _is_part(target):
         placed[:] = [target]
+
+
+def _is_part(target: Path) -> bool:
+    return any(_NAME.fullmatch(part.name) for part in (target, *target.parents))
 
 
 def _exchangeable(target: Path) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -84,7 +85,7 @@ def refuse_twice(command: str, names: Sequence[str]) -> None:
 
     given: dict[Path, str] = {}
     for name in names:
-        measured = split_files(name)[0].resolve()  # commands may be those of several runs
+        measured = Path(os.path.realpath(split_files(name)[0]))  # commands may be those of several runs
         if measured in given:
             known = "" if given[measured] == name else f" (as {given[measured]})"
             raise InputError(

@@ -71,7 +71,7 @@ def identify(
             coefficients=given.listed(coefficients),
             progress=lambda part, what: report(0.1 + 0.9 * part, what),
         )
-    files = study.save(out)
+        files = study.save(out)
     print(study.text())
     print(f"wrote {', '.join(f.name for f in files)} to {out}")
     return 1 if study.negative else 0

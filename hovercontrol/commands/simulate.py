@@ -46,7 +46,7 @@ def simulate(
     check_folder(out)
     with progress_bar(f"simulate {loaded.name}", loaded.end) as report:
         run = run_scenario(loaded, report)
-    files = run.save(out)
+        files = run.save(out)
     _show_metrics(run)
     _show_clipped(run)
     print(f"wrote {', '.join(f.name for f in files)} to {out}")

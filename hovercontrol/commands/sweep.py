@@ -47,7 +47,7 @@ def sweep(
     check_folder(out)
     with progress_bar(f"sweep {loaded.name}", 1.0) as report:
         found = fly(loaded, ranges, of, figure, progress=lambda done: report(done))
-    files = found.save(out)
+        files = found.save(out)
     values = found.values.ravel()
     if np.isfinite(values).any():
         for word, k in (("smallest", np.nanargmin(values)), ("largest", np.nanargmax(values))):

@@ -1,7 +1,6 @@
 """Maps over two parameters: shares, counter-examples, tables, pictures, and sweeps that are too large."""
 
 import csv
-
 import re
 
 import numpy as np

@@ -1,0 +1,2 @@
+def some_call(rng):
+    return lambda: None

@@ -1,0 +1,2 @@
+def message(rng, folder):
+    return 0
