@@ -45,6 +45,7 @@ def diagnose(
     bench_fans: given.BenchFans = 2,
     only_while: given.OnlyWhile = "",
     settle: given.Settle = 1.0,
+    frame: given.Frame = "",
     allow_gaps: given.AllowGaps = False,
 ) -> int:
     """Find what a model lacks: what is missing, what it takes, what remains.
@@ -79,7 +80,7 @@ def diagnose(
         effect_class(name)
     inputs = [s.name for s in lacks.plant(late=True).inputs]
     moves = isinstance(lacks, Model)
-    read = given.reader(inputs, columns, bench, bench_fans, only_while, settle, motion=moves)
+    read = given.reader(inputs, columns, bench, bench_fans, only_while, settle, frame, motion=moves)
     with progress_bar("diagnose", 1.0) as report:
         report(0.0, "reading logs")
         training, held = [read(name) for name in logs], read(holdout) if holdout else None

@@ -36,6 +36,13 @@ BenchFans = Annotated[
 ]
 OnlyWhile = Annotated[str, typer.Option("--while", help="Use only rows where this holds: 'pwm_lift>1000'")]
 Settle = Annotated[float, typer.Option("--settle", help="Seconds to leave out where that begins.", min=0.0)]
+Frame = Annotated[
+    str,
+    typer.Option(
+        "--frame",
+        help="The logs' axes: ned is converted (x, y, psi, v, r); z-up or enu is as here, not looked at.",
+    ),
+]
 #: Gaps are always bridged; scripts may still ask for it.
 AllowGaps = Annotated[bool, typer.Option("--allow-gaps", hidden=True)]
 
@@ -101,6 +108,7 @@ def reader(
     bench_fans: int,
     only_while: str,
     settle: float,
+    frame: str = "",
     *,
     motion: bool = True,
 ) -> Callable[[str], Log]:
@@ -109,13 +117,14 @@ def reader(
     Without `motion` a log need not hold pose or body velocities: it is of some other machine.
     """
     from hovercontrol.logs import BenchTable, Condition, gather
+    from hovercontrol.logs.frames import in_z_up
 
     table = BenchTable.from_csv(bench, fans=bench_fans) if bench else None
     condition = Condition.parse(only_while) if only_while else None
     renamed = _pairs(columns)
 
     def read(files: str) -> Log:
-        return gather(
+        log = gather(
             files,
             inputs,
             columns=renamed,
@@ -124,6 +133,7 @@ def reader(
             settle=settle,
             motion=motion,
         )
+        return in_z_up(log, frame) if frame else log
 
     return read
 

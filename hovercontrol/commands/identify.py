@@ -31,6 +31,7 @@ def identify(
     bench_fans: given.BenchFans = 2,
     only_while: given.OnlyWhile = "",
     settle: given.Settle = 1.0,
+    frame: given.Frame = "",
     allow_gaps: given.AllowGaps = False,
     sample: Annotated[
         bool, typer.Option("--sample", help="Use the sample log that comes with the package.")
@@ -58,7 +59,7 @@ def identify(
     given.refuse_twice("identify", [*names, *held])
     craft = given.craft("identify", model, vehicle)
     inputs = [s.name for s in craft.plant().inputs]
-    read = given.reader(inputs, columns, bench, bench_fans, only_while, settle)
+    read = given.reader(inputs, columns, bench, bench_fans, only_while, settle, frame)
     with progress_bar("identify", 1.0) as report:
         every = []
         for k, name in enumerate([*names, *held]):

@@ -34,6 +34,7 @@ from hovercontrol.identify.remaining import averaging_time, remaining
 from hovercontrol.identify.result import Fitted, Identified
 from hovercontrol.identify.subject import chosen, subject_of
 from hovercontrol.logs import Log
+from hovercontrol.logs.frames import check_frame
 from hovercontrol.model import Model
 
 #: Rows of a craft's log that are farther apart [s] are in other units of time, or tell nothing.
@@ -114,6 +115,8 @@ def measure_shared(model: Model | Block, logs: Sequence[Log | Measured], most_ro
     total = sum(len(log) for log in logs if isinstance(log, Log))
     found = []
     for log in logs:
+        if isinstance(model, Model) and isinstance(log, Log):
+            check_frame(model, log)
         own = log if isinstance(log, Measured) else measure(block, log, _share(log, total, most_rows))
         refuse_still(own.name, own.channels, own.values)
         found.append(own)

@@ -40,6 +40,9 @@ class Log:
     columns : mapping of str to ndarray (n,)
         Signals by name in SI units: any of ``x, y, psi`` (pose), ``u, v, r`` (body velocities) and
         the inputs. NaN where a row holds no measurement, only inputs.
+    frame : str
+        The frame that its axes were said to be in before they became x, y, psi with z up; empty where nobody
+        said so, and :func:`.frames.check_frame` looks.
 
     Raises
     ------
@@ -56,6 +59,7 @@ class Log:
     name: str
     time: Floats
     columns: Mapping[str, Floats]
+    frame: str = ""
 
     def __post_init__(self) -> None:
         time = np.asarray(self.time, dtype=float)
@@ -114,7 +118,8 @@ class Log:
         >>> len(Log("demo", [0.0, 1.0, 2.0], {}).select(slice(1, None)))
         2
         """
-        return Log(self.name, self.time[rows], {k: v[rows] for k, v in self.columns.items()})
+        kept = {k: v[rows] for k, v in self.columns.items()}
+        return replace(self, time=self.time[rows], columns=kept)
 
     def between(self, start: float, stop: float) -> Log:
         """Return the rows with ``start <= time <= stop`` [s].
