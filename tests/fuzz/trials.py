@@ -6,7 +6,6 @@ import io
 import os
 import resource
 import signal
-import threading
 import time
 import zipfile
 from functools import cache
@@ -272,6 +271,12 @@ def a_message_comes_to_the_cockpit(rng: Random, folder: Path) -> int:
     return message(rng, folder)
 
 
+def a_request_comes_to_the_server(rng: Random, folder: Path) -> int:
+    from tests.fuzz.cockpit import request
+
+    return request(rng, folder)
+
+
 # ---- public functions ----------------------------------------------------------------------------------
 
 
@@ -326,9 +331,9 @@ TRIALS = {
     an_archive_is_read: 8,
     words_are_given: 8,
     a_message_comes_to_the_cockpit: 10,
+    a_request_comes_to_the_server: 5,
     a_function_is_called: 20,
     a_run_is_interrupted: 0.4,
     the_disk_is_full: 0.4,
     the_reader_leaves: 1,
 }
-assert threading  # the cockpit's trials start one
