@@ -51,6 +51,7 @@ def run(command: Callable[[], object]) -> int:
         end of work that succeeds.
     """
     files.placed.clear()
+    files.kept.clear()
     notices, before = _Notices(), warnings.showwarning
     warnings.showwarning = notices.add  # type: ignore[assignment]
     try:
@@ -118,6 +119,8 @@ def _stopped(status: int) -> int:
 
 
 def _farewell() -> str:
+    if files.kept:
+        return f"stopped; what was done is kept in {files.kept[-1].name}: --resume goes on from there"
     if files.placed:
         return f"stopped; {files.placed[-1]} was written before"
     return "stopped; nothing was written"

@@ -28,6 +28,9 @@ from hovercontrol.errors import InputError
 #: What this process wrote last, for who is asked whether anything was.
 placed: list[Path] = []
 
+#: Where the command that runs keeps what it has done so far, to go on from there.
+kept: list[Path] = []
+
 _unfinished: set[Path] = set()
 _NAME = re.compile(r"\.(writing|placing)-([0-9a-f]{8})-(\d+)-.*")
 

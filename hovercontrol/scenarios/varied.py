@@ -95,6 +95,7 @@ def vary(
     figure: str = "rms",
     *,
     progress: Callable[[float], None] | None = None,
+    checkpoint: str | Path | None = None,
 ) -> Varied:
     """Fly a scenario at every point of a grid, compiled and on all cores.
 
@@ -111,6 +112,9 @@ def vary(
         final, maximum, minimum, rms or settling of the last phase.
     progress : callable, optional
         Called with the share that is done.
+    checkpoint : path, optional
+        Folder that keeps the results as they come; the same call with the same folder goes on where it was
+        stopped, with the same results to the last bit.
 
     Returns
     -------
@@ -136,13 +140,18 @@ def vary(
     axes = tuple(_axis(loop, name, values, where) for name, values in ranges.items())
     if np.prod([len(axis.values) for axis in axes]) > MAX_RUNS:
         raise InputError(f"{where}: more than {MAX_RUNS} runs: take fewer points")
-    result = _flown(scenario, loop, axes, progress or (lambda done: None))
+    kept = None if checkpoint is None else Path(checkpoint)
+    result = _flown(scenario, loop, axes, progress or (lambda done: None), kept)
     unit = "s" if figure == "settling" else loop.signal(of).unit
     return Varied(scenario, axes, of, figure, unit, result)
 
 
 def _flown(
-    scenario: Scenario, loop: Block, axes: tuple[Axis, ...], progress: Callable[[float], None]
+    scenario: Scenario,
+    loop: Block,
+    axes: tuple[Axis, ...],
+    progress: Callable[[float], None],
+    kept: Path | None,
 ) -> SweepResult:
     """Fly phase by phase, each from where the one before ended."""
     grid = np.meshgrid(*(axis.values for axis in axes), indexing="ij")
@@ -155,14 +164,15 @@ def _flown(
     compiled = loop.compile(friction="smooth")  # as one run of the scenario has it
     failed = np.zeros(runs, dtype=np.intc)
     bounds = [0.0, *(phase.until for phase in scenario.phases)]
-    for phase, (begin, end) in zip(scenario.phases, pairwise(bounds), strict=True):
+    for k, (phase, (begin, end)) in enumerate(zip(scenario.phases, pairwise(bounds), strict=True), 1):
         times = phase_grid(begin, end, scenario.step)
 
         def told(done: int, begin: float = begin, end: float = end) -> None:
             progress((begin + (end - begin) * done / runs) / scenario.end)
 
         params = phase_parameters(scenario, phase) | own
-        result = compiled.sweep(times, params=params, x0=x0, progress=told)
+        folder = None if kept is None else kept / f"phase-{k}"
+        result = compiled.sweep(times, params=params, x0=x0, progress=told, checkpoint=folder)
         failed = np.where(failed, failed, result.status)
         x0 = dict(zip(result.states, result.states_final.T, strict=True))
         x0 = {name: np.where(failed, 0.0, values) for name, values in x0.items()}
