@@ -31,6 +31,9 @@ STATUSES = (
 STOPS = {signal.SIGINT: 130, signal.SIGTERM: 143}
 
 
+_asked: list[signal.Signals] = []
+
+
 class Stopped(KeyboardInterrupt):
     """A signal asks the command to end."""
 
@@ -52,6 +55,7 @@ def run(command: Callable[[], object]) -> int:
     """
     files.placed.clear()
     files.kept.clear()
+    _asked.clear()
     notices, before = _Notices(), warnings.showwarning
     warnings.showwarning = notices.add  # type: ignore[assignment]
     try:
@@ -61,6 +65,8 @@ def run(command: Callable[[], object]) -> int:
             status = found if isinstance(found, int) else DONE
         except SystemExit as end:  # of the library that draws tables: its reader has left
             status = end.code if isinstance(end.code, int) and end.code != 1 else DONE
+        if status in STOPS.values():  # the library of the command line knows one status for all signals
+            return _stopped(STOPS[_asked[-1]] if _asked else status)
         notices.tell()
         _flush()
         return status
@@ -158,6 +164,7 @@ def _listen() -> None:
 def _on_signal(number: int, frame: FrameType | None) -> None:
     if _importing(frame):  # an import may swallow an exception, or print it
         _leave(number)
+    _asked.append(signal.Signals(number))
     raise Stopped(number)
 
 

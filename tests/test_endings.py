@@ -72,6 +72,18 @@ def test_a_signal_ends_with_one_line_and_nothing_of_the_folder(tmp_path, number,
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_in_the_midst_of_work_is_one_line(call, tmp_path, number, monkeypatch):
+    def work(*given):
+        os.kill(os.getpid(), number)
+        time.sleep(5)
+
+    monkeypatch.setattr("hovercontrol.scenarios.runner._run_continuous", work)
+    done = call("simulate", "k06-turn", "--out", "out", cwd=tmp_path)
+    assert (done.returncode, done.stdout, done.stderr) == (endings.STOPS[number], "", STOPPED)
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_an_interrupt_that_a_finaliser_swallows_comes_again(capsys):
     class Deaf:
         def __del__(self):
