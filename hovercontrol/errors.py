@@ -69,7 +69,9 @@ def did_you_mean(name: object, known: Iterable[object]) -> str:
     '; known: a, b'
     """
     names = sorted(str(one)[:LONGEST_NAME] for one in known)
-    nearest = get_close_matches(str(name)[:LONGEST_NAME], names, n=1, cutoff=0.6)
+    nearest = get_close_matches(
+        name[:LONGEST_NAME] if isinstance(name, str) else shown(name), names, n=1, cutoff=0.6
+    )
     if nearest:
         return f"; did you mean {nearest[0]!r}?"
     more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""

@@ -11,6 +11,7 @@ import numpy as np
 import sympy as sp
 from numpy.typing import ArrayLike, NDArray
 
+from hovercontrol.boundary import checked
 from hovercontrol.errors import InputError
 from hovercontrol.lookup import linear
 from hovercontrol.signals import Signal
@@ -134,6 +135,7 @@ class BenchCurve:
         return np.interp(signals, self.signals, self.forces)
 
 
+@checked
 @dataclass(frozen=True)
 class Fan:
     """A fan fixed to the hull; its force [N], or the signal of its static curve, is an input of the plant.

@@ -27,6 +27,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from hovercontrol.boundary import checked
 from hovercontrol.effects import Effect, effect, effect_class
 from hovercontrol.effects.base import resolved_unit
 from hovercontrol.errors import InputError, shown
@@ -38,6 +39,7 @@ from hovercontrol.tables import check_keys, number, read_toml, table, text
 from hovercontrol.units import UnitError, conversion_factor
 
 
+@checked
 def load_model(path: str | Path) -> Model:
     """Read a model file.
 
@@ -82,6 +84,7 @@ def model_from_table(content: Mapping[str, Any]) -> Model:
     )
 
 
+@checked
 def save_model(model: Model, path: str | Path) -> Path:
     """Write a model file; it appears whole or not at all.
 

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import solve_ivp
 
 from hovercontrol.block import Block
+from hovercontrol.boundary import checked
 from hovercontrol.delays import arrivals, undelayed
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.switching import longest_step
@@ -34,6 +35,7 @@ METHODS = ("RK45", "RK23", "DOP853", "Radau", "BDF", "LSODA")
 LOOKED_AFTER, MOST_CALLS = 50_000, 100_000_000
 
 
+@checked
 def simulate(
     block: Block,
     time: ArrayLike,
@@ -97,6 +99,9 @@ def simulate(
     p = block.parameter_values(params)
     if method not in METHODS:
         raise InputError(f"unknown method {method!r}{did_you_mean(str(method), METHODS)}")
+    for name, limit in (("rtol", rtol), ("atol", atol), ("max_step", max_step)):
+        if not limit > 0:
+            raise InputError(f"{name} must be positive, found {limit:g}")
     if hold not in ("zero", "linear"):
         raise InputError(f"hold must be 'zero' or 'linear', found {hold!r}")
     if block.delays:

@@ -14,6 +14,7 @@ import sympy as sp
 from sympy.core.relational import Relational
 from sympy.logic.boolalg import Boolean, BooleanAtom
 
+from hovercontrol.boundary import checked
 from hovercontrol.errors import InputError, shown
 from hovercontrol.lookup import entry
 from hovercontrol.sgn import sgn
@@ -38,7 +39,6 @@ class UnitError(InputError):
     """Two quantities of different dimension meet in one expression."""
 
 
-@lru_cache(maxsize=4096)
 def dimension(unit: str) -> Dimension:
     """Return the dimension of a unit string.
 
@@ -62,6 +62,11 @@ def dimension(unit: str) -> Dimension:
     >>> dimension("m/s^2") == dimension("N/kg")
     True
     """
+    return _dimension(unit if isinstance(unit, str) else shown(unit))
+
+
+@lru_cache(maxsize=4096)
+def _dimension(unit: str) -> Dimension:
     try:
         found = registry().get_dimensionality(parse_unit(unit))
     except (pint.errors.PintError, AttributeError, TypeError, ValueError, AssertionError) as error:
@@ -72,6 +77,7 @@ def dimension(unit: str) -> Dimension:
     return tuple(sp.nsimplify(found.get(name, 0)) for name in _PINT_NAMES)
 
 
+@checked
 def conversion_factor(unit: str, target: str) -> float:
     """Return what a number in `unit` is multiplied with to be in `target`.
 

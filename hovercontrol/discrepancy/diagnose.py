@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from hovercontrol.boundary import checked
 from hovercontrol.discrepancy.checks import check_fitted, check_logs
 from hovercontrol.discrepancy.criteria import CRITERIA, Criteria
 from hovercontrol.discrepancy.diagnosis import Diagnosis, numbers_of
@@ -27,6 +28,7 @@ from hovercontrol.estimation.subject import Subject
 from hovercontrol.logs import Log
 
 
+@checked
 def diagnose(
     model: Subject,
     logs: Sequence[Log],

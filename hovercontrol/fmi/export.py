@@ -14,6 +14,7 @@ from xml.etree.ElementTree import Element, SubElement
 import numpy as np
 
 from hovercontrol.block import Block
+from hovercontrol.boundary import checked
 from hovercontrol.errors import InputError
 from hovercontrol.files import check_folder, write_whole
 from hovercontrol.fmi.binaries import build_binary, chosen_platforms, folder_of
@@ -29,6 +30,7 @@ from hovercontrol.targets.compiler import cached_text
 _ROWS = 500
 
 
+@checked
 def export_fmu(
     block: Block,
     path: str | Path,

@@ -13,6 +13,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from hovercontrol.block import Block
+from hovercontrol.boundary import checked
 from hovercontrol.errors import InputError
 from hovercontrol.estimation.data import Data, gather
 from hovercontrol.estimation.fit import Fit, estimate, first_noise
@@ -41,6 +42,7 @@ from hovercontrol.model import Model
 SLOWEST = 1.0
 
 
+@checked
 def identify(
     model: Model | Block,
     logs: Sequence[Log | Measured],
@@ -103,6 +105,7 @@ def identify(
     return found
 
 
+@checked
 def measure_shared(model: Model | Block, logs: Sequence[Log | Measured], most_rows: int) -> list[Measured]:
     """Return what each log says, all together no more than `most_rows` rows; those measured already are kept.
 
@@ -115,6 +118,8 @@ def measure_shared(model: Model | Block, logs: Sequence[Log | Measured], most_ro
     total = sum(len(log) for log in logs if isinstance(log, Log))
     found = []
     for log in logs:
+        if not len(log.time):
+            raise InputError(f"{log.name}: expected samples, found no rows")
         if isinstance(model, Model) and isinstance(log, Log):
             check_frame(model, log)
         own = log if isinstance(log, Measured) else measure(block, log, _share(log, total, most_rows))

@@ -16,7 +16,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from hovercontrol.errors import InputError, did_you_mean
+from hovercontrol.boundary import checked
+from hovercontrol.errors import InputError, did_you_mean, shown
 from hovercontrol.logs.log import POSE, Floats, Log
 
 if TYPE_CHECKING:
@@ -40,6 +41,7 @@ LEAST_TORQUE, OTHER_SIGN = 0.5, 0.6
 INDEPENDENT, FEWEST = 0.5, 10
 
 
+@checked
 def in_z_up(log: Log, frame: str) -> Log:
     """Return a log with its axes turned from a frame to x, y, psi with z up.
 
@@ -73,6 +75,7 @@ def in_z_up(log: Log, frame: str) -> Log:
     return replace(log, frame=frame)
 
 
+@checked
 def check_frame(model: Model, log: Log) -> None:
     """Refuse a log that is mirrored, in north-east-down axes, or whose heading is turned round.
 
@@ -88,6 +91,10 @@ def check_frame(model: Model, log: Log) -> None:
     InputError
         If forces and motion agree clearly in other axes, and not in these.
     """
+    from hovercontrol.model import Model
+
+    if not isinstance(model, Model):
+        raise InputError(f"check_frame: model: expected a Model, found {shown(model)}")
     inputs = {s.name for s in model.plant(late=True).inputs}
     if log.frame or not log.has(*inputs) or len(log) < FEWEST:
         return

@@ -16,7 +16,8 @@ import pyarrow.csv
 import pyarrow.parquet
 from numpy.typing import ArrayLike, NDArray
 
-from hovercontrol.errors import InputError, did_you_mean
+from hovercontrol.boundary import checked
+from hovercontrol.errors import InputError, did_you_mean, shown
 from hovercontrol.files import write_whole
 
 POSE = ("x", "y", "psi")
@@ -27,6 +28,7 @@ Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class Log:
     """Measured or simulated signals on one time axis.
@@ -83,17 +85,22 @@ class Log:
     def __len__(self) -> int:
         return int(self.time.size)
 
+    @checked
     def __getitem__(self, name: str) -> Floats:
         if name == "time":
             return self.time
         if name not in self.columns:
-            raise InputError(f"{self.name}: no column {name!r}{did_you_mean(name, ['time', *self.columns])}")
+            raise InputError(
+                f"{self.name}: no column {shown(name)}{did_you_mean(name, ['time', *self.columns])}"
+            )
         return self.columns[name]
 
+    @checked
     def has(self, *names: str) -> bool:
         """Tell whether every one of these columns is there."""
         return all(name in self.columns for name in names)
 
+    @checked
     def stack(self, *names: str) -> Floats:
         """Return the named columns side by side, shape (n, number of names).
 
@@ -110,6 +117,7 @@ class Log:
         """
         return np.column_stack([self[name] for name in names])
 
+    @checked
     def select(self, rows: Mask | NDArray[np.intp] | slice) -> Log:
         """Return the log of some rows (a mask, indices or a slice).
 
@@ -118,9 +126,15 @@ class Log:
         >>> len(Log("demo", [0.0, 1.0, 2.0], {}).select(slice(1, None)))
         2
         """
-        kept = {k: v[rows] for k, v in self.columns.items()}
-        return replace(self, time=self.time[rows], columns=kept)
+        try:
+            kept = {k: v[rows] for k, v in self.columns.items()}
+            return replace(self, time=self.time[rows], columns=kept)
+        except (IndexError, TypeError, ValueError):
+            raise InputError(
+                f"{self.name}: expected a mask, indices or a slice of {len(self)} rows, found {shown(rows)}"
+            ) from None
 
+    @checked
     def between(self, start: float, stop: float) -> Log:
         """Return the rows with ``start <= time <= stop`` [s].
 
@@ -131,6 +145,7 @@ class Log:
         """
         return self.select((self.time >= start) & (self.time <= stop))
 
+    @checked
     def with_columns(self, columns: Mapping[str, ArrayLike]) -> Log:
         """Return a log with these columns added or replaced, each of shape (n,).
 
@@ -150,6 +165,7 @@ class Log:
         """
         return tuple((float(self.time[i]), float(self.time[i + 1])) for i in gap_rows(self.time) - 1)
 
+    @checked
     def save(self, path: str | Path) -> None:
         """Write CSV, or Parquet where the suffix says so; the file appears whole or not at all.
 

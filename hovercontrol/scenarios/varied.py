@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from hovercontrol.analysis.regions import Axis
 from hovercontrol.block import Block
+from hovercontrol.boundary import checked
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.files import write_folder
 from hovercontrol.interconnect import interconnect
@@ -88,6 +89,7 @@ class Varied:
         return write_folder(folder, write)
 
 
+@checked
 def vary(
     scenario: Scenario,
     ranges: Mapping[str, Array],
@@ -188,6 +190,8 @@ def _axis(loop: Block, name: str, values: Array, where: str) -> Axis:
     if name not in known:
         raise InputError(f"{where}: no parameter or state {name!r}{did_you_mean(name, known)}")
     values = np.asarray(values, dtype=float)
+    if values.ndim != 1 or not values.size or not (np.diff(values) > 0).all():
+        raise InputError(f"{where}: the values of {name!r} must be a row of increasing numbers")
     for value in (values[0], values[-1]):
         known[name].check(float(value), name)
     return Axis(name, known[name].unit, values)
