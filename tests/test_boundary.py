@@ -52,7 +52,8 @@ def test_hints_and_values():
     log = Log("a", [0.0], {})
     for value, hint, right in (
         (np.float32(1), float, True), (True, float, False), (10**400, float, False), (1, bool, False),
-        (np.int64(3), int, True), ("a", hc.Model | None, False), (None, hc.Model | None, True), (log, Log, True),
+        (np.int64(3), int, True), ("a", hc.Model | None, False), (None, hc.Model | None, True),
+        (log, Log, True),
         ([1, "a"], list[int], False), ((1, 2), tuple[int, ...], True), ({"a": 1}, dict[str, float], True),
         ({1: 1}, dict[str, float], False), (np.zeros(3), np.ndarray, True), ("1", np.ndarray, False),
     ):  # fmt: skip

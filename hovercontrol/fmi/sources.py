@@ -37,8 +37,9 @@ def fmu_sources(interface: Interface, version: Version, rtol: float, atol: float
     if late:
         files["delays.c"] = delays_source(interface.block)
         files["hc_options.h"] = files["hc_options.h"].replace("HC_DELAYS 0", "HC_DELAYS 1")
-    files["description.c"] = c_description(interface, token_of(interface, files), rtol, atol)
-    return _prefixed(interface.identifier, files)
+    files = _prefixed(interface.identifier, files)
+    description = c_description(interface, token_of(interface, files), rtol, atol)
+    return files | {"description.c": f'#include "{_NAMES}"\n{description}'}
 
 
 def _prefixed(identifier: str, files: dict[str, str]) -> dict[str, str]:
