@@ -22,7 +22,7 @@ from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.fans import Fan as Fan
 from hovercontrol.signals import Signal, time
 
-#: The six states of every plant (C17 (8)).
+#: The six states of every plant [C17 eq 8].
 MOTION = (
     Signal("x", "m", "position, earth frame"),
     Signal("y", "m", "position, earth frame"),
@@ -100,6 +100,11 @@ class Model:
         """What the plant's equations depend on: all but the numbers."""
         fans = tuple(f if f.gain is None else replace(f, gain=1.0) for f in self.fans)
         return (self.name, self.thrust, self.rudder, fans, *(type(e) for e in self.effects))
+
+    def _repr_html_(self) -> str:
+        from hovercontrol.notebook.systems import model_html
+
+        return model_html(self)
 
     @checked
     def effect(self, name: str) -> Effect:
@@ -310,7 +315,7 @@ class Model:
         return str(delay or ""), str(seen.late or "")
 
     def plant(self, name: str = "plant", *, late: bool = False) -> Block:
-        """Return the plant: rigid-body motion (C17 (8), (11)) with the model's effects.
+        """Return the plant: rigid-body motion [C17 eq 8, 11] with the model's effects.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""From wrong coefficients to a tracking error: the input-to-state gain behind C17's Theorem 5, equation (27).
+"""From wrong coefficients to a tracking error: the input-to-state gain behind Theorem 5 [C17 eq 27].
 
 What the controller believes wrongly of the drag acts on the error equation as an acceleration d, linear in
 the coefficients' errors: z1'' + k2 z1' + k1 z1 = R M (c_hat - c). C17 prints (27) with factors 1/zeta_7 and
@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import sympy as sp
@@ -30,6 +31,9 @@ from hovercontrol.block import Block
 from hovercontrol.model import Model
 from hovercontrol.sgn import regularise
 from hovercontrol.tables import positive
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
 
@@ -159,6 +163,12 @@ class IssGain:
     def error(self, coefficient_error: float) -> float:
         """Return the bound of |z1| [m] where each coefficient is wrong by at most this, in its own unit."""
         return self.exact * self.together * coefficient_error
+
+    def plot(self) -> Figure:
+        """Return the bound of the error per unit of each coefficient as a picture."""
+        from hovercontrol.notebook.plots import iss_figure
+
+        return iss_figure(self)
 
     def table(self) -> str:
         """Return the bound of the error per unit of each coefficient as text."""

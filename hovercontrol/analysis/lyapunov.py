@@ -1,4 +1,4 @@
-"""The Lyapunov function of C17 section VI: its conditions (18), (19) and the decay that it guarantees.
+"""The Lyapunov function of C17 section VI, its conditions [C17 eq 18, 19] and the decay that it guarantees.
 
 The error equation is read off the loop (:mod:`.normal_form`), V is (17), and W follows from V' = -W along it.
 Each axis of the plane obeys the same equation, so that 2 x 2 matrices say it all.
@@ -15,9 +15,17 @@ import numpy as np
 import sympy as sp
 from numpy.typing import ArrayLike, NDArray
 
-from hovercontrol.analysis.normal_form import ERRORS, coefficient, normal_form, symbol
+from hovercontrol.analysis.normal_form import (
+    ERRORS,
+    closed_loop,
+    coefficient,
+    normal_form,
+    once_for_equations,
+    symbol,
+)
 from hovercontrol.analysis.regions import as_numbers
 from hovercontrol.errors import InputError
+from hovercontrol.model import Model
 from hovercontrol.vehicles import c17_simulation
 
 Array = NDArray[np.float64]
@@ -92,7 +100,7 @@ def lyapunov_function() -> LyapunovFunction:
     x_axis = (ERRORS[0], ERRORS[2])  # the y axis has the same: tests say so
     rates = sp.Matrix([form.errors[name].xreplace(gains) for name in x_axis])
     A = sp.ImmutableMatrix(rates.jacobian([symbol(name) for name in x_axis]))
-    P = sp.ImmutableMatrix([[k1, beta], [beta, 1]]) / 2  # (17)
+    P = sp.ImmutableMatrix([[k1, beta], [beta, 1]]) / 2  # [C17 eq 17]
     return LyapunovFunction(k1, k2, beta, A, P, -(A.T * P + P * A))
 
 
@@ -102,9 +110,44 @@ def _largest(matrix: sp.Matrix, beta: sp.Symbol) -> sp.Expr:
     return sp.simplify(bound)
 
 
+@once_for_equations
+def lyapunov_rate(model: Model) -> sp.Expr:
+    """Return V' under any commands, C17 (20) [C17 eq 20]: V is (17), the craft's own motion moves z1 and z2.
+
+    Parameters
+    ----------
+    model : Model
+
+    Returns
+    -------
+    sympy.Expr
+        In the motion, the reference's signals, the force vector ``thrust_x, thrust_y`` (T cos(theta),
+        T sin(theta)), the coefficients and gains (:func:`~hovercontrol.analysis.normal_form.coefficient`) and
+        ``beta``.
+
+    Raises
+    ------
+    InputError
+        As :func:`~hovercontrol.analysis.normal_form`.
+    """
+    controller, flow = closed_loop(model, steered=False)
+    z = [controller.definitions[name] for name in ERRORS]
+    rates = [sum((sp.diff(e, s) * f for s, f in flow.items()), sp.S.Zero) for e in z]
+    k1, beta = coefficient("k1"), sp.Symbol("beta", positive=True)
+    return sum(
+        (
+            k1 * z[i] * rates[i]
+            + z[i + 2] * rates[i + 2]
+            + beta * (rates[i] * z[i + 2] + z[i] * rates[i + 2])
+            for i in (0, 1)
+        ),
+        sp.S.Zero,
+    )
+
+
 @dataclass(frozen=True, eq=False)
 class Decay:
-    """What C17's Theorem 3 promises for gains, and what is true; arrays of one shape.
+    """What C17's Theorem 3 promises for gains, and what is true; arrays of one shape [C17 theorem 3].
 
     Attributes
     ----------

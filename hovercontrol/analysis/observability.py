@@ -1,11 +1,13 @@
-"""The observability Gramian of coefficients over a window: C17 section III, (6).
+"""The observability Gramian of coefficients over a window: C17 section III, [C17 eq 6].
 
 For ``x' = h + G c`` with measured x, and Gamma(t) the integral of G from t0 to t,
 
     W(t0, tf) = integral over t from t0 to tf of [I  Gamma(t)]' [I  Gamma(t)] dt.
 
 C17 prints (6) with tf as the inner integral's upper limit, for which W has rank n and is never
-invertible; the proof of its Lemma 2 integrates to t, and so does this.
+invertible; the proof of its Lemma 2 integrates to t, and so does this. The same slip stands before (6): the
+Peano-Baker series of the transition matrix Phi(t, t0), and what its nilpotent A leaves of it, integrate to tf
+where they must integrate to t (so printed, Phi would not depend on t).
 """
 
 from __future__ import annotations
@@ -133,7 +135,7 @@ class Gramian:
 
     @property
     def observable(self) -> bool:
-        """Whether W is invertible (C17 Lemma 1)."""
+        """Whether W is invertible [C17 lemma 1]."""
         return math.isfinite(self.condition)
 
     def sentence(self) -> str:

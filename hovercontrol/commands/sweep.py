@@ -14,6 +14,7 @@ import typer
 from numpy.typing import NDArray
 
 from hovercontrol import files
+from hovercontrol.commands import given
 from hovercontrol.commands.given import Out
 from hovercontrol.commands.progress import progress_bar
 from hovercontrol.errors import InputError, shown
@@ -38,6 +39,7 @@ def sweep(
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on where the same sweep was stopped, from OUT.partial.")
     ] = False,
+    json: given.Json = False,
 ) -> int:
     """Fly a scenario at every point of a range or a grid; write a table and a picture.
 
@@ -63,6 +65,12 @@ def sweep(
         found = fly(loaded, ranges, of, figure, progress=lambda done: report(done), checkpoint=partial)
         written = found.save(out)
     values = found.values.ravel()
+    if json:
+        axes = [{"key": a.name, "unit": a.unit, "values": a.values} for a in found.axes]
+        failed = [str(f) for f in found.result.failures]
+        told = {"of": found.of, "figure": figure, "unit": found.unit, "axes": axes, "values": found.values}
+        given.show("", written, out, {"scenario": loaded.name, **told, "failures": failed})
+        return 1 if failed else 0
     if np.isfinite(values).any():
         for word, k in (("smallest", np.nanargmin(values)), ("largest", np.nanargmax(values))):
             at = np.unravel_index(k, found.values.shape)
