@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo test check benchmarks clean
+.PHONY: demo test check fuzz benchmarks clean
 .DELETE_ON_ERROR:
 
 demo: .venv/ready  ## the paper's Table I, coefficients from the sample log, what K06's model lacked
@@ -22,6 +22,10 @@ check: .venv/ready
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+
+FUZZ_SECONDS ?= 600
+fuzz: .venv/ready  ## hostile and clumsy inputs; each that breaks something is printed with its seed
+	$(BIN)/python -m tests.fuzz --seconds $(FUZZ_SECONDS)
 
 benchmarks: .venv/ready  ## every figure in the README, measured on this machine
 	$(BIN)/python -m benchmarks

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import sympy as sp
 from numpy.typing import ArrayLike
 
+from hovercontrol.boundary import checked
 from hovercontrol.checking import check
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.expressions import Expressions
@@ -53,6 +54,7 @@ class Tick:
     updates: Expressions
 
 
+@checked
 @dataclass(frozen=True)
 class Block:
     """A dynamic system: named signals and their expressions.
@@ -198,6 +200,7 @@ class Block:
                 )
             )
 
+    @checked
     def signal(self, name: str) -> Signal:
         """Return the state, input, parameter, output or definition of that name.
 
@@ -222,6 +225,7 @@ class Block:
         """The value of every parameter, by its key."""
         return {self.parameter_key(p.name): p.start for p in self.parameters}
 
+    @checked
     def parameter_values(
         self, params: Mapping[str, float] | None = None, *, bounded: bool = True
     ) -> tuple[float, ...]:
@@ -254,6 +258,7 @@ class Block:
                 raise InputError(self.where(text)) from None
         return tuple(values.values())
 
+    @checked
     def with_values(self, values: Mapping[str, float]) -> Block:
         """Return the Block with other start values of states, inputs or parameters.
 
@@ -284,6 +289,7 @@ class Block:
             raise InputError(self.where(f"{next(iter(left))!r} is computed, it has no start value"))
         return self.unchecked(**new)
 
+    @checked
     def parameter(self, name: str) -> Signal:
         """Return a parameter by its key (``plant.yaw_coulomb``) or, where that is unique, its last part.
 

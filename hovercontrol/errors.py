@@ -8,13 +8,57 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from difflib import get_close_matches
+from typing import Any
+
+#: Longest line of an error, longest name that is compared with others, most names that are listed.
+LONGEST_LINE, LONGEST_NAME, MOST_NAMES = 1000, 100, 60
 
 
 class InputError(ValueError):
-    """What was expected, what was found and where, in one line."""
+    """What was expected, what was found and where, in one line: of whatever text, one line is made."""
+
+    def __init__(self, text: object = "") -> None:
+        super().__init__(one_line(text))
 
 
-def did_you_mean(name: str, known: Iterable[str]) -> str:
+def one_line(text: object, longest: int = LONGEST_LINE) -> str:
+    r"""Return a text as one line that a terminal shows as it is.
+
+    Examples
+    --------
+    >>> one_line("a\n  b \x1b[31m")
+    'a b \\x1b[31m'
+    """
+    raw = text if isinstance(text, str) else str(text)
+    line = " ".join(raw[: 4 * longest].split())
+    line = "".join(c if c.isprintable() else ascii(c)[1:-1] for c in line)
+    return line if len(line) <= longest else f"{line[: longest - 40]} ... {line[-30:]}"
+
+
+def shown(value: Any, longest: int = 80) -> str:
+    """Return how a value is written in an error line, however large it is.
+
+    Examples
+    --------
+    >>> shown("a"), shown(10**5000), shown(list(range(99)), 20)
+    ("'a'", 'a number of 5001 digits', '[0, 1, 2, 3...98]')
+    """
+    if isinstance(value, int) and abs(value) >= 10**40:
+        return f"a number of {_digits(value)} digits"
+    try:
+        text = one_line(repr(value), 10 * longest)
+    except Exception:  # a value that cannot be written, such as a list of huge numbers
+        return f"a {type(value).__name__}"
+    return text if len(text) <= longest else f"{text[: longest - 8]}...{text[-4:]}"
+
+
+def _digits(value: int) -> int:
+    """Return the number of digits of a huge number, which may be too long to be written."""
+    guess = int(abs(value).bit_length() * 0.30102999566398120)
+    return guess + (abs(value) >= 10**guess)
+
+
+def did_you_mean(name: object, known: Iterable[object]) -> str:
     """Return the end of an error line: the nearest known name, or what there is to choose from.
 
     Examples
@@ -24,8 +68,11 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
     >>> did_you_mean("zzz", ["b", "a"])
     '; known: a, b'
     """
-    names = sorted(known)
-    nearest = get_close_matches(name, names, n=1, cutoff=0.6)
+    names = sorted(str(one)[:LONGEST_NAME] for one in known)
+    nearest = get_close_matches(
+        name[:LONGEST_NAME] if isinstance(name, str) else shown(name), names, n=1, cutoff=0.6
+    )
     if nearest:
         return f"; did you mean {nearest[0]!r}?"
-    return f"; known: {', '.join(names)}" if names else "; there are none"
+    more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
+    return f"; known: {', '.join(names[:MOST_NAMES])}{more}" if names else "; there are none"

@@ -11,10 +11,11 @@ import numpy as np
 import sympy as sp
 from numpy.typing import ArrayLike, NDArray
 
+from hovercontrol.boundary import checked
 from hovercontrol.errors import InputError
 from hovercontrol.lookup import linear
 from hovercontrol.signals import Signal
-from hovercontrol.tables import number
+from hovercontrol.tables import finite, number
 
 
 @dataclass(frozen=True)
@@ -134,6 +135,7 @@ class BenchCurve:
         return np.interp(signals, self.signals, self.forces)
 
 
+@checked
 @dataclass(frozen=True)
 class Fan:
     """A fan fixed to the hull; its force [N], or the signal of its static curve, is an input of the plant.
@@ -172,7 +174,7 @@ class Fan:
 
     def __post_init__(self) -> None:
         for key in ("x", "y", "direction"):
-            object.__setattr__(self, key, float(getattr(self, key)))
+            object.__setattr__(self, key, finite(f"fan {self.name}: {key}", getattr(self, key)))
         if self.gain is not None:
             object.__setattr__(self, "gain", number(f"fan {self.name}: gain", self.gain))
             if not 0 <= self.gain < math.inf:

@@ -1,14 +1,98 @@
-"""Files that appear whole or not at all."""
+"""The one writer: files and folders of results that appear as a whole or not at all; and what may be read.
+
+What is being written has a name of its own, ``.writing-HOST-PROCESS-...``, until it is complete. A run that
+was killed leaves that behind; the next that writes beside it clears it.
+"""
 
 from __future__ import annotations
 
+import contextlib
+import ctypes
+import errno
+import hashlib
 import os
+import platform
+import re
 import shutil
+import stat
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from fnmatch import fnmatch
+from functools import cache
 from pathlib import Path
+from typing import Any
 
 from hovercontrol.errors import InputError
+
+#: What this process wrote last, for who is asked whether anything was.
+placed: list[Path] = []
+
+#: Where the command that runs keeps what it has done so far, to go on from there.
+kept: list[Path] = []
+
+_unfinished: set[Path] = set()
+_NAME = re.compile(r"\.(writing|placing)-([0-9a-f]{8})-(\d+)-.*")
+
+
+def reason(error: BaseException) -> str:
+    """Return why the system refused something, in one line."""
+    text = getattr(error, "strerror", None) or str(error) or type(error).__name__
+    return " ".join(str(text).split())
+
+
+def readable(path: str | Path, wanted: str = "a file") -> Path:
+    """Return the path of a file, or say what is there instead.
+
+    Parameters
+    ----------
+    path : path
+    wanted : str, optional
+        What error lines call the file.
+
+    Raises
+    ------
+    InputError
+        If it is no regular file, its name is impossible, or symbolic links lead in a circle.
+    """
+    if not isinstance(path, str | os.PathLike):
+        raise InputError(f"expected the path of {wanted}, found {path!r}")
+    file = Path(path)
+    try:
+        mode = file.stat().st_mode
+    except FileNotFoundError:
+        raise InputError(f"{file}: expected {wanted}, there is no such file") from None
+    except (OSError, ValueError, RuntimeError) as error:  # a NUL in the name; a circle of links; too long
+        raise InputError(f"{_short(file)}: expected {wanted}: {reason(error)}") from None
+    if not stat.S_ISREG(mode):
+        found = "a folder" if stat.S_ISDIR(mode) else "no regular file"
+        raise InputError(f"{file}: expected {wanted}, found {found}")
+    return file
+
+
+def check_folder(folder: str | Path) -> None:
+    """Refuse a folder for results that cannot be made or written, before any work is done for it.
+
+    Raises
+    ------
+    InputError
+        The line names the path.
+    """
+    if not isinstance(folder, str | os.PathLike):
+        raise InputError(f"expected the path of a folder, found {folder!r}")
+    target = Path(folder).absolute()
+    try:
+        there = next(p for p in (target, *target.parents) if os.path.lexists(p))
+        is_folder = stat.S_ISDIR(there.stat().st_mode)
+        for part in target.relative_to(there).parts if is_folder else ():  # the names that it would have
+            with contextlib.suppress(FileNotFoundError):
+                os.lstat(there / part)
+    except (OSError, ValueError, RuntimeError) as error:
+        raise InputError(f"{_short(Path(folder))}: cannot write there: {reason(error)}") from None
+    if not is_folder:
+        raise InputError(f"{folder}: cannot write there: {there} is a file, not a folder")
+    if not os.access(there, os.W_OK):
+        raise InputError(f"{folder}: cannot write there: no permission for {there}")
 
 
 def write_whole(path: str | Path, write: Callable[[Path], object]) -> Path:
@@ -24,69 +108,248 @@ def write_whole(path: str | Path, write: Callable[[Path], object]) -> Path:
     Returns
     -------
     Path
+
+    Raises
+    ------
+    InputError
+        If the system refuses it (no permission, no space); an older file is left as it is.
+
+    Examples
+    --------
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write_whole(Path(folder) / "a.txt", lambda file: file.write_text("whole")).read_text()
+    'whole'
     """
-    target = Path(path)
-    target.parent.mkdir(parents=True, exist_ok=True)
-    handle, name = tempfile.mkstemp(prefix=f".{target.stem}-", suffix=target.suffix, dir=target.parent)
-    os.close(handle)
-    temporary = Path(name)
-    try:
-        write(temporary)
-        os.chmod(temporary, 0o666 & ~_umask())
-        os.replace(temporary, target)
-    finally:
-        temporary.unlink(missing_ok=True)
+    target = write_quietly(path, write)
+    _tell(target)
     return target
+
+
+def write_quietly(path: str | Path, write: Callable[[Path], object]) -> Path:
+    """Do as :func:`write_whole`, for what is no result (a cache): nobody is told of it."""
+    target = Path(path)
+    with _refusals(target):
+        target.parent.mkdir(parents=True, exist_ok=True)
+        clear_dead(target.parent)
+        handle, name = tempfile.mkstemp(prefix=_prefix(), suffix=target.suffix, dir=target.parent)
+        os.close(handle)
+        with _removed_at_last(Path(name)) as temporary:
+            write(temporary)
+            os.chmod(temporary, 0o666 & ~_umask())
+            os.replace(temporary, target)
+    return target
+
+
+def write_folder(
+    folder: str | Path, write: Callable[[Path], object], stale: Sequence[str] = ()
+) -> list[Path]:
+    """Let `write` fill a temporary folder beside `folder`, then put it in place in one step.
+
+    Parameters
+    ----------
+    folder : path
+        Where the files are to stand; made if it is not there. Other files in it are kept.
+    write : callable
+        Called with the temporary folder.
+    stale : sequence of str, optional
+        Patterns of names (``free_run_*.png``): what an earlier run wrote and this one does not is removed.
+
+    Returns
+    -------
+    list of Path
+        The files, sorted.
+
+    Raises
+    ------
+    InputError
+        If the system refuses it (no permission, no space); what was there is left as it is.
+
+    Notes
+    -----
+    A folder that cannot be exchanged (one is working in it, it is a mount point, it has folders of its own)
+    gets its files one by one. Should the run be killed just then, the next one completes that.
+    """
+    target = Path(folder)
+    with _refusals(target):
+        real = target.resolve()
+        real.parent.mkdir(parents=True, exist_ok=True)
+        for place in (real.parent, real):
+            clear_dead(place)
+        as_one = _exchangeable(real)
+        if not as_one:
+            real.mkdir(exist_ok=True)
+        with _removed_at_last(
+            Path(tempfile.mkdtemp(prefix=_prefix(), dir=real.parent if as_one else real))
+        ) as temporary:
+            write(temporary)
+            names = sorted(file.name for file in temporary.iterdir())
+            os.chmod(temporary, real.stat().st_mode & 0o7777 if real.exists() else 0o777 & ~_umask())
+            if as_one:
+                _keep_others(real, temporary, names, stale)
+                _exchange(temporary, real)
+            else:
+                ready = temporary.with_name(temporary.name.replace(".writing-", ".placing-", 1))
+                _unfinished.discard(temporary)  # from here on it is to be completed, not removed
+                os.rename(temporary, ready)
+                _place(ready, real)
+                for name in os.listdir(real):
+                    if name not in names and any(fnmatch(name, pattern) for pattern in stale):
+                        (real / name).unlink()
+    _tell(target)
+    return [target / name for name in names]
+
+
+def clear_dead(folder: Path) -> None:
+    """Remove what killed runs left unfinished in a folder; complete what they had only begun to move."""
+    with contextlib.suppress(OSError):
+        for name in os.listdir(folder):
+            found = _NAME.fullmatch(name)
+            if not found or found[2] != _host() or _alive(int(found[3])):
+                continue
+            if found[1] == "placing":
+                _place(folder / name, folder)
+            _remove(folder / name)
+
+
+def clear_own() -> None:
+    """Remove what this process has not finished."""
+    for path in list(_unfinished):
+        _remove(path)
+
+
+# ---- how ----------------------------------------------------------------------------------------------
+
+
+@contextmanager
+def _refusals(target: Path) -> Iterator[None]:
+    try:
+        yield
+    except InputError:
+        raise
+    except (OSError, ValueError, RuntimeError) as error:
+        if not isinstance(error, OSError) and "null byte" not in str(error) and "loop" not in str(error):
+            raise
+        if _is_part(target):  # who writes the whole says where that was to be
+            raise
+        raise InputError(f"{_short(target)}: cannot be written: {reason(error)}") from None
+
+
+@contextmanager
+def _removed_at_last(temporary: Path) -> Iterator[Path]:
+    _unfinished.add(temporary)
+    try:
+        yield temporary
+    finally:
+        _remove(temporary)
+        _unfinished.discard(temporary)
+
+
+def _remove(path: Path) -> None:
+    if path.is_dir():
+        shutil.rmtree(path, ignore_errors=True)
+    else:
+        with contextlib.suppress(OSError):
+            path.unlink()
+
+
+def _tell(target: Path) -> None:
+    """Remember what was written, unless it is part of what is being written."""
+    if not _is_part(target):
+        placed[:] = [target]
+
+
+def _is_part(target: Path) -> bool:
+    return any(_NAME.fullmatch(part.name) for part in (target, *target.parents))
+
+
+def _exchangeable(target: Path) -> bool:
+    """Tell whether a folder may be replaced by another of its name."""
+    if not os.access(target.parent, os.W_OK | os.X_OK):
+        return False
+    if not target.exists():
+        return True
+    here = Path.cwd().resolve()
+    used = here == target or target in here.parents or os.path.ismount(target)
+    return not used and not any(entry.is_dir(follow_symlinks=False) for entry in os.scandir(target))
+
+
+def _keep_others(old: Path, new: Path, names: Sequence[str], stale: Sequence[str]) -> None:
+    """Let a new folder have the files that others put into the old one."""
+    for entry in os.scandir(old) if old.exists() else ():
+        if entry.name not in names and not any(fnmatch(entry.name, pattern) for pattern in stale):
+            try:
+                os.link(entry.path, new / entry.name, follow_symlinks=False)
+            except OSError:  # a file system without links
+                shutil.copy2(entry.path, new / entry.name, follow_symlinks=False)
+
+
+def _exchange(new: Path, target: Path) -> None:
+    """Put a folder in place in one step; what was there is left under the new one's name."""
+    if not target.exists():
+        with contextlib.suppress(FileExistsError):  # another run was first
+            os.rename(new, target)
+            return
+    try:
+        _swap(os.fsencode(new), os.fsencode(target))
+    except OSError as error:
+        if error.errno not in (errno.ENOSYS, errno.EINVAL, errno.ENOTSUP):
+            raise
+        away = Path(tempfile.mkdtemp(prefix=_prefix(), dir=target.parent))
+        with _removed_at_last(away):
+            os.rename(target, away / "old")
+            os.rename(new, target)
+
+
+def _swap(one: bytes, other: bytes) -> None:
+    """Exchange two names in one step, where the system can."""
+    library: Any = ctypes.CDLL(None, use_errno=True) if os.name == "posix" else None
+    if hasattr(library, "renameat2"):
+        here, exchange = -100, 2
+        failed = library.renameat2(here, one, here, other, exchange)
+    elif hasattr(library, "renamex_np"):
+        failed = library.renamex_np(one, other, 2)
+    else:
+        raise OSError(errno.ENOSYS, "no exchange of names")
+    if failed:
+        number = ctypes.get_errno()
+        raise OSError(number, os.strerror(number))
+
+
+def _place(ready: Path, target: Path) -> None:
+    """Move what is complete, file by file."""
+    for file in sorted(ready.iterdir()):
+        os.replace(file, target / file.name)
+    ready.rmdir()
+
+
+def _prefix() -> str:
+    return f".writing-{_host()}-{os.getpid()}-"
+
+
+@cache
+def _host() -> str:
+    return hashlib.sha256(platform.node().encode()).hexdigest()[:8]
+
+
+def _alive(process: int) -> bool:
+    if os.name == "nt":  # asking there ends the process
+        return True
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except (OSError, OverflowError):
+        return True
+    return True
+
+
+def _short(path: Path) -> str:
+    """Return a path for an error line, however long it is and whatever is in it."""
+    text = str(path).replace("\0", "\\0")
+    return text if len(text) <= 200 else f"{text[:100]}...{text[-60:]}"
 
 
 def _umask() -> int:
     mask = os.umask(0)
     os.umask(mask)
     return mask
-
-
-def check_folder(folder: str | Path) -> None:
-    """Refuse a folder for results that cannot be made or written, before any work is done for it.
-
-    Raises
-    ------
-    InputError
-        The line names the path.
-    """
-    target = Path(folder).absolute()
-    there = next(p for p in (target, *target.parents) if p.exists())
-    if not there.is_dir():
-        raise InputError(f"{folder}: cannot write there: {there} is a file, not a folder")
-    if not os.access(there, os.W_OK):
-        raise InputError(f"{folder}: cannot write there: no permission for {there}")
-
-
-def write_folder(folder: str | Path, write: Callable[[Path], object]) -> list[Path]:
-    """Let `write` fill a temporary folder beside `folder`, then put its files in place.
-
-    Parameters
-    ----------
-    folder : path
-        Where the files are to stand; made if it is not there. Other files in it are left alone.
-    write : callable
-        Called with the temporary folder.
-
-    Returns
-    -------
-    list of Path
-        The files, sorted.
-    """
-    target = Path(folder)
-    try:
-        target.mkdir(parents=True, exist_ok=True)
-        temporary = tempfile.mkdtemp(prefix=".writing-", dir=target)
-    except OSError as error:
-        raise InputError(f"{target}: cannot write there: {error.strerror}") from None
-    try:
-        write(Path(temporary))
-        files = sorted(Path(temporary).iterdir())
-        for file in files:
-            os.replace(file, target / file.name)
-    finally:
-        shutil.rmtree(temporary, ignore_errors=True)
-    return [target / file.name for file in files]

@@ -17,12 +17,14 @@ from dataclasses import dataclass, replace
 import sympy as sp
 
 from hovercontrol.block import Block, Tick
+from hovercontrol.boundary import checked
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.expressions import Expressions
 from hovercontrol.signals import Signal
 from hovercontrol.tick_order import tick_order
 
 
+@checked
 def rename(block: Block, signals: Mapping[str, str]) -> Block:
     """Return the Block with other names for some of its inputs and outputs.
 
@@ -70,6 +72,7 @@ def rename(block: Block, signals: Mapping[str, str]) -> Block:
     )
 
 
+@checked
 def prefix(block: Block, name: str) -> Block:
     """Return the Block renamed to `name`, with all its inputs and outputs prefixed ``name_``.
 
@@ -100,6 +103,7 @@ class _Part:
     held: tuple[Signal, ...] = ()
 
 
+@checked
 def interconnect(
     blocks: Sequence[Block],
     name: str = "system",
@@ -158,7 +162,7 @@ def interconnect(
     """
     if isinstance(blocks, Block) or not all(isinstance(b, Block) for b in blocks):
         raise InputError(f"interconnect: expected a sequence of Blocks, found {blocks!r:.80}")
-    if not blocks:
+    if not len(blocks):
         raise InputError("interconnect: no blocks given")
     _refuse_clashes(blocks)
     drivers = {s.name: (block, s) for block in blocks for s in block.outputs}

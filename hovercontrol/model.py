@@ -16,6 +16,7 @@ import sympy as sp
 from numpy.typing import ArrayLike
 
 from hovercontrol.block import Block
+from hovercontrol.boundary import checked
 from hovercontrol.effects import Effect, Shape, effect_class, effect_names
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.fans import Fan as Fan
@@ -36,6 +37,7 @@ THRUST = Signal("thrust", "1", "thrust command")
 RUDDER = Signal("rudder", "rad", "rudder angle", nominal=0.5)
 
 
+@checked
 @dataclass(frozen=True)
 class Model:
     """A craft: its name, its effects, and where its commands enter.
@@ -104,6 +106,7 @@ class Model:
 
         return model_html(self)
 
+    @checked
     def effect(self, name: str) -> Effect:
         """Return the effect of that name.
 
@@ -148,6 +151,7 @@ class Model:
         known = (effect_class(name) for name in effect_names() if name not in have)
         return tuple(cls for cls in known if self.accepts(cls))
 
+    @checked
     def with_effects(self, effects: Iterable[Effect]) -> Model:
         """Return the model with these effects added, or put in place of those of the same name."""
         new = {e.name: e for e in self.effects} | {e.name: e for e in effects}
@@ -158,6 +162,7 @@ class Model:
         gains = {f"{f.name}_gain": f.gain for f in self.fans if f.gain is not None}
         return {e.parameter(k): v for e in self.effects for k, v in e.values.items()} | gains
 
+    @checked
     def with_coefficients(self, values: Mapping[str, float]) -> Model:
         """Return the model with other numbers, by parameter name (``yaw_coulomb``, ``yaw_coulomb_width``).
 

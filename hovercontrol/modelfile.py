@@ -27,9 +27,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from hovercontrol.boundary import checked
 from hovercontrol.effects import Effect, effect, effect_class
 from hovercontrol.effects.base import resolved_unit
-from hovercontrol.errors import InputError
+from hovercontrol.errors import InputError, shown
 from hovercontrol.fans import BenchCurve, Fan, Polynomial
 from hovercontrol.files import write_whole
 from hovercontrol.model import RUDDER, THRUST, Model
@@ -38,6 +39,7 @@ from hovercontrol.tables import check_keys, number, read_toml, table, text
 from hovercontrol.units import UnitError, conversion_factor
 
 
+@checked
 def load_model(path: str | Path) -> Model:
     """Read a model file.
 
@@ -82,6 +84,7 @@ def model_from_table(content: Mapping[str, Any]) -> Model:
     )
 
 
+@checked
 def save_model(model: Model, path: str | Path) -> Path:
     """Write a model file; it appears whole or not at all.
 
@@ -198,6 +201,7 @@ def _effect(name: str, value: Any, units: Mapping[str, str]) -> Effect:
     if not isinstance(value, dict):
         return effect(name, number(f"effects.{name}", value))
     given = dict(value)
+    check_keys(f"key in effects.{name}", given, (*cls.numbers, "unit"))
     unit = given.pop("unit", None)
     numbers = {key: number(f"effects.{name}.{key}", v) for key, v in given.items()}
     if unit is not None:
@@ -205,7 +209,7 @@ def _effect(name: str, value: Any, units: Mapping[str, str]) -> Effect:
             raise InputError(f"effects.{name}: a unit needs a value beside it")
         wanted = resolved_unit(cls.numbers["value"].unit, units)
         try:
-            numbers["value"] *= conversion_factor(str(unit), wanted)
+            numbers["value"] *= conversion_factor(text(f"effects.{name}.unit", unit), wanted)
         except InputError:
-            raise UnitError(f"effects.{name}: unit must be like {wanted!r}, found {unit!r}") from None
+            raise UnitError(f"effects.{name}: unit must be like {wanted!r}, found {shown(unit)}") from None
     return effect(name, **numbers)

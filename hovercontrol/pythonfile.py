@@ -10,6 +10,7 @@ from types import ModuleType
 from typing import Any
 
 from hovercontrol.errors import InputError, did_you_mean
+from hovercontrol.files import readable
 
 
 def names_python(text: str) -> bool:
@@ -39,8 +40,8 @@ def from_python(text: str, *kinds: type) -> Any:
         If there is no such file or name (the nearest is named), the file does not run (its line is named),
         or what it defines is of another kind.
     """
-    file, _, rest = text.partition(".py")
-    path, name = Path(f"{file}.py"), rest.removeprefix(":")
+    file, _, name = (text if ".py:" in text else f"{text}:").rpartition(":")
+    path = readable(file, "a Python file")
     module = _run(path)
     known = {key: value for key, value in vars(module).items() if isinstance(value, kinds)}
     wanted = " or ".join(kind.__name__ for kind in kinds)
@@ -57,8 +58,6 @@ def from_python(text: str, *kinds: type) -> Any:
 
 
 def _run(path: Path) -> ModuleType:
-    if not path.is_file():
-        raise InputError(f"{path}: no such file")
     spec = importlib.util.spec_from_file_location(path.stem, path)
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)
@@ -67,7 +66,9 @@ def _run(path: Path) -> ModuleType:
     sys.path.insert(0, beside)
     try:
         spec.loader.exec_module(module)
-    except Exception as error:
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # sys.exit as well: it is the file that ends there, not this command
         raise InputError(
             f"{path}{_line(error, spec.origin)}: {type(error).__name__}: {_why(error)}"
         ) from error
@@ -78,12 +79,12 @@ def _run(path: Path) -> ModuleType:
     return module
 
 
-def _line(error: Exception, file: str | None) -> str:
+def _line(error: BaseException, file: str | None) -> str:
     own = [f.lineno for f in traceback.extract_tb(error.__traceback__) if f.filename == file]
     at = error.lineno if isinstance(error, SyntaxError) else own[-1] if own else None
     return f", line {at}" if at else ""
 
 
-def _why(error: Exception) -> str:
+def _why(error: BaseException) -> str:
     text = error.msg if isinstance(error, SyntaxError) else str(error)
     return next(iter(text.strip().splitlines()), "no more is said")

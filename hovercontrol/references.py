@@ -16,6 +16,7 @@ import sympy as sp
 from numpy.typing import ArrayLike
 
 from hovercontrol.block import Block
+from hovercontrol.boundary import checked
 from hovercontrol.errors import InputError
 from hovercontrol.signals import Signal, time
 
@@ -55,6 +56,7 @@ def from_position(
     return Block(name, outputs=OUTPUTS, parameters=tuple(parameters), output_expressions=values)
 
 
+@checked
 def ellipse(
     semi_x: float, semi_y: float, rate: float = 1.0, phase: float = 0.0, name: str = "reference"
 ) -> Block:
@@ -87,6 +89,7 @@ def ellipse(
     return from_position(a.symbol * sp.cos(angle), b.symbol * sp.sin(angle), (a, b, w, p), name)
 
 
+@checked
 def circle(radius: float, rate: float = 1.0, phase: float = 0.0, name: str = "reference") -> Block:
     """Return a circle about the origin: radius [m], angular rate [rad/s], angle at t = 0 [rad].
 
@@ -107,6 +110,7 @@ def circle(radius: float, rate: float = 1.0, phase: float = 0.0, name: str = "re
     return from_position(r.symbol * sp.cos(angle), r.symbol * sp.sin(angle), (r, w, p), name)
 
 
+@checked
 def line(
     velocity: tuple[float, float], start: tuple[float, float] = (0.0, 0.0), name: str = "reference"
 ) -> Block:
@@ -130,6 +134,7 @@ def line(
     return from_position(x0 + vx * time, y0 + vy * time, signals, name)
 
 
+@checked
 def figure_eight(length: float, width: float, rate: float = 1.0, name: str = "reference") -> Block:
     """Return a lying eight (Gerono's lemniscate): ``[length/2 sin(w t), width/2 sin(2 w t)]``.
 
@@ -156,6 +161,7 @@ def figure_eight(length: float, width: float, rate: float = 1.0, name: str = "re
     return from_position(a.symbol / 2 * sp.sin(angle), b.symbol / 2 * sp.sin(2 * angle), (a, b, w), name)
 
 
+@checked
 def waypoints(points: ArrayLike, times: ArrayLike, name: str = "reference") -> Block:
     """Return a smooth path through points: a quintic spline, at rest at both ends and beyond them.
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import sympy as sp
 
+from hovercontrol.boundary import checked
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.units import Dimension, dimension, is_plain_si, plain_si
 
@@ -18,6 +19,7 @@ time = sp.Symbol("t", real=True)
 _NAME = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*(\[\d+(,\d+)*\])?")
 
 
+@checked
 @dataclass(frozen=True)
 class Signal:
     """One named quantity.

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import solve_ivp
 
 from hovercontrol.block import Block
+from hovercontrol.boundary import checked
 from hovercontrol.delays import arrivals, undelayed
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.switching import longest_step
@@ -30,7 +31,11 @@ Array = NDArray[np.float64]
 #: Solvers of :func:`scipy.integrate.solve_ivp`.
 METHODS = ("RK45", "RK23", "DOP853", "Radau", "BDF", "LSODA")
 
+#: Derivatives after which the solver's effort is looked at, and how many a stretch of time may cost, an hour.
+LOOKED_AFTER, MOST_CALLS = 50_000, 100_000_000
 
+
+@checked
 def simulate(
     block: Block,
     time: ArrayLike,
@@ -94,6 +99,9 @@ def simulate(
     p = block.parameter_values(params)
     if method not in METHODS:
         raise InputError(f"unknown method {method!r}{did_you_mean(str(method), METHODS)}")
+    for name, limit in (("rtol", rtol), ("atol", atol), ("max_step", max_step)):
+        if not limit > 0:
+            raise InputError(f"{name} must be positive, found {limit:g}")
     if hold not in ("zero", "linear"):
         raise InputError(f"hold must be 'zero' or 'linear', found {hold!r}")
     if block.delays:
@@ -123,9 +131,17 @@ def simulate(
     for first, last in _pieces(times, u, hold):
         value = _input_function(times, u, first, last, hold)
 
-        def f(t: float, x: Array, value: Callable[[float], list[float]] = value) -> Any:
+        effort = _Effort(block, float(times[first]), float(times[last]))
+
+        def f(
+            t: float,
+            x: Array,
+            value: Callable[[float], list[float]] = value,
+            effort: _Effort = effort,
+        ) -> Any:
             nonlocal reached
             reached = t
+            effort.spend(t)
             if progress is not None:
                 progress(t)
             return call_scalar(rhs, t, x.tolist(), value(t), p)
@@ -154,6 +170,25 @@ def simulate(
     functions = numpy_functions(block)
     outputs = functions.outputs(times, states, u, params)
     return time_response(block, times, outputs, states, u)
+
+
+class _Effort:
+    """What a solver has spent on a stretch of time; refuses what would take hours.
+
+    Coefficients like 1e308 make steps so short that the end is never reached.
+    """
+
+    def __init__(self, block: Block, begin: float, end: float) -> None:
+        self._name, self._begin, self._span, self._calls = block.name, begin, end - begin, 0
+
+    def spend(self, t: float) -> None:
+        """Count a derivative at time t."""
+        self._calls += 1
+        if self._calls % LOOKED_AFTER == 0 and (t - self._begin) * MOST_CALLS < self._span * self._calls:
+            raise InputError(
+                f"block {self._name!r}: the simulation stops at t = {t:.6g} s: the steps are too short to "
+                f"reach {self._begin + self._span:.6g} s in hours; a coefficient is too large"
+            )
 
 
 def time_response(

@@ -9,7 +9,11 @@ from numbers import Real
 from pathlib import Path
 from typing import Any
 
-from hovercontrol.errors import InputError, did_you_mean
+from hovercontrol.errors import InputError, did_you_mean, shown
+from hovercontrol.files import readable, reason
+
+#: Bytes of the largest TOML file that is read.
+LARGEST = 4 * 2**20
 
 
 def read_toml(path: str | Path) -> dict[str, Any]:
@@ -20,13 +24,21 @@ def read_toml(path: str | Path) -> dict[str, Any]:
     InputError
         If the file is not there or is not TOML; the line says where.
     """
+    file = readable(path, "a TOML file")
     try:
-        with Path(path).open("rb") as file:
-            return tomllib.load(file)
-    except FileNotFoundError:
-        raise InputError(f"{path}: no such file") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError, OSError) as error:
-        raise InputError(f"{path}: not readable as TOML: {error}") from None
+        with file.open("rb") as stream:
+            content = stream.read(LARGEST + 1)
+        if len(content) > LARGEST:
+            raise InputError(
+                f"{path}: expected a TOML file of {LARGEST / 2**20:.0f} MiB at most, found a larger"
+            )
+        return tomllib.loads(content.decode())
+    except RecursionError:
+        raise InputError(f"{path}: not readable as TOML: tables or lists are nested too deeply") from None
+    except (ValueError, OSError) as error:  # no TOML, no UTF-8, a number of too many digits
+        if isinstance(error, InputError):
+            raise
+        raise InputError(f"{path}: not readable as TOML: {reason(error)}") from None
 
 
 def check_keys(kind: str, found: Mapping[str, Any], known: Iterable[str]) -> None:
@@ -34,32 +46,42 @@ def check_keys(kind: str, found: Mapping[str, Any], known: Iterable[str]) -> Non
     names = list(known)
     for key in found:
         if key not in names:
-            raise InputError(f"unknown {kind} {key!r}{did_you_mean(key, names)}")
+            raise InputError(f"unknown {kind} {shown(key)}{did_you_mean(key, names)}")
 
 
 def table(where: str, value: Any) -> dict[str, Any]:
     """Return a value that must be a table."""
     if not isinstance(value, dict):
-        raise InputError(f"{where} must be a table, found {value!r}")
+        raise InputError(f"{where} must be a table, found {shown(value)}")
     return value
 
 
 def number(where: str, value: Any) -> float:
     """Return a value that must be a number, as a float."""
-    if isinstance(value, bool) or not isinstance(value, Real) or math.isnan(value):
-        raise InputError(f"{where} must be a number, found {value!r}")
+    try:
+        if not isinstance(value, bool) and isinstance(value, Real) and not math.isnan(value):
+            return float(value)
+    except OverflowError:  # an integer beyond what a float holds
+        pass
+    raise InputError(f"{where} must be a number, found {shown(value)}")
+
+
+def finite(where: str, value: Any) -> float:
+    """Return a number that must be finite."""
+    if not math.isfinite(number(where, value)):
+        raise InputError(f"{where} must be a finite number, found {shown(value)}")
     return float(value)
 
 
 def positive(where: str, value: Any) -> float:
     """Return a number that must be positive and finite."""
     if not 0 < number(where, value) < math.inf:
-        raise InputError(f"{where} must be positive, found {value!r}")
+        raise InputError(f"{where} must be positive, found {shown(value)}")
     return float(value)
 
 
 def text(where: str, value: Any) -> str:
     """Return a value that must be text."""
     if not isinstance(value, str):
-        raise InputError(f"{where} must be text, found {value!r}")
+        raise InputError(f"{where} must be text, found {shown(value)}")
     return value

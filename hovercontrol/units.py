@@ -1,22 +1,24 @@
-"""Physical dimensions: of unit strings (read by Pint) and of SymPy expressions (derived here).
+"""Physical dimensions: of unit strings (whose names Pint knows) and of SymPy expressions (derived here).
 
 Angles are dimensionless, as in the SI: ``rad/s`` and ``1/s`` agree, ``m/s`` and ``rad/s`` do not.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
-from functools import cache, lru_cache
-from typing import Any
+from functools import lru_cache
 
 import pint
 import sympy as sp
 from sympy.core.relational import Relational
 from sympy.logic.boolalg import Boolean, BooleanAtom
 
-from hovercontrol.errors import InputError
+from hovercontrol.boundary import checked
+from hovercontrol.errors import InputError, shown
 from hovercontrol.lookup import entry
 from hovercontrol.sgn import sgn
+from hovercontrol.unitsyntax import parse_unit, registry
 
 BASE = ("kg", "m", "s", "A", "K", "mol", "cd")  #: SI base units, in FMI's order (``rad`` apart)
 _PINT_NAMES = ("[mass]", "[length]", "[time]", "[current]", "[temperature]", "[substance]", "[luminosity]")
@@ -37,20 +39,13 @@ class UnitError(InputError):
     """Two quantities of different dimension meet in one expression."""
 
 
-@cache
-def registry() -> Any:
-    """Return the process-wide Pint registry (made on first use: it costs 0.1 s)."""
-    return pint.UnitRegistry()
-
-
-@lru_cache(maxsize=4096)
 def dimension(unit: str) -> Dimension:
     """Return the dimension of a unit string.
 
     Parameters
     ----------
     unit : str
-        As Pint reads it: ``"m/s^2"``, ``"rad/s"``, ``"1"``.
+        ``"m/s^2"``, ``"rad/s"``, ``"1"``.
 
     Returns
     -------
@@ -67,16 +62,22 @@ def dimension(unit: str) -> Dimension:
     >>> dimension("m/s^2") == dimension("N/kg")
     True
     """
+    return _dimension(unit if isinstance(unit, str) else shown(unit))
+
+
+@lru_cache(maxsize=4096)
+def _dimension(unit: str) -> Dimension:
     try:
-        found = registry().get_dimensionality(_parse(unit))
+        found = registry().get_dimensionality(parse_unit(unit))
     except (pint.errors.PintError, AttributeError, TypeError, ValueError, AssertionError) as error:
-        raise InputError(f"unknown unit {unit!r}: expected one like 'm/s^2' or '1'") from error
+        raise InputError(f"unknown unit {shown(unit)}: expected one like 'm/s^2' or '1'") from error
     unknown = [name for name in found if name not in _PINT_NAMES]
     if unknown:
         raise InputError(f"unit {unit!r} has no SI base units ({', '.join(unknown)})")
     return tuple(sp.nsimplify(found.get(name, 0)) for name in _PINT_NAMES)
 
 
+@checked
 def conversion_factor(unit: str, target: str) -> float:
     """Return what a number in `unit` is multiplied with to be in `target`.
 
@@ -93,7 +94,13 @@ def conversion_factor(unit: str, target: str) -> float:
     if dimension(unit) != dimension(target):
         raise UnitError(f"expected a unit like {target!r}, found {unit!r}")
     ureg = registry()
-    return float(ureg.Quantity(1.0, _parse(unit)).to(_parse(target)).magnitude)
+    try:
+        factor = float(ureg.Quantity(1.0, parse_unit(unit)).to(parse_unit(target)).magnitude)
+    except ArithmeticError:
+        factor = math.inf
+    if not 0 < factor < math.inf:
+        raise UnitError(f"expected a unit like {target!r}, found {unit!r}, which is too far from it")
+    return factor
 
 
 @lru_cache(maxsize=4096)
@@ -108,9 +115,9 @@ def is_plain_si(unit: str) -> bool:
     base = unit_text(dimension(unit))
     try:
         zero, one = (
-            float(registry().Quantity(v, _parse(unit)).to(_parse(base)).magnitude) for v in (0.0, 1.0)
+            float(registry().Quantity(v, parse_unit(unit)).to(parse_unit(base)).magnitude) for v in (0.0, 1.0)
         )
-    except (pint.errors.PintError, ValueError):
+    except (pint.errors.PintError, ValueError, ArithmeticError):
         return False
     return zero == 0.0 and abs(one - 1.0) < 1e-12
 
@@ -123,12 +130,8 @@ def plain_si(unit: str) -> str:
     >>> plain_si("deg/s"), plain_si("km")
     ('rad/s', 'm')
     """
-    found = registry().Quantity(1.0, _parse(unit)).to_base_units().units
+    found = registry().Quantity(1.0, parse_unit(unit)).to_base_units().units
     return f"{found:~C}".replace("**", "^") or "1"
-
-
-def _parse(unit: str) -> Any:
-    return registry().parse_units("dimensionless" if unit in ("1", "") else unit)
 
 
 def unit_text(dims: Dimension) -> str:

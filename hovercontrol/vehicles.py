@@ -10,6 +10,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from hovercontrol.boundary import checked
 from hovercontrol.effects import Effect, effect
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.fans import Fan
@@ -130,6 +131,7 @@ VEHICLES: dict[str, Callable[[], Model]] = {
 }
 
 
+@checked
 def vehicle(name: str) -> Model:
     """Return a craft by name.
 

@@ -1,5 +1,6 @@
 """What all tests share: repeatable random numbers, figures without a screen, the command line."""
 
+import signal
 import subprocess
 import sys
 
@@ -8,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, settings
 
+from hovercontrol import endings
 from hovercontrol.cli import main
 
 matplotlib.use("Agg")
@@ -27,8 +29,13 @@ def rng() -> np.random.Generator:
 
 
 @pytest.fixture
-def call(monkeypatch, capsys):
+def call(monkeypatch, capsys, request):
     """Return a function that runs ``hovercontrol WORDS`` here: a process takes seconds to start."""
+
+    for number in endings.STOPS:  # a command listens to them until its process ends
+        before = signal.getsignal(number)
+        request.addfinalizer(lambda number=number, before=before: signal.signal(number, before))
+    monkeypatch.setattr(sys, "unraisablehook", sys.unraisablehook)
 
     def run(*words, cwd=None):
         if cwd:

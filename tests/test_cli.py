@@ -63,13 +63,16 @@ high = 0.001
     [
         (["simulate", "tabel1"], "unknown scenario 'tabel1'; did you mean 'table1'?"),
         (["simulate"], "expected a scenario's name"),
-        (["simulate", "none.toml"], "none.toml: no such file"),
+        (["simulate", "none.toml"], "none.toml: expected a TOML file, there is no such file"),
         (["simulate", "table1", "--aut", "x"], "No such option: --aut"),
         (["simulat", "table1"], "No such command 'simulat'"),
         (["simulate", "table1", "--out", "/dev/null/x"], "cannot write there"),
         (["identify"], "expected one or more logs"),
         (["identify", "--sample", "--model", "a.toml", "--vehicle", "four_fan"], "exclude each other"),
-        (["identify", "--sample", "--model", "a.toml"], "a.toml: no such file"),
+        (
+            ["identify", "--sample", "--model", "a.toml"],
+            "a.toml: expected a TOML file, there is no such file",
+        ),
         (["identify", "--sample", "--columns", "time"], "expected NAME=COLUMN, found 'time'"),
         (["identify", "--sample", "--coefficients", "yaw_colomb"], "did you mean 'yaw_coulomb'?"),
         (["identify", "--sample", "--vehicle", "four_fan"], "no column 'rear_left'"),

@@ -37,7 +37,7 @@ def told(monkeypatch, capsys, tmp_path):
 def test_every_command_that_reports_has_it():
     import typer
 
-    from hovercontrol.cli import app
+    from hovercontrol.commands.app import app
 
     commands = typer.main.get_command(app).commands
     with_json = {name for name, c in commands.items() if any("--json" in p.opts for p in c.params)}

@@ -60,3 +60,32 @@ def test_too_many_runs_are_refused():
     with pytest.raises(InputError, match="more than 1000000 runs"):
         ranges = {"controller.k1": np.linspace(1, 2, 2000), "controller.k2": np.linspace(1, 2, 2000)}
         vary(load_scenario("k06-turn"), ranges)
+
+
+def test_a_sweep_that_was_stopped_goes_on_to_the_same_bits(call, tmp_path, monkeypatch):
+    from hovercontrol.targets.checkpoint import Checkpoint
+
+    words = ("sweep", "k06-turn", "--vary", "controller.k2=0.5:6:64")
+    add, added = Checkpoint.add, []
+
+    def stopped(self, result, part):
+        add(self, result, part)
+        added.append(part)
+        if len(added) == 2:
+            raise KeyboardInterrupt
+
+    with monkeypatch.context() as changed:
+        changed.setattr(Checkpoint, "add", stopped)
+        done = call(*words, "--out", "out", cwd=tmp_path)
+    said = "hovercontrol: stopped; what was done is kept in out.partial: --resume goes on from there\n"
+    assert (done.returncode, done.stderr) == (130, said)
+    assert [p.name for p in tmp_path.iterdir()] == ["out.partial"]
+    done = call(*words[:3], "controller.k2=0.5:7:64", "--resume", "--out", "out", cwd=tmp_path)
+    assert done.returncode == 2 and "belongs to another sweep" in done.stderr
+    monkeypatch.setattr(Checkpoint, "add", lambda *of: (added.append(of[2]), add(*of)))
+    assert call(*words, "--resume", "--out", "out", cwd=tmp_path).returncode == 0
+    assert len(added) == 4 and len({part.start for part in added}) == 4
+    assert call(*words, "--out", "whole", cwd=tmp_path).returncode == 0
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["out", "whole"]
+    one, other = ((tmp_path / name / "sweep.csv").read_bytes() for name in ("out", "whole"))
+    assert one == other

@@ -7,7 +7,7 @@ import pytest
 import typer
 
 from hovercontrol import InputError
-from hovercontrol.cli import app
+from hovercontrol.commands.app import app
 from hovercontrol.commands.completion import script
 
 ROOT = typer.main.get_command(app)

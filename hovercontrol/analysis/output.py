@@ -9,7 +9,7 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from hovercontrol.errors import InputError
+from hovercontrol.endings import run
 from hovercontrol.files import check_folder, write_folder
 
 #: Called now and then with the share that is done, 0 to 1.
@@ -64,8 +64,14 @@ def script(main: Callable[..., list[Path]], description: str) -> None:
 
     Notes
     -----
-    The exit status is 2 on bad input, with one line that says what is wrong.
+    It ends as every command does, see :mod:`hovercontrol.endings`.
     """
+    status = run(lambda: _script(main, description))
+    if status:
+        sys.exit(status)
+
+
+def _script(main: Callable[..., list[Path]], description: str) -> None:
     parser = argparse.ArgumentParser(description=description)
     parser.add_argument("--out", type=Path, default=Path("out"), help="folder for the results (default: out)")
     out = parser.parse_args().out
@@ -74,17 +80,9 @@ def script(main: Callable[..., list[Path]], description: str) -> None:
         if sys.stderr.isatty():
             print(f"\r{100 * done:3.0f} %", end="\n" if done >= 1 else "", file=sys.stderr, flush=True)
 
-    try:
-        check_folder(out)
-        files = main(out, tell)
-    except InputError as error:
-        sys.exit(_refused(str(error)))
+    check_folder(out)
+    files = main(out, tell)
     for file in files:
         if file.suffix == ".txt":
             print(file.read_text(encoding="utf-8"), end="")
     print("\n".join(str(file) for file in files))
-
-
-def _refused(text: str) -> int:
-    print(f"error: {text}", file=sys.stderr)
-    return 2

@@ -80,6 +80,10 @@ def as_numbers(name: str, given: ArrayLike) -> Array:
         raise InputError(f"{name} must be numbers, found {given!r:.60}") from None
 
 
+#: Farthest end of an axis: of anything larger the squares are no numbers.
+LARGEST = 1e100
+
+
 def axis(name: str, unit: str, span: tuple[float, float], points: int, label: str = "") -> Axis:
     """Return an axis of equal steps.
 
@@ -96,8 +100,10 @@ def axis(name: str, unit: str, span: tuple[float, float], points: int, label: st
     if not isinstance(span, tuple | list) or len(span) != 2:
         raise InputError(f"{name}: a range is two numbers, found {span!r}")
     low, high = (number(f"{name}: range", v) for v in span)
-    if not -math.inf < low < high < math.inf:
-        found = "is empty" if low == high else "is reversed" if low > high else "is not finite"
+    if max(abs(low), abs(high)) > LARGEST:
+        raise InputError(f"{name}: expected a range within {LARGEST:g} {unit}, found {low:g} to {high:g}")
+    if not low < high:
+        found = "is empty" if low == high else "is reversed"
         raise InputError(f"{name}: the range {low:g} to {high:g} {unit} {found}")
     if not isinstance(points, int) or points < 2:
         raise InputError(f"{name}: a range needs 2 or more points, found {points!r}")

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from hovercontrol.errors import InputError, did_you_mean
+from hovercontrol.errors import InputError, did_you_mean, shown
 from hovercontrol.signals import Signal
+from hovercontrol.tables import finite
 
 
 def checked_number(signal: Signal, value: Any) -> float:
@@ -22,9 +23,7 @@ def checked_number(signal: Signal, value: Any) -> float:
     >>> checked_number(Signal("surge_ref", "m/s", upper=1.5), 1)
     1.0
     """
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise InputError(f"{signal.name}: expected a number ({signal.unit}), found {value!r}")
-    return signal.check(float(value))
+    return signal.check(finite(f"{signal.name} ({signal.unit})", value))
 
 
 def checked_numbers(
@@ -48,5 +47,5 @@ def checked_numbers(
     signals = {s.name: s for s in known}
     for name in given:
         if name not in signals:
-            raise InputError(f"{what}: unknown value {name!r}{did_you_mean(str(name), signals)}")
+            raise InputError(f"{what}: unknown value {shown(name)}{did_you_mean(str(name), signals)}")
     return {**before, **{name: checked_number(signals[name], value) for name, value in given.items()}}

@@ -54,7 +54,7 @@ def guard(token: str) -> Middleware:
     @web.middleware
     async def check(request: web.Request, handler: Handler) -> web.StreamResponse:
         given = request.query.get("token") or request.cookies.get(COOKIE, "")
-        if token and not secrets.compare_digest(given.encode(), token.encode()):
+        if token and not secrets.compare_digest(given.encode(errors="replace"), token.encode()):
             raise web.HTTPForbidden(text="403: this address needs ?token=..., as hovercontrol printed it\n")
         if not token and not is_loopback(_host_name(request.host)):
             raise web.HTTPForbidden(text="403: this server is for this machine only\n")

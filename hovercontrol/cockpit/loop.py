@@ -11,7 +11,7 @@ from hovercontrol.cockpit.disturbances import possible, with_disturbances
 from hovercontrol.cockpit.gusts import GUST, gusts
 from hovercontrol.cockpit.laws import STICK, choices, energy, law
 from hovercontrol.controllers.k06.heading import TICK
-from hovercontrol.errors import InputError, did_you_mean
+from hovercontrol.errors import InputError, did_you_mean, shown
 from hovercontrol.hybrid import Ticking
 from hovercontrol.model import MOTION, Model
 from hovercontrol.targets.numpy import call_scalar, numpy_functions
@@ -136,7 +136,7 @@ class Loop:
         """
         key = self.law if law is None else str(law)
         if key not in self.choices:
-            raise InputError(f"unknown law {key!r}{did_you_mean(key, self.choices)}")
+            raise InputError(f"unknown law {shown(key)}{did_you_mean(key, self.choices)}")
         known, before = self.choices[key].references, self.references[key]
         told = checked_numbers(f"law {key}", known, before, references or {})
         push = self.stick
@@ -145,7 +145,7 @@ class Loop:
         acting = dict(self.switched_on)
         for name, values in (disturbances or {}).items():
             if name not in self.disturbances:
-                raise InputError(f"unknown disturbance {name!r}{did_you_mean(name, self.disturbances)}")
+                raise InputError(f"unknown disturbance {shown(name)}{did_you_mean(name, self.disturbances)}")
             knobs = [knob.signal for knob in self.disturbances[name].knobs]
             held = acting.pop(name, {s.name: s.start for s in knobs})
             if values is not None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -76,9 +77,10 @@ class Recorder:
 
 
 def names_in(folder: Path) -> list[str]:
-    """Return the names of the logs in a folder, sorted; hidden files are no logs."""
+    """Return the names of the logs in a folder, sorted; hidden files and links are no logs."""
     if not folder.is_dir():
         return []
     kinds = (".csv", ".parquet", ".pq")
-    files = (f.name for f in folder.iterdir() if f.is_file() and f.suffix.lower() in kinds)
-    return sorted(name for name in files if not name.startswith("."))
+    files = (entry.name for entry in os.scandir(folder) if entry.is_file(follow_symlinks=False))
+    plain = (name for name in files if name.isprintable() and not name.startswith("."))
+    return sorted(name for name in plain if name.lower().endswith(kinds))

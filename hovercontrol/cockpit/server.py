@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import errno
 import json
+import logging
 import os
 import signal
 import socket
@@ -20,10 +21,14 @@ from hovercontrol.cockpit.about import about
 from hovercontrol.cockpit.guard import guard
 from hovercontrol.cockpit.pacer import Pacer
 from hovercontrol.cockpit.shelf import Shelf
-from hovercontrol.errors import InputError, did_you_mean
+from hovercontrol.errors import InputError, did_you_mean, one_line, shown
 
 #: Largest log that the page may send [bytes].
 LARGEST_UPLOAD = 64 * 2**20
+
+_SILENT = logging.getLogger(f"{__name__}.requests")
+_SILENT.addHandler(logging.NullHandler())
+_SILENT.propagate = False
 
 _TYPES = {"html": "text/html", "css": "text/css", "js": "text/javascript", "svg": "image/svg+xml"}
 
@@ -137,8 +142,10 @@ class Console:
             if not isinstance(message, dict):
                 raise InputError("expected an object")
             await self._obey(talk, message)
-        except (InputError, json.JSONDecodeError) as error:
-            await talk.send_json({"error": str(error)})
+        except RecursionError:
+            await talk.send_json({"error": "expected an object, found lists within lists without end"})
+        except ValueError as error:  # wrong input, no JSON, a number of too many digits
+            await talk.send_json({"error": one_line(error, 300)})
 
     async def _obey(self, talk: web.WebSocketResponse, message: dict[str, Any]) -> None:
         if message.get("take"):
@@ -149,14 +156,14 @@ class Console:
             return
         stick = message.pop("stick", None)
         if stick is not None and not (isinstance(stick, list) and len(stick) == 2):
-            raise InputError(f"stick: expected two numbers, found {stick!r}")
+            raise InputError(f"stick: expected two numbers, found {shown(stick)}")
         self.pacer.heard(tuple(stick) if stick else None)
         orders = {"command": dict, "pause": bool, "record": bool, "reset": bool, "take": bool}
         for key, value in message.items():
             if key not in orders:
-                raise InputError(f"unknown order {key!r}{did_you_mean(key, orders)}")
+                raise InputError(f"unknown order {shown(key)}{did_you_mean(key, orders)}")
             if not isinstance(value, orders[key]):
-                raise InputError(f"{key}: expected {orders[key].__name__}, found {value!r}")
+                raise InputError(f"{key}: expected {orders[key].__name__}, found {shown(value)}")
         if "command" in message:
             self._command(message["command"])
         if "pause" in message:
@@ -171,13 +178,15 @@ class Console:
         known = ("law", "references", "disturbances")
         for key in order:
             if key not in known:
-                raise InputError(f"command: unknown {key!r}{did_you_mean(key, known)}")
+                raise InputError(f"command: unknown {shown(key)}{did_you_mean(key, known)}")
         for key in known[1:]:
             if not isinstance(order.get(key, {}), dict):
-                raise InputError(f"{key}: expected an object, found {order[key]!r}")
+                raise InputError(f"{key}: expected an object, found {shown(order[key])}")
         for key, values in order.get("disturbances", {}).items():
             if not isinstance(values, dict | None):
-                raise InputError(f"disturbance {key}: expected an object or null, found {values!r}")
+                raise InputError(
+                    f"disturbance {shown(key)}: expected an object or null, found {shown(values)}"
+                )
         self.pacer.command(**order)
 
     def _give(self, talk: web.WebSocketResponse) -> None:
@@ -232,17 +241,22 @@ def listen(host: str, port: int) -> socket.socket:
         raise InputError(f"cockpit: {line}") from None
 
 
+def runner(console: Console, token: str) -> web.AppRunner:
+    """Return what serves a console; requests that are none are answered, not printed."""
+    return web.AppRunner(console.application(token), access_log=None, shutdown_timeout=1.0, logger=_SILENT)
+
+
 async def serve(console: Console, listening: socket.socket, token: str, ready: Callable[[], object]) -> None:
     """Serve until an interrupt; `ready` is called when the page can be opened."""
-    runner = web.AppRunner(console.application(token), access_log=None, shutdown_timeout=1.0)
+    running = runner(console, token)
     end = asyncio.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         with suppress(NotImplementedError):  # Windows: an interrupt is an exception there
             asyncio.get_running_loop().add_signal_handler(number, end.set)
-    await runner.setup()
+    await running.setup()
     try:
-        await web.SockSite(runner, listening).start()
+        await web.SockSite(running, listening).start()
         ready()
         await end.wait()
     finally:
-        await runner.cleanup()
+        await running.cleanup()

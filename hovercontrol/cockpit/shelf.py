@@ -6,6 +6,7 @@ import asyncio
 import math
 import tempfile
 from pathlib import Path
+from urllib.parse import quote
 
 import numpy as np
 from aiohttp import web
@@ -54,7 +55,9 @@ class Shelf:
 
     async def _download(self, request: web.Request) -> web.FileResponse:
         path = self._named(request)
-        return web.FileResponse(path, headers={"Content-Disposition": f'attachment; filename="{path.name}"'})
+        return web.FileResponse(
+            path, headers={"Content-Disposition": f"attachment; filename*=UTF-8''{quote(path.name)}"}
+        )
 
     async def _columns(self, request: web.Request) -> web.Response:
         return await self._shown(self._named(request))

@@ -1,1 +1,1 @@
-"""The commands of ``hovercontrol``, one file each; :mod:`hovercontrol.cli` puts them together."""
+"""The commands of ``hovercontrol``, one file each; :mod:`.app` puts them together."""

@@ -45,6 +45,7 @@ def diagnose(
     bench_fans: given.BenchFans = 2,
     only_while: given.OnlyWhile = "",
     settle: given.Settle = 1.0,
+    frame: given.Frame = "",
     allow_gaps: given.AllowGaps = False,
     json: given.Json = False,
 ) -> int:
@@ -80,7 +81,7 @@ def diagnose(
         effect_class(name)
     inputs = [s.name for s in lacks.plant(late=True).inputs]
     moves = isinstance(lacks, Model)
-    read = given.reader(inputs, columns, bench, bench_fans, only_while, settle, motion=moves)
+    read = given.reader(inputs, columns, bench, bench_fans, only_while, settle, frame, motion=moves)
     with progress_bar("diagnose", 1.0) as report:
         report(0.0, "reading logs")
         training, held = [read(name) for name in logs], read(holdout) if holdout else None
@@ -99,7 +100,7 @@ def diagnose(
             found.save(folder)
             write_report(found, folder / "report.html", command=_command())
 
-        files = write_folder(out, write)
+        files = write_folder(out, write, stale=("model.toml", "next_experiment.csv"))
     for warning in found.warnings:
         print(f"warning: {warning}", file=sys.stderr)
     said = "\n".join((headline(found), gap_sentence(found), remainder_sentence(found)))

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import os
 import sys
-import warnings
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -37,6 +37,13 @@ BenchFans = Annotated[
 ]
 OnlyWhile = Annotated[str, typer.Option("--while", help="Use only rows where this holds: 'pwm_lift>1000'")]
 Settle = Annotated[float, typer.Option("--settle", help="Seconds to leave out where that begins.", min=0.0)]
+Frame = Annotated[
+    str,
+    typer.Option(
+        "--frame",
+        help="The logs' axes: ned is converted (x, y, psi, v, r); z-up or enu is as here, not looked at.",
+    ),
+]
 Json = Annotated[
     bool, typer.Option("--json", help="Print the result as JSON, and nothing else, on standard output.")
 ]
@@ -113,7 +120,7 @@ def refuse_twice(command: str, names: Sequence[str]) -> None:
 
     given: dict[Path, str] = {}
     for name in names:
-        measured = split_files(name)[0].resolve()  # commands may be those of several runs
+        measured = Path(os.path.realpath(split_files(name)[0]))  # commands may be those of several runs
         if measured in given:
             known = "" if given[measured] == name else f" (as {given[measured]})"
             raise InputError(
@@ -129,35 +136,32 @@ def reader(
     bench_fans: int,
     only_while: str,
     settle: float,
+    frame: str = "",
     *,
     motion: bool = True,
 ) -> Callable[[str], Log]:
     """Return what reads a log of a craft with these inputs, as the options of the command say.
 
-    Without `motion` a log need not hold pose or body velocities: it is of some other machine. What is
-    remarkable about a log, such as its gaps, is one line each on the standard error.
+    Without `motion` a log need not hold pose or body velocities: it is of some other machine.
     """
     from hovercontrol.logs import BenchTable, Condition, gather
+    from hovercontrol.logs.frames import in_z_up
 
     table = BenchTable.from_csv(bench, fans=bench_fans) if bench else None
     condition = Condition.parse(only_while) if only_while else None
     renamed = pairs(columns)
 
     def read(files: str) -> Log:
-        with warnings.catch_warnings(record=True) as remarks:
-            warnings.simplefilter("always")
-            log = gather(
-                files,
-                inputs,
-                columns=renamed,
-                bench=table,
-                only_while=condition,
-                settle=settle,
-                motion=motion,
-            )
-        for remark in remarks:
-            print(f"warning: {remark.message}", file=sys.stderr)
-        return log
+        log = gather(
+            files,
+            inputs,
+            columns=renamed,
+            bench=table,
+            only_while=condition,
+            settle=settle,
+            motion=motion,
+        )
+        return in_z_up(log, frame) if frame else log
 
     return read
 

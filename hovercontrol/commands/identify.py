@@ -34,6 +34,7 @@ def identify(
     bench_fans: given.BenchFans = 2,
     only_while: given.OnlyWhile = "",
     settle: given.Settle = 1.0,
+    frame: given.Frame = "",
     allow_gaps: given.AllowGaps = False,
     sample: Annotated[
         bool, typer.Option("--sample", help="Use the sample log that comes with the package.")
@@ -62,7 +63,7 @@ def identify(
     given.refuse_twice("identify", [*names, *held])
     craft = given.craft("identify", model, vehicle)
     inputs = [s.name for s in craft.plant().inputs]
-    read = given.reader(inputs, columns, bench, bench_fans, only_while, settle)
+    read = given.reader(inputs, columns, bench, bench_fans, only_while, settle, frame)
     with progress_bar("identify", 1.0) as report:
         every = []
         for k, name in enumerate([*names, *held]):
@@ -75,7 +76,7 @@ def identify(
             coefficients=given.listed(coefficients),
             progress=lambda part, what: report(0.1 + 0.9 * part, what),
         )
-    files = study.save(out)
+        files = study.save(out)
     given.show(study.text(), files, out, _as_json(study) if json else None)
     return 1 if study.negative else 0
 

@@ -47,7 +47,7 @@ def simulate(
     check_folder(out)
     with progress_bar(f"simulate {loaded.name}", loaded.end) as report:
         run = run_scenario(loaded, report)
-    files = run.save(out)
+        files = run.save(out)
     if not json:
         _show_metrics(run)
         _show_clipped(run)
@@ -90,4 +90,7 @@ def _show_metrics(run: Run) -> None:
         wanted = "" if d.low == -d.high == -float("inf") else wanted
         mark = "" if m.met else "  [red]outside[/red]"
         table.add_row(d.name, window, f"{m.value:.3g} {d.unit}{mark}", wanted, d.paper)
-    Console().print(table)
+    screen = Console()
+    with screen.capture() as drawn:  # the library itself would end the process where a pipe is closed
+        screen.print(table)
+    print(drawn.get(), end="")

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import math
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
@@ -10,10 +13,11 @@ import numpy as np
 import typer
 from numpy.typing import NDArray
 
+from hovercontrol import files
 from hovercontrol.commands import given
 from hovercontrol.commands.given import Out
 from hovercontrol.commands.progress import progress_bar
-from hovercontrol.errors import InputError
+from hovercontrol.errors import InputError, shown
 from hovercontrol.files import check_folder
 
 EXAMPLE = "Example: hovercontrol sweep k06-turn --vary controller.k2=0.5:6:200 --of r --figure final"
@@ -32,9 +36,16 @@ def sweep(
         str, typer.Option("--figure", help="final, maximum, minimum, rms or settling, in the last phase.")
     ] = "rms",
     out: Out = None,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Go on where the same sweep was stopped, from OUT.partial.")
+    ] = False,
     json: given.Json = False,
 ) -> int:
     """Fly a scenario at every point of a range or a grid; write a table and a picture.
+
+    Results are kept in OUT.partial as they come: a sweep that was stopped, or
+
+    killed, goes on from there with --resume, to the same bits.
 
     Exit status 1 if some runs fail; the others are there.
     """
@@ -47,15 +58,18 @@ def sweep(
     loaded = load_scenario(scenario)
     out = out or Path("out") / f"{loaded.name}-sweep"
     check_folder(out)
-    with progress_bar(f"sweep {loaded.name}", 1.0) as report:
-        found = fly(loaded, ranges, of, figure, progress=lambda done: report(done))
-    files = found.save(out)
+    partial = out.resolve().with_name(f"{out.resolve().name}.partial")
+    if not resume:
+        shutil.rmtree(partial, ignore_errors=True)
+    with _kept(partial), progress_bar(f"sweep {loaded.name}", 1.0) as report:
+        found = fly(loaded, ranges, of, figure, progress=lambda done: report(done), checkpoint=partial)
+        written = found.save(out)
     values = found.values.ravel()
     if json:
         axes = [{"key": a.name, "unit": a.unit, "values": a.values} for a in found.axes]
         failed = [str(f) for f in found.result.failures]
         told = {"of": found.of, "figure": figure, "unit": found.unit, "axes": axes, "values": found.values}
-        given.show("", files, out, {"scenario": loaded.name, **told, "failures": failed})
+        given.show("", written, out, {"scenario": loaded.name, **told, "failures": failed})
         return 1 if failed else 0
     if np.isfinite(values).any():
         for word, k in (("smallest", np.nanargmin(values)), ("largest", np.nanargmax(values))):
@@ -68,8 +82,26 @@ def sweep(
     failures = found.result.failures
     if failures:
         print(f"{len(failures)} of {len(values)} runs fail; the first: {failures[0]}")
-    print(f"wrote {', '.join(f.name for f in files)} to {out}")
+    print(f"wrote {', '.join(f.name for f in written)} to {out}")
     return 1 if failures else 0
+
+
+@contextmanager
+def _kept(partial: Path) -> Iterator[None]:
+    """Keep what was done of a sweep while it may still go on, no longer."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        if any(partial.glob("*/*.parquet")):
+            files.kept[:] = [partial]
+        else:
+            shutil.rmtree(partial, ignore_errors=True)
+        raise
+    except InputError:
+        if not any(partial.glob("*/*.parquet")):
+            shutil.rmtree(partial, ignore_errors=True)
+        raise
+    shutil.rmtree(partial, ignore_errors=True)
 
 
 def _range(text: str) -> tuple[str, NDArray[np.float64]]:
@@ -81,7 +113,10 @@ def _range(text: str) -> tuple[str, NDArray[np.float64]]:
         low = high = math.nan
         points = 0
     if not (key and equals and len(parts) == 3 and points):
-        raise InputError(f"--vary: expected KEY=FROM:TO:POINTS, found {text!r}")
+        raise InputError(f"--vary: expected KEY=FROM:TO:POINTS, found {shown(text)}")
     from hovercontrol.analysis.regions import axis
+    from hovercontrol.scenarios.varied import MAX_RUNS
 
+    if points > MAX_RUNS:
+        raise InputError(f"--vary {key}: expected {MAX_RUNS} points at most, found {points:.4g}")
     return key, axis(f"--vary {key}", "", (low, high), points).values

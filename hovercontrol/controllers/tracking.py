@@ -14,6 +14,7 @@ from types import SimpleNamespace
 import sympy as sp
 
 from hovercontrol.block import Block
+from hovercontrol.boundary import checked
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.model import MOTION, Model, motion_symbols
 from hovercontrol.references import OUTPUTS as REFERENCE
@@ -21,6 +22,7 @@ from hovercontrol.signals import Signal
 from hovercontrol.tables import number, positive
 
 
+@checked
 def tracking_controller(
     model: Model,
     *,

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from hovercontrol.boundary import checked
 from hovercontrol.discrepancy.checks import check_fitted, check_logs
 from hovercontrol.discrepancy.diagnosis import Diagnosis, numbers_of
 from hovercontrol.discrepancy.evidence.holdout import gap
@@ -25,6 +26,7 @@ from hovercontrol.estimation.subject import Subject
 from hovercontrol.logs import Log
 
 
+@checked
 def diagnose(
     model: Subject,
     logs: Sequence[Log],

@@ -20,7 +20,7 @@ from hovercontrol.discrepancy.search.leads import Lead
 from hovercontrol.discrepancy.verdict import Verdict
 from hovercontrol.estimation.fit import Fit
 from hovercontrol.estimation.subject import Subject, motion_of
-from hovercontrol.files import write_whole
+from hovercontrol.files import write_folder
 from hovercontrol.model import Model
 
 if TYPE_CHECKING:
@@ -203,14 +203,16 @@ class Diagnosis:
         """Write ``result.json``, ``model.toml`` and, where there is one, ``next_experiment.csv``."""
         from hovercontrol.modelfile import save_model
 
-        folder = Path(folder)
         text = json.dumps(_finite(self.result()), indent=2, allow_nan=False, default=float) + "\n"
-        files = [write_whole(folder / "result.json", lambda path: path.write_text(text, encoding="utf-8"))]
-        if isinstance(self.amended, Model):
-            files.append(save_model(self.amended, folder / "model.toml"))
-        if self.experiment:
-            files.append(self.experiment.save(folder / "next_experiment.csv"))
-        return files
+
+        def write(place: Path) -> None:
+            (place / "result.json").write_text(text, encoding="utf-8")
+            if isinstance(self.amended, Model):
+                save_model(self.amended, place / "model.toml")
+            if self.experiment:
+                self.experiment.save(place / "next_experiment.csv")
+
+        return write_folder(folder, write, stale=("model.toml", "next_experiment.csv"))
 
 
 def reason_of(rival: Rival) -> str:

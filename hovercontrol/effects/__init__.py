@@ -6,6 +6,7 @@ import importlib
 import pkgutil
 from typing import Any
 
+from hovercontrol.boundary import checked
 from hovercontrol.effects.base import Coefficient, Effect, Shape
 from hovercontrol.errors import InputError, did_you_mean
 
@@ -20,6 +21,7 @@ def effect_names() -> list[str]:
     return sorted(Effect.known)
 
 
+@checked
 def effect_class(name: str) -> type[Effect]:
     """Return the class of an effect.
 
@@ -33,6 +35,7 @@ def effect_class(name: str) -> type[Effect]:
     return Effect.known[name]
 
 
+@checked
 def effect(name: str, value: float | None = None, **values: Any) -> Effect:
     """Return an effect with its numbers.
 

@@ -11,7 +11,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from numbers import Real
 from types import SimpleNamespace
 from typing import Any, ClassVar
 
@@ -19,6 +18,7 @@ import sympy as sp
 
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.signals import Signal
+from hovercontrol.tables import finite
 
 
 @dataclass(frozen=True)
@@ -129,14 +129,13 @@ class Effect:
             given: Any = values.get(key, number.default)
             if given is None:
                 raise InputError(f"effect {self.name}: {key!r} is missing (unit {number.unit})")
-            if isinstance(given, bool) or not isinstance(given, Real) or not math.isfinite(given):
-                raise InputError(f"effect {self.name}: {key} must be a number, found {given!r}")
-            if not number.lower <= float(given) <= number.upper:
+            found = finite(f"effect {self.name}: {key}", given)
+            if not number.lower <= found <= number.upper:
                 raise InputError(
-                    f"effect {self.name}: {key} = {float(given):g} is out of its bounds "
+                    f"effect {self.name}: {key} = {found:g} is out of its bounds "
                     f"[{number.lower:g}, {number.upper:g}]"
                 )
-            self.values[key] = float(given)
+            self.values[key] = found
 
     def __repr__(self) -> str:
         inside = ", ".join(f"{k}={v:g}" for k, v in self.values.items())

@@ -15,11 +15,13 @@ import sympy as sp
 from numpy.typing import ArrayLike
 
 from hovercontrol.block import Block
+from hovercontrol.boundary import checked
 from hovercontrol.errors import InputError
 from hovercontrol.estimators.regression import regression
 from hovercontrol.signals import Signal, time
 
 
+@checked
 def kalman_bucy(
     block: Block,
     estimate: Sequence[str] | None = None,

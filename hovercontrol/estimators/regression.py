@@ -12,6 +12,7 @@ from functools import lru_cache
 import sympy as sp
 
 from hovercontrol.block import Block
+from hovercontrol.boundary import checked
 from hovercontrol.derivatives import partial_derivatives
 from hovercontrol.errors import InputError
 from hovercontrol.signals import Signal
@@ -45,6 +46,7 @@ class Regression:
     G: sp.ImmutableMatrix
 
 
+@checked
 def regression(block: Block, coefficients: Sequence[str] | None = None) -> Regression:
     """Return the regression of a Block in chosen coefficients.
 

@@ -138,9 +138,7 @@ def build_binary(name: str, files: Mapping[str, str], wanted: Platform) -> bytes
     Raises
     ------
     InputError
-        If there is no compiler for that platform; the line says what to install.
-    RuntimeError
-        If the compiler refuses the sources.
+        If there is no compiler for that platform (the line says what to install), or it fails.
     """
     zig = _zig()
     own = _is_this_machine(wanted)
@@ -150,12 +148,19 @@ def build_binary(name: str, files: Mapping[str, str], wanted: Platform) -> bytes
         except NoCompilerError as error:
             raise InputError(f"{error}; pip install 'hovercontrol[fmu]' brings one") from None
         if system != zig:
-            made = _built(name, files, system, (), wanted)
-            if zig is None or needed_glibc(made) <= OLDEST_GLIBC:
-                return made
+            try:
+                made = _built(name, files, system, (), wanted)
+                if zig is None or needed_glibc(made) <= OLDEST_GLIBC:
+                    return made
+            except NoCompilerError as error:
+                if zig is None:
+                    raise InputError(str(error)) from None
     if zig is None:
         raise InputError(f"binaries for {wanted.name} need ziglang: pip install 'hovercontrol[fmu]'")
-    return _built(name, files, zig, ("-target", wanted.target), wanted)
+    try:
+        return _built(name, files, zig, ("-target", wanted.target), wanted)
+    except NoCompilerError as error:
+        raise InputError(str(error)) from None
 
 
 def _built(

@@ -14,6 +14,7 @@ from xml.etree.ElementTree import Element, SubElement
 import numpy as np
 
 from hovercontrol.block import Block
+from hovercontrol.boundary import checked
 from hovercontrol.errors import InputError
 from hovercontrol.files import check_folder, write_whole
 from hovercontrol.fmi.binaries import build_binary, chosen_platforms, folder_of
@@ -29,6 +30,7 @@ from hovercontrol.targets.compiler import cached_text
 _ROWS = 500
 
 
+@checked
 def export_fmu(
     block: Block,
     path: str | Path,
@@ -97,10 +99,7 @@ def export_fmu(
         files[f"binaries/{folder_of(p, version)}/{interface.identifier}{p.suffix}"] = binary
         report(0.1 + 0.8 * k / len(wanted))
     content = packed(files | _content(interface, version, sources, experiment, atol, description))
-    try:
-        return write_whole(target, lambda temporary: temporary.write_bytes(content))
-    except OSError as error:
-        raise InputError(f"{path}: cannot write there: {error.strerror}") from None
+    return write_whole(target, lambda temporary: temporary.write_bytes(content))
 
 
 def _experiment(step: float | None, stop: float | None, rtol: float, atol: float) -> Experiment:

@@ -24,6 +24,7 @@ import fmpy  # type: ignore[import-untyped]
 import numpy as np
 from numpy.typing import NDArray
 
+from hovercontrol.boundary import checked
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.fmi.archive import LIMITS, Archive, check_xml, open_archive
 from hovercontrol.fmi.follow import Follower, Parameters
@@ -40,6 +41,7 @@ Array = NDArray[np.float64]
 _DESCRIPTION = "modelDescription.xml"
 
 
+@checked
 def load(
     path: str | Path,
     *,

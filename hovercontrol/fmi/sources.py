@@ -16,6 +16,7 @@ from hovercontrol.targets.compiler import generated
 
 Version = Literal[2, 3]
 
+_NAMES = "hc_names.h"
 _RUNTIME = ("hc_component.c", "hc_solver.c", "hc_events.c", "hc_friction.c", "hc_ticks.c")
 
 
@@ -36,8 +37,22 @@ def fmu_sources(interface: Interface, version: Version, rtol: float, atol: float
     if late:
         files["delays.c"] = delays_source(interface.block)
         files["hc_options.h"] = files["hc_options.h"].replace("HC_DELAYS 0", "HC_DELAYS 1")
-    files["description.c"] = c_description(interface, token_of(interface, files), rtol, atol)
-    return files
+    files = _prefixed(interface.identifier, files)
+    description = c_description(interface, token_of(interface, files), rtol, atol)
+    return files | {"description.c": f'#include "{_NAMES}"\n{description}'}
+
+
+def _prefixed(identifier: str, files: dict[str, str]) -> dict[str, str]:
+    """Return sources whose names are the FMU's own, so that several can be linked into one program."""
+    code = re.sub(r"#include.*", "", "\n".join(files.values()))
+    macros = set(re.findall(r"#define (hc_\w+)", code))
+    names = sorted(set(re.findall(r"\bhc_\w+\b", code)) - macros)
+    lines = ["/* Names of this FMU's own, so that several FMUs can be linked into one program. */"]
+    lines += [f"#define {name} {identifier}_{name}" for name in names]
+    found = {
+        name: f'#include "{_NAMES}"\n{text}' if name.endswith(".c") else text for name, text in files.items()
+    }
+    return found | {_NAMES: "\n".join(lines) + "\n"}
 
 
 def token_of(interface: Interface, files: dict[str, str]) -> str:

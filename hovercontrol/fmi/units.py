@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cache
-from typing import Any
 
-from hovercontrol.units import BASE, dimension, registry
+from hovercontrol.units import BASE, dimension
+from hovercontrol.unitsyntax import parse_unit, registry
 
 #: Degrees in a radian: FMI's factor from a unit to its display unit.
 DEGREES = 180.0 / math.pi
@@ -69,7 +69,7 @@ def fmi_unit(text: str, per_second: bool = False) -> Unit:
     >>> fmi_unit("(m/s)*(rad/s)").exponents
     (('m', 1), ('s', -2), ('rad', 1))
     """
-    unit = _parsed(text)
+    unit = parse_unit(text)
     if per_second:
         unit = unit / registry().second
     name = f"{unit:~C}".replace("**", "^") or "1"
@@ -86,10 +86,6 @@ def fmi_unit(text: str, per_second: bool = False) -> Unit:
     quantity = _QUANTITIES.get(key, "") if not known else ""
     display = "deg" + name.removeprefix("rad") if _is_rate_of_angle(name) else None
     return Unit(name, tuple(exponents), quantity or _plain_name(name), display)
-
-
-def _parsed(text: str) -> Any:
-    return registry().parse_units("dimensionless" if text in ("1", "") else text)
 
 
 def _is_rate_of_angle(name: str) -> bool:

@@ -13,6 +13,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from hovercontrol.block import Block
+from hovercontrol.boundary import checked
 from hovercontrol.errors import InputError
 from hovercontrol.estimation.data import Data, gather
 from hovercontrol.estimation.fit import Fit, estimate, first_noise
@@ -34,12 +35,14 @@ from hovercontrol.identify.remaining import averaging_time, remaining
 from hovercontrol.identify.result import Fitted, Identified
 from hovercontrol.identify.subject import chosen, subject_of
 from hovercontrol.logs import Log
+from hovercontrol.logs.frames import check_frame
 from hovercontrol.model import Model
 
 #: Rows of a craft's log that are farther apart [s] are in other units of time, or tell nothing.
 SLOWEST = 1.0
 
 
+@checked
 def identify(
     model: Model | Block,
     logs: Sequence[Log | Measured],
@@ -102,6 +105,7 @@ def identify(
     return found
 
 
+@checked
 def measure_shared(model: Model | Block, logs: Sequence[Log | Measured], most_rows: int) -> list[Measured]:
     """Return what each log says, all together no more than `most_rows` rows; those measured already are kept.
 
@@ -114,6 +118,10 @@ def measure_shared(model: Model | Block, logs: Sequence[Log | Measured], most_ro
     total = sum(len(log) for log in logs if isinstance(log, Log))
     found = []
     for log in logs:
+        if not len(log.time):
+            raise InputError(f"{log.name}: expected samples, found no rows")
+        if isinstance(model, Model) and isinstance(log, Log):
+            check_frame(model, log)
         own = log if isinstance(log, Measured) else measure(block, log, _share(log, total, most_rows))
         refuse_still(own.name, own.channels, own.values)
         found.append(own)

@@ -188,10 +188,7 @@ class Study:
                 figure = plot_free_run(j.run, held_out=j.holdout)
                 figure.savefig(temporary / f"free_run_{j.label}.png", dpi=120)
 
-        files = write_folder(folder, write)
-        for stale in set(Path(folder).glob("free_run_*.png")) - set(files):
-            stale.unlink()
-        return files
+        return write_folder(folder, write, stale=("free_run_*.png",))
 
 
 def _table(path: Path, heading: list[str], rows: Sequence[Sequence[object]]) -> None:

@@ -6,7 +6,7 @@ import warnings
 
 import numpy as np
 
-from hovercontrol.errors import InputError
+from hovercontrol.errors import InputError, shown
 from hovercontrol.logs.log import Floats, Log
 from hovercontrol.logs.source import Source
 
@@ -14,16 +14,21 @@ FASTEST_TURN = 60.0
 """Mean turning speed [rad/s] that no hovercraft keeps up, but a heading in degrees shows easily."""
 
 
+LARGEST = 1e20
+"""Farthest from zero that a number of a log may be, whatever its unit: clocks count nanoseconds at most."""
+
+
 def check_finite(file: str, source: Source, column: str, values: Floats) -> None:
-    """Raise if a value is missing, NaN or infinite; ``column`` is its name in the file."""
-    bad = np.flatnonzero(~np.isfinite(values))
+    """Raise if a value is missing, NaN, infinite or huge; ``column`` is its name in the file."""
+    bad = np.flatnonzero(~(np.abs(values) <= LARGEST))
     if not bad.size:
         return
     if bad.size == values.size and np.isnan(values).all():
         raise InputError(f"{file}: column {column!r} is empty: NaN in all {values.size} rows")
     where, text = source.place(int(bad[0]), column)
     more = f" ({bad.size} such rows)" if bad.size > 1 else ""
-    raise InputError(f"{file}: {where}, column {column!r}: expected a finite number, found {text!r}{more}")
+    wanted = f"a number up to {LARGEST:g}" if np.isfinite(values[bad[0]]) else "a finite number"
+    raise InputError(f"{file}: {where}, column {column!r}: expected {wanted}, found {shown(text)}{more}")
 
 
 def check_time(file: str, source: Source, column: str, time: Floats) -> None:

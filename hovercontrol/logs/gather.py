@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from hovercontrol.boundary import checked
 from hovercontrol.errors import InputError
 from hovercontrol.logs.bench import BenchTable
 from hovercontrol.logs.check import check_gaps
@@ -52,6 +53,7 @@ class Condition:
             raise InputError(f"expected a condition like 'pwm_lift>1000', found {text!r}") from None
 
 
+@checked
 def gather(
     files: str,
     inputs: Sequence[str] = (),

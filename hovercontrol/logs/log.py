@@ -17,7 +17,8 @@ import pyarrow.csv
 import pyarrow.parquet
 from numpy.typing import ArrayLike, NDArray
 
-from hovercontrol.errors import InputError, did_you_mean
+from hovercontrol.boundary import checked
+from hovercontrol.errors import InputError, did_you_mean, shown
 from hovercontrol.files import write_whole
 
 if TYPE_CHECKING:
@@ -31,6 +32,7 @@ Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class Log:
     """Measured or simulated signals on one time axis.
@@ -44,6 +46,9 @@ class Log:
     columns : mapping of str to ndarray (n,)
         Signals by name in SI units: any of ``x, y, psi`` (pose), ``u, v, r`` (body velocities) and
         the inputs. NaN where a row holds no measurement, only inputs.
+    frame : str
+        The frame that its axes were said to be in before they became x, y, psi with z up; empty where nobody
+        said so, and :func:`.frames.check_frame` looks.
 
     Raises
     ------
@@ -60,6 +65,7 @@ class Log:
     name: str
     time: Floats
     columns: Mapping[str, Floats]
+    frame: str = ""
 
     def __post_init__(self) -> None:
         time = np.asarray(self.time, dtype=float)
@@ -83,17 +89,22 @@ class Log:
     def __len__(self) -> int:
         return int(self.time.size)
 
+    @checked
     def __getitem__(self, name: str) -> Floats:
         if name == "time":
             return self.time
         if name not in self.columns:
-            raise InputError(f"{self.name}: no column {name!r}{did_you_mean(name, ['time', *self.columns])}")
+            raise InputError(
+                f"{self.name}: no column {shown(name)}{did_you_mean(name, ['time', *self.columns])}"
+            )
         return self.columns[name]
 
+    @checked
     def has(self, *names: str) -> bool:
         """Tell whether every one of these columns is there."""
         return all(name in self.columns for name in names)
 
+    @checked
     def stack(self, *names: str) -> Floats:
         """Return the named columns side by side, shape (n, number of names).
 
@@ -110,6 +121,7 @@ class Log:
         """
         return np.column_stack([self[name] for name in names])
 
+    @checked
     def select(self, rows: Mask | NDArray[np.intp] | slice) -> Log:
         """Return the log of some rows (a mask, indices or a slice).
 
@@ -118,8 +130,15 @@ class Log:
         >>> len(Log("demo", [0.0, 1.0, 2.0], {}).select(slice(1, None)))
         2
         """
-        return Log(self.name, self.time[rows], {k: v[rows] for k, v in self.columns.items()})
+        try:
+            kept = {k: v[rows] for k, v in self.columns.items()}
+            return replace(self, time=self.time[rows], columns=kept)
+        except (IndexError, TypeError, ValueError):
+            raise InputError(
+                f"{self.name}: expected a mask, indices or a slice of {len(self)} rows, found {shown(rows)}"
+            ) from None
 
+    @checked
     def between(self, start: float, stop: float) -> Log:
         """Return the rows with ``start <= time <= stop`` [s].
 
@@ -130,6 +149,7 @@ class Log:
         """
         return self.select((self.time >= start) & (self.time <= stop))
 
+    @checked
     def with_columns(self, columns: Mapping[str, ArrayLike]) -> Log:
         """Return a log with these columns added or replaced, each of shape (n,).
 
@@ -160,6 +180,7 @@ class Log:
 
         return log_figure(self)
 
+    @checked
     def save(self, path: str | Path) -> None:
         """Write CSV, or Parquet where the suffix says so; the file appears whole or not at all.
 
@@ -183,10 +204,7 @@ class Log:
         table = pa.table({"time": self.time, **self.columns})
         parquet = target.suffix.lower() in PARQUET
         write = pyarrow.parquet.write_table if parquet else pyarrow.csv.write_csv
-        try:
-            write_whole(target, lambda temporary: write(table, temporary))
-        except OSError as error:
-            raise InputError(f"{target}: cannot be written: {error.strerror or error}") from None
+        write_whole(target, lambda temporary: write(table, temporary))
 
 
 def gap_rows(time: Floats) -> NDArray[np.intp]:

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 
+from hovercontrol.boundary import checked
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.logs.check import check_finite, check_heading, check_time
 from hovercontrol.logs.log import POSE, VELOCITY, Floats, Log
@@ -20,6 +21,7 @@ LARGEST = 2**30
 """Bytes of numbers that one log may take in memory."""
 
 
+@checked
 def read_log(
     path: str | Path,
     columns: Mapping[str, str] | None = None,

@@ -5,13 +5,14 @@ from __future__ import annotations
 import csv
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Protocol, TextIO
+from typing import Any, Protocol, TextIO
 
 import pyarrow as pa
 import pyarrow.csv
 import pyarrow.parquet
 
 from hovercontrol.errors import InputError
+from hovercontrol.files import readable, reason
 from hovercontrol.logs.log import PARQUET
 
 BLOCK = 2**20
@@ -19,6 +20,10 @@ BLOCK = 2**20
 
 NO_NUMBER = frozenset(pyarrow.csv.ConvertOptions().null_values)
 """Texts that stand for a missing number (empty, NaN, NA, null)."""
+
+
+#: What a damaged file may make Arrow raise.
+_DAMAGED = (pa.ArrowException, OSError, ValueError, TypeError, KeyError, OverflowError)
 
 
 class Source(Protocol):
@@ -47,9 +52,7 @@ def open_source(file: Path) -> Source:
     InputError
         No such file, not of that format, no header, or a name twice in the header.
     """
-    if not file.is_file():
-        found = "found a folder" if file.is_dir() else "there is no such file"
-        raise InputError(f"{file}: expected a CSV or Parquet file, {found}")
+    readable(file, "a CSV or Parquet file")
     source: Source = ParquetSource(file) if file.suffix.lower() in PARQUET else CsvSource(file)
     for i, name in enumerate(source.header):
         if name in source.header[:i]:
@@ -69,7 +72,7 @@ class CsvSource:
         if not start:
             raise InputError(f"{file}: the file is empty, expected a header")
         with self._text() as stream_text:
-            header = next(csv.reader(stream_text), [])
+            header = next(self._cells(csv.reader(stream_text)), [])
         self.header = [name.strip() for name in header]
         self._check_header()
 
@@ -83,6 +86,13 @@ class CsvSource:
                 f"{self.file}: line 1: expected a header of column names, "
                 f"found {','.join(self.header)[:60]!r}"
             )
+
+    def _cells(self, reader: Any) -> Iterator[list[str]]:
+        """Give the rows of a reader; a cell of over 131,072 characters (a quote left open) is an error."""
+        try:
+            yield from reader
+        except csv.Error as error:
+            raise InputError(f"{self.file}: line {reader.line_num}: not readable as CSV: {error}") from None
 
     def _text(self) -> TextIO:
         return self.file.open(encoding="utf-8-sig", errors="replace", newline="")
@@ -128,8 +138,9 @@ class CsvSource:
     def _rows(self) -> Iterator[tuple[int, list[str]]]:
         with self._text() as stream:
             reader = csv.reader(stream)
-            next(reader)
-            for cells in reader:
+            rows = self._cells(reader)
+            next(rows)
+            for cells in rows:
                 if cells:
                     yield reader.line_num, cells
 
@@ -148,7 +159,7 @@ class CsvSource:
                     return InputError(
                         f"{self.file}: line {line}, column {name!r}: expected a number, found {text[:40]!r}"
                     )
-        return InputError(f"{self.file}: not readable as CSV: {' '.join(str(error).split())}")
+        return InputError(f"{self.file}: not readable as CSV: {reason(error)}")
 
 
 class ParquetSource:
@@ -158,10 +169,9 @@ class ParquetSource:
         self.file = file
         try:
             self._parquet = pyarrow.parquet.ParquetFile(file)
-        except (pa.ArrowInvalid, OSError) as error:
-            reason = " ".join(str(error).split())
-            raise InputError(f"{file}: not readable as Parquet: {reason}") from None
-        self.header: list[str] = self._parquet.schema_arrow.names
+            self.header: list[str] = self._parquet.schema_arrow.names
+        except _DAMAGED as error:
+            raise InputError(f"{file}: not readable as Parquet: {reason(error)}") from None
 
     def numeric(self) -> set[str]:
         """Return the columns of a number type."""
@@ -178,12 +188,18 @@ class ParquetSource:
             if not is_number(kind):
                 found = f"{kind} {self.place(0, name)[1]!r}" if self.rows_expected() else str(kind)
                 raise InputError(f"{self.file}: row 1, column {name!r}: expected a number, found {found}")
-        yield from self._parquet.iter_batches(batch_size=BLOCK // 16, columns=names)
+        yield from self._read(names)
+
+    def _read(self, names: list[str]) -> Iterator[pa.RecordBatch]:
+        try:
+            yield from self._parquet.iter_batches(batch_size=BLOCK // 16, columns=names)
+        except _DAMAGED as error:
+            raise InputError(f"{self.file}: not readable as Parquet: {reason(error)}") from None
 
     def place(self, row: int, column: str) -> tuple[str, str]:
         """Return the row (from 1) and the value of a cell."""
         before = 0
-        for batch in self._parquet.iter_batches(batch_size=BLOCK // 16, columns=[column]):
+        for batch in self._read([column]):
             if row < before + batch.num_rows:
                 return f"row {row + 1}", str(batch.column(0)[row - before].as_py())
             before += batch.num_rows

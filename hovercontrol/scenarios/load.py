@@ -11,6 +11,7 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
+from hovercontrol.boundary import checked
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.model import Model
 from hovercontrol.modelfile import load_model, model_from_table
@@ -48,6 +49,7 @@ def scenario_names() -> list[str]:
     return sorted(f.name.removesuffix(".toml") for f in folder.iterdir() if f.name.endswith(".toml"))
 
 
+@checked
 def load_scenario(name: str | Path) -> Scenario:
     """Return a scenario by name, or from a TOML file.
 

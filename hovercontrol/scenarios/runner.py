@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from hovercontrol.boundary import checked
 from hovercontrol.errors import InputError
 from hovercontrol.interconnect import interconnect
 from hovercontrol.scenarios.checks import check_scenario
@@ -20,6 +21,7 @@ __all__ = ["loop_parts", "phase_grid", "phase_parameters", "run_scenario"]
 Progress = Callable[[float], None]
 
 
+@checked
 def run_scenario(scenario: Scenario, progress: Progress | None = None) -> Run:
     """Run a scenario.
 

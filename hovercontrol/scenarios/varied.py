@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from hovercontrol.analysis.regions import Axis
 from hovercontrol.block import Block
+from hovercontrol.boundary import checked
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.files import write_folder
 from hovercontrol.interconnect import interconnect
@@ -94,6 +95,7 @@ class Varied:
         return write_folder(folder, write)
 
 
+@checked
 def vary(
     scenario: Scenario,
     ranges: Mapping[str, Array],
@@ -101,6 +103,7 @@ def vary(
     figure: str = "rms",
     *,
     progress: Callable[[float], None] | None = None,
+    checkpoint: str | Path | None = None,
 ) -> Varied:
     """Fly a scenario at every point of a grid, compiled and on all cores.
 
@@ -117,6 +120,9 @@ def vary(
         final, maximum, minimum, rms or settling of the last phase.
     progress : callable, optional
         Called with the share that is done.
+    checkpoint : path, optional
+        Folder that keeps the results as they come; the same call with the same folder goes on where it was
+        stopped, with the same results to the last bit.
 
     Returns
     -------
@@ -145,7 +151,7 @@ def vary(
         raise InputError(f"{where}: more than {MAX_RUNS} runs: take fewer points")
     grid = np.meshgrid(*(axis.values for axis in axes), indexing="ij")
     given = {axis.name: values.ravel() for axis, values in zip(axes, grid, strict=True)}
-    result = swept_phases(scenario, loop, given, progress)
+    result = swept_phases(scenario, loop, given, progress, checkpoint)
     unit = "s" if figure == "settling" else loop.signal(of).unit
     return Varied(scenario, axes, of, figure, unit, result)
 
@@ -155,6 +161,7 @@ def swept_phases(
     loop: Block,
     given: Mapping[str, Array],
     progress: Callable[[float], None] | None = None,
+    checkpoint: str | Path | None = None,
 ) -> SweepResult:
     """Run a loop many times through a scenario's phases, each from where the one before ended.
 
@@ -167,6 +174,8 @@ def swept_phases(
         Parameters by key and states to start from, each of all runs.
     progress : callable, optional
         Called with the share that is done.
+    checkpoint : path, optional
+        As of :func:`vary`.
 
     Returns
     -------
@@ -180,9 +189,10 @@ def swept_phases(
     x0 |= {name: values for name, values in given.items() if name not in keys}
     compiled = loop.compile(friction="smooth")  # as one run of the scenario has it
     failed = np.zeros(runs, dtype=np.intc)
+    kept = None if checkpoint is None else Path(checkpoint)
     bounds = [0.0, *(phase.until - (EARLY if loop.ticks else 0.0) for phase in scenario.phases)]
     bounds[-1] = scenario.end
-    for phase, (begin, end) in zip(scenario.phases, pairwise(bounds), strict=True):
+    for k, (phase, (begin, end)) in enumerate(zip(scenario.phases, pairwise(bounds), strict=True), 1):
         times = phase_grid(begin, end, scenario.step)
 
         def told(done: int, begin: float = begin, end: float = end) -> None:
@@ -190,7 +200,8 @@ def swept_phases(
                 progress((begin + (end - begin) * done / runs) / scenario.end)
 
         params = phase_parameters(scenario, phase) | own
-        result = compiled.sweep(times, params=params, x0=x0, progress=told)
+        folder = None if kept is None else kept / f"phase-{k}"
+        result = compiled.sweep(times, params=params, x0=x0, progress=told, checkpoint=folder)
         failed = np.where(failed, failed, result.status)
         x0 = dict(zip(result.states, result.states_final.T, strict=True))
         x0 = {name: np.where(failed, 0.0, values) for name, values in x0.items()}
@@ -206,6 +217,8 @@ def _axis(loop: Block, name: str, values: Array, where: str) -> Axis:
     if name not in known:
         raise InputError(f"{where}: no parameter or state {name!r}{did_you_mean(name, known)}")
     values = np.asarray(values, dtype=float)
+    if values.ndim != 1 or not values.size or not (np.diff(values) > 0).all():
+        raise InputError(f"{where}: the values of {name!r} must be a row of increasing numbers")
     for value in (values[0], values[-1]):
         known[name].check(float(value), name)
     return Axis(name, known[name].unit, values)

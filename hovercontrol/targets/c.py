@@ -452,6 +452,9 @@ class _Printer(C99CodePrinter):
     def _print_BooleanFalse(self, expr: sp.Basic) -> str:
         return "0"
 
+    def _print_And(self, expr: sp.And) -> str:  # compilers warn of && within || without parentheses
+        return f"({super()._print_And(expr)})"
+
     def _print_entry(self, expr: sp.Expr) -> str:
         index, table = expr.args
         return f"{table.identifier}[(int)fmax(0.0, fmin({len(table.values) - 1}.0, {self._print(index)}))]"

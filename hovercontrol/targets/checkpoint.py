@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hovercontrol.errors import InputError
-from hovercontrol.files import check_folder, write_whole
+from hovercontrol.files import check_folder, write_quietly
 from hovercontrol.targets.sweep import FIGURES, REASONS, SweepResult
 
 if TYPE_CHECKING:
@@ -90,7 +90,4 @@ class Checkpoint:
         table = result.to_table(part)
         table = table.replace_schema_metadata({_KEY: self.digest.encode()})
         path = self.folder / f"runs-{part.start:09d}-{part.stop:09d}.parquet"
-        try:
-            write_whole(path, lambda file: pyarrow.parquet.write_table(table, file))
-        except OSError as error:
-            raise InputError(f"{path}: cannot be written: {error.strerror or error}") from None
+        write_quietly(path, lambda file: pyarrow.parquet.write_table(table, file))

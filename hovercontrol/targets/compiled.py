@@ -19,12 +19,21 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hovercontrol.block import Block, Rows
+from hovercontrol.boundary import checked, fits
 from hovercontrol.delays import arrivals, arrivals_of_runs, undelayed
-from hovercontrol.errors import InputError, did_you_mean
+from hovercontrol.errors import InputError, did_you_mean, shown
 from hovercontrol.simulation import checked_times, initial_state, input_rows, simulate, time_response
 from hovercontrol.targets.compiler import NoCompilerError
 from hovercontrol.targets.executors import sweep_on
-from hovercontrol.targets.library import METHODS, Array, Library, Point, Solver, check_point
+from hovercontrol.targets.library import (
+    METHODS,
+    Array,
+    Library,
+    Point,
+    Solver,
+    check_point,
+    states_and_inputs,
+)
 from hovercontrol.targets.native_runner import NativeEngine
 from hovercontrol.targets.numpy import call_scalar, numpy_functions
 from hovercontrol.targets.python_runner import start_block
@@ -182,10 +191,10 @@ class CompiledBlock:
         InputError
             If a shape is wrong, time goes back, the solver fails, or inputs act late.
         """
-        check_point(self.block, x, u)
-        if not t <= until < math.inf:
-            raise InputError(f"expected a time from {t!r} s on, found {until!r}")
-        values = self.block.parameter_values(params) if params else self._defaults
+        if not (fits(t, float) and fits(until, float) and t <= until < math.inf):
+            raise InputError(f"expected a time from {shown(t)} s on, found {shown(until)}")
+        x, u = states_and_inputs(self.block, x, u)
+        values = self._defaults if params is None else self.block.parameter_values(params)
         return self.advance_values(t, until, x, u, values, _solver("dormand-prince", None, rtol, atol))
 
     def advance_values(
@@ -231,6 +240,7 @@ class CompiledBlock:
             x0, params, inputs, time,
         )  # fmt: skip
 
+    @checked
     def simulate(
         self,
         time: ArrayLike,
@@ -283,6 +293,7 @@ class CompiledBlock:
             )
         return time_response(self.block, times, outputs[late.given].T, states[late.given].T, u)
 
+    @checked
     def sweep(
         self,
         time: ArrayLike,
@@ -503,6 +514,6 @@ def _solver(method: str, step: float | None, rtol: float, atol: float) -> Solver
     if step is None and method == "rk4":
         raise InputError("method 'rk4' needs a step, in seconds")
     for name, value in (("step", step), ("rtol", rtol), ("atol", atol)):
-        if value is not None and not 0 < value < math.inf:
-            raise InputError(f"{name} must be positive, found {value!r}")
+        if value is not None and not (fits(value, float) and 0 < value < math.inf):
+            raise InputError(f"{name} must be positive, found {shown(value)}")
     return Solver(method, step if step and step < math.inf else 0.0, rtol, atol)

@@ -15,6 +15,7 @@ import os
 import platform
 import shlex
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
@@ -25,7 +26,8 @@ from pathlib import Path
 import sympy as sp
 
 from hovercontrol.block import Block
-from hovercontrol.files import write_whole
+from hovercontrol.errors import InputError
+from hovercontrol.files import write_quietly
 
 #: The same numbers on every machine: no fast-math, no fused multiply-add, nothing of this processor alone.
 #: (Measured: -flto and -march=native gain less than 10 %.)
@@ -34,11 +36,21 @@ FLAGS = (
 )
 #: What lets a compiler use vectors for several lanes; nobody asks for the processor's exception flags.
 _LANES = ("-fno-trapping-math", "-fopenmp-simd", "-DHC_SIMD")
+#: Seconds after which a compiler that says nothing counts as broken: asked for its version, and at work.
+VERSION_SECONDS, COMPILE_SECONDS = 20.0, 120.0
+
+_stalled: dict[tuple[str, ...], str] = {}
+_MACH = (b"\xcf\xfa\xed\xfe", b"\xca\xfe\xba\xbe")
+_MAGIC = {".so": (b"\x7fELF", *_MACH), ".dll": (b"MZ",), ".dylib": _MACH}  # how libraries begin
 _SUFFIX = ".dll" if os.name == "nt" else ".so"
 
 
 class NoCompilerError(RuntimeError):
     """There is no C compiler; the text says what was looked for."""
+
+
+class CompilerFailedError(NoCompilerError):
+    """There is a C compiler, but it does not do its work: as good as none; the text says how it fails."""
 
 
 class NotCachedError(LookupError):
@@ -53,7 +65,10 @@ def find_compiler() -> tuple[str, ...]:
     NoCompilerError
         If there is none that answers.
     """
-    chosen = shlex.split(os.environ.get("CC", ""))
+    try:
+        chosen = shlex.split(os.environ.get("CC", ""))
+    except ValueError as error:
+        raise NoCompilerError(f"the C compiler of $CC, {os.environ['CC']!r}, does not run: {error}") from None
     for command in [tuple(chosen)] if chosen else _candidates():
         path = shutil.which(command[0])
         if path and version((path, *command[1:])):
@@ -73,12 +88,32 @@ def _candidates() -> Iterator[tuple[str, ...]]:
 def version(command: tuple[str, ...]) -> str:
     """Return what a compiler says of its version, empty if it does not run (Apple's stub, a broken link)."""
     try:
-        done = subprocess.run(
-            [*command, "--version"], capture_output=True, text=True, timeout=60, errors="replace"
-        )
-    except (OSError, subprocess.SubprocessError):
+        status, out, _ = _answer([*command, "--version"], None, VERSION_SECONDS)
+    except (OSError, ValueError, subprocess.SubprocessError):
         return ""
-    return done.stdout.strip() if done.returncode == 0 else ""
+    return out.strip() if status == 0 else ""
+
+
+def _answer(call: Sequence[str], folder: str | None, seconds: float) -> tuple[int, str, str]:
+    """Run a compiler and all that it starts; return its status, output and errors.
+
+    Raises
+    ------
+    subprocess.TimeoutExpired
+        If it has not ended by then; it is ended.
+    """
+    with subprocess.Popen(
+        call, cwd=folder, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        errors="replace", start_new_session=True,
+    ) as process:  # fmt: skip
+        try:
+            out, said = process.communicate(timeout=seconds)
+        except BaseException:  # the time is up, or Ctrl-C
+            with contextlib.suppress(OSError, AttributeError):
+                os.killpg(process.pid, signal.SIGKILL)
+            process.kill()
+            raise
+    return process.returncode, out, said
 
 
 def cache_folder() -> Path:
@@ -133,9 +168,7 @@ def load_library(name: str, files: Mapping[str, str], *, build: bool = True) -> 
     Raises
     ------
     NoCompilerError
-        If there is no C compiler.
-    RuntimeError
-        If it refuses the sources; the line names its log.
+        If there is no C compiler, or it fails, or does not end in time.
     NotCachedError
         Without `build`, if there is none.
     """
@@ -144,12 +177,11 @@ def load_library(name: str, files: Mapping[str, str], *, build: bool = True) -> 
         folder, flags = place(), local_flags()
         if not (build or _cached(folder, f"{name}-{_key(command, flags, files)}", _SUFFIX)):
             raise NotCachedError
-        path = built_file(folder, name, files, command, flags, _SUFFIX)
         try:
-            return ctypes.CDLL(str(path))
-        except OSError as error:  # built for another system that shares this home, or a folder without exec
+            return ctypes.CDLL(str(built_file(folder, name, files, command, flags, _SUFFIX)))
+        except OSError as error:  # of another system that shares this home; no exec there; a full disk
             reason = error
-    raise RuntimeError(f"the compiled library {path} cannot be loaded: {reason}")
+    raise CompilerFailedError(f"a compiled library cannot be used: {reason}")
 
 
 def built_file(
@@ -176,8 +208,8 @@ def built_file(
 
     Raises
     ------
-    RuntimeError
-        If the compiler refuses the sources; the line names its log.
+    CompilerFailedError
+        If the compiler refuses the sources (the line names its log) or does not end in time.
     """
     stem = f"{name}-{_key(command, flags, files)}"
     return _cached(folder, stem, suffix) or _build(folder, stem, files, command, flags, suffix)
@@ -220,7 +252,8 @@ def cached_text(stem: str, suffix: str, make: Callable[[], str]) -> str:
             return found.read_text(encoding="utf-8")
     text = make()
     digest = hashlib.sha256(text.encode()).hexdigest()[:16]
-    write_whole(folder / f"{stem}-{digest}{suffix}", lambda path: path.write_bytes(text.encode()))
+    with contextlib.suppress(InputError):  # a full disk: it is made again next time
+        write_quietly(folder / f"{stem}-{digest}{suffix}", lambda path: path.write_bytes(text.encode()))
     return text
 
 
@@ -267,12 +300,22 @@ def _build(
         made = Path(work, f"library{suffix}")
         sources = [name for name in sorted(files) if name.endswith(".c")]
         call = [*command, *flags, *sources, "-o", made.name, "-lm"]
-        done = subprocess.run(call, cwd=work, capture_output=True, text=True, errors="replace")
-        if done.returncode != 0 or not made.exists():
+        if command in _stalled:
+            raise CompilerFailedError(_stalled[command])
+        try:
+            status, out, said = _answer(call, work, COMPILE_SECONDS)
+        except subprocess.TimeoutExpired:
+            _stalled[command] = f"the C compiler {command[0]} did not end within {COMPILE_SECONDS:g} s"
+            raise CompilerFailedError(_stalled[command]) from None
+        except (OSError, ValueError) as error:
+            raise CompilerFailedError(f"the C compiler {command[0]} does not run: {error}") from None
+        if status != 0 or not made.is_file():
             log = folder / f"{stem}.log"
-            log.write_text(f"{shlex.join(call)}\n{done.stdout}{done.stderr}", encoding="utf-8")
-            first = next((x for x in done.stderr.splitlines() if "error" in x), f"status {done.returncode}")
-            raise RuntimeError(f"the C compiler {command[0]} failed: {first.strip()}; its log: {log}")
+            log.write_text(f"{shlex.join(call)}\n{out}{said}", encoding="utf-8")
+            first = next((x for x in said.splitlines() if "error" in x), f"status {status}")
+            raise CompilerFailedError(f"the C compiler {command[0]} failed: {first.strip()}; its log: {log}")
+        if not made.read_bytes()[:4].startswith(_MAGIC[suffix]):
+            raise CompilerFailedError(f"the C compiler {command[0]} failed: what it wrote is no library")
         target = folder / f"{stem}-{_digest(made)}{suffix}"
         try:
             os.replace(made, target)

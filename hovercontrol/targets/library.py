@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hovercontrol.block import Block, Rows
-from hovercontrol.errors import InputError
+from hovercontrol.errors import InputError, shown
 from hovercontrol.targets.c import c_source, lanes_source
 from hovercontrol.targets.compiler import NotCachedError, generated, load_library
 from hovercontrol.targets.resting import without_resting_states
@@ -159,6 +159,24 @@ def check_point(block: Block, x: ArrayLike, u: ArrayLike) -> None:
             f"block {block.name!r}: expected {n_x} states and {n_u} inputs, "
             f"found shapes {np.shape(x)} and {np.shape(u)}"
         )
+
+
+def states_and_inputs(block: Block, x: ArrayLike, u: ArrayLike) -> tuple[Array, Array]:
+    """Return states and inputs as arrays.
+
+    Raises
+    ------
+    InputError
+        If they are no numbers, or of another number than the Block's.
+    """
+    try:
+        states, inputs = np.asarray(x, dtype=float), np.asarray(u, dtype=float)
+    except (TypeError, ValueError, OverflowError):
+        raise InputError(
+            f"block {block.name!r}: expected numbers as states and inputs, found {shown(x)} and {shown(u)}"
+        ) from None
+    check_point(block, states, inputs)
+    return states, inputs
 
 
 class Library:

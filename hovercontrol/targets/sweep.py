@@ -155,10 +155,7 @@ class SweepResult:
         write = writers.get(Path(path).suffix.lower())
         if write is None:
             raise InputError(f"{path}: a sweep is saved as .csv or .parquet")
-        try:
-            return write_whole(path, lambda temporary: write(self.to_table(), temporary))
-        except OSError as error:
-            raise InputError(f"{path}: cannot be written: {error.strerror or error}") from None
+        return write_whole(path, lambda temporary: write(self.to_table(), temporary))
 
 
 def rows_by_state(block: Block, x0: ArrayLike) -> Many:

@@ -1,6 +1,7 @@
 """Maps over two parameters: shares, counter-examples, tables, pictures, and sweeps that are too large."""
 
 import csv
+import re
 
 import numpy as np
 import pytest
@@ -111,7 +112,7 @@ def test_a_sweep_of_hours_is_refused_though_it_fits_in_memory():
     [
         ((1.0, 1.0), 5, "is empty"),
         ((2.0, 1.0), 5, "is reversed"),
-        ((0.0, np.inf), 5, "is not finite"),
+        ((0.0, np.inf), 5, "expected a range within 1e+100"),
         ((0.0, np.nan), 5, "must be a number"),
         ((0.0,), 5, "two numbers"),
         ((0.0, 1.0), 1, "2 or more points"),
@@ -119,7 +120,7 @@ def test_a_sweep_of_hours_is_refused_though_it_fits_in_memory():
     ],
 )
 def test_a_range_that_is_none_is_refused(span, points, text):
-    with pytest.raises(InputError, match=rf"^a: .*{text}|^a.*{text}"):
+    with pytest.raises(InputError, match=rf"^a.*{re.escape(text)}"):
         axis("a", "m", span, points)
 
 

@@ -86,4 +86,4 @@ def test_a_folder_that_is_a_file_is_refused_in_one_line(tmp_path, monkeypatch, c
         run_alone("c17_gain_region", there, monkeypatch)
     assert end.value.code == 2
     said = capsys.readouterr().err
-    assert said.startswith("error: ") and said.count("\n") == 1
+    assert said.startswith("hovercontrol: ") and said.count("\n") == 1

@@ -325,3 +325,59 @@ def test_a_port_in_use_and_a_wrong_address_are_refused_in_one_line():
 
 def test_what_is_told_is_json_that_every_browser_reads(tmp_path):
     assert json.loads(json.dumps(Pacer(LOOP).state, allow_nan=False))
+
+
+# ---- hostile input -------------------------------------------------------------------------------------
+
+
+@served
+async def test_nonsense_is_refused_in_one_line_and_the_connection_stays(client, tmp_path):
+    async with client.ws_connect("/ws", headers={"Origin": origin(client)}) as talk:
+        for text in (
+            '{"stick": [' + "9" * 400 + ", 0]}",
+            '{"stick": ' + "9" * 5000 + "}",
+            "[" * 30_000,
+            '{"a":' * 9_000,
+            '{"command": {"references": {"surge_ref": ' + "9" * 400 + "}}}",
+            '{"' + "x" * 9_000 + '": 1}',
+        ):
+            await talk.send_str(text)
+            while "error" not in (answer := await talk.receive_json(timeout=10)):
+                pass
+            assert "\n" not in answer["error"] and len(answer["error"]) <= 300
+        assert not talk.closed
+
+
+@served
+async def test_a_link_among_the_recordings_is_not_served(client, tmp_path):
+    folder = tmp_path / "flights"
+    folder.mkdir()
+    (tmp_path / "secret.csv").write_text("time,x,y,psi\n0,0,0,0\n")
+    (folder / "link.csv").symlink_to(tmp_path / "secret.csv")
+    (folder / "own.csv").write_text("time,x,y,psi\n0,0,0,0\n")
+    assert await (await client.get("/logs")).json() == ["own.csv"]
+    assert (await client.get("/logs/link.csv")).status == 404
+    assert (await client.get("/logs/own.csv")).status == 200
+
+
+@served
+async def test_an_unclosed_quote_in_an_upload_is_one_line(client, tmp_path):
+    body = 'time,x,y,psi\n0,0,0,0\n0.1,0,0,"' + "1\n" * 100_000
+    answer = await client.post("/upload?name=a.csv", data=body, headers={"Origin": origin(client)})
+    said = await answer.text()
+    assert answer.status == 400 and said.startswith("a.csv: ") and said.strip().count("\n") == 0
+
+
+@pytest.mark.parametrize("header", [b"Cookie: hovercontrol_token=\xff\xfe", b"X: " + b"y" * 200_000])
+def test_a_strange_header_is_answered_and_nothing_is_printed(tmp_path, header, capfd):
+    async def test():
+        async with client_of(tmp_path, token="right") as client:
+            reader, writer = await asyncio.open_connection("127.0.0.1", client.port)
+            writer.write(b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\n" + header + b"\r\n\r\n")
+            answer = await asyncio.wait_for(reader.readline(), 10)
+            writer.close()
+            assert answer.split()[1] in (b"400", b"403")
+            assert (await client.get("/?token=right")).status == 200
+
+    asyncio.run(test())
+    assert capfd.readouterr() == ("", "")

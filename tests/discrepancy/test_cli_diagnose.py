@@ -122,7 +122,7 @@ def test_the_exit_status_follows_the_verdict(every, kind, status, first, tmp_pat
     ("args", "said"),
     [
         ([], "diagnose: expected one or more logs"),
-        (["a.csv", "--model", "none.toml"], "none.toml: no such file"),
+        (["a.csv", "--model", "none.toml"], "none.toml: expected a TOML file, there is no such file"),
         (["a.csv", "--model", "craft.toml", "--holdout", "./a.csv"], "./a.csv is given twice (as a.csv)"),
         (["a.csv", "--model", "craft.toml", "--effects", "sloep"], "did you mean 'slope'?"),
         (
@@ -140,7 +140,9 @@ def test_a_wrong_call_is_one_line(folder, args, said, monkeypatch, capsys):
 
 
 def test_help_shows_an_example(capsys):
-    cli.app(["diagnose", "--help"], standalone_mode=False)
+    from hovercontrol.commands.app import app
+
+    app(["diagnose", "--help"], standalone_mode=False)
     said = " ".join(capsys.readouterr().out.split())
     assert "Example: hovercontrol diagnose" in said
     for verdict in ("none", "effect", "partial", "ambiguous", "unexplained"):

@@ -109,7 +109,7 @@ def test_an_unknown_effect_is_answered_with_the_nearest():
         ({}, "'value' is missing"),
         ({"value": -0.1}, r"value = -0\.1 is out of its bounds \[0, inf\]"),
         ({"value": float("nan")}, "value"),
-        ({"value": float("inf")}, "value must be a number"),
+        ({"value": float("inf")}, "value must be a finite number"),
         ({"value": "0.8"}, "value must be a number, found '0.8'"),
         ({"value": True}, "value must be a number"),
         ({"value": 1.0, "widht": 0.1}, "unknown number 'widht'; did you mean 'width'"),

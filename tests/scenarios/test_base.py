@@ -40,7 +40,7 @@ def test_a_file_may_be_a_base_and_bases_have_bases(tmp_path):
     ("text", "said"),
     [
         ("[scenario]\nbase = 'tabel1'\n", "did you mean 'table1'"),
-        ("[scenario]\nbase = 'none.toml'\n", "none.toml: no such file"),
+        ("[scenario]\nbase = 'none.toml'\n", "none.toml: expected a TOML file, there is no such file"),
         ("[scenario]\nbase = 'mine.toml'\n", "has this scenario as its own base"),
         ("[scenario]\nbase = 3\n", "scenario.base must be text"),
         ("[scenario]\nbase = 'table1'\n[estimator]\nfirst = { thurst = 1.0 }\n", "did you mean 'thrust'"),

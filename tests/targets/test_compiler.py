@@ -185,3 +185,53 @@ def test_a_new_version_of_the_compiler_builds_anew(cache, monkeypatch):
     load_library("two", TWO)
     keys = {p.name.split("-")[1] for p in libraries(cache)}
     assert len(keys) == 2
+
+
+# ---- compilers that are broken ------------------------------------------------------------------------
+
+
+@pytest.mark.skipif(os.name == "nt", reason="needs a shell script as compiler")
+@pytest.mark.parametrize(
+    ("work", "said"),
+    [
+        ("sleep 60", "did not end within 0.3 s"),
+        ("sleep 60 & wait", "did not end within 0.3 s"),
+        ("echo 'fatal error: no headers' >&2; exit 1", "failed: fatal error: no headers"),
+        ("exit 0", "failed: status 0"),
+        ('while [ "$1" != -o ]; do shift; done; echo garbage > "$2"', "what it wrote is no library"),
+        ('while [ "$1" != -o ]; do shift; done; cp /bin/sh "$2"', "cannot be used"),
+        ('while [ "$1" != -o ]; do shift; done; mkdir "$2"', "failed: status 0"),
+        ("kill -9 $$", "failed: status -9"),
+    ],
+)
+def test_a_broken_compiler_leaves_the_work_to_numpy(tmp_path, monkeypatch, cache, work, said):
+    from hovercontrol.block import Block
+    from hovercontrol.signals import Signal
+    from hovercontrol.targets.compiled import _engine, _warn_once
+
+    script(tmp_path / "bin" / "cc", f'[ "$1" = --version ] && echo cc 1 && exit\n{work}')
+    monkeypatch.setenv("CC", str(tmp_path / "bin" / "cc"))
+    monkeypatch.setattr(compiler, "COMPILE_SECONDS", 0.3)
+    monkeypatch.setattr(compiler, "_stalled", {})
+    _engine.cache_clear()
+    _warn_once.cache_clear()
+    v, k = Signal("v", "m/s", start=1.0), Signal("k", "1/s", start=1.0)
+    with pytest.warns(UserWarning, match=said):
+        decay = Block("decay", [v], [], [v], [k], {"v": -k.symbol * v.symbol}).compile()
+        assert decay.simulate([0.0, 1.0]).outputs[0, -1] == pytest.approx(0.36788, abs=1e-5)
+    _engine.cache_clear()
+
+
+@pytest.mark.parametrize("text", ["gcc '", "'"])
+def test_a_command_that_is_none_is_no_compiler(monkeypatch, text):
+    monkeypatch.setenv("CC", text)
+    with pytest.raises(NoCompilerError, match="does not run"):
+        find_compiler()
+
+
+def test_a_folder_in_the_place_of_a_library_is_passed_by(cache):
+    load_library("two", TWO)
+    (there,) = libraries(cache)
+    there.unlink()
+    there.mkdir()
+    assert load_library("two", TWO).two() == 2

@@ -18,6 +18,7 @@ from hovercontrol.estimation.rows import FEWEST
 from hovercontrol.estimation.subject import Subject, structure
 from hovercontrol.logs import Log
 from hovercontrol.logs.check import check_heading
+from hovercontrol.logs.frames import check_frame
 from hovercontrol.model import Model
 
 Array = NDArray[np.float64]
@@ -76,6 +77,8 @@ def check_logs(model: Subject, logs: Sequence[Log], holdout: Log | None = None) 
             known = np.isfinite(log["psi"])
             rate = log["r"][known] if log.has("r") and np.isfinite(log["r"][known]).all() else None
             check_heading(log.name, "psi", log.time[known], log["psi"][known], rate)
+        if isinstance(model, Model):
+            check_frame(model, log)
         warnings += _stuck(log, channels) + _cut_off(log, [s.name for s in block.inputs])
     _refuse_other_pace(every)
     refuse_duplicates(logs, holdout, _measured(block), [s.name for s in block.inputs])

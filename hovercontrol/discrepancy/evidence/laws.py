@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hovercontrol.discrepancy.evidence.missing import Missing
-from hovercontrol.units import registry
+from hovercontrol.unitsyntax import parse_unit
 
 Array = NDArray[np.float64]
 
@@ -105,9 +105,7 @@ def laws(forces: Sequence[Missing]) -> list[Law]:
 
 def _quotient(above: str, below: str, power: int) -> str:
     """Return the unit of a coefficient, as ``"1/s"``."""
-    parse = registry().parse_units
-    below = "dimensionless" if below in ("1", "") else below
-    found = f"{parse(above) / parse(below) ** power:~C}".replace("**", "^")
+    found = f"{parse_unit(above) / parse_unit(below) ** power:~C}".replace("**", "^")
     return above if power == 0 else "" if found in ("1", "") else found
 
 

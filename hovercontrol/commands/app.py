@@ -1,0 +1,68 @@
+"""The commands put together."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from hovercontrol.commands import (
+    analyze,
+    check,
+    cockpit,
+    diagnose,
+    export,
+    identify,
+    new,
+    reproduce,
+    schema,
+    simulate,
+    sweep,
+)
+from hovercontrol.endings import STATUSES
+
+app = typer.Typer(
+    name="hovercontrol",
+    help="Model-based control of hovercraft: simulate, identify, diagnose, export, analyze.",
+    epilog=STATUSES,
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+
+@app.callback(invoke_without_command=True)
+def _root(
+    context: typer.Context,
+    version: Annotated[bool, typer.Option("--version", help="Print the version and leave.")] = False,
+    completion: Annotated[
+        str, typer.Option("--completion", metavar="SHELL", help="Print completion for bash, zsh or fish.")
+    ] = "",
+) -> None:
+    if version:
+        from hovercontrol import __version__
+
+        print(__version__)
+        raise typer.Exit
+    if completion:
+        from hovercontrol.commands.completion import script
+
+        print(script(completion, context.command), end="")
+        raise typer.Exit
+
+
+for command, example in (
+    (simulate.simulate, simulate.EXAMPLE),
+    (new.new, new.EXAMPLE),
+    (check.check, check.EXAMPLE),
+    (identify.identify, identify.EXAMPLE),
+    (diagnose.diagnose, diagnose.EXAMPLE),
+    (export.export, export.EXAMPLE),
+    (analyze.analyze, analyze.EXAMPLE),
+    (sweep.sweep, sweep.EXAMPLE),
+    (reproduce.reproduce, reproduce.EXAMPLE),
+    (cockpit.cockpit, cockpit.EXAMPLE),
+    (schema.schema, schema.EXAMPLE),
+):
+    app.command(epilog=example)(command)

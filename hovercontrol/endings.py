@@ -1,0 +1,194 @@
+"""How a command ends: the one place for signals, closed pipes, full devices and exit statuses.
+
+Nothing here takes time to import, so that Ctrl-C is understood from the first moment on.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import sys
+import threading
+import warnings
+from collections.abc import Callable
+from types import FrameType
+from typing import Any, NoReturn
+
+from hovercontrol import files
+from hovercontrol.errors import InputError, one_line
+
+DONE, FINDING, WRONG, FAULT = 0, 1, 2, 3
+
+#: What every status means; ``hovercontrol --help`` prints it.
+STATUSES = (
+    "Exit status: 0 done; 1 done, with a negative finding; 2 wrong input, or no way to write, said in one "
+    "line; 3 a fault of hovercontrol's; 130 stopped by Ctrl-C, 143 by SIGTERM. Results appear as a whole or "
+    "not at all."
+)
+
+#: Signals that stop a command, and its status then: 128 and the signal's number, as shells have it.
+STOPS = {signal.SIGINT: 130, signal.SIGTERM: 143}
+
+
+_asked: list[signal.Signals] = []
+
+
+class Stopped(KeyboardInterrupt):
+    """A signal asks the command to end."""
+
+    def __init__(self, number: int) -> None:
+        super().__init__()
+        self.status = STOPS[signal.Signals(number)]
+
+
+def run(command: Callable[[], object]) -> int:
+    """Run a command to its end, whatever that is, and return its exit status.
+
+    Parameters
+    ----------
+    command : callable
+        Returns the status, or None for 0. An :class:`.InputError` and anything that the system refuses (a
+        full disk, a missing permission) are one line and 2, a signal is one line and 130 or 143, a reader of
+        the output that has left is 0 without a word, everything else one line and 3. Warnings are told at the
+        end of work that succeeds.
+    """
+    files.placed.clear()
+    files.kept.clear()
+    _asked.clear()
+    notices, before = _Notices(), warnings.showwarning
+    warnings.showwarning = notices.add  # type: ignore[assignment]
+    try:
+        _listen()
+        try:
+            found = command()
+            status = found if isinstance(found, int) else DONE
+        except SystemExit as end:  # of the library that draws tables: its reader has left
+            status = end.code if isinstance(end.code, int) and end.code != 1 else DONE
+        if status in STOPS.values():  # the library of the command line knows one status for all signals
+            return _stopped(STOPS[_asked[-1]] if _asked else status)
+        notices.tell()
+        _flush()
+        return status
+    except InputError as error:
+        return _say(str(error), WRONG)
+    except KeyboardInterrupt as stop:
+        return _stopped(stop.status if isinstance(stop, Stopped) else STOPS[signal.SIGINT])
+    except BrokenPipeError:
+        _drop_output()
+        return DONE
+    except OSError as error:
+        _drop_output()
+        return _say(f"{error.filename or 'the output cannot be written'}: {files.reason(error)}", WRONG)
+    except MemoryError:
+        return _say("this needs more memory than there is", WRONG)
+    except Exception as error:  # a fault of ours: never a traceback at a user, never taken for a finding
+        return _say(f"unexpected {type(error).__name__}: {error} (please report this)", FAULT)
+    finally:
+        warnings.showwarning = before
+
+
+class _Notices:
+    """What is remarkable about the input, told when the work is done: a refusal is one line."""
+
+    def __init__(self) -> None:
+        self.texts: list[str] = []
+
+    def add(self, message: Warning | str, category: type[Warning], *where: Any) -> None:
+        """Keep a warning, once; those of numerics are not for a user."""
+        text = one_line(message)
+        if issubclass(category, UserWarning) and text not in self.texts:
+            self.texts.append(text)
+
+    def tell(self) -> None:
+        """Print one line for each."""
+        for text in self.texts:
+            print(f"warning: {text}", file=sys.stderr)
+
+
+def refuse(text: str) -> int:
+    """Say in one line what was wrong; return the status for that."""
+    return _say(text, WRONG)
+
+
+def _say(text: str, status: int) -> int:
+    with contextlib.suppress(OSError, ValueError):  # nobody reads it, or its device is full
+        print(f"hovercontrol: {one_line(text)}", file=sys.stderr, flush=True)
+    return status
+
+
+def _stopped(status: int) -> int:
+    for number in STOPS:
+        with contextlib.suppress(ValueError):  # not in the main thread
+            signal.signal(number, signal.SIG_IGN)  # the end itself is not interrupted
+    return _say(_farewell(), status)
+
+
+def _farewell() -> str:
+    if files.kept:
+        return f"stopped; what was done is kept in {files.kept[-1].name}: --resume goes on from there"
+    if files.placed:
+        return f"stopped; {files.placed[-1]} was written before"
+    return "stopped; nothing was written"
+
+
+def _flush() -> None:
+    """Write out what was printed, as long as a failure can still be told."""
+    for stream in (sys.stdout, sys.stderr):
+        if stream is not None:
+            stream.flush()
+
+
+def _drop_output() -> None:
+    """Let what is still to be printed go nowhere, so that Python's own end does not stumble over it."""
+    for stream in (sys.stdout, sys.stderr):
+        with contextlib.suppress(OSError, ValueError, AttributeError):
+            try:
+                stream.flush()
+            except OSError:
+                nowhere = os.open(os.devnull, os.O_WRONLY)
+                os.dup2(nowhere, stream.fileno())
+                os.close(nowhere)
+
+
+# ---- signals -------------------------------------------------------------------------------------------
+
+
+def _listen() -> None:
+    if threading.current_thread() is threading.main_thread():
+        for number in STOPS:
+            signal.signal(number, _on_signal)
+        sys.unraisablehook = _again
+
+
+def _on_signal(number: int, frame: FrameType | None) -> None:
+    if _importing(frame):  # an import may swallow an exception, or print it
+        _leave(number)
+    _asked.append(signal.Signals(number))
+    raise Stopped(number)
+
+
+def _importing(frame: FrameType | None) -> bool:
+    while frame is not None:
+        if frame.f_code.co_filename == "<frozen importlib._bootstrap>":
+            return True
+        frame = frame.f_back
+    return False
+
+
+def _leave(number: int) -> NoReturn:
+    """End at once: remove what is unfinished, say the line, no more."""
+    files.clear_own()
+    if sys.stderr is not None and sys.stderr.isatty():
+        sys.stderr.write("\x1b[?25h")  # a progress bar hides the cursor
+    _stopped(STOPS[signal.Signals(number)])
+    os._exit(STOPS[signal.Signals(number)])
+
+
+def _again(missed: Any) -> None:
+    """Interrupt once more where an interrupt came in a place that cannot raise it, such as a finaliser."""
+    if isinstance(missed.exc_value, Stopped):
+        number = next(n for n, status in STOPS.items() if status == missed.exc_value.status)
+        threading.Timer(0.05, os.kill, (os.getpid(), number)).start()
+    else:
+        sys.__unraisablehook__(missed)

@@ -1,0 +1,228 @@
+"""Axes of a log: another frame's are converted, those that cannot be right are recognised.
+
+Here x, y and psi are right-handed with z up: psi turns from x to y, v points to the left, r is positive to
+the left. Trackers also write north-east-down (NED): x north, y east, psi clockwise from north, v to the
+right, r to the right; and a log may be mirrored (one of x, y and psi with the wrong sign).
+
+A mirrored log moves consistently in itself until it is asked about forces: a craft accelerates where its
+fans push it, and turns the way their torque does.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hovercontrol.boundary import checked
+from hovercontrol.errors import InputError, did_you_mean, shown
+from hovercontrol.logs.log import POSE, Floats, Log
+
+if TYPE_CHECKING:
+    from hovercontrol.model import Model
+
+Complex = NDArray[np.complex128]
+
+#: Frames that a log may be in. ENU (x east, y north, psi from x to y) is as here.
+FRAMES = ("z-up", "enu", "ned")
+
+#: Windows [s] over which motion is looked at, and delays [s] at which it may follow commands.
+WINDOWS, LAGS = (0.2, 0.6), np.arange(0.0, 0.65, 0.05)
+
+#: A correlation that says something: this large, so many standard errors, so many times its rival's.
+LEAST, ERRORS, CLEARLY = 0.25, 4.0, 2.5
+
+#: The same of torque, and the part of it that the other sign may reach at another delay.
+LEAST_TORQUE, OTHER_SIGN = 0.5, 0.6
+
+#: Seconds after which motion is independent of itself; samples below which nothing is said.
+INDEPENDENT, FEWEST = 0.5, 10
+
+
+@checked
+def in_z_up(log: Log, frame: str) -> Log:
+    """Return a log with its axes turned from a frame to x, y, psi with z up.
+
+    Parameters
+    ----------
+    log : Log
+    frame : str
+        One of :data:`FRAMES`; of NED, x becomes y and y becomes x, psi becomes pi/2 - psi, and v and r change
+        their sign. The log then counts as checked.
+
+    Raises
+    ------
+    InputError
+        If there is no such frame.
+
+    Examples
+    --------
+    >>> east = Log("east", [0.0, 1.0], {"x": [0, 0], "y": [0, 2], "psi": [np.pi / 2] * 2, "r": [0.1, 0.1]})
+    >>> found = in_z_up(east, "ned")
+    >>> found["x"].tolist(), found["y"].tolist(), found["psi"].tolist(), found["r"].tolist()
+    ([0.0, 2.0], [0.0, 0.0], [0.0, 0.0], [-0.1, -0.1])
+    """
+    if frame not in FRAMES:
+        raise InputError(f"frame: unknown {frame!r}{did_you_mean(frame, FRAMES)}: {', '.join(FRAMES)}")
+    if frame == "ned":
+        turned = {"x": "y", "y": "x"}
+        changed = {name: log[turned[name]] for name in turned if log.has("x", "y")}
+        changed |= {name: -log[name] for name in ("v", "r") if log.has(name)}
+        changed |= {"psi": np.pi / 2 - log["psi"]} if log.has("psi") else {}
+        log = log.with_columns(changed)
+    return replace(log, frame=frame)
+
+
+@checked
+def check_frame(model: Model, log: Log) -> None:
+    """Refuse a log that is mirrored, in north-east-down axes, or whose heading is turned round.
+
+    Parameters
+    ----------
+    model : Model
+        Its effects say where commands push; their sizes do not matter.
+    log : Log
+        With the model's inputs; where its frame was stated it is not looked at.
+
+    Raises
+    ------
+    InputError
+        If forces and motion agree clearly in other axes, and not in these.
+    """
+    from hovercontrol.model import Model
+
+    if not isinstance(model, Model):
+        raise InputError(f"check_frame: model: expected a Model, found {shown(model)}")
+    inputs = {s.name for s in model.plant(late=True).inputs}
+    if log.frame or not log.has(*inputs) or len(log) < FEWEST:
+        return
+    push, torque = _push(model, log)
+    grids = [(np.arange(log.time[0] + w, log.time[-1] - w, w / 2), w) for w in WINDOWS]
+    if (log.time[-1] - log.time[0]) / INDEPENDENT < FEWEST:
+        return
+    found = [_alignment(log, push, *grid) for grid in grids] if log.has(*POSE) else []
+    for sound, mirrored in found:
+        _refuse_mirrored(log, sound, mirrored)
+    for times, window in grids if log.has("r") or log.has("psi") else ():
+        _check_torque(log, torque, times, window)
+    for sound, mirrored in found:
+        _refuse_turned(log, sound, mirrored)
+
+
+def _alignment(log: Log, push: Complex, times: Floats, window: float) -> tuple[complex, complex]:
+    """Return how acceleration goes with the commands' push: in these axes, in mirrored ones."""
+    z = _mean(log, log["x"], times, window) + 1j * _mean(log, log["y"], times, window)
+    heading = np.exp(1j * _mean(log, log["psi"], times, window))
+    velocity, acceleration = _differences(z, window)
+    sound = mirrored = 0j
+    for lag in LAGS:
+        force = _held(log, push.real, times - lag, window) + 1j * _held(log, push.imag, times - lag, window)
+        sound = max(sound, _along(force * heading, acceleration, velocity), key=abs)
+        for other in (force * heading.conj(), (force * heading).conj()):
+            mirrored = max(mirrored, _along(other, acceleration, velocity), key=abs)
+    return sound, mirrored
+
+
+def _enough(log: Log, least: float) -> float:
+    """Return the smallest correlation that says something of a log so long."""
+    return max(least, ERRORS / float(np.sqrt((log.time[-1] - log.time[0]) / INDEPENDENT)))
+
+
+def _refuse_mirrored(log: Log, sound: complex, mirrored: complex) -> None:
+    if abs(mirrored) > max(_enough(log, LEAST), CLEARLY * abs(sound)):
+        raise InputError(
+            f"{log.name}: the log is mirrored: it accelerates where its commands push only if x, y or psi "
+            f"changes its sign (correlation {abs(mirrored):.2f}, as it is {abs(sound):.2f}); expected psi to "
+            "turn from x to y; --frame z-up takes it as it is"
+        )
+
+
+def _refuse_turned(log: Log, sound: complex, mirrored: complex) -> None:
+    angle = float(np.degrees(np.angle(sound)))
+    if abs(sound) > max(_enough(log, LEAST), CLEARLY * abs(mirrored)) and abs(angle) > 90.0:
+        raise InputError(
+            f"{log.name}: column 'psi': expected the heading of the bow, but the craft accelerates "
+            f"{abs(angle):.0f} degrees from where its commands push: is psi turned, or a command's sign? "
+            "--frame z-up takes it as it is"
+        )
+
+
+def _check_torque(log: Log, torque: Floats, times: Floats, window: float) -> None:
+    if log.has("r"):
+        rate = _mean(log, log["r"], times, window)
+    else:
+        rate = _differences(_mean(log, log["psi"], times, window), window)[0].real
+    change = _differences(rate, window)[0].real
+    others = (rate, np.sign(rate))
+    found = [float(_along(_held(log, torque, times - lag, window), change, *others).real) for lag in LAGS]
+    if -min(found) > _enough(log, LEAST_TORQUE) and max(found) < -OTHER_SIGN * min(found):
+        raise InputError(
+            f"{log.name}: the craft turns against the torque of its commands (correlation "
+            f"{min(found):.2f}): is the log in north-east-down axes? --frame ned converts it; or is the "
+            "rudder's sign, or the fans' places, the other way round? --frame z-up takes it as it is"
+        )
+
+
+def _push(model: Model, log: Log) -> tuple[Complex, Floats]:
+    """Return where the commands push in the body frame, and their torque, of a craft at rest."""
+    from hovercontrol.targets.numpy import numpy_functions
+
+    forces = tuple(e for e in model.effects if type(e).kind() == "force")
+    plant = replace(model, effects=forces).plant()
+    states = [s.name for s in plant.states]
+    commands = np.array([np.nan_to_num(log[s.name]) for s in plant.inputs]).reshape(-1, len(log))
+    rest = np.zeros((len(states), len(log)))
+    rows = numpy_functions(plant)
+    with np.errstate(all="ignore"):
+        found = rows.derivatives(log.time, rest, commands) - rows.derivatives(log.time, rest, 0.0 * commands)
+    u, v, r = (np.nan_to_num(found[states.index(name)]) for name in ("u", "v", "r"))
+    return u + 1j * v, r
+
+
+def _mean(log: Log, values: Floats, times: Floats, window: float) -> Floats:
+    """Return a measured signal's mean over a window about each time; NaN where nothing was measured."""
+    known = np.isfinite(values)
+    t, y = log.time[known], values[known]
+    if t.size < 2:
+        return np.full(times.size, np.nan)
+    area = np.concatenate([[0.0], np.cumsum(np.diff(t) * (y[1:] + y[:-1]) / 2)])
+    mean = (np.interp(times + window / 4, t, area) - np.interp(times - window / 4, t, area)) / (window / 2)
+    gaps = np.flatnonzero(np.diff(t) > window)
+    for k in gaps:
+        mean[(times > t[k] - window) & (times < t[k + 1] + window)] = np.nan
+    return mean
+
+
+def _held(log: Log, values: Floats, times: Floats, window: float) -> Floats:
+    """Return a command's mean over a window about each time; it holds from row to row."""
+    area = np.concatenate([[0.0], np.cumsum(np.diff(log.time) * values[:-1])])
+    early, late = (np.interp(times + side * window / 4, log.time, area) for side in (-1, 1))
+    return (late - early) / (window / 2)
+
+
+def _differences(values: NDArray[np.inexact], window: float) -> tuple[Complex, Complex]:
+    """Return first and second derivatives of what is known every half window."""
+    first, second = (np.full(values.size, np.nan + 0j) for _ in range(2))
+    first[1:-1] = (values[2:] - values[:-2]) / window
+    second[1:-1] = (values[2:] - 2 * values[1:-1] + values[:-2]) / (window / 2) ** 2
+    return first, second
+
+
+def _along(cause: NDArray[np.inexact], effect: NDArray[np.inexact], *others: NDArray[np.inexact]) -> complex:
+    """Return the correlation of cause and effect, less what others and a constant explain, with its angle."""
+    known = np.isfinite(cause) & np.isfinite(effect) & np.all(np.isfinite(others), axis=0)
+    if known.sum() < FEWEST:
+        return 0j
+    design = np.column_stack([*(o[known] for o in others), np.ones(known.sum())])
+    both = np.column_stack([cause[known], effect[known]])
+    scale = np.abs(both).max(axis=0)
+    if not scale.all():
+        return 0j
+    both = both / scale
+    left = both - design @ np.linalg.lstsq(design, both, rcond=None)[0]
+    sizes = np.linalg.norm(left, axis=0)
+    if sizes.min() < 1e-9 * np.sqrt(known.sum()):
+        return 0j
+    return complex(np.vdot(left[:, 0], left[:, 1]) / sizes.prod())

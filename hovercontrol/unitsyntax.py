@@ -1,0 +1,128 @@
+"""How a unit is written: names of units, ``*``, ``/`` and powers by small numbers, no arithmetic.
+
+Pint, which knows the names, would compute ``1/s*9**9**9``; only names reach it from here.
+"""
+
+from __future__ import annotations
+
+import re
+from fractions import Fraction
+from functools import cache, lru_cache
+from typing import Any
+
+import pint
+
+#: Longest text of a unit, and how deep parentheses may be.
+LONGEST, DEEPEST = 120, 8
+
+_TOKEN = re.compile(r"\s*(\*\*|[*/^()·.]|-?\d+(?:\.\d+)?|[^\W\d]\w*|[°%µμΩ][^\W\d]*)|(\s+$)")
+_WRITTEN = str.maketrans({"²": "^2", "³": "^3", "⁻": "-", "¹": "1"})
+
+
+@cache
+def registry() -> Any:
+    """Return the process-wide Pint registry (made on first use: it costs 0.1 s)."""
+    return pint.UnitRegistry()
+
+
+@lru_cache(maxsize=4096)
+def parse_unit(text: str) -> Any:
+    """Return the Pint unit of a text.
+
+    Parameters
+    ----------
+    text : str
+        ``"m/s^2"``, ``"kg*m^2"``, ``"m^(1/2)"``, ``"deg/s**2/(rad/s)"``; ``"1"`` or nothing is no unit.
+
+    Raises
+    ------
+    ValueError
+        If it is not written so, or a name is unknown.
+
+    Examples
+    --------
+    >>> str(parse_unit("N*m/rad^2"))
+    'meter * newton / radian ** 2'
+    """
+    if not isinstance(text, str) or len(text) > LONGEST:
+        raise ValueError(f"expected a text of {LONGEST} characters at most")
+    reader = _Reader(_tokens(text.translate(_WRITTEN)))
+    found = reader.product(0) if reader.rest else registry().dimensionless
+    if reader.rest:
+        raise ValueError(f"unexpected {reader.rest[0]!r}")
+    return found
+
+
+def _tokens(text: str) -> list[str]:
+    found, at = [], 0
+    text = text.strip()
+    while at < len(text):
+        match = _TOKEN.match(text, at)
+        if not match or match.end() == at:
+            raise ValueError(f"unexpected {text[at]!r}")
+        found.append(match[1])
+        at = match.end()
+    return found
+
+
+class _Reader:
+    """Reads tokens from the left."""
+
+    def __init__(self, tokens: list[str]) -> None:
+        self.rest = tokens
+
+    def product(self, depth: int) -> Any:
+        """Read factors between ``*``, ``/`` or nothing, which multiplies as well."""
+        if depth > DEEPEST:
+            raise ValueError("parentheses are too deep")
+        found = self.power(depth)
+        while self.rest and self.rest[0] != ")":
+            sign = self.rest.pop(0) if self.rest[0] in "*·./" else "*"
+            factor = self.power(depth)
+            found = found / factor if sign == "/" else found * factor
+        return found
+
+    def power(self, depth: int) -> Any:
+        base = self.atom(depth)
+        if self.rest and self.rest[0] in ("^", "**"):
+            self.rest.pop(0)
+            return base ** self.exponent()
+        return base
+
+    def atom(self, depth: int) -> Any:
+        token = self.next()
+        if token == "(":
+            found = self.product(depth + 1)
+            self.need(")")
+            return found
+        if token == "1":
+            return registry().dimensionless
+        if not (token[0].isalpha() or token[0] in "_°%"):
+            raise ValueError(f"expected the name of a unit, found {token!r}")
+        return registry().parse_units(token)
+
+    def exponent(self) -> Any:
+        token = self.next()
+        if token == "(":
+            found = self.number(self.next())
+            if self.rest and self.rest[0] == "/":
+                self.rest.pop(0)
+                found /= self.number(self.next())
+            self.need(")")
+        else:
+            found = self.number(token)
+        return int(found) if found.denominator == 1 else float(found)
+
+    def number(self, token: str) -> Fraction:
+        if not re.fullmatch(r"-?\d{1,2}(\.\d{1,9})?", token) or not Fraction(token):
+            raise ValueError(f"expected a small number as an exponent, found {token!r}")
+        return Fraction(token)
+
+    def next(self) -> str:
+        if not self.rest:
+            raise ValueError("something is missing at its end")
+        return self.rest.pop(0)
+
+    def need(self, token: str) -> None:
+        if self.next() != token:
+            raise ValueError(f"expected {token!r}")

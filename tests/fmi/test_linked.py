@@ -1,0 +1,57 @@
+"""Source FMUs as C: several linked into one program, and nothing that a compiler warns of."""
+
+import os
+import re
+import subprocess
+
+import pytest
+
+from hovercontrol.fmi.sources import fmu_sources
+from hovercontrol.fmi.variables import Interface
+from hovercontrol.scenarios import load_scenario
+from hovercontrol.scenarios.parts import loop_parts
+from hovercontrol.targets.compiler import NoCompilerError, find_compiler
+from hovercontrol.vehicles import vehicle
+
+try:
+    CC = find_compiler()
+except NoCompilerError as error:
+    pytest.skip(str(error), allow_module_level=True)
+
+STRICT = ["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Werror", "-O0", "-fPIC", "-c"]
+
+
+def objects(folder, interface, version):
+    """Compile an FMU's sources as buildDescription.xml says, strictly."""
+    folder.mkdir()
+    for name, text in fmu_sources(interface, version, 1e-6, 1e-9).items():
+        (folder / name).write_text(text)
+    prefix = f"-DFMI{version}_FUNCTION_PREFIX={interface.identifier}_"
+    files = sorted(file.name for file in folder.glob("*.c"))
+    done = subprocess.run([*CC, *STRICT, prefix, *files], cwd=folder, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr[:3000]
+    return sorted(map(str, folder.glob("*.o")))
+
+
+@pytest.mark.skipif(os.name == "nt", reason="needs a system with shared objects")
+@pytest.mark.parametrize("version", [2, 3])
+def test_two_fmus_are_linked_into_one_program(tmp_path, version):
+    loop = load_scenario("k06-heading-bangbang")
+    two = [vehicle("c17_simulation").plant(), loop_parts(loop)["controller"]]
+    made = [objects(tmp_path / b.name, Interface(b, "events"), version) for b in two]
+    done = subprocess.run(
+        [*CC, "-shared", "-o", "both.so", *made[0], *made[1], "-lm"],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, done.stderr[:2000]
+    for block in two:
+        text = (tmp_path / block.name / "hc_names.h").read_text()
+        assert len(re.findall(r"^#define hc_\w+ ", text, re.MULTILINE)) > 60
+
+
+def test_the_autopilot_with_all_its_conditions_compiles_without_a_warning(tmp_path):
+    from hovercontrol.fmi.choose import choose
+
+    assert objects(tmp_path / "loop", Interface(choose("k06-real-turn").block, "events"), 3)

@@ -1,0 +1,339 @@
+"""The trials: each makes one input from random numbers and returns the status that it ended in."""
+
+from __future__ import annotations
+
+import io
+import os
+import resource
+import signal
+import time
+import zipfile
+from functools import cache
+from importlib import resources
+from pathlib import Path
+from random import Random
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet
+
+from hovercontrol.logs import read_log
+from hovercontrol.modelfile import load_model, model_text
+from hovercontrol.samples import sample_path
+from hovercontrol.scenarios import load_scenario, scenario_names
+from hovercontrol.units import dimension
+from hovercontrol.vehicles import VEHICLES, vehicle
+from tests.fuzz import mutate
+from tests.fuzz.judge import call, command, forked
+
+# ---- logs ----------------------------------------------------------------------------------------------
+
+
+@cache
+def _rows() -> list[str]:
+    return sample_path().read_text().splitlines()
+
+
+def _log(rng: Random, file: Path) -> Path:
+    rows = _rows()
+    first, count = rng.randrange(1, 1000), rng.choice((0, 1, 3, 30, 200, 200, 500))
+    table = [rows[0], *rows[first : first + count]]
+    if rng.random() < 0.3 and count:  # a whole column
+        columns, kind = rng.sample(range(6), rng.choice((1, 1, 2, 3))), rng.randrange(5)
+        cells = [row.split(",") for row in table]
+        word, scale = rng.choice(mutate.NUMBERS), 10.0 ** rng.randint(-300, 300)
+        for row in cells[1:]:
+            for k in columns:
+                value = float(row[k])
+                row[k] = [word, repr(-value), repr(57.3 * value), "0", repr(value * scale)][kind]
+        table = [",".join(row) for row in cells]
+    content = mutate.text(rng, "\n".join(table) + "\n") if rng.random() < 0.8 else "\n".join(table) + "\n"
+    if rng.random() < 0.02:
+        content += '"' + "x" * 200_000
+    raw = content.encode(errors="surrogatepass")
+    file.write_bytes(mutate.data(rng, raw) if rng.random() < 0.2 else raw)
+    return file
+
+
+def a_log_is_read(rng: Random, folder: Path) -> int:
+    file = _log(rng, folder / "a.csv")
+    return call(lambda: read_log(file, None, ["thrust", "rudder"]))
+
+
+@cache
+def _parquet() -> bytes:
+    columns = {name: np.linspace(0.0, 1.0, 500) for name in ("time", "x", "y", "psi", "thrust", "rudder")}
+    out = io.BytesIO()
+    pyarrow.parquet.write_table(pa.table(columns), out, compression="snappy", row_group_size=100)
+    return out.getvalue()
+
+
+def a_parquet_log_is_read(rng: Random, folder: Path) -> int:
+    (folder / "a.parquet").write_bytes(mutate.data(rng, _parquet()))
+    return call(lambda: read_log(folder / "a.parquet", None, ["thrust", "rudder"]))
+
+
+def a_log_is_identified(rng: Random, folder: Path) -> int:
+    _log(rng, folder / "a.csv")
+    words = ["identify", "a.csv", "--out", "out"]
+    if rng.random() < 0.3:
+        option = rng.choice(
+            ["--columns", "--coefficients", "--while", "--model", "--vehicle", "--bench", "--settle"]
+        )
+        words += [option, rng.choice([*mutate.TEXTS[1:], *mutate.NUMBERS]).replace("\0", "")]
+    return command(words, folder)
+
+
+# ---- TOML ----------------------------------------------------------------------------------------------
+
+_MODEL = """[plant]
+name = "mine"
+[inputs]
+thrust = {unit = "A", lower = 0.0, upper = 6.1}
+[effects]
+surge_coulomb = {value = 1.35, width = 0.02}
+yaw_linear_drag = {value = 27.5, unit = "deg/s^2/(rad/s)"}
+thrust = 0.83
+input_delay = {seconds = 0.08}
+[fans]
+left = {x = -0.05, y = -0.04, direction = 0.0, gain = 1.1}
+front = {x = 0.05, y = 0.0, direction = 3.1, curve = [0.027, 1.05, -0.43]}
+rear = {x = -0.05, y = 0.0, direction = 0.0, curve = {signal = [0.0, 0.5, 1.0], force = [0.0, 0.1, 0.4]}}
+"""
+
+
+@cache
+def _models() -> list[str]:
+    return [_MODEL, *(model_text(vehicle(name)) for name in VEHICLES)]
+
+
+def _toml(rng: Random, base: str) -> bytes:
+    if rng.random() < 0.02:
+        return base.encode() + b"\nz = " + b"[" * 100_000
+    if rng.random() < 0.02:
+        return base.encode() + b"\nz = 0x" + b"f" * 100_000
+    words = [
+        *mutate.NUMBERS,
+        *(f'"{t}"' for t in mutate.TEXTS),
+        *mutate.TEXTS,
+        '"\\u0000"',
+        "[]",
+        "{}",
+        "[1, 2]",
+    ]
+    return mutate.text(rng, base, words).encode(errors="replace")
+
+
+def a_model_file_is_read(rng: Random, folder: Path) -> int:
+    (folder / "m.toml").write_bytes(_toml(rng, rng.choice(_models())))
+    return call(lambda: load_model(folder / "m.toml").plant())
+
+
+@cache
+def _scenarios() -> list[str]:
+    place = resources.files("hovercontrol.scenarios")
+    return [(place / f"{name}.toml").read_text() for name in scenario_names()]
+
+
+def a_scenario_is_read(rng: Random, folder: Path) -> int:
+    (folder / "s.toml").write_bytes(_toml(rng, rng.choice(_scenarios())))
+    return call(lambda: load_scenario(folder / "s.toml"))
+
+
+_SHORT = """[scenario]
+step = 0.01
+[plant]
+vehicle = "c17_simulation"
+start = {u = 0.1}
+coefficients = {thrust = 1.0, yaw_coulomb = 0.2}
+[reference]
+kind = "circle"
+radius = 2.0
+[controller]
+control_point = 0.2
+k1 = 1.0
+[[phase]]
+until = 0.2
+[[metric]]
+name = "error"
+of = "tracking_error"
+from = 0.0
+to = 0.1
+"""
+
+
+def a_scenario_is_run(rng: Random, folder: Path) -> int:
+    (folder / "s.toml").write_bytes(_toml(rng, _SHORT))
+    return command(["simulate", "s.toml", "--out", "out"], folder)
+
+
+def a_unit_is_read(rng: Random, folder: Path) -> int:
+    parts = [
+        "m",
+        "s",
+        "kg",
+        "/",
+        "*",
+        "^",
+        "**",
+        "2",
+        "-1",
+        "(",
+        ")",
+        "1",
+        "deg",
+        "9",
+        " ",
+        ".",
+        "99",
+        "rad",
+        "Y",
+        "e",
+    ]
+    return call(lambda: dimension("".join(rng.choice(parts) for _ in range(rng.randrange(1, 14)))))
+
+
+# ---- archives ------------------------------------------------------------------------------------------
+
+
+@cache
+def _fmu() -> bytes:
+    import tempfile
+
+    from hovercontrol.fmi.export import export_fmu
+
+    with tempfile.TemporaryDirectory() as folder:
+        path = export_fmu(vehicle("c17_simulation").plant(), Path(folder) / "a.fmu")
+        return Path(path).read_bytes()
+
+
+def an_archive_is_read(rng: Random, folder: Path) -> int:
+    from hovercontrol.fmi.imported import _open
+
+    raw = _fmu()
+    if rng.random() < 0.6:  # another model description in a sound archive
+        out = io.BytesIO()
+        with zipfile.ZipFile(io.BytesIO(raw)) as old, zipfile.ZipFile(out, "w") as new:
+            for info in old.infolist():
+                content = old.read(info)
+                if info.filename == "modelDescription.xml":
+                    content = mutate.text(rng, content.decode()).encode(errors="replace")
+                if rng.random() > 0.01:
+                    new.writestr(
+                        info.filename if rng.random() > 0.01 else rng.choice(mutate.TEXTS[3:]), content
+                    )
+        raw = out.getvalue()
+    else:
+        raw = mutate.data(rng, raw)
+    (folder / "a.fmu").write_bytes(raw)
+    return call(lambda: _open(folder / "a.fmu"))
+
+
+# ---- words of the command line -------------------------------------------------------------------------
+
+
+def words_are_given(rng: Random, folder: Path) -> int:
+    known = [
+        ["simulate", "tabel1"],
+        ["sweep", "k06-turn", "--vary", "controller.k2=0.5:6:3"],
+        ["identify", "--sample"],
+        ["diagnose", "a.csv", "--model", "m.toml"],
+        ["export", "table1:plant", "-o", "x.fmu"],
+        ["analyze", "budget"],
+        ["export", "imu", "--step", "1"],
+        ["diagnose", "a.csv", "--holdout", "b.csv"],
+    ]
+    words = list(rng.choice(known))
+    words[rng.randrange(1 if len(words) > 1 else 0, len(words))] = rng.choice(
+        [
+            *mutate.TEXTS,
+            *mutate.NUMBERS,
+            "x=1:2:99999999999",
+            "x=-1e308:1e308:5",
+            "x=1:2:3:4",
+            "plant.u=nan:1:3",
+            "a.py:B",
+        ]
+    ).replace("\0", "")
+    if words[0] not in ("export", "analyze"):
+        words += ["--out", "out"]
+    if words[:2] == ["identify", "--sample"] or words[0] in ("analyze",):  # seconds of work, tried elsewhere
+        words = [words[0], "x", *words[2:]]
+    return command(words, folder)
+
+
+# ---- the cockpit ---------------------------------------------------------------------------------------
+
+
+def a_message_comes_to_the_cockpit(rng: Random, folder: Path) -> int:
+    from tests.fuzz.cockpit import message
+
+    return message(rng, folder)
+
+
+def a_request_comes_to_the_server(rng: Random, folder: Path) -> int:
+    from tests.fuzz.cockpit import request
+
+    return request(rng, folder)
+
+
+# ---- public functions ----------------------------------------------------------------------------------
+
+
+def a_function_is_called(rng: Random, folder: Path) -> int:
+    from tests.fuzz.calls import some_call
+
+    return call(some_call(rng))
+
+
+# ---- faults --------------------------------------------------------------------------------------------
+
+
+def _work(rng: Random) -> list[str]:
+    return rng.choice([["simulate", "sample"], ["sweep", "table1", "--vary", "controller.k1=1:2:2"]])
+
+
+def a_run_is_interrupted(rng: Random, folder: Path) -> int:
+    def fault(child: int) -> None:
+        time.sleep(rng.choice((0.0, 0.3, 1.0)) * rng.random())
+        os.kill(child, rng.choice((signal.SIGINT, signal.SIGINT, signal.SIGINT)))
+
+    return forked(["simulate", "sample", "--out", "out"], folder, fault, lambda: None)
+
+
+def the_disk_is_full(rng: Random, folder: Path) -> int:
+    def full() -> None:
+        hard = resource.getrlimit(resource.RLIMIT_FSIZE)[1]
+        resource.setrlimit(resource.RLIMIT_FSIZE, (int(10 ** rng.uniform(2.0, 6.0)), hard))
+
+    return forked(["simulate", "sample", "--out", "out"], folder, lambda child: None, full)
+
+
+def the_reader_leaves(rng: Random, folder: Path) -> int:
+    def closed() -> None:
+        read, write = os.pipe()
+        os.close(read)
+        os.dup2(write, 1)
+
+    words = rng.choice([["simulate", "--list"], ["--help"], ["export", "--list"], ["analyze", "--list"]])
+    return forked(words, folder, lambda child: None, closed)
+
+
+#: Each trial and how often it comes: those that take long come seldom.
+TRIALS = {
+    a_log_is_read: 24,
+    a_parquet_log_is_read: 10,
+    a_log_is_identified: 6,
+    a_model_file_is_read: 20,
+    a_scenario_is_read: 12,
+    a_scenario_is_run: 4,
+    a_unit_is_read: 10,
+    an_archive_is_read: 8,
+    words_are_given: 8,
+    a_message_comes_to_the_cockpit: 10,
+    a_request_comes_to_the_server: 5,
+    a_function_is_called: 20,
+    a_run_is_interrupted: 0.4,
+    the_disk_is_full: 0.4,
+    the_reader_leaves: 1,
+}
