@@ -9,6 +9,7 @@ from hovercontrol.block import Block
 from hovercontrol.controllers import tracking_controller
 from hovercontrol.controllers.k06 import (
     bang_bang_heading,
+    both_ways,
     drive,
     force_to_command,
     forward,
@@ -34,6 +35,7 @@ LAWS: dict[str, Callable[..., Block]] = {
     "reverse": reverse,
     "turn": turn,
     "drive": drive,
+    "both_ways": both_ways,
 }
 
 #: What ``guidance.kind`` may be: sampled, tells a law its set points.
