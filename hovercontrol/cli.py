@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from hovercontrol.commands import analyze, cockpit, diagnose, export, identify, simulate, sweep
+from hovercontrol.commands import analyze, cockpit, diagnose, export, identify, reproduce, simulate, sweep
 from hovercontrol.errors import InputError
 
 app = typer.Typer(
@@ -65,6 +65,7 @@ for command, example in (
     (export.export, export.EXAMPLE),
     (analyze.analyze, analyze.EXAMPLE),
     (sweep.sweep, sweep.EXAMPLE),
+    (reproduce.reproduce, reproduce.EXAMPLE),
     (cockpit.cockpit, cockpit.EXAMPLE),
 ):
     app.command(epilog=example)(command)

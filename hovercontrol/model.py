@@ -21,7 +21,7 @@ from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.fans import Fan as Fan
 from hovercontrol.signals import Signal, time
 
-#: The six states of every plant (C17 (8)).
+#: The six states of every plant [C17 eq 8].
 MOTION = (
     Signal("x", "m", "position, earth frame"),
     Signal("y", "m", "position, earth frame"),
@@ -305,7 +305,7 @@ class Model:
         return str(delay or ""), str(seen.late or "")
 
     def plant(self, name: str = "plant", *, late: bool = False) -> Block:
-        """Return the plant: rigid-body motion (C17 (8), (11)) with the model's effects.
+        """Return the plant: rigid-body motion [C17 eq 8, 11] with the model's effects.
 
         Parameters
         ----------

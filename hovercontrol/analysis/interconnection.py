@@ -1,4 +1,4 @@
-"""The loop of craft, controller and estimator (C17 Theorem 5), judged by Monte Carlo."""
+"""The loop of craft, controller and estimator judged by Monte Carlo [C17 theorem 5]."""
 
 from __future__ import annotations
 

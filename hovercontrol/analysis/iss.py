@@ -1,4 +1,4 @@
-"""From wrong coefficients to a tracking error: the input-to-state gain behind C17's Theorem 5, equation (27).
+"""From wrong coefficients to a tracking error: the input-to-state gain behind Theorem 5 [C17 eq 27].
 
 What the controller believes wrongly of the drag acts on the error equation as an acceleration d, linear in
 the coefficients' errors: z1'' + k2 z1' + k1 z1 = R M (c_hat - c). C17 prints (27) with factors 1/zeta_7 and

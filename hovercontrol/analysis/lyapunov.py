@@ -1,4 +1,4 @@
-"""The Lyapunov function of C17 section VI: its conditions (18), (19) and the decay that it guarantees.
+"""The Lyapunov function of C17 section VI, its conditions [C17 eq 18, 19] and the decay that it guarantees.
 
 The error equation is read off the loop (:mod:`.normal_form`), V is (17), and W follows from V' = -W along it.
 Each axis of the plane obeys the same equation, so that 2 x 2 matrices say it all.
@@ -92,7 +92,7 @@ def lyapunov_function() -> LyapunovFunction:
     x_axis = (ERRORS[0], ERRORS[2])  # the y axis has the same: tests say so
     rates = sp.Matrix([form.errors[name].xreplace(gains) for name in x_axis])
     A = sp.ImmutableMatrix(rates.jacobian([symbol(name) for name in x_axis]))
-    P = sp.ImmutableMatrix([[k1, beta], [beta, 1]]) / 2  # (17)
+    P = sp.ImmutableMatrix([[k1, beta], [beta, 1]]) / 2  # [C17 eq 17]
     return LyapunovFunction(k1, k2, beta, A, P, -(A.T * P + P * A))
 
 
@@ -104,7 +104,7 @@ def _largest(matrix: sp.Matrix, beta: sp.Symbol) -> sp.Expr:
 
 @dataclass(frozen=True, eq=False)
 class Decay:
-    """What C17's Theorem 3 promises for gains, and what is true; arrays of one shape.
+    """What C17's Theorem 3 promises for gains, and what is true; arrays of one shape [C17 theorem 3].
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""The observability Gramian of coefficients over a window: C17 section III, (6).
+"""The observability Gramian of coefficients over a window: C17 section III, [C17 eq 6].
 
 For ``x' = h + G c`` with measured x, and Gamma(t) the integral of G from t0 to t,
 
@@ -133,7 +133,7 @@ class Gramian:
 
     @property
     def observable(self) -> bool:
-        """Whether W is invertible (C17 Lemma 1)."""
+        """Whether W is invertible [C17 lemma 1]."""
         return math.isfinite(self.condition)
 
     def sentence(self) -> str:

@@ -1,4 +1,4 @@
-"""The tracking controller of C17, equations (15)-(16), (22), (25)-(26).
+"""The tracking controller of C17 [C17 eq 22, 25].
 
 It makes a fixed point of the craft, ``control_point`` ahead of the centre of mass, follow a reference with
 ``z1'' + k2 z1' + k1 z1 = 0``. The drag it cancels and the matrix B it inverts are taken from the model's own
@@ -86,14 +86,14 @@ def tracking_controller(
     xr, yr, vxr, vyr, axr, ayr = (r.symbol for r in REFERENCE)
     K1, K2 = (g.symbol for g in gains)
     d = dx.symbol
-    # (15)-(16): z1 = p - p_d + R delta, z2 = R v - p_d' + R S delta r
+    # [C17 eq 15, 16]: z1 = p - p_d + R delta, z2 = R v - p_d' + R S delta r
     z1 = [s.x - xr + d * cos, s.y - yr + d * sin]
     side = s.v + d * s.r
     z2 = [cos * s.u - sin * side - vxr, sin * s.u + cos * side - vyr]
     e1, e2, w1, w2 = sp.symbols("error_x error_y error_rate_x error_rate_y", real=True)
     want_x = axr - K1 * e1 - K2 * w1
     want_y = ayr - K1 * e2 - K2 * w2
-    # (25): B T [cos, sin] = R'(p_d'' - k1 z1 - k2 z2) - drag - dx (yaw drag) e2 + dx r^2 e1
+    # [C17 eq 25]: B T [cos, sin] = R'(p_d'' - k1 z1 - k2 z2) - drag - dx (yaw drag) e2 + dx r^2 e1
     demand = sp.Matrix(
         [
             cos * want_x + sin * want_y - force["u"] + d * s.r**2,
@@ -133,7 +133,7 @@ def tracking_controller(
 
 
 class _ThrustMatrix:
-    """B of (26) as a function of the control point: how T [cos, sin] accelerates it, body frame."""
+    """B [C17 eq 21, 26] as a function of the control point: how T [cos, sin] accelerates it, body frame."""
 
     def __init__(self, gain: sp.Matrix) -> None:
         self.gain = gain  # rows u', v', r'; columns T cos(theta), T sin(theta)

@@ -1,4 +1,4 @@
-"""Drag in surge, sway and yaw: dry (Coulomb, Stribeck), linear, quadratic. C17 equations (9)-(10)."""
+"""Drag in surge, sway and yaw: dry (Coulomb, Stribeck), linear, quadratic [C17 eq 9, 10]."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
 """The Kalman-Bucy estimator of C17 (sections III and V) as a Block, for any Block linear in its coefficients.
 
 The coefficients are appended to the measured states, ``xi = [x, c]``; ``xi' = [[0, G], [0, 0]] xi + [h, 0]``
-is linear and time-varying because G and h use the measured signals (C17 (4)-(5)); its Kalman filter is the
-estimator.
+is linear and time-varying because G and h use the measured signals [C17 eq 2, 3, 4, 5]; its Kalman filter is
+the estimator. Of the hovercraft it has the matrices of [C17 eq 13].
 Signals follow python-control's own estimators: ``xhat[i]``, ``P[i,j]`` (here the upper triangle).
 """
 

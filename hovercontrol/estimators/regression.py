@@ -1,4 +1,4 @@
-"""A Block as a linear regression: ``x' = h + G c`` (C17 (1)), for the coefficients chosen.
+"""A Block as a linear regression: ``x' = h + G c`` [C17 eq 1], for the coefficients chosen.
 
 G is the derivative of the Block by its coefficients, never written by hand.
 """

@@ -1,0 +1,50 @@
+"""``hovercontrol reproduce``: every table and figure of the source documents again, with an index."""
+
+from __future__ import annotations
+
+from collections import Counter
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from hovercontrol.commands.given import Out
+from hovercontrol.commands.progress import progress_bar
+from hovercontrol.files import check_folder
+
+EXAMPLE = 'Example: hovercontrol reproduce c17 --only "table 2" --only "fig 15" --out out/c17'
+
+
+def reproduce(
+    document: Annotated[str, typer.Argument(help="c17 or k06; else both.")] = "",
+    only: Annotated[
+        list[str] | None, typer.Option("--only", help='An item ("table 2", "fig 6.23"); may be repeated.')
+    ] = None,
+    out: Out = None,
+    list_: Annotated[bool, typer.Option("--list", help="List the items and leave.")] = False,
+) -> int:
+    """Rebuild the tables and figures of C17 and K06; write an index with what they print, ours, a verdict.
+
+    The index is of the items of this run. Exit status 1 if an item differs from what is printed.
+    """
+    from hovercontrol.reproduce import chosen_items
+    from hovercontrol.reproduce import reproduce as rebuild
+
+    items = chosen_items(document, only or [])
+    if list_:
+        for item in items:
+            print(f"{item.document} {item.name:16} {item.title}")
+        return 0
+    out = out or Path("out") / "reproduce"
+    check_folder(out)
+    with progress_bar("reproduce", len(items)) as report:
+        outcomes = rebuild(items, out, report)
+    for o in outcomes:
+        said = f" ({o.failure})" if o.failure else ""
+        print(f"{o.item.document} {o.item.name:16} {o.verdict}{said}")
+    counts = Counter(o.verdict for o in outcomes)
+    print(", ".join(f"{n} {verdict}" for verdict, n in counts.most_common()))
+    print(f"wrote index.html, index.json to {out}")
+    if counts["failed"]:
+        return 3
+    return 1 if counts["differs"] else 0

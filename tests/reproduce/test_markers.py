@@ -1,0 +1,50 @@
+"""Every numbered item of the documents has its place in the code, or a reason for having none."""
+
+import csv
+from pathlib import Path
+
+from hovercontrol.reproduce import numbered_items, places
+from hovercontrol.reproduce.item import KINDS
+from hovercontrol.reproduce.markers import MARKER
+from hovercontrol.reproduce.registry import DOCUMENTS, all_items
+
+PLACES = places()
+KNOWN = {item.key: item for document in DOCUMENTS for item in numbered_items(document)}
+
+
+def test_a_marker_may_name_several_numbers():
+    assert MARKER.findall("beta [C17 eq 18, 19] and [K06 table 6.7]; [C17 eq] is none") == [
+        ("C17", "eq", "18, 19"),
+        ("K06", "table", "6.7"),
+    ]
+
+
+def test_each_numbered_item_is_listed_once():
+    for document in DOCUMENTS:
+        items = numbered_items(document)
+        assert len({i.key for i in items}) == len(items)
+        assert {i.kind for i in items} <= set(KINDS)
+
+
+def test_no_marker_names_what_the_documents_have_not():
+    assert {key: str(found[0]) for key, found in PLACES.items() if key not in KNOWN} == {}
+
+
+def test_what_is_rebuilt_is_numbered():
+    assert [i.name for i in all_items() if (i.document, i.kind, i.number) not in KNOWN] == []
+
+
+def test_a_place_is_where_the_marker_stands():
+    place = PLACES["c17", "fig", "5"][0]
+    root = Path(__file__).parents[2]
+    line = (root / place.file).read_text().splitlines()[place.line - 1]
+    assert MARKER.search(line)
+
+
+def test_the_lists_are_plain_tables():
+    import hovercontrol.reproduce
+
+    folder = Path(hovercontrol.reproduce.__file__).parent / "numbered"
+    for file in folder.glob("*.csv"):
+        with file.open(newline="") as rows:
+            assert next(csv.reader(rows)) == ["kind", "number", "title", "without_code"]
