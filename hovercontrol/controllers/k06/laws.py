@@ -1,4 +1,4 @@
-"""K06's continuous laws on the body velocities (section 2.2): stop, forward, reverse, turn, and two of several.
+"""K06's continuous laws on the body velocities (section 2.2): stop, forward, reverse, turn, and joins.
 
 Each returns the force that it asks of the craft, body frame: ``force_x`` along the bow, ``force_y`` to the
 left; the force acts at the rudder, an arm d behind the centre of mass. K06 writes momenta, here are
@@ -246,7 +246,7 @@ def both_ways(
     Examples
     --------
     >>> law = both_ways(k1=1.0, k2=4.0, reverse_k1=1.5, reverse_k2=1.0, alpha=1.44).to_numpy()
-    >>> law.outputs(0.0, (), [0.0, 0.1, 0.0, 1.1, 0.0]).tolist()  # ahead: stern to starboard against the drift
+    >>> law.outputs(0.0, (), [0.0, 0.1, 0.0, 1.1, 0.0]).tolist()  # ahead: against the drift
     [1.1, -0.4]
     >>> law.outputs(0.0, (), [0.0, 0.1, 0.0, -0.76, 0.0]).round(2).tolist()  # astern: with it
     [-1.14, 0.1]
