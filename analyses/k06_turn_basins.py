@@ -32,7 +32,7 @@ def main(out: Path, progress: Progress | None = None, *, points: int = 120) -> l
     figure.suptitle("K06 turn law (2.39), r_ref = 3 rad/s, k1 = 0.5 kg/s, k2 = 3.5 kg/s")
     findings = [
         f"Turns: W at 0.26 % of W_bad within {DURATION:g} s. Unwanted: near (0, -d r_ref, 0), r against the "
-        f"wanted side by {TOLD:g} rad/s. Stuck: neither; r there is told to {TOLD:g} rad/s at rtol = {RTOL:g}."
+        f"wanted side by {TOLD:g} rad/s, which is told at rtol = {RTOL:g}. Stuck: neither."
     ]
     tables = {}
     places = figure.subplots(1, 3)
@@ -83,8 +83,8 @@ def _words(region: Region, plane: Mapping[str, object], at: Mapping[str, float])
     bad = int((region["level"] & region["unwanted"]).sum())
     return (
         f"plane {', '.join(plane)} at {third} = {value:g}: {region['turns'].mean():.1%} of {reached.size} "
-        f"starts turn (median {np.nanmedian(region['time']):.0f} s), {region['stuck'].mean():.1%} are stuck{late}, "
-        f"{region['unwanted'].mean():.1%} end at the unwanted point; W < W_bad covers "
+        f"starts turn (median {np.nanmedian(region['time']):.0f} s), {region['stuck'].mean():.1%} are "
+        f"stuck{late}, {region['unwanted'].mean():.1%} end at the unwanted point; W < W_bad covers "
         f"{(region['level'] & reached).sum() / reached.sum():.1%} of the others with {bad} counter-examples; "
         f"the entry ball has {len(region.outside('entry', 'level'))} points outside it."
     )
