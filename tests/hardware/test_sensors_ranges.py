@@ -133,6 +133,34 @@ def test_two_ranges_or_beacons_in_a_line_give_no_place():
     assert locate(heard, row, cone=NO_CONE) == pytest.approx([0.7, 0.4, 0.0], abs=1e-9)
 
 
+# ---- two ranges of more beacons ----------------------------------------------------------------------
+
+
+def test_of_two_ranges_the_place_nearer_to_the_previous_one_is_taken(rng):
+    square = Beacons([(0.0, 0.0), (3.0, 0.0), (3.0, 3.0), (0.0, 3.0)], [2.5, 2.6, 2.7, 2.4])
+    at = rng.uniform(0.2, 2.8, (2, 400))
+    places, heights = np.array(square.positions), np.array(square.heights)
+    rho = np.sqrt(((at[:, None] - places.T[:, :, None]) ** 2).sum(axis=0) + heights[:, None] ** 2)
+    deaf = rng.permuted(np.tile([True, True, False, False], (400, 1)), axis=1).T
+    before = at + rng.normal(0.0, 0.03, at.shape)
+    x, y, b = locate(np.where(deaf, np.nan, rho), square, cone=NO_CONE, previous=before)
+    a, c = (places[np.argmax(~deaf, axis=0)], places[3 - np.argmax(~deaf[::-1], axis=0)])
+    beside = (c[:, 0] - a[:, 0]) * (at[1] - a[:, 1]) - (c[:, 1] - a[:, 1]) * (at[0] - a[:, 0])
+    plain = abs(beside) / np.hypot(*(c - a).T) > 0.15  # farther from the line than the last fix is old
+    assert plain.mean() > 0.8
+    assert np.abs([x - at[0], y - at[1]])[:, plain].max() < 1e-6
+    assert (b == 0.0).all()
+    assert np.isnan(locate(np.where(deaf, np.nan, rho), square, cone=NO_CONE)).all()
+    assert np.isnan(locate(np.where(deaf, np.nan, rho), square, cone=NO_CONE, previous=[np.nan, 1.0])).all()
+
+
+def test_with_three_ranges_the_previous_place_counts_for_nothing(rng):
+    square = k06_beacons()
+    rho = rng.uniform(2.4, 3.2, (len(square.positions), 50))
+    plain, with_one = locate(rho, square), locate(rho, square, previous=[0.3, 0.2])
+    np.testing.assert_allclose(plain, with_one, rtol=1e-12)
+
+
 # ---- two beacons ------------------------------------------------------------------------------------
 
 
@@ -179,6 +207,8 @@ def test_the_side_is_a_parameter_of_a_solver_of_two_beacons_only():
     for side in (1.0, -1.0):
         told = two.to_numpy().outputs(0.0, (), [*rho, 1, 1], {"range_solver.side": side})
         assert told == pytest.approx([0.5, 0.7 * side, 0.0, 1.0], abs=1e-9)
+    with pytest.raises(InputError, match="of two beacons `side` tells the place"):
+        range_solver(Beacons([(0, 0), (2, 0)], 2.0), previous=True)
     more = range_solver(k06_beacons(), side=-1)
     assert "side" not in [s.name for s in more.parameters]
     assert more.output_expressions == range_solver(k06_beacons()).output_expressions
