@@ -202,6 +202,17 @@ def test_a_field_trial_flies_ahead_astern_and_round_as_told_and_stops_between(tr
         begin = phase.until
 
 
+@pytest.mark.parametrize("trial", ["stop", "forward", "heading-bangbang", "heading-proportional"])
+def test_the_yaw_friction_of_figure_6_24_gives_what_the_other_field_trials_showed(trial):
+    field = load_scenario(f"k06-field-{trial}")
+    assert field.plant == load_scenario("k06-field-real-turn").plant
+    run = run_scenario(field)
+    assert [(m.metric.name, m.value) for m in run.metrics() if not m.met] == []
+    if trial == "stop":  # "faster than predicted by the simulation"
+        t, c = flown("stop")
+        assert run.metrics()[0].value < settled(t, np.abs(c["r"]) < 0.3).min()
+
+
 def test_diagnose_names_the_loss_of_reverse_thrust_in_the_log_of_the_crafts_navigation(astern):
     scenario, early = astern.scenario, astern.time < 35.0
     log = Log("astern", astern.time[early], {key: column[early] for key, column in astern.columns.items()})
