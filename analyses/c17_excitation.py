@@ -1,14 +1,16 @@
-"""C17 section VIII-A: which reference shows which coefficient, why c3 and c4 are slow, the best ellipse."""
+"""C17 section VIII-A: which reference shows which coefficient, when c3 and c4 are slow, the best ellipse."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure, SubFigure
 from numpy.typing import NDArray
 
 from hovercontrol import (
@@ -31,12 +33,16 @@ from hovercontrol.analysis import (
     signals_of,
 )
 from hovercontrol.analysis.output import Progress, save, script
+from hovercontrol.scenarios import load_scenario, run_scenario
 
 #: Angular rates of the ellipses that are tried [rad/s].
 RATES = (0.5, 0.6, 0.7, 0.8, 0.9, 1.0)
 
 #: The coefficients c1 to c6 of C17.
 DRAG = tuple(f"{way}_{kind}" for way in ("surge", "sway", "yaw") for kind in ("coulomb", "linear_drag"))
+
+#: c7 and c8.
+ACTUATORS = ("thrust", "rudder_torque")
 
 Array = NDArray[np.float64]
 
@@ -60,18 +66,26 @@ def main(out: Path, progress: Progress | None = None, *, points: int = 24) -> li
         "eight 4 x 2 m, 0.8 rad/s": figure_eight(4.0, 2.0, 0.8),
     }
     found = expected_errors(references, coefficients=DRAG)
+    eight = expected_errors(references, coefficients=(*DRAG, *ACTUATORS))
+    slow = {len(names): table_one_errors(names) for names in (DRAG, (*DRAG, *ACTUATORS))}
     time, motion = _motion(1.5, 2.5, 1.0)
     _, other = _motion(semi_x, semi_y, rate)
     plant = vehicle("c17_simulation").plant()
     gramian = observability_gramian(plant, time, motion, DRAG)
-    figure = Figure(figsize=(15.0, 11.0), layout="constrained")
-    above, below = figure.subfigures(2, 1)
+    figure = Figure(figsize=(15.0, 17.0), layout="constrained")
+    above, middle, below = figure.subfigures(3, 1)
     found.plot(above.subplots())
+    _named(above, "c7 and c8 known")
+    heat, bars = middle.subplots(1, 2, width_ratios=(3, 1))
+    eight.plot(heat)
+    _named(middle, "all eight coefficients sought at once")
+    _bars(slow, bars)
     left, right = below.subplots(1, 2)
     _draw(regions[rate], left, (semi_x, semi_y))
     _spectrum(gramian, right)
     findings = [
         *_why(found, time, motion),
+        *_condition(eight, slow),
         f"The best of {len(RATES) * points**2} ellipses, by the largest of the six errors, with thrust 0 to "
         f"6.1 and rudder +-26 deg: {semi_x:.3g} x {semi_y:.3g} m at {rate:g} rad/s. It leaves {worst:.2g}, "
         f"{found.error[1].max() / worst:.1f} times less than C17's; v goes from {other['v'].min():.2f} to "
@@ -96,8 +110,8 @@ def _why(found: ExpectedErrors, time: Array, motion: dict[str, Array]) -> list[s
     sets = excitation(vehicle("c17_simulation").plant(), time, motion, DRAG).sets
     alike = ", ".join(f"{s.gram[0, 1]:.2f} in {s.equation}'" for s in sets)
     return [
-        f"A flight of {found.duration:.3g} s along C17's ellipse leaves most doubt of {DRAG[first]} "
-        f"({c17[first]:.2g}, 1 before) and {DRAG[second]} ({c17[second]:.2g}).",
+        f"With c7 and c8 known, a flight of {found.duration:.3g} s along C17's ellipse leaves most "
+        f"doubt of {DRAG[first]} ({c17[first]:.2g}, 1 before) and {DRAG[second]} ({c17[second]:.2g}).",
         "Why c3 and c4: all along the ellipse the craft slides to the same side, with |v| from "
         f"{sway.min():.2f} to {sway.max():.2f} m/s, so that sgn v is constant and v nearly so. Friction and "
         f"drag look alike (cosine of the two functions: {alike}), and only a weighted sum is seen well.",
@@ -106,6 +120,60 @@ def _why(found: ExpectedErrors, time: Array, motion: dict[str, Array]) -> list[s
         "A circle at constant speed shows one combination of each pair only: no error falls below "
         f"{circle.min():.2g}.",
     ]
+
+
+def table_one_errors(names: Sequence[str], at: float = 25.0) -> dict[str, float]:
+    """Return the errors of Table I's estimates of c1 to c6 at a time [s], before 30 s and after 15 s.
+
+    `names` are the coefficients that the estimator seeks; the craft's drag is half of what it was.
+    """
+    scenario = load_scenario("table1")
+    given = dict(scenario.estimator or {})
+    given |= {"estimate": list(names), "Q": given["Q"][: 3 + len(names)]}
+    first, second, *_ = scenario.phases
+    phases = (first, replace(second, until=at))
+    run = run_scenario(replace(scenario, estimator=given, phases=phases, metrics=()))
+    row = int(np.searchsorted(run.time, at - 1e-9))
+    truth = run.truth()
+    return {name: float(abs(run.estimates()[name][row] - truth[name][row])) for name in DRAG}
+
+
+def _condition(eight: ExpectedErrors, slow: Mapping[int, Mapping[str, float]]) -> list[str]:
+    """Return in words that c3 and c4 are the slowest only where c7 and c8 are known."""
+    first, second = (list(eight.coefficients)[k] for k in np.argsort(-eight.error[1])[:2])
+    values = np.sort(eight.error[1])[::-1]
+    rows = [
+        f"  {words}: " + ", ".join(f"c{k} {v:.2g}" for k, v in enumerate(slow[n].values(), 1))
+        for n, words in ((6, "c7 and c8 known"), (8, "all eight estimated, as C17's Q has it"))
+    ]
+    worst = max(slow[8], key=lambda name: slow[8][name])
+    return [
+        "That c3 and c4 are the slowest holds where c7 and c8 are known. Where all eight are sought, most "
+        f"doubt is left of {first} ({values[0]:.2g}) and {second} ({values[1]:.2g}).",
+        "Errors of Table I's estimates at 25 s, 10 s after the drag was halved (C17: c3 and c4 are slower):",
+        *rows,
+        f"With all eight estimated {worst} is the slowest: u keeps its side, too, and friction, drag and "
+        "thrust in u' look alike.",
+    ]
+
+
+def _named(part: SubFigure, text: str) -> None:
+    """Put what is known before the title of a part's first axes."""
+    axes = part.axes[0]
+    axes.set_title(f"{text}: {axes.get_title()}", fontsize=10)
+
+
+def _bars(slow: Mapping[int, Mapping[str, float]], axes: Axes) -> None:
+    """Draw the errors of Table I's estimates at 25 s."""
+    for k, (n, label) in enumerate(((6, "c7, c8 known"), (8, "all eight"))):
+        place = np.arange(len(DRAG)) + 0.4 * (k - 0.5)
+        axes.barh(place, list(slow[n].values()), 0.38, color=str(0.2 + 0.5 * k), label=label)
+    axes.set_yticks(range(len(DRAG)), [f"c{k}" for k in range(1, len(DRAG) + 1)])
+    axes.invert_yaxis()
+    axes.set_xscale("log")
+    axes.set(xlabel="error of the estimate [SI]", title="Table I at 25 s")
+    axes.title.set_fontsize(10)
+    axes.legend(fontsize=8)
 
 
 def _best(region: Region) -> tuple[float, float, float]:

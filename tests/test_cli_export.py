@@ -47,7 +47,7 @@ def test_the_list_can_be_exported(call):
     assert done.returncode == 0
     for name in ("table1 ", "table1:controller", "table2:plant", "four_fan", "x86_64-windows", "imu  "):
         assert name in done.stdout
-    assert "table2 " not in done.stdout  # its loop is sampled
+    assert "sampled loop: C17 Table II" in done.stdout
 
 
 def test_help_shows_an_example(call):
@@ -196,11 +196,7 @@ def test_several_platforms_in_one_file(call, tmp_path):
         (["servo"], "rudder_servo"),
         (["magnetometr"], "did you mean 'magnetometer'?"),
         (["none.py:PLANT"], "none.py: no such file"),
-        (
-            ["table2"],
-            "table2 is a sampled loop, which cannot be exported whole; its continuous parts can: table2:",
-        ),
-        (["sample"], "sample is a sampled loop"),
+        (["table2:sensr"], "table2 has no part 'sensr'; did you mean 'sensor'?"),
         (["none.toml"], "none.toml: no such file"),
         (["none.toml:plant"], "none.toml: no such file"),
         (["four_fan", "-o", "x.fmx"], "x.fmx: expected a file name that ends in .fmu"),

@@ -48,7 +48,7 @@ def test_every_phase_is_flown_with_its_own_parameters():
         (["k06-turn", "--vary", "controller.k2=-1:2:3"], "controller.k2 = -1 kg/s is out of its bounds"),
         (["k06-turn", "--vary", "controller.k2=1:2:3", "--of", "rr"], "did you mean 'r'?"),
         (["k06-turn", "--vary", "controller.k2=1:2:3", "--figure", "rmse"], "did you mean 'rms'?"),
-        (["table2", "--vary", "controller.k2=1:2:3"], "only scenarios without [sampling]"),
+        (["sample", "--vary", "plant.thrust=1:2:3"], "only scenarios without [commands]"),
     ],
 )
 def test_wrong_input_is_one_line(call, words, said):

@@ -1,8 +1,8 @@
 """Are coefficients excited by a motion? The condition of C17 section V, sampled [C17 eq 14a, 14b, 14c].
 
 In ``x' = h + G c`` the coefficients can be told from the motion iff no direction d has ``G d = 0``
-at all times [C17 eq 7] [C17 lemma 2]. Row by row this is the linear independence of the functions that multiply
-the coefficients in one equation: for the hovercraft the sets (14a-c).
+at all times [C17 eq 7] [C17 lemma 2]. Row by row this is the linear independence of the functions
+that multiply the coefficients in one equation: for the hovercraft the sets (14a-c).
 
 C17 says "if and only if (14a-c)". Independent sets do suffice, but they are not necessary: a
 coefficient shared by two equations (thrust) may be known from one of them and then helps the

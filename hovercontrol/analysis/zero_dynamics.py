@@ -1,4 +1,4 @@
-"""The zero dynamics of C17's tracking controller: what heading and yaw rate do on the reference [C17 theorem 4].
+"""The zero dynamics of C17's tracking controller [C17 theorem 4]: heading and yaw rate on the reference.
 
 All is read off the loop in error coordinates (:mod:`.normal_form`) with the errors at zero.
 """
@@ -59,7 +59,8 @@ class ZeroDynamics:
     yaw : sympy.Expr
         r' in ``psi``, ``r``, the reference's velocity and acceleration.
     growth : sympy.Expr
-        The coefficient of r^2 in [C17 eq 23], the derivative of r^2/2 [1/s]: Theorem 4 asks that it is negative.
+        The coefficient of r^2 in [C17 eq 23], the derivative of r^2/2 [1/s]: Theorem 4 asks that it is
+        negative.
     nose, stern : tuple of sympy.Expr
         Coefficients (a1, a0) of ``s^2 + a1 s + a0``, the equation of small turns about straight motion at the
         speed ``U``, bow or stern ahead: stable where both are positive.

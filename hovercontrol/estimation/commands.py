@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from hovercontrol.block import Block
 from hovercontrol.estimation.measure import Measured
 from hovercontrol.sgn import regularise
-from hovercontrol.signals import time as now
+from hovercontrol.targets.follow import follow
 
 Array = NDArray[np.float64]
 
@@ -31,11 +31,10 @@ STEPS = 2
 
 @dataclass(frozen=True, eq=False)
 class _Laws:
-    """How states follow from commands: ``x' = a x + b`` where that is so for all, else rates and slopes."""
+    """How states follow from commands: a and b of ``x' = a x + b`` where that is so for all."""
 
     indices: tuple[int, ...]
     linear: tuple[tuple[Callable[..., float], Callable[..., Array]], ...]
-    rates: Callable[..., list[float]]
 
 
 @lru_cache(maxsize=500)
@@ -90,8 +89,7 @@ def _laws(block: Block, motion: tuple[str, ...]) -> _Laws | None:
         if not (a.free_symbols <= set(keys) and a != 0 and b.free_symbols <= {*keys, *inputs}):
             break
         linear.append((sp.lambdify([keys], a), sp.lambdify([keys, inputs], b, modules="numpy")))
-    both = sp.lambdify([now, states, keys, inputs], [*rates, *slopes], modules="math", cse=True)
-    return _Laws(driven, tuple(linear) if len(linear) == len(driven) else (), both)
+    return _Laws(driven, tuple(linear) if len(linear) == len(driven) else ())
 
 
 def command_times(log: Measured) -> tuple[Array, Array]:
@@ -161,8 +159,7 @@ class Arrival:
         row = np.searchsorted(self.time, when - delay + 1e-9, side="right") - 1
         at = np.maximum(row, 0)
         if not laws.linear:
-            values = self._stepped(laws, parameters)
-            found = [np.interp(when - delay, self.time, own) for own in values]
+            found = [np.interp(when - delay, self.time, own) for own in self._stepped(laws, parameters)]
         else:
             later = np.maximum(when - delay - self.time[at], 0.0)  # before the log commands rest
             found = [self._followed(a_of, b_of, parameters, at, later) for a_of, b_of in laws.linear]
@@ -188,20 +185,13 @@ class Arrival:
         return np.asarray(goal[at] + (start[at] - goal[at]) * np.exp(a * later))
 
     def _stepped(self, laws: _Laws, parameters: Sequence[float]) -> Array:
-        """Return the states at all rows, by steps that are exact where a law is linear (Rosenbrock)."""
-        p = [float(v) for v in parameters]
-        n = len(laws.indices)
-        x = [0.0] * n
-        values = [x]
-        held, time = self.inputs.T.tolist(), self.time.tolist()
-        for j in range(len(time) - 1):
-            h = (time[j + 1] - time[j]) / STEPS
-            u = held[j]
-            for i in range(STEPS):
-                f = laws.rates(time[j] + (i + 0.5) * h, x, p, u)
-                x = [
-                    v + h * rate * (math.expm1(a * h) / (a * h) if abs(a * h) > 1e-8 else 1.0) if rate else v
-                    for v, rate, a in zip(x, f[:n], f[n:], strict=True)
-                ]
-            values.append(x)
-        return np.array(values).T
+        """Return the states at all rows, shape (n, rows)."""
+        h = np.repeat(np.diff(self.time) / STEPS, STEPS)[:, None]
+        begin = (
+            np.repeat(self.time[:-1], STEPS)[:, None]
+            + np.tile(np.arange(STEPS), len(self.time) - 1)[:, None] * h
+        )
+        held = np.repeat(self.inputs[:, :-1], STEPS, axis=1)[..., None]
+        rest = np.zeros((len(self.block.states), *h.shape))
+        values = follow(self.block, laws.indices, begin + 0.5 * h, h, rest, held, parameters)
+        return values[:, ::STEPS, 0]

@@ -5,6 +5,8 @@ to every unknown and to every candidate: weighted least squares of the whitened 
 likelihood under process noise (Kristensen, Madsen, Jorgensen, Automatica 40 (2004); de Jong, Biometrika 76
 (1989): the augmented filter). Smoothing is by adjoint variables (Durbin and Koopman, Time Series Analysis by
 State Space Methods, 2nd ed., 4.4), which needs no inverse of a covariance: process noise may be zero.
+
+NumPy does it until a library is built, where there is a compiler; the two agree but for rounding.
 """
 
 from __future__ import annotations
@@ -13,6 +15,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+
+from hovercontrol.estimation.kalman_compiled import compiled
 
 Array = NDArray[np.float64]
 
@@ -76,17 +80,29 @@ def run_filter(system: System, *, keep: bool = False) -> Filtered:
     system : System
     keep : bool, optional
         Whether a smoother is to follow.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        If a covariance of innovations is not positive.
     """
     A, Q, drive, H, R, seen = system.A, system.Q, system.drive, system.H, system.R, system.seen
     K, W, C, m = seen.shape
     n = H.shape[-1]
     white = np.empty((K, W, C, m))
     log_det = np.zeros(W)
-    P, Z = system.P0.copy(), np.zeros((W, n, m))
     gains = np.empty((K, W, C, n)) if keep else None
     backs = np.empty((K, W, C, n)) if keep else None
     Ps = np.empty((K, W, n, n)) if keep else None
     Zs = np.empty((K, W, n, m)) if keep else None
+    library = compiled(n, C)
+    if library:
+        library.filter(
+            A=A, Q=Q, drive=drive, H=H, R=R, seen=seen, P0=system.P0,
+            white=white, log_det=log_det, half=gains, back=backs, P=Ps, Z=Zs,
+        )  # fmt: skip
+        return Filtered(white, log_det, gains, backs, Ps, Zs)
+    P, Z = system.P0.copy(), np.zeros((W, n, m))
     eye = np.arange(C)
     Ht = np.ascontiguousarray(np.swapaxes(H, 2, 3))
     At = np.ascontiguousarray(np.swapaxes(A, 2, 3))
@@ -154,12 +170,19 @@ def run_smoother(system: System, filtered: Filtered, weights: Array) -> Smoothed
     half, back, Ps, Zs = filtered._gain, filtered._back, filtered._P, filtered._Z
     assert half is not None and back is not None and Ps is not None and Zs is not None
     weights = np.broadcast_to(weights, (Zs.shape[1], Zs.shape[3]))
+    K, W, n = Zs.shape[:3]
+    x, V = np.empty((K, W, n)), np.empty((K, W, n, n))
+    push, information = np.empty((K - 1, W, n)), np.empty((K - 1, W, n, n))
+    library = compiled(n, half.shape[2])
+    if library:
+        library.smoother(
+            A=system.A, half=half, back=back, P=Ps, Z=Zs, white=filtered.white, weights=weights,
+            state=x, covariance=V, push=push, information=information,
+        )  # fmt: skip
+        return Smoothed(x, V, push, information)
     z = np.einsum("kwnm,wm->kwn", Zs, weights)
     e = np.einsum("kwcm,wm->kwc", filtered.white, weights)
-    K, W, n = z.shape
     r, N = np.zeros((W, n)), np.zeros((W, n, n))
-    x, V = np.empty_like(z), np.empty((K, W, n, n))
-    push, information = np.empty((K - 1, W, n)), np.empty((K - 1, W, n, n))
     eye = np.eye(n)
     for k in range(K - 1, -1, -1):
         if k < K - 1:

@@ -5,8 +5,9 @@ from hovercontrol.estimators.kalman_bucy import kalman_bucy
 from hovercontrol.estimators.regression import Regression, regression
 from hovercontrol.estimators.regressors import Regressors
 from hovercontrol.estimators.sampled import SampledEstimator
+from hovercontrol.estimators.ticking import sampled_estimator
 
 __all__ = [
     "Regression", "regression", "Regressors",
-    "kalman_bucy", "SampledEstimator", "estimate_from_log", "CoefficientHistory",
+    "kalman_bucy", "sampled_estimator", "SampledEstimator", "estimate_from_log", "CoefficientHistory",
 ]  # fmt: skip

@@ -18,6 +18,7 @@ from hovercontrol.pythonfile import from_python, names_python
 from hovercontrol.scenarios import Scenario, load_scenario, scenario_names
 from hovercontrol.scenarios.real import real_loop, real_parameters, real_parts
 from hovercontrol.scenarios.runner import loop_parts, phase_parameters
+from hovercontrol.scenarios.sampling import sampled_blocks, sampled_loop
 from hovercontrol.tables import read_toml
 from hovercontrol.vehicles import VEHICLES, vehicle
 
@@ -49,7 +50,7 @@ def choose(name: str) -> Choice:
     Raises
     ------
     InputError
-        If there is no such thing (the nearest is named), or a scenario's loop is sampled.
+        If there is no such thing (the nearest is named).
 
     Examples
     --------
@@ -89,10 +90,9 @@ def choices() -> list[tuple[str, str]]:
         parts = ", ".join(f"{name}:{part}" for part in loop_parts(scenario))
         if scenario.autopilot is not None:
             parts += f", and the autopilot's, as {name}:imu, {name}:pilot, {name}:rudder_servo"
-        if scenario.sampling is None:
-            kind = "closed loop" if scenario.autopilot is None else "real loop beside the ideal one"
-            found.append((name, f"{kind}: {scenario.title}"))
-        found.append((parts, "its parts" if scenario.sampling is None else f"parts of: {scenario.title}"))
+        kind = "closed loop" if scenario.sampling is None else "sampled loop"
+        kind = kind if scenario.autopilot is None else "real loop beside the ideal one"
+        found += [(name, f"{kind}: {scenario.title}"), (parts, "its parts")]
     found += [(name, "plant") for name in VEHICLES]
     return found + [(name, f"part: {part.says}") for name, part in PARTS.items()]
 
@@ -112,6 +112,8 @@ def _part(scenario: Scenario, part: str) -> Choice:
     parts = loop_parts(scenario)
     if scenario.autopilot is not None and part not in parts:
         parts |= real_parts(scenario, parts)
+    if scenario.sampling is not None and part not in parts:
+        parts |= sampled_blocks(scenario, parts)
     if part not in parts:
         raise InputError(f"{scenario.name} has no part {part!r}{_nearest(part, parts)}")
     block = parts[part]
@@ -120,16 +122,13 @@ def _part(scenario: Scenario, part: str) -> Choice:
 
 def _loop(scenario: Scenario) -> Choice:
     parts = loop_parts(scenario)
-    where = scenario.file or scenario.name
-    if scenario.sampling is not None:
-        names = ", ".join(f"{where}:{part}" for part in parts)
-        raise InputError(
-            f"{where} is a sampled loop, which cannot be exported whole; its continuous parts can: {names}"
-        )
     first = scenario.phases[0]
     if scenario.autopilot is not None:
         loop, values = real_loop(scenario, parts), real_parameters(scenario, first)
         text = f"The autopilot's real loop beside the ideal one: {scenario.title}."
+    elif scenario.sampling is not None:
+        loop, values = sampled_loop(scenario, parts), phase_parameters(scenario, first)
+        text = f"Sampled loop: {scenario.title}."
     else:
         loop, values = interconnect([*parts.values()]), phase_parameters(scenario, first)
         text = f"Closed loop: {scenario.title}."

@@ -123,7 +123,7 @@ def _scenario(path: Path, content: dict[str, Any]) -> Scenario:
         if "actuation" in content
         else {},
         body=_body(content),
-        estimator=_estimator(content),
+        estimator=_estimator(content, belief),
         commands=_commands(content) if not closed else None,
         sampling=_sampling(content),
         autopilot=autopilot_section(path.parent, _section(content, "autopilot", AUTOPILOT_KEYS))
@@ -171,15 +171,21 @@ def _body(content: Mapping[str, Any]) -> Body:
     return Body(**_section(content, "body", dict.fromkeys(keys, float), keys))
 
 
-def _estimator(content: Mapping[str, Any]) -> dict[str, Any] | None:
+def _estimator(content: Mapping[str, Any], belief: Model) -> dict[str, Any] | None:
     if "estimator" not in content:
         return None
-    given = _section(content, "estimator", {"R": object, "Q": object, "P0": object, "estimate": list})
+    numbers: dict[str, type] = {"R": object, "Q": object, "P0": object}
+    given = _section(content, "estimator", numbers | {"estimate": list, "start": float, "first": dict})
+    if "start" in given and "sampling" not in content:
+        raise InputError("estimator.start needs a [sampling]: a continuous estimator runs from 0 on")
     for key in ("R", "Q", "P0"):
         value = given.get(key, 0.0)
         for one in value if isinstance(value, list) else [value]:
             if isinstance(one, bool) or not isinstance(one, int | float):
                 raise InputError(f"estimator.{key} must be a number or a list of numbers, found {value!r}")
+    if "first" in given:
+        given["first"] = _numbers("estimator.first", given["first"])
+        check_keys("coefficient in estimator.first", given["first"], belief.coefficients())
     return given
 
 

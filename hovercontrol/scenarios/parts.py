@@ -23,7 +23,7 @@ from hovercontrol.controllers.k06 import (
 )
 from hovercontrol.controllers.k06.heading import TICK
 from hovercontrol.errors import InputError
-from hovercontrol.estimators import kalman_bucy
+from hovercontrol.estimators import kalman_bucy, sampled_estimator
 from hovercontrol.references import REFERENCES
 from hovercontrol.scenarios.definition import Phase, Scenario
 
@@ -78,8 +78,13 @@ def _tracking_parts(scenario: Scenario) -> dict[str, Block]:
     parts = {"reference": REFERENCES[reference.pop("kind")](**reference)}
     parts["controller"] = tracking_controller(scenario.belief, **scenario.controller)
     if scenario.estimator is not None:
-        parts["estimator"] = kalman_bucy(
-            scenario.belief.plant().with_values(scenario.start), **scenario.estimator
+        given = dict(scenario.estimator)
+        first = {f"plant.{name}": value for name, value in given.pop("first", {}).items()}
+        belief = scenario.belief.plant().with_values({**scenario.start, **first})
+        parts["estimator"] = (
+            kalman_bucy(belief, **given)
+            if scenario.sampling is None
+            else sampled_estimator(belief, period=scenario.sampling.measurement, **given)
         )
     return parts
 

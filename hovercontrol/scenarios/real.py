@@ -6,7 +6,6 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hovercontrol.autopilot import autopilot, beside_ideal, nearest_heading
 from hovercontrol.autopilot.limits import lossy_tables
@@ -17,9 +16,8 @@ from hovercontrol.interconnect import interconnect
 from hovercontrol.model import MOTION
 from hovercontrol.scenarios.definition import Phase, Scenario
 from hovercontrol.scenarios.parts import phase_parameters
+from hovercontrol.scenarios.phases import through_phases
 from hovercontrol.scenarios.result import Run
-
-Array = NDArray[np.float64]
 
 
 def real_loop(scenario: Scenario, parts: Mapping[str, Block]) -> Block:
@@ -89,7 +87,8 @@ def run_real(
     ``u_seen`` ... what had reached the law, ``thrust`` and ``rudder`` what acts by the calibration tables;
     ``ideal_x ... ideal_r`` are those of the ideal loop.
     """
-    columns = fly(scenario, real_loop(scenario, parts), progress)
+    loop = real_loop(scenario, parts)
+    columns = through_phases(scenario, loop, real_parameters, progress=progress)
     names = [s.name for s in MOTION]
     log = {"time": columns.pop("time")}
     log |= {name: columns.pop(f"{name}_hat") for name in names}
@@ -99,36 +98,3 @@ def run_real(
         log["true_heading_error"] = np.arctan2(np.sin(off), np.cos(off))
     log |= columns
     return Run(scenario, log.pop("time"), log)
-
-
-def fly(scenario: Scenario, loop: Block, progress: Callable[[float], None] | None = None) -> dict[str, Array]:
-    """Return time and outputs of both loops through a scenario's phases, in machine code.
-
-    Parameters
-    ----------
-    scenario : Scenario
-    loop : Block
-        By :func:`real_loop`.
-    progress : callable, optional
-        Called with the time reached.
-    """
-    from hovercontrol.scenarios.runner import phase_grid
-
-    compiled = loop.compile()
-    state = np.array([s.start for s in loop.states])
-    pieces: list[dict[str, Array]] = []
-    begin = 0.0
-    for phase in scenario.phases:
-        time = phase_grid(begin, phase.until, scenario.step)
-        params = real_parameters(scenario, phase)
-        response = compiled.simulate(time, x0=state, params=params)
-        # The ticks at the end belong to the next phase, which has other set points.
-        state = compiled.advance(begin, phase.until, state, params=params)
-        last = len(time) if phase is scenario.phases[-1] else -1
-        outputs = np.atleast_2d(np.asarray(response.outputs))
-        piece = dict(zip(response.output_labels, outputs[:, :last], strict=True))
-        pieces.append({"time": time[:last], **piece})
-        begin = phase.until
-        if progress is not None:
-            progress(begin)
-    return {key: np.concatenate([p[key] for p in pieces]) for key in pieces[0]}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from hovercontrol.interconnect import interconnect
 from hovercontrol.scenarios.checks import check_scenario
 from hovercontrol.scenarios.definition import Scenario
 from hovercontrol.scenarios.parts import loop_parts, phase_parameters
+from hovercontrol.scenarios.phases import held_commands, phase_grid
 from hovercontrol.scenarios.result import Run
 from hovercontrol.simulation import simulate
 
@@ -41,7 +42,7 @@ def run_scenario(scenario: Scenario, progress: Progress | None = None) -> Run:
     try:
         check_scenario(scenario)
         if scenario.sampling is not None:
-            from hovercontrol.scenarios.sampled import run_sampled
+            from hovercontrol.scenarios.sampling import run_sampled
 
             return run_sampled(scenario, loop_parts(scenario), progress)
         if scenario.autopilot is not None:
@@ -63,7 +64,7 @@ def _run_continuous(scenario: Scenario, progress: Progress | None) -> Run:
         response = simulate(
             loop,
             time,
-            _held_commands(scenario, time),
+            held_commands(scenario, time),
             x,
             phase_parameters(scenario, phase),
             progress=progress,
@@ -77,17 +78,3 @@ def _run_continuous(scenario: Scenario, progress: Progress | None) -> Run:
         begin = phase.until
     joined = {key: np.concatenate([p[key] for p in pieces]) for key in pieces[0]}
     return Run(scenario, joined.pop("time"), joined)
-
-
-def phase_grid(begin: float, end: float, step: float) -> np.ndarray:
-    """Return times from begin to end, both included, on multiples of the step."""
-    first, last = int(np.floor(begin / step + 1e-9)) + 1, int(np.ceil(end / step - 1e-9))
-    return np.array([begin, *(step * k for k in range(first, last)), end])
-
-
-def _held_commands(scenario: Scenario, time: np.ndarray) -> Mapping[str, np.ndarray] | None:
-    if scenario.commands is None:
-        return None
-    times = np.array(scenario.commands["time"])
-    row = np.searchsorted(times, time + 1e-9, side="right") - 1
-    return {k: np.array(v)[row] for k, v in scenario.commands.items() if k != "time"}

@@ -19,7 +19,8 @@ from hovercontrol.files import write_folder
 from hovercontrol.interconnect import interconnect
 from hovercontrol.scenarios.definition import Scenario
 from hovercontrol.scenarios.parts import loop_parts, phase_parameters
-from hovercontrol.scenarios.runner import phase_grid
+from hovercontrol.scenarios.phases import EARLY, phase_grid
+from hovercontrol.scenarios.sampling import sampled_loop
 from hovercontrol.targets.sweep import FIGURES, SweepResult
 
 Array = NDArray[np.float64]
@@ -101,7 +102,7 @@ def vary(
     Parameters
     ----------
     scenario : Scenario
-        Without sampling.
+        Without commands to play.
     ranges : mapping of str to ndarray
         One or two parameters by key (``controller.k1``), or states to start from (``plant.u``), each with its
         values, increasing.
@@ -119,16 +120,17 @@ def vary(
     Raises
     ------
     InputError
-        If a name or a range is wrong, or the scenario is sampled.
+        If a name or a range is wrong, or the scenario plays commands.
     """
     where = scenario.file or scenario.name
-    if scenario.sampling is not None or scenario.commands is not None:
-        raise InputError(f"{where}: only scenarios without [sampling] and [commands] are varied")
+    if scenario.commands is not None:
+        raise InputError(f"{where}: only scenarios without [commands] are varied")
     if not 1 <= len(ranges) <= 2:
         raise InputError(f"{where}: one or two numbers are varied, found {len(ranges)}")
     if figure not in FIGURES:
         raise InputError(f"unknown figure {figure!r}{did_you_mean(figure, FIGURES)}: {', '.join(FIGURES)}")
-    loop = interconnect([*loop_parts(scenario).values()], "loop")
+    parts = loop_parts(scenario)
+    loop = sampled_loop(scenario, parts) if scenario.sampling else interconnect([*parts.values()], "loop")
     outputs = [s.name for s in loop.outputs]
     of = of or ("error_x" if "error_x" in outputs else "u")
     if of not in outputs:
@@ -136,17 +138,36 @@ def vary(
     axes = tuple(_axis(loop, name, values, where) for name, values in ranges.items())
     if np.prod([len(axis.values) for axis in axes]) > MAX_RUNS:
         raise InputError(f"{where}: more than {MAX_RUNS} runs: take fewer points")
-    result = _flown(scenario, loop, axes, progress or (lambda done: None))
+    grid = np.meshgrid(*(axis.values for axis in axes), indexing="ij")
+    given = {axis.name: values.ravel() for axis, values in zip(axes, grid, strict=True)}
+    result = swept_phases(scenario, loop, given, progress)
     unit = "s" if figure == "settling" else loop.signal(of).unit
     return Varied(scenario, axes, of, figure, unit, result)
 
 
-def _flown(
-    scenario: Scenario, loop: Block, axes: tuple[Axis, ...], progress: Callable[[float], None]
+def swept_phases(
+    scenario: Scenario,
+    loop: Block,
+    given: Mapping[str, Array],
+    progress: Callable[[float], None] | None = None,
 ) -> SweepResult:
-    """Fly phase by phase, each from where the one before ended."""
-    grid = np.meshgrid(*(axis.values for axis in axes), indexing="ij")
-    given = {axis.name: values.ravel() for axis, values in zip(axes, grid, strict=True)}
+    """Run a loop many times through a scenario's phases, each from where the one before ended.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    loop : Block
+        Of its parts.
+    given : mapping of str to ndarray (n_runs,)
+        Parameters by key and states to start from, each of all runs.
+    progress : callable, optional
+        Called with the share that is done.
+
+    Returns
+    -------
+    SweepResult
+        Of the last phase; a run that failed in an earlier one is marked there, too.
+    """
     keys = set(loop.default_parameters)
     own = {name: values for name, values in given.items() if name in keys}
     runs = len(next(iter(given.values())))
@@ -154,12 +175,14 @@ def _flown(
     x0 |= {name: values for name, values in given.items() if name not in keys}
     compiled = loop.compile(friction="smooth")  # as one run of the scenario has it
     failed = np.zeros(runs, dtype=np.intc)
-    bounds = [0.0, *(phase.until for phase in scenario.phases)]
+    bounds = [0.0, *(phase.until - (EARLY if loop.ticks else 0.0) for phase in scenario.phases)]
+    bounds[-1] = scenario.end
     for phase, (begin, end) in zip(scenario.phases, pairwise(bounds), strict=True):
         times = phase_grid(begin, end, scenario.step)
 
         def told(done: int, begin: float = begin, end: float = end) -> None:
-            progress((begin + (end - begin) * done / runs) / scenario.end)
+            if progress is not None:
+                progress((begin + (end - begin) * done / runs) / scenario.end)
 
         params = phase_parameters(scenario, phase) | own
         result = compiled.sweep(times, params=params, x0=x0, progress=told)

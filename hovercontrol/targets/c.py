@@ -136,6 +136,23 @@ const hc_lanes_function hc_model_lanes = NULL;
 """
 
 
+def function_source(block: Block, name: str, results: Sequence[sp.Expr]) -> str:
+    """Return a C function that computes some expressions of a Block's signals into ``dx``.
+
+    Parameters
+    ----------
+    block : Block
+    name : str
+        Of the function; its arguments are those of a derivative of hc_model.h.
+    results : sequence of sympy.Expr
+    """
+    signature = f"{name}({_ARGUMENTS}, double *dx)"
+    own = [(f"dx[{k}]", e) for k, e in enumerate(results)]
+    tables = _tables(block)
+    function = _function(block, _Names(block, ()), signature, own)
+    return f"{tables}\n\n{function}" if tables else function
+
+
 def delays_source(block: Block) -> str:
     """Return how late inputs act as C99 source, ``hc_late`` of hc_delays.h.
 

@@ -205,7 +205,7 @@ class Library:
 
         Ticks at t are taken, those at `until` not. Where `until` is t, nothing but those ticks happens.
         """
-        options, times = _options(solver), np.array([t, until])
+        options, times = _options(solver), np.array([t, until], dtype=float)
         return self._advance(ctypes.byref(options), *(a.ctypes.data for a in (times, x, u, p)))
 
     def simulate(

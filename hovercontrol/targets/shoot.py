@@ -164,7 +164,7 @@ class _Compiled:
         parts = min(threads(), max(windows // SHARE, 1))
         edges = np.linspace(0, windows, parts + 1).astype(int).tolist()
         jobs = [(ctypes.byref(shoot), a, b) for a, b in pairwise(edges)]
-        failed = list(_pool().map(self._job, jobs)) if parts > 1 else [self._job(jobs[0])]
+        failed = list(pool().map(self._job, jobs)) if parts > 1 else [self._job(jobs[0])]
         if any(failed):
             raise MemoryError("no memory for the windows' simulation")
 
@@ -179,7 +179,8 @@ def threads() -> int:
 
 
 @cache
-def _pool() -> ThreadPoolExecutor:
+def pool() -> ThreadPoolExecutor:
+    """Return the threads in which windows are simulated."""
     return ThreadPoolExecutor(threads())
 
 
@@ -196,14 +197,15 @@ def _build(block: Block) -> Future[_Compiled]:
         files["lanes.c"] = generated(block, "lanes.c smooth True", lanes)
         done.set_result(_Compiled(block, files, build=False))
     except NotCachedError:
-        return _builder().submit(_Compiled, block, files)
+        return builder().submit(_Compiled, block, files)
     except NoCompilerError as error:
         done.set_exception(error)
     return done
 
 
 @cache
-def _builder() -> ThreadPoolExecutor:
+def builder() -> ThreadPoolExecutor:
+    """Return the thread in which libraries are built."""
     return ThreadPoolExecutor(1)
 
 

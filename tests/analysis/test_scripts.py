@@ -16,6 +16,14 @@ SMALL = {
     "c17_iss_gain": {"sizes": 4, "runs": 4},
     "c17_interconnection": {"cells": 2, "runs": 4},
     "c17_excitation": {"points": 4},
+    "c17_table2": {
+        "seeds": 1,
+        "P0": (0.1, 100.0),
+        "R": (1.0,),
+        "position_noise": (3e-4,),
+        "heading_noise": (1e-3,),
+        "factor": (1.13,),
+    },
     "k06_forward_region": {"points": 4},
     "k06_reverse_region": {"points": 4},
 }
@@ -54,6 +62,8 @@ def test_a_script_uses_the_public_api_only(name):
         "hovercontrol",
         "hovercontrol.analysis",
         "hovercontrol.analysis.output",
+        "hovercontrol.analysis.table_two",
+        "hovercontrol.scenarios",
     }
     assert not [a.name for n in used for a in n.names if a.name.startswith("_")]
 

@@ -6,7 +6,10 @@ import numpy as np
 import pytest
 from scipy.linalg import block_diag
 
+from hovercontrol.estimation import kalman
 from hovercontrol.estimation.kalman import System, run_filter, run_smoother
+from hovercontrol.estimation.kalman_compiled import Compiled, compiled
+from hovercontrol.targets.compiler import NoCompilerError
 
 K, W, n, C, m = 9, 2, 3, 2, 3
 
@@ -106,3 +109,32 @@ def test_a_block_without_measurements_counts_for_nothing(rng):
     x = run_smoother(s, found, np.array([1.0, 0.0, 0.0])).state
     for w in range(W):
         np.testing.assert_allclose(x[:, w].ravel(), dense(s, w)[1][:, 0], atol=1e-12)
+
+
+@pytest.mark.parametrize("process", [0.0, 0.5])
+def test_c_and_numpy_agree(rng, process, monkeypatch):
+    try:
+        library = Compiled(n, C)
+    except NoCompilerError:
+        pytest.skip("there is no C compiler")
+    s, weights = system(rng, process), np.array([1.0, 0.4, -0.7])
+    found = []
+    for chosen in (library, None):
+        monkeypatch.setattr(kalman, "compiled", lambda *sizes, chosen=chosen: chosen)
+        filtered = run_filter(s, keep=True)
+        found.append((filtered, run_smoother(s, filtered, weights), run_filter(s).white))
+    (one, smooth_one, bare), (other, smooth_other, _) = found
+    np.testing.assert_array_equal(bare, one.white)
+    for name in ("white", "log_det"):
+        np.testing.assert_allclose(getattr(one, name), getattr(other, name), atol=1e-11)
+    for name in ("state", "covariance", "push", "information"):
+        np.testing.assert_allclose(getattr(smooth_one, name), getattr(smooth_other, name), atol=1e-11)
+
+
+def test_a_covariance_that_is_not_positive_is_refused(rng, monkeypatch):
+    s = system(rng)
+    broken = replace(s, P0=-100.0 * np.abs(s.P0))
+    for chosen in (compiled(n, C), None):
+        monkeypatch.setattr(kalman, "compiled", lambda *sizes, chosen=chosen: chosen)
+        with pytest.raises(np.linalg.LinAlgError):
+            run_filter(broken)

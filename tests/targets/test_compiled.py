@@ -50,6 +50,11 @@ TIGHT = {"rtol": 1e-9, "atol": 1e-11}
 DRAG = "plant.yaw_linear_drag"
 
 
+def test_a_single_step_takes_whole_numbers_for_times():
+    """advance(0, 1) once gave the machine code the bits of integers for seconds, and went nowhere."""
+    assert DECAY.compile().advance(0, 1, [1.0]) == pytest.approx([np.exp(-2.0)], rel=1e-5)
+
+
 @pytest.fixture(scope="module", autouse=True)
 def _own_cache(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:

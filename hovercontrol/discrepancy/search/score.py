@@ -21,6 +21,7 @@ from hovercontrol.estimation.fit import Fit, inverse, products
 from hovercontrol.estimation.kalman import run_filter
 from hovercontrol.estimation.noise import augment
 from hovercontrol.estimation.subject import Subject, motion_of, structure, timing
+from hovercontrol.targets.follow import follow
 
 Array = NDArray[np.float64]
 
@@ -252,29 +253,15 @@ class _Along:
         return np.stack([np.broadcast_to(slopes[i], self._t.shape).mean(axis=0).reshape(shape) for i in rows])
 
     def _simulate(self, block: Block, new: list[int], x: Array, u: Array, every: list[float]) -> None:
-        """Run states that only a candidate has along the path, from rest in each stretch (Rosenbrock)."""
-        problem = self.problem
-        S, (steps, W) = problem.pieces, problem.dt.shape
-        inside = x.reshape(len(x), S, steps, W)
-        inputs, t = u.reshape(len(u), S, steps, W), self._t.reshape(S, steps, W)
-        h = problem.dt / S
-        z = np.zeros((len(new), W))
-        slopes = block.to_numpy().vector[0]
-        with np.errstate(all="ignore"):
-            for k in range(steps):
-                for s in range(S):
-                    now = inside[:, s, k]
-                    now[new] = z
-                    f = slopes(t[s, k], now, inputs[:, s, k], every)
-                    for j, i in enumerate(new):
-                        tip = 1e-6 * block.states[i].nominal
-                        moved = now.copy()
-                        moved[i] += tip
-                        rate = np.broadcast_to(f[i], W)
-                        own = (slopes(t[s, k], moved, inputs[:, s, k], every)[i] - rate) / tip
-                        a = np.clip(own * h[k], -700.0, 50.0)
-                        grown = np.where(np.abs(a) > 1e-8, np.expm1(a) / np.where(a == 0, 1.0, a), 1.0)
-                        z[j] = z[j] + h[k] * rate * grown
+        """Run states that only a candidate has along the path, from rest in each stretch."""
+        S, (steps, W) = self.problem.pieces, self.problem.dt.shape
+
+        def in_order(a: Array) -> Array:  # (..., S, steps * W) to (..., steps * S, W)
+            return a.reshape(*a.shape[:-2], S, steps, W).swapaxes(-3, -2).reshape(*a.shape[:-2], -1, W)
+
+        h = np.repeat(self.problem.dt / S, S, axis=0)
+        values = follow(block, new, in_order(self._t), h, in_order(x), in_order(u), every)[:, :-1]
+        x[new] = values.reshape(len(new), steps, S, W).swapaxes(1, 2).reshape(len(new), S, -1)
 
     def _commands(self, model: Subject, block: Block, every: list[float]) -> tuple[Array, dict[int, Array]]:
         problem = self.problem

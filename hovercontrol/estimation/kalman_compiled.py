@@ -1,0 +1,99 @@
+"""The filter and the smoother of :mod:`.kalman` in C, built for each number of states and channels."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable
+from concurrent.futures import Future
+from functools import cache
+from importlib import resources
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hovercontrol.targets.compiler import NoCompilerError, NotCachedError, find_compiler, load_library
+from hovercontrol.targets.shoot import builder, pool, threads
+
+Array = NDArray[np.float64]
+
+#: Blocks that are worth a thread.
+SHARE = 4
+
+_ARRAYS = (
+    "A", "Q", "drive", "H", "R", "seen", "P0", "white", "log_det", "half", "back", "P", "Z",
+    "weights", "state", "covariance", "push", "information",
+)  # fmt: skip
+
+
+class _Kalman(ctypes.Structure):
+    """kalman of kalman.c."""
+
+    _fields_ = (
+        *((name, ctypes.c_long) for name in ("rows", "blocks", "columns")),
+        *((name, ctypes.c_void_p) for name in _ARRAYS),
+    )
+
+
+class Compiled:
+    """The library for `n` states and `C` channels."""
+
+    def __init__(self, n: int, C: int, *, build: bool = True) -> None:
+        source = (resources.files("hovercontrol") / "estimation" / "kalman.c").read_text(encoding="utf-8")
+        files = {"kalman.c": source, "sizes.h": f"enum {{ N = {n}, C = {C} }};\n"}
+        library = load_library(f"kalman_{n}_{C}", files, build=build)
+        self._filter, self._smoother = library.kalman_filter, library.kalman_smoother
+        for call in (self._filter, self._smoother):
+            call.argtypes = [ctypes.c_void_p, ctypes.c_long, ctypes.c_long]
+
+    def filter(self, **arrays: Array | None) -> None:
+        """Fill ``white``, ``log_det`` and, unless None, ``half``, ``back``, ``P`` and ``Z``.
+
+        Raises
+        ------
+        numpy.linalg.LinAlgError
+            If a covariance is not positive.
+        """
+        self._run(self._filter, arrays)
+
+    def smoother(self, **arrays: Array | None) -> None:
+        """Fill ``state``, ``covariance``, ``push`` and ``information``."""
+        self._run(self._smoother, arrays)
+
+    def _run(self, call: Callable[..., int], arrays: dict[str, Array | None]) -> None:
+        given = {k: None if a is None else np.ascontiguousarray(a) for k, a in arrays.items()}
+        rows, blocks, _, columns = given["white"].shape  # type: ignore[union-attr]
+        places = {k: None if a is None else a.ctypes.data for k, a in given.items()}
+        job = _Kalman(rows, blocks, columns, **places)
+        parts = min(threads(), max(blocks // SHARE, 1))
+        edges = np.linspace(0, blocks, parts + 1).astype(int).tolist()
+        spans = list(pairwise(edges))
+
+        def part(span: tuple[int, int]) -> int:
+            return int(call(ctypes.byref(job), *span))
+
+        failed = list(pool().map(part, spans)) if parts > 1 else [part(spans[0])]
+        if 2 in failed:
+            raise MemoryError("no memory for the filter")
+        if any(failed):
+            raise np.linalg.LinAlgError("a covariance of the innovations is not positive")
+
+
+@cache
+def _build(n: int, C: int) -> Future[Compiled]:
+    """Load the library, or let it be built behind the caller's back."""
+    done: Future[Compiled] = Future()
+    try:
+        find_compiler()
+        done.set_result(Compiled(n, C, build=False))
+    except NotCachedError:
+        return builder().submit(Compiled, n, C)
+    except (NoCompilerError, RuntimeError) as error:
+        done.set_exception(error)
+    return done
+
+
+def compiled(n: int, C: int) -> Compiled | None:
+    """Return the library; None while it is built, or where that cannot be."""
+    building = _build(n, C)
+    return building.result() if building.done() and not building.exception() else None

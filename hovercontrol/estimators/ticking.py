@@ -1,0 +1,186 @@
+"""The sampled estimator as a Block: C17's estimator as it runs beside a controller, switched on at some time.
+
+The filter is that of :class:`~hovercontrol.estimators.sampled.SampledEstimator`; here its equations are a
+Block's, so that it compiles, exports and sweeps with the loop.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import sympy as sp
+from numpy.typing import ArrayLike
+
+from hovercontrol.block import Block
+from hovercontrol.errors import InputError
+from hovercontrol.estimators.ins.kalman import Equations, Estimate, remember
+from hovercontrol.estimators.kalman_bucy import diagonal
+from hovercontrol.estimators.regression import Regression, regression
+from hovercontrol.signals import Signal, time
+from hovercontrol.tables import number, positive
+
+
+def sampled_estimator(
+    block: Block,
+    estimate: Sequence[str] | None = None,
+    *,
+    period: float = 0.01,
+    R: ArrayLike = 1e-5,
+    Q: ArrayLike = 1e-2,
+    P0: ArrayLike = 1e-2,
+    start: float = 0.0,
+    name: str = "estimator",
+) -> Block:
+    """Return the discrete Kalman filter of chosen coefficients of a Block.
+
+    Parameters
+    ----------
+    block : Block
+        Its states are measured, under their own names; its start values of the coefficients are the first
+        estimate.
+    estimate : sequence of str, optional
+        Which coefficients are estimated (default: all in which the Block is linear); the others stay
+        parameters of the estimator.
+    period : float, optional
+        Of the samples [s].
+    R, Q, P0 : array_like, optional
+        As for :class:`~hovercontrol.estimators.sampled.SampledEstimator`; of P0 the part of the states is not
+        used: they are taken from the first sample, with its covariance R/period.
+    start : float, optional
+        When it is switched on [s]; until then the estimates stay as they are.
+    name : str, optional
+
+    Returns
+    -------
+    Block
+        Sampled. Inputs: the measured states, and the Block's inputs, of which those of a tick act until the
+        next. Outputs: ``NAME_hat`` for each coefficient, with the sample of the tick taken in. States
+        ``last_xhat[i]``, ``last_P[i,j]``, i <= j, and the last sample.
+
+    Raises
+    ------
+    InputError
+        As :func:`~hovercontrol.estimators.kalman_bucy`; or if the period is not positive or the start no
+        number.
+
+    Examples
+    --------
+    >>> from hovercontrol.hybrid import Ticking
+    >>> from hovercontrol.vehicles import hoverdemon
+    >>> prior = hoverdemon().plant().with_values({"plant.thrust": 0.5})
+    >>> e = Ticking(sampled_estimator(prior, start=1.0))
+    >>> signals = {"v": 0.0, "r": 0.0, "thrust": 2.0, "rudder": 0.0}
+    >>> found = [e.tick(k / 100, {"u": k / 100 * 2 / 2.6, **signals})["thrust_hat"] for k in range(400)]
+    >>> found[99], round(found[399], 3)
+    (0.5, 0.385)
+    """
+    regression(block, estimate)  # refuses under the Block's own name
+    model = regression(block.named(name), estimate)
+    n, m = model.G.shape
+    tick = positive(f"{name}: period", period)
+    if not number(f"{name}: start", start) < float("inf"):
+        raise InputError(f"{name}: start must be finite, found {start!r}")
+    xi = [*model.states, *model.coefficients]
+    step = Signal("period", "s", "of the samples, fixed", start=tick, lower=tick, upper=tick)
+    since = Signal("start", "s", "when the estimator is switched on", start=float(start))
+    begun = Signal("begun", "1", "1 once a sample was taken in", lower=0.0, upper=1.0)
+    noise = [
+        Signal(f"R[{i},{i}]", f"({s.unit})^2*s", f"noise intensity of {s.name}", start=r, lower=0.0)
+        for i, (s, r) in enumerate(zip(model.states, diagonal("R", R, n, positive=True), strict=True))
+    ]
+    drift = [
+        Signal(f"Q[{i},{i}]", f"({s.unit})^2/s", f"disturbance intensity of {s.name}", start=q, lower=0.0)
+        for i, (s, q) in enumerate(zip(xi, diagonal("Q", Q, n + m), strict=True))
+    ]
+    memory = remember("xhat", "P", xi, diagonal("P0", P0, n + m))
+    used = set().union(*(e.free_symbols for e in (*model.h, *model.G))) - {time}
+    measured = [s for s in block.states if s.symbol in used or s in model.states]
+    held = [s for s in block.inputs if s.symbol in used]
+    before = {s.symbol: s.but(name=f"{s.name}_before") for s in (*measured, *held)}
+    on, first = (sp.Symbol(key, real=True) for key in ("switched_on", "first_sample"))
+    write = Equations()
+    write.definitions[on.name] = sp.Piecewise((1, time >= since.symbol), (0, True))
+    write.definitions[first.name] = on * (1 - begun.symbol)
+    new = _updated(model, memory.estimate, write, before, [s.symbol for s in noise], drift, step.symbol)
+    taken = _first(model, memory.estimate, [s.symbol / step.symbol for s in noise])
+    next_values = {
+        s.name: sp.Piecewise((fresh, first > 0), (e, on > 0), (s.symbol, True))
+        for s, e, fresh in zip(
+            memory.states,
+            memory.next_values(new).values(),
+            memory.next_values(taken).values(),
+            strict=True,
+        )
+    }
+    hats = {
+        f"{short}_hat": sp.Symbol(f"now_{short}", real=True) for short in model.names
+    }  # told and remembered
+    for short, s in zip(model.names, memory.values[n:], strict=True):
+        write.definitions[f"now_{short}"] = next_values[s.name]
+        next_values[s.name] = sp.Symbol(f"now_{short}", real=True)
+    parameters = [p for p in model.block.parameters if p.symbol in used and p not in model.coefficients]
+    return Block(
+        name,
+        states=(begun, *memory.states, *before.values()),
+        inputs=(*measured, *held),
+        outputs=tuple(
+            c.but(name=f"{short}_hat", description=f"estimate of {short}", lower=-sp.oo, upper=sp.oo)
+            for c, short in zip(model.coefficients, model.names, strict=True)
+        ),
+        parameters=(step, since, *noise, *drift, *parameters),
+        derivatives={
+            "begun": sp.Max(begun.symbol, on),
+            **next_values,
+            **{old.name: now for now, old in before.items()},
+        },
+        output_expressions=hats,
+        definitions=write.definitions,
+        period=tick,
+    )
+
+
+def _updated(
+    model: Regression,
+    last: Estimate,
+    write: Equations,
+    before: dict[sp.Symbol, Signal],
+    R: list[sp.Symbol],
+    Q: list[Signal],
+    step: sp.Symbol,
+) -> Estimate:
+    """Write one step: h and G as the mean of both ends, with the inputs that held in between."""
+    n, m = model.G.shape
+    inputs = {s.symbol for s in model.block.inputs}
+    early = {now: old.symbol for now, old in before.items()}
+    late = {now: old for now, old in early.items() if now in inputs} | {time: time}
+    early |= {time: time - step}
+
+    def mean(key: str, place: str, e: sp.Expr) -> sp.Expr:
+        was = write.define(f"{key}_before{place}", e.xreplace(early))
+        now = write.define(f"{key}_now{place}", e.xreplace(late))
+        return write.define(f"{key}{place}", step * (was + now) / 2) if e != 0 else sp.S.Zero
+
+    h = [mean("h", f"[{i}]", e) for i, e in enumerate(model.h)]
+    G = sp.Matrix(n, m, lambda i, j: mean("G", f"[{i},{j}]", model.G[i, j]))
+    F = sp.eye(n + m)
+    F[:n, n:] = G
+    x = F * last.x + sp.Matrix([*h, *([0] * m)])
+    found = write.predict("predicted", x, F, last.P, sp.diag(*(s.symbol * step for s in Q)))
+    for i, s in enumerate(model.states):
+        H = sp.zeros(1, n + m)
+        H[i] = 1
+        found = write.correct(s.name, found, H, s.symbol - found.x[i], R[i] / step, sp.S.One)
+    return found
+
+
+def _first(model: Regression, last: Estimate, R: list[sp.Expr]) -> Estimate:
+    """Return what the first sample leaves: its own states, the coefficients and variances as they were."""
+    n, m = model.G.shape
+    x = sp.Matrix([*(s.symbol for s in model.states), *last.x[n:, 0]])
+
+    def entry(i: int, j: int) -> sp.Expr:
+        if max(i, j) < n:
+            return R[i] if i == j else sp.S.Zero
+        return sp.S.Zero if min(i, j) < n else last.P[i, j]
+
+    return Estimate(x, sp.Matrix(n + m, n + m, entry))
