@@ -70,8 +70,8 @@ def main(out: Path, progress: Progress | None = None, *, points: int = 40, insta
         f"{1000 * table_62.delay:.0f} ms, and any that varies up to {1000 * table_62.jitter:.0f} ms; the "
         f"link's mean round trip is {1000 * ROUND_TRIP:.0f} ms.",
         f"Packets every {1000 * periods[half]:.0f} ms, last commands held on loss: it bears "
-        f"corruption of {once[half]:.0%} of them if each is sent once, of {twice[half]:.0%} if a corrupted one "
-        "is sent once more (K06: |a| q > 1 with a second try; a^2 q > 1 without).",
+        f"corruption of {once[half]:.0%} of them if each is sent once, of {twice[half]:.0%} if one that "
+        "arrives corrupted is sent once more (K06: |a| q > 1 with a second try; a^2 q > 1 without).",
         f"C17 along the ellipse, rudder, frozen: phase margin {worst.phase:.1f} deg at worst, delay "
         f"{1000 * worst.delay:.0f} ms.",
     ]

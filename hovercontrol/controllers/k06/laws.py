@@ -27,7 +27,7 @@ _U, _V, _R = (s.symbol for s in _MOVING)
 
 
 def stop(*, k1: float, k2: float, body: Body = HOVERDEMON_BODY, name: str = "controller") -> Block:
-    """Return the law that brings the craft to rest, K06 (2.16).
+    """Return the law that brings the craft to rest [K06 eq 2.16] [K06 proposition 2.2.2].
 
     ``F_X = -k1 u``, ``F_Y = -k2 (v - d r)``. The origin is globally asymptotically stable; the kinetic energy
     never grows.
@@ -61,7 +61,7 @@ def stop(*, k1: float, k2: float, body: Body = HOVERDEMON_BODY, name: str = "con
 
 
 def forward(*, k1: float, k2: float, body: Body = HOVERDEMON_BODY, name: str = "controller") -> Block:
-    """Return the law for a constant forward velocity, K06 (2.24).
+    """Return the law for a constant forward velocity [K06 eq 2.24].
 
     ``F_X = -k1 (u - u_ref)``, ``F_Y = -k2 (v - d r)``. Globally asymptotically stable if
     ``k2 > m u_ref/d``, which is sufficient, not necessary.
@@ -88,7 +88,7 @@ def forward(*, k1: float, k2: float, body: Body = HOVERDEMON_BODY, name: str = "
 
 
 def forward_alternate(*, k1: float, body: Body = HOVERDEMON_BODY, name: str = "controller") -> Block:
-    """Return the second law for a constant forward velocity, K06 (2.29).
+    """Return the second law for a constant forward velocity [K06 eq 2.29].
 
     As :func:`forward` with the gain ``k2 = m u_ref/(2 d)``, which follows from the velocity.
 
@@ -120,7 +120,7 @@ def forward_alternate(*, k1: float, body: Body = HOVERDEMON_BODY, name: str = "c
 def reverse(
     *, k1: float, k2: float, alpha: float, body: Body = HOVERDEMON_BODY, name: str = "controller"
 ) -> Block:
-    """Return the law for a constant velocity astern, K06 (2.30).
+    """Return the law for a constant velocity astern [K06 eq 2.30].
 
     ``F_X = -k1 (u - u_ref)``, ``F_Y = k2 (v + alpha d r)`` with ``u_ref < 0``. Locally stable if
     ``alpha > J/(d^2 m)``; K06 has no proof for more.
@@ -153,7 +153,7 @@ def reverse(
 
 
 def turn(*, k1: float, k2: float, body: Body = HOVERDEMON_BODY, name: str = "controller") -> Block:
-    """Return the law for a constant yaw rate on the spot, K06 (2.39).
+    """Return the law for a constant yaw rate on the spot [K06 eq 2.39].
 
     ``F_X = -k1 u``, ``F_Y = -k2 (v - d (r - r_ref))``. The craft converges to ``(0, 0, r_ref)`` or to the
     unwanted ``(0, -d r_ref, 0)``; to the former if it starts with less energy than (2.48) says. With
