@@ -79,8 +79,8 @@ def _check_told(guidance: Block, law: Block, kind: str) -> None:
     for s in guidance.outputs:
         if s.name in takes and s.lower < takes[s.name].lower:
             raise InputError(
-                f"[guidance] may tell {s.name} down to {s.lower:g} {s.unit}, controller.kind = {kind!r} takes "
-                f"{takes[s.name].lower:g} at least: both_ways takes both signs"
+                f"[guidance] may tell {s.name} down to {s.lower:g} {s.unit}, controller.kind = {kind!r} "
+                f"takes {takes[s.name].lower:g} at least: both_ways takes both signs"
             )
 
 

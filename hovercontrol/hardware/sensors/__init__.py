@@ -19,6 +19,7 @@ from hovercontrol.hardware.sensors.magnetometer import k06_magnetometer, magneti
 from hovercontrol.hardware.sensors.mocap import mocap, noisy_motion
 from hovercontrol.hardware.sensors.motion import with_specific_force
 from hovercontrol.hardware.sensors.ranging import cricket_ranges
+from hovercontrol.hardware.sensors.sound import speed_of_sound
 from hovercontrol.hardware.sensors.two_units import two_unit_heading
 
 __all__ = [
@@ -40,6 +41,7 @@ __all__ = [
     "cone_correction",
     "corrected_range",
     "locate",
+    "speed_of_sound",
     "two_unit_heading",
     "arrivals",
     "ranges_by_unit",
