@@ -13,6 +13,9 @@ from hovercontrol.analysis.output import Progress, save, script
 #: Of C17's simulation [kg, kg m^2].
 MASS, INERTIA = 0.585, 0.01
 
+#: A rudder this near to the centre of mass hardly turns the craft [m].
+NEAR = 0.02
+
 
 def main(out: Path, progress: Progress | None = None, *, points: int = 120) -> list[Path]:
     """Draw theory beside simulation, over the rudder arm and the control point."""
@@ -31,8 +34,9 @@ def main(out: Path, progress: Progress | None = None, *, points: int = 120) -> l
     beyond = (arm * control_point > INERTIA / MASS)[ahead].mean()
     printed = (theory["printed"] & ~judge["bounded"]).sum()
     findings = [
-        f"{runs} closed loops of 30 s along the ellipse, started nose-first; "
-        f"{1 - judge['bounded'].mean():.1%} spin away.",
+        f"{runs} closed loops of 30 s along the ellipse, started nose-first: {judge['nose'].mean():.1%} "
+        f"settle nose-first, {judge['stern'].mean():.1%} stern-first, {judge['unsettled'].mean():.1%} on "
+        f"neither side in that time ({_nearest(judge)}), {1 - judge['bounded'].mean():.1%} spin away.",
         f"(24) corrected: {len(judge.outside('theorem', 'bounded'))} simulated counter-examples; it covers "
         f"{judge.share('theorem', 'bounded'):.1%} of the bounded loops.",
         f"(24) as printed: {printed} simulated counter-examples.",
@@ -43,6 +47,13 @@ def main(out: Path, progress: Progress | None = None, *, points: int = 120) -> l
     ]
     tables = {"c17_zero_dynamics_theory": theory.save, "c17_zero_dynamics_simulated": judge.save}
     return save(out, "c17_zero_dynamics", figure, tables, findings)
+
+
+def _nearest(judge: Region) -> str:
+    """Return where most of the loops are that have not settled."""
+    arm = np.broadcast_to(np.abs(judge.x.values), judge["unsettled"].shape)
+    near = (arm < NEAR)[judge["unsettled"]]
+    return f"{near.mean():.0%} of these at |a| < {NEAR:g} m, where the rudder hardly turns the craft"
 
 
 def _agreement(theory: Region, judge: Region) -> float:

@@ -23,6 +23,7 @@ from benchmarks import (
     navigation,
     real_logs,
     regions,
+    step,
     tables,
 )
 
@@ -32,6 +33,7 @@ ALL = {
     "compiled": compiled,
     "cluster": cluster,
     "do_step": do_step,
+    "step": step,
     "fmu": fmu,
     "derive": derive,
     "estimator": estimator,

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
     from hovercontrol.targets.compiled import CompiledBlock
     from hovercontrol.targets.numpy import NumpyFunctions
+    from hovercontrol.targets.runner import BlockRunner
 
 Rows = Literal["derivatives", "outputs"]
 Columns = Literal["states", "inputs", "parameters"]
@@ -402,6 +403,11 @@ class Block:
             object.__setattr__(block, f.name, changes.get(f.name, getattr(self, f.name)))
         return block
 
+    def _repr_html_(self) -> str:
+        from hovercontrol.notebook.systems import block_html
+
+        return block_html(self)
+
     # ---- its faces -----------------------------------------------------------------------------------
 
     def to_numpy(self) -> NumpyFunctions:
@@ -415,6 +421,60 @@ class Block:
         from hovercontrol.targets.numpy import numpy_functions
 
         return numpy_functions(self)
+
+    def start(
+        self,
+        x0: ArrayLike | Mapping[str, float] | None = None,
+        params: Mapping[str, float] | None = None,
+        *,
+        inputs: Sequence[float] | Mapping[str, float] | float | None = None,
+        time: float = 0.0,
+        rtol: float = 1e-6,
+        atol: float = 1e-9,
+    ) -> BlockRunner:
+        """Start a run that goes step by step, on plain Python floats; ``block.compile().start()`` is faster.
+
+        Parameters
+        ----------
+        x0 : array_like, shape (n_states,), or mapping by name, optional
+            Initial state over the states' start values.
+        params : mapping, optional
+            Parameter values by key, over the defaults.
+        inputs : sequence of float, or mapping by name, optional
+            Before the first step, over the inputs' start values.
+        time : float, optional
+            To start at [s].
+        rtol, atol : float, optional
+            Relative and absolute tolerance of the solver.
+
+        Returns
+        -------
+        BlockRunner
+            With ``step(inputs, dt)``, ``set``, ``state``, ``outputs``, ``time``, ``save`` and ``restore``
+            (:class:`hovercontrol.targets.runner.Runner`).
+
+        Raises
+        ------
+        InputError
+            If a name, a shape or a value is wrong.
+
+        Examples
+        --------
+        >>> v, k = Signal("v", "m/s", start=1.0), Signal("k", "1/s", start=2.0)
+        >>> run = Block("decay", [v], [], [v], [k], {"v": -k.symbol * v.symbol}).start()
+        >>> run.step(None, 0.5).round(5).tolist(), run.time
+        ([0.36788], 0.5)
+        >>> begin = run.save()
+        >>> run.set(params={"decay.k": 0.0})
+        >>> run.step(None, 0.5).round(5).tolist()
+        [0.36788]
+        >>> run.restore(begin)
+        >>> run.step(None, 0.5).round(5).tolist()
+        [0.13534]
+        """
+        from hovercontrol.targets.python_runner import start_block
+
+        return start_block(self, x0, params, inputs=inputs, time=time, rtol=rtol, atol=atol)
 
     def to_control(
         self, name: str | None = None, *, step: float | None = None, pade: int | None = None

@@ -85,6 +85,11 @@ class BlockModel:
             if names.count(name) > 1:
                 raise InputError(f"model {self.name!r}: the effect {name!r} stands twice")
 
+    def _repr_html_(self) -> str:
+        from hovercontrol.notebook.systems import blockmodel_html
+
+        return blockmodel_html(self)
+
     @property
     def name(self) -> str:
         """The Block's name."""

@@ -7,7 +7,19 @@ from typing import Annotated
 
 import typer
 
-from hovercontrol.commands import analyze, cockpit, diagnose, export, identify, reproduce, simulate, sweep
+from hovercontrol.commands import (
+    analyze,
+    check,
+    cockpit,
+    diagnose,
+    export,
+    identify,
+    new,
+    reproduce,
+    schema,
+    simulate,
+    sweep,
+)
 from hovercontrol.errors import InputError
 
 app = typer.Typer(
@@ -50,16 +62,26 @@ def _refuse(text: str) -> int:
 def _root(
     context: typer.Context,
     version: Annotated[bool, typer.Option("--version", help="Print the version and leave.")] = False,
+    completion: Annotated[
+        str, typer.Option("--completion", metavar="SHELL", help="Print completion for bash, zsh or fish.")
+    ] = "",
 ) -> None:
     if version:
         from hovercontrol import __version__
 
         print(__version__)
         raise typer.Exit
+    if completion:
+        from hovercontrol.commands.completion import script
+
+        print(script(completion, context.command), end="")
+        raise typer.Exit
 
 
 for command, example in (
     (simulate.simulate, simulate.EXAMPLE),
+    (new.new, new.EXAMPLE),
+    (check.check, check.EXAMPLE),
     (identify.identify, identify.EXAMPLE),
     (diagnose.diagnose, diagnose.EXAMPLE),
     (export.export, export.EXAMPLE),
@@ -67,6 +89,7 @@ for command, example in (
     (sweep.sweep, sweep.EXAMPLE),
     (reproduce.reproduce, reproduce.EXAMPLE),
     (cockpit.cockpit, cockpit.EXAMPLE),
+    (schema.schema, schema.EXAMPLE),
 ):
     app.command(epilog=example)(command)
 

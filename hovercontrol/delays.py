@@ -10,9 +10,9 @@ Until the first value arrives a late input has its start value; commands of a cr
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import sympy as sp
@@ -174,6 +174,69 @@ def arrivals_of_runs(
         (np.flatnonzero(group.ravel() == k), arrivals(block, times, u, values[run]))
         for k, run in enumerate(first)
     ]
+
+
+class UnderWay:
+    """What was sent to late inputs and has not arrived, for runs that go step by step.
+
+    Parameters
+    ----------
+    block : Block
+    late : mapping of str to float
+        How late each late input acts [s], as of :func:`delay_values`.
+
+    Attributes
+    ----------
+    inputs : list of float
+        All inputs as they have arrived.
+
+    Examples
+    --------
+    >>> v, a, late = Signal("v", "m/s"), Signal("a", "m/s^2"), Signal("late", "s", start=0.25)
+    >>> cart = Block("cart", [v], [a], [v], [late], {"v": a.symbol}, delays={"a": late.symbol})
+    >>> sent = UnderWay(cart, {"a": 0.25})
+    >>> sent.send(0.0, [3.0])
+    >>> sent.next(1.0), sent.arrived(0.2), sent.arrived(0.25)
+    (0.25, [0.0], [3.0])
+    """
+
+    def __init__(self, block: Block, late: Mapping[str, float]) -> None:
+        self.inputs = [s.start for s in block.inputs]
+        self._sent = list(self.inputs)
+        self._late = {k: late[s.name] for k, s in enumerate(block.inputs) if s.name in late}
+        self._ahead: list[tuple[float, int, float]] = []
+
+    def send(self, time: float, inputs: Sequence[float]) -> None:
+        """Send all inputs at a time [s]; those that are not late have arrived."""
+        for k, value in enumerate(inputs):
+            if k not in self._late:
+                self.inputs[k] = value
+            elif value != self._sent[k]:
+                self._ahead = [a for a in self._ahead if a[:2] != (time + self._late[k], k)]
+                self._ahead.append((time + self._late[k], k, value))
+        self._sent = list(inputs)
+
+    def next(self, until: float) -> float:
+        """Return when something arrives next, at most `until` [s]."""
+        room = ROOM * abs(until)
+        return min((at for at, _, _ in self._ahead if at < until - room), default=until)
+
+    def arrived(self, time: float) -> list[float]:
+        """Return all inputs as they have arrived by a time [s]."""
+        room = ROOM * abs(time)
+        for at, k, value in sorted(self._ahead):
+            if at <= time + room:
+                self.inputs[k] = value
+        self._ahead = [a for a in self._ahead if a[0] > time + room]
+        return list(self.inputs)
+
+    def save(self) -> tuple[tuple[Any, ...], ...]:
+        """Return all that it knows, for :meth:`load`."""
+        return tuple(self.inputs), tuple(self._sent), tuple(self._ahead)
+
+    def load(self, saved: tuple[tuple[Any, ...], ...]) -> None:
+        """Go on from what :meth:`save` returned."""
+        self.inputs, self._sent, self._ahead = map(list, saved)
 
 
 def _beside(grid: Array, at: Array) -> Array:

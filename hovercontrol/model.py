@@ -99,6 +99,11 @@ class Model:
         fans = tuple(f if f.gain is None else replace(f, gain=1.0) for f in self.fans)
         return (self.name, self.thrust, self.rudder, fans, *(type(e) for e in self.effects))
 
+    def _repr_html_(self) -> str:
+        from hovercontrol.notebook.systems import model_html
+
+        return model_html(self)
+
     def effect(self, name: str) -> Effect:
         """Return the effect of that name.
 

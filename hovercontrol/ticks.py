@@ -88,7 +88,16 @@ class Schedule:
         self.time = self._first()
 
     def _first(self) -> float:
-        return min(self._next) / self._parts
+        return min(self._next, default=math.inf) / self._parts
+
+    def save(self) -> tuple[int, ...]:
+        """Return when each is due next, for :meth:`load`."""
+        return tuple(self._next)
+
+    def load(self, saved: Sequence[int]) -> None:
+        """Go on from what :meth:`save` returned."""
+        self._next = list(saved)
+        self.time = self._first()
 
     def is_due(self, time: float) -> bool:
         """Tell whether a tick is due at a time, or was before."""

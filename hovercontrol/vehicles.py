@@ -51,7 +51,7 @@ HOVERDEMON_BODY = Body(mass=2.6, inertia=0.096, arm=0.32)
 
 
 def _c17_effects(rudder_torque: float) -> tuple[Effect, ...]:
-    """C17 section VIII-C: zeta_1 ... zeta_7 of the experiment; zeta_8 differs with arm and inertia."""
+    """Return zeta [C17 eq 12] of the experiment (section VIII-C); zeta_8 differs with arm and inertia."""
     return (
         effect("surge_coulomb", 1.35),
         effect("surge_linear_drag", 0.0),

@@ -35,7 +35,7 @@ def test_wrong_input_is_one_line(call, words, said):
 
 def test_an_analysis_is_found_without_its_documents_name_where_only_one_ends_so(call, monkeypatch):
     analyses = {name: None for name in ("c17_region", "k06_region", "k06_budget")}
-    monkeypatch.setattr(analyze, "_scripts", lambda: analyses)
+    monkeypatch.setattr(analyze, "known_scripts", lambda: analyses)
     done = call("analyze", "region")
     assert (done.returncode, done.stderr) == (
         2,

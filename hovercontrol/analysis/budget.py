@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,9 @@ from hovercontrol.autopilot import SWITCHES, Imperfections, seeds
 from hovercontrol.scenarios import Scenario
 from hovercontrol.scenarios.parts import loop_parts, phase_parameters
 from hovercontrol.scenarios.real import real_loop
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
 
@@ -70,6 +73,12 @@ class Budget:
     none: Cost
     alone: Mapping[str, Cost]
     without: Mapping[str, Cost]
+
+    def plot(self) -> Figure:
+        """Return what each imperfection costs alone as a picture."""
+        from hovercontrol.notebook.plots import budget_figure
+
+        return budget_figure(self)
 
     def share(self, name: str) -> float:
         """Return by which part of the whole the mean square gap falls without one; negative if it grows."""

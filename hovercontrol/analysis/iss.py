@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import sympy as sp
@@ -30,6 +31,9 @@ from hovercontrol.block import Block
 from hovercontrol.model import Model
 from hovercontrol.sgn import regularise
 from hovercontrol.tables import positive
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
 
@@ -159,6 +163,12 @@ class IssGain:
     def error(self, coefficient_error: float) -> float:
         """Return the bound of |z1| [m] where each coefficient is wrong by at most this, in its own unit."""
         return self.exact * self.together * coefficient_error
+
+    def plot(self) -> Figure:
+        """Return the bound of the error per unit of each coefficient as a picture."""
+        from hovercontrol.notebook.plots import iss_figure
+
+        return iss_figure(self)
 
     def table(self) -> str:
         """Return the bound of the error per unit of each coefficient as text."""

@@ -15,9 +15,17 @@ import numpy as np
 import sympy as sp
 from numpy.typing import ArrayLike, NDArray
 
-from hovercontrol.analysis.normal_form import ERRORS, coefficient, normal_form, symbol
+from hovercontrol.analysis.normal_form import (
+    ERRORS,
+    closed_loop,
+    coefficient,
+    normal_form,
+    once_for_equations,
+    symbol,
+)
 from hovercontrol.analysis.regions import as_numbers
 from hovercontrol.errors import InputError
+from hovercontrol.model import Model
 from hovercontrol.vehicles import c17_simulation
 
 Array = NDArray[np.float64]
@@ -100,6 +108,41 @@ def _largest(matrix: sp.Matrix, beta: sp.Symbol) -> sp.Expr:
     """Return the beta at which a matrix, definite for small beta, stops being so."""
     (bound,) = sp.solve(matrix.det(), beta)  # of the roots only the positive one: beta is positive
     return sp.simplify(bound)
+
+
+@once_for_equations
+def lyapunov_rate(model: Model) -> sp.Expr:
+    """Return V' under any commands, C17 (20) [C17 eq 20]: V is (17), the craft's own motion moves z1 and z2.
+
+    Parameters
+    ----------
+    model : Model
+
+    Returns
+    -------
+    sympy.Expr
+        In the motion, the reference's signals, the force vector ``thrust_x, thrust_y`` (T cos(theta),
+        T sin(theta)), the coefficients and gains (:func:`~hovercontrol.analysis.normal_form.coefficient`) and
+        ``beta``.
+
+    Raises
+    ------
+    InputError
+        As :func:`~hovercontrol.analysis.normal_form`.
+    """
+    controller, flow = closed_loop(model, steered=False)
+    z = [controller.definitions[name] for name in ERRORS]
+    rates = [sum((sp.diff(e, s) * f for s, f in flow.items()), sp.S.Zero) for e in z]
+    k1, beta = coefficient("k1"), sp.Symbol("beta", positive=True)
+    return sum(
+        (
+            k1 * z[i] * rates[i]
+            + z[i + 2] * rates[i + 2]
+            + beta * (rates[i] * z[i + 2] + z[i] * rates[i + 2])
+            for i in (0, 1)
+        ),
+        sp.S.Zero,
+    )
 
 
 @dataclass(frozen=True, eq=False)

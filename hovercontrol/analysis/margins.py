@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING
 
 import control
 import numpy as np
@@ -19,6 +20,9 @@ from hovercontrol.block import Block
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.interconnect import interconnect, rename
 from hovercontrol.simulation import initial_state
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
 Point = ArrayLike | Mapping[str, float]
@@ -241,6 +245,12 @@ class FrozenMargins:
         if name not in names:
             raise InputError(f"no margin {name!r}{did_you_mean(name, names)}")
         return np.array([getattr(m, name) for m in self.each], dtype=float)
+
+    def plot(self) -> Figure:
+        """Return phase, gain and delay margins over time as a picture."""
+        from hovercontrol.notebook.plots import margins_figure
+
+        return margins_figure(self)
 
     @property
     def worst(self) -> Margins:

@@ -76,13 +76,15 @@ def once_for_equations(
 
 
 @once_for_equations
-def normal_form(model: Model) -> NormalForm:
+def normal_form(model: Model, side: bool = False) -> NormalForm:
     """Return the tracking loop of a craft in error coordinates.
 
     Parameters
     ----------
     model : Model
         The craft; the controller knows all of it.
+    side : bool, optional
+        Whether the control point may lie beside the centre line: its ``control_point_side`` is then a symbol.
 
     Returns
     -------
@@ -101,7 +103,7 @@ def normal_form(model: Model) -> NormalForm:
     >>> normal_form(c17_simulation()).errors["error_rate_x"]
     -controller.k1*error_x - controller.k2*error_rate_x
     """
-    controller, flow = closed_loop(model)
+    controller, flow = closed_loop(model, side=side)
     z = [controller.definitions[name] for name in ERRORS]
     position, velocity = [symbol(n) for n in "xy"], [symbol(n) for n in "uv"]
     rates = sp.Matrix(z[2:])
@@ -118,7 +120,9 @@ def normal_form(model: Model) -> NormalForm:
     )
 
 
-def closed_loop(model: Model, adapt: Iterable[str] = ()) -> tuple[Block, dict[sp.Symbol, sp.Expr]]:
+def closed_loop(
+    model: Model, adapt: Iterable[str] = (), *, side: bool = False, steered: bool = True
+) -> tuple[Block, dict[sp.Symbol, sp.Expr]]:
     """Return the tracking controller, and how motion and reference change under it.
 
     Parameters
@@ -126,6 +130,10 @@ def closed_loop(model: Model, adapt: Iterable[str] = ()) -> tuple[Block, dict[sp
     model : Model
     adapt : iterable of str, optional
         Coefficients that the controller takes from estimates, ``NAME_hat``.
+    side : bool, optional
+        As for :func:`normal_form`.
+    steered : bool, optional
+        Whether the controller's commands act; else the force vector ``thrust_x, thrust_y`` stays as it is.
 
     Returns
     -------
@@ -139,7 +147,14 @@ def closed_loop(model: Model, adapt: Iterable[str] = ()) -> tuple[Block, dict[sp
     if len(plant.states) > len(MOTION):
         more = ", ".join(s.name for s in plant.states[len(MOTION) :])
         raise InputError(f"normal form: model {model.name!r} has states beside its motion: {more}")
-    controller = tracking_controller(model, control_point=_somewhere(model), adapt=list(adapt), name=OWNER)
+    ahead = _somewhere(model)
+    controller = tracking_controller(
+        model,
+        control_point=ahead,
+        control_point_side=ahead if side else 0.0,
+        adapt=list(adapt),
+        name=OWNER,
+    )
     own = {p.name: f"{OWNER}.{p.name}" for p in controller.parameters if "." not in p.name}
     controller = controller.with_parameter_names(own)
     command = {symbol(n): controller.output_expressions[n] for n in ("thrust", "rudder")}
@@ -148,6 +163,8 @@ def closed_loop(model: Model, adapt: Iterable[str] = ()) -> tuple[Block, dict[sp
 
     def closed(expression: sp.Expr) -> sp.Expr:
         forces = expression.xreplace(command)  # T cos(theta), T sin(theta) become the force vector
+        if not steered:
+            return forces
         return forces.xreplace(push).xreplace(push).xreplace({coefficient("adaptation"): sp.S.One})
 
     flow = {symbol(s.name): closed(plant.derivatives[s.name]) for s in plant.states}

@@ -5,7 +5,9 @@ For ``x' = h + G c`` with measured x, and Gamma(t) the integral of G from t0 to 
     W(t0, tf) = integral over t from t0 to tf of [I  Gamma(t)]' [I  Gamma(t)] dt.
 
 C17 prints (6) with tf as the inner integral's upper limit, for which W has rank n and is never
-invertible; the proof of its Lemma 2 integrates to t, and so does this.
+invertible; the proof of its Lemma 2 integrates to t, and so does this. The same slip stands before (6): the
+Peano-Baker series of the transition matrix Phi(t, t0), and what its nilpotent A leaves of it, integrate to tf
+where they must integrate to t (so printed, Phi would not depend on t).
 """
 
 from __future__ import annotations

@@ -49,6 +49,9 @@ SECONDS_PER_RUN = 2e-3
 #: The mean cosine of the sideslip beyond which a craft goes nose-first, or stern-first below the negative.
 FACING = 0.3
 
+#: A craft whose mean cosine moves by more than this in the last third of a run has not settled on a side.
+SETTLED = 0.3
+
 
 @dataclass(frozen=True)
 class ZeroDynamics:
@@ -61,6 +64,9 @@ class ZeroDynamics:
     growth : sympy.Expr
         The coefficient of r^2 in [C17 eq 23], the derivative of r^2/2 [1/s]: Theorem 4 asks that it is
         negative.
+    cubic : sympy.Expr
+        The coefficient of r^3 there [1/rad]: 0 for a control point on the centre line. Where it is not, r
+        escapes in finite time from far enough to one side, and Theorem 4 has no Delta.
     nose, stern : tuple of sympy.Expr
         Coefficients (a1, a0) of ``s^2 + a1 s + a0``, the equation of small turns about straight motion at the
         speed ``U``, bow or stern ahead: stable where both are positive.
@@ -68,6 +74,7 @@ class ZeroDynamics:
 
     yaw: sp.Expr
     growth: sp.Expr
+    cubic: sp.Expr
     nose: tuple[sp.Expr, sp.Expr]
     stern: tuple[sp.Expr, sp.Expr]
 
@@ -79,19 +86,74 @@ class ZeroDynamics:
         >>> zero_dynamics(c17_simulation()).condition_24()
         c8*delta_x*(c4 - c6)/(c7 - c8*delta_x)
         """
-        c4, c6, c7, c8, dx = sp.symbols("c4 c6 c7 c8 delta_x", real=True)
-        names = {"sway_linear_drag": c4, "yaw_linear_drag": c6, "thrust": c7, "rudder_torque": c8}
-        short = {coefficient(name): c for name, c in names.items()} | {coefficient("control_point"): dx}
-        return sp.factor(sp.simplify(self.growth.xreplace(short) + c6))
+        short = {coefficient(name): c for name, c in _short().items()}
+        return sp.factor(sp.simplify(self.growth.xreplace(short) + _short()["yaw_linear_drag"]))
+
+    def margin(self) -> sp.Expr:
+        """Return Delta of Theorem 4: (24) holds for every control point nearer than this [m].
+
+        It is the nearer of two distances: where the growth is zero, and where B has no inverse, at which the
+        growth changes sign, too. Infinite where neither exists.
+
+        Examples
+        --------
+        >>> zero_dynamics(c17_simulation()).margin()
+        Min(Abs(c7/c8), Abs(c6*c7/(c4*c8)))
+        """
+        short = {coefficient(name): c for name, c in _short().items()}
+        top, bottom = sp.fraction(sp.together(self.growth.xreplace(short)))
+        ends = [end for part in (top, bottom) for end in sp.solve(part, sp.Symbol("delta_x", real=True))]
+        return sp.Min(*(sp.Abs(end) for end in ends)) if ends else sp.oo
+
+
+def _short() -> dict[str, sp.Symbol]:
+    """Return C17's symbols of the coefficients that Theorem 4 needs, by name."""
+    c4, c6, c7, c8, dx = sp.symbols("c4 c6 c7 c8 delta_x", real=True)
+    return {
+        "sway_linear_drag": c4,
+        "yaw_linear_drag": c6,
+        "thrust": c7,
+        "rudder_torque": c8,
+        "control_point": dx,
+    }
+
+
+def theorem_4_margin(model: Model) -> float:
+    """Return Delta of Theorem 4 [m] for a craft: with a nearer control point its velocities stay bounded.
+
+    Examples
+    --------
+    >>> round(theorem_4_margin(c17_simulation()), 4)
+    0.0488
+    """
+    values = {c: model.coefficients().get(name, 0.0) for name, c in _short().items()}
+    found = zero_dynamics(model).margin().subs(values)
+    return float(found) if found.is_finite else math.inf
 
 
 @once_for_equations
-def zero_dynamics(model: Model) -> ZeroDynamics:
+def kinetic_energy_rate(model: Model) -> sp.Expr:
+    """Return Z' of C17 (23), Z = r^2/2, in the error coordinates and with dry friction.
+
+    C17 prints (23) with a bracket missing: the sign is that of ``e2' R'(z2 + p_d') - delta_x r``, the whole
+    sway velocity.
+
+    Parameters
+    ----------
+    model : Model
+    """
+    return symbol("r") * normal_form(model).rest["r"]
+
+
+@once_for_equations
+def zero_dynamics(model: Model, side: bool = False) -> ZeroDynamics:
     """Return the zero dynamics of a craft under the tracking controller.
 
     Parameters
     ----------
     model : Model
+    side : bool, optional
+        Whether the control point may lie beside the centre line (``control_point_side``).
 
     Returns
     -------
@@ -102,7 +164,7 @@ def zero_dynamics(model: Model) -> ZeroDynamics:
     InputError
         As :func:`~hovercontrol.analysis.normal_form.normal_form`.
     """
-    form = normal_form(model)
+    form = normal_form(model, side)
     exact = {symbol(name): sp.S.Zero for name in ERRORS}
     yaw = form.rest["r"].xreplace(exact).replace(sgn, lambda v, w: sp.S.Zero)
     psi, r, U = symbol("psi"), symbol("r"), sp.Symbol("U", positive=True)
@@ -114,7 +176,9 @@ def zero_dynamics(model: Model) -> ZeroDynamics:
         a1, a0 = (sp.factor(sp.simplify(-slope)) for slope in slopes)
         return a1, a0
 
-    return ZeroDynamics(yaw, sp.factor(sp.simplify(sp.diff(yaw, r))), about(sp.S.Zero), about(sp.pi))
+    powers = sp.Poly(sp.expand(yaw), r)
+    growth, cubic = (sp.factor(sp.simplify(powers.coeff_monomial(r**k))) for k in (1, 2))
+    return ZeroDynamics(yaw, growth, cubic, about(sp.S.Zero), about(sp.pi))
 
 
 @dataclass(frozen=True, eq=False)
@@ -248,8 +312,8 @@ def arm_region(
     Region
         Theory: maps ``nose``, ``stern``, ``bounded`` (24), ``printed``.
     Region
-        Simulation, the judge: maps ``nose``, ``stern``, ``bounded`` (does not spin away), with theory's
-        ``theorem``.
+        Simulation, the judge: maps ``nose``, ``stern``, ``unsettled`` (on neither side, or still turning in
+        the last third), ``bounded`` (does not spin away), with theory's ``theorem``.
 
     Raises
     ------
@@ -295,14 +359,17 @@ def arm_region(
         fine, kept = params(*(g[doubtful] for g in grid)), subfolder(checkpoint, "doubtful")
         again = loop.sweep(times, params=fine, executor=executor, checkpoint=kept, **options)
         bounded[doubtful] = _bounded(again)
-        runs["facing"].final[doubtful] = again["facing"].final
-    facing = runs["facing"].final
+        for figure in ("final", "maximum", "minimum"):
+            getattr(runs["facing"], figure)[doubtful] = getattr(again["facing"], figure)
+    facing, moved = runs["facing"].final, runs["facing"].maximum - runs["facing"].minimum
+    settled = bounded & (np.abs(facing) > FACING) & (moved <= SETTLED)
     shape = (points, points)
     lines = {"a dx = J/m: B of (21) has no inverse": _singular_line(x, y, inertia / mass)}
     predicted = {n: getattr(theory, n) for n in ("nose", "stern", "bounded", "printed")}
     judged = {
-        "nose": bounded & (facing > FACING),
-        "stern": bounded & (facing < -FACING),
+        "nose": settled & (facing > 0),
+        "stern": settled & (facing < 0),
+        "unsettled": bounded & ~settled,
         "bounded": bounded,
         "theorem": theory.bounded,
     }
@@ -316,6 +383,7 @@ def arm_region(
     said = {
         "nose": "simulated: goes nose-first",
         "stern": "simulated: goes stern-first",
+        "unsettled": "simulated: not settled on a side",
         "bounded": "simulated: does not spin away",
         "theorem": labels["bounded"],
     }

@@ -12,6 +12,7 @@ from typing import Annotated, Any, cast
 import typer
 
 import hovercontrol
+from hovercontrol.commands import given
 from hovercontrol.commands.given import Out
 from hovercontrol.commands.progress import progress_bar
 from hovercontrol.errors import InputError, did_you_mean
@@ -31,12 +32,12 @@ def analyze(
     ] = "",
     out: Out = None,
     list_: Annotated[bool, typer.Option("--list", help="List the analyses and leave.")] = False,
+    json: given.Json = False,
 ) -> int:
     """Run an analysis; write its picture (PNG, SVG), its table (CSV) and its findings in words."""
-    scripts = _scripts()
+    scripts = known_scripts()
     if list_:
-        for known, path in scripts.items():
-            print(f"{known:24} {_title(path)}")
+        given.show_list({known: _title(path) for known, path in scripts.items()}, json)
         return 0
     if not name:
         raise InputError(f"analyze: expected an analysis: {', '.join(scripts)}")
@@ -49,10 +50,9 @@ def analyze(
     check_folder(out)
     with progress_bar(f"analyze {name}", 1.0) as report:
         files = main(out, lambda part: report(part, ""), **about)
-    for file in files:
-        if file.suffix == ".txt":
-            print(file.read_text(encoding="utf-8"), end="")
-    print(f"wrote {', '.join(f.name for f in files)} to {out}")
+    texts = [file.read_text(encoding="utf-8").rstrip("\n") for file in files if file.suffix == ".txt"]
+    told = {"analysis": name, "title": _title(scripts[name]), "findings": "\n".join(texts).splitlines()}
+    given.show("\n".join(texts), files, out, told if json else None)
     return 0
 
 
@@ -69,7 +69,8 @@ def _whole(name: str, scripts: Mapping[str, Path]) -> str:
     return same[0]
 
 
-def _scripts() -> dict[str, Path]:
+def known_scripts() -> dict[str, Path]:
+    """Return the analyses' scripts by name."""
     folder = next((f for f in FOLDERS if f.is_dir()), None)
     found = sorted(folder.glob("[!_]*.py")) if folder else []
     return {path.stem: path for path in found}

@@ -46,6 +46,7 @@ def diagnose(
     only_while: given.OnlyWhile = "",
     settle: given.Settle = 1.0,
     allow_gaps: given.AllowGaps = False,
+    json: given.Json = False,
 ) -> int:
     """Find what a model lacks: what is missing, what it takes, what remains.
 
@@ -101,9 +102,8 @@ def diagnose(
         files = write_folder(out, write)
     for warning in found.warnings:
         print(f"warning: {warning}", file=sys.stderr)
-    for sentence in (headline(found), gap_sentence(found), remainder_sentence(found)):
-        print(sentence)
-    print(f"wrote {', '.join(f.name for f in files)} to {out}")
+    said = "\n".join((headline(found), gap_sentence(found), remainder_sentence(found)))
+    given.show(said, files, out, found.result() if json else None)
     return 0 if found.verdict in ("none", "effect") else 1
 
 

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from hovercontrol.commands import given
 from hovercontrol.commands.progress import progress_bar
 from hovercontrol.errors import InputError
 
@@ -37,6 +38,7 @@ def export(
     stop: Annotated[float | None, typer.Option(help="End of the default experiment, in seconds.")] = None,
     step: Annotated[float | None, typer.Option(help="Its communication step, in seconds.")] = None,
     list_: Annotated[bool, typer.Option("--list", help="List what can be exported and leave.")] = False,
+    json: given.Json = False,
 ) -> int:
     """Write an FMU (FMI 2.0 or 3.0, Model Exchange and Co-Simulation in one file)."""
     from hovercontrol.fmi.binaries import PLATFORMS, chosen_platforms
@@ -44,6 +46,9 @@ def export(
     from hovercontrol.fmi.export import export_fmu
     from hovercontrol.fmi.variables import Interface
 
+    if list_ and json:
+        given.show_list(dict(choices()), json)
+        return 0
     if list_:
         for name, text in choices():
             print(f"{name:24} {text}")
@@ -71,6 +76,19 @@ def export(
         )
     interface = Interface(chosen.block, friction)  # type: ignore[arg-type]
     kinds = (("input", "inputs"), ("parameter", "parameters"), ("state", "states"))
+    if json:
+        told: dict[str, object] = {
+            "name": chosen.block.name,
+            "fmi": fmi,
+            "platforms": [p.name for p in wanted],
+            "bytes": path.stat().st_size,
+            "variables": [
+                {"name": v.name, "kind": v.kind, "unit": v.unit.name if v.unit else None, "start": v.start}
+                for v in interface.variables
+            ],
+        }
+        given.show("", [path], path.parent, told)
+        return 0
     counts = ", ".join(f"{len(interface.of(kind))} {word}" for kind, word in kinds)  # type: ignore[arg-type]
     print(
         f"wrote {path}: FMI {fmi}.0, {path.stat().st_size / 1000:.0f} kB for "

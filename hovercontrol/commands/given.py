@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -37,6 +37,9 @@ BenchFans = Annotated[
 ]
 OnlyWhile = Annotated[str, typer.Option("--while", help="Use only rows where this holds: 'pwm_lift>1000'")]
 Settle = Annotated[float, typer.Option("--settle", help="Seconds to leave out where that begins.", min=0.0)]
+Json = Annotated[
+    bool, typer.Option("--json", help="Print the result as JSON, and nothing else, on standard output.")
+]
 #: Gaps are always bridged; scripts may still ask for it.
 AllowGaps = Annotated[bool, typer.Option("--allow-gaps", hidden=True)]
 
@@ -80,6 +83,30 @@ def subject(command: str, model: str | None, vehicle: str | None) -> Model | Blo
     return found
 
 
+def show(text: str, files: Sequence[Path], out: Path, result: object = None) -> None:
+    """Print what was found and written: as text, or where there is a `result`, that as JSON alone."""
+    if result is not None:
+        from hovercontrol.plain_json import json_text, plain
+
+        told = {**plain(result), "files": [str(out / f.name) for f in files]}
+        sys.stdout.write(json_text(told))
+        return
+    if text:
+        print(text)
+    print(f"wrote {', '.join(f.name for f in files)} to {out}")
+
+
+def show_list(titles: Mapping[str, str], json: bool) -> None:
+    """Print what there is, one line each, or as a JSON object of titles by name."""
+    if json:
+        from hovercontrol.plain_json import json_text
+
+        sys.stdout.write(json_text(titles))
+        return
+    for name, title in titles.items():
+        print(f"{name:24} {title}")
+
+
 def refuse_twice(command: str, names: Sequence[str]) -> None:
     """Refuse logs of which two are the same file, under whatever spelling."""
     from hovercontrol.logs.gather import split_files
@@ -114,7 +141,7 @@ def reader(
 
     table = BenchTable.from_csv(bench, fans=bench_fans) if bench else None
     condition = Condition.parse(only_while) if only_while else None
-    renamed = _pairs(columns)
+    renamed = pairs(columns)
 
     def read(files: str) -> Log:
         with warnings.catch_warnings(record=True) as remarks:
@@ -150,11 +177,12 @@ def listed(text: str, option: str = "") -> list[str] | None:
     return parts or None
 
 
-def _pairs(text: str) -> dict[str, str]:
-    pairs = {}
+def pairs(text: str) -> dict[str, str]:
+    """Return what ``--columns`` says: our name of a column to the file's."""
+    found = {}
     for part in listed(text, "--columns") or []:
         ours, equals, theirs = part.partition("=")
         if not (ours and equals and theirs):
             raise InputError(f"--columns: expected NAME=COLUMN, found {part!r}")
-        pairs[ours.strip()] = theirs.strip()
-    return pairs
+        found[ours.strip()] = theirs.strip()
+    return found

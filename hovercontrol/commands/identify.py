@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -11,6 +11,9 @@ from hovercontrol.commands import given
 from hovercontrol.commands.progress import progress_bar
 from hovercontrol.errors import InputError
 from hovercontrol.files import check_folder
+
+if TYPE_CHECKING:
+    from hovercontrol.identify.study import Study
 
 EXAMPLE = "Example: hovercontrol identify a.csv b.csv --holdout c.csv --model craft.toml --out out/identify"
 
@@ -35,6 +38,7 @@ def identify(
     sample: Annotated[
         bool, typer.Option("--sample", help="Use the sample log that comes with the package.")
     ] = False,
+    json: given.Json = False,
 ) -> int:
     """Estimate a model's coefficients from logs, with standard errors and what the logs leave open.
 
@@ -72,6 +76,29 @@ def identify(
             progress=lambda part, what: report(0.1 + 0.9 * part, what),
         )
     files = study.save(out)
-    print(study.text())
-    print(f"wrote {', '.join(f.name for f in files)} to {out}")
+    given.show(study.text(), files, out, _as_json(study) if json else None)
     return 1 if study.negative else 0
+
+
+def _as_json(study: Study) -> dict[str, Any]:
+    found = study.found
+    return {
+        "coefficients": [
+            {**vars(c), "reason": c.reason or None, "bound": c.bound or None, "excited": c.excited}
+            for c in found.coefficients
+        ],
+        "remaining": [{**vars(r), "share": r.share} for r in found.remaining],
+        "noise": found.residual,
+        "units": found.units,
+        "rows": found.rows,
+        "outliers": found.outliers,
+        "rejected": found.rejected,
+        "converged": found.converged,
+        "prediction": [
+            {
+                "log": j.label, "held_out": j.holdout, "horizon": j.prediction.horizon,
+                "rms": j.prediction.rms, "trivial": j.prediction.trivial, "worse": j.worse,
+            }
+            for j in study.judged
+        ],
+    }  # fmt: skip

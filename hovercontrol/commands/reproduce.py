@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from hovercontrol.commands import given
 from hovercontrol.commands.given import Out
 from hovercontrol.commands.progress import progress_bar
 from hovercontrol.files import check_folder
@@ -22,6 +23,7 @@ def reproduce(
     ] = None,
     out: Out = None,
     list_: Annotated[bool, typer.Option("--list", help="List the items and leave.")] = False,
+    json: given.Json = False,
 ) -> int:
     """Rebuild the tables and figures of C17 and K06; write an index with what they print, ours, a verdict.
 
@@ -29,22 +31,24 @@ def reproduce(
     """
     from hovercontrol.reproduce import chosen_items
     from hovercontrol.reproduce import reproduce as rebuild
+    from hovercontrol.reproduce.index import index_content
 
     items = chosen_items(document, only or [])
     if list_:
-        for item in items:
-            print(f"{item.document} {item.name:16} {item.title}")
+        given.show_list({f"{item.document} {item.name}": item.title for item in items}, json)
         return 0
     out = out or Path("out") / "reproduce"
     check_folder(out)
     with progress_bar("reproduce", len(items)) as report:
         outcomes = rebuild(items, out, report)
-    for o in outcomes:
-        said = f" ({o.failure})" if o.failure else ""
-        print(f"{o.item.document} {o.item.name:16} {o.verdict}{said}")
     counts = Counter(o.verdict for o in outcomes)
-    print(", ".join(f"{n} {verdict}" for verdict, n in counts.most_common()))
-    print(f"wrote index.html, index.json to {out}")
+    lines = [
+        f"{o.item.document} {o.item.name:16} {o.verdict}{f' ({o.failure})' if o.failure else ''}"
+        for o in outcomes
+    ]
+    lines.append(", ".join(f"{n} {verdict}" for verdict, n in counts.most_common()))
+    files = [out / "index.html", out / "index.json"]
+    given.show("\n".join(lines), files, out, index_content(outcomes) if json else None)
     if counts["failed"]:
         return 3
     return 1 if counts["differs"] else 0

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.console import Console
 from rich.table import Table
 
+from hovercontrol.commands import given
 from hovercontrol.commands.given import Out
 from hovercontrol.commands.progress import progress_bar
 from hovercontrol.errors import InputError
@@ -26,6 +27,7 @@ def simulate(
     ] = "",
     out: Out = None,
     list_: Annotated[bool, typer.Option("--list", help="List the scenarios and leave.")] = False,
+    json: given.Json = False,
 ) -> int:
     """Run a scenario; write its log, a table of its figures of merit, and pictures.
 
@@ -34,8 +36,7 @@ def simulate(
     from hovercontrol.scenarios import load_scenario, run_scenario, scenario_names
 
     if list_:
-        for name in scenario_names():
-            print(f"{name:24} {load_scenario(name).title}")
+        given.show_list({name: load_scenario(name).title for name in scenario_names()}, json)
         return 0
     if not scenario:
         raise InputError(
@@ -47,10 +48,22 @@ def simulate(
     with progress_bar(f"simulate {loaded.name}", loaded.end) as report:
         run = run_scenario(loaded, report)
     files = run.save(out)
-    _show_metrics(run)
-    _show_clipped(run)
-    print(f"wrote {', '.join(f.name for f in files)} to {out}")
+    if not json:
+        _show_metrics(run)
+        _show_clipped(run)
+    given.show("", files, out, _as_json(run) if json else None)
     return 0 if all(m.met for m in run.metrics()) else 1
+
+
+def _as_json(run: Run) -> dict[str, Any]:
+    figures = [
+        {
+            "name": m.metric.name, "of": m.metric.of, "from": m.metric.start, "to": m.metric.end,
+            "value": m.value, "unit": m.metric.unit, "low": m.metric.low, "high": m.metric.high, "met": m.met,
+        }
+        for m in run.metrics()
+    ]  # fmt: skip
+    return {"scenario": run.scenario.name, "figures": figures, "clipped": run.clipped()}
 
 
 def _show_clipped(run: Run) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 import typer
 from numpy.typing import NDArray
 
+from hovercontrol.commands import given
 from hovercontrol.commands.given import Out
 from hovercontrol.commands.progress import progress_bar
 from hovercontrol.errors import InputError
@@ -31,6 +32,7 @@ def sweep(
         str, typer.Option("--figure", help="final, maximum, minimum, rms or settling, in the last phase.")
     ] = "rms",
     out: Out = None,
+    json: given.Json = False,
 ) -> int:
     """Fly a scenario at every point of a range or a grid; write a table and a picture.
 
@@ -49,6 +51,12 @@ def sweep(
         found = fly(loaded, ranges, of, figure, progress=lambda done: report(done))
     files = found.save(out)
     values = found.values.ravel()
+    if json:
+        axes = [{"key": a.name, "unit": a.unit, "values": a.values} for a in found.axes]
+        failed = [str(f) for f in found.result.failures]
+        told = {"of": found.of, "figure": figure, "unit": found.unit, "axes": axes, "values": found.values}
+        given.show("", files, out, {"scenario": loaded.name, **told, "failures": failed})
+        return 1 if failed else 0
     if np.isfinite(values).any():
         for word, k in (("smallest", np.nanargmin(values)), ("largest", np.nanargmax(values))):
             at = np.unravel_index(k, found.values.shape)

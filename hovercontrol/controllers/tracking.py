@@ -18,13 +18,14 @@ from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.model import MOTION, Model, motion_symbols
 from hovercontrol.references import OUTPUTS as REFERENCE
 from hovercontrol.signals import Signal
-from hovercontrol.tables import positive
+from hovercontrol.tables import number, positive
 
 
 def tracking_controller(
     model: Model,
     *,
     control_point: float = 0.2,
+    control_point_side: float = 0.0,
     k1: float = 2.0,
     k2: float = 2.0,
     adapt: Sequence[str] = (),
@@ -39,6 +40,10 @@ def tracking_controller(
         What the controller believes of the craft; its coefficients become the Block's parameters.
     control_point : float, optional
         delta_x [m], where the tracking point lies ahead of the centre of mass.
+    control_point_side : float, optional
+        delta_y [m], how far to the left of the centre line it lies. C17's laws allow it, but its Theorem 4
+        does not: r' then has a term in r^2, so that the yaw rate escapes in finite time to one side
+        (:func:`~hovercontrol.analysis.zero_dynamics`). A parameter of the Block only where it is not 0.
     k1, k2 : float, optional
         Gains [1/s^2, 1/s], positive.
     adapt : sequence of str, optional
@@ -72,11 +77,15 @@ def tracking_controller(
         raise InputError(f"controller: adapt must be a list of coefficients, found the text {adapt!r}")
     for key, gain in (("k1", k1), ("k2", k2)):
         positive(f"controller: {key}", gain)
-    if not math.isfinite(control_point):
-        raise InputError(f"controller: control_point must be finite, found {control_point:g}")
+    for key, value in (("control_point", control_point), ("control_point_side", control_point_side)):
+        if not math.isfinite(number(f"controller: {key}", value)):
+            raise InputError(f"controller: {key} must be finite, found {value:g}")
     force, B, s = _affine_dynamics(model, name)
     _refuse_singular(model, name, B, control_point)
     dx = Signal("control_point", "m", "delta_x: tracking point ahead of the centre", start=control_point)
+    dy = Signal(
+        "control_point_side", "m", "delta_y: to the left of the centre line", start=control_point_side
+    )
     gains = (
         Signal("k1", "1/s^2", "position gain", start=k1, lower=0.0),
         Signal("k2", "1/s", "velocity gain", start=k2, lower=0.0),
@@ -85,25 +94,25 @@ def tracking_controller(
     cos, sin = sp.cos(s.psi), sp.sin(s.psi)
     xr, yr, vxr, vyr, axr, ayr = (r.symbol for r in REFERENCE)
     K1, K2 = (g.symbol for g in gains)
-    d = dx.symbol
+    d, b = dx.symbol, dy.symbol if control_point_side else sp.S.Zero
     # [C17 eq 15, 16]: z1 = p - p_d + R delta, z2 = R v - p_d' + R S delta r
-    z1 = [s.x - xr + d * cos, s.y - yr + d * sin]
-    side = s.v + d * s.r
-    z2 = [cos * s.u - sin * side - vxr, sin * s.u + cos * side - vyr]
+    z1 = [s.x - xr + d * cos - b * sin, s.y - yr + d * sin + b * cos]
+    along, side = s.u - b * s.r, s.v + d * s.r
+    z2 = [cos * along - sin * side - vxr, sin * along + cos * side - vyr]
     e1, e2, w1, w2 = sp.symbols("error_x error_y error_rate_x error_rate_y", real=True)
     want_x = axr - K1 * e1 - K2 * w1
     want_y = ayr - K1 * e2 - K2 * w2
-    # [C17 eq 25]: B T [cos, sin] = R'(p_d'' - k1 z1 - k2 z2) - drag - dx (yaw drag) e2 + dx r^2 e1
+    # [C17 eq 25]: B T [cos, sin] = R'(p_d'' - k1 z1 - k2 z2) - drag - S delta (yaw drag) + delta r^2
     demand = sp.Matrix(
         [
-            cos * want_x + sin * want_y - force["u"] + d * s.r**2,
-            -sin * want_x + cos * want_y - force["v"] - d * force["r"],
+            cos * want_x + sin * want_y - force["u"] + b * force["r"] + d * s.r**2,
+            -sin * want_x + cos * want_y - force["v"] - d * force["r"] + b * s.r**2,
         ]
     )
     fx, fy = sp.symbols("thrust_x thrust_y", real=True)
-    solution = (B(d).inv() * demand).xreplace(blended)
+    solution = (B(d, b).inv() * demand).xreplace(blended)
     thrust, rudder, bounds = _polar(model, fx, fy, limits)
-    used = demand.free_symbols | B(d).free_symbols
+    used = demand.free_symbols | B(d, b).free_symbols
     return Block(
         name,
         inputs=(*MOTION, *REFERENCE, *estimates),
@@ -115,6 +124,7 @@ def tracking_controller(
         ),
         parameters=(
             dx,
+            *([dy] if control_point_side else []),
             *gains,
             *adaptation,
             *(p for p in model.parameters(name) if p.symbol in used),
@@ -138,9 +148,9 @@ class _ThrustMatrix:
     def __init__(self, gain: sp.Matrix) -> None:
         self.gain = gain  # rows u', v', r'; columns T cos(theta), T sin(theta)
 
-    def __call__(self, d: sp.Expr) -> sp.Matrix:
+    def __call__(self, ahead: sp.Expr, side: sp.Expr = sp.S.Zero) -> sp.Matrix:
         u, v, r = (self.gain.row(i) for i in range(3))
-        return sp.Matrix([u, v + d * r])
+        return sp.Matrix([u - side * r, v + ahead * r])
 
 
 def _affine_dynamics(model: Model, name: str) -> tuple[dict[str, sp.Expr], _ThrustMatrix, SimpleNamespace]:

@@ -44,6 +44,8 @@ class Criteria:
     worse : float
         Rise of the held-out errors of all channels together, in its standard errors over blocks, that no
         effect survives at most horizons.
+    better : float
+        Fall of them, likewise and averaged over horizons, from which on a log is surely predicted better.
     """
 
     level: float = 0.01
@@ -59,6 +61,7 @@ class Criteria:
     alike: float = 0.8
     tries: int = 4
     worse: float = 3.0
+    better: float = 2.0
 
 
 #: What the package uses.

@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
 from hovercontrol.discrepancy.checks import check_fitted, check_logs
-from hovercontrol.discrepancy.criteria import CRITERIA, Criteria
 from hovercontrol.discrepancy.diagnosis import Diagnosis, numbers_of
-from hovercontrol.discrepancy.evidence.holdout import Horizons, ahead, gap, held_fit
+from hovercontrol.discrepancy.evidence.holdout import gap
 from hovercontrol.discrepancy.evidence.laws import regime
-from hovercontrol.discrepancy.evidence.of_effects import Evidence
 from hovercontrol.discrepancy.evidence.remainder import missing_forces, remainders
 from hovercontrol.discrepancy.experiment.propose import next_experiment
-from hovercontrol.discrepancy.search.select import Lead, Selection, select
+from hovercontrol.discrepancy.search.held_out import held_out
+from hovercontrol.discrepancy.search.select import select
 from hovercontrol.discrepancy.verdict import verdict_of
 from hovercontrol.errors import InputError
 from hovercontrol.estimation.data import Data, gather
@@ -122,7 +120,8 @@ def _diagnosed(
 
     selection = select(base, model, names=names, max_effects=max_effects, tell=said)
     tell(0.82, "predicting the held-out log")
-    held_before, held_after, selection, evidence, far = _held_out(model, holdout, selection)
+    held = held_out(selection, gather(model, [holdout]) if holdout is not None else None)
+    selection = held.selection
     tell(0.92, "measuring what remains")
     final = selection.final
     remains = remainders(base, final)
@@ -132,25 +131,25 @@ def _diagnosed(
     experiment, advice = next_experiment(selection, effects, seed)
     missing = missing_forces(base)
     train_before = gap(base)
-    before = gap(held_before) if held_before else None
+    before = gap(held.before) if held.before else None
     found = Diagnosis(
         verdict=verdict,
         effects=effects,
         rivals=selection.rivals,
-        evidence=evidence,
+        evidence=held.evidence,
         remainders=remains,
         leads=selection.leads,
         model=model,
         amended=final.model,
         refitted=base.model,
         before=before,
-        after=gap(held_after) if held_after else None,
-        ahead=far.each,
+        after=gap(held.after) if held.after else None,
+        ahead=held.far.each,
         train_before=train_before,
         train_after=gap(final) if selection.effects else train_before,
         selection=selection,
-        held_before=held_before,
-        held_after=held_after,
+        held_before=held.before,
+        held_after=held.after,
         missing=missing,
         missing_after=missing_forces(final) if selection.effects else missing,
         regime=regime(missing) if verdict != "none" else "nowhere beyond the noise",
@@ -161,54 +160,6 @@ def _diagnosed(
     )
     tell(1.0, "done")
     return found
-
-
-def _held_out(
-    model: Subject, holdout: Log | None, selection: Selection, criteria: Criteria = CRITERIA
-) -> tuple[Fit | None, Fit | None, Selection, dict[str, Evidence], Horizons]:
-    """Predict the held-out log without and with what was named; drop names that it predicts worse with."""
-    if holdout is None:
-        evidence = {n: Evidence(selection.gains[n], selection.blocks[n]) for n in selection.effects}
-        return None, None, selection, evidence, Horizons()
-    data = gather(model, [holdout])
-    before = held_fit(selection.base.model, data)
-    if not selection.effects:
-        return before, before, selection, {}, ahead(before, before)
-    kept = before.problem.data
-    after = held_fit(selection.final.model, kept, before)
-    far = ahead(before, after)
-    evidence = {}
-    for name in selection.effects:
-        alone = len(selection.effects) == 1
-        less = before if alone else held_fit(selection.without[name].model, kept, after)
-        own = far if alone else ahead(less, after)
-        evidence[name] = Evidence(selection.gains[name], selection.blocks[name], own)
-    worse = [n for n, e in evidence.items() if _worse(e.holdout, criteria)]
-    if worse:
-        leads = tuple(
-            Lead(n, selection.gains[n], selection.blocks[n].t, "the held-out log is predicted worse with it")
-            for n in worse
-        )
-        left = tuple(n for n in selection.effects if n not in worse)
-        final = selection.without[worse[0]] if len(worse) == 1 else selection.base
-        left = left if len(worse) == 1 else ()
-        selection = replace(
-            selection,
-            effects=left,
-            final=final,
-            rivals=tuple(r for r in selection.rivals if r.instead_of in left),
-            leads=leads + selection.leads,
-        )
-        evidence = {n: evidence[n] for n in left}
-        after = held_fit(final.model, kept, before) if left else before
-        far = ahead(before, after)
-    return before, after, selection, evidence, far
-
-
-def _worse(far: Horizons, criteria: Criteria) -> bool:
-    """Whether held-out predictions are surely worse, at most horizons."""
-    worse = [t < -criteria.worse for t in far.together]
-    return sum(worse) > len(worse) / 2
 
 
 def _dropped(data: Data, fit: Fit) -> int:

@@ -7,7 +7,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from hovercontrol.discrepancy.evidence.holdout import Ahead, Gap
 from hovercontrol.discrepancy.evidence.laws import worst
@@ -15,12 +15,16 @@ from hovercontrol.discrepancy.evidence.missing import Missing
 from hovercontrol.discrepancy.evidence.of_effects import Evidence
 from hovercontrol.discrepancy.evidence.remainder import Remainder
 from hovercontrol.discrepancy.experiment.proposal import Experiment
-from hovercontrol.discrepancy.search.select import Lead, Rival, Selection
+from hovercontrol.discrepancy.search.confirm import Rival, Selection
+from hovercontrol.discrepancy.search.leads import Lead
 from hovercontrol.discrepancy.verdict import Verdict
 from hovercontrol.estimation.fit import Fit
 from hovercontrol.estimation.subject import Subject, motion_of
 from hovercontrol.files import write_whole
 from hovercontrol.model import Model
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True)
@@ -183,6 +187,17 @@ class Diagnosis:
             "segments": [list(s) for s in most.segments],
             "regime": self.regime,
         }
+
+    def _repr_html_(self) -> str:
+        from hovercontrol.notebook.results import diagnosis_html
+
+        return diagnosis_html(self)
+
+    def plot(self) -> Figure:
+        """Return errors without and with what was added as a picture."""
+        from hovercontrol.notebook.plots import diagnosis_figure
+
+        return diagnosis_figure(self)
 
     def save(self, folder: str | Path) -> list[Path]:
         """Write ``result.json``, ``model.toml`` and, where there is one, ``next_experiment.csv``."""

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Literal
 
 from hovercontrol.discrepancy.evidence.remainder import Remainder
-from hovercontrol.discrepancy.search.select import Selection
+from hovercontrol.discrepancy.search.confirm import Selection
 
 Verdict = Literal["effect", "none", "ambiguous", "partial", "unexplained"]
 

@@ -17,7 +17,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import Any, NoReturn, Self
+from typing import TYPE_CHECKING, Any, NoReturn, Self
 
 import control
 import fmpy  # type: ignore[import-untyped]
@@ -31,6 +31,10 @@ from hovercontrol.fmi.instance import Engine, FmuError, Instance
 from hovercontrol.fmi.interface import REALS, WHOLE, Interface, read_interface
 from hovercontrol.fmi.worker import Remote
 from hovercontrol.targets.control import _Params
+from hovercontrol.targets.runner import Inputs
+
+if TYPE_CHECKING:
+    from hovercontrol.fmi.runner import FmuRunner
 
 Array = NDArray[np.float64]
 _DESCRIPTION = "modelDescription.xml"
@@ -220,23 +224,81 @@ class FmuSystem(control.NonlinearIOSystem):
         }
         kinds = [(label, v.kind) for v in face.inputs for label in v.labels]
         self._whole = [(n, label, kind) for n, (label, kind) in enumerate(kinds) if kind not in REALS]
-        self._values = self._parameters(defaults)
+        self._values = self.values_in_order(defaults)
         self._start(step)
 
     def _start(self, step: float) -> None:
         face, unpacked = self._source.interface, self._source.unpacked
-        engine: Engine
-        try:
-            if self._isolated:
-                engine = Remote(unpacked.folder, face, self.name, self._timeout)
-            else:
-                engine = Instance(unpacked.folder, face, self.name)
-        except FmuError as fault:
-            raise InputError(f"{self.path}: {fault}") from None
+        engine = self._engine()
         direct = np.array([bool(inputs) for inputs in self.feedthrough.values()], dtype=bool)
         self._follower = Follower(engine, step, face.has_states, direct, f"FMU {self.name!r}")
         unpacked.hold()
         self._end = weakref.finalize(self, _release, self._follower, unpacked)
+
+    def _engine(self) -> Engine:
+        face, folder = self._source.interface, self._source.unpacked.folder
+        try:
+            if self._isolated:
+                return Remote(folder, face, self.name, self._timeout)
+            return Instance(folder, face, self.name)
+        except FmuError as fault:
+            raise InputError(f"{self.path}: {fault}") from None
+
+    def start(
+        self,
+        x0: None = None,
+        params: Mapping[str, float] | None = None,
+        *,
+        inputs: Inputs | None = None,
+        time: float = 0.0,
+    ) -> FmuRunner:
+        """Start a run of the FMU that goes step by step, in an instance of its own.
+
+        The runner is used as that of a Block (:class:`hovercontrol.targets.runner.Runner`); it can be saved
+        where the FMU can save its state. Its steps are as long as the caller says; an FMU with a step of its
+        own takes multiples of that.
+
+        Parameters
+        ----------
+        x0 : None
+            An FMU's initial state is its own: start values that can be set are parameters.
+        params : mapping, optional
+            Parameter values by key, over the system's.
+        inputs : sequence of float, or mapping by name, optional
+            At the start, over the FMU's start values; it is initialised with them.
+        time : float, optional
+            To start at [s].
+
+        Returns
+        -------
+        FmuRunner
+
+        Raises
+        ------
+        InputError
+            If a name or a value is wrong, `x0` is given, or the FMU refuses.
+        """
+        from hovercontrol.fmi.runner import FmuRunner
+
+        if not self._end.alive:
+            raise InputError(f"FMU {self.name!r} is closed")
+        if x0 is not None:
+            raise InputError(
+                f"FMU {self.name!r}: an FMU keeps its state to itself, x0 must be None; start values that "
+                "can be set are among its params"
+            )
+        values = {**self._checked(self.params, pushed=False), **self._checked(params or {}, pushed=False)}
+        return FmuRunner(self, self._engine(), values, inputs, time)
+
+    @property
+    def interface(self) -> Interface:
+        """What the FMU says of itself."""
+        return self._source.interface
+
+    @property
+    def unpacked(self) -> Unpacked:
+        """The FMU's temporary folder."""
+        return self._source.unpacked
 
     def close(self) -> None:
         """Free the FMU's instance and its temporary folder; may be called twice."""
@@ -279,6 +341,11 @@ class FmuSystem(control.NonlinearIOSystem):
         system.name, system.input_index, system.output_index = names
         return system
 
+    def _repr_html_(self) -> str:
+        from hovercontrol.notebook.systems import fmu_html
+
+        return fmu_html(self)
+
     def linearize(self, *args: Any, **kwargs: Any) -> NoReturn:
         """Refuse: an FMU's state is its own, and nobody outside can vary it.
 
@@ -295,7 +362,7 @@ class FmuSystem(control.NonlinearIOSystem):
     def _update_params(self, params: Mapping[str, float] | None) -> None:
         given = self._checked(params or {}, pushed=isinstance(params, _Params))
         self._current_params = {**self._checked(self.params, pushed=False), **given}
-        self._values = self._parameters(self._current_params)
+        self._values = self.values_in_order(self._current_params)
 
     def _checked(self, params: Mapping[str, float], pushed: bool) -> dict[str, float]:
         """Return the own parameters among those given, by key; refuse what can only be a mistake."""
@@ -309,14 +376,15 @@ class FmuSystem(control.NonlinearIOSystem):
                 raise InputError(f"FMU {self._prefix!r}: unknown parameter {given!r}{hint}")
         return own
 
-    def _parameters(self, values: Mapping[str, float]) -> Parameters:
+    def values_in_order(self, values: Mapping[str, float]) -> Parameters:
         """Return the values in the FMU's order, None where the FMU has that value anyway."""
         return tuple(
             None if values.get(key, start) == start else float(values[key])
             for key, (_, start) in self._keys.items()
         )
 
-    def _inputs(self, t: float, u: Any) -> Array:
+    def checked_inputs(self, t: float, u: Any) -> Array:
+        """Return inputs at a time as the FMU takes them; raise :class:`InputError` where it cannot."""
         inputs = np.array(u, dtype=float).reshape(-1)
         if inputs.size != self.ninputs:
             raise InputError(f"FMU {self.name!r}: expected {self.ninputs} inputs, found {inputs.size}")
@@ -330,11 +398,11 @@ class FmuSystem(control.NonlinearIOSystem):
 
     def _rhs(self, t: float, x: Any, u: Any) -> Array:
         token = float(np.asarray(x, dtype=float).reshape(-1)[0])
-        return np.array([self._follower.advance(token, float(t), self._values, self._inputs(t, u))])
+        return np.array([self._follower.advance(token, float(t), self._values, self.checked_inputs(t, u))])
 
     def _out(self, t: float, x: Any, u: Any) -> Array:
         token = float(np.asarray(x, dtype=float).reshape(-1)[0])
-        return self._follower.outputs(token, float(t), self._values, self._inputs(t, u))
+        return self._follower.outputs(token, float(t), self._values, self.checked_inputs(t, u))
 
     def _updates(self, t: float, x: Any, u: Any, params: Mapping[str, float]) -> Array:
         with self._with(params):
@@ -347,7 +415,7 @@ class FmuSystem(control.NonlinearIOSystem):
     @contextlib.contextmanager
     def _with(self, params: Mapping[str, float]) -> Iterator[None]:
         before = self._values
-        self._values = self._parameters({**self.params, **self._checked(params, pushed=True)})
+        self._values = self.values_in_order({**self.params, **self._checked(params, pushed=True)})
         try:
             yield
         finally:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 import sympy as sp
@@ -23,6 +24,9 @@ from hovercontrol.identify.subject import subject_of
 from hovercontrol.logs import Log, Span
 from hovercontrol.model import Model
 from hovercontrol.targets.shoot import shoot
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 #: Starts of predictions at most.
 MOST_STARTS = 2000
@@ -64,6 +68,12 @@ class FreeRun:
     rejected: tuple[Span, ...]
     rms: Mapping[str, float]
     nrmse: Mapping[str, float]
+
+    def plot(self) -> Figure:
+        """Return the simulation over the measurement as a picture."""
+        from hovercontrol.identify.plot import plot_free_run
+
+        return plot_free_run(self)
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ import csv
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,9 @@ from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.estimation.fit import Fit
 from hovercontrol.files import write_whole
 from hovercontrol.model import Model
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 #: Parts of the accelerations seen that remain where a model explains little, and where it explains nothing.
 LITTLE, NOTHING = 0.3, 0.7
@@ -210,6 +214,17 @@ class Identified:
         if not self.converged:
             lines.append("not converged")
         return "\n".join(lines)
+
+    def _repr_html_(self) -> str:
+        from hovercontrol.notebook.results import identified_html
+
+        return identified_html(self)
+
+    def plot(self) -> Figure:
+        """Return the coefficients and their errors, beside what they were before, as a picture."""
+        from hovercontrol.notebook.plots import identified_figure
+
+        return identified_figure(self)
 
     def save_csv(self, path: str | Path) -> Path:
         """Write the coefficients, one row each, all numbers in full."""

@@ -6,8 +6,9 @@ import csv
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from hovercontrol.errors import InputError
+from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.estimation.measure import MOST_ROWS, Measured
 from hovercontrol.files import write_folder
 from hovercontrol.identify.fit import identify, measure_shared, refuse_slow_rows
@@ -17,6 +18,9 @@ from hovercontrol.identify.result import Identified, aligned
 from hovercontrol.logs import VELOCITY, Log
 from hovercontrol.model import Model
 from hovercontrol.modelfile import save_model
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 #: How far ahead predictions are judged [s].
 HORIZON = 1.0
@@ -110,6 +114,25 @@ class Study:
         return not all(c.excited for c in self.found.coefficients) or any(
             j.worse for j in self.judged if j.holdout
         )
+
+    def _repr_html_(self) -> str:
+        from hovercontrol.notebook.results import study_html
+
+        return study_html(self)
+
+    def plot(self, log: str = "") -> Figure:
+        """Return the free run over a log, by its label; the first held out, or else the first.
+
+        Raises
+        ------
+        InputError
+            If there is no such log; the nearest is named.
+        """
+        runs = {j.label: j for j in sorted(self.judged, key=lambda j: not j.holdout)}
+        if log and log not in runs:
+            raise InputError(f"no log {log!r}{did_you_mean(log, runs)}")
+        chosen = runs[log] if log else next(iter(runs.values()))
+        return plot_free_run(chosen.run, held_out=chosen.holdout)
 
     def text(self) -> str:
         """Return the findings as plain text: coefficients, predictions, rejected spans."""

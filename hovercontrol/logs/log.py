@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pyarrow as pa
@@ -18,6 +19,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.files import write_whole
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 POSE = ("x", "y", "psi")
 VELOCITY = ("u", "v", "r")
@@ -144,6 +148,17 @@ class Log:
         A gap is no error: smoothing and identification start afresh behind it.
         """
         return tuple((float(self.time[i]), float(self.time[i + 1])) for i in gap_rows(self.time) - 1)
+
+    def _repr_html_(self) -> str:
+        from hovercontrol.notebook.results import log_html
+
+        return log_html(self)
+
+    def plot(self) -> Figure:
+        """Return the columns over time as a picture."""
+        from hovercontrol.notebook.plots import log_figure
+
+        return log_figure(self)
 
     def save(self, path: str | Path) -> None:
         """Write CSV, or Parquet where the suffix says so; the file appears whole or not at all.

@@ -91,6 +91,8 @@ class Sampling:
     log : float, optional
         Period of the log's rows [s], a multiple of that of the measurements; 0 for the same.
     seed : int
+    poor_view : mapping, optional
+        Arguments of :func:`hovercontrol.hardware.sensors.poor_view`: a part of the floor with more noise.
     """
 
     measurement: float
@@ -101,6 +103,7 @@ class Sampling:
     rate_noise: float | None = None
     log: float = 0.0
     seed: int = 0
+    poor_view: Mapping[str, Any] | None = None
 
 
 @dataclass(frozen=True)

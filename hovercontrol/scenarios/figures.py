@@ -23,7 +23,7 @@ CALLED = {name: f"{name} coefficient" for name in ("thrust", "rudder_torque")}
 
 def figures(run: Run) -> dict[str, Figure]:
     """Return the pictures of a run by name: path, errors, estimates, velocities, commands."""
-    drawn = {"path": _path(run), "velocities": _velocities(run)}
+    drawn = {"path": _path(run), "velocities": _velocities(run), "heading": _heading(run)}
     if run.scenario.autopilot is not None:
         drawn["comparison"] = comparison(run)
     error = run.tracking_error()
@@ -111,6 +111,21 @@ def _velocities(run: Run) -> Figure:
     return figure
 
 
+def _heading(run: Run) -> Figure:
+    """Return heading and yaw rate over time [C17 fig 15]."""
+    figure, axes = sheet(run, f"heading and yaw rate{own_loop(run)}", 2, 4.6)
+    true = {name: run.columns.get(f"true_{name}", run.columns[name]) for name in ("psi", "r")}
+    for k, (name, factor, label) in enumerate(
+        (("psi", math.degrees(1.0), "heading psi [deg]"), ("r", 1.0, "yaw rate r [rad/s]"))
+    ):
+        curves = {"measured": run.columns[name] * factor} if f"true_{name}" in run.columns else {}
+        curves["true" if curves else ""] = true[name] * factor
+        mark_phases(run, axes[k], named=k == 0)
+        in_time(run, axes[k], curves, label)
+    axes[-1].set_xlabel("time [s]")
+    return figure
+
+
 def _families(run: Run) -> list[tuple[str, list[str]]]:
     """Return the estimated coefficients in groups of one unit, those of actuators apart from drag."""
     units = {p.name.rpartition(".")[2]: p.unit for p in run.scenario.plant.parameters()}
@@ -149,8 +164,17 @@ def _command(run: Run, name: str, unit: str) -> Figure:
     figure, (axes,) = sheet(run, what)
     angle = unit == "rad"
     mark_phases(run, axes)
-    values = run.columns[name] * (math.degrees(1.0) if angle else 1.0)
-    axes.step(run.time, values, where="post", linewidth=1.0)
+    factor = math.degrees(1.0) if angle else 1.0
+    asked = run.columns.get(f"{name}_asked")
+    if asked is not None:  # before the limits of the actuator
+        axes.step(run.time, asked * factor, where="post", color="0.6", linewidth=0.7, label="asked for")
+        signal = next(s for s in (run.scenario.plant.thrust, run.scenario.plant.rudder) if s.name == name)
+        for bound in (signal.lower, signal.upper):
+            if math.isfinite(bound) and bound:
+                axes.axhline(bound * factor, color="C3", linewidth=0.8, linestyle=":")
+    axes.step(run.time, run.columns[name] * factor, where="post", linewidth=1.0, label="acts")
+    if asked is not None:
+        axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=8, frameon=False)
     axes.set_ylabel(f"{name} [{'deg' if angle else unit}]")
     axes.set_xlabel("time [s]")
     return figure

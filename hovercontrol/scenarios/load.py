@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 import itertools
 import math
 from collections.abc import Callable, Mapping
@@ -18,10 +17,27 @@ from hovercontrol.modelfile import load_model, model_from_table
 from hovercontrol.references import REFERENCES
 from hovercontrol.scenarios.autopilots import KEYS as AUTOPILOT_KEYS
 from hovercontrol.scenarios.autopilots import autopilot_section
+from hovercontrol.scenarios.base import with_base
 from hovercontrol.scenarios.checks import check_scenario
 from hovercontrol.scenarios.definition import Metric, Phase, Sampling, Scenario
 from hovercontrol.scenarios.measures import NEEDS, STATISTICS
 from hovercontrol.scenarios.parts import GUIDANCE, LAWS
+from hovercontrol.scenarios.sections import (
+    ACTUATION,
+    BODY,
+    CONTROLLER,
+    ESTIMATOR,
+    HEAD,
+    METRIC,
+    METRIC_NEEDS,
+    PHASE,
+    PLANT,
+    POOR_VIEW,
+    SAMPLING,
+    SECTIONS,
+    STATES,
+    arguments,
+)
 from hovercontrol.tables import check_keys, number, positive, read_toml, table, text
 from hovercontrol.vehicles import HOVERDEMON_BODY, Body, vehicle
 
@@ -46,17 +62,10 @@ def load_scenario(name: str | Path) -> Scenario:
         If there is no such scenario (the nearest is named) or the file has an error; the line names the key.
     """
     own = str(name).endswith(".toml")
-    if own:
-        path = Path(name)
-    else:
-        if name not in scenario_names():
-            few = get_close_matches(str(name), scenario_names(), n=5, cutoff=0.0)
-            hint = did_you_mean(str(name), few)
-            more = " and more (hovercontrol simulate --list)" if "known" in hint else ""
-            raise InputError(f"unknown scenario {str(name)!r}{hint}{more}")
-        path = Path(str(resources.files("hovercontrol.scenarios") / f"{name}.toml"))
+    path = Path(name) if own else _shipped(str(name))
     content = read_toml(path)
     try:
+        content = with_base(content, path, _base)
         scenario = replace(_scenario(path, content), file=str(path) if own else "")
         check_scenario(scenario)
         return scenario
@@ -64,32 +73,29 @@ def load_scenario(name: str | Path) -> Scenario:
         raise type(error)(f"{path}: {error}") from None
 
 
+def _shipped(name: str) -> Path:
+    if name not in scenario_names():
+        few = get_close_matches(name, scenario_names(), n=5, cutoff=0.0)
+        hint = did_you_mean(name, few)
+        more = " and more (hovercontrol simulate --list)" if "known" in hint else ""
+        raise InputError(f"unknown scenario {name!r}{hint}{more}")
+    return Path(str(resources.files("hovercontrol.scenarios") / f"{name}.toml"))
+
+
+def _base(name: str, path: Path) -> Path:
+    return path.parent / name if name.endswith(".toml") else _shipped(name)
+
+
 def _scenario(path: Path, content: dict[str, Any]) -> Scenario:
-    sections = {
-        "scenario",
-        "plant",
-        "body",
-        "reference",
-        "guidance",
-        "controller",
-        "actuation",
-        "estimator",
-        "commands",
-        "sampling",
-        "autopilot",
-        "phase",
-        "metric",
-    }
-    check_keys("section", content, sections)
-    head = _section(content, "scenario", {"title": str, "source": str, "step": float}, required=("step",))
+    check_keys("section", content, SECTIONS)
+    head = _section(content, "scenario", HEAD, required=("step",))
     positive("scenario.step", head["step"])
-    kinds = {"vehicle": str, "model": str, "start": dict, "coefficients": dict, "effects": dict}
-    plant = _section(content, "plant", kinds)
+    plant = _section(content, "plant", PLANT)
     belief = _model(path, plant)
     craft = belief.with_coefficients(_numbers("plant.coefficients", plant.get("coefficients", {})))
     craft = craft.with_effects(model_from_table({"effects": plant.get("effects", {})}).effects)
     start = _numbers("plant.start", plant.get("start", {}))
-    check_keys("state in plant.start", start, {"x", "y", "psi", "u", "v", "r"})
+    check_keys("state in plant.start", start, STATES)
     closed = "controller" in content
     if closed == ("commands" in content):
         raise InputError("expected either [controller] with [reference], or [commands]")
@@ -119,9 +125,7 @@ def _scenario(path: Path, content: dict[str, Any]) -> Scenario:
         reference=_reference(content),
         guidance=_kind(content, "guidance", GUIDANCE) if "guidance" in content else None,
         controller=_controller(content) if closed else None,
-        actuation=_section(content, "actuation", {"dead_zone": float, "reversing": bool})
-        if "actuation" in content
-        else {},
+        actuation=_section(content, "actuation", ACTUATION) if "actuation" in content else {},
         body=_body(content),
         estimator=_estimator(content, belief),
         commands=_commands(content) if not closed else None,
@@ -143,8 +147,7 @@ def _scenario(path: Path, content: dict[str, Any]) -> Scenario:
 def _controller(content: Mapping[str, Any]) -> dict[str, Any]:
     if "kind" in table("controller", content["controller"]):
         return _kind(content, "controller", LAWS)
-    kinds = {"control_point": float, "k1": float, "k2": float, "adapt": list, "limits": bool}
-    return _section(content, "controller", kinds)
+    return _section(content, "controller", CONTROLLER)
 
 
 def _kind(
@@ -155,27 +158,20 @@ def _kind(
     kind = text(f"{section}.kind", given.get("kind"))
     if kind not in makers:
         raise InputError(f"{section}.kind: unknown {kind!r}{did_you_mean(kind, makers)}")
-    accepted = {
-        key: p
-        for key, p in inspect.signature(makers[kind]).parameters.items()
-        if key not in ("body", "name", "period")
-    }
-    required = tuple(key for key, p in accepted.items() if p.default is inspect.Parameter.empty)
-    return _check(section, given, {"kind": str, **dict.fromkeys(accepted, float)}, required)
+    kinds, required = arguments(makers[kind], ("body", "name", "period"))
+    return _check(section, given, {"kind": str, **dict.fromkeys(kinds, float)}, required)
 
 
 def _body(content: Mapping[str, Any]) -> Body:
     if "body" not in content:
         return HOVERDEMON_BODY
-    keys = ("mass", "inertia", "arm")
-    return Body(**_section(content, "body", dict.fromkeys(keys, float), keys))
+    return Body(**_section(content, "body", BODY, tuple(BODY)))
 
 
 def _estimator(content: Mapping[str, Any], belief: Model) -> dict[str, Any] | None:
     if "estimator" not in content:
         return None
-    numbers: dict[str, type] = {"R": object, "Q": object, "P0": object}
-    given = _section(content, "estimator", numbers | {"estimate": list, "start": float, "first": dict})
+    given = _section(content, "estimator", ESTIMATOR)
     if "start" in given and "sampling" not in content:
         raise InputError("estimator.start needs a [sampling]: a continuous estimator runs from 0 on")
     for key in ("R", "Q", "P0"):
@@ -199,12 +195,7 @@ def _phases(content: Mapping[str, Any], craft: Model) -> tuple[Phase, ...]:
     phases: list[Phase] = []
     for k, entry in enumerate(_entries(content, "phase", required=True)):
         where = f"phase {k + 1}"
-        given = _check(
-            where,
-            entry,
-            {"name": str, "until": float, "scale": dict, "adaptation": float, "set": dict},
-            ("until",),
-        )
+        given = _check(where, entry, PHASE, ("until",))
         scale = _numbers(f"{where}.scale", given.get("scale", {}))
         for name in scale:
             if name not in craft.coefficients():
@@ -222,22 +213,9 @@ def _phases(content: Mapping[str, Any], craft: Model) -> tuple[Phase, ...]:
 
 
 def _metrics(content: Mapping[str, Any]) -> tuple[Metric, ...]:
-    kinds = {
-        "name": str,
-        "of": str,
-        "from": float,
-        "to": float,
-        "low": float,
-        "high": float,
-        "unit": str,
-        "paper": str,
-        "statistic": str,
-        "target": float,
-        "within": float,
-    }
     metrics = []
     for k, entry in enumerate(_entries(content, "metric")):
-        g = _check(f"metric {k + 1}", entry, kinds, ("name", "of", "from", "to"))
+        g = _check(f"metric {k + 1}", entry, METRIC, METRIC_NEEDS)
         statistic = g.get("statistic", "mean")
         if statistic not in STATISTICS:
             hint = did_you_mean(statistic, STATISTICS)
@@ -258,10 +236,10 @@ def _reference(content: Mapping[str, Any]) -> dict[str, Any] | None:
     kind = text("reference.kind", given.get("kind"))
     if kind not in REFERENCES:
         raise InputError(f"reference.kind: unknown {kind!r}{did_you_mean(kind, REFERENCES)}")
-    accepted = inspect.signature(REFERENCES[kind]).parameters
-    check_keys("key in [reference]", given, {"kind", *accepted} - {"name"})
-    for key, parameter in accepted.items():
-        if parameter.default is inspect.Parameter.empty and key not in given:
+    accepted, required = arguments(REFERENCES[kind], ("name",))
+    check_keys("key in [reference]", given, ("kind", *accepted))
+    for key in required:
+        if key not in given:
             raise InputError(f"reference: {key!r} is missing for kind = {kind!r}")
     REFERENCES[kind](**{key: value for key, value in given.items() if key != "kind"})  # refuses wrong values
     return given
@@ -270,17 +248,9 @@ def _reference(content: Mapping[str, Any]) -> dict[str, Any] | None:
 def _sampling(content: Mapping[str, Any]) -> Sampling | None:
     if "sampling" not in content:
         return None
-    kinds = {
-        "measurement": float,
-        "command": float,
-        "position_noise": float,
-        "heading_noise": float,
-        "velocity_noise": float,
-        "rate_noise": float,
-        "log": float,
-        "seed": int,
-    }
-    given = _section(content, "sampling", kinds, required=("measurement",))
+    given = _section(content, "sampling", SAMPLING, required=("measurement",))
+    if "poor_view" in given:
+        given["poor_view"] = _check("sampling.poor_view", given["poor_view"], POOR_VIEW, ())
     given.setdefault("command", given["measurement"])
     for key in ("measurement", "command", "log"):
         positive(f"sampling.{key}", given.get(key, given["measurement"]))

@@ -6,14 +6,19 @@ import csv
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.files import write_folder
 from hovercontrol.logs import Log
 from hovercontrol.scenarios.definition import Metric, Scenario
 from hovercontrol.scenarios.measures import measure
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
 
@@ -97,6 +102,27 @@ class Run:
             if values is not None:
                 measured.append(Measured(metric, measure(metric, self.time, values)))
         return measured
+
+    def _repr_html_(self) -> str:
+        from hovercontrol.notebook.results import run_html
+
+        return run_html(self)
+
+    def plot(self, name: str = "") -> Figure:
+        """Return one of the run's pictures; the tracking error, or else the path, where none is named.
+
+        Raises
+        ------
+        InputError
+            If there is no such picture; the nearest is named.
+        """
+        from hovercontrol.scenarios.figures import figures
+
+        drawn = figures(self)
+        chosen = name or ("tracking_error" if "tracking_error" in drawn else "path")
+        if chosen not in drawn:
+            raise InputError(f"no picture {chosen!r}{did_you_mean(chosen, drawn)}")
+        return drawn[chosen]
 
     def save(self, folder: str | Path) -> list[Path]:
         """Write ``log.csv``, ``metrics.csv`` and the pictures; they appear whole or not at all.

@@ -17,7 +17,7 @@ import sympy as sp
 from hovercontrol.block import Block
 from hovercontrol.controllers import tracking_controller
 from hovercontrol.hardware.links import constant_delay
-from hovercontrol.hardware.sensors import mocap, noisy_motion
+from hovercontrol.hardware.sensors import mocap, noisy_motion, poor_view
 from hovercontrol.interconnect import interconnect, rename
 from hovercontrol.model import MOTION
 from hovercontrol.scenarios.definition import Sampling, Scenario
@@ -63,7 +63,8 @@ def sampled_loop(scenario: Scenario, parts: Mapping[str, Block], name: str = "lo
     """
     assert scenario.sampling is not None
     blocks = [*sampled_blocks(scenario, parts).values()]
-    shown = [s.name for block in blocks for s in block.outputs if s.name not in (AHEAD.name, "radio_age")]
+    told = [s.name for block in blocks for s in block.outputs]
+    shown = [n for n in told if n not in (AHEAD.name, "radio_age") and not n.endswith("_viewed")]
     return interconnect(blocks, name, outputs=shown, hybrid=True)
 
 
@@ -89,13 +90,21 @@ def run_sampled(
 def sampled_blocks(scenario: Scenario, parts: Mapping[str, Block]) -> dict[str, Block]:
     """Return the Blocks that :func:`sampled_loop` joins, by name; arguments as there."""
     assert scenario.sampling is not None
-    blocks = [parts["plant"], _sensor(scenario.sampling, parts["plant"])]
+    blocks = [parts["plant"], *_sensors(scenario.sampling, parts["plant"])]
     if scenario.tracks:
         blocks += _tracking(scenario, parts)
     elif scenario.controller is not None:
         own = [block for role, block in parts.items() if role != "plant"]
         blocks.append(_ticking(interconnect(own, "law"), scenario.sampling.command))
     return {block.name: block for block in blocks}
+
+
+def _sensors(sampling: Sampling, plant: Block) -> list[Block]:
+    sensor = _sensor(sampling, plant)
+    if sampling.poor_view is None:
+        return [sensor]
+    view = poor_view(**sampling.poor_view, period=sampling.measurement, seed=sampling.seed)
+    return [view, rename(sensor, {s.name: f"{s.name}_viewed" for s in view.inputs})]
 
 
 def _sensor(sampling: Sampling, plant: Block) -> Block:

@@ -74,6 +74,11 @@ class Varied:
         ax.figure.colorbar(shown, ax=ax, label=label)
         return ax
 
+    def _repr_html_(self) -> str:
+        from hovercontrol.notebook.results import varied_html
+
+        return varied_html(self)
+
     def save(self, folder: str | Path) -> list[Path]:
         """Write ``sweep.csv`` (all figures of all outputs), ``sweep.png`` and ``sweep.svg``; whole or not."""
 

@@ -25,8 +25,11 @@ from hovercontrol.simulation import checked_times, initial_state, input_rows, si
 from hovercontrol.targets.compiler import NoCompilerError
 from hovercontrol.targets.executors import sweep_on
 from hovercontrol.targets.library import METHODS, Array, Library, Point, Solver, check_point
+from hovercontrol.targets.native_runner import NativeEngine
 from hovercontrol.targets.numpy import call_scalar, numpy_functions
+from hovercontrol.targets.python_runner import start_block
 from hovercontrol.targets.runge_kutta import rk4
+from hovercontrol.targets.runner import BlockRunner, Inputs
 from hovercontrol.targets.sweep import (
     FIGURES,
     REASONS,
@@ -202,6 +205,31 @@ class CompiledBlock:
     def _look_for_whole(self) -> Library | _Numpy:
         self._whole = _engine(self.block, self.friction)
         return self._whole
+
+    def start(
+        self,
+        x0: ArrayLike | Mapping[str, float] | None = None,
+        params: Mapping[str, float] | None = None,
+        *,
+        inputs: Inputs | None = None,
+        time: float = 0.0,
+        rtol: float = 1e-6,
+        atol: float = 1e-9,
+    ) -> BlockRunner:
+        """Start a run that goes step by step, in machine code.
+
+        Arguments, result and errors are those of :meth:`hovercontrol.block.Block.start`.
+        """
+        if not self.native:
+            return start_block(self.block, x0, params, inputs=inputs, time=time, rtol=rtol, atol=atol)
+        whole = _engine(self._plain, self.friction)
+        assert isinstance(whole, Library)
+        solver, n = _solver("dormand-prince", None, rtol, atol), len(self.block.outputs)
+        return BlockRunner(
+            self.block,
+            lambda begin, states, held, values: NativeEngine(whole, solver, begin, states, held, values, n),
+            x0, params, inputs, time,
+        )  # fmt: skip
 
     def simulate(
         self,

@@ -25,8 +25,11 @@ Point = Callable[[float, ArrayLike, ArrayLike], Array]
 MAX_STEPS = 10_000_000
 NO_MEMORY = 1  # of hc_solver.h
 METHODS = ("dormand-prince", "rk4")  # in the order of hc_solver.h
-_RUNTIME = ("hc_solver.c", "hc_events.c", "hc_friction.c", "hc_ticks.c", "hc_simulate.c", "hc_lanes.c")
-_EXPORTS = """#include "hc_simulate.h"
+_RUNTIME = tuple(
+    f"hc_{name}.c" for name in ("solver", "events", "friction", "ticks", "simulate", "lanes", "runner")
+)
+_EXPORTS = """#include "hc_runner.h"
+#include "hc_simulate.h"
 #ifdef _WIN32
 #define EXPORT __declspec(dllexport)
 #else
@@ -61,6 +64,46 @@ EXPORT int block_sweep(const hc_part *part, const hc_options *options, const dou
 {
     return hc_sweep_part(&hc_model, part, hc_model_lanes, options, times, n_times, n_runs, x, u, p, from,
                          band, figures, final, status);
+}
+EXPORT void *runner_new(const hc_options *options, double *y)
+{
+    return hc_runner_new(&hc_model, options, y);
+}
+EXPORT void runner_free(void *runner)
+{
+    hc_runner_free(runner);
+}
+EXPORT int runner_begin(void *runner, double t, const double *x, const double *u, const double *p)
+{
+    return hc_runner_begin(runner, t, x, u, p);
+}
+EXPORT int runner_step(void *runner, double until, const double *u)
+{
+    return hc_runner_step(runner, until, u);
+}
+EXPORT int runner_jump(void *runner, const double *x, const int *given, const double *p)
+{
+    return hc_runner_jump(runner, x, given, p);
+}
+EXPORT double runner_time(const void *runner)
+{
+    return hc_runner_time(runner);
+}
+EXPORT void runner_states(const void *runner, double *x)
+{
+    hc_runner_states(runner, x);
+}
+EXPORT long runner_size(const void *runner)
+{
+    return hc_runner_size(runner);
+}
+EXPORT void runner_save(const void *runner, double *into)
+{
+    hc_runner_save(runner, into);
+}
+EXPORT void runner_load(void *runner, const double *from)
+{
+    hc_runner_load(runner, from);
 }
 """
 _NO_LANES = '#include "hc_lanes.h"\nconst hc_lanes_function hc_model_lanes = NULL;\n'
@@ -146,6 +189,8 @@ class Library:
         Places of the states that are left out.
     lanes : int
         How many runs of such a sweep go side by side.
+    short : ctypes.PyDLL
+        The library for calls too short to let go of the interpreter's lock.
     """
 
     def __init__(
@@ -182,7 +227,7 @@ class Library:
         self._advance = library.block_advance
         self._advance.argtypes = [pointer] * 5
         # A right-hand side takes less time than to let go of the interpreter's lock and to take it again.
-        short = ctypes.PyDLL(library._name)
+        self.short = short = ctypes.PyDLL(library._name)
         self._rows = {"derivatives": short.block_derivatives, "outputs": short.block_outputs}
         for function in self._rows.values():
             function.argtypes, function.restype = [real, *[pointer] * 4], None
@@ -205,7 +250,7 @@ class Library:
 
         Ticks at t are taken, those at `until` not. Where `until` is t, nothing but those ticks happens.
         """
-        options, times = _options(solver), np.array([t, until], dtype=float)
+        options, times = solver_options(solver), np.array([t, until], dtype=float)
         return self._advance(ctypes.byref(options), *(a.ctypes.data for a in (times, x, u, p)))
 
     def simulate(
@@ -216,7 +261,7 @@ class Library:
         states, outputs = np.empty((len(times), n_states)), np.empty((len(times), n_outputs))
         reached, last, rows = np.array([times[0]]), x.copy(), np.ascontiguousarray(u.T)
         arrays = (a.ctypes.data for a in (last, rows, p, states, outputs, reached))
-        options = _options(solver)
+        options = solver_options(solver)
         call = (ctypes.byref(self._part), ctypes.byref(options), times.ctypes.data, len(times))
         status = self._simulate(*call, *arrays)
         if status == NO_MEMORY:
@@ -235,7 +280,7 @@ class Library:
         results: tuple[Array, Array, NDArray[np.intc]],
     ) -> None:
         """Fill the results of some runs: figures, last states, status."""
-        options, rows = _options(solver), np.ascontiguousarray(u.T)
+        options, rows = solver_options(solver), np.ascontiguousarray(u.T)
         before = (a.ctypes.data for a in (x, rows, p))
         after = (a.ctypes.data for a in (band, *results))
         call = (ctypes.byref(self._part), ctypes.byref(options), times.ctypes.data, len(times), len(x))
@@ -243,7 +288,8 @@ class Library:
             raise MemoryError("no memory for the solver")
 
 
-def _options(solver: Solver) -> _Options:
+def solver_options(solver: Solver) -> _Options:
+    """Return how to integrate as the C runtime has it."""
     method = METHODS.index(solver.method)
     steps = MAX_STEPS if method == 0 else 0
     return _Options(method, solver.rtol, solver.atol, solver.step, steps, None)

@@ -20,6 +20,7 @@ from hovercontrol.signals import Signal
 
 if TYPE_CHECKING:
     import pyarrow
+    from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
 Many = Mapping[str, ArrayLike]
@@ -116,6 +117,17 @@ class SweepResult:
 
     def _given(self) -> dict[str, Array]:
         return {**self.parameters, **{f"{name}.start": v for name, v in self.x0.items()}}
+
+    def _repr_html_(self) -> str:
+        from hovercontrol.notebook.results import sweep_html
+
+        return sweep_html(self)
+
+    def plot(self, of: str | None = None, figure: str = "final") -> Figure:
+        """Return a figure (final, maximum, minimum, rms, settling) of an output over what was varied."""
+        from hovercontrol.notebook.plots import sweep_figure
+
+        return sweep_figure(self, of, figure)
 
     def to_table(self, runs: slice = slice(None)) -> pyarrow.Table:
         """Return one row for each run: what was given, its status, ``OUTPUT.FIGURE``, ``STATE.end``.

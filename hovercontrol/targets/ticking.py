@@ -1,10 +1,11 @@
-"""A hybrid Block on NumPy: integrated from tick to tick."""
+"""A Block on plain floats: integrated from tick to tick, where it ticks."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,12 +24,12 @@ FIRST = 1e-3
 
 
 class Running:
-    """A hybrid Block while it runs, on plain floats.
+    """A Block while it runs, on plain floats.
 
     Parameters
     ----------
     block : Block
-        Hybrid.
+        Hybrid or continuous, without delays.
     time : float
         To begin at [s].
     state, inputs, params : sequence of float
@@ -61,19 +62,45 @@ class Running:
         self._schedule = Schedule([tick.period for tick in block.ticks], time)
         self._step, self._allowed = FIRST, (rtol, atol, longest)
         self.time, self.state = time, list(state)
-        self._inputs, self._params = list(inputs), params
+        self.inputs, self._params = list(inputs), params
         self._before: list[float] = []
         self._taken: list[tuple[float, int]] = []
         self._tick()
 
     def set_inputs(self, inputs: Sequence[float]) -> None:
         """Let inputs jump now; ticks of this instant see them."""
-        if list(inputs) == self._inputs:
-            return
-        self._inputs = list(inputs)
+        if list(inputs) != self.inputs:
+            self.inputs = list(inputs)
+            self.change()
+
+    def change(
+        self, states: Mapping[int, float] | None = None, params: Sequence[float] | None = None
+    ) -> None:
+        """Let states, by their places, and parameters jump now; ticks of this instant are taken again.
+
+        What those ticks set is given as it was before them.
+        """
         if self._taken:
             self.state = list(self._before)
+        for place, value in (states or {}).items():
+            self.state[place] = value
+        if params is not None:
+            self._params = params
+        if self._taken:
+            self._before = list(self.state)
             self._act()
+
+    def save(self) -> tuple[Any, ...]:
+        """Return all that it knows, for :meth:`load`."""
+        lists = (tuple(values) for values in (self.state, self.inputs, self._params, self._before))
+        return self.time, self._step, tuple(self._taken), self._schedule.save(), *lists
+
+    def load(self, saved: tuple[Any, ...]) -> None:
+        """Go on from what :meth:`save` returned."""
+        self.time, self._step, taken, due, *lists = saved
+        self._taken = list(taken)
+        self._schedule.load(due)
+        self.state, self.inputs, self._params, self._before = map(list, lists)
 
     def advance(self, until: float, *, open_end: bool = False) -> None:
         """Go on to a time [s], and through the ticks that are due then, unless the end is open.
@@ -81,20 +108,22 @@ class Running:
         Raises
         ------
         InputError
-            If a state is no number any more.
+            If a state is no number any more; time and states are then the last good ones.
         """
         n, schedule = self._n, self._schedule
         while self.time < until:
             stop = until if schedule.time >= until - ROOM * abs(until) else schedule.time
+            moved, step = self.state[:n], self._step
             if n:
-                held = [*self._inputs, *self.state[n:]]
-                self.state[:n], self._step = dormand_prince(
-                    self._rhs, self.time, self.state[:n], held, self._params, stop, self._step, *self._allowed
+                held = [*self.inputs, *self.state[n:]]
+                moved, step = dormand_prince(
+                    self._rhs, self.time, moved, held, self._params, stop, step, *self._allowed
                 )
-            if not all(map(math.isfinite, self.state)):
+            if not all(map(math.isfinite, [*moved, *self.state[n:]])):
                 raise InputError(
                     f"the simulation stops at t = {self.time:.6g} s: a state is not a number after it"
                 )
+            self.state[:n], self._step = moved, step
             self.time = stop
             self._taken = []
             if not (open_end and stop == until):
@@ -112,7 +141,7 @@ class Running:
     def _act(self) -> None:
         for at, k in self._taken:
             pair, places = self._ticks[k]
-            values = call_scalar(pair, at, self.state, self._inputs, self._params)
+            values = call_scalar(pair, at, self.state, self.inputs, self._params)
             for place, value in zip(places, values, strict=True):
                 self.state[place] = value
 

@@ -9,10 +9,11 @@ from hypothesis import strategies as st
 from hovercontrol.analysis.basins import turn_basins
 from hovercontrol.analysis.gains import beta_region, gain_region
 from hovercontrol.analysis.loops import tracking_loop
-from hovercontrol.analysis.lyapunov import decay, fastest_beta, lyapunov_function
+from hovercontrol.analysis.lyapunov import decay, fastest_beta, lyapunov_function, lyapunov_rate
 from hovercontrol.analysis.normal_form import ERRORS, coefficient, normal_form, symbol
 from hovercontrol.analysis.zero_dynamics import predict
 from hovercontrol.errors import InputError
+from hovercontrol.sgn import sgn
 from hovercontrol.vehicles import c17_experiment, c17_simulation
 
 GAINS = st.floats(0.05, 20.0)
@@ -134,3 +135,30 @@ def test_what_is_no_number_is_refused_in_one_line():
         predict("a", 0.1)
     with pytest.raises(InputError, match="at: expected one velocity by name"):
         turn_basins(at=3.0)
+
+
+def test_20_is_the_derivative_of_v_under_any_command(rng):
+    """C17 (20) written by hand at random points, for a thrust that no controller chose."""
+    craft = c17_simulation()
+    motion = ["x", "y", "psi", "u", "v", "r"]
+    told = ["x_ref", "y_ref", "vx_ref", "vy_ref", "ax_ref", "ay_ref"]
+    names = [*motion, *told, "thrust_x", "thrust_y"]
+    given_names = [coefficient(n) for n in (*craft.coefficients(), "k1", "k2", "control_point")]
+    symbols = [*(symbol(n) for n in names), *given_names, sp.Symbol("beta", positive=True)]
+    rate = sp.lambdify(symbols, lyapunov_rate(craft).replace(sgn, lambda v, w: sp.sign(v)))
+    k1, k2, dx, beta = 2.0, 1.5, 0.2, 0.4
+    for _ in range(20):
+        values = rng.uniform(-2, 2, len(names))
+        c = dict(zip(craft.coefficients(), rng.uniform(0.2, 2.0, len(craft.coefficients())), strict=True))
+        x, y, psi, u, v, r, xr, yr, vx, vy, ax, ay, fx, fy = values
+        R = np.array([[np.cos(psi), -np.sin(psi)], [np.sin(psi), np.cos(psi)]])
+        z1 = np.array([x - xr, y - yr]) + R @ [dx, 0]
+        z2 = R @ [u, v] - [vx, vy] + R @ [0, dx * r]
+        W = k1 * beta * z1 @ z1 + k2 * beta * z1 @ z2 + (k2 - beta) * z2 @ z2
+        B = np.diag([c["thrust"], c["thrust"] - c["rudder_torque"] * dx])
+        drag = -np.array([c["surge_coulomb"] * np.sign(u) + c["surge_linear_drag"] * u,
+                          c["sway_coulomb"] * np.sign(v) + c["sway_linear_drag"] * v])  # fmt: skip
+        yaw = c["yaw_coulomb"] * np.sign(r) + c["yaw_linear_drag"] * r
+        bracket = B @ [fx, fy] + drag - R.T @ [ax, ay] - [dx * r**2, dx * yaw] + R.T @ (k1 * z1 + k2 * z2)
+        by_hand = -W + (beta * z1 + z2) @ R @ bracket
+        assert rate(*values, *c.values(), k1, k2, dx, beta) == pytest.approx(by_hand, rel=1e-9, abs=1e-9)

@@ -1,5 +1,7 @@
 """C17's Theorem 4: (23) and (24) by hand, the side the craft settles on, and simulations as the judge."""
 
+import sys
+
 import numpy as np
 import pytest
 import sympy as sp
@@ -8,9 +10,16 @@ from hypothesis import strategies as st
 
 from hovercontrol.analysis.loops import c17_ellipse, initial_errors, on_reference, tracking_loop
 from hovercontrol.analysis.normal_form import coefficient
-from hovercontrol.analysis.zero_dynamics import arm_region, predict, zero_dynamics
+from hovercontrol.analysis.zero_dynamics import (
+    arm_region,
+    kinetic_energy_rate,
+    predict,
+    theorem_4_margin,
+    zero_dynamics,
+)
 from hovercontrol.errors import InputError
 from hovercontrol.references import line
+from hovercontrol.sgn import sgn
 from hovercontrol.vehicles import c17_simulation
 
 CRAFT = c17_simulation()
@@ -131,3 +140,88 @@ def test_simulations_agree_with_the_corrected_theorem_and_contradict_the_printed
 def test_singular_and_empty_ranges_are_refused(call, text):
     with pytest.raises(InputError, match=text):
         call()
+
+
+@given(positive, positive, positive, st.floats(0.5, 8.0) | st.floats(-8.0, -0.5), st.floats(0.02, 0.98))
+def test_delta_of_theorem_4_is_the_nearest_place_where_24_fails(c4, c6, c7, c8, share):
+    """(24) is c6 > kappa (c4 - c6), kappa = c8 dx/(c7 - c8 dx): by hand at both sides and just beyond."""
+    names = ("sway_linear_drag", "yaw_linear_drag", "thrust", "rudder_torque")
+    delta = theorem_4_margin(CRAFT.with_coefficients(dict(zip(names, (c4, c6, c7, c8), strict=True))))
+
+    def holds(dx):
+        kappa = c8 * dx / (c7 - c8 * dx)
+        return c6 > kappa * (c4 - c6)
+
+    assume(abs(c4 - c6) > 0.01)
+    assert holds(share * delta) and holds(-share * delta)
+    assert not (holds(1.001 * delta) and holds(-1.001 * delta))
+
+
+def test_within_delta_a_fast_spin_dies_and_beyond_it_grows():
+    delta = theorem_4_margin(CRAFT)
+    assert delta == pytest.approx(0.0488, abs=1e-4)
+    loop = tracking_loop(CRAFT, outputs=["r"]).compile(friction="smooth")
+    for share, bounded in ((0.9, True), (1.1, False)):
+        start = on_reference(c17_ellipse(), share * delta) | {"plant.r": 60.0}
+        start["plant.v"] -= share * delta * (60.0 - start["plant.r"])
+        rate = loop.simulate([0.0, 0.5, 3.0], x0=start, params={"controller.control_point": share * delta})
+        assert (abs(rate.outputs.ravel()[-1]) < 60.0) == bounded
+
+
+def test_without_a_rudder_arm_or_sway_drag_delta_is_what_is_left():
+    assert theorem_4_margin(CRAFT.with_coefficients({"rudder_torque": 0.0})) == np.inf
+    bare = CRAFT.with_coefficients({"sway_linear_drag": 0.0})
+    assert theorem_4_margin(bare) == pytest.approx(0.75 / 6.1425, rel=1e-9)
+
+
+def test_a_control_point_off_the_centre_line_has_no_delta():
+    """By hand: r' has -c8 delta_y r^2/(c7 - c8 delta_x), so r escapes in finite time to one side."""
+    cubic = zero_dynamics(CRAFT, side=True).cubic
+    numbers = {coefficient(n): v for n, v in CRAFT.coefficients().items()}
+    numbers |= {coefficient("control_point"): 0.03, coefficient("control_point_side"): 0.02}
+    assert float(cubic.subs(numbers)) == pytest.approx(-6.1425 * 0.02 / (0.75 - 6.1425 * 0.03), rel=1e-9)
+    assert DYNAMICS.cubic == 0
+
+
+def test_23_is_the_derivative_of_the_yaw_energy_with_its_bracket_closed(rng):
+    """C17 (23) by hand at random points: the sign is that of the whole sway velocity."""
+    rate = kinetic_energy_rate(CRAFT)
+    names = ["error_x", "error_y", "error_rate_x", "error_rate_y", "psi", "r"]
+    names += ["vx_ref", "vy_ref", "ax_ref", "ay_ref"]
+    symbols = [sp.Symbol(n, real=True) for n in names]
+    given = [coefficient(n) for n in (*CRAFT.coefficients(), "k1", "k2", "control_point")]
+    known = sp.lambdify([*symbols, *given], rate.replace(sgn, lambda v, w: sp.sign(v)))
+    m, J, k1, k2, dx = 0.585, 0.01, 2.0, 1.5, 0.2
+    for _ in range(20):
+        values = rng.uniform(-2, 2, len(symbols))
+        c = dict(zip(CRAFT.coefficients(), rng.uniform(0.2, 2.0, len(CRAFT.coefficients())), strict=True))
+        e1, e2, w1, w2, psi, r, vx, vy, ax, ay = values
+        across = np.array([-np.sin(psi), np.cos(psi)])  # e2' R'
+        d_v0, d_v = m * c["sway_coulomb"], m * c["sway_linear_drag"]
+        d_r0, d_r = J * c["yaw_coulomb"], J * c["yaw_linear_drag"]
+        a = c["rudder_torque"] * J / (c["thrust"] * m)
+        gain = a / (1 / m - dx * a / J)
+        slip = across @ [w1 + vx, w2 + vy]
+        by_hand = -d_r0 / J * np.sign(r) * r + (-d_r / J + gain / J * (d_v / m - d_r / J) * dx) * r**2
+        by_hand += (
+            r / J * gain * (
+                (-d_v0 * np.sign(slip - dx * r) - d_v * slip) / m
+                - d_r0 / J * np.sign(r) * dx
+                + across @ [k1 * e1 + k2 * w1 - ax, k1 * e2 + k2 * w2 - ay]
+            )
+        )  # fmt: skip
+        assert known(*values, *c.values(), k1, k2, dx) == pytest.approx(by_hand, rel=1e-9, abs=1e-9)
+
+
+def test_what_has_not_settled_on_a_side_is_on_neither(monkeypatch):
+    """Without a rudder arm nothing turns the craft; next to none, it still turns after 30 s."""
+    ranges = (-0.012, 0.012), (-0.25, 0.05)
+    _, judge = arm_region(*ranges, points=13)
+    maps = [judge[n] for n in ("nose", "stern", "unsettled")]
+    assert (sum(m.astype(int) for m in maps) == judge["bounded"]).all()
+    assert judge["unsettled"][:, 6].all()  # a = 0
+    module = sys.modules["hovercontrol.analysis.zero_dynamics"]  # the package has a function of that name
+    monkeypatch.setattr(module, "SETTLED", 2.0)  # whatever it still does
+    _, hasty = arm_region(*ranges, points=13)
+    wrongly = hasty["nose"] & judge["unsettled"]
+    assert wrongly.any() and not (judge["nose"] & ~hasty["nose"]).any()

@@ -159,6 +159,22 @@ def test_a_controller_that_knows_the_craft_loses_its_tracking_error():
     assert error[-1] < 1e-3
 
 
+def test_a_control_point_beside_the_centre_line_follows_too():
+    """C17: "the proposed controller can accommodate arbitrary vectors delta"; to its stable side."""
+    craft, delta = c17_simulation(), np.array([0.2, 0.05])
+    controller = tracking_controller(craft, control_point=delta[0], control_point_side=delta[1])
+    loop = interconnect([ellipse(1.5, 2.5, -1, np.pi / 2), controller, craft.plant()], "loop")
+    run = simulate(loop, [0, 5.0, 12.0], x0={"plant.y": 1.5, "plant.u": 1.0}, rtol=1e-8, atol=1e-10)
+    o = dict(zip(run.output_labels, run.outputs, strict=True))
+    cos, sin = np.cos(o["psi"]), np.sin(o["psi"])
+    x, y = o["x"] + cos * delta[0] - sin * delta[1], o["y"] + sin * delta[0] + cos * delta[1]
+    np.testing.assert_allclose(o["error_x"], x - o["x_ref"], atol=1e-12)
+    np.testing.assert_allclose(o["error_y"], y - o["y_ref"], atol=1e-12)
+    assert np.hypot(o["error_x"], o["error_y"])[-1] < 1e-3
+    assert "controller.control_point_side" in controller.default_parameters
+    assert "controller.control_point_side" not in tracking_controller(craft).default_parameters
+
+
 # ---- adaptation and limits -----------------------------------------------------------------------
 
 

@@ -7,7 +7,8 @@ import pytest
 
 from hovercontrol.discrepancy.criteria import CRITERIA
 from hovercontrol.discrepancy.diagnose import base_fit
-from hovercontrol.discrepancy.search.select import Tried, passes, same_axis, select, twins, why_not
+from hovercontrol.discrepancy.search.select import select
+from hovercontrol.discrepancy.search.trial import Tried, passes, same_axis, twins, why_not
 from hovercontrol.effects import effect
 from hovercontrol.estimation.data import gather
 

@@ -15,6 +15,7 @@ from hovercontrol.hardware.sensors import (
     k06_magnetometer,
     magnetometer,
     mocap,
+    poor_view,
     ranges_by_unit,
     with_specific_force,
 )
@@ -29,6 +30,7 @@ SENSORS = {
     "compensation": gyro_compensation,
     "magnetometer": lambda: magnetometer(noise=1e-7, soft_iron=(0.1, 0.0, 0.05), hard_iron=(1e-6, 0.0)),
     "mocap": lambda: mocap(position_noise=1e-3, heading_step=1e-3),
+    "poor view": lambda: poor_view(position_noise=1e-2, outlier_share=0.2, outlier_noise=0.1),
     "cricket": lambda: k06_cricket(assisted=True),
     "two beacons": lambda: k06_cricket(Beacons([(0, 1), (2.4, 1)], 2.7), side=-1),
     "arrivals": arrivals,

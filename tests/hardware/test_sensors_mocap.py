@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hovercontrol.errors import InputError
-from hovercontrol.hardware.sensors import mocap, noisy_motion
+from hovercontrol.hardware.sensors import mocap, noisy_motion, poor_view
 from hovercontrol.hybrid import Ticking
 
 POSE, VELOCITY = ("x", "y", "psi"), ("u", "v", "r")
@@ -93,3 +93,35 @@ def test_a_negative_noise_of_velocities_is_refused():
 def test_wrong_numbers_are_refused(wrong, said):
     with pytest.raises(InputError, match=said):
         mocap(**wrong)
+
+
+def test_a_poor_view_is_noisy_inside_its_circle_only():
+    view = Ticking(poor_view(centre=(1.0, 2.0), radius=0.5, position_noise=0.01, heading_noise=0.02))
+    n = 3000
+    inside, outside = ({"x": 1.2, "y": 2.3, "psi": 0.4}, {"x": 1.2, "y": 2.6, "psi": 0.4})
+    seen = np.array([list(view.tick(0.01 * k, inside).values()) for k in range(n)]) - [1.2, 2.3, 0.4]
+    assert seen.std(axis=0) == pytest.approx([0.01, 0.01, 0.02], rel=5 / math.sqrt(2 * n))
+    assert list(view.tick(0.0, outside).values()) == list(outside.values())
+
+
+def test_outliers_of_a_poor_view_come_as_often_and_are_as_large_as_asked_for():
+    view = Ticking(poor_view(outlier_share=0.1, outlier_noise=0.5))
+    n = 3000
+    seen = np.array([view.tick(0.01 * k, dict.fromkeys(POSE, 0.0))["x_viewed"] for k in range(n)])
+    hit = seen[seen != 0]
+    assert len(hit) / n == pytest.approx(0.1, abs=5 * math.sqrt(0.09 / n))
+    assert hit.std() == pytest.approx(0.5, rel=5 / math.sqrt(2 * len(hit)))
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"centre": (1.0,)}, "expected two numbers"),
+        ({"radius": 0.0}, "radius must be positive"),
+        ({"position_noise": -1.0}, "position_noise must not be negative"),
+        ({"outlier_share": 1.5}, "outlier_share must be between 0 and 1"),
+    ],
+)
+def test_a_poor_view_refuses_what_makes_no_sense(given, said):
+    with pytest.raises(InputError, match=said):
+        poor_view(**given)

@@ -3,6 +3,8 @@
 import csv
 from pathlib import Path
 
+import pytest
+
 from hovercontrol.reproduce import numbered_items, places
 from hovercontrol.reproduce.item import KINDS
 from hovercontrol.reproduce.markers import MARKER
@@ -32,6 +34,19 @@ def test_no_marker_names_what_the_documents_have_not():
 
 def test_what_is_rebuilt_is_numbered():
     assert [i.name for i in all_items() if (i.document, i.kind, i.number) not in KNOWN] == []
+
+
+@pytest.mark.parametrize("key", [k for k in KNOWN if k[0] == "c17"], ids=" ".join)
+def test_every_item_of_c17_has_a_place_or_a_reason(key):
+    assert bool(PLACES.get(key)) != bool(KNOWN[key].without_code)
+
+
+def test_every_table_and_figure_of_c17_is_rebuilt_or_has_a_reason():
+    rebuilt = {(i.document, i.kind, i.number) for i in all_items("c17")}
+    wanted = {
+        k for k, n in KNOWN.items() if k[0] == "c17" and k[1] in ("table", "fig") and not n.without_code
+    }
+    assert wanted <= rebuilt
 
 
 def test_a_place_is_where_the_marker_stands():

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from hovercontrol.effects import Effect
+from hovercontrol.effects import Effect, Shape
 from hovercontrol.estimation.fit import Fit, inverse
 from hovercontrol.signals import time
 
@@ -31,11 +31,12 @@ class Blocks:
     same_sign : int
         Those of them with the sign of all.
     t : float
-        Size over its standard error, that by the scatter over blocks.
+        Size over its standard error by the scatter over blocks, of which at least `ENOUGH` have a say.
     dof : float
         Blocks that count, less one: a few may carry all information.
     spread : float
-        Standard deviation from block to block beyond what noise explains.
+        Standard deviation from block to block beyond what noise explains, weighted as in `t`: blocks that
+        know much count for more.
     """
 
     estimate: Array
@@ -51,6 +52,35 @@ class Blocks:
     def p_value(self) -> float:
         """Of t, two-sided."""
         return float(2.0 * stats.t.sf(abs(self.t), max(self.dof, 1e-3)))
+
+
+#: Blocks that must have a say: where fewer carry nearly all that logs tell, these count for less.
+ENOUGH = 8
+
+
+def capped(information: Array) -> Array:
+    """Return weights of blocks, no more than their information, that at least `ENOUGH` of them share.
+
+    Examples
+    --------
+    >>> information = np.r_[100.0, np.ones(9)]
+    >>> weights = capped(information)
+    >>> bool(weights[0] < 10.0), weights[1:].tolist() == information[1:].tolist()
+    (True, True)
+    """
+    low, high = 0.0, float(information.max(initial=0.0))
+    if np.count_nonzero(information) <= ENOUGH or _sharing(information) >= ENOUGH:
+        return information
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if _sharing(np.minimum(information, middle)) >= ENOUGH else (low, middle)
+    return np.asarray(np.minimum(information, high))
+
+
+def _sharing(weights: Array) -> float:
+    """Return how many blocks of equal weight these are worth."""
+    squares = float((weights**2).sum())
+    return float(weights.sum()) ** 2 / squares if squares > 0 else 0.0
 
 
 def scatter(score: Array, information: Array, log: NDArray[np.intp]) -> Blocks:
@@ -70,21 +100,19 @@ def scatter(score: Array, information: Array, log: NDArray[np.intp]) -> Blocks:
         std = np.where(known, 1.0 / np.sqrt(information), np.inf)
     counts = information > 0.05 * total / max(len(information), 1)
     n = int(counts.sum())
-    effective = total**2 / float((information**2).sum()) if total > 0 else 0.0
-    left = score - information * float(score.sum()) / max(total, 1e-300)
+    weights = capped(information)
+    effective, whole = _sharing(weights), max(float(weights.sum()), 1e-300)
+    size = float((weights * estimate).sum()) / whole
+    squares = (weights * (estimate - size)) ** 2
     W = len(score)
-    meat = float((left**2).sum()) * W / max(W - 1, 1)
-    size = float(score.sum()) / max(total, 1e-300)
-    robust = np.sqrt(meat) / max(total, 1e-300)
+    robust = np.sqrt(float(squares.sum()) * W / max(W - 1, 1)) / whole
     t = size / max(robust, 1e-300)
-    w = information[counts]
     spread = 0.0
-    if n > 1:
-        centre = float((w * estimate[counts]).sum() / w.sum())
-        Q = float((w * (estimate[counts] - centre) ** 2).sum())
-        spread = float(np.sqrt(max(Q - (n - 1), 0.0) / (w.sum() - (w**2).sum() / w.sum()))) / max(
-            abs(centre), 1e-300
-        )
+    if effective > 1.5:
+        both = float((weights**2).sum())
+        variance = float(squares.sum()) / both * effective / (effective - 1.0)
+        noise = float((weights[known] ** 2 / information[known]).sum()) / both
+        spread = float(np.sqrt(max(variance - noise, 0.0))) / max(abs(size), 1e-300)
     same = int((estimate[counts] * np.sign(size) > 0).sum())
     return Blocks(estimate, std, log, n, same, abs(t), max(effective - 1.0, 0.0), spread)
 
@@ -111,12 +139,18 @@ def of_effect(fit: Fit, name: str) -> Blocks:
     mine = [j for j, _ in scaling]
     away = np.array([fit.p[j] - neutral for j, neutral in scaling]) / problem.slope(fit.p)[mine]
     others = [j for j in fit.movable if j not in mine]
+    information, u = _along(fit, mine, others, away)
+    found = scatter(u + information, information, log)
+    return replace(found, spread=max(found.spread, _uneven(fit, name)))
+
+
+def _along(fit: Fit, mine: list[int], others: list[int], away: Array) -> tuple[Array, Array]:
+    """Return each block's information and score along some unknowns, the others as all blocks have them."""
     S, g = fit.S, fit.g
-    total = S.sum(axis=0) + np.diag(fit.prior.precision)
-    back = inverse(total[np.ix_(others, others)]) @ total[np.ix_(others, mine)] if others else None
-    J = S[:, mine][:, :, mine]
-    u = g[:, mine]
-    if back is not None:
+    J, u = S[:, mine][:, :, mine], g[:, mine]
+    if others:
+        total = S.sum(axis=0) + np.diag(fit.prior.precision)
+        back = inverse(total[np.ix_(others, others)]) @ total[np.ix_(others, mine)]
         cross = S[:, mine][:, :, others]
         J = (
             J
@@ -125,9 +159,7 @@ def of_effect(fit: Fit, name: str) -> Blocks:
             + np.einsum("pm,wpq,qk->wmk", back, S[:, others][:, :, others], back)
         )
         u = u - g[:, others] @ back
-    information = np.maximum(np.einsum("m,wmk,k->w", away, J, away), 0.0)
-    found = scatter(u @ away + information, information, log)
-    return replace(found, spread=max(found.spread, _uneven(fit, name)))
+    return np.maximum(np.einsum("m,wmk,k->w", away, J, away), 0.0), u @ away
 
 
 def _uneven(fit: Fit, name: str) -> float:
@@ -180,5 +212,23 @@ def agreement(fit: Fit, less: Fit, name: str) -> Blocks:
     dof = max(gain.size - 1.0 if effective > 1 else 0.0, 0.0)
     return Blocks(
         share, np.full(gain.size, np.nan), fit.problem.rows.block_log, int(counts.sum()),
-        int((gain[counts] > 0).sum()), abs(t) if total > 0 else 0.0, dof, 0.0,
+        int((gain[counts] > 0).sum()), abs(t) if total > 0 else 0.0, dof, _uneven_shape(fit, name),
     )  # fmt: skip
+
+
+def _uneven_shape(fit: Fit, name: str) -> float:
+    """Return how much the shape that makes an effect differs from block to block, in parts of it."""
+    problem = fit.problem
+    e = problem.model.effect(name)
+    mine = [
+        problem.names.index(e.parameter(k))
+        for k, n in e.numbers.items()
+        if isinstance(n, Shape) and n.search and e.parameter(k) in problem.names
+    ]
+    if not mine:
+        return 0.0
+    others = [j for j in fit.movable if j not in mine]
+    along = np.zeros(len(mine))
+    along[0] = 1.0 if problem.log_scale[mine[0]] else fit.p[mine[0]]
+    information, u = _along(fit, mine, others, along)
+    return scatter(u + information, information, problem.rows.block_log).spread

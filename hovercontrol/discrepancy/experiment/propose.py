@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from hovercontrol.discrepancy.evidence.traces import runs_of, simulate_runs
 from hovercontrol.discrepancy.experiment.manoeuvres import Manoeuvre, family, reach
 from hovercontrol.discrepancy.experiment.proposal import Experiment
-from hovercontrol.discrepancy.search.select import Selection
+from hovercontrol.discrepancy.search.confirm import Selection
 from hovercontrol.estimation.data import Data
 from hovercontrol.estimation.fit import Fit, estimate, inverse, products
 from hovercontrol.estimation.kalman import run_filter

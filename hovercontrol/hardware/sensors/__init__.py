@@ -5,7 +5,8 @@
 * :mod:`.magnetometer`: the field and its heading
 * :mod:`.beacons`, :mod:`.ranging`, :mod:`.cone`: ultrasonic ranges and their correction; :mod:`.bancroft`,
   :mod:`.cricket`, :mod:`.two_units`: positions of them, and the heading of two units
-* :mod:`.mocap`: motion capture; :mod:`.arrivals`: for readers faster than a sensor
+* :mod:`.mocap`: motion capture; :mod:`.poor_view`: a part of the floor that it sees badly
+* :mod:`.arrivals`: for readers faster than a sensor
 """
 
 from hovercontrol.hardware.sensors.arrivals import arrivals, ranges_by_unit
@@ -18,6 +19,7 @@ from hovercontrol.hardware.sensors.inertial import imu, k06_imu
 from hovercontrol.hardware.sensors.magnetometer import k06_magnetometer, magnetic_heading, magnetometer
 from hovercontrol.hardware.sensors.mocap import mocap, noisy_motion
 from hovercontrol.hardware.sensors.motion import with_specific_force
+from hovercontrol.hardware.sensors.poor_view import poor_view
 from hovercontrol.hardware.sensors.ranging import cricket_ranges
 from hovercontrol.hardware.sensors.sound import speed_of_sound
 from hovercontrol.hardware.sensors.two_units import two_unit_heading
@@ -47,4 +49,5 @@ __all__ = [
     "ranges_by_unit",
     "mocap",
     "noisy_motion",
+    "poor_view",
 ]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from hovercontrol.reproduce.c17 import simulation
+from hovercontrol.reproduce.c17 import experiment, simulation, theory
 from hovercontrol.reproduce.item import Item
 
-ITEMS: list[Item] = [*simulation.ITEMS]
+ITEMS: list[Item] = [*simulation.ITEMS, *experiment.ITEMS, *theory.ITEMS]

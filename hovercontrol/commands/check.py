@@ -1,0 +1,103 @@
+"""``hovercontrol check``: what is wrong with logs, and what they can show, before anything is fitted."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import numpy as np
+import typer
+from numpy.typing import NDArray
+
+from hovercontrol.commands import given
+from hovercontrol.commands.progress import progress_bar
+from hovercontrol.errors import InputError
+from hovercontrol.files import check_folder
+
+if TYPE_CHECKING:
+    from hovercontrol.logs import Log
+
+#: Stamps that a clock moved by so much [s] still belong to a log.
+EDGE = 0.05
+
+EXAMPLE = "Example: hovercontrol check a.csv b.csv --model craft.toml --out out/check"
+
+
+def check(
+    logs: given.Logs = None,
+    out: given.Out = None,
+    model: Annotated[
+        str | None,
+        typer.Option("--model", help="Model file (TOML); or FILE.py:NAME, a BlockModel of your own."),
+    ] = None,
+    vehicle: Annotated[
+        str | None, typer.Option("--vehicle", help="Or one of the package's craft; with neither, no fit.")
+    ] = None,
+    columns: given.Columns = "",
+    bench: given.Bench = None,
+    bench_fans: given.BenchFans = 2,
+    only_while: given.OnlyWhile = "",
+    settle: given.Settle = 1.0,
+    json: given.Json = False,
+) -> int:
+    """Check logs before a fit: timing, noise, outliers, units, what they excite.
+
+    Says for each log its rate, gaps, jitter and clock, for each column range, noise, resolution and
+
+    samples that stand alone; with a model also whether units, signs and clocks fit it and which
+
+    coefficients a fit could show. Writes check.txt, check.json, check.png and check.svg.
+
+    Exit status 1 if a log cannot be used as it is, or a coefficient cannot be shown.
+    """
+    from hovercontrol.log_check import check as find
+    from hovercontrol.logs.gather import split_files
+    from hovercontrol.model import Model
+
+    if not logs:
+        raise InputError("check: expected one or more logs")
+    out = out or Path("out") / "check"
+    check_folder(out)
+    given.refuse_twice("check", logs)
+    known = given.subject("check", model, vehicle) if model or vehicle else None
+    inputs = [s.name for s in known.plant(late=True).inputs] if known else []
+    moves = isinstance(known, Model)
+    read = given.reader(inputs, columns, bench, bench_fans, only_while, settle, motion=moves)
+    with progress_bar("check", 1.0) as report:
+        report(0.0, "reading logs")
+        every, written, unread = [], [], []
+        for name in logs:
+            try:
+                every.append(read(name))
+            except InputError as error:  # what is wrong with a log is what was asked for
+                if not all(path.is_file() for path in split_files(name)):
+                    raise
+                unread.append(str(error))
+                continue
+            written.append(stamps(name, every[-1], columns))
+        found = find(
+            every,
+            known,
+            files=written,
+            unread=unread,
+            progress=lambda part, what: report(0.05 + 0.9 * part, what),
+        )
+        report(0.95, "drawing")
+        files = found.save(out)
+    given.show(found.text(), files, out, found.to_json() if json else None)
+    return 1 if found.negative else 0
+
+
+def stamps(files: str, log: Log, columns: str) -> dict[str, NDArray[np.float64]]:
+    """Return the time stamps of a log's files [s] as they stand there, within the time of the log."""
+    from hovercontrol.logs.gather import split_files
+    from hovercontrol.logs.read import read_log
+    from hovercontrol.logs.source import open_source
+
+    clock = given.pairs(columns).get("time", "time")
+    found = {}
+    for path in split_files(files):
+        renamed = {"time": clock} if clock in open_source(path).header else {}
+        time = read_log(path, renamed, motion=False, usecols=[]).time
+        found[path.name] = time[(time >= log.time[0] - EDGE) & (time <= log.time[-1] + EDGE)]
+    return {name: time for name, time in found.items() if time.size}

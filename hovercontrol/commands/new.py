@@ -1,0 +1,41 @@
+"""``hovercontrol new``: write a model file to begin with."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from hovercontrol.errors import InputError
+from hovercontrol.files import check_folder, write_whole
+
+EXAMPLE = "Example: hovercontrol new craft.toml --kind fan"
+
+
+def new(
+    file: Annotated[Path, typer.Argument(help="The file to write: .toml, of an own Block .py.")],
+    kind: Annotated[
+        str,
+        typer.Option(
+            "--kind",
+            help="rudder (a propeller and a rudder), fan (fixed fans) or block (a Block of your own).",
+        ),
+    ] = "",
+) -> int:
+    """Write a commented model file that simulates and diagnoses as it stands, to change into your own."""
+    from hovercontrol.model_template import template
+
+    chosen = kind or ("block" if file.suffix == ".py" else "rudder")
+    wanted = ".py" if chosen == "block" else ".toml"
+    name = re.sub(r"\W", "_", file.stem)
+    text = template(chosen, name, file.name)
+    if file.suffix != wanted:
+        raise InputError(f"new: a file of kind {chosen} ends in {wanted}, found {file.name!r}")
+    if file.exists():
+        raise InputError(f"new: {file} is already there; it is left as it is")
+    check_folder(file.parent)
+    write_whole(file, lambda temporary: temporary.write_text(text, encoding="utf-8"))
+    print(f"wrote {file}: the comments in it say what to change and what to do with it")
+    return 0

@@ -1,0 +1,24 @@
+"""``hovercontrol schema``: print the JSON Schema of a kind of file."""
+
+from __future__ import annotations
+
+import sys
+from typing import Annotated
+
+import typer
+
+EXAMPLE = "Example: hovercontrol schema model > model.schema.json"
+
+
+def schema(
+    kind: Annotated[str, typer.Argument(help="result (of diagnose), model or scenario (TOML files).")],
+) -> int:
+    """Print the JSON Schema of result.json, of model files or of scenario files.
+
+    Editors complete and check TOML by it: put '#:schema model.schema.json' in the first line of the file.
+    """
+    from hovercontrol.plain_json import json_text
+    from hovercontrol.schema import schema as made
+
+    sys.stdout.write(json_text(made(kind)))
+    return 0

@@ -1,0 +1,201 @@
+"""What was added one by one, checked together: what is needed, what does as well, what is level."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from hovercontrol.discrepancy.criteria import Criteria
+from hovercontrol.discrepancy.evidence.blocks import Blocks
+from hovercontrol.discrepancy.search.candidates import candidates
+from hovercontrol.discrepancy.search.leads import Lead
+from hovercontrol.discrepancy.search.score import Scores
+from hovercontrol.discrepancy.search.trial import (
+    NEAR,
+    Search,
+    Tried,
+    beside,
+    explained,
+    passes,
+    same_axis,
+    try_effect,
+    twins,
+    why_not,
+    with_times,
+    without_effects,
+)
+from hovercontrol.estimation.fit import Fit
+
+#: Times at most that a better effect takes the place of a named one; one that is better still is a rival.
+ROUNDS = 2
+
+
+@dataclass(frozen=True, eq=False)
+class Rival:
+    """An effect that the logs cannot tell from a named one.
+
+    Attributes
+    ----------
+    name, instead_of : str
+    behind : float
+        How much less likely it is, in twice the log likelihood, numbers penalised alike.
+    t : float
+        That over its standard error over blocks.
+    fit : Fit
+        With this effect in the other's place.
+    same : bool
+        Whether every log must show both alike (a delay of commands, a clock that is late).
+    """
+
+    name: str
+    instead_of: str
+    behind: float
+    t: float
+    fit: Fit
+    same: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Selection:
+    """What a search found.
+
+    Attributes
+    ----------
+    base, final : Fit
+        The given model and the amended one, fitted alike.
+    effects : tuple of str
+        What was added, in order.
+    gains : dict of str to float
+        Fall of twice the negative log likelihood that each brings beside the others.
+    blocks : dict of str to Blocks
+    rivals : tuple of Rival
+    leads : tuple of Lead
+    steps : tuple of (str, float)
+        What was added in which order, with its score.
+    candidates : int
+        How many effects were looked at.
+    without : dict of str to Fit
+        The amended model less each effect, fitted.
+    dropped : tuple of Lead
+        What was added and is not needed beside the others, or not agreed on.
+    alternatives : tuple of (str, Tried)
+        In place of which effect another might be named as well, were it likelier.
+    """
+
+    base: Fit
+    final: Fit
+    effects: tuple[str, ...] = ()
+    gains: dict[str, float] = field(default_factory=dict)
+    blocks: dict[str, Blocks] = field(default_factory=dict)
+    rivals: tuple[Rival, ...] = ()
+    leads: tuple[Lead, ...] = ()
+    steps: tuple[tuple[str, float], ...] = ()
+    candidates: int = 0
+    without: dict[str, Fit] = field(default_factory=dict)
+    dropped: tuple[Lead, ...] = ()
+    alternatives: tuple[tuple[str, Tried], ...] = ()
+
+
+def confirmed(
+    search: Search, selection: Selection, first: Sequence[Tried], safe: Selection | None = None
+) -> Selection:
+    """Drop what is not needed, put better effects in, and say what is level with each.
+
+    Parameters
+    ----------
+    search : Search
+    selection : Selection
+        As effects were added one by one.
+    first : sequence of Tried
+        Fitted beside the model as given: they need not be again.
+    safe : Selection, optional
+        Confirmed before; returned where no more than its effects are left.
+    """
+    criteria, base = search.criteria, selection.base
+    effects, final = list(selection.effects), selection.final
+    dropped: list[Lead] = []
+    swaps = 0
+    while True:
+        without = {
+            n: base if len(effects) == 1 else search.fit(final, without_effects(final.model, n))
+            for n in effects
+        }
+        own = {n: beside(final, without[n], n) for n in effects}
+        unneeded = [n for n in effects if not passes(own[n], selection.candidates, criteria)]
+        if unneeded:
+            least = min(unneeded, key=lambda n: own[n].gain)
+            reason = why_not(own[least], selection.candidates, criteria)
+            dropped.append(Lead(least, own[least].gain, own[least].blocks.t, reason))
+            effects.remove(least)
+            final = without[least]
+            continue
+        if safe is not None and set(effects) <= set(safe.effects):
+            return replace(safe, dropped=(*safe.dropped, *dropped))
+        rivals, others = _rivals(search, selection, own, without, {t.name: t for t in first})
+        better = [(n, t) for n, t in others if _behind(t, own[n], criteria) < 0.0]
+        if not better or swaps == ROUNDS:
+            break
+        name, t = better[0]
+        effects[effects.index(name)] = t.name
+        final, swaps = t.fit, swaps + 1
+    return replace(
+        selection,
+        final=final,
+        effects=tuple(effects),
+        rivals=tuple(rivals),
+        gains={n: own[n].gain for n in effects},
+        blocks={n: own[n].blocks for n in effects},
+        without=without,
+        dropped=tuple(dropped),
+        alternatives=tuple(others),
+    )
+
+
+def _rivals(
+    search: Search,
+    selection: Selection,
+    own: Mapping[str, Tried],
+    without: Mapping[str, Fit],
+    first: Mapping[str, Tried],
+) -> tuple[list[Rival], list[tuple[str, Tried]]]:
+    """Return what is level with each named effect, and all that might be named in its place."""
+    criteria = search.criteria
+    rivals: list[Rival] = []
+    alternatives: list[tuple[str, Tried]] = []
+    for name, mine in own.items():
+        less, final = without[name], mine.fit
+        scored = Scores(less, candidates(less, search.names)).best()
+        others = [s for s in scored if s.candidate.name != name and s.allowed]
+        best = max((s.gain for s in others), default=0.0)
+        tries = 0
+        for s in others:
+            if twins(name, s.candidate.name):
+                rivals.append(Rival(s.candidate.name, name, 0.0, 0.0, final, True))
+                continue
+            kin = same_axis(s.candidate.trial, final.problem.model.effect(name))
+            share = criteria.share if kin or not explained(mine) else criteria.alike
+            if s.gain <= max(share * max(best, 0.0), criteria.least) or tries >= criteria.tries:
+                continue
+            tries += 1
+            known = first.get(s.candidate.name) if len(own) == 1 else None
+            if known is None:
+                search.tell(f"trying {s.candidate.name} in place of {name}")
+            t = known or try_effect(search, less, s.effect, s)
+            if t is None or not passes(t, selection.candidates, criteria):
+                continue
+            if _behind(t, mine, criteria) < NEAR:
+                t = with_times(search, t)
+            behind = _behind(t, mine, criteria)
+            d = t.fit.block_costs - final.block_costs
+            score = float(d.sum() / max(np.sqrt(d.size) * d.std(ddof=1), 1e-300)) if d.size > 1 else 0.0
+            alternatives.append((name, t))
+            if behind < criteria.apart or score < criteria.apart_t:
+                rivals.append(Rival(t.name, name, behind, score, t.fit))
+    return rivals, alternatives
+
+
+def _behind(t: Tried, other: Tried, criteria: Criteria) -> float:
+    """Return how much less likely one fit is than another, numbers penalised alike."""
+    return t.fit.cost - other.fit.cost + criteria.each * (t.numbers - other.numbers)

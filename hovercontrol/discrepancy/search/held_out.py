@@ -1,0 +1,148 @@
+"""What the held-out log says of a selection: it drops names, and decides between level ones."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from hovercontrol.discrepancy.criteria import CRITERIA, Criteria
+from hovercontrol.discrepancy.evidence.holdout import Horizons, ahead, held_fit
+from hovercontrol.discrepancy.evidence.of_effects import Evidence
+from hovercontrol.discrepancy.search.confirm import Rival, Selection
+from hovercontrol.discrepancy.search.leads import Lead
+from hovercontrol.discrepancy.search.trial import Tried, twins
+from hovercontrol.estimation.data import Data
+from hovercontrol.estimation.fit import Fit
+
+
+@dataclass(frozen=True, eq=False)
+class HeldOut:
+    """A selection after it was tried on the held-out log.
+
+    Attributes
+    ----------
+    selection : Selection
+    evidence : dict of str to Evidence
+    before, after : Fit or None
+        The given and the amended model on the held-out log; None without one.
+    far : Horizons
+        Their errors.
+    """
+
+    selection: Selection
+    evidence: dict[str, Evidence]
+    before: Fit | None = None
+    after: Fit | None = None
+    far: Horizons = field(default_factory=Horizons)
+
+
+def held_out(selection: Selection, data: Data | None, criteria: Criteria = CRITERIA) -> HeldOut:
+    """Return what remains of a selection on a log that it was not fitted to.
+
+    An effect with which that log is surely predicted worse is dropped. One with which it is not surely
+    predicted better gives way to another that blocks agree on as well and that surely predicts better.
+
+    Parameters
+    ----------
+    selection : Selection
+    data : Data, optional
+        The held-out log; None: there is none.
+    criteria : Criteria, optional
+    """
+    if data is None:
+        return HeldOut(selection, {n: _of_training(selection, n) for n in selection.effects})
+    before = held_fit(selection.base.model, data)
+    found = _on(selection, before)
+    instead = _better(found, criteria)
+    if instead is not None:
+        found = _on(_with_other(selection, *instead), before)
+    worse = [n for n, e in found.evidence.items() if _worse(e.holdout, criteria)]
+    if not worse:
+        return found
+    left = _less(found.selection, worse)
+    after = held_fit(left.final.model, before.problem.data, before) if left.effects else before
+    evidence = {n: found.evidence[n] for n in left.effects}
+    return HeldOut(left, evidence, before, after, ahead(before, after))
+
+
+def _on(selection: Selection, before: Fit) -> HeldOut:
+    """Return how the held-out log is predicted, by all effects and by all but each."""
+    kept = before.problem.data
+    after = held_fit(selection.final.model, kept, before) if selection.effects else before
+    far = ahead(before, after)
+    evidence = {}
+    for name in selection.effects:
+        own = far
+        if len(selection.effects) > 1:
+            own = ahead(held_fit(selection.without[name].model, kept, after), after)
+        evidence[name] = replace(_of_training(selection, name), holdout=own)
+    return HeldOut(selection, evidence, before, after, far)
+
+
+def _of_training(selection: Selection, name: str) -> Evidence:
+    return Evidence(selection.gains[name], selection.blocks[name])
+
+
+def _worse(far: Horizons, criteria: Criteria) -> bool:
+    """Whether held-out predictions are surely worse, at most horizons."""
+    worse = [t < -criteria.worse for t in far.together]
+    return sum(worse) > len(worse) / 2
+
+
+def _better(found: HeldOut, criteria: Criteria) -> tuple[str, Tried] | None:
+    """Return an effect that does not surely predict better, and the other that does so best in its place."""
+    after = found.after
+    assert after is not None
+    gains: list[tuple[float, str, Tried]] = []
+    for name, other in found.selection.alternatives:
+        own = found.evidence[name].holdout
+        if not own.together or _mean(own) > criteria.better:
+            continue
+        there = held_fit(other.fit.model, after.problem.data, after)
+        gained = round(_mean(ahead(after, there)), 1)
+        if gained > criteria.better:
+            gains.append((gained, name, other))
+    return max(gains, key=lambda g: g[0])[1:] if gains else None
+
+
+def _mean(far: Horizons) -> float:
+    return float(np.mean(far.together)) if far.together else 0.0
+
+
+def _with_other(selection: Selection, name: str, other: Tried) -> Selection:
+    """Return the selection with another effect in place of one."""
+    reason = f"{other.name} predicts the held-out log better"
+    lead = Lead(name, selection.gains[name], selection.blocks[name].t, reason)
+    names = {n: other.name if n == name else n for n in selection.effects}
+    late = [t for of, t in selection.alternatives if of == name and twins(t.name, other.name)]
+    return replace(
+        selection,
+        final=other.fit,
+        effects=tuple(names.values()),
+        gains={names[n]: v for n, v in selection.gains.items()} | {other.name: other.gain},
+        blocks={names[n]: v for n, v in selection.blocks.items()} | {other.name: other.blocks},
+        without={names[n]: v for n, v in selection.without.items()},
+        rivals=(
+            *(r for r in selection.rivals if name not in (r.instead_of, r.name)),
+            *(Rival(t.name, other.name, 0.0, 0.0, other.fit, True) for t in late),
+        ),
+        leads=(lead, *(one for one in selection.leads if one.name != other.name)),
+    )
+
+
+def _less(selection: Selection, worse: list[str]) -> Selection:
+    """Return the selection without names with which the held-out log is predicted worse."""
+    leads = tuple(
+        Lead(n, selection.gains[n], selection.blocks[n].t, "the held-out log is predicted worse with it")
+        for n in worse
+    )
+    alone = len(worse) == 1
+    left = tuple(n for n in selection.effects if n not in worse) if alone else ()
+    return replace(
+        selection,
+        effects=left,
+        final=selection.without[worse[0]] if alone else selection.base,
+        rivals=tuple(r for r in selection.rivals if r.instead_of in left),
+        leads=(*leads, *selection.leads),
+    )

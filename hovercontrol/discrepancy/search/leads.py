@@ -1,0 +1,80 @@
+"""Candidates that came near and are not named, each with the reason why not."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from hovercontrol.discrepancy.criteria import Criteria
+from hovercontrol.discrepancy.search.score import Scored
+from hovercontrol.discrepancy.search.trial import Tried, why_not
+from hovercontrol.estimation.fit import Fit
+
+
+@dataclass(frozen=True)
+class Lead:
+    """A candidate that came near and is not named.
+
+    Attributes
+    ----------
+    name : str
+    gain : float
+    blocks_t : float
+    reason : str
+    """
+
+    name: str
+    gain: float
+    blocks_t: float
+    reason: str
+
+
+def leads(
+    seen: Sequence[Scored],
+    tried: Mapping[str, Tried],
+    named: Sequence[str],
+    dropped: Sequence[Lead],
+    final: Fit,
+    criteria: Criteria,
+) -> tuple[Lead, ...]:
+    """Return the candidates that came nearest beside what is named, with the reason why not.
+
+    Parameters
+    ----------
+    seen : sequence of Scored
+        Beside all that was added.
+    tried : mapping of str to Tried
+        Those of them that were fitted.
+    named : sequence of str
+    dropped : sequence of Lead
+        Added and dropped again.
+    final : Fit
+        Of the amended model.
+    criteria : Criteria
+    """
+    found = [lead for lead in dropped if lead.name not in named]
+    told = {*named, *(lead.name for lead in found)}
+    left = final.noise.process > criteria.negligible * final.problem.accelerations
+    nearest = 3 if np.any(left) and not named else 0  # are told however little they gain
+    for s in seen:
+        if s.candidate.name in told or (s.gain < criteria.least and len(found) >= nearest):
+            continue
+        t = tried.get(s.candidate.name)
+        if t is not None:
+            reason = why_not(t, len(seen), criteria) or "another one takes more"
+            found.append(Lead(t.name, t.gain, t.blocks.t, reason))
+            continue
+        score_t = float(np.sqrt(max(s.chi2, 0.0)))
+        if not s.allowed:
+            reason = "fits best with a sign or size that its bounds forbid"
+        elif s.gain < criteria.least + criteria.each * len(s.parts):
+            asked = criteria.least + criteria.each * len(s.parts)
+            reason = f"gains {s.gain:.3g} in twice the log likelihood, {asked:g} are asked for"
+        elif s.p_value > criteria.level / max(len(seen), 1):
+            reason = f"blocks of the logs do not agree on it (t = {score_t:.1f})"
+        else:
+            reason = "another one takes more"
+        found.append(Lead(s.candidate.name, s.gain, score_t, reason))
+    return tuple(found[:8])

@@ -1,0 +1,199 @@
+"""An effect added to a model and fitted; what is asked of it before it is named."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from hovercontrol.discrepancy.criteria import Criteria
+from hovercontrol.discrepancy.evidence.blocks import Blocks, agreement
+from hovercontrol.discrepancy.search.candidates import LATE
+from hovercontrol.discrepancy.search.score import Scored
+from hovercontrol.effects import Effect, Shape
+from hovercontrol.estimation.fit import Fit, estimate, first_noise, refit
+from hovercontrol.estimation.prior import prior_of
+from hovercontrol.estimation.problem import Problem
+from hovercontrol.estimation.subject import Subject
+
+#: Part of what a score promised that a fit must gain to be believed.
+HALF = 0.5
+
+#: Differences of cost that correlation times of process noise may make: nearer fits get their own.
+NEAR = 300.0
+
+
+@dataclass(frozen=True, eq=False)
+class Tried:
+    """An effect added to a model and fitted.
+
+    Attributes
+    ----------
+    name : str
+    fit : Fit
+    gain : float
+        Fall of twice the negative log likelihood, noise at its likeliest on both sides.
+    blocks : Blocks
+    numbers : int
+        How many unknowns it has.
+    """
+
+    name: str
+    fit: Fit
+    gain: float
+    blocks: Blocks
+    numbers: int
+
+
+@dataclass(frozen=True, eq=False)
+class Search:
+    """What every step of a search is given."""
+
+    model: Subject
+    names: Sequence[str] | None
+    criteria: Criteria
+    tell: Callable[[str], None]
+
+    def fit(self, near: Fit, model: Subject, times: bool = False) -> Fit:
+        """Fit a model from where another ended; correlation times of process noise stay unless asked."""
+        problem = Problem(model, near.problem.data, pieces=near.problem.pieces)
+        prior = prior_of(problem, self.model)
+        try:
+            return refit(near, problem, prior, times=times)
+        except FloatingPointError:  # what it lacks now it had used to stay on the logs: begin afresh
+            return estimate(problem, prior, first_noise(problem), times=times)
+
+
+def passes(t: Tried, looked_at: int, criteria: Criteria) -> bool:
+    """Tell whether an effect brings what is asked for: gain, agreement of blocks, one size everywhere."""
+    return not why_not(t, looked_at, criteria)
+
+
+def why_not(t: Tried, looked_at: int, criteria: Criteria) -> str:
+    """Return why an effect is not named; empty if it may be."""
+    asked = criteria.least + criteria.each * t.numbers
+    if t.gain < asked:
+        return f"gains {t.gain:.3g} in twice the log likelihood, {asked:g} are asked for"
+    b = t.blocks
+    if not np.any(t.fit.noise.process > criteria.negligible * t.fit.problem.accelerations):
+        return ""  # all that remains is noise of the measurements
+    p = criteria.level / max(looked_at, 1)
+    if b.p_value > p:
+        return f"blocks of the logs do not agree on it (t = {b.t:.1f}, {b.same_sign} of {b.n} with its sign)"
+    if b.spread > criteria.spread and b.n >= criteria.blocks:
+        return f"its size differs from block to block by {100 * b.spread:.0f} %"
+    return ""
+
+
+def try_effect(search: Search, current: Fit, e: Effect, scored: Scored | None = None) -> Tried | None:
+    """Return the fit with an effect; None where that model runs away from the logs.
+
+    A fit that gains less than half of what its score promised has lost its way: it begins again at the given
+    coefficients, with the effect at each of its trial values.
+    """
+    fits = [_added(search, current, e)]
+    gain = max((current.cost - f.cost for f in fits if f), default=-np.inf)
+    if scored is not None and scored.allowed and gain < HALF * scored.gain:
+        given = as_given(search, current)
+        fits += [_added(search, current, start, given) for start in dict.fromkeys([e, *_trials(scored)])]
+    done = [f for f in fits if f]
+    if not done:
+        return None
+    fit = min(done, key=lambda f: f.cost)
+    numbers = len(fit.p) - len(current.p)
+    return Tried(e.name, fit, current.cost - fit.cost, agreement(fit, current, e.name), numbers)
+
+
+def _trials(scored: Scored) -> list[Effect]:
+    """Return an effect at the trial values of the shape that scales it."""
+    trial, shapes = scored.candidate.trial, scored.candidate.amplitudes
+    if len(shapes) != 1 or not isinstance(type(trial).numbers[shapes[0]], Shape):
+        return []
+    size = trial.values[shapes[0]]
+    return [type(trial)(**{**trial.values, shapes[0]: size * part}) for part in (0.4, 1.0, 2.5)]
+
+
+def _added(search: Search, current: Fit, e: Effect, start: Subject | None = None) -> Fit | None:
+    """Return the fit of a model with one more effect, from where another ended or from given coefficients."""
+    model = (start or current.model).with_effects([e])
+    problem = Problem(model, current.problem.data, pieces=current.problem.pieces)
+    prior = prior_of(problem, search.model)
+    try:
+        return refit(current, problem, prior, p=problem.start if start else None, times=False)
+    except FloatingPointError:
+        return None
+
+
+def begun_again(search: Search, current: Fit, t: Tried) -> Tried:
+    """Return a fit, or the likelier one that begins at the given coefficients.
+
+    The model without an effect may have gone far to make up for it, and not come back.
+    """
+    given = as_given(search, current)
+    fit = _added(search, t.fit, t.fit.model.effect(t.name), given)
+    if fit is None or fit.cost > t.fit.cost - 1.0:
+        return t
+    again = replace(t, fit=fit, gain=t.gain + t.fit.cost - fit.cost, blocks=agreement(fit, current, t.name))
+    return with_times(search, again)
+
+
+def as_given(search: Search, current: Fit) -> Subject:
+    """Return the given model with the effects that were added to it so far."""
+    have = {o.name for o in search.model.effects}
+    return search.model.with_effects([o for o in current.model.effects if o.name not in have])
+
+
+def with_times(search: Search, t: Tried) -> Tried:
+    """Return a fit with its correlation times at their likeliest, where process noise is left."""
+    if not np.any(t.fit.noise.process > search.criteria.negligible * t.fit.problem.accelerations):
+        return t
+    fit = search.fit(t.fit, t.fit.model, times=True)
+    return replace(t, fit=fit, gain=t.gain + t.fit.cost - fit.cost)
+
+
+def sized(model: Subject, e: Effect) -> Effect:
+    """Return a drag as large as half of what the model has along its axis, if its score says less.
+
+    Near standstill dry friction hides what a drag would score: the model's own takes its place.
+    """
+    own = [o for o in model.effects if same_axis(o, e) and "value" in o.numbers and "value" in e.numbers]
+    alike = [o for o in own if o.numbers["value"].unit == e.numbers["value"].unit]
+    if not alike:
+        return e
+    value = max(abs(e.values["value"]), 0.5 * max(abs(o.values["value"]) for o in alike))
+    return type(e)(**{**e.values, "value": value})
+
+
+def explained(t: Tried) -> bool:
+    """Whether an effect leaves process noise a small part of what it was."""
+    return bool(np.all(t.fit.noise.process <= 0.02 * t.fit.problem.accelerations))
+
+
+def same_axis(one: Effect, other: Effect) -> bool:
+    """Whether two effects are drags along the same axis, which widths of friction blend."""
+    return getattr(one, "axis", None) == getattr(other, "axis", 0)
+
+
+def twins(one: str, other: str) -> bool:
+    """Whether two effects only say how late something is, which every log shows alike."""
+    return one != other and {one, other} <= LATE
+
+
+def without_effects(model: Subject, *names: str) -> Subject:
+    """Return a model less some of its effects, all else as it is."""
+    return replace(model, effects=tuple(e for e in model.effects if e.name not in names))
+
+
+def beside(fit: Fit, less: Fit, name: str) -> Tried:
+    """Return what a fitted effect brings beside the others of its model.
+
+    Parameters
+    ----------
+    fit, less : Fit
+        With and without it.
+    name : str
+    """
+    e = fit.problem.model.effect(name)
+    numbers = sum(e.parameter(k) in fit.problem.names for k in e.numbers)
+    return Tried(name, fit, less.cost - fit.cost, agreement(fit, less, name), numbers)

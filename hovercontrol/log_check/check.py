@@ -1,0 +1,308 @@
+"""A check of logs beside a model of the craft: what is wrong, and what a fit could show."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from hovercontrol.block import Block
+from hovercontrol.blockmodel import BlockModel
+from hovercontrol.discrepancy.checks import check_fitted, check_logs
+from hovercontrol.errors import InputError
+from hovercontrol.estimation.subject import structure
+from hovercontrol.files import write_folder
+from hovercontrol.identify import identify
+from hovercontrol.identify.result import Fitted, aligned
+from hovercontrol.log_check.facts import Array, Column, LogFacts, Timing, facts
+from hovercontrol.logs import Log
+from hovercontrol.model import Model
+from hovercontrol.plain_json import json_text, plain
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+#: Rows that the trial fit uses at most: it asks what the logs can show, not for the last digit.
+MOST_ROWS = 12_000
+
+#: Other columns that are named.
+LISTED = 8
+
+#: Outliers and rejected spans of a column that are listed as text.
+SHOWN = 5
+
+
+@dataclass(frozen=True, eq=False)
+class Checked:
+    """What a check of logs found.
+
+    Attributes
+    ----------
+    logs : tuple of LogFacts
+        What each log says of itself.
+    errors, warnings : tuple of str
+        One line each: what must be mended before a fit, and what should be looked at.
+    model : str
+        Name of the model; empty without one.
+    coefficients : tuple of Fitted
+        What a trial fit says of each; empty without a model, or where an error forbids one.
+    """
+
+    logs: tuple[LogFacts, ...]
+    errors: tuple[str, ...]
+    warnings: tuple[str, ...]
+    model: str
+    coefficients: tuple[Fitted, ...]
+
+    @property
+    def negative(self) -> bool:
+        """Whether something must be mended, or a coefficient cannot be shown."""
+        return bool(self.errors) or not all(c.excited for c in self.coefficients)
+
+    def text(self) -> str:
+        """Return the findings as plain text."""
+        lines: list[str] = []
+        for f in self.logs:
+            timing = [line for t in f.timing for line in _timing_text(t, len(f.timing) > 1)]
+            lines += [f.log.name, *(f"  {line}" for line in (*timing, *_column_table(f))), ""]
+        for heading, said in (("must be mended", self.errors), ("look at", self.warnings)):
+            if said:
+                lines += [f"{heading}:", *(f"  {line}" for line in said), ""]
+        if self.coefficients:
+            lines += [f"what a fit of {self.model} could show:", *_coefficient_table(self.coefficients)]
+        elif self.model and not self.errors:
+            lines += [f"{self.model} has no coefficient that a fit seeks"]
+        if not (self.errors or self.warnings):
+            lines += ["", "nothing looks wrong"]
+        return "\n".join(lines).strip("\n").replace("\n\n\n", "\n\n")
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the findings as plain numbers, texts and lists; what is infinite or no number is None."""
+        found: dict[str, Any] = plain(
+            {
+                "model": self.model or None,
+                "errors": list(self.errors),
+                "warnings": list(self.warnings),
+                "logs": [
+                    {
+                        "name": f.log.name,
+                        "timing": [vars(t) for t in f.timing],
+                        "columns": [vars(c) for c in f.columns],
+                        "rejected": [vars(s) for s in f.rejected],
+                    }
+                    for f in self.logs
+                ],
+                "coefficients": [
+                    {
+                        "name": c.name, "value": c.value, "std": c.std, "unit": c.unit, "start": c.start,
+                        "shown": c.excited, "reason": c.reason or None,
+                    }
+                    for c in self.coefficients
+                ],
+            }
+        )  # fmt: skip
+        return found
+
+    def plot(self) -> Figure:
+        """Return a picture: every log's columns over time, its gaps and outliers, and the coefficients."""
+        from hovercontrol.log_check.picture import draw
+
+        return draw(self)
+
+    def _repr_html_(self) -> str:
+        from hovercontrol.notebook.results import checked_html
+
+        return checked_html(self)
+
+    def save(self, folder: str | Path) -> list[Path]:
+        """Write check.txt, check.json and, of logs that can be read, check.png and check.svg."""
+
+        def write(temporary: Path) -> None:
+            (temporary / "check.txt").write_text(self.text() + "\n", encoding="utf-8")
+            (temporary / "check.json").write_text(json_text(self.to_json()), encoding="utf-8")
+            if self.logs:
+                figure = self.plot()
+                for suffix in ("png", "svg"):
+                    figure.savefig(temporary / f"check.{suffix}", dpi=110)
+
+        return write_folder(folder, write)
+
+
+def check(
+    logs: Sequence[Log],
+    model: Model | BlockModel | None = None,
+    *,
+    files: Sequence[Mapping[str, Array]] | None = None,
+    unread: Sequence[str] = (),
+    progress: Callable[[float, str], None] | None = None,
+) -> Checked:
+    """Check logs before a fit.
+
+    Parameters
+    ----------
+    logs : sequence of Log
+    model : Model or BlockModel, optional
+        Of the craft; without one only what the logs say of themselves is checked.
+    files : sequence of mapping of str to ndarray, optional
+        For each log the stamps [s] of the files it was joined from, by their names.
+    unread : sequence of str, optional
+        Why further logs could not be read, one line each; they count among the errors.
+    progress : callable, optional
+        Called with the part done (0 to 1) and a word on what is being done.
+
+    Returns
+    -------
+    Checked
+        What is wrong with a log is a finding there and no exception.
+
+    Raises
+    ------
+    InputError
+        If there is no log.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> t = 0.02 * np.arange(200)
+    >>> found = check([Log("a.csv", t, {"x": 1e3 * np.sin(t), "y": 300 * t, "psi": 0 * t})])
+    >>> found.warnings
+    ('a.csv: the position moves at 1.02e+03 m/s: is it in millimetres or centimetres? Give metres',)
+    """
+    if not logs and not unread:
+        raise InputError("check: expected one or more logs")
+    tell = progress or (lambda part, what: None)
+    block = structure(model) if model is not None else None
+    errors, warnings = list(unread), list[str]()
+    found = []
+    for k, log in enumerate(logs):
+        tell(0.4 * k / len(logs), f"looking at {log.name}")
+        found.append(facts(log, *_roles(block), files[k] if files else None))
+        warnings += found[-1].remarks
+        if model is not None:
+            _collect(partial(check_logs, model, [log]), errors, warnings)
+    coefficients: tuple[Fitted, ...] = ()
+    if model is not None and not errors:
+        tell(0.4, "comparing the logs")
+        if len(logs) > 1:
+            _collect(lambda: check_logs(model, logs), errors, warnings)
+        if not errors:
+            tell(0.5, "a trial fit")
+            coefficients = _shown(model, logs, errors, warnings, tell)
+    return Checked(
+        tuple(found), _once(errors), _once(warnings), model.name if model is not None else "", coefficients
+    )
+
+
+def _roles(block: Block | None) -> tuple[list[str], dict[str, str]]:
+    """Return which columns are commands, and the units that a model knows."""
+    if block is None:
+        return [], {}
+    every = (*block.inputs, *block.states, *block.outputs)
+    return [s.name for s in block.inputs], {s.name: s.unit for s in every}
+
+
+def _collect(work: Callable[[], list[str]], errors: list[str], warnings: list[str]) -> None:
+    try:
+        warnings += work()
+    except InputError as error:
+        errors.append(str(error))
+
+
+def _shown(
+    model: Model | BlockModel,
+    logs: Sequence[Log],
+    errors: list[str],
+    warnings: list[str],
+    tell: Callable[[float, str], None],
+) -> tuple[Fitted, ...]:
+    subject = model if isinstance(model, Model) else model.plant()
+    try:
+        trial = identify(
+            subject, logs, most_rows=MOST_ROWS, progress=lambda part, what: tell(0.5 + 0.5 * part, what)
+        )
+    except InputError as error:
+        errors.append(str(error))
+        return ()
+    told: list[str] = []
+    _collect(lambda: check_fitted(trial.fit), errors, told)
+    warnings += [line for line in told if "cannot be known" not in line]  # the table says so
+    if trial.outliers:
+        warnings.append(
+            f"{trial.outliers} of {trial.rows} rows stand alone beside the fitted model: left out of a fit"
+        )
+    return trial.coefficients
+
+
+def _once(lines: Sequence[str]) -> tuple[str, ...]:
+    return tuple(dict.fromkeys(lines))
+
+
+def _timing_text(t: Timing, named: bool) -> list[str]:
+    name = f"{t.of}: " if named else ""
+    lines = [f"{name}{t.rows} rows, {t.stop - t.start:.4g} s, {t.rate:.4g} measurements a second"]
+    kind = "a steady clock" if t.steady else "no steady clock behind the stamps"
+    jitter = f", stamps scatter by {1e3 * t.jitter:.3g} ms" if t.jitter > 1e-6 else ""
+    late = f", at most {1e3 * t.worst_delay:.3g} ms late" if t.worst_delay > 1e-6 else ""
+    lost = f", {t.lost} samples lost" if t.lost else ""
+    gaps = [f"{a:.2f}-{b:.2f} s" for a, b in t.gaps]
+    more = f" and {len(gaps) - SHOWN} more" if len(gaps) > SHOWN else ""
+    lines.append(
+        f"{kind}{jitter}{late}{lost}; " + (f"gaps: {', '.join(gaps[:SHOWN])}{more}" if gaps else "no gaps")
+    )
+    return lines
+
+
+def _column_table(f: LogFacts) -> list[str]:
+    rows = [("column", "unit", "from", "to", "noise", "resolution", "outliers", "changes every")]
+    told = [c for c in f.columns if c.kind != "other"] or list(f.columns)
+    for c in told:
+        every = f"{c.change_every:.3g} s" if c.change_every else ""
+        span = (f"{c.low:.4g}", f"{c.high:.4g}", _number(c.noise), _number(c.resolution))
+        rows.append((c.name, c.unit or "?", *span, _outliers(c), every))
+    lines = list(aligned(rows))
+    rest = [c.name for c in f.columns if c not in told]
+    if rest:
+        more = f" and {len(rest) - LISTED} more" if len(rest) > LISTED else ""
+        lines.append(f"not looked at: {', '.join(rest[:LISTED])}{more}")
+    if f.rejected:
+        spans = [f"{s.start:.2f}-{s.stop:.2f} s ({s.reason})" for s in f.rejected[:SHOWN]]
+        more = f" and {len(f.rejected) - SHOWN} more" if len(f.rejected) > SHOWN else ""
+        count = sum(s.rows for s in f.rejected)
+        lines.append(f"{count} poses that no craft passes: {', '.join(spans)}{more}")
+    return lines
+
+
+def _number(value: float | None) -> str:
+    return "" if value is None else f"{value:.3g}"
+
+
+def _outliers(c: Column) -> str:
+    if not c.outliers:
+        return "" if c.noise is None else "none"
+    first = ", ".join(f"{t:.2f} s" for t in c.outliers[:2])
+    return f"{len(c.outliers)} ({first}{', ...' if len(c.outliers) > 2 else ''})"
+
+
+def _coefficient_table(coefficients: Sequence[Fitted]) -> list[str]:
+    rows = [("coefficient", "estimate", "std. error", "unit", "shown")]
+    for c in coefficients:
+        rows.append(
+            (
+                c.name,
+                f"{c.value:.4g}",
+                f"{c.std:.2g}" if math.isfinite(c.std) else "unknown",
+                c.unit,
+                _verdict(c),
+            )
+        )
+    return [f"  {line}" for line in aligned(rows)]
+
+
+def _verdict(c: Fitted) -> str:
+    if not c.excited:
+        return f"no: {c.reason}"
+    part = c.std / abs(c.value) if c.value else math.inf
+    return f"yes, to {100 * part:.2g} %" if part < 1 else "yes: not told from zero"

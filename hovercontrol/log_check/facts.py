@@ -1,0 +1,271 @@
+"""What a log says of itself: when its rows are, and what is in each column."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hovercontrol.errors import InputError
+from hovercontrol.estimation.levels import noise_levels
+from hovercontrol.estimation.measure import Measured, steps
+from hovercontrol.estimation.navigation import LEAST, MOST, corrections
+from hovercontrol.estimation.spikes import stand_out
+from hovercontrol.logs import POSE, VELOCITY, Log, Span, fit_clock, smooth_pose
+
+Array = NDArray[np.float64]
+
+#: SI units of what a log of a craft may hold.
+UNITS = dict(zip((*POSE, *VELOCITY), ("m", "m", "rad", "m/s", "m/s", "rad/s"), strict=True))
+
+#: Speeds [m/s] that no hovercraft of this kind reaches: positions in millimetres show them at once.
+FASTEST = 30.0
+
+#: Over how long a speed is taken [s].
+OVER = 0.4
+
+
+@dataclass(frozen=True)
+class Timing:
+    """When the rows of a log, or of one of the files it came from, are.
+
+    Attributes
+    ----------
+    of : str
+        The file.
+    rows : int
+    start, stop : float
+        Times of the first and the last row [s].
+    rate : float
+        Measurements per second, by the clock behind the stamps or else their median.
+    steady : bool
+        Whether a steady clock explains the stamps.
+    jitter : float
+        Root mean square of the stamps about that clock, or of their steps about the median [s].
+    worst_delay : float
+        Longest time from sampling to stamp [s].
+    lost : int
+        Samples of the steady clock that are not there.
+    gaps : tuple of (float, float)
+        Spans [s] without rows, longer than 0.25 s and five usual steps.
+    """
+
+    of: str
+    rows: int
+    start: float
+    stop: float
+    rate: float
+    steady: bool
+    jitter: float
+    worst_delay: float
+    lost: int
+    gaps: tuple[tuple[float, float], ...]
+
+
+@dataclass(frozen=True)
+class Column:
+    """What is in one column of a log.
+
+    Attributes
+    ----------
+    name, unit : str
+        The unit is empty where neither the model nor the name tells it.
+    kind : str
+        ``"measured"``, ``"command"`` or ``"other"``.
+    missing : int
+        Rows without a number.
+    low, high : float
+        Smallest and largest value.
+    noise : float or None
+        Standard deviation of the measurement noise, by third differences; None of what is not measured, or
+        constant.
+    resolution : float or None
+        Smallest change from row to row; None where nothing changes.
+    outliers : tuple of float
+        Times [s] of samples that stand alone.
+    change_every : float or None
+        Usual time from one change of a command to the next [s].
+    """
+
+    name: str
+    unit: str
+    kind: str
+    missing: int
+    low: float
+    high: float
+    noise: float | None
+    resolution: float | None
+    outliers: tuple[float, ...]
+    change_every: float | None
+
+
+@dataclass(frozen=True, eq=False)
+class LogFacts:
+    """What a log says of itself.
+
+    Attributes
+    ----------
+    log : Log
+    timing : tuple of Timing
+        Of the file with the measurements, then of that with the commands, where there is one.
+    columns : tuple of Column
+    rejected : tuple of Span
+        Poses that no craft passes: flips and jumps of a marker body.
+    remarks : tuple of str
+        What looks wrong without a model, one line each.
+    """
+
+    log: Log
+    timing: tuple[Timing, ...]
+    columns: tuple[Column, ...]
+    rejected: tuple[Span, ...]
+    remarks: tuple[str, ...]
+
+
+def facts(
+    log: Log,
+    inputs: Sequence[str] = (),
+    units: Mapping[str, str] | None = None,
+    files: Mapping[str, Array] | None = None,
+) -> LogFacts:
+    """Return what a log says of itself.
+
+    Parameters
+    ----------
+    log : Log
+    inputs : sequence of str, optional
+        Columns that are commands.
+    units : mapping, optional
+        Units of columns, over those of pose and body velocities.
+    files : mapping of str to ndarray, optional
+        Stamps [s] of the files that the log was joined from, as they are written there.
+
+    Returns
+    -------
+    LogFacts
+
+    Examples
+    --------
+    >>> rng, t = np.random.default_rng(1), 0.02 * np.arange(200)
+    >>> found = facts(Log("demo", t, {"r": np.sin(t) + 0.01 * rng.normal(size=200)}))
+    >>> found.timing[0].rate.__round__(3), [(c.name, c.unit, round(c.noise, 2)) for c in found.columns]
+    (50.0, [('r', 'rad/s', 0.01)])
+    """
+    known = {**UNITS, **(units or {})}
+    kinds = {
+        name: "command" if name in inputs else "measured" if name in known else "other"
+        for name in log.columns
+    }
+    measured = [name for name, kind in kinds.items() if kind == "measured"] or [
+        name for name, kind in kinds.items() if kind == "other"
+    ]
+    corrected = corrections(log)
+    navigated = LEAST <= corrected.size <= MOST * len(log)
+    rejected = _rejected(log) if log.has(*POSE) and not navigated else ()
+    columns = tuple(
+        _column(log, name, known.get(name, ""), kind, name in measured, rejected)
+        for name, kind in kinds.items()
+    )
+    timing = [_timing(name, stamps, None) for name, stamps in (files or {}).items()]
+    if not timing:
+        rows = log.stack(*measured) if measured else np.zeros((len(log), 1))
+        seen = np.isfinite(rows).any(axis=1)
+        timing = [_timing(log.name, log.time[seen], rows[seen])]
+    remarks = _remarks(log, columns)
+    if navigated:
+        apart = float(np.median(np.diff(log.time[corrected])))
+        remarks.append(
+            f"{log.name}: its position jumps {corrected.size} times, usually after {apart:.3g} s, and stays "
+            "there: written by a navigation that is corrected by fixes; in between its velocities drift"
+        )
+    return LogFacts(log, tuple(timing), columns, rejected, tuple(remarks))
+
+
+def _timing(name: str, stamps: Array, samples: Array | None) -> Timing:
+    clock = fit_clock(stamps, samples)
+    steps_ = np.diff(stamps)
+    period = clock.period if clock.period > 0 else float("nan")
+    off = stamps - clock.time if clock.steady else steps_[steps_ < 5 * np.median(steps_)]
+    return Timing(
+        name, stamps.size, float(stamps[0]), float(stamps[-1]), 1.0 / period, clock.steady,
+        float(np.std(off)) if off.size else 0.0, clock.worst_delay, clock.lost, Log(name, stamps, {}).gaps,
+    )  # fmt: skip
+
+
+def _column(log: Log, name: str, unit: str, kind: str, measured: bool, rejected: Sequence[Span]) -> Column:
+    row = log[name]
+    known = np.isfinite(row)
+    sizes = steps(row[known])
+    noise: float | None = None
+    outliers: tuple[float, ...] = ()
+    if measured and known.sum() > 3 and sizes.size:
+        rows = Log(log.name, log.time[known], {name: row[known]})
+        for span in rejected:  # what is known to be wrong tells no noise
+            rows = rows.select((rows.time < span.start) | (rows.time > span.stop))
+        noise, outliers = _noise(rows, name)
+    every = None
+    if kind == "command":
+        at = log.time[known][1:][np.diff(row[known]) != 0.0]
+        every = float(np.median(np.diff(at))) if at.size > 1 else None
+    low, high = (float(f(row[known])) if known.any() else float("nan") for f in (np.min, np.max))
+    return Column(
+        name, unit, kind, int((~known).sum()), low, high, noise,
+        float(sizes.min()) if sizes.size else None, outliers, every,
+    )  # fmt: skip
+
+
+def _noise(log: Log, name: str) -> tuple[float | None, tuple[float, ...]]:
+    """Return the noise of a column, and when samples stand alone in it."""
+    row, n = log[name], len(log)
+    if name == "psi":
+        row = np.unwrap(row)
+    edges = [0, *(int(np.searchsorted(log.time, stop)) for _, stop in log.gaps), n]
+    segments = tuple((a, b) for a, b in pairwise(edges) if b > a)
+    none = np.empty((0, n))
+    seen = Measured(
+        log.name, log.time, 0.0, none, (name,), row[None], none, segments, ((0, n),), (), n
+    )  # fmt: skip
+    try:
+        noise = float(noise_levels([seen], [name])[0])
+    except InputError:  # constant
+        return None, ()
+    alone = np.zeros(n, dtype=bool)
+    for a, b in segments:
+        if b - a > 8:
+            z = (row[a:b] / noise)[None, :, None]
+            alone[a:b] = stand_out(z, np.ones(z.shape, dtype=bool))[0, :, 0]
+    return noise, tuple(log.time[alone].tolist())
+
+
+def _rejected(log: Log) -> tuple[Span, ...]:
+    try:
+        return smooth_pose(log).rejected
+    except InputError:  # too few rows, or too many
+        return ()
+
+
+def _remarks(log: Log, columns: Sequence[Column]) -> list[str]:
+    """Say what looks wrong without a model: motion that is faster than any craft's."""
+    said = []
+    if log.has("x", "y"):
+        known = np.isfinite(log.stack("x", "y")).all(axis=1)
+        time, x, y = log.time[known], log["x"][known], log["y"][known]
+        every = max(1, round(OVER / float(np.median(np.diff(time))))) if time.size > 1 else 1
+        if time.size > 2 * every:
+            way = np.hypot(np.diff(x[::every]), np.diff(y[::every])) / np.diff(time[::every])
+            fast = float(np.quantile(way, 0.9))
+            if fast > FASTEST:
+                said.append(
+                    f"{log.name}: the position moves at {fast:.3g} m/s: is it in millimetres or centimetres? "
+                    "Give metres"
+                )
+    for c in columns:
+        if c.unit == "m/s" and c.high - c.low > 2 * FASTEST:
+            said.append(
+                f"{log.name}: column {c.name!r} runs from {c.low:.4g} to {c.high:.4g} m/s: is it in mm/s "
+                "or cm/s?"
+            )
+    return said

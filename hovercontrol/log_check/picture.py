@@ -1,0 +1,140 @@
+"""The picture of a log check: columns over time with what is wrong in them, stamps, coefficients."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure, SubFigure
+
+from hovercontrol.identify.result import Fitted
+from hovercontrol.log_check.check import Checked
+from hovercontrol.log_check.facts import Column, LogFacts
+
+#: Colours that the colour-blind tell apart (Okabe and Ito); shapes and hatching say the same.
+MEASURED, COMMAND, WRONG, GAP = "#0072B2", "#009E73", "#D55E00", "0.85"
+
+COLOURS = {"measured": MEASURED, "command": COMMAND, "other": "0.4"}
+
+#: Columns that are drawn of one log.
+MOST_COLUMNS = 12
+
+
+def draw(checked: Checked) -> Figure:
+    """Return the picture of a check; one column of axes for each log, the coefficients below."""
+    shown = [_drawn(f.columns) for f in checked.logs]
+    rows = 1 + max(len(columns) for columns in shown)
+    wide, many = len(checked.logs), len(checked.coefficients)
+    below = 0.9 + 0.28 * many if many else 0.0
+    figure = Figure(figsize=(max(7.5, 5.6 * wide), 1.25 * rows + 0.8 + below), layout="constrained")
+    top: Figure | SubFigure = figure
+    bottom: SubFigure | None = None
+    if many:
+        parts: Any = figure.subfigures(2, 1, height_ratios=[1.25 * rows + 0.8, below])
+        top, bottom = parts
+    axes = top.subplots(rows, wide, squeeze=False, sharex="col")
+    for k, (facts, columns) in enumerate(zip(checked.logs, shown, strict=True)):
+        for axis, column in zip(axes[:, k], columns, strict=False):
+            _column(axis, facts, column)
+        _stamps(axes[len(columns), k], facts)
+        for axis in axes[len(columns) + 1 :, k]:
+            axis.remove()
+        axes[len(columns), k].set_xlabel("time [s]")
+        axes[len(columns), k].tick_params(labelbottom=True)
+        t = facts.timing[0]
+        gaps = f", {len(t.gaps)} gap{'s' * (len(t.gaps) > 1)}" if t.gaps else ""
+        axes[0, k].set_title(
+            f"{facts.log.name}: {t.rows} rows, {t.rate:.3g} a second{gaps}", fontsize="medium", loc="left"
+        )
+    handles: dict[str, Artist] = {}
+    for axis in axes.ravel():
+        if axis.figure is not None:
+            handles |= dict(zip(*reversed(axis.get_legend_handles_labels()), strict=True))
+    top.legend(list(handles.values()), list(handles), loc="outside lower center", ncols=5, frameon=False)
+    if bottom is not None:
+        _coefficients(bottom.subplots(), checked.coefficients)
+    return figure
+
+
+def _drawn(columns: Sequence[Column]) -> list[Column]:
+    """Return the columns to draw: what was measured and commanded; others only where there is neither."""
+    told = [c for c in columns if c.kind != "other"]
+    return (told or list(columns))[:MOST_COLUMNS]
+
+
+def _column(axis: Axes, facts: LogFacts, column: Column) -> None:
+    log, row = facts.log, facts.log[column.name]
+    known = np.isfinite(row)
+    command = column.kind == "command"
+    axis.plot(
+        log.time[known], row[known], color=COLOURS[column.kind], lw=0.8,
+        drawstyle="steps-post" if command else "default",
+        label="command" if command else "measured" if column.kind == "measured" else "other",
+    )  # fmt: skip
+    for k, (a, b) in enumerate(facts.timing[0].gaps):
+        axis.axvspan(a, b, color=GAP, hatch="//", ec="0.6", lw=0, label="gap" if k == 0 else None)
+    if not command:
+        for k, s in enumerate(facts.rejected):
+            axis.axvspan(
+                s.start,
+                s.stop,
+                color=WRONG,
+                alpha=0.3,
+                lw=0.6,
+                label="left out: no craft moves so" if k == 0 else None,
+            )
+    if column.outliers:
+        at = np.searchsorted(log.time, column.outliers)
+        axis.plot(log.time[at], row[at], "x", color=WRONG, ms=5, label="stands alone")
+    unit = f" [{column.unit}]" if column.unit else ""
+    axis.set_ylabel(f"{column.name}{unit}", rotation=0, ha="right", va="center")
+    if column.noise is not None:
+        axis.set_title(f"noise {column.noise:.2g} {column.unit}", fontsize="x-small", loc="right", pad=1)
+    axis.margins(x=0)
+    axis.grid(alpha=0.3)
+    axis.tick_params(labelsize="small")
+
+
+def _stamps(axis: Axes, facts: LogFacts) -> None:
+    """Draw how far rows are apart: jitter, losses and gaps at a glance."""
+    time = facts.log.time
+    steps = 1e3 * np.diff(time)
+    axis.semilogy(time[1:], steps, ".", color="0.35", ms=2, label="from row to row")
+    if steps.size:
+        usual = float(np.median(steps))
+        axis.set_ylim(min(0.3 * usual, 0.8 * steps.min()), max(3.0 * usual, 1.25 * steps.max()))
+    axis.yaxis.set_major_formatter("{x:g}")
+    axis.yaxis.set_minor_formatter("")
+    axis.set_ylabel("step [ms]", rotation=0, ha="right", va="center")
+    axis.margins(x=0)
+    axis.grid(alpha=0.3)
+    axis.tick_params(labelsize="small")
+
+
+def _coefficients(axis: Axes, coefficients: tuple[Fitted, ...]) -> None:
+    """Draw how well each coefficient would be known: standard error in per cent of the estimate."""
+    parts = [100 * c.std / abs(c.value) if c.value and np.isfinite(c.std) else np.inf for c in coefficients]
+    finite = [p for p in parts if np.isfinite(p) and p > 0]
+    largest, least = max([200.0, *(2 * p for p in finite)]), 0.3 * min([10.0, *finite])
+    for k, (c, part) in enumerate(zip(coefficients, parts, strict=True)):
+        good = c.excited
+        axis.barh(
+            k, min(part, largest) - least, left=least, height=0.6, hatch="" if good else "////",
+            color=MEASURED if good else "white", ec=MEASURED if good else WRONG,
+        )  # fmt: skip
+        label = f"{part:.3g} %" if np.isfinite(part) else "unknown"
+        axis.annotate(
+            label if good else f"{label}: not shown", (min(part, largest), k), xytext=(4, 0),
+            textcoords="offset points", va="center", fontsize="small",
+        )  # fmt: skip
+    axis.set_xscale("log")
+    axis.set_xlim(least, 30 * largest)
+    axis.xaxis.set_major_formatter("{x:g}")
+    axis.axvline(100.0, color="0.4", lw=0.8, ls=":")
+    axis.set_yticks(range(len(coefficients)), [c.name for c in coefficients], fontsize="small")
+    axis.invert_yaxis()
+    axis.set_xlabel("standard error of a trial fit, per cent of the estimate")
+    axis.grid(alpha=0.3, axis="x")

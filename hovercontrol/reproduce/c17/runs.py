@@ -1,0 +1,57 @@
+"""The runs of C17 that several items show, each made once; their pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hovercontrol.scenarios import Run, load_scenario, run_scenario
+from hovercontrol.scenarios.figures import figures
+
+Array = NDArray[np.float64]
+
+
+@lru_cache(maxsize=8)
+def run(name: str) -> Run:
+    """Return the run of a scenario."""
+    return run_scenario(load_scenario(name))
+
+
+def draw(name: str, folder: Path, *pictures: str) -> None:
+    """Save pictures of a run, by their names."""
+    drawn = figures(run(name))
+    for picture in pictures:
+        drawn[picture].savefig(folder / f"{picture}.png", dpi=130)
+
+
+def only_drawn(name: str, *pictures: str) -> Callable[[Path], Mapping[str, float]]:
+    """Return what draws pictures of a run and gives no numbers."""
+
+    def measure(folder: Path) -> Mapping[str, float]:
+        draw(name, folder, *pictures)
+        return {}
+
+    return measure
+
+
+def extremes(name: str, start: float, signals: Mapping[str, str]) -> dict[str, float]:
+    """Return least and largest values of true signals of a run from a time on [s], by name and unit."""
+    found, late = run(name), run(name).time >= start
+    values: dict[str, float] = {}
+    for signal, unit in signals.items():
+        column = found.columns.get(f"true_{signal}", found.columns[signal])[late]
+        values[f"least {signal} [{unit}]"] = float(column.min())
+        values[f"largest {signal} [{unit}]"] = float(column.max())
+    return values
+
+
+def error_between(name: str, start: float, end: float) -> float:
+    """Return the mean tracking error of a run between two times [m]."""
+    found = run(name)
+    error = found.tracking_error()
+    assert error is not None
+    return float(error[(found.time >= start) & (found.time <= end)].mean())

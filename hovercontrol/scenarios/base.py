@@ -1,0 +1,51 @@
+"""A scenario that is another one but for some keys: ``[scenario] base = "table2"``."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from hovercontrol.errors import InputError
+from hovercontrol.tables import read_toml, text
+
+
+def with_base(
+    content: dict[str, Any], path: Path, find: Callable[[str, Path], Path], seen: tuple[Path, ...] = ()
+) -> dict[str, Any]:
+    """Return a scenario file's content over that of its base, and of its base's base.
+
+    Keys of a section are those of the base where the file has none of its own; lists of sections
+    (``[[phase]]``, ``[[metric]]``) and sections with a ``kind`` of their own are taken whole.
+
+    Parameters
+    ----------
+    content : dict
+        Of the file.
+    path : Path
+        Of the file.
+    find : callable
+        Returns the path of a scenario by its name, or of a file beside this one.
+
+    Raises
+    ------
+    InputError
+        If a base is not there, or scenarios are each other's bases.
+    """
+    head = content.get("scenario")
+    if not isinstance(head, dict) or "base" not in head:
+        return content
+    own = {**content, "scenario": {key: value for key, value in head.items() if key != "base"}}
+    there = find(text("scenario.base", head["base"]), path)
+    if there in seen:
+        raise InputError(f"scenario.base: {head['base']!r} has this scenario as its own base")
+    below = with_base(read_toml(there), there, find, (*seen, path, there))
+    return {key: _over(below.get(key), own.get(key)) for key in {**below, **own}}
+
+
+def _over(below: Any, own: Any) -> Any:
+    if own is None:
+        return below
+    if not (isinstance(below, Mapping) and isinstance(own, Mapping)) or "kind" in own:
+        return own
+    return {**below, **own}

@@ -1,0 +1,46 @@
+"""JSON Schemas of the files that other programs write and read: models, scenarios, results of a diagnosis.
+
+They are made of what the loaders check by and of the types of the result, so that editors complete and check
+a TOML file as it is written, and programs can rely on ``result.json``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from hovercontrol.errors import InputError, did_you_mean
+from hovercontrol.schema.model import model_schema
+from hovercontrol.schema.result import result_schema
+from hovercontrol.schema.scenario import scenario_schema
+
+__all__ = ["KINDS", "schema", "model_schema", "scenario_schema", "result_schema"]
+
+#: Of each kind of file its schema.
+KINDS: dict[str, Callable[[], dict[str, Any]]] = {
+    "result": result_schema,
+    "model": model_schema,
+    "scenario": scenario_schema,
+}
+
+
+def schema(kind: str) -> dict[str, Any]:
+    """Return the JSON Schema (draft 2020-12) of a kind of file.
+
+    Parameters
+    ----------
+    kind : {"result", "model", "scenario"}
+
+    Raises
+    ------
+    InputError
+        If there is none of that kind; the nearest is named.
+
+    Examples
+    --------
+    >>> schema("model")["properties"]["effects"]["properties"]["yaw_coulomb"]["anyOf"][0]
+    {'type': 'number', 'minimum': 0.0}
+    """
+    if kind not in KINDS:
+        raise InputError(f"schema: unknown kind {kind!r}{did_you_mean(kind, KINDS)}")
+    return KINDS[kind]()

@@ -1,0 +1,138 @@
+"""The JSON Schema of ``result.json``, made of types that say what ``diagnose`` writes."""
+
+from __future__ import annotations
+
+from typing import Annotated, NotRequired, TypedDict
+
+from hovercontrol.discrepancy.verdict import Verdict
+from hovercontrol.schema.parts import Schema, document, of_type
+
+
+class Number(TypedDict):
+    """A number of an effect, with its standard error."""
+
+    value: float
+    std: float
+    unit: str
+
+
+class Blocks(TypedDict):
+    """The same coefficient on disjoint blocks of the logs."""
+
+    n: Annotated[int, "blocks that tell it"]
+    same_sign: Annotated[int, "blocks with the sign of the whole"]
+    t: Annotated[float, "mean over its standard error"]
+    spread: Annotated[float, "of the blocks, in parts of the mean"]
+    p_value: Annotated[float, "chance of as much without the effect"]
+
+
+class Ahead(TypedDict):
+    """Errors on the held-out log some time ahead."""
+
+    horizon: Annotated[float, "s"]
+    channel: str
+    before: Annotated[float, "root mean square without what was added"]
+    after: Annotated[float, "and with it"]
+    unit: str
+    t: Annotated[float, "of the change"]
+
+
+class Evidence(TypedDict):
+    """Why an effect is named."""
+
+    gain: Annotated[float, "twice the log likelihood gained"]
+    blocks: Blocks
+    holdout: list[Ahead]
+
+
+class NamedEffect(TypedDict):
+    """An effect that the model lacks."""
+
+    name: str
+    equation: Annotated[str, "where it acts"]
+    coefficient: float
+    std: Annotated[float, "standard error"]
+    unit: str
+    numbers: dict[str, Number]
+    evidence: Evidence
+    readings: Annotated[list[str], "names of the same finding"]
+
+
+class Rival(TypedDict):
+    """An effect that cannot be told from a named one."""
+
+    name: str
+    reason: str
+
+
+class TrainGap(TypedDict):
+    """Errors on the training logs, by channel, in parts of its scatter."""
+
+    before: dict[str, float]
+    after: dict[str, float]
+
+
+class HoldoutGap(TypedDict):
+    """Errors on the held-out log, by channel, in parts of its scatter; empty without one."""
+
+    before: NotRequired[dict[str, float]]
+    after: NotRequired[dict[str, float]]
+    floor: NotRequired[Annotated[dict[str, float], "what noise alone makes"]]
+    horizon: NotRequired[float]
+    ahead: NotRequired[list[Ahead]]
+
+
+class Gap(TypedDict):
+    """How far the model was off, and is."""
+
+    train: TrainGap
+    holdout: HoldoutGap
+
+
+class Remainder(TypedDict):
+    """What one equation still leaves unexplained."""
+
+    rms: float
+    unit: str
+    share_explained: float
+    averaged_over: Annotated[float, "s"]
+    gain: float
+
+
+class Lead(TypedDict):
+    """A candidate that came near and is not named."""
+
+    name: str
+    gain: float
+    blocks_t: float
+    reason: str
+
+
+class Where(TypedDict):
+    """Where most was missing."""
+
+    equation: str | None
+    log: NotRequired[str]
+    segments: list[tuple[float, float]]
+    regime: str
+
+
+class Result(TypedDict):
+    """What a model lacks, as ``hovercontrol diagnose`` found it."""
+
+    verdict: Verdict
+    effects: list[NamedEffect]
+    rivals: list[Rival]
+    gap: Gap
+    remainder: Annotated[dict[str, Remainder], "by equation"]
+    leads: list[Lead]
+    where: Where
+    next_experiment: str | None
+    rows_dropped: int
+    warnings: list[str]
+
+
+def result_schema() -> Schema:
+    """Return the JSON Schema of ``result.json``."""
+    body = of_type(Result)
+    return document("hovercontrol diagnosis", body.pop("description"), body)

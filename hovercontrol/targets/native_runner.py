@@ -1,0 +1,108 @@
+"""A Block in machine code, step by step: the calls into hc_runner.h of its library."""
+
+from __future__ import annotations
+
+import ctypes
+import weakref
+from collections.abc import Mapping, Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hovercontrol.targets.library import Library, Solver, solver_options
+
+Array = NDArray[np.float64]
+
+
+class NativeEngine:
+    """Steps a Block in machine code; an :class:`~hovercontrol.targets.runner.Engine`.
+
+    Parameters
+    ----------
+    library : Library
+        Of the whole Block.
+    solver : Solver
+    time : float
+        [s]
+    states, inputs, params : sequence of float
+    n_outputs : int
+    """
+
+    kind = "native"
+
+    def __init__(
+        self,
+        library: Library,
+        solver: Solver,
+        time: float,
+        states: Sequence[float],
+        inputs: Sequence[float],
+        params: Sequence[float],
+        n_outputs: int,
+    ) -> None:
+        self._library, self._n = library, len(states)  # the library must stay loaded
+        self._calls = calls = _calls(library.short)
+        self.y = np.zeros(n_outputs)
+        options = solver_options(solver)
+        self._at = at = calls.runner_new(ctypes.byref(options), self.y.ctypes.data)
+        if not at:
+            raise MemoryError("no memory for the solver")
+        weakref.finalize(self, calls.runner_free, at)
+        arrays = [np.array(values, dtype=float) for values in (states, inputs, params)]
+        self._begun = calls.runner_begin(at, time, *(a.ctypes.data for a in arrays))
+        # The step itself, which must cost little more than the C function: bytes go in as a pointer.
+        self.step: Any = partial(calls.runner_step, at) if not self._begun else self._refuse
+
+    def _refuse(self, _until: float, _sent: bytes) -> int:
+        return int(self._begun)
+
+    def jump(self, states: Mapping[int, float], params: Sequence[float]) -> int:
+        """Let states by their places and all parameters jump; return the status."""
+        x, given = np.zeros(self._n), np.zeros(self._n, dtype=np.intc)
+        for place, value in states.items():
+            x[place], given[place] = value, 1
+        p = np.array(params, dtype=float)
+        return int(self._calls.runner_jump(self._at, *(a.ctypes.data for a in (x, given, p))))
+
+    def time(self) -> float:
+        """Return the time reached [s]."""
+        return float(self._calls.runner_time(self._at))
+
+    def states(self) -> Array:
+        """Return the states."""
+        x = np.empty(self._n)
+        self._calls.runner_states(self._at, x.ctypes.data)
+        return x
+
+    def save(self) -> bytes:
+        """Return all that it knows."""
+        numbers = np.empty(self._calls.runner_size(self._at))
+        self._calls.runner_save(self._at, numbers.ctypes.data)
+        return numbers.tobytes()
+
+    def load(self, saved: bytes) -> None:
+        """Go on from what :meth:`save` returned."""
+        numbers = np.frombuffer(saved).copy()
+        self._calls.runner_load(self._at, numbers.ctypes.data)
+
+
+def _calls(library: ctypes.PyDLL) -> Any:
+    """Return a library, its runner's functions declared."""
+    real, pointer = ctypes.c_double, ctypes.c_void_p
+    for name, result, arguments in (
+        ("new", pointer, [pointer, pointer]),
+        ("free", None, [pointer]),
+        ("begin", ctypes.c_int, [pointer, real, pointer, pointer, pointer]),
+        ("step", ctypes.c_int, [pointer, real, ctypes.c_char_p]),
+        ("jump", ctypes.c_int, [pointer, pointer, pointer, pointer]),
+        ("time", real, [pointer]),
+        ("states", None, [pointer, pointer]),
+        ("size", ctypes.c_long, [pointer]),
+        ("save", None, [pointer, pointer]),
+        ("load", None, [pointer, pointer]),
+    ):
+        function = getattr(library, f"runner_{name}")
+        function.restype, function.argtypes = result, arguments
+    return library
