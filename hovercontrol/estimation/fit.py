@@ -290,6 +290,9 @@ def estimate(
                 continue
         enough = SETTLED if moving else STOPPED if still < ENOUGH else 2.0 * SETTLED
         settled = abs(change) < enough and now.gain < SETTLED
+        while moving and settled and times and factor > FINEST:  # not before all factors were tried
+            noise, further = timed(problem, now.linear, noise, factor)
+            settled, factor = not further, factor if further else factor**0.5
         if moving and ((settled and k > hold) or k >= most + hold):
             moving = False
         elif not moving and (settled or still >= STILL):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hovercontrol.discrepancy.diagnose import base_fit
-from hovercontrol.discrepancy.evidence.blocks import agreement, of_effect, scatter
+from hovercontrol.discrepancy.evidence.blocks import agreement, capped, of_effect, scatter
 from hovercontrol.effects import effect
 from hovercontrol.estimation.data import gather
 
@@ -56,6 +56,21 @@ def test_blocks_that_tell_nothing_do_not_count():
 def test_a_single_block_that_tells_all_is_no_agreement():
     found = said([1.0, 1.3, 0.6, 1.2], [1e6, 1.0, 1.0, 1.0])
     assert found.dof < 0.01 and found.p_value > 0.01
+
+
+def test_blocks_that_know_little_do_not_spoil_what_others_agree_on():
+    estimates, information = np.r_[np.ones(9), 4.0, -2.0], np.r_[np.full(9, 1e6), 1e3, 1e3]
+    found = said(estimates, information)
+    assert found.spread < 0.02 and found.t > 100.0
+
+
+def test_at_least_eight_blocks_have_a_say():
+    information = np.r_[np.full(2, 1e6), np.full(10, 1e3)]
+    weights = capped(information)
+    assert weights.sum() ** 2 / (weights**2).sum() == pytest.approx(8.0, rel=1e-6)
+    assert (weights <= information).all()
+    lone = said(np.r_[1.0, 1.0, np.tile([5.0, -3.0], 5)], information)
+    assert lone.t < 2.0  # the two that know nearly all do not speak for the others
 
 
 def test_no_information_is_no_size():

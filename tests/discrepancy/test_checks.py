@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from hovercontrol.block import Block
+from hovercontrol.blockmodel import BlockModel
 from hovercontrol.discrepancy.checks import check_fitted, check_logs
 from hovercontrol.discrepancy.checks.clocks import command_drift
 from hovercontrol.discrepancy.checks.excitation import check_excitation, predicts_nothing
@@ -12,6 +14,7 @@ from hovercontrol.effects import effect
 from hovercontrol.errors import InputError
 from hovercontrol.estimation.data import gather
 from hovercontrol.logs import Log
+from hovercontrol.signals import Signal
 from hovercontrol.vehicles import four_fan
 
 from .generator import NOISE, SIZES, Conditions, make, simulated
@@ -292,3 +295,11 @@ def test_a_log_that_tells_nothing_is_refused():
     still = Log("still", LOG.time, {**rest, "thrust": 0 * LOG.time, "rudder": 0 * LOG.time})
     with pytest.raises(InputError, match="still: no coefficient of the model can be known"):
         excitation(CASE.model, [still])
+
+
+def test_another_machine_may_be_slow():
+    h, u, k = Signal("h", "V", start=5.0), Signal("pump", "V"), Signal("k", "1/s", start=0.01)
+    tank = BlockModel(Block("tank", [h], [u], [h], [k], {"h": k.symbol * (u.symbol - h.symbol)}))
+    rng = np.random.default_rng(0)
+    log = Log("slow", 4.0 * np.arange(200), {"h": 5.0 + rng.normal(size=200), "pump": rng.normal(size=200)})
+    assert not any("is its time in seconds" in line for line in check_logs(tank, [log]))

@@ -183,13 +183,19 @@ def columns(fit: Fit, tried: Sequence[Candidate]) -> tuple[Array, Array, list[tu
             alone = _alone(candidate, key)
             mine.append(at)
             late = timing(problem.model.with_effects([alone])) != timing(problem.model)
-            if type(alone).kind() == "measurement" and not late:
-                seen[..., at] = runs.seen(alone)
-            else:
-                drive[..., at] = runs.forcing(alone)
+            with np.errstate(all="ignore"):
+                if type(alone).kind() == "measurement" and not late:
+                    seen[..., at] = _finite(runs.seen(alone))
+                else:
+                    drive[..., at] = _finite(runs.forcing(alone))
             at += 1
         own.append(tuple(mine))
     return drive, seen, own
+
+
+def _finite(column: Array) -> Array:
+    """Return a column, or nothing at all where a trial runs away: it says nothing."""
+    return column if np.isfinite(column).all() else np.zeros_like(column)
 
 
 def _alone(candidate: Candidate, key: str) -> Effect:
