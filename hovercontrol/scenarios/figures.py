@@ -23,7 +23,9 @@ CALLED = {name: f"{name} coefficient" for name in ("thrust", "rudder_torque")}
 
 def figures(run: Run) -> dict[str, Figure]:
     """Return the pictures of a run by name: path, errors, estimates, velocities, commands."""
-    drawn = {"path": _path(run), "velocities": _velocities(run), "heading": _heading(run)}
+    drawn = {"path": _path(run), "velocities": _velocities(run)}
+    if run.scenario.tracks:
+        drawn["heading"] = _heading(run)
     if run.scenario.autopilot is not None:
         drawn["comparison"] = comparison(run)
     error = run.tracking_error()
