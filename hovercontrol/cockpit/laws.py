@@ -151,7 +151,7 @@ def stick_motion() -> Block:
 
     The pilot plans the path, :func:`~hovercontrol.controllers.k06.both_ways` holds what is told, with the
     gains of K06's trials. Astern it is told only once the craft goes ahead no more: until then it is stopped.
-    K06 has no law for turning while moving, and the ideal craft no such steady motion: told both, it slips aside.
+    K06 has no law for turning while moving, and the ideal craft no such steady motion: told both, it slips.
 
     Returns
     -------

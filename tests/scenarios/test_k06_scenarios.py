@@ -140,7 +140,7 @@ def test_pictures_show_wanted_values_forces_heading_and_modes(runs):
     assert [t.get_text() for t in steps.get_yticklabels()] == ["point", "drive", "halt", "orient", "rest"]
     assert [t.get_text() for t in turning.get_yticklabels()] == ["stop", "turn"]
     assert "goal" in [line.get_label() for line in drawn["path"].axes[0].lines]
-    assert set(figures(runs["k06-turn"])) == {"path", "velocities", "forces", "heading", "thrust", "rudder"}
+    assert set(figures(runs["k06-turn"])) == {"path", "velocities", "forces", "thrust", "rudder"}
     yaw = figures(runs["k06-turn"])["velocities"].axes[2]
     assert [t.get_text() for t in yaw.get_legend().get_texts()] == ["wanted", "craft"]
 
