@@ -8,14 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from hovercontrol.discrepancy.evidence.traces import runs_of, simulate_runs
 from hovercontrol.estimation.fit import Fit
-from hovercontrol.estimation.rows import LONGEST_GAP
-from hovercontrol.targets.shoot import shoot
 
 Array = NDArray[np.float64]
-
-#: Longest step between the points of a run [s].
-STEP = 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,34 +81,10 @@ def free_run(fit: Fit, log: int = 0, seconds: float = 5.0) -> FreeRun:
         After which a run starts afresh.
     """
     problem = fit.problem
-    time, path = on_rows(fit, fit.path, log)
-    _, seen = on_rows(fit, np.where(problem.seen, problem.rows.values, np.nan), log)
-    first = [0]
-    for k in np.flatnonzero(np.diff(time, prepend=time[0]) > 0):
-        if time[k] - time[first[-1]] >= seconds or time[k] - time[k - 1] > LONGEST_GAP:
-            first.append(int(k))
-    ends = [time[k - 1] for k in first[1:]] + [time[-1]]
-    kept = [(k, end) for k, end in zip(first, ends, strict=True) if end > time[k]]
-    begin = np.array([time[k] for k, _ in kept])
-    lasts = np.array([end for _, end in kept])
-    N = max(2, int(np.ceil(float((lasts - begin).max()) / STEP)))
-    h = (lasts - begin) / N
-    t = begin + np.arange(N + 1)[:, None] * h  # (N + 1, W)
-    which = np.full(t.size, log)
-    parameters = problem.parameters(fit.p)
-    u, lagged = problem.commands_at(
-        parameters, t[:-1].reshape(1, -1), np.tile(h, N), np.full(N * len(kept), log)
-    )
-    shape = (1, N, 1, len(kept))
-    known = {i: v.reshape(shape) for i, v in lagged.items()}
-    start = path[[k for k, _ in kept]].T[:, None, :]
-    with np.errstate(all="ignore"):
-        x = shoot(
-            problem.block, t[None, :-1], np.tile(h, (N, 1)), u.reshape(len(u), *shape), known,
-            np.array(parameters)[:, None], start,
-        )[:, :, 0]  # fmt: skip
-    states = np.moveaxis(x, 1, 0).reshape(x.shape[1], -1)
-    found = problem.channels_at(states, parameters, t.ravel(), which).reshape(-1, *t.shape)
+    time, seen = on_rows(fit, np.where(problem.seen, problem.rows.values, np.nan), log)
+    runs = list(runs_of(problem, log, seconds))
+    at = [problem.rows.time[row, block] for row, block in runs]
+    simulated = [channels for _, channels in simulate_runs(problem, fit.p, fit.path, runs)]
     origin = problem.logs[log].origin
     channels = problem.rows.channels
     return FreeRun(
@@ -121,7 +93,7 @@ def free_run(fit: Fit, log: int = 0, seconds: float = 5.0) -> FreeRun:
         {c: problem.block.signal(c).unit for c in channels},
         time + origin,
         seen.T,
-        t.T.ravel() + origin,
-        np.swapaxes(found, 1, 2).reshape(len(channels), -1),
-        tuple(range(0, t.size, N + 1)),
+        np.concatenate(at) + origin,
+        np.concatenate(simulated, axis=1),
+        tuple(np.cumsum([0, *(t.size for t in at[:-1])]).tolist()),
     )
