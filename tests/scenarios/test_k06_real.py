@@ -217,7 +217,8 @@ def test_diagnose_names_the_loss_of_reverse_thrust_in_the_log_of_the_crafts_navi
     scenario, early = astern.scenario, astern.time < 35.0
     log = Log("astern", astern.time[early], {key: column[early] for key, column in astern.columns.items()})
     found = diagnose(scenario.belief, [log])
-    assert found.verdict in ("effect", "partial")
+    # ambiguous is whether the 3 ms of the last sample's age are a delay or a lag, not the loss
+    assert found.verdict in ("effect", "partial", "ambiguous")
     loss = found.effects[0]
     assert {e.effect for e in found.effects} - {"input_delay", "time_offset", "thrust_lag"} == {
         "reverse_thrust_loss"
