@@ -22,7 +22,7 @@ from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.fans import Fan as Fan
 from hovercontrol.signals import Signal, time
 
-#: The six states of every plant [C17 eq 8].
+#: The six states of every plant [C17 eq 8] [K06 eq 2.2, 2.5].
 MOTION = (
     Signal("x", "m", "position, earth frame"),
     Signal("y", "m", "position, earth frame"),

@@ -46,7 +46,8 @@ class Body:
             object.__setattr__(self, key, positive(f"body: {key}", getattr(self, key)))
 
 
-#: K06's craft: table 4.1 prints 1.6 kg, but 5.7 lb are 2.6 kg, and tables 6.2-6.3 agree with that.
+#: K06's craft [K06 fig 2.1]: table 4.1 prints 1.6 kg, but 5.7 lb are 2.6 kg, and tables 6.2-6.3 agree with
+#: that.
 HOVERDEMON_BODY = Body(mass=2.6, inertia=0.096, arm=0.32)
 
 

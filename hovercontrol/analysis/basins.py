@@ -3,6 +3,14 @@
 The law (2.39) takes the craft to ``(0, 0, r_ref)``, wanted, or to ``(0, -d r_ref, 0)``, where it drifts
 sideways and does not turn. W (2.36) never grows, so that a craft that starts below its level at the unwanted
 point, W_bad, gets to the wanted one, and so does one that starts within the ball of (2.48).
+
+Gets there, in the end: through the unwanted point runs a slow manifold, ``r' = kappa r^2`` with kappa of
+:func:`slow_rate`. A craft that comes onto it at a yaw rate r < 0 ends at the unwanted point; at r > 0 it
+leaves it after about ``1/(kappa r)``, which may be years. Hence three classes: turns within the stated time,
+unwanted, and stuck, which is neither.
+
+Erratum: section 2.2.6 calls the unwanted point a local minimiser of W. It is none: the gradient of W there is
+``(m u, m v, J (r - r_ref)) = (0, -m d r_ref, -J r_ref)``, for K06's craft at 3 rad/s (0, -2.50, -0.288).
 """
 
 from __future__ import annotations
@@ -31,8 +39,18 @@ from hovercontrol.vehicles import HOVERDEMON_BODY, Body
 Array = NDArray[np.float64]
 Plane = Mapping[str, tuple[float, float]]
 
-#: A run that ends this close to the unwanted limit point is on its way there [m/s].
+#: A run that ends this close to the unwanted limit point is on its slow manifold [m/s].
 CLOSE = 0.1
+
+#: A craft turns when W is this share of W_bad: its yaw rate is then within 10 % of what is wanted.
+TURNING = 0.0026
+
+#: Tolerances of the runs: relative, and absolute in m/s and rad/s.
+RTOL, ATOL = 1e-9, 1e-12
+
+#: Yaw rate on the slow manifold whose sign is told [rad/s]. With tolerances a hundred times as tight 99 of
+#: 100 yaw rates at the end change by less than 5e-12 rad/s, and no sign does (a test does it).
+TOLD = 1e-11
 
 #: The plane that shows most: surge dies out by itself.
 DRIFT_AND_TURN: Plane = {"v": (-2.5, 2.5), "r": (-8.0, 8.0)}
@@ -46,8 +64,9 @@ _ABOUT = {"u": "initial surge u", "v": "initial sway v", "r": "initial yaw rate 
 def turn_loop(*, k1: float, k2: float, yaw_rate: float) -> Block:
     """Return K06's craft under the turn law, with a watch on the energy and the unwanted limit point.
 
-    Outputs ``level``, W/W_bad of (2.36), and ``away`` [m/s], the distance from the unwanted limit point with
-    yaw rates as velocities at the rudder. States ``craft.u``, ``craft.v``, ``craft.r``.
+    Outputs ``level``, W/W_bad of (2.36), ``away`` [m/s], the distance from the unwanted limit point with yaw
+    rates as velocities at the rudder, and ``waited`` [s], how long W has been above :data:`TURNING` of W_bad:
+    since W never grows, until the craft turns. States ``craft.u``, ``craft.v``, ``craft.r``.
 
     Parameters
     ----------
@@ -70,18 +89,36 @@ def turn_loop(*, k1: float, k2: float, yaw_rate: float) -> Block:
     parameters = body_signals(HOVERDEMON_BODY)
     m, J, d = (s.symbol for s in parameters)
     ref = YAW_RATE_REF.symbol
+    waited = Signal("waited", "s", "until W is below a share of W_bad")
+    level = Signal("level", "1", "W/W_bad")
     watch = Block(
         "watch",
+        states=(waited,),
         inputs=(*MOVING, YAW_RATE_REF),
-        outputs=(Signal("level", "1", "W/W_bad"), Signal("away", "m/s", "from the unwanted limit point")),
+        outputs=(level, Signal("away", "m/s", "from the unwanted limit point"), waited),
         parameters=parameters,
-        output_expressions={
-            "level": kinetic_energy(m, J, u, v, r - ref) / unwanted_level(m, J, d, ref),
-            "away": sp.sqrt(u**2 + (v + d * ref) ** 2 + (d * r) ** 2),
-        },
+        definitions={"level": kinetic_energy(m, J, u, v, r - ref) / unwanted_level(m, J, d, ref)},
+        definition_signals=(level,),
+        derivatives={"waited": sp.Piecewise((1, level.symbol > TURNING), (0, True))},
+        output_expressions={"away": sp.sqrt(u**2 + (v + d * ref) ** 2 + (d * r) ** 2)},
     )
     told = setpoints([law], {"yaw_rate_ref": yaw_rate})
-    return interconnect([force_craft(), law, told, watch], "loop", outputs=["level", "away"])
+    return interconnect([force_craft(), law, told, watch], "loop", outputs=["level", "away", "waited"])
+
+
+def slow_rate(*, k1: float, yaw_rate: float, body: Body = HOVERDEMON_BODY) -> float:
+    """Return kappa [1/rad]: on the slow manifold through the unwanted limit point ``r' = kappa r^2``.
+
+    There ``u = m v r/k1`` with ``v = -d r_ref``, and the side force keeps ``v' = d r'``:
+    ``kappa = d^2 m^2 r_ref/(k1 (J + d^2 m))``.
+
+    Examples
+    --------
+    >>> round(slow_rate(k1=0.5, yaw_rate=3.0), 1)
+    11.5
+    """
+    m, J, d = body.mass, body.inertia, body.arm
+    return d**2 * m**2 * yaw_rate / (positive("k1", k1) * (J + d**2 * m))
 
 
 def turn_basins(
@@ -97,7 +134,7 @@ def turn_basins(
     checkpoint: str | Path | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> Region:
-    """Return, over a plane of initial velocities, which limit point the turn law takes the craft to.
+    """Return, over a plane of initial velocities, where the turn law takes the craft, and when.
 
     Parameters
     ----------
@@ -112,7 +149,7 @@ def turn_basins(
     k1, k2 : float, optional
         [kg/s], likewise.
     duration : float, optional
-        Of each simulation [s]. The approach to the unwanted point is slow, as 1/t: an eigenvalue is 0.
+        Of each simulation [s]: what turns later counts as stuck.
     executor : concurrent.futures.Executor, optional
         Where the simulations are done; default threads of this machine.
     checkpoint : path, optional
@@ -123,9 +160,11 @@ def turn_basins(
     Returns
     -------
     Region
-        Maps ``unwanted`` (simulated: above W_bad and close to the unwanted point at the end), ``wanted``
-        (simulated: below W_bad at the end, from where it cannot rise), ``level`` (W < W_bad at the start),
-        ``entry`` (the ball of (2.48)); lines at the edges of the last two. A run may be neither: in doubt.
+        Three maps of which each start is in one: ``unwanted`` (at the end near the unwanted point, its yaw
+        rate against the wanted one by :data:`TOLD` at least), ``turns`` (W at most :data:`TURNING` of W_bad
+        at the end), ``stuck`` (neither: it leaves later, or the tolerances do not tell); ``level`` (W < W_bad
+        at the start), ``entry`` (the ball of (2.48)); the quantities ``time`` [s] until it turns, and
+        ``leaves`` [s], about when one that is stuck leaves; lines at the edges of level and entry.
 
     Raises
     ------
@@ -136,8 +175,8 @@ def turn_basins(
     Examples
     --------
     >>> region = turn_basins(points=9)
-    >>> region.outside("level", "wanted"), region.outside("entry", "level")
-    ([], [])
+    >>> bool((region["level"] & region["unwanted"]).any()), region.outside("entry", "level")
+    (False, [])
     """
     x, y = _axes(plane, points)
     positive("duration", duration)
@@ -147,8 +186,8 @@ def turn_basins(
     runs = ready.sweep(
         [0.0, duration],
         x0={f"craft.{name}": values for name, values in start.items()},
-        rtol=1e-9,
-        atol=1e-12,
+        rtol=RTOL,
+        atol=ATOL,
         executor=executor,
         checkpoint=checkpoint,
         progress=progress,
@@ -158,12 +197,21 @@ def turn_basins(
     error = kinetic_energy(body.mass, body.inertia, **{**start, "r": start["r"] - yaw_rate})
     bad, entry = levels(yaw_rate)
     well = runs.status == 0
-    below = runs["level"].final < 1.0
+    turns = well & (runs["level"].final <= TURNING)
+    near = well & (runs["away"].final < CLOSE)
+    rate = runs.states_final[:, runs.states.index("craft.r")] * np.sign(yaw_rate)
+    unwanted = near & (rate <= -TOLD)
+    stuck = well & ~turns & ~unwanted
+    kappa = slow_rate(k1=k1, yaw_rate=abs(yaw_rate))
+    leaves = np.where(stuck & (rate >= TOLD), duration + 1 / (kappa * np.maximum(rate, TOLD)), np.nan)
     maps = {
-        "unwanted": well & (runs["away"].final < CLOSE) & ~below,
-        "wanted": well & below,
+        "unwanted": unwanted,
+        "turns": turns,
+        "stuck": stuck,
         "level": error < bad,
         "entry": energy < entry,
+        "time": np.where(turns, runs["waited"].final, np.nan),
+        "leaves": leaves,
     }
     third = next(iter(set(_ABOUT) - set(plane)))
     value = float(start[third][0])
@@ -177,9 +225,13 @@ def turn_basins(
         x,
         y,
         {name: values.reshape(points, points) for name, values in maps.items()},
+        units={"time": "s", "leaves": "s"},
         labels={
             "unwanted": "simulated: to (0, -d r_ref, 0), unwanted",
-            "wanted": "simulated: to (0, 0, r_ref), wanted",
+            "turns": f"simulated: turns at r_ref within {duration:g} s",
+            "stuck": f"simulated: after {duration:g} s still near the unwanted point",
+            "time": "time until it turns",
+            "leaves": "time when it leaves, about",
             "level": "W < W_bad at the start",
             "entry": "energy below (2.48) at the start",
         },

@@ -1,9 +1,11 @@
 """Packets that get lost between controller and craft: how many a sampled loop bears in the mean square.
 
 Each packet is lost with one probability, whatever the others do. The loop's second moment then follows a
-linear recursion, and the loop is stable in the mean square if and only if that shrinks. K06 section 5.3.3
-names the scalar case and prints ``|a| q > 1`` as what cannot be stabilised; in the mean square it is
-``a^2 q > 1``.
+linear recursion, and the loop is stable in the mean square if and only if that shrinks.
+
+K06 section 5.3.3 names the scalar case [K06 eq 5.2] under the law [K06 eq 5.3], with packets that are sent
+once more if they arrive corrupted, probability q: both are with q^2, so that ``a^2 q^2 > 1`` is what cannot
+be stabilised, ``|a| q > 1`` as K06 prints. Without a second try it is ``a^2 q > 1``.
 """
 
 from __future__ import annotations
@@ -51,6 +53,8 @@ class PacketLoop:
     >>> loop = PacketLoop(np.zeros((1, 1, 1)), np.full((1, 1, 1), 2.0))
     >>> round(loop.critical, 6)  # 1/a^2
     0.25
+    >>> round(loop.critical_corruption(), 6)  # 1/a: each packet is sent once more
+    0.5
     """
 
     arrives: Array
@@ -94,6 +98,24 @@ class PacketLoop:
                 return float(brentq(lambda p: self.growth(p) - 1, below, above, xtol=1e-10))
             below = above
         return math.inf
+
+    def critical_corruption(self, tries: int = 2) -> float:
+        """Return the smallest probability q of one try's corruption that is not borne; inf if all are.
+
+        Parameters
+        ----------
+        tries : int, optional
+            So often a packet is sent within a step, at most: 2 for K06's one retransmission, 1 for none. The
+            command is lost if all are corrupted, q^tries.
+
+        Raises
+        ------
+        InputError
+            If there is no try.
+        """
+        if not isinstance(tries, int) or tries < 1:
+            raise InputError(f"tries: expected 1 or more, found {tries!r}")
+        return self.critical ** (1 / tries)
 
     def simulate(self, loss: float, x0: ArrayLike, steps: int, runs: int, seed: int = 0) -> Array:
         """Return the states of many runs with packets lost at random, shape (steps + 1, runs, n)."""

@@ -1,6 +1,7 @@
 """Can a smooth static state feedback hold an equilibrium? The tests of Brockett, and of Byrnes and Isidori.
 
-K06 uses both (theorems 2.3.1 and 2.3.3) to show that no such feedback holds a hovercraft's pose or heading.
+K06 uses both [K06 theorem 2.3.1, 2.3.3] to show that no such feedback holds a hovercraft's pose or heading
+[K06 proposition 2.3.2, 2.3.4]; the forms are those of [K06 eq 2.49, 2.51] and the map of [K06 eq 2.56].
 Ranks are exact: the Block's numbers become fractions, and solvability of polynomial equations is decided by
 a Groebner basis, heading angles by their sine and cosine.
 """

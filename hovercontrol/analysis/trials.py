@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hovercontrol.autopilot import seeds
+from hovercontrol.block import Block
 from hovercontrol.errors import InputError
 from hovercontrol.scenarios import Scenario
 from hovercontrol.scenarios.definition import Autopilot
@@ -47,14 +48,37 @@ def fly_trial(
     """
     need_trial("trials", scenario, runs, at_least=1)
     loop = real_loop(scenario, loop_parts(scenario))
-    compiled = loop.compile()
     told = phase_parameters(scenario, scenario.phases[0])
     params = told | {f"ideal.{key}": value for key, value in told.items()}
+    return fly_seeds(scenario, loop, params, runs=runs, progress=progress)
+
+
+def fly_seeds(
+    scenario: Scenario,
+    loop: Block,
+    params: Mapping[str, float],
+    *,
+    runs: int,
+    progress: Callable[[float], None] | None = None,
+) -> tuple[Array, dict[str, Array]]:
+    """Fly one real loop with the seeds from 1 on; result as of :func:`fly_trial`.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        Its length and step count.
+    loop : Block
+        By :func:`~hovercontrol.scenarios.real.real_loop`; it is compiled once, however often it is flown.
+    params : mapping of str to float
+    runs, progress
+        As there.
+    """
+    compiled = loop.compile()
     time = scenario.step * np.arange(round(scenario.end / scenario.step) + 1, dtype=np.float64)
     rows = []
     for seed in range(1, runs + 1):
         own = {key: values[0] for key, values in seeds(loop, [seed]).items()}
-        flown = compiled.simulate(time, params=params | own, method="rk4", step=scenario.step)
+        flown = compiled.simulate(time, params=dict(params) | own, method="rk4", step=scenario.step)
         rows.append(np.asarray(flown.outputs))
         if progress is not None:
             progress(seed / runs)

@@ -1,4 +1,4 @@
-"""K06's model of what is wrong with its navigation (figure 6.2), in place of sensors and filters."""
+"""K06's model of what is wrong with its navigation [K06 fig 6.2], in place of sensors and filters."""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""K06's whole autopilot around a law as one hybrid Block (figure 6.1): sensors, links, actuators, craft."""
+"""K06's whole autopilot around a law as one hybrid Block [K06 fig 5.1, 6.1].
+
+Sensors, links, actuators, craft.
+"""
 
 from __future__ import annotations
 

@@ -19,7 +19,11 @@ def about(loop: Loop) -> dict[str, Any]:
         "fans": [{"name": f.name, "x": f.x, "y": f.y, "direction": f.direction} for f in loop.model.fans],
         "inputs": [{**_shown_signal(s), "full": full_stick(s)} for s in loop.inputs],
         "laws": {
-            key: {"title": c.title, "references": [_shown_signal(s) for s in c.references]}
+            key: {
+                "title": c.title,
+                "stick": c.stick,
+                "references": [_shown_signal(s) for s in c.references],
+            }
             for key, c in loop.choices.items()
         },
         "disturbances": {

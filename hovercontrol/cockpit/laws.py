@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import sympy as sp
 
 from hovercontrol.block import Block
-from hovercontrol.controllers.k06 import force_to_command
+from hovercontrol.controllers.k06 import both_ways, force_to_command
 from hovercontrol.controllers.k06.energy import body_signals, kinetic_energy
 from hovercontrol.controllers.k06.heading import HEADING_REF
 from hovercontrol.controllers.k06.laws import SURGE_REF, YAW_RATE_REF
@@ -39,7 +39,9 @@ class Choice:
     title : str
         What the page calls it.
     scenario : str
-        The scenario of the package whose gains it takes; ``""`` for the stick.
+        The scenario of the package whose gains it takes; ``""`` if it is none of K06's trials.
+    stick : bool, optional
+        Whether it looks at the stick.
     references : tuple of Signal, optional
         What the pilot tells it, with the bounds of the sliders.
     """
@@ -47,6 +49,7 @@ class Choice:
     title: str
     scenario: str = ""
     references: tuple[Signal, ...] = ()
+    stick: bool = False
 
 
 _HEADING = HEADING_REF.but(description="wanted heading", lower=-math.pi, upper=math.pi)
@@ -58,7 +61,8 @@ _GOAL = (
 
 #: Every choice by its key.
 CHOICES: dict[str, Choice] = {
-    "manual": Choice("Manual"),
+    "manual": Choice("Manual", stick=True),
+    "motion": Choice("Stick sets motion", stick=True),
     "stop": Choice("Stop", "k06-stop"),
     "forward": Choice("Forward", "k06-forward", (SURGE_REF.but(start=1.1, lower=0.0, upper=1.5),)),
     "reverse": Choice("Reverse", "k06-reverse", (SURGE_REF.but(start=-0.76, lower=-1.0, upper=0.0),)),
@@ -101,8 +105,10 @@ def law(key: str, model: Model) -> Block:
     from hovercontrol.scenarios.parts import loop_parts
 
     choice = CHOICES[key]
-    if not choice.scenario:
+    if key == "manual":
         return manual(model)
+    if key == "motion":
+        return stick_motion()
     parts = loop_parts(load_scenario(choice.scenario))
     parts["actuation"] = force_to_command(dead_zone=DEAD_ZONE, reversing=True)
     return interconnect([block for role, block in parts.items() if role != "plant"], "law")
@@ -138,6 +144,49 @@ def manual(model: Model) -> Block:
         parameters=tuple(full.values()),
         output_expressions={s.name: full[s.name].symbol * wanted[s.name] for s in inputs},
     )
+
+
+def stick_motion() -> Block:
+    """Return the law by which the stick tells velocity and turn rate, K06's pilot in the loop (chapter 7).
+
+    The pilot plans the path, :func:`~hovercontrol.controllers.k06.both_ways` holds what is told, with the
+    gains of K06's trials. Astern it is told only once the craft goes ahead no more: until then it is stopped.
+    K06 has no law for turning while moving, and the ideal craft no such steady motion: told both, it slips.
+
+    Returns
+    -------
+    Block
+        Inputs the stick, ``u, v, r``; outputs those of the law and the craft's commands.
+
+    Examples
+    --------
+    >>> law = stick_motion().to_numpy()
+    >>> [s.name for s in stick_motion().inputs]
+    ['stick_ahead', 'stick_right', 'u', 'v', 'r']
+    """
+    ahead, right = (s.symbol for s in STICK)
+    full = (
+        Signal("ahead", "m/s", "surge at full stick ahead", start=1.1),
+        Signal("astern", "m/s", "surge at full stick back", start=0.76),
+        Signal("turning", "rad/s", "yaw rate at full stick aside", start=1.5),
+        Signal("slow", "m/s", "surge below which it may be told to go astern", start=0.15),
+    )
+    fast, back, turning, slow = (s.symbol for s in full)
+    surge = next(s for s in MOTION if s.name == "u")
+    wish = Block(
+        "wish",
+        inputs=(*STICK, surge),
+        outputs=(SURGE_REF, YAW_RATE_REF),
+        parameters=full,
+        output_expressions={
+            "surge_ref": sp.Piecewise(
+                (fast * ahead, ahead >= 0), (back * ahead, surge.symbol < slow), (0, True)
+            ),
+            "yaw_rate_ref": -turning * right,
+        },
+    )
+    law = both_ways(k1=1.0, k2=4.0, reverse_k1=1.5, reverse_k2=1.0, alpha=1.44)
+    return interconnect([wish, law, force_to_command(dead_zone=DEAD_ZONE, reversing=True)], "law")
 
 
 def full_stick(command: Signal) -> float:

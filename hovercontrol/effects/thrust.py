@@ -11,7 +11,10 @@ from hovercontrol.effects.base import Coefficient, Effect, Shape
 
 
 class Thrust(Effect):
-    """Force of the propeller, turned by the rudder: c T cos(theta) in surge, c T sin(theta) in sway."""
+    """Force of the propeller, turned by the rudder: c T cos(theta) in surge, c T sin(theta) in sway.
+
+    [K06 eq 2.6]
+    """
 
     name, source, craft = "thrust", "C17 (9), c7 = b_T/m", "rudder"
     value = Coefficient("m/s^2/{thrust}", lower=0.0)
@@ -21,7 +24,7 @@ class Thrust(Effect):
 
 
 class RudderTorque(Effect):
-    """Torque of the rudder's side force on its arm: -c T sin(theta) in yaw."""
+    """Torque of the rudder's side force on its arm: -c T sin(theta) in yaw [K06 eq 2.9]."""
 
     name, source, craft = "rudder_torque", "C17 (10), c8 = a b_T/J", "rudder"
     value = Coefficient("rad/s^2/{thrust}")

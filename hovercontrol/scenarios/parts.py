@@ -9,6 +9,7 @@ from hovercontrol.block import Block
 from hovercontrol.controllers import tracking_controller
 from hovercontrol.controllers.k06 import (
     bang_bang_heading,
+    both_ways,
     drive,
     force_to_command,
     forward,
@@ -34,6 +35,7 @@ LAWS: dict[str, Callable[..., Block]] = {
     "reverse": reverse,
     "turn": turn,
     "drive": drive,
+    "both_ways": both_ways,
 }
 
 #: What ``guidance.kind`` may be: sampled, tells a law its set points.
@@ -64,10 +66,22 @@ def loop_parts(scenario: Scenario) -> dict[str, Block]:
         period = TICK if scenario.sampling is None else scenario.sampling.command
         tick = {"body": scenario.body, "period": period}
         law = {"guidance": GUIDANCE[given.pop("kind")](**tick, **given), **law}
+        _check_told(law["guidance"], law["controller"], scenario.controller["kind"])
     reference = setpoints(law.values())
     if reference.outputs:
         parts["reference"] = reference
     return parts | law | {"actuation": force_to_command(**scenario.actuation)}
+
+
+def _check_told(guidance: Block, law: Block, kind: str) -> None:
+    """Refuse guidance that may tell a law what is out of its bounds."""
+    takes = {s.name: s for s in law.inputs}
+    for s in guidance.outputs:
+        if s.name in takes and s.lower < takes[s.name].lower:
+            raise InputError(
+                f"[guidance] may tell {s.name} down to {s.lower:g} {s.unit}, controller.kind = {kind!r} "
+                f"takes {takes[s.name].lower:g} at least: both_ways takes both signs"
+            )
 
 
 def _tracking_parts(scenario: Scenario) -> dict[str, Block]:

@@ -60,7 +60,6 @@ def _arguments(scenario: Scenario, parts: Mapping[str, Block]) -> dict[str, Any]
     assert given is not None
     return {
         "guidance": parts.get("guidance"),
-        "references": dict(scenario.phases[0].setpoints),
         "plant": scenario.plant.plant(),
         "start": scenario.start,
         "navigation": given.navigation,

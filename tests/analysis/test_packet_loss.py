@@ -25,6 +25,20 @@ def test_k06_5_2_is_borne_up_to_a_squared_times_the_loss(a):
     assert loop.growth(0.5) == pytest.approx(a**2 / 2)
 
 
+@pytest.mark.parametrize("a", [1.1, 2.0, 5.0])
+def test_with_one_retransmission_the_bound_is_k06s_a_times_q(a):
+    """Both tries corrupted: q^2, and a^2 q^2 > 1 is |a| q > 1 as K06 prints; three tries bear more still."""
+    loop = PacketLoop(np.zeros((1, 1, 1)), np.full((1, 1, 1), a))
+    assert loop.critical_corruption() == pytest.approx(1 / a)
+    assert loop.critical_corruption(1) == loop.critical
+    assert loop.critical_corruption(3) == pytest.approx(a ** (-2 / 3))
+    rng = np.random.default_rng(1)
+    for q, grows in ((0.9 / a, False), (1.1 / a, True)):
+        corrupted = rng.uniform(size=(200_000, 2)) < q
+        lost = corrupted.all(axis=1)  # the first try and the second
+        assert bool(a**2 * lost.mean() > 1) is grows  # E x(k+1)^2 = a^2 P(lost) E x(k)^2 + 1
+
+
 def test_a_plant_that_is_stable_by_itself_bears_the_loss_of_all():
     assert PacketLoop(np.zeros((1, 1, 1)), np.full((1, 1, 1), 0.9)).critical == np.inf
     assert PacketLoop(np.full((1, 1, 1), 1.1), np.zeros((1, 1, 1))).critical == 0.0
@@ -120,6 +134,7 @@ def test_c17s_ellipse_bears_every_second_packet_lost_at_22_ms():
         (lambda: packet_loop(K06, FORCE, 0.1, lost="keep"), "lost: unknown 'keep'; known: hold, zero"),
         (lambda: packet_loop(K06, ["force_z"], 0.1), "no block drives 'force_z'"),
         (lambda: packet_loop(K06, FORCE, 0.1).growth(1.5), "expected a probability, 0 to 1, found 1.5"),
+        (lambda: packet_loop(K06, FORCE, 0.1).critical_corruption(0), "tries: expected 1 or more, found 0"),
         (lambda: PacketLoop(np.eye(2), np.eye(2)), r"expected two arrays \(n_steps, n, n\)"),
     ],
 )

@@ -77,6 +77,22 @@ def test_k06s_craft_turns_at_three_rad_s_and_with_yaw_friction_at_one_and_three_
     assert loop.signals()["r"] == pytest.approx(1.75, abs=0.02)  # figure 6.24, field
 
 
+def test_the_stick_sets_velocity_and_turn_rate_and_a_law_does_the_rest(loop):
+    def after(stick, seconds):
+        loop.command(law="motion", stick=stick)
+        loop.advance(loop.time + seconds)
+        return loop.signals()
+
+    assert after((1.0, 0.0), 12.0)["u"] == pytest.approx(1.1, abs=0.03)
+    assert after((-0.5, 0.0), 0.5)["surge_ref"] == 0.0  # it is stopped before it is told to go astern
+    assert after((-0.5, 0.0), 16.0)["u"] == pytest.approx(-0.38, abs=0.02)
+    after((0.0, 0.0), 12.0)
+    assert after((0.0, 0.5), 12.0)["r"] == pytest.approx(-0.75, abs=0.04)  # to the right
+    after((0.0, 0.0), 12.0)
+    slip = after((0.5, 0.5), 15.0)  # ahead and aside at once: the ideal craft has no such steady motion
+    assert abs(slip["r"]) < 0.05 and slip["v"] == pytest.approx(ARM * 0.75, abs=0.02)
+
+
 @pytest.mark.parametrize("wanted", [2.0, -2.5])
 def test_the_heading_is_reached_by_the_nearest_turn_and_held(loop, wanted):
     loop.command(law="turn", references={"yaw_rate_ref": 2.0})

@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hovercontrol.controllers.k06 import (
+    both_ways,
     drive,
     force_driven,
     force_to_command,
@@ -25,6 +26,8 @@ M, J, D = 2.6, 0.096, 0.32
 PLANT = hoverdemon().plant()
 COMMANDS = force_to_command()
 velocity, yaw_rate, gain = st.floats(-2, 2), st.floats(-8, 8), st.floats(0.1, 10)
+
+BOTH = both_ways(k1=1.0, k2=4.0, reverse_k1=1.5, reverse_k2=1.0, alpha=1.44).to_numpy()
 
 #: The whole loop of each law, made once: gains are parameters.
 LOOPS = {
@@ -74,7 +77,7 @@ def test_the_closed_loops_are_those_of_the_thesis(u, v, r, k1, k2):
     assert found == pytest.approx(k06_dynamics(u, v, r, alternate), rel=1e-9, abs=1e-9)
 
 
-@given(velocity, velocity, yaw_rate, st.floats(-1, 1), st.floats(-3, 3))
+@given(velocity, velocity, yaw_rate, st.floats(0, 1), st.floats(-3, 3))
 def test_drive_is_stop_forward_and_turn_in_one(u, v, r, surge, spin):
     both = drive(k1=1.0, k2=2.5).to_numpy()
     for law, told, references in (
@@ -84,6 +87,16 @@ def test_drive_is_stop_forward_and_turn_in_one(u, v, r, surge, spin):
     ):
         alone = law(k1=1.0, k2=2.5).to_numpy().outputs(0.0, (), [u, v, r, *told])
         assert both.outputs(0.0, (), [u, v, r, *references]).tolist() == alone.tolist()
+
+
+@given(velocity, velocity, yaw_rate, st.floats(-1, 1), st.floats(-3, 3))
+def test_both_ways_is_drive_ahead_and_the_reverse_law_astern(u, v, r, surge, spin):
+    law = BOTH.outputs(0.0, (), [u, v, r, surge, spin])
+    if surge < 0:
+        own = reverse(k1=1.5, k2=1.0, alpha=1.44).to_numpy().outputs(0.0, (), [u, v, r, surge])
+    else:
+        own = drive(k1=1.0, k2=4.0).to_numpy().outputs(0.0, (), [u, v, r, surge, spin])
+    assert law.tolist() == own.tolist()
 
 
 # ---- Lyapunov functions: none grows in the ideal loop -------------------------------------------------
@@ -249,5 +262,6 @@ def test_the_reverse_laws_reference_is_not_positive_and_the_forward_laws_not_neg
     ahead = forward(k1=1.0, k2=1.0).signal("surge_ref")
     with pytest.raises(InputError, match="out of its bounds"):
         astern.check(0.1)
-    with pytest.raises(InputError, match="out of its bounds"):
-        ahead.check(-0.1)
+    for signal in (ahead, drive(k1=1.0, k2=1.0).signal("surge_ref")):
+        with pytest.raises(InputError, match="out of its bounds"):
+            signal.check(-0.1)

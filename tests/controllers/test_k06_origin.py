@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from hovercontrol.controllers.k06 import drive, force_to_command, origin, setpoints
+from hovercontrol.controllers.k06 import both_ways, drive, force_to_command, origin, setpoints
 from hovercontrol.controllers.k06.origin import GOAL, MODE
 from hovercontrol.errors import InputError
 from hovercontrol.hybrid import Ticking, simulate_hybrid
@@ -56,6 +56,37 @@ def test_a_goal_missed_is_tried_again():
 def test_it_points_the_short_way_round():
     _, told = tick(Ticking(origin()), psi=3.0, goal=(-2.0, -0.5, 0.0))
     assert told["yaw_rate_ref"] == 0.8  # from 172 to 194 degrees
+
+
+def test_it_drives_astern_where_the_stern_is_nearer_to_the_goal():
+    block = Ticking(origin(reverse_surge=0.3))
+    step, told = tick(block, psi=0.4, goal=(-2.0, 0.0, 0.0))
+    assert (step, told["yaw_rate_ref"]) == ("point", -0.8)  # the stern to the goal, not the bow
+    step, told = tick(block, psi=0.0, goal=(-2.0, 0.0, 0.0))
+    assert (step, told["surge_ref"]) == ("drive", -0.3)
+    _, told = tick(block, x=-1.5, u=-0.2, goal=(-2.0, 0.0, 0.0))
+    assert told["surge_ref"] == pytest.approx(-0.4 * 0.5)
+    assert tick(block, x=-1.9, u=-0.2, goal=(-2.0, 0.0, 0.0))[0] == "halt"
+    ahead = Ticking(origin(reverse_surge=0.3))
+    assert tick(ahead, goal=(2.0, 0.0, 0.0))[1]["surge_ref"] == 0.4
+    with pytest.raises(InputError, match="reverse_surge must not be negative, found"):
+        origin(reverse_surge=-0.1)
+
+
+def test_astern_the_ideal_craft_comes_to_a_goal_behind_it_sooner():
+    """The goal lies behind, the heading there is that of the start: astern nothing is to be turned."""
+    arrived = {}
+    for astern in (0.0, 0.4):
+        gains = {"k1": 8.0, "k2": 4.0, "reverse_k1": 8.0, "reverse_k2": 1.0, "alpha": 1.44}
+        law = [origin(period=0.01, reverse_surge=astern), both_ways(**gains), force_to_command()]
+        told = setpoints(law, {"goal_x_ref": -2.0, "goal_y_ref": 0.1, "goal_heading_ref": 0.0})
+        run = simulate_hybrid(hoverdemon().plant(), interconnect([told, *law], "pilot"), 45.0)
+        c = dict(zip(run.output_labels, run.outputs, strict=True))
+        resting = np.flatnonzero(c["mode"] == MODE.mode("rest"))
+        arrived[astern] = run.time[resting[0]]
+        assert c["distance"][resting].max() < 0.31
+        assert (c["u"].min() < -0.2) == (astern > 0)
+    assert arrived[0.4] < 0.7 * arrived[0.0]
 
 
 def test_at_rest_it_bears_twice_the_tolerance():

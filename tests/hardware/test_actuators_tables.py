@@ -11,6 +11,7 @@ from hovercontrol.hardware.actuators import (
     fan_tables,
     read_fan_table,
     thrust_lookup,
+    with_reverse,
 )
 
 
@@ -95,3 +96,26 @@ def test_shapes_must_fit():
 def test_a_servos_table_must_be_monotone(pulse, angle, said):
     with pytest.raises(InputError, match=said):
         ServoTable("demo", pulse, angle)
+
+
+def test_the_forward_table_of_14_x_81_entries_is_read_and_completed_by_the_reverse_ratio(tmp_path):
+    """K06 section 4.3.2: 14 x 81 measured; with (4.4) they make the 14 x 161 of the autopilot."""
+    whole, reverse = fan_tables()
+    half = FanTable("ahead", "force", whole.rudder, whole.columns[80:], whole.values[:, 80:])
+    half.to_csv(tmp_path / "ahead.csv")
+    read = read_fan_table(tmp_path / "ahead.csv")
+    assert read.shape == (14, 81)
+    lookup, forces = with_reverse(read)
+    assert lookup.shape == (14, 161)
+    np.testing.assert_allclose(lookup.columns, whole.columns, atol=1e-12)
+    np.testing.assert_array_equal(lookup.values[:, 80:], whole.values[:, 80:])
+    reached = np.abs(whole.values) < half.values[:, -1:] - 250  # beyond, nothing was measured ahead
+    assert reached.mean() > 0.6
+    assert np.abs(lookup.values - whole.values)[reached].max() < 100  # RPM, between entries
+    for speed in (-9000.0, -7000.0, 5000.0, 9000.0):
+        ours, known = (
+            np.array([np.interp(speed, t.columns, row) for row in t.values]) for t in (forces, reverse)
+        )
+        np.testing.assert_allclose(ours, known, atol=0.012)  # N
+    with pytest.raises(InputError, match="expected a table over forces from 0 N on"):
+        with_reverse(whole)

@@ -104,6 +104,18 @@ def test_beacons_beyond_the_cone_are_not_heard_and_too_few_give_no_fix():
     assert still(system(), 20, x=4.0)["fix_valid"].sum() == 2
 
 
+def test_a_craft_that_hears_two_beacons_goes_on_by_the_place_nearer_to_its_last_fix():
+    """It nears the side x = 2.44 of the square; the mirrored place would be beyond."""
+    ticking = fresh(system(), {"cricket_ranges.cone_limit": 0.62})
+    path = [(x, 1.22) for x in np.linspace(1.1, 2.0, 41)]
+    told = [ticking.tick(0.1 * k, {"x": x, "y": y, "psi": 0.0}) for k, (x, y) in enumerate(path)]
+    new = [(row, at) for row, at in zip(told, path, strict=True) if row["fix_valid"]]
+    assert [sum(row[f"range_{k}_heard"] for k in range(1, 5)) for row, _ in new][-2:] == [2, 2]
+    assert len(new) == 5
+    for row, (x, y) in new:
+        assert (row["fix_x"], row["fix_y"]) == pytest.approx((x + HALF, y), abs=1e-6)
+
+
 def test_two_beacons_give_fixes_and_heading_on_the_side_that_is_told():
     """On the other side of the line from (0, 0) to (3, 1) both are those of the mirrored craft."""
     system = Ticking(cricket(Beacons([(0, 0), (3, 1)], 2.7), UNITS))

@@ -16,6 +16,7 @@ from hovercontrol.hardware.sensors import (
     k06_beacons,
     locate,
     range_solver,
+    speed_of_sound,
 )
 
 HEIGHT = 2.7048
@@ -133,6 +134,34 @@ def test_two_ranges_or_beacons_in_a_line_give_no_place():
     assert locate(heard, row, cone=NO_CONE) == pytest.approx([0.7, 0.4, 0.0], abs=1e-9)
 
 
+# ---- two ranges of more beacons ----------------------------------------------------------------------
+
+
+def test_of_two_ranges_the_place_nearer_to_the_previous_one_is_taken(rng):
+    square = Beacons([(0.0, 0.0), (3.0, 0.0), (3.0, 3.0), (0.0, 3.0)], [2.5, 2.6, 2.7, 2.4])
+    at = rng.uniform(0.2, 2.8, (2, 400))
+    places, heights = np.array(square.positions), np.array(square.heights)
+    rho = np.sqrt(((at[:, None] - places.T[:, :, None]) ** 2).sum(axis=0) + heights[:, None] ** 2)
+    deaf = rng.permuted(np.tile([True, True, False, False], (400, 1)), axis=1).T
+    before = at + rng.normal(0.0, 0.03, at.shape)
+    x, y, b = locate(np.where(deaf, np.nan, rho), square, cone=NO_CONE, previous=before)
+    a, c = (places[np.argmax(~deaf, axis=0)], places[3 - np.argmax(~deaf[::-1], axis=0)])
+    beside = (c[:, 0] - a[:, 0]) * (at[1] - a[:, 1]) - (c[:, 1] - a[:, 1]) * (at[0] - a[:, 0])
+    plain = abs(beside) / np.hypot(*(c - a).T) > 0.15  # farther from the line than the last fix is old
+    assert plain.mean() > 0.8
+    assert np.abs([x - at[0], y - at[1]])[:, plain].max() < 1e-6
+    assert (b == 0.0).all()
+    assert np.isnan(locate(np.where(deaf, np.nan, rho), square, cone=NO_CONE)).all()
+    assert np.isnan(locate(np.where(deaf, np.nan, rho), square, cone=NO_CONE, previous=[np.nan, 1.0])).all()
+
+
+def test_with_three_ranges_the_previous_place_counts_for_nothing(rng):
+    square = k06_beacons()
+    rho = rng.uniform(2.4, 3.2, (len(square.positions), 50))
+    plain, with_one = locate(rho, square), locate(rho, square, previous=[0.3, 0.2])
+    np.testing.assert_allclose(plain, with_one, rtol=1e-12)
+
+
 # ---- two beacons ------------------------------------------------------------------------------------
 
 
@@ -179,6 +208,8 @@ def test_the_side_is_a_parameter_of_a_solver_of_two_beacons_only():
     for side in (1.0, -1.0):
         told = two.to_numpy().outputs(0.0, (), [*rho, 1, 1], {"range_solver.side": side})
         assert told == pytest.approx([0.5, 0.7 * side, 0.0, 1.0], abs=1e-9)
+    with pytest.raises(InputError, match="of two beacons `side` tells the place"):
+        range_solver(Beacons([(0, 0), (2, 0)], 2.0), previous=True)
     more = range_solver(k06_beacons(), side=-1)
     assert "side" not in [s.name for s in more.parameters]
     assert more.output_expressions == range_solver(k06_beacons()).output_expressions
@@ -256,3 +287,28 @@ def test_a_survey_error_moves_the_place():
 def test_what_gives_no_place_is_refused(make, said):
     with pytest.raises(InputError, match=said):
         make()
+
+
+# ---- the speed of sound -------------------------------------------------------------------------------
+
+
+def test_the_speed_of_sound_is_cramers():
+    """Cramer's tables: dry air of 0 and 20 degrees; then as the square root of the temperature."""
+    dry = speed_of_sound([0.0, 20.0, 30.0], humidity=0.0, carbon_dioxide=3.14e-4)
+    assert dry[:2] == pytest.approx([331.46, 343.37], abs=0.03)
+    assert dry[2] / dry[1] == pytest.approx(math.sqrt(303.15 / 293.15), rel=3e-4)
+    assert speed_of_sound(20.0, humidity=1.0) > speed_of_sound(20.0, humidity=0.0)
+    with pytest.raises(InputError, match="temperature: expected 0 to 30, found 45"):
+        speed_of_sound(45.0)
+
+
+def test_a_wrong_temperature_goes_into_the_bias_rather_than_the_place():
+    """5 degrees make 2.6 cm at 3 m: Bancroft's b takes most of it, as K06 says of b."""
+    cold, true = speed_of_sound([20.0, 25.0])
+    square, at = k06_beacons(), np.array([0.9, 1.4])
+    places = np.array(square.positions)
+    rho = np.hypot(np.hypot(*(at - places).T), square.heights) * cold / true
+    x, y, b = locate(rho, square, cone=NO_CONE)
+    assert abs(rho * (true / cold - 1)).mean() > 0.02
+    assert math.hypot(x - at[0], y - at[1]) < 0.005
+    assert b == pytest.approx(-0.025, abs=0.01)

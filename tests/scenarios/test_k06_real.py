@@ -14,7 +14,7 @@ from hovercontrol.commands.simulate import _show_clipped
 from hovercontrol.discrepancy import diagnose
 from hovercontrol.errors import InputError
 from hovercontrol.hardware.actuators import fan_force, fan_tables
-from hovercontrol.logs import read_log
+from hovercontrol.logs import Log, read_log
 from hovercontrol.scenarios import load_scenario, run_scenario
 from hovercontrol.scenarios.figures import figures
 from hovercontrol.scenarios.parts import loop_parts, phase_parameters
@@ -179,16 +179,51 @@ def test_with_yaw_friction_the_real_loop_turns_as_the_thesis_craft_did():
     assert len(found) == 3 and [(m.metric.name, m.value) for m in found if not m.met] == []
 
 
-def test_diagnose_names_the_rudders_offset_in_the_log_of_the_crafts_navigation(tmp_path):
-    scenario = load_scenario("k06-field-lateral")
-    run_scenario(scenario).save(tmp_path)
-    found = diagnose(scenario.belief, [read_log(tmp_path / "log.csv")])
-    assert found.verdict in ("effect", "partial")
-    offset = found.effects[0]
-    assert {e.effect for e in found.effects} - {"input_delay", "time_offset"} == {"rudder_offset"}
-    assert offset.effect == "rudder_offset" and offset.value == pytest.approx(
-        scenario.plant.effect("rudder_offset").values["value"], rel=0.05
+@pytest.fixture(scope="module")
+def astern():
+    return run_scenario(load_scenario("k06-field-reverse"))
+
+
+@pytest.mark.parametrize("trial", ["reverse", "lateral"])
+def test_a_field_trial_flies_ahead_astern_and_round_as_told_and_stops_between(trial, request):
+    run = (
+        request.getfixturevalue("astern")
+        if trial == "reverse"
+        else run_scenario(load_scenario("k06-field-lateral"))
     )
+    assert [(m.metric.name, m.value) for m in run.metrics() if not m.met] == []
+    u, begin = run.columns["true_u"], 0.0
+    for phase in run.scenario.phases:
+        inside = (run.time >= begin) & (run.time < phase.until)
+        for told in ("surge_ref", "yaw_rate_ref"):  # nothing said: nothing wanted, whatever came before
+            assert (run.columns[told][inside] == phase.setpoints.get(told, 0.0)).all()
+        if not phase.setpoints and abs(u[inside][0]) > 0.3:
+            assert abs(u[inside][-1]) < 0.5 * abs(u[inside][0])
+        begin = phase.until
+
+
+@pytest.mark.parametrize("trial", ["stop", "forward", "heading-bangbang", "heading-proportional"])
+def test_the_yaw_friction_of_figure_6_24_gives_what_the_other_field_trials_showed(trial):
+    field = load_scenario(f"k06-field-{trial}")
+    assert field.plant == load_scenario("k06-field-real-turn").plant
+    run = run_scenario(field)
+    assert [(m.metric.name, m.value) for m in run.metrics() if not m.met] == []
+    if trial == "stop":  # "faster than predicted by the simulation"
+        t, c = flown("stop")
+        assert run.metrics()[0].value < settled(t, np.abs(c["r"]) < 0.3).min()
+
+
+def test_diagnose_names_the_loss_of_reverse_thrust_in_the_log_of_the_crafts_navigation(astern):
+    scenario, early = astern.scenario, astern.time < 35.0
+    log = Log("astern", astern.time[early], {key: column[early] for key, column in astern.columns.items()})
+    found = diagnose(scenario.belief, [log])
+    # ambiguous is whether the 3 ms of the last sample's age are a delay or a lag, not the loss
+    assert found.verdict in ("effect", "partial", "ambiguous")
+    loss = found.effects[0]
+    assert {e.effect for e in found.effects} - {"input_delay", "time_offset", "thrust_lag"} == {
+        "reverse_thrust_loss"
+    }
+    assert loss.value == pytest.approx(scenario.plant.effect("reverse_thrust_loss").values["value"], rel=0.1)
     for late in found.effects[1:]:  # a row holds the last sample of an IMU of 6.5536 ms
         assert 0.001 < late.value < 0.0066
 

@@ -231,6 +231,25 @@ def test_a_reverse_law_told_to_go_forward_is_refused(tmp_path):
         load_scenario(path)
 
 
+def test_guidance_that_drives_astern_wants_a_law_that_does(tmp_path):
+    path = tmp_path / "mine.toml"
+    guided = "[guidance]\nkind = 'origin'\nreverse_surge = 0.4\n[sampling]\nmeasurement = 0.01\n[controller]"
+    path.write_text(
+        GOOD.replace("[controller]", guided)
+        .replace('"turn"', '"drive"')
+        .replace("yaw_rate_ref", "goal_x_ref")
+    )
+    with pytest.raises(InputError, match=r"may tell surge_ref down to -0\.4 m/s, .* both_ways takes both"):
+        load_scenario(path)
+
+
+def test_the_law_that_only_drives_ahead_is_told_so(tmp_path):
+    path = tmp_path / "mine.toml"
+    path.write_text(GOOD.replace('"turn"', '"drive"').replace("yaw_rate_ref = 3.0", "surge_ref = -0.76"))
+    with pytest.raises(InputError, match=r"set\.surge_ref = -0\.76 m/s is out of its bounds \[0, inf\]"):
+        load_scenario(path)
+
+
 def test_a_user_may_state_another_body_and_a_dead_zone(tmp_path):
     path = tmp_path / "mine.toml"
     more = "[body]\nmass = 2.6\ninertia = 0.096\narm = 0.5\n[actuation]\ndead_zone = 0.05\n[controller]"

@@ -24,9 +24,10 @@ const panel = new Panel(at("laws"), at("references"), at("disturbances"), (comma
 });
 const replay = new Replay({ play: at("play"), seek: at("seek"), speed: at("speed") });
 const stick = new Stick(at("pad"), at("knob"), () => {
-  if (state?.pilot && state.law !== "manual") say(`The stick is off: ${title(state.law)} flies. Choose Manual.`, true);
+  if (state?.pilot && !byStick(state.law)) say(`The stick is off: ${title(state.law)} flies. Choose Manual.`, true);
 });
 const title = (law) => map.about.laws[law].title;
+const byStick = (law) => map.about.laws[law].stick;
 
 let hush = 0;
 function say(text, news = false, seconds = 6) {
@@ -119,7 +120,7 @@ function draw() {
   at("record").textContent = recording ? `Stop recording (${state.recording.toFixed(0)} s)` : "Record";
   at("take").hidden = state.pilot;
   for (const id of ["pause", "reset", "record"]) at(id).disabled = !state.pilot;
-  at("stick-panel").classList.toggle("off", state.law !== "manual" || !state.pilot);
+  at("stick-panel").classList.toggle("off", !byStick(state.law) || !state.pilot);
   at("mode").textContent = modeText();
   showStatus();
 }

@@ -7,12 +7,21 @@ The laws (:mod:`.laws`) are continuous; the hybrid controllers of a heading (:mo
 
 from hovercontrol.controllers.k06.actuation import force_driven, force_to_command
 from hovercontrol.controllers.k06.heading import bang_bang_heading, proportional_heading
-from hovercontrol.controllers.k06.laws import drive, forward, forward_alternate, reverse, stop, turn
+from hovercontrol.controllers.k06.laws import (
+    both_ways,
+    drive,
+    forward,
+    forward_alternate,
+    reverse,
+    stop,
+    turn,
+)
 from hovercontrol.controllers.k06.origin import origin
 from hovercontrol.controllers.k06.setpoints import setpoints
 
 __all__ = [
     "bang_bang_heading",
+    "both_ways",
     "drive",
     "force_driven",
     "force_to_command",

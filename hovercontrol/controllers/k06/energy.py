@@ -18,7 +18,7 @@ def body_signals(body: Body) -> tuple[Signal, Signal, Signal]:
 
 
 def kinetic_energy(m: sp.Expr, J: sp.Expr, u: sp.Expr, v: sp.Expr, r: sp.Expr) -> sp.Expr:
-    """Return V of (2.40), or W of (2.36) where `r` is the error of the yaw rate.
+    """Return V [K06 eq 2.14, 2.40], or W [K06 eq 2.36] where `r` is the error of the yaw rate.
 
     Examples
     --------
@@ -37,7 +37,7 @@ def unwanted_level(m: sp.Expr, J: sp.Expr, d: sp.Expr, yaw_rate: sp.Expr) -> sp.
 
 
 def entry_energy(m: sp.Expr, J: sp.Expr, d: sp.Expr, yaw_rate: sp.Expr) -> sp.Expr:
-    """Return eps of (2.48): below this kinetic energy the turn law may take over.
+    """Return eps [K06 eq 2.48]: below this kinetic energy the turn law may take over.
 
     K06 writes it for the momentum ``Pi = J r``: ``(d^2 m)^2 Pi^2/(8 J^2 (J + d^2 m))``.
     """
@@ -46,7 +46,7 @@ def entry_energy(m: sp.Expr, J: sp.Expr, d: sp.Expr, yaw_rate: sp.Expr) -> sp.Ex
 
 
 def least_yaw_rate(m: sp.Expr, J: sp.Expr, d: sp.Expr, level: sp.Expr, yaw_rate: sp.Expr) -> sp.Expr:
-    """Return v_max/J of (2.67): how far the wanted yaw rate may fall at once while the turn law runs.
+    """Return v_max/J [K06 eq 2.66, 2.67, 2.68]: how far the wanted yaw rate may fall while the turn law runs.
 
     Above it the craft is below the new reference's unwanted level, wherever it is within ``W <= level`` of
     the present reference `yaw_rate`.

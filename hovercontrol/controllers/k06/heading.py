@@ -129,6 +129,7 @@ def proportional_heading(
     wanted = -gain.symbol * _ERROR.symbol
     level = kinetic_energy(m, J, _U, _V, _R - _LAST_RATE.symbol)
     least = over.symbol * least_yaw_rate(m, J, d, level, _LAST_RATE.symbol)
+    # [K06 eq 2.69]
     limited = -sp.sign(_ERROR.symbol) * sp.Max(least, sp.Abs(wanted))
     held = sp.Piecewise((limited, _TURNING), (wanted, True))
     parameters = (gain, over, mass, inertia, arm)
@@ -143,7 +144,10 @@ def _heading(
     limit: sp.Expr,
     wanted: sp.Expr,
 ) -> Block:
-    """Return the state machine: `limit` is the energy below which a turn may begin, `wanted` its yaw rate."""
+    """Return the state machine [K06 eq 2.54, 2.55].
+
+    `limit` is the energy below which a turn may begin, `wanted` its yaw rate.
+    """
     phi = Signal("tolerance", "rad", "error that is none", start=positive("guidance: tolerance", tolerance))
     m, J = (p.symbol for p in parameters if p.name in ("mass", "inertia"))
     energy = Signal("energy", "J", "kinetic energy")

@@ -1,4 +1,4 @@
-"""K06's continuous laws on the body velocities (section 2.2): stop, forward, reverse, turn, and drive.
+"""K06's continuous laws on the body velocities (section 2.2): stop, forward, reverse, turn, and joins.
 
 Each returns the force that it asks of the craft, body frame: ``force_x`` along the bow, ``force_y`` to the
 left; the force acts at the rudder, an arm d behind the centre of mass. K06 writes momenta, here are
@@ -27,7 +27,7 @@ _U, _V, _R = (s.symbol for s in _MOVING)
 
 
 def stop(*, k1: float, k2: float, body: Body = HOVERDEMON_BODY, name: str = "controller") -> Block:
-    """Return the law that brings the craft to rest, K06 (2.16).
+    """Return the law that brings the craft to rest [K06 eq 2.16] [K06 proposition 2.2.2].
 
     ``F_X = -k1 u``, ``F_Y = -k2 (v - d r)``. The origin is globally asymptotically stable; the kinetic energy
     never grows.
@@ -61,7 +61,7 @@ def stop(*, k1: float, k2: float, body: Body = HOVERDEMON_BODY, name: str = "con
 
 
 def forward(*, k1: float, k2: float, body: Body = HOVERDEMON_BODY, name: str = "controller") -> Block:
-    """Return the law for a constant forward velocity, K06 (2.24).
+    """Return the law for a constant forward velocity [K06 eq 2.24].
 
     ``F_X = -k1 (u - u_ref)``, ``F_Y = -k2 (v - d r)``. Globally asymptotically stable if
     ``k2 > m u_ref/d``, which is sufficient, not necessary.
@@ -88,7 +88,7 @@ def forward(*, k1: float, k2: float, body: Body = HOVERDEMON_BODY, name: str = "
 
 
 def forward_alternate(*, k1: float, body: Body = HOVERDEMON_BODY, name: str = "controller") -> Block:
-    """Return the second law for a constant forward velocity, K06 (2.29).
+    """Return the second law for a constant forward velocity [K06 eq 2.29].
 
     As :func:`forward` with the gain ``k2 = m u_ref/(2 d)``, which follows from the velocity.
 
@@ -120,7 +120,7 @@ def forward_alternate(*, k1: float, body: Body = HOVERDEMON_BODY, name: str = "c
 def reverse(
     *, k1: float, k2: float, alpha: float, body: Body = HOVERDEMON_BODY, name: str = "controller"
 ) -> Block:
-    """Return the law for a constant velocity astern, K06 (2.30).
+    """Return the law for a constant velocity astern [K06 eq 2.30].
 
     ``F_X = -k1 (u - u_ref)``, ``F_Y = k2 (v + alpha d r)`` with ``u_ref < 0``. Locally stable if
     ``alpha > J/(d^2 m)``; K06 has no proof for more.
@@ -153,7 +153,7 @@ def reverse(
 
 
 def turn(*, k1: float, k2: float, body: Body = HOVERDEMON_BODY, name: str = "controller") -> Block:
-    """Return the law for a constant yaw rate on the spot, K06 (2.39).
+    """Return the law for a constant yaw rate on the spot [K06 eq 2.39].
 
     ``F_X = -k1 u``, ``F_Y = -k2 (v - d (r - r_ref))``. The craft converges to ``(0, 0, r_ref)`` or to the
     unwanted ``(0, -d r_ref, 0)``; to the former if it starts with less energy than (2.48) says. With
@@ -184,12 +184,52 @@ def drive(*, k1: float, k2: float, body: Body = HOVERDEMON_BODY, name: str = "co
     """Return :func:`stop`, :func:`forward` and :func:`turn` in one, for guidance that changes between them.
 
     ``F_X = -k1 (u - u_ref)``, ``F_Y = -k2 (v - d (r - r_ref))``: (2.16) where both references are zero,
-    (2.24) and (2.39) where one is. K06 proves nothing for both at once.
+    (2.24) and (2.39) where one is. K06 proves nothing for both at once. Astern it is unstable in yaw, so
+    that a negative `surge_ref` is out of its bounds: :func:`both_ways` takes it.
 
     Parameters
     ----------
     k1, k2 : float
         Gains [kg/s], positive.
+    body : Body, optional
+    name : str, optional
+
+    Returns
+    -------
+    Block
+        Inputs ``u, v, r, surge_ref`` (not negative), ``yaw_rate_ref``; outputs ``force_x, force_y`` [N].
+
+    Raises
+    ------
+    InputError
+        If a gain is not positive.
+    """
+    gains = _gains(body, k1=k1, k2=k2)
+    ahead = SURGE_REF.but(lower=0.0)
+    return _law(name, (ahead, YAW_RATE_REF), gains, *_force(gains, SURGE_REF.symbol, YAW_RATE_REF.symbol))
+
+
+def both_ways(
+    *,
+    k1: float,
+    k2: float,
+    reverse_k1: float,
+    reverse_k2: float,
+    alpha: float,
+    body: Body = HOVERDEMON_BODY,
+    name: str = "controller",
+) -> Block:
+    """Return :func:`drive`, and :func:`reverse` while the wanted surge is negative.
+
+    (2.30) is stable near its motion only: halt before a change from ahead to astern. While it acts
+    `yaw_rate_ref` counts for nothing.
+
+    Parameters
+    ----------
+    k1, k2 : float
+        Gains of :func:`drive` [kg/s], positive.
+    reverse_k1, reverse_k2, alpha : float
+        Those of :func:`reverse`.
     body : Body, optional
     name : str, optional
 
@@ -202,9 +242,32 @@ def drive(*, k1: float, k2: float, body: Body = HOVERDEMON_BODY, name: str = "co
     ------
     InputError
         If a gain is not positive.
+
+    Examples
+    --------
+    >>> law = both_ways(k1=1.0, k2=4.0, reverse_k1=1.5, reverse_k2=1.0, alpha=1.44).to_numpy()
+    >>> law.outputs(0.0, (), [0.0, 0.1, 0.0, 1.1, 0.0]).tolist()  # ahead: against the drift
+    [1.1, -0.4]
+    >>> law.outputs(0.0, (), [0.0, 0.1, 0.0, -0.76, 0.0]).round(2).tolist()  # astern: with it
+    [-1.14, 0.1]
     """
-    gains = _gains(body, k1=k1, k2=k2)
-    return _law(name, (SURGE_REF, YAW_RATE_REF), gains, *_force(gains, SURGE_REF.symbol, YAW_RATE_REF.symbol))
+    ahead = drive(k1=k1, k2=k2, body=body)
+    astern = reverse(k1=reverse_k1, k2=reverse_k2, alpha=alpha, body=body)
+    own = {
+        s.name: s.but(name=f"reverse_{s.name}", description=f"{s.description}, astern")
+        for s in astern.parameters
+        if s.name in ("k1", "k2")
+    }
+    parameters = (*ahead.parameters, *own.values(), astern.signal("alpha"))
+    renamed = {astern.signal(key).symbol: s.symbol for key, s in own.items()}
+    force = (
+        sp.Piecewise(
+            (astern.expand(astern.output_expressions[f.name]).xreplace(renamed), SURGE_REF.symbol < 0),
+            (ahead.expand(ahead.output_expressions[f.name]), True),
+        )
+        for f in (FORCE_X, FORCE_Y)
+    )
+    return _law(name, (SURGE_REF, YAW_RATE_REF), parameters, *force)
 
 
 def _force(

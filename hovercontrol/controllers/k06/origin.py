@@ -10,6 +10,7 @@ from hovercontrol.block import Block
 from hovercontrol.controllers.k06.energy import body_signals, kinetic_energy
 from hovercontrol.controllers.k06.heading import HEADING_REF, TICK, bang_bang_heading
 from hovercontrol.controllers.k06.laws import SURGE_REF
+from hovercontrol.errors import InputError
 from hovercontrol.interconnect import interconnect
 from hovercontrol.model import MOTION
 from hovercontrol.signals import Signal
@@ -39,13 +40,16 @@ def origin(
     heading_tolerance: float = math.radians(3.0),
     rest_energy: float = 3e-3,
     yaw_rate: float = 0.8,
+    reverse_surge: float = 0.0,
     period: float = TICK,
     body: Body = HOVERDEMON_BODY,
     name: str = "guidance",
 ) -> Block:
     """Return the pose controller: its steps, and the heading controller that two of them use.
 
-    It tells :func:`~hovercontrol.controllers.k06.drive` its velocities. The heading is held by
+    It tells :func:`~hovercontrol.controllers.k06.drive` its velocities, or, if it may drive astern,
+    :func:`~hovercontrol.controllers.k06.both_ways`: where the stern is nearer to the goal than the bow, it
+    points the stern ("forward (or backward)", K06 step 3). The heading is held by
     :func:`~hovercontrol.controllers.k06.bang_bang_heading`, which while driving and halting is told the
     heading that the craft has.
 
@@ -61,6 +65,8 @@ def origin(
         Kinetic energy [J] below which the craft counts as stopped.
     yaw_rate : float, optional
         Of turns on the spot [rad/s].
+    reverse_surge : float, optional
+        Fastest drive astern [m/s]; 0: it never does.
     period : float, optional
         [s]
     body : Body, optional
@@ -75,13 +81,16 @@ def origin(
     Raises
     ------
     InputError
-        If a number is not positive.
+        If a number is not positive, or `reverse_surge` is negative.
 
     Examples
     --------
     >>> [s.name for s in origin().outputs][:4]
     ['surge_ref', 'heading_ref', 'mode', 'distance']
     """
+    if not 0 <= reverse_surge < math.inf:
+        raise InputError(f"guidance: reverse_surge must not be negative, found {reverse_surge!r}")
+    astern = {"reverse_surge": (reverse_surge, "m/s")} if reverse_surge else {}
     steps = _steps(
         {
             "surge": (surge, "m/s"),
@@ -89,6 +98,7 @@ def origin(
             "position_tolerance": (position_tolerance, "m"),
             "heading_tolerance": (heading_tolerance, "rad"),
             "rest_energy": (rest_energy, "J"),
+            **astern,
         },
         period,
         body,
@@ -106,7 +116,7 @@ def _steps(numbers: dict[str, tuple[float, str]], period: float, body: Body) -> 
         for key, (value, unit) in numbers.items()
     }
     mass, inertia, _ = body_signals(body)
-    surge, slow_down, near, aligned, rest = (s.symbol for s in own.values())
+    surge, slow_down, near, aligned, rest = (own[key].symbol for key in list(own)[:5])
     x, y, psi, u, v, r = (s.symbol for s in MOTION)
     goal_x, goal_y, goal_heading = (s.symbol for s in GOAL)
     distance, ahead, energy = sp.symbols("distance ahead energy", real=True)
@@ -118,7 +128,14 @@ def _steps(numbers: dict[str, tuple[float, str]], period: float, body: Body) -> 
     def last(step: str) -> sp.Basic:
         return sp.Eq(_LAST.symbol, _LAST.mode(step))
 
-    calm, there, passed = energy < rest, distance <= near, ahead <= near / 2
+    # With the bow to the goal, or the stern where that is nearer: how far it is that way, and how to turn.
+    bearing = sp.atan2(goal_y - y, goal_x - x) - psi
+    way, turn, speed = ahead, wrapped(bearing), sp.Min(surge, slow_down * ahead)
+    if "reverse_surge" in own:
+        way, back = sp.Abs(ahead), ahead < 0
+        turn = wrapped(bearing + sp.Piecewise((sp.pi, back), (0, True)))
+        speed = sp.Piecewise((sp.Max(-own["reverse_surge"].symbol, slow_down * ahead), back), (speed, True))
+    calm, there, passed = energy < rest, distance <= near, way <= near / 2
     oriented = sp.Abs(turn_to_end) <= aligned
     off = sp.Or(distance > 2 * near, sp.Abs(turn_to_end) > 2 * aligned)  # twice, lest it chatter
     point, drive, halt, orient, still = (MODE.mode(step) for step in MODE.modes)
@@ -134,17 +151,18 @@ def _steps(numbers: dict[str, tuple[float, str]], period: float, body: Body) -> 
         (choose(still, (halt, off)), True),
     )
     now = MODE.symbol
+    lowest = own["reverse_surge"].start if "reverse_surge" in own else 0.0
     wanted = choose(psi, (psi + turn_to_goal, sp.Eq(now, point)), (psi + turn_to_end, sp.Eq(now, orient)))
     return Block(
         "steps",
         states=(_LAST,),
         inputs=(*MOTION, *GOAL),
-        outputs=(SURGE_REF, HEADING_REF, MODE, Signal("distance", "m", "from the goal")),
+        outputs=(SURGE_REF.but(lower=-lowest), HEADING_REF, MODE, Signal("distance", "m", "from the goal")),
         parameters=(*own.values(), mass, inertia),
         definitions={
             "distance": sp.sqrt((goal_x - x) ** 2 + (goal_y - y) ** 2),
             "ahead": (goal_x - x) * sp.cos(psi) + (goal_y - y) * sp.sin(psi),
-            "turn_to_goal": wrapped(sp.atan2(goal_y - y, goal_x - x) - psi),
+            "turn_to_goal": turn,
             "turn_to_end": wrapped(goal_heading - psi),
             "energy": kinetic_energy(mass.symbol, inertia.symbol, u, v, r),
             "mode": mode,
@@ -152,7 +170,7 @@ def _steps(numbers: dict[str, tuple[float, str]], period: float, body: Body) -> 
         definition_signals=(MODE,),
         derivatives={"last_mode": now},
         output_expressions={
-            "surge_ref": choose(sp.S.Zero, (sp.Min(surge, slow_down * ahead), sp.Eq(now, drive))),
+            "surge_ref": choose(sp.S.Zero, (speed, sp.Eq(now, drive))),
             "heading_ref": wanted,
         },
         period=period,

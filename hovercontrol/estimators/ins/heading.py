@@ -1,4 +1,4 @@
-"""K06's heading filter: the errors of the integrated heading and of the gyro, (3.31) and (3.35)."""
+"""K06's heading filter: the errors of the integrated heading and of the gyro [K06 eq 3.31, 3.35]."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _ERRORS = (Signal("dpsi", "rad", "heading error"), Signal("b_g", "rad/s", "gyro 
 def heading_filter(
     *, noise: InsNoise = K06_NOISE, period: float = IMU_PERIOD, name: str = "heading_filter"
 ) -> Block:
-    """Return K06's heading filter, x1 = [dpsi, b_g] (section 5.4.5), fed forward.
+    """Return K06's heading filter, x1 = [dpsi, b_g] (section 5.4.5), fed forward [K06 fig 3.2].
 
     Parameters
     ----------
@@ -57,7 +57,8 @@ def heading_filter(
     error = sp.Matrix([dpsi + b_g * elapsed, b_g])
     process = STARTED.symbol * sp.diag(*(q.symbol for q in Q))
     expected = equations.predict("expected", error, error.jacobian([dpsi, b_g]), memory.estimate.P, process)
-    # (3.34): the heading error is what the integrated heading has more than the measured one.
+    # The heading error is what the integrated heading has more than the measured one
+    # [K06 eq 3.20, 3.21, 3.33, 3.34].
     seen = wrapped(psi_ins.symbol - HEADING_AID.symbol - expected.x[0])
     H = sp.Matrix([dpsi]).jacobian([dpsi, b_g])
     new = equations.correct("heading_aid", expected, H, seen, R.symbol, use.symbol)

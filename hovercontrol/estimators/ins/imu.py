@@ -25,5 +25,5 @@ def valid(aid: str) -> Signal:
 
 
 def to_navigation(psi: sp.Expr, vector: sp.Matrix) -> sp.Matrix:
-    """Return a vector in body axes resolved in navigation axes, K06's B(psi)."""
+    """Return a vector in body axes resolved in navigation axes, K06's B(psi) [K06 eq 3.6]."""
     return sp.Matrix([[sp.cos(psi), -sp.sin(psi)], [sp.sin(psi), sp.cos(psi)]]) * vector

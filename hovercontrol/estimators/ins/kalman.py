@@ -1,5 +1,7 @@
 """A discrete Kalman filter as equations of a sampled Block: what each update adds to its definitions.
 
+Of the system [K06 eq 3.11, 3.12] with measurements [K06 eq 3.13, 3.14].
+
 Only the upper triangle of a covariance is computed, so that it is symmetric by construction. Measurements
 are taken one by one, numbers rather than vectors, so that nothing is inverted, in Joseph's form
 ``(I - K H) P (I - K H)^T + K R K^T``, which stays positive for any gain K.
@@ -54,7 +56,7 @@ class Equations:
         return sp.Matrix(size, size, lambda i, j: upper[min(i, j), max(i, j)])
 
     def predict(self, name: str, x: sp.Matrix, F: sp.Matrix, P: sp.Matrix, noise: sp.Matrix) -> Estimate:
-        """Write the time update: P becomes F P F^T + noise.
+        """Write the time update [K06 eq 3.19]: P becomes F P F^T + noise.
 
         Parameters
         ----------
@@ -85,6 +87,8 @@ class Equations:
         considered: Mapping[int, sp.Expr] | None = None,
     ) -> Estimate:
         """Write the measurement update of one number; at a tick without it nothing changes.
+
+        [K06 eq 3.15, 3.16, 3.17]
 
         Its innovation, zero without a measurement, is defined as ``NAME_innovation``, the variance thereof as
         ``NAME_innovation_variance``.

@@ -1,4 +1,4 @@
-"""Inertial navigation by integration alone, K06 (3.42)."""
+"""Inertial navigation by integration alone [K06 eq 3.42]."""
 
 from __future__ import annotations
 
@@ -109,12 +109,12 @@ def ins_mechanisation(
 
 
 def integrated_heading(psi: sp.Expr, rate0: sp.Expr, rate1: sp.Expr, dt: sp.Expr) -> sp.Expr:
-    """Return the first line of (3.42)."""
+    """Return the first line of (3.42) [K06 eq 3.39]."""
     return psi + dt / 2 * (rate1 + rate0)
 
 
 def integrated_motion(v: sp.Matrix, r: sp.Matrix, f0: sp.Matrix, f1: sp.Matrix, dt: sp.Expr) -> sp.Matrix:
-    """Return velocity and position after dt by the other lines of (3.42), f in navigation axes."""
+    """Return velocity and position after dt by its other lines [K06 eq 3.40, 3.41], f in navigation axes."""
     return sp.Matrix.vstack(v + dt / 2 * (f1 + f0), r + v * dt + dt**2 / 6 * (f1 + 2 * f0))
 
 

@@ -1,6 +1,6 @@
 """How noisy the filters take their sensors to be: K06's printed matrices, and such as follow from sensors.
 
-K06's printed Q1 and Q2 (5.4)-(5.5) are, as its section 3.3.3.6 says, variances of the sensors' samples:
+K06's printed Q1 and Q2 [K06 eq 5.4, 5.5] are, as its section 3.3.3.6 says, variances of the sensors' samples:
 sqrt(4.9e-4) rad/s = 1.27 deg/s. Its discrete model (5.4.5) adds that noise to the heading *itself* at each
 tick, which needs the variance times dt^2: as printed the heading walks 1.27 deg per tick, 15.7 deg in a
 second, 1/dt^2 = 23 283 times the variance that such a gyro gives; the velocity walks 2.3 m/s in a second.
@@ -33,14 +33,15 @@ class InsNoise:
     R1 : float, optional
         Of the heading aid [rad^2].
     P1 : sequence of 2 float, optional
-        At the start: heading error [rad^2], gyro bias [rad^2/s^2].
+        At the start: heading error [rad^2], gyro bias [rad^2/s^2] [K06 eq 3.45, 3.46].
     Q2 : sequence of 4 float, optional
         Added at each tick to the velocity error, forward and sideways [m^2/s^2], and to the accelerometers'
         biases [m^2/s^4].
     R2 : sequence of 2 float, optional
         Of the fix, x and y [m^2].
     P2 : sequence of 6 float, optional
-        At the start: velocity error x, y [m^2/s^2], position error x, y [m^2], the biases x, y [m^2/s^4].
+        At the start: velocity error x, y [m^2/s^2], position error x, y [m^2], the biases x, y [m^2/s^4]
+        [K06 eq 3.47].
 
     Raises
     ------

@@ -1,4 +1,7 @@
-"""K06's velocity/position filter: errors of velocity, position and accelerometers, (3.32) and (3.38)."""
+"""K06's velocity/position filter: errors of velocity, position and accelerometers.
+
+[K06 eq 3.22, 3.26, 3.27, 3.30, 3.32, 3.38]
+"""
 
 from __future__ import annotations
 
@@ -107,7 +110,7 @@ def velocity_position_filter(
     new = expected
     for axis, aid in enumerate((FIX_X, FIX_Y)):
         H = sp.Matrix([dr[axis]]).jacobian(x)
-        # (3.37): the position error is what the integrated position has more than the fix.
+        # [K06 eq 3.36, 3.37] the position error is what the integrated position has more than the fix.
         seen = _INS[2 + axis].symbol - aid.symbol - new.x[2 + axis]
         new = equations.correct(aid.name, new, H, seen, R[axis].symbol, use.symbol)
     v = sp.Matrix([_INS[i].symbol - new.x[i] for i in (0, 1)])

@@ -19,13 +19,16 @@ from hovercontrol.hardware.actuators.k06 import (
     rudder_of_force_angle,
     servo_table,
 )
-from hovercontrol.hardware.actuators.measured import read_servo_table, table_pair
+from hovercontrol.hardware.actuators.measured import read_servo_table, table_pair, with_reverse
+from hovercontrol.hardware.actuators.regulator import battery_fan, speed_regulator
 from hovercontrol.hardware.actuators.rudder import rudder_lookup, rudder_servo
 from hovercontrol.hardware.actuators.speed import fan_motor, speed_controller
 from hovercontrol.hardware.actuators.tables import FanTable, ServoTable, read_fan_table
 from hovercontrol.hardware.actuators.thrust import thrust_force, thrust_lookup
 
 __all__ = [
+    "battery_fan",
+    "speed_regulator",
     "actuators",
     "Actuators",
     "force_command",
@@ -40,6 +43,7 @@ __all__ = [
     "read_fan_table",
     "read_servo_table",
     "table_pair",
+    "with_reverse",
     "fan_tables",
     "servo_table",
     "ideal_fan",

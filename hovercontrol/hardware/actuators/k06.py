@@ -18,8 +18,8 @@ from numpy.typing import ArrayLike
 from hovercontrol.hardware.actuators.signals import DEGREE
 from hovercontrol.hardware.actuators.tables import FanTable, Floats, ServoTable
 
-#: (4.3): rudder angle = SLOPE phi + OFFSET. K06's hovercraft angle phi has F_Y = -|F| sin(phi), (4.2): it is
-#: the opposite of the force's angle from the bow.
+#: (4.3): rudder angle = SLOPE phi + OFFSET. K06's hovercraft angle phi has F_X = |F| cos(phi),
+#: F_Y = -|F| sin(phi) [K06 eq 4.1, 4.2]: it is the opposite of the force's angle from the bow.
 RUDDER_SLOPE, RUDDER_OFFSET = -1.40, 0.566 * DEGREE
 
 #: (4.4): coefficients of x^3 ... 1, x = RPM/1000, and where it holds.

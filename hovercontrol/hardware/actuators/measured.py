@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from hovercontrol.errors import InputError
-from hovercontrol.hardware.actuators.k06 import fan_tables
+from hovercontrol.hardware.actuators.k06 import fan_tables, reverse_ratio
 from hovercontrol.hardware.actuators.tables import FanTable, Floats, ServoTable
 
 #: Columns of a table that is made of another, as many as K06's have: over forces, over speeds.
@@ -57,6 +57,57 @@ def table_pair(
         raise InputError(f"{where}: expected tables over forces and over speeds, found {kinds} over one")
     force = by["force"] if "force" in by else _over_forces(by["speed"])
     return force, by["speed"] if "speed" in by else _over_speeds(by["force"])
+
+
+def with_reverse(
+    forward: FanTable, ratio: Callable[[Floats], Floats] = reverse_ratio
+) -> tuple[FanTable, FanTable]:
+    """Return both tables of a fan that was measured ahead only, as K06 made its own (section 4.3.2.2).
+
+    K06 measured 14 x 81 entries, rudder angles by forces of 0 to 2 N, and made 14 x 161 of them by the ratio
+    of reverse to forward thrust, measured with the rudder straight: at any angle the fan pushes backward
+    `ratio` times what it pushes forward at that speed.
+
+    Parameters
+    ----------
+    forward : FanTable
+        Over forces from 0 on.
+    ratio : callable, optional
+        Of speeds [RPM]; default K06's (4.4).
+
+    Returns
+    -------
+    tuple of two FanTable
+        Speeds over forces, negative ones too, and forces over speeds.
+
+    Raises
+    ------
+    InputError
+        If the table is not over forces, or its forces do not begin at 0.
+
+    Examples
+    --------
+    >>> from hovercontrol.hardware.actuators import fan_tables, reverse_ratio
+    >>> whole = fan_tables()[0]
+    >>> ahead = FanTable("ahead", "force", whole.rudder, whole.columns[80:], whole.values[:, 80:])
+    >>> ahead.shape, with_reverse(ahead)[0].shape
+    ((14, 81), (14, 161))
+    """
+    if forward.over != "force" or forward.columns[0] != 0:
+        raise InputError(f"{forward.name}: expected a table over forces from 0 N on")
+    both = _over_speeds(forward)
+    ahead = both.columns > 0
+    speeds = both.columns[ahead]
+    pushes = np.asarray(ratio(speeds)) * both.values[:, ahead]
+    wanted = np.concatenate([-forward.columns[:0:-1], forward.columns])
+    rows = []
+    for row, back in zip(forward.values, pushes, strict=True):
+        slowest = float(row[row > 0][0]) if row[-1] > 0 else 0.0
+        astern = -np.maximum(np.interp(forward.columns[:0:-1], back, speeds), slowest)
+        rows.append(np.concatenate([astern, row]))
+    lookup = FanTable(f"{forward.name}, with reverse", "force", forward.rudder, wanted, np.array(rows))
+    values = np.concatenate([-pushes[:, ::-1], both.values[:, both.columns >= 0]], axis=1)
+    return lookup, FanTable(f"{forward.name}, with reverse", "speed", forward.rudder, both.columns, values)
 
 
 def _over_forces(table: FanTable) -> FanTable:

@@ -27,7 +27,7 @@ def speed_controller(
     period: float = TICK,
     name: str = "speed_controller",
 ) -> Block:
-    """Return the fan's speed controller, which brakes before it turns from reverse to forward (figure 6.6).
+    """Return the fan's speed controller, which brakes before it turns from reverse to forward [K06 fig 6.6].
 
     It takes a new command every 20 ms. When commands cross from negative to positive, be it over zero, it
     brakes for exactly 150 ms; a negative command meanwhile ends that, and the fan jumps to it. 150 ms are not

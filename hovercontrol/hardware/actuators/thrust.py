@@ -1,4 +1,7 @@
-"""The fan's lookup tables: speed for a wanted force, and force of a speed (K06's LUT and RLUT, 6.1.1)."""
+"""The fan's lookup tables: speed for a wanted force, and force of a speed.
+
+K06's LUT and RLUT (6.1.1) [K06 fig 6.5].
+"""
 
 from __future__ import annotations
 

@@ -46,7 +46,7 @@ def fit_thrust(
 
 
 def fit_rudder(force_angle: ArrayLike, rudder: ArrayLike) -> Fit:
-    """Fit the regression (4.3): ``rudder = slope phi + offset``.
+    """Fit the regression [K06 eq 4.3]: ``rudder = slope phi + offset``.
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ def fit_rudder(force_angle: ArrayLike, rudder: ArrayLike) -> Fit:
 
 
 def fit_reverse_ratio(speed: ArrayLike, ratio: ArrayLike) -> Fit:
-    """Fit the cubic of reverse by forward thrust over speed (4.4), x = speed/1000.
+    """Fit the cubic of reverse by forward thrust over speed [K06 eq 4.4], x = speed/1000.
 
     Parameters
     ----------
@@ -102,7 +102,7 @@ def fit_inertia(
     arm: float,
     between: tuple[float, float] | None = None,
 ) -> Fit:
-    """Find the moment of inertia in one release test (4.5): ``J = -d F_Y / r'``.
+    """Find the moment of inertia in one release test [K06 eq 4.5]: ``J = -d F_Y / r'``.
 
     The craft is released under a constant force; its yaw rate grows in a line until friction bends it.
 

@@ -99,7 +99,7 @@ def _stages(name: str, delay: float, period: float) -> int:
 
 
 def k06_downlink(signals: Sequence[Signal], *, name: str = "downlink") -> Block:
-    """Return the hovercraft-to-controller link of K06's simulation: 6 unit delays of 6 ms (figure 6.3).
+    """Return the hovercraft-to-controller link of K06's simulation: 6 unit delays of 6 ms [K06 fig 6.3].
 
     Parameters and errors as for :func:`constant_delay`.
     """
@@ -107,7 +107,7 @@ def k06_downlink(signals: Sequence[Signal], *, name: str = "downlink") -> Block:
 
 
 def k06_uplink(signals: Sequence[Signal], *, name: str = "uplink") -> Block:
-    """Return the controller-to-hovercraft link of K06's simulation: 2 unit delays of 20 ms (figure 6.4).
+    """Return the controller-to-hovercraft link of K06's simulation: 2 unit delays of 20 ms [K06 fig 6.4].
 
     Parameters and errors as for :func:`constant_delay`.
     """

@@ -1,4 +1,4 @@
-"""A position from ranges in closed form: Bancroft's method, K06 (5.6); of two beacons, where circles meet.
+"""A position from ranges in closed form: Bancroft's method [K06 eq 5.6]; of two ranges, where circles meet.
 
 S. Bancroft, "An algebraic solution of the GPS equations", IEEE Trans. Aerospace and Electronic Systems 21,
 1985; here in the plane, with beacons at known heights.
@@ -26,6 +26,13 @@ TOUCHING = 1e-9
 #: Tells which unit's ranges there are.
 RANGE_UNIT = Signal("range_unit", "1", "which unit's ranges these are, from 1; 0 for none")
 
+#: The position that was solved last, which tells the two places that two ranges leave apart.
+PREVIOUS = (
+    Signal("previous_x", "m", "position solved last, earth frame"),
+    Signal("previous_y", "m", "position solved last, earth frame"),
+    Signal("previous_known", "1", "1 where there is one"),
+)
+
 #: Which of the two places that two beacons leave.
 _SIDE = Signal("side", "1", "of the line from beacon 1 to 2: 1 left, -1 right", lower=-1.0, upper=1.0)
 
@@ -43,6 +50,7 @@ def range_solver(
     *,
     cone: tuple[float, float] = K06_CONE,
     side: float = 1.0,
+    previous: bool = False,
     name: str = "range_solver",
 ) -> Block:
     """Return the position of a unit from its ranges.
@@ -54,7 +62,8 @@ def range_solver(
     the range.
 
     Exactly two beacons cannot tell b, which is taken for zero: their ranges are two circles on the floor,
-    which meet on either side of the line between them.
+    which meet on either side of the line between them. Of two ranges heard of more beacons the same is done,
+    and the place nearer to the previous position is taken (K06 section 5.5.3).
 
     Parameters
     ----------
@@ -65,19 +74,22 @@ def range_solver(
     side : float, optional
         Of two beacons only, where it is a parameter too: 1 for a place left of the line from the first to
         the second, -1 for one right of it.
+    previous : bool, optional
+        Of more than two beacons only: whether two ranges are solved, too, by the inputs ``previous_x,
+        previous_y`` [m], ``previous_known`` (0 or 1).
     name : str, optional
 
     Returns
     -------
     Block
         Inputs ``range_1...`` [m] and ``range_1_heard...`` (0 or 1); outputs ``solved_x, solved_y``,
-        ``solved_bias`` (b) [m] and ``solved``: 1 where three beacons out of line were heard; of two
-        beacons where both were heard and the circles meet. No states.
+        ``solved_bias`` (b) [m] and ``solved``: 1 where three beacons out of line were heard, or two
+        (of two beacons, or with `previous`) whose circles meet. No states.
 
     Raises
     ------
     InputError
-        If a coefficient of `cone` is no finite number, or `side` not 1 or -1.
+        If a coefficient of `cone` is no finite number, `side` not 1 or -1, or `previous` of two beacons.
 
     Examples
     --------
@@ -92,20 +104,30 @@ def range_solver(
     """
     if side not in (-1, 1):
         raise InputError(f"{name}: side must be 1 or -1, found {side!r}")
-    ranges, heard = range_signals(len(beacons.positions))
+    count = len(beacons.positions)
+    if previous and count == 2:
+        raise InputError(f"{name}: of two beacons `side` tells the place, not the previous position")
+    ranges, heard = range_signals(count)
     places = beacons.signals()
-    definitions: dict[str, sp.Expr] = {}
+    define = Definitions()
     corrected = []
     for k, (rho, place) in enumerate(zip(ranges, places, strict=True), 1):
-        definitions |= correction_definitions(rho.symbol, place[2].symbol, f"_{k}")
+        define.update(correction_definitions(rho.symbol, place[2].symbol, f"_{k}"))
         corrected.append(sp.Symbol(f"range_corrected_{k}", real=True))
-    chosen = (_SIDE.but(start=float(side)),) if len(places) == 2 else ()
-    definitions |= (_circles if chosen else _bancroft)(
-        [tuple(s.symbol for s in place) for place in places], corrected, [s.symbol for s in heard]
-    )
+    where = [tuple(s.symbol for s in place) for place in places]
+    hears = [s.symbol for s in heard]
+    chosen = (_SIDE.but(start=float(side)),) if count == 2 else ()
+    if chosen:
+        both = define("both_heard", hears[0] * hears[1])
+        x, y, solved = _circles(define, where, corrected, both, _SIDE.symbol)
+        bias: sp.Expr = sp.S.Zero
+    else:
+        x, y, bias, solved = _bancroft(define, where, corrected, hears)
+    if previous:
+        x, y, bias, solved = _or_circles(define, where, corrected, hears, (x, y, bias, solved))
     return Block(
         name,
-        inputs=(*ranges, *heard),
+        inputs=(*ranges, *heard, *(PREVIOUS if previous else ())),
         outputs=(
             Signal("solved_x", "m", "position of the unit, earth frame"),
             Signal("solved_y", "m", "position of the unit, earth frame"),
@@ -113,17 +135,53 @@ def range_solver(
             Signal("solved", "1", "1 where the ranges give a position"),
         ),
         parameters=(*(s for place in places for s in place), *cone_signals(cone, name), *chosen),
-        output_expressions={"solved_bias": sp.S.Zero} if chosen else {},
-        definitions=definitions,
+        output_expressions={"solved_x": x, "solved_y": y, "solved_bias": bias, "solved": solved},
+        definitions=define,
+    )
+
+
+def _or_circles(
+    define: Definitions,
+    places: Sequence[tuple[sp.Symbol, ...]],
+    ranges: Sequence[sp.Symbol],
+    heard: Sequence[sp.Symbol],
+    many: tuple[sp.Expr, ...],
+) -> tuple[sp.Expr, ...]:
+    """Return x, y, bias and solved of `many` ranges, or of exactly two and the previous position."""
+    x0, y0, known = (s.symbol for s in PREVIOUS)
+    none: sp.Expr = sp.S.One  # heard so far
+    one: sp.Expr = sp.S.Zero
+    first, second = [], []
+    for k, h in enumerate(heard, 1):
+        first.append(define(f"is_first_{k}", h * none))
+        second.append(define(f"is_second_{k}", h * one))
+        one = define(f"one_so_far_{k}", one * (1 - h) + none * h)
+        none = define(f"none_so_far_{k}", none * (1 - h))
+    pair = []
+    for label, which in (("first", first), ("second", second)):
+        row = [sp.Add(*(w * p[i] for w, p in zip(which, places, strict=True))) for i in range(3)]
+        rho = sp.Add(*(w * r for w, r in zip(which, ranges, strict=True)))
+        height = define(f"{label}_height", sp.Piecewise((row[2], row[2] > 0), (places[0][2], True)))
+        pair.append((define(f"{label}_x", row[0]), define(f"{label}_y", row[1]), height))
+        pair.append(define(f"{label}_range", rho))
+    two = define("two_heard", sp.Piecewise((known, sp.And(sum(heard) > 1.5, sum(heard) < 2.5)), (0, True)))
+    (ax, ay, _), (bx, by, _) = pair[0], pair[2]
+    side = define("previous_side", (bx - ax) * (y0 - ay) - (by - ay) * (x0 - ax))
+    x, y, solved = _circles(define, (pair[0], pair[2]), (pair[1], pair[3]), two, side)
+    return (
+        *(sp.Piecewise((e, two > 0), (m, True)) for e, m in zip((x, y, sp.S.Zero), many[:3], strict=True)),
+        define("any_solved", sp.Piecewise((solved, two > 0), (many[3], True))),
     )
 
 
 def _circles(
-    places: Sequence[tuple[sp.Symbol, ...]], ranges: Sequence[sp.Symbol], heard: Sequence[sp.Symbol]
-) -> dict[str, sp.Expr]:
-    """Return definitions that lead to solved_x, solved_y and solved, of two beacons."""
-    define = Definitions()
-
+    define: Definitions,
+    places: Sequence[tuple[sp.Symbol, ...]],
+    ranges: Sequence[sp.Symbol],
+    both: sp.Symbol,
+    side: sp.Expr,
+) -> tuple[sp.Expr, sp.Expr, sp.Expr]:
+    """Return x, y and solved of two ranges, on the left of the line between the beacons where side > 0."""
     # From the first beacon, in units of its height.
     (x1, y1, scale), (x2, y2, _) = places
     dx, dy = define("line_x", (x2 - x1) / scale), define("line_y", (y2 - y1) / scale)
@@ -132,24 +190,27 @@ def _circles(
         define(f"floor_{k}_squared", (rho - h) * (rho + h) / scale**2)
         for k, (rho, (_, _, h)) in enumerate(zip(ranges, places, strict=True), 1)
     )
-    there = define("both_heard", sp.Piecewise((1, heard[0] * heard[1] * length > 0), (0, True)))
+    there = define("line_there", sp.Piecewise((1, both * length > 0), (0, True)))
     divisor = define("divisor", sp.Piecewise((length, length > 0), (1, True)))
     # As parts of the line: how far along it the place is, and how far beside it, squared.
     along = define("along", (first - second + length) / (2 * divisor))
     across = define("beside_squared", first / divisor - along**2)
-    beside = define("beside", sp.sqrt(sp.Max(across, 0)) * sp.Piecewise((1, _SIDE.symbol > 0), (-1, True)))
+    beside = define("beside", sp.sqrt(sp.Max(across, 0)) * sp.Piecewise((1, side > 0), (-1, True)))
     missed = -across * length > TOUCHING * (ranges[0] / scale) ** 2
-    define("solved_x", x1 + scale * (along * dx - beside * dy))
-    define("solved_y", y1 + scale * (along * dy + beside * dx))
-    define("solved", there * sp.Piecewise((0, missed), (1, True)))
-    return define
+    return (
+        define("met_x", x1 + scale * (along * dx - beside * dy)),
+        define("met_y", y1 + scale * (along * dy + beside * dx)),
+        define("met", there * sp.Piecewise((0, missed), (1, True))),
+    )
 
 
 def _bancroft(
-    places: Sequence[tuple[sp.Symbol, ...]], ranges: Sequence[sp.Symbol], heard: Sequence[sp.Symbol]
-) -> dict[str, sp.Expr]:
-    """Return definitions that lead to solved_x, solved_y, solved_bias and solved."""
-    define = Definitions()
+    define: Definitions,
+    places: Sequence[tuple[sp.Symbol, ...]],
+    ranges: Sequence[sp.Symbol],
+    heard: Sequence[sp.Symbol],
+) -> tuple[sp.Expr, ...]:
+    """Return x, y, bias and solved of three ranges or more."""
 
     def total(parts: Sequence[sp.Expr]) -> sp.Expr:
         return sp.Add(*(w * e for w, e in zip(heard, parts, strict=True)))
@@ -174,7 +235,7 @@ def _bancroft(
             normal[i, j] = normal[j, i] = define(f"normal_{i}{j}", total([row[i] * row[j] for row in rows]))
     spread = normal[0, 0] + normal[1, 1]
     out_of_line = normal[0, 0] * normal[1, 1] - normal[0, 1] ** 2 > NARROW**2 * spread**2
-    enough = define("solved", sp.Piecewise((1, sp.And(count > sp.Rational(5, 2), out_of_line)), (0, True)))
+    enough = define("enough", sp.Piecewise((1, sp.And(count > sp.Rational(5, 2), out_of_line)), (0, True)))
     adjugate = normal.adjugate()
     det = define("normal_det", sp.Piecewise((normal.row(0).dot(adjugate.col(0)), enough > 0), (1, True)))
 
@@ -202,19 +263,26 @@ def _bancroft(
     first, second = define("length_1", half / two), define("length_2", zero / half)
     other = sp.Abs(p[2] + first * q[2]) < sp.Abs(p[2] + second * q[2])
     length = define("length", sp.Piecewise((first, other), (second, True)))
-    define("solved_x", cx + scale * (p[0] + length * q[0]))
-    define("solved_y", cy + scale * (p[1] + length * q[1]))
-    define("solved_bias", scale * (p[2] + length * q[2]))
-    return define
+    return (
+        define("many_x", cx + scale * (p[0] + length * q[0])),
+        define("many_y", cy + scale * (p[1] + length * q[1])),
+        define("many_bias", scale * (p[2] + length * q[2])),
+        enough,
+    )
 
 
 @lru_cache(maxsize=32)
-def _solver(beacons: Beacons, cone: tuple[float, float], side: float) -> Block:
-    return range_solver(beacons, cone=cone, side=side)
+def _solver(beacons: Beacons, cone: tuple[float, float], side: float, previous: bool) -> Block:
+    return range_solver(beacons, cone=cone, side=side, previous=previous)
 
 
 def locate(
-    ranges: ArrayLike, beacons: Beacons, *, cone: tuple[float, float] = K06_CONE, side: float = 1.0
+    ranges: ArrayLike,
+    beacons: Beacons,
+    *,
+    cone: tuple[float, float] = K06_CONE,
+    side: float = 1.0,
+    previous: ArrayLike | None = None,
 ) -> NDArray[np.float64]:
     """Return positions from ranges, by the equations of :func:`range_solver`.
 
@@ -227,12 +295,14 @@ def locate(
         Of the cone-angle error (5.7); (0, 0) for none.
     side : float, optional
         Of two beacons only: 1 for places left of the line from the first to the second, -1 right of it.
+    previous : array_like, shape (2, ...), optional
+        Of more beacons: positions [m] of which the nearer place is taken where two ranges were heard.
 
     Returns
     -------
     ndarray, shape (3, ...)
         x, y and the ranges' common error b [m]; nan where fewer than three beacons out of line were heard.
-        Of two beacons b is 0, and all nan where one was not heard or the ranges do not meet.
+        Of two ranges b is 0, and all nan where they do not meet, or nothing tells which place is meant.
 
     Raises
     ------
@@ -244,6 +314,9 @@ def locate(
     >>> square = Beacons([(0, 0), (2, 0), (2, 2), (0, 2)], 2.0)
     >>> locate([2.45, 2.45, 2.45, 2.45], square, cone=(0.0, 0.0)).round(4).tolist()
     [1.0, 1.0, 0.0005]
+    >>> two = [6**0.5, 6**0.5, np.nan, np.nan]  # at (1, 1) or at (1, -1)
+    >>> locate(two, square, cone=(0.0, 0.0), previous=[0.8, 0.9]).round(4).tolist()
+    [1.0, 1.0, 0.0]
     """
     rho = np.asarray(ranges, dtype=float)
     n = len(beacons.positions)
@@ -251,7 +324,16 @@ def locate(
         raise InputError(f"locate: expected {n} ranges, one a beacon, found shape {rho.shape}")
     heard = np.isfinite(rho)
     linear, quadratic = cone
-    inputs = np.concatenate([np.where(heard, rho, 0.0), heard])
-    solved = _solver(beacons, (float(linear), float(quadratic)), side).to_numpy().outputs(0.0, (), inputs)
+    inputs = [np.where(heard, rho, 0.0), heard]
+    if previous is not None:
+        before = np.asarray(previous, dtype=float)
+        if before.ndim == 0 or before.shape[0] != 2:
+            raise InputError(f"locate: previous: expected x and y, found shape {before.shape}")
+        spread = before.reshape(2, *(1,) * (rho.ndim - before.ndim), *before.shape[1:])
+        before = np.broadcast_to(spread, (2, *rho.shape[1:]))
+        known = np.isfinite(before).all(axis=0, keepdims=True)
+        inputs += [np.where(known, before, 0.0), known]
+    solver = _solver(beacons, (float(linear), float(quadratic)), side, previous is not None)
+    solved = solver.to_numpy().outputs(0.0, (), np.concatenate(inputs))
     found: NDArray[np.float64] = np.where(solved[3] > 0, solved[:3], np.nan)
     return found

@@ -1,4 +1,4 @@
-"""The cone-angle error of ultrasonic ranges and its correction, K06 (5.7)-(5.9)."""
+"""The cone-angle error of ultrasonic ranges and its correction [K06 eq 5.7, 5.8, 5.9] [K06 fig 5.6]."""
 
 from __future__ import annotations
 

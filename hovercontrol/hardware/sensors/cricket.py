@@ -10,7 +10,7 @@ import sympy as sp
 from hovercontrol.block import Block
 from hovercontrol.errors import InputError
 from hovercontrol.hardware.sensors._parts import tick
-from hovercontrol.hardware.sensors.bancroft import RANGE_UNIT, range_solver
+from hovercontrol.hardware.sensors.bancroft import PREVIOUS, RANGE_UNIT, range_solver
 from hovercontrol.hardware.sensors.beacons import Beacons, k06_beacons
 from hovercontrol.hardware.sensors.cone import K06_CONE
 from hovercontrol.hardware.sensors.ranging import K06_UNITS, SLOT, SLOTS, cricket_ranges, unit_places
@@ -78,6 +78,28 @@ def cricket_fixes(count: int = 2, *, slot: float = SLOT, name: str = "cricket_fi
     )
 
 
+def _last_position(slot: float) -> Block:
+    """Return the memory of what was solved last, whichever the unit: they are nearer than mirrored places."""
+    solved = tuple(s.but(name=s.name.replace("previous", "solved")) for s in PREVIOUS[:2])
+    good = Signal("solved", "1", "1 where the ranges give a position")
+    held = [s.but(name=f"{s.name}_held") for s in PREVIOUS]
+    new = [
+        sp.Piecewise((s.symbol, good.symbol > 0), (h.symbol, True))
+        for s, h in zip(solved, held, strict=False)
+    ]
+    return Block(
+        "last_position",
+        states=tuple(held),
+        inputs=(*solved, good),
+        outputs=PREVIOUS,
+        derivatives={
+            h.name: e for h, e in zip(held, (*new, sp.Max(held[2].symbol, good.symbol)), strict=True)
+        },
+        output_expressions={s.name: h.symbol for s, h in zip(PREVIOUS, held, strict=True)},
+        period=slot,
+    )
+
+
 def cricket(
     beacons: Beacons,
     units: Sequence[Sequence[float]] = K06_UNITS,
@@ -96,6 +118,8 @@ def cricket(
     name: str = "cricket",
 ) -> Block:
     """Return the whole: ranges, positions by Bancroft's method, and with two units a heading.
+
+    Where only two of more beacons were heard, the place nearer to the last position is taken, as K06 does.
 
     It joins :func:`~hovercontrol.hardware.sensors.ranging.cricket_ranges`,
     :func:`~hovercontrol.hardware.sensors.bancroft.range_solver`, :func:`cricket_fixes` and
@@ -141,8 +165,11 @@ def cricket(
         latency=latency,
         seed=seed,
     )
-    solver = range_solver(beacons, cone=cone if corrected else (0.0, 0.0), side=side)
+    several = len(beacons.positions) > 2
+    solver = range_solver(beacons, cone=cone if corrected else (0.0, 0.0), side=side, previous=several)
     parts = [ranges, solver, cricket_fixes(len(places), slot=slot)]
+    if several:
+        parts.append(_last_position(slot))
     if len(places) == 2:
         parts.append(two_unit_heading(places, assisted=assisted, latency=latency, slot=slot))
     elif assisted:

@@ -1,4 +1,4 @@
-"""The dynamics of K06's gyro (6.2) and its compensation: one difference equation, solved for either side."""
+"""The dynamics of K06's gyro [K06 eq 6.2] and its compensation: one equation, solved for either side."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""An inertial measurement unit: two accelerometers and a gyro with their errors, K06 (3.28)-(3.29)."""
+"""An inertial measurement unit: two accelerometers and a gyro with their errors [K06 eq 3.28, 3.29]."""
 
 from __future__ import annotations
 

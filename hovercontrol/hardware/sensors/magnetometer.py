@@ -1,4 +1,4 @@
-"""A magnetometer in the plane and the heading it gives, K06 (3.43)-(3.44)."""
+"""A magnetometer in the plane and the heading it gives [K06 eq 3.43, 3.44]."""
 
 from __future__ import annotations
 

@@ -15,6 +15,7 @@ from hovercontrol.hardware.sensors.beacons import Beacons
 from hovercontrol.hardware.sensors.cone import cone_ratio, cone_signals
 from hovercontrol.noise import random_numbers
 from hovercontrol.signals import Signal
+from hovercontrol.tables import positive
 
 #: One unit's slot [s], and how many there are in a round.
 SLOT, SLOTS = 0.1, 10
@@ -44,6 +45,7 @@ def cricket_ranges(
     slots: int = SLOTS,
     noise: float = 0.0,
     bias: float = 0.0,
+    sound: float = 1.0,
     cone: tuple[float, float] = (0.0, 0.0),
     cone_limit: float = 0.0,
     latency: bool = False,
@@ -68,6 +70,9 @@ def cricket_ranges(
         Standard deviation of a range [m].
     bias : float, optional
         What all ranges are too long by [m], b in (5.6).
+    sound : float, optional
+        Speed of sound that is taken over the true one, by which each range is wrong; see
+        :func:`~hovercontrol.hardware.sensors.speed_of_sound`.
     cone : (float, float), optional
         Coefficients of the cone-angle error (5.7), :data:`~hovercontrol.hardware.sensors.cone.K06_CONE`.
     cone_limit : float, optional
@@ -110,6 +115,13 @@ def cricket_ranges(
     places = beacons.signals()
     white = size("noise", "m", "standard deviation of a range", name, noise)
     long = offset("bias", "m", "what all ranges are too long by", name, bias)
+    taken = Signal(
+        "sound",
+        "1",
+        "speed of sound taken over the true one",
+        start=positive(f"{name}: sound", sound),
+        lower=0.5,
+    )
     limit = size("cone_limit", "rad", "beacons beyond it are not heard; 0 is no limit", name, cone_limit)
     late = switch("latency", "ranges come one tick late", latency)
     drawn = random_numbers(len(ranges), salt=name, seed=seed, prefix="random")
@@ -133,7 +145,7 @@ def cricket_ranges(
         angle = define(f"cone_angle_{k}", sp.atan2(sp.sqrt((at_x - bx) ** 2 + (at_y - by) ** 2), h))
         deaf = sp.Or(unit < 0.5, sp.And(limit.symbol > 0, angle > limit.symbol))
         hears = define(f"heard_now_{k}", sp.Piecewise((0, deaf), (1, True)))
-        rho = true / cone_ratio(angle) + long.symbol + white.symbol * n
+        rho = taken.symbol * true / cone_ratio(angle) + long.symbol + white.symbol * n
         measured[f"range_{k}"] = define(f"range_now_{k}", sp.Piecewise((rho, hears > 0), (0, True)))
         measured[f"range_{k}_heard"] = hears
     measured["range_unit"] = unit
@@ -148,7 +160,7 @@ def cricket_ranges(
         parameters=(
             *(s for place in places for s in place),
             *(s for mount in mounts for s in mount),
-            *(white, long, limit, late),
+            *(white, long, taken, limit, late),
             *cone_signals(cone, name),
             *drawn.parameters,
         ),
