@@ -41,7 +41,8 @@ def held_out(selection: Selection, data: Data | None, criteria: Criteria = CRITE
     """Return what remains of a selection on a log that it was not fitted to.
 
     An effect with which that log is surely predicted worse is dropped. One with which it is not surely
-    predicted better gives way to another that blocks agree on as well and that surely predicts better.
+    predicted better gives way to another that blocks agree on as well and that surely predicts better, than
+    with the first and than with neither.
 
     Parameters
     ----------
@@ -56,7 +57,9 @@ def held_out(selection: Selection, data: Data | None, criteria: Criteria = CRITE
     found = _on(selection, before)
     instead = _better(found, criteria)
     if instead is not None:
-        found = _on(_with_other(selection, *instead), before)
+        other = _on(_with_other(selection, *instead), before)
+        if _mean(other.evidence[instead[1].name].holdout) > criteria.better:
+            found = other
     worse = [n for n, e in found.evidence.items() if _worse(e.holdout, criteria)]
     if not worse:
         return found
