@@ -199,6 +199,7 @@ def test_several_platforms_in_one_file(call, tmp_path):
         (["table2:sensr"], "table2 has no part 'sensr'; did you mean 'sensor'?"),
         (["none.toml"], "none.toml: expected a TOML file, there is no such file"),
         (["none.toml:plant"], "none.toml: expected a TOML file, there is no such file"),
+        (["four_fan", "--step", "1e-320"], "expected 1e+09 steps at most"),
         (["four_fan", "-o", "x.fmx"], "x.fmx: expected a file name that ends in .fmu"),
         (["four_fan", "-o", "/dev/null/x.fmu"], "cannot write there"),
         (["four_fan", "--fmi", "1"], "FMI version must be 2 or 3, found 1"),

@@ -102,6 +102,10 @@ def export_fmu(
     return write_whole(target, lambda temporary: temporary.write_bytes(content))
 
 
+#: Most communication steps of a default experiment.
+MOST_STEPS = 1e9
+
+
 def _experiment(step: float | None, stop: float | None, rtol: float, atol: float) -> Experiment:
     step, stop = 0.01 if step is None else step, 10.0 if stop is None else stop
     for name, value in (("step", step), ("stop", stop), ("rtol", rtol), ("atol", atol)):
@@ -109,6 +113,8 @@ def _experiment(step: float | None, stop: float | None, rtol: float, atol: float
             raise InputError(f"{name} must be positive, found {value!r}")
     if step > stop:
         raise InputError(f"step = {step:g} s is longer than the experiment, {stop:g} s")
+    if not stop / step <= MOST_STEPS:
+        raise InputError(f"expected {MOST_STEPS:g} steps at most, found step = {step:g} s in {stop:g} s")
     return Experiment(float(stop), float(step), float(rtol))
 
 
