@@ -36,7 +36,7 @@ def test_every_command_and_option_is_in_every_script(shell):
     [
         (["sim"], {"simulate"}),
         (["--ver"], {"--version"}),
-        (["simulate", "table"], {"table1", "table2"}),
+        (["simulate", "table"], {"table1", "table1-transient", "table2", "table2-outliers"}),
         (["simulate", "--o"], {"--out"}),
         (["identify", "a.csv", "--vehicle", "four"], {"four_fan"}),
         (["--completion", ""], {"bash", "zsh", "fish"}),
