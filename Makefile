@@ -25,7 +25,7 @@ check: .venv/ready
 
 FUZZ_SECONDS ?= 600
 fuzz: .venv/ready  ## hostile and clumsy inputs; each that breaks something is printed with its seed
-	$(BIN)/python -m tests.fuzz --seconds $(FUZZ_SECONDS)
+	$(BIN)/python -m tests.fuzz --seconds $(FUZZ_SECONDS) $(if $(FUZZ_SEED),--seed $(FUZZ_SEED))
 
 benchmarks: .venv/ready  ## every figure in the README, measured on this machine
 	$(BIN)/python -m benchmarks
