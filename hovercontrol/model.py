@@ -424,5 +424,5 @@ def _add_forces(s: SimpleNamespace, fans: Iterable[Fan], owner: str, forces: Map
 
 
 def _exact(value: float) -> sp.Number:
-    """0 and +-1 for a fan along an axis, where floats would leave a trace of 6e-17."""
-    return sp.Integer(round(value)) if abs(value - round(value)) < 1e-12 else sp.Float(value)
+    """0 and +-1 for a fan along an axis, whose direction a file gives to six digits."""
+    return sp.Integer(round(value)) if abs(value - round(value)) < 1e-6 else sp.Float(value)

@@ -10,11 +10,9 @@ import sympy as sp
 from hovercontrol.effects.base import Coefficient, Effect, Shape
 
 
+# [K06 eq 2.6]
 class Thrust(Effect):
-    """Force of the propeller, turned by the rudder: c T cos(theta) in surge, c T sin(theta) in sway.
-
-    [K06 eq 2.6]
-    """
+    """Force of the propeller, turned by the rudder: c T cos(theta) in surge, c T sin(theta) in sway."""
 
     name, source, craft = "thrust", "C17 (9), c7 = b_T/m", "rudder"
     value = Coefficient("m/s^2/{thrust}", lower=0.0)

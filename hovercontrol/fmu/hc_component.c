@@ -848,7 +848,10 @@ static int update_ticks(hc_component *c)
 int hc_update_discrete_states(hc_component *c, int *states_changed, double *next)
 {
     int status = HC_DONE;
-    *states_changed = 0;
+    /* Importers begin their integration afresh where states have changed. What derivatives depend on has: at ticks,
+     * switches by the clock and steps of inputs. */
+    const int jumps = c->changed || hc_ticks_due(&c->ticks, c->value[0]) || c->value[0] >= c->latest;
+    *states_changed = c->kind == HC_MODEL_EXCHANGE && jumps;
     look_for_switch(c);
     if (c->kind == HC_MODEL_EXCHANGE) {
 #if HC_DELAYS
