@@ -208,7 +208,8 @@ def _reference(experiment: Experiment, files: list[str]) -> Iterable[str]:
         yield (
             f"<h2>Reference trajectory</h2>\n<p>{names}: the outputs over the default experiment from the "
             "start values, by the FMU's own solver; inputs, if there are any, are constant. Expect "
-            f"differences of up to {100 * experiment.rtol:.0e} of each output's size with another solver.</p>"
+            f"differences of up to {100 * max(experiment.rtol, 1e-6):.0e} of each output's size with another "
+            "solver.</p>"
         )
 
 

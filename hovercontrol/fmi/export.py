@@ -64,7 +64,8 @@ def export_fmu(
         Communication step and end of the default experiment [s]; default 0.01 and 10.
     rtol, atol : float, optional
         Tolerances of the solver in Co-Simulation; an importer may ask for another. `atol` is times each
-        state's nominal size.
+        state's nominal size. The default experiment of a Block that ticks asks for `rtol` times
+        :data:`FINER`.
     description : str, optional
         What the model is, in a sentence.
     progress : callable, optional
@@ -86,9 +87,9 @@ def export_fmu(
         raise InputError(f"{path}: cannot write there: it is a folder")
     if version not in (2, 3):
         raise InputError(f"FMI version must be 2 or 3, found {version!r}")
-    experiment = _experiment(step, stop, rtol, atol)
     wanted = chosen_platforms(platforms)
     interface = Interface(block, friction)
+    experiment = _experiment(step, stop, rtol, atol, ticks=bool(interface.block.ticks))
     check_folder(target.parent)
     report = progress or (lambda done: None)
     sources = fmu_sources(interface, version, rtol, atol)
@@ -106,7 +107,13 @@ def export_fmu(
 MOST_STEPS = 1e9
 
 
-def _experiment(step: float | None, stop: float | None, rtol: float, atol: float) -> Experiment:
+#: By what the tolerance of a Block that ticks is finer for importers: in Model Exchange their solver begins
+#: afresh at every tick and errs by its tolerance each time (k06-real-turn, 22 s of ticks of 1 ms: at 1e-6 its
+#: place is 3 cm off, at 1e-10 less than 0.1 mm).
+FINER = 1e-4
+
+
+def _experiment(step: float | None, stop: float | None, rtol: float, atol: float, ticks: bool) -> Experiment:
     step, stop = 0.01 if step is None else step, 10.0 if stop is None else stop
     for name, value in (("step", step), ("stop", stop), ("rtol", rtol), ("atol", atol)):
         if not 0 < value < math.inf:
@@ -115,7 +122,7 @@ def _experiment(step: float | None, stop: float | None, rtol: float, atol: float
         raise InputError(f"step = {step:g} s is longer than the experiment, {stop:g} s")
     if not stop / step <= MOST_STEPS:
         raise InputError(f"expected {MOST_STEPS:g} steps at most, found step = {step:g} s in {stop:g} s")
-    return Experiment(float(stop), float(step), float(rtol))
+    return Experiment(float(stop), float(step), float(rtol) * (FINER if ticks else 1.0))
 
 
 def _content(

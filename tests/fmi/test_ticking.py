@@ -1,0 +1,44 @@
+"""A Block that ticks in other tools: Model Exchange at the FMU's tolerance is as good as Co-Simulation."""
+
+import fmpy
+import numpy as np
+import pytest
+
+from hovercontrol import Block, Signal, interconnect
+from hovercontrol.targets.compiler import NoCompilerError, find_compiler
+
+try:
+    find_compiler()
+except NoCompilerError:
+    pytest.skip("no C compiler on this machine", allow_module_level=True)
+
+q, v, F = Signal("q", "m", start=1.0), Signal("v", "m/s"), Signal("F", "m/s^2")
+k, d = Signal("k", "1/s^2", start=400.0), Signal("d", "1/s", start=0.05)
+BODY = Block("body", [q, v], [F], [q, v], [k], {"q": v.symbol, "v": F.symbol - k.symbol * q.symbol})
+DAMPER = Block("damper", [], [v], [F], [d], output_expressions={"F": -d.symbol * v.symbol}, period=1e-3)
+
+
+@pytest.fixture(scope="module")
+def swing(tmp_path_factory):
+    """Return the FMU of a swing whose damper works in ticks of 1 ms."""
+    path = tmp_path_factory.mktemp("fmu") / "swing.fmu"
+    return interconnect([BODY, DAMPER], "swing").to_fmu(path, stop=2.0, step=0.05)
+
+
+def swung(path, kind, **options):
+    found = fmpy.simulate_fmu(str(path), fmi_type=kind, output=["q"], stop_time=2.0, **options)
+    return np.interp(np.linspace(0.0, 2.0, 41), found["time"], found["q"])
+
+
+def test_its_tolerance_makes_up_for_an_integration_that_begins_afresh_at_every_tick(swing):
+    asked = float(fmpy.read_model_description(str(swing)).defaultExperiment.tolerance)
+    assert asked == pytest.approx(1e-10)
+    right = swung(swing, "CoSimulation")
+    here = np.abs(swung(swing, "ModelExchange") - right).max()
+    coarse = np.abs(swung(swing, "ModelExchange", relative_tolerance=1e-6) - right).max()
+    assert here < 1e-5 and coarse > 10.0 * here
+
+
+def test_without_ticks_the_tolerance_is_as_given(tmp_path):
+    path = BODY.to_fmu(tmp_path / "body.fmu", rtol=1e-7)
+    assert float(fmpy.read_model_description(str(path)).defaultExperiment.tolerance) == pytest.approx(1e-7)
