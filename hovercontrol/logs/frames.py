@@ -155,7 +155,8 @@ def _check_torque(log: Log, torque: Floats, times: Floats, window: float) -> Non
     else:
         rate = _differences(_mean(log, log["psi"], times, window), window)[0].real
     change = _differences(rate, window)[0].real
-    others = (rate, np.sign(rate))
+    # drags, and what a hull that drifts does: its Munk moment may outdo the torque of the commands
+    others = (rate, np.sign(rate), *_drifting(log, times, window))
     found = [float(_along(_held(log, torque, times - lag, window), change, *others).real) for lag in LAGS]
     if -min(found) > _enough(log, LEAST_TORQUE) and max(found) < -OTHER_SIGN * min(found):
         raise InputError(
@@ -163,6 +164,17 @@ def _check_torque(log: Log, torque: Floats, times: Floats, window: float) -> Non
             f"{min(found):.2f}): is the log in north-east-down axes? --frame ned converts it; or is the "
             "rudder's sign, or the fans' places, the other way round? --frame z-up takes it as it is"
         )
+
+
+def _drifting(log: Log, times: Floats, window: float) -> tuple[Floats, ...]:
+    """Return the product of surge and sway velocity, where the log tells both."""
+    if log.has("u", "v"):
+        return (_mean(log, log["u"] * log["v"], times, window),)
+    if not log.has(*POSE):
+        return ()
+    z = _mean(log, log["x"], times, window) + 1j * _mean(log, log["y"], times, window)
+    along = _differences(z, window)[0] * np.exp(-1j * _mean(log, log["psi"], times, window))
+    return (along.real * along.imag,)
 
 
 def _push(model: Model, log: Log) -> tuple[Complex, Floats]:

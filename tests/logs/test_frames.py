@@ -1,5 +1,6 @@
 """Axes of a log: mirrored and north-east-down ones are recognised, sound ones never; NED is converted."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -109,3 +110,12 @@ def test_the_commands_convert_and_refuse(call, tmp_path):
         rows = (tmp_path / name / "coefficients.csv").read_text().splitlines()[1:]
         tables.append([float(row.split(",")[1]) for row in rows])
     np.testing.assert_allclose(*tables, rtol=1e-4)
+
+
+@pytest.mark.parametrize("seed", [40, 41])
+def test_a_hull_that_turns_by_its_munk_moment_is_no_other_frame(seed):
+    case = make(seed, ["munk_moment", "sway_yaw_coupling"])
+    for log in case.logs:
+        check_frame(case.model, log)
+        with pytest.raises(InputError):
+            check_frame(case.model, replace(in_z_up(log, "ned"), frame=""))
