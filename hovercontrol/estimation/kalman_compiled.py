@@ -12,8 +12,9 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from hovercontrol.targets.compiler import NoCompilerError, NotCachedError, find_compiler, load_library
-from hovercontrol.targets.shoot import builder, pool, threads
+from hovercontrol.targets.background import loaded, ready
+from hovercontrol.targets.compiler import load_library
+from hovercontrol.targets.shoot import pool, threads
 
 Array = NDArray[np.float64]
 
@@ -81,19 +82,9 @@ class Compiled:
 
 @cache
 def _build(n: int, C: int) -> Future[Compiled]:
-    """Load the library, or let it be built behind the caller's back."""
-    done: Future[Compiled] = Future()
-    try:
-        find_compiler()
-        done.set_result(Compiled(n, C, build=False))
-    except NotCachedError:
-        return builder().submit(Compiled, n, C)
-    except (NoCompilerError, RuntimeError) as error:
-        done.set_exception(error)
-    return done
+    return loaded(lambda build: Compiled(n, C, build=build))
 
 
 def compiled(n: int, C: int) -> Compiled | None:
     """Return the library; None while it is built, or where that cannot be."""
-    building = _build(n, C)
-    return building.result() if building.done() and not building.exception() else None
+    return ready(_build(n, C))

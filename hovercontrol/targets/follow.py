@@ -17,15 +17,9 @@ from numpy.typing import NDArray
 
 from hovercontrol.block import Block
 from hovercontrol.sgn import regularise
+from hovercontrol.targets.background import loaded, ready
 from hovercontrol.targets.c import function_source
-from hovercontrol.targets.compiler import (
-    NoCompilerError,
-    NotCachedError,
-    find_compiler,
-    generated,
-    load_library,
-)
-from hovercontrol.targets.shoot import builder
+from hovercontrol.targets.compiler import generated, load_library
 
 Array = NDArray[np.float64]
 
@@ -85,7 +79,7 @@ def follow(
     """
     M, W = time.shape
     values = np.zeros((len(followers), M + 1, W))
-    call = _compiled(block, tuple(followers))
+    call = ready(_build(block, tuple(followers)))
     if call is None:
         _step(block, list(followers), time, step, states, inputs, list(parameters), values)
         return values
@@ -140,32 +134,13 @@ def _source(block: Block, followers: tuple[int, ...]) -> str:
 
 
 @lru_cache(maxsize=500)
-def _build(block: Block, followers: tuple[int, ...]) -> Future[ctypes.CDLL]:
-    """Load a library, or let it be built behind the caller's back."""
-    done: Future[ctypes.CDLL] = Future()
-    try:
-        find_compiler()
+def _build(block: Block, followers: tuple[int, ...]) -> Future[Callable[..., int]]:
+    def load(build: bool) -> Callable[..., int]:
         runtime = resources.files("hovercontrol") / "fmu"
         files = {name: (runtime / name).read_text(encoding="utf-8") for name in _RUNTIME}
-        text = partial(_source, block, followers)
-        files["rates.c"] = generated(block, f"follow {followers}", text)
-        done.set_result(load_library(f"{block.name}_follow", files, build=False))
-    except NotCachedError:
-        return builder().submit(load_library, f"{block.name}_follow", files)
-    except (NoCompilerError, RuntimeError) as error:
-        done.set_exception(error)
-    return done
+        files["rates.c"] = generated(block, f"follow {followers}", partial(_source, block, followers))
+        call = load_library(f"{block.name}_follow", files, build=build).block_follow
+        call.argtypes = [ctypes.c_void_p, ctypes.c_long, ctypes.c_long]
+        return call
 
-
-@lru_cache(maxsize=500)
-def _function(block: Block, followers: tuple[int, ...], library: ctypes.CDLL) -> Callable[..., int]:
-    library.block_follow.argtypes = [ctypes.c_void_p, ctypes.c_long, ctypes.c_long]
-    return library.block_follow
-
-
-def _compiled(block: Block, followers: tuple[int, ...]) -> Callable[..., int] | None:
-    """Return the compiled steps; None while they are built, or where that cannot be."""
-    building = _build(block, followers)
-    if not building.done() or building.exception():
-        return None
-    return _function(block, followers, building.result())
+    return loaded(load)

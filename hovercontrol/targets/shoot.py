@@ -18,14 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hovercontrol.block import Block
+from hovercontrol.targets.background import loaded, ready
 from hovercontrol.targets.c import lanes_source
-from hovercontrol.targets.compiler import (
-    NoCompilerError,
-    NotCachedError,
-    find_compiler,
-    generated,
-    load_library,
-)
+from hovercontrol.targets.compiler import NoCompilerError, generated, load_library
 
 Array = NDArray[np.float64]
 
@@ -186,30 +181,17 @@ def pool() -> ThreadPoolExecutor:
 
 @lru_cache(maxsize=500)
 def _build(block: Block) -> Future[_Compiled]:
-    """Load a Block's library, or let it be built behind the caller's back."""
-    done: Future[_Compiled] = Future()
-    try:
-        find_compiler()
+    def load(build: bool) -> _Compiled:
         runtime = resources.files("hovercontrol") / "fmu"
         files = {name: (runtime / name).read_text(encoding="utf-8") for name in _RUNTIME}
         files["exports.c"] = _EXPORTS
         lanes = partial(lanes_source, block, friction="smooth")
         files["lanes.c"] = generated(block, "lanes.c smooth True", lanes)
-        done.set_result(_Compiled(block, files, build=False))
-    except NotCachedError:
-        return builder().submit(_Compiled, block, files)
-    except NoCompilerError as error:
-        done.set_exception(error)
-    return done
+        return _Compiled(block, files, build=build)
 
-
-@cache
-def builder() -> ThreadPoolExecutor:
-    """Return the thread in which libraries are built."""
-    return ThreadPoolExecutor(1)
+    return loaded(load)
 
 
 def _compiled(block: Block) -> _Compiled | None:
     """Return the compiled runs of a Block; None while they are built, or where that cannot be."""
-    building = _build(block)
-    return building.result() if building.done() and not building.exception() else None
+    return ready(_build(block))
