@@ -182,7 +182,7 @@ def numpy_functions(block: Block) -> NumpyFunctions:
 
     Examples
     --------
-    >>> from hovercontrol.core.signals import Signal
+    >>> from hovercontrol import Block, Signal
     >>> v, k = Signal("v", "m/s"), Signal("k", "1/s", start=2.0)
     >>> decay = Block("decay", [v], [], [v], [k], {"v": -k.symbol * v.symbol})
     >>> numpy_functions(decay).derivatives(0.0, [[1.0, 2.0, 3.0]])
