@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from hovercontrol.effects import Effect, Shape
-from hovercontrol.estimation.fit import Fit, inverse
+from hovercontrol.estimation.fit import Fit
+from hovercontrol.estimation.passes import inverse
 from hovercontrol.signals import time
 
 Array = NDArray[np.float64]
