@@ -8,7 +8,7 @@ import pytest
 from hovercontrol.estimation.data import gather
 from hovercontrol.estimation.fit import first_noise
 from hovercontrol.estimation.kalman import run_filter, run_smoother
-from hovercontrol.estimation.noise import Noise, _integrated, augment, averaged, moved, timed
+from hovercontrol.estimation.noise import Noise, augment, averaged, moved, timed
 from hovercontrol.estimation.problem import Problem
 
 
@@ -77,5 +77,3 @@ def test_the_mean_of_a_missing_acceleration_is_smaller_the_longer_it_is_taken():
     dense = np.exp(-np.abs(s[:, None] - s) / 0.1).mean()
     assert short == pytest.approx(2.0 * np.sqrt(dense), rel=5e-3)
     assert long == pytest.approx(2.0, rel=1e-4)
-
-

@@ -254,7 +254,7 @@ class _Along:
         if new:
             self._simulate(block, new, x, u, every)
         with np.errstate(all="ignore"):
-            slopes = block.to_numpy().vector[0](self._t, x, u, every)
+            slopes = block.to_numpy().array_derivatives(self._t, x, u, every)
         rows = [[s.name for s in block.states].index(names[i]) for i in problem.free]
         shape = problem.dt.shape
         return np.stack([np.broadcast_to(slopes[i], self._t.shape).mean(axis=0).reshape(shape) for i in rows])
