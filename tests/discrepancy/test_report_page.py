@@ -134,6 +134,21 @@ def test_on_a_phone_nothing_that_matters_is_cut(report):
 
 
 @browsed
+def test_on_paper_a_page_is_light_and_nothing_stays_folded(report):
+    async def look(page):
+        await page.call("Emulation.setEmulatedMedia", media="print")
+        await page.value("document.querySelectorAll('details').forEach(d => d.open = false)")
+        assert contrast(await page.value("getComputedStyle(document.body).color"), "rgb(255, 255, 255)") > 10
+        shown = await page.value(
+            "[...document.querySelectorAll('details > :not(summary)')].map(e => e.checkVisibility("
+            "{contentVisibilityAuto: true}) && e.getBoundingClientRect().height > 0)"
+        )
+        assert shown and all(shown)
+
+    looked_at(report, look, dark=True)
+
+
+@browsed
 def test_a_new_term_wider_than_a_phone_is_seen_whole(sloping, tmp_path):
     model = sloping.found.refitted
     added = [effect("wind", x=0.3, y=0.1), effect("slope", x=0.1)]

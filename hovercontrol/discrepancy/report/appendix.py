@@ -21,11 +21,11 @@ def _asked() -> Table:
     rows = [
         (
             f"{c.least:g} + {c.each:g} a number",
-            "likelihood gained, at least: odds of e^10, and of e^2",
+            "likelihood gained, at least: odds of e¹⁰, and of e²",
         ),
         (f"{100 * c.level:g} %", "chance of one false name among all candidates, by the scatter over blocks"),
-        (f"{100 * c.spread:g} %", "spread from block to block, at most: a further block has the same sign"),
-        (f"{c.apart:g}", "a rival no more than this behind cannot be told apart: odds of e^6"),
+        (f"{100 * c.spread:.0f} %", "spread from block to block, at most: a further block has the same sign"),
+        (f"{c.apart:g}", "a rival no more than this behind cannot be told apart: odds of e⁶"),
         (f"{c.remains:g}", "gained by random forces in an equation, from which on something remains there"),
         (f"{c.worse:g}", "standard errors by which held-out errors may rise with a name"),
     ]
