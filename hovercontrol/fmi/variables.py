@@ -1,7 +1,7 @@
 """The variables of an FMU: one table from which descriptions, C tables and documentation are made.
 
 Value references are the same in FMI 2 and 3, in this order: time; states; derivatives; inputs; parameters;
-outputs; event indicators; friction modes (``hc_component.c`` counts them the same way). States that ticks set
+outputs; event indicators; friction modes (``hc_instance.h`` counts them the same way). States that ticks set
 come last among the states and have no derivative, though a reference is kept for one.
 """
 

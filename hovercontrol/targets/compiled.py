@@ -1,6 +1,6 @@
 """A Block compiled to machine code: fast simulation, and sweeps over thousands of runs on all cores.
 
-The generated C (:mod:`.c`) and the runtime in ``hovercontrol/fmu`` become a shared library
+The generated C (:mod:`.c`) and the runtime in ``fmu/`` become a shared library
 (:mod:`.library`). Without a C compiler the same calls run on NumPy, slowly, with smoothed friction.
 """
 

@@ -3,19 +3,18 @@
 import platform
 import shutil
 import subprocess
-from pathlib import Path
 
 import numpy as np
 import pytest
 import sympy as sp
 
-import hovercontrol
 from hovercontrol import Block, Signal, interconnect, time, tracking_controller, waypoints
 from hovercontrol.scenarios import load_scenario
 from hovercontrol.scenarios.runner import loop_parts
 from hovercontrol.sgn import sgn
 from hovercontrol.targets.c import lanes_source
 from hovercontrol.targets.compiled import FIGURES, compile_block
+from hovercontrol.targets.runtime import runtime_folder
 
 pytestmark = pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler (cc) on this machine")
 SCENARIO = load_scenario("table1")
@@ -109,7 +108,7 @@ def test_here_the_lanes_are_at_work():
 def test_strict_warnings_find_nothing(tmp_path, flags, friction):
     if "-mavx2" in flags and platform.machine() != "x86_64":
         pytest.skip("vectors are used on x86_64")
-    sources = [Path(hovercontrol.__file__).parent / "fmu" / "hc_lanes.c"]
+    sources = [runtime_folder() / "hc_lanes.c"]
     for block in (loop(), rubbing(), functions()[0]):
         sources.append(tmp_path / f"{block.name}.c")
         sources[-1].write_text(lanes_source(block, friction=friction))
