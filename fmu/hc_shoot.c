@@ -39,16 +39,17 @@ static void one_piece(hc_shooter *s, long piece, long row)
 {
     const hc_shoot *d = s->shoot;
     pack *begin = s->x;
+    pack h; /* a copy that nobody can change from afar stays in registers */
     for (int l = 0; l < HC_LANES; l++) {
         s->t[l] = d->time[(piece * (d->rows - 1) + row) * d->windows + s->window[l]];
-        s->h[l] = d->step[row * d->windows + s->window[l]];
+        s->h[l] = h[l] = d->step[row * d->windows + s->window[l]];
     }
     for (int i = 0; i < d->n_inputs; i++)
         arrive(s, d->inputs, i, piece, row, s->u[i]);
     for (int i = 0; i < d->n_known; i++)
         arrive(s, d->values, i, piece, row, s->x[d->known[i]]);
     slope(s, 0.0, begin[0], s->k1[0]);
-    hc_rk4_step(d->n_states, HC_LANES, slope, s, s->h, begin[0], s->k1[0], s->k2[0], s->k3[0], s->k4[0], s->stage[0],
+    hc_rk4_step(d->n_states, HC_LANES, slope, s, h, begin[0], s->k1[0], s->k2[0], s->k3[0], s->k4[0], s->stage[0],
                 s->end[0]);
     s->x = s->end;
     s->end = begin;
