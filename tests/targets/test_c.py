@@ -10,7 +10,7 @@ import pytest
 import sympy as sp
 
 from hovercontrol import Block, Signal, interconnect, vehicle, waypoints
-from hovercontrol.friction import dry_frictions, with_modes
+from hovercontrol.core.friction import dry_frictions, with_modes
 from hovercontrol.scenarios import load_scenario
 from hovercontrol.scenarios.runner import loop_parts
 from hovercontrol.targets.c import c_source
