@@ -13,7 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from hovercontrol.core.block import Block, Rows
 from hovercontrol.errors import InputError, shown
-from hovercontrol.targets.c import c_source, lanes_source
+from hovercontrol.targets.c import c_source
+from hovercontrol.targets.c_lanes import lanes_source
 from hovercontrol.targets.compiler import NotCachedError, generated, load_library
 from hovercontrol.targets.resting import without_resting_states
 from hovercontrol.targets.runtime import SIMULATION, runtime_files

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from hovercontrol.core.block import Block
 from hovercontrol.targets.background import loaded, ready
-from hovercontrol.targets.c import lanes_source
+from hovercontrol.targets.c_lanes import lanes_source
 from hovercontrol.targets.compiler import NoCompilerError, generated, load_library
 from hovercontrol.targets.runtime import SHOOTING, runtime_files
 

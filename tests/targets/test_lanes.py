@@ -12,7 +12,7 @@ from hovercontrol import Block, Signal, interconnect, time, tracking_controller,
 from hovercontrol.core.sgn import sgn
 from hovercontrol.scenarios import load_scenario
 from hovercontrol.scenarios.runner import loop_parts
-from hovercontrol.targets.c import lanes_source
+from hovercontrol.targets.c_lanes import lanes_source
 from hovercontrol.targets.compiled import FIGURES, compile_block
 from hovercontrol.targets.runtime import runtime_folder
 

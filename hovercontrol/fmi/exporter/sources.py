@@ -9,7 +9,8 @@ from typing import Literal
 
 from hovercontrol.core.delays import undelayed
 from hovercontrol.fmi.exporter.variables import Interface
-from hovercontrol.targets.c import c_source, delays_source
+from hovercontrol.targets.c import c_source
+from hovercontrol.targets.c_delays import delays_source
 from hovercontrol.targets.compiler import generated
 from hovercontrol.targets.runtime import DELAYS, FMI, INSTANCE, runtime_files
 
