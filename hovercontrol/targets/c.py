@@ -7,19 +7,16 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Iterable, Sequence
-from typing import Literal
 
 import sympy as sp
 
 from hovercontrol.core.block import Block
 from hovercontrol.core.derivatives import partial_derivatives
-from hovercontrol.core.friction import DryFriction, dry_frictions, with_modes
+from hovercontrol.core.friction import DryFriction, Friction, dry_frictions, with_modes
 from hovercontrol.core.lookup import Entries
 from hovercontrol.core.switching import switching_conditions
 from hovercontrol.core.ticks import clock_of
 from hovercontrol.targets.c_function import POINT, Element, Function, Names, Result, remark
-
-Friction = Literal["events", "smooth"]
 
 
 def c_source(block: Block, *, friction: Friction = "events", partials: bool = True) -> str:

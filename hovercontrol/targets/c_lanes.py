@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from hovercontrol.core.block import Block
-from hovercontrol.targets.c import Friction, derivatives, modelled, tables_source
+from hovercontrol.core.friction import Friction
+from hovercontrol.targets.c import derivatives, modelled, tables_source
 from hovercontrol.targets.c_function import Names
 
 

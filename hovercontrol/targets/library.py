@@ -6,12 +6,13 @@ import ctypes
 import threading
 from collections.abc import Callable
 from functools import partial
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hovercontrol.core.block import Block, Rows
+from hovercontrol.core.friction import Friction
 from hovercontrol.errors import InputError, shown
 from hovercontrol.targets.c import c_source
 from hovercontrol.targets.c_lanes import lanes_source
@@ -212,7 +213,7 @@ class Library:
     def __init__(
         self,
         block: Block,
-        friction: Literal["events", "smooth"],
+        friction: Friction,
         *,
         whole: bool = True,
         lanes: bool = False,

@@ -82,7 +82,7 @@ def one_by_one(ready, runs, inputs=None, step=STEP, grid=GRID):
 
 
 def check(block, params, x0=None, inputs=None, rtol=1e-9, **options):
-    ready = compile_block(block)
+    ready = compile_block(block, friction="events")
     result = ready.sweep(GRID, params=params, x0=x0, inputs=inputs, method="rk4", step=STEP, **options)
     assert not result.status.any()
     names = [s.name for s in block.states]
@@ -100,7 +100,7 @@ def test_here_the_lanes_are_at_work():
     glibc, version = platform.libc_ver()
     if platform.machine() != "x86_64" or glibc != "glibc" or tuple(map(int, version.split("."))) < (2, 35):
         pytest.skip("vectors are used with gcc and glibc 2.35 or later on x86_64")
-    assert compile_block(loop())._engine_from(np.zeros(6), lanes=True).lanes == 8
+    assert compile_block(loop(), friction="events")._engine_from(np.zeros(6), lanes=True).lanes == 8
 
 
 @pytest.mark.parametrize("flags", [[], ["-fopenmp-simd", "-DHC_SIMD", "-mavx2", "-fno-trapping-math"]])
@@ -177,7 +177,7 @@ def test_a_run_gives_the_same_bits_in_every_lane_and_every_thread():
     drag = np.full(40, 0.7)
     drag[::7] = np.linspace(0.4, 1.0, 6)
     options = {"method": "rk4", "step": STEP}
-    ready = compile_block(loop())
+    ready = compile_block(loop(), friction="events")
     one, many = (
         ready.sweep(GRID, params={"plant.yaw_linear_drag": drag}, threads=k, **options) for k in (1, 5)
     )
@@ -188,7 +188,7 @@ def test_a_run_gives_the_same_bits_in_every_lane_and_every_thread():
 
 
 def test_a_grid_as_fine_as_the_steps_changes_nothing():
-    ready = compile_block(loop())
+    ready = compile_block(loop(), friction="events")
     drag = {"plant.yaw_linear_drag": np.linspace(0.4, 1.0, RUNS)}
     options = {"params": drag, "method": "rk4", "step": STEP}
     coarse, fine = (ready.sweep(np.linspace(0, 2, n), **options) for n in (11, 1001))

@@ -16,12 +16,11 @@ from itertools import chain, count
 from typing import Literal
 
 from hovercontrol.core.block import Block
-from hovercontrol.core.friction import DryFriction, dry_frictions
+from hovercontrol.core.friction import DryFriction, Friction, dry_frictions
 from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError
 from hovercontrol.fmi.exporter.units import Unit, fmi_unit
 
-Friction = Literal["events", "smooth"]
 Kind = Literal["time", "state", "derivative", "input", "parameter", "output", "event", "mode"]
 
 
