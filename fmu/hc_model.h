@@ -11,6 +11,8 @@
 #ifndef HC_MODEL_H
 #define HC_MODEL_H
 
+#include "hc_options.h"
+
 typedef struct {
     int n_states, n_inputs, n_parameters, n_outputs, n_friction;
     const int *friction_state;

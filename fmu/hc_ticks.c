@@ -39,7 +39,7 @@ static void find_next(hc_ticks *ticks)
 void hc_ticks_start(hc_ticks *ticks, double t)
 {
     const hc_model_type *m = ticks->model;
-    const double early = t - hc_ticks_room(t);
+    const double early = t - hc_room(t);
     for (int k = 0; k < m->n_ticks; k++)
         ticks->due[k] = ceil(early * m->fractions / m->tick_period[k]) * m->tick_period[k];
     ticks->ticked = 0;
@@ -48,12 +48,12 @@ void hc_ticks_start(hc_ticks *ticks, double t)
 
 int hc_ticks_due(const hc_ticks *ticks, double t)
 {
-    return ticks->next <= t + hc_ticks_room(t);
+    return ticks->next <= t + hc_room(t);
 }
 
 int hc_ticks_before(const hc_ticks *ticks, double t)
 {
-    return ticks->next < t - hc_ticks_room(t);
+    return ticks->next < t - hc_room(t);
 }
 
 void hc_ticks_take(hc_ticks *ticks, double t, double *x, const double *u, const double *p, const int *mode)

@@ -9,8 +9,8 @@
  * Functions that return int return a status; on HC_ERROR and HC_DISCARD the importer's logger got a message. After
  * HC_ERROR the instance is in the state HC_FAILED: it can be read, reset, restored and freed.
  */
-#ifndef HC_COMPONENT_H
-#define HC_COMPONENT_H
+#ifndef HC_INSTANCE_H
+#define HC_INSTANCE_H
 
 #include <stddef.h>
 
@@ -31,6 +31,16 @@ enum {
     HC_STEP = 16,
     HC_TERMINATED = 32,
     HC_FAILED = 64
+};
+
+/* Sets of them: what a call is allowed in. */
+enum {
+    INITIALIZED = HC_EVENT | HC_CONTINUOUS_TIME | HC_STEP,
+    ENDED = HC_TERMINATED | HC_FAILED,
+    ANY = HC_INSTANTIATED | HC_INITIALIZATION | INITIALIZED | ENDED,
+    COMPUTED = HC_INITIALIZATION | INITIALIZED | ENDED, /* where equations are active */
+    SETTABLE = HC_INSTANTIATED | HC_INITIALIZATION | INITIALIZED,
+    DISCRETE = HC_INSTANTIATED | HC_INITIALIZATION | HC_EVENT | HC_STEP
 };
 
 /* The importer's logger. A bit of `categories` is a status: 1 << HC_DONE is logEvents, and so on. */
@@ -70,10 +80,10 @@ typedef struct {
     int changed_before; /* likewise at the last step */
     int event;         /* the solver's last step ended at an event */
     double *initial;   /* the state of a new instance */
-} hc_component;
+} hc_instance;
 
 /* States that move between ticks; those that are held come after them. */
-static inline size_t hc_n_continuous(const hc_component *c)
+static inline size_t hc_n_continuous(const hc_instance *c)
 {
     return (size_t)(c->model->n_states - c->model->n_held);
 }
@@ -81,21 +91,21 @@ static inline size_t hc_n_continuous(const hc_component *c)
 /* ---- life ---- */
 
 /* NULL, with a message, on a wrong token, an empty name, or no memory. */
-hc_component *hc_component_new(const hc_log_type *log, const char *function, int kind, const char *name,
+hc_instance *hc_instance_new(const hc_log_type *log, const char *function, int kind, const char *name,
                                const char *token);
-void hc_component_free(hc_component *c);
+void hc_instance_free(hc_instance *c);
 
 /* Every function begins with this: 0, with a message, where the call is not allowed now. */
-int hc_refuse_state(hc_component *c, unsigned allowed);
-int hc_refuse_kind(hc_component *c, int kind);
-static inline int hc_enter(hc_component *c, const char *function, unsigned allowed)
+int hc_refuse_state(hc_instance *c, unsigned allowed);
+int hc_refuse_kind(hc_instance *c, int kind);
+static inline int hc_enter(hc_instance *c, const char *function, unsigned allowed)
 {
     if (!c)
         return 0;
     c->function = function;
     return (c->state & allowed) != 0 || hc_refuse_state(c, allowed);
 }
-static inline int hc_enter_kind(hc_component *c, const char *function, unsigned allowed, int kind)
+static inline int hc_enter_kind(hc_instance *c, const char *function, unsigned allowed, int kind)
 {
     return hc_enter(c, function, allowed) && (c->kind == kind || hc_refuse_kind(c, kind));
 }
@@ -105,58 +115,58 @@ static inline int hc_enter_kind(hc_component *c, const char *function, unsigned 
 #else
 #define HC_FORMAT(text, values)
 #endif
-int hc_fail(hc_component *c, const char *format, ...) HC_FORMAT(2, 3);
-int hc_discard(hc_component *c, const char *format, ...) HC_FORMAT(2, 3);
-int hc_not_supported(hc_component *c, const char *what);
+int hc_fail(hc_instance *c, const char *format, ...) HC_FORMAT(2, 3);
+int hc_discard(hc_instance *c, const char *format, ...) HC_FORMAT(2, 3);
+int hc_not_supported(hc_instance *c, const char *what);
 /* Refuse a NULL where there are values to read or to write. */
-int hc_no_null(hc_component *c, const void *pointer, const char *name, size_t n);
+int hc_no_null(hc_instance *c, const void *pointer, const char *name, size_t n);
 /* `only`: the categories given are the only ones from now on (FMI 2); otherwise the others stay as they are (FMI 3). */
-int hc_set_logging(hc_component *c, int on, int only, size_t n, const char *const categories[]);
+int hc_set_logging(hc_instance *c, int on, int only, size_t n, const char *const categories[]);
 
-int hc_set_experiment(hc_component *c, int has_tolerance, double tolerance, double start, int has_stop, double stop);
-int hc_exit_initialization(hc_component *c);
-int hc_reset(hc_component *c);
+int hc_set_experiment(hc_instance *c, int has_tolerance, double tolerance, double start, int has_stop, double stop);
+int hc_exit_initialization(hc_instance *c);
+int hc_reset(hc_instance *c);
 
 /* ---- values ---- */
 
-int hc_get_reals(hc_component *c, const unsigned *vr, size_t n, double *value);
-int hc_get_modes(hc_component *c, const unsigned *vr, size_t n, int *value);
-int hc_set_reals(hc_component *c, const unsigned *vr, size_t n, const double *value);
+int hc_get_reals(hc_instance *c, const unsigned *vr, size_t n, double *value);
+int hc_get_modes(hc_instance *c, const unsigned *vr, size_t n, int *value);
+int hc_set_reals(hc_instance *c, const unsigned *vr, size_t n, const double *value);
 /* For the types of which there is no variable, and to set modes: an error unless n is 0. */
-int hc_no_variable(hc_component *c, const char *type, const unsigned *vr, size_t n);
+int hc_no_variable(hc_instance *c, const char *type, const unsigned *vr, size_t n);
 
 /* Products with the matrix of partial derivatives of derivatives and outputs by states, inputs and parameters:
  * sensitivity = J seed, or (adjoint) J' seed. `n_seed`, `n_sensitivity` are as long as knowns and unknowns tell. */
-int hc_partial_derivatives(hc_component *c, int adjoint, const unsigned *unknown, size_t n_unknown,
+int hc_partial_derivatives(hc_instance *c, int adjoint, const unsigned *unknown, size_t n_unknown,
                            const unsigned *known, size_t n_known, const double *seed, double *sensitivity);
 
 /* ---- Model Exchange ---- */
 
 enum { HC_STATES = 1, HC_DERIVATIVES = 2, HC_INPUTS = 3, HC_PARAMETERS = 4, HC_OUTPUTS = 5, HC_INDICATORS = 6 };
 
-int hc_set_time(hc_component *c, double time);
-int hc_set_states(hc_component *c, const double *x, size_t n);
+int hc_set_time(hc_instance *c, double time);
+int hc_set_states(hc_instance *c, const double *x, size_t n);
 /* Copy one part of `value`, or the nominal sizes of the states. */
-int hc_get_part(hc_component *c, int part, double *into, size_t n);
-int hc_get_nominals(hc_component *c, double *into, size_t n);
-int hc_completed_step(hc_component *c, int *enter_event_mode);
-int hc_enter_event_mode(hc_component *c);
+int hc_get_part(hc_instance *c, int part, double *into, size_t n);
+int hc_get_nominals(hc_instance *c, double *into, size_t n);
+int hc_completed_step(hc_instance *c, int *enter_event_mode);
+int hc_enter_event_mode(hc_instance *c);
 /* `next` is DBL_MAX where there is no next event. */
-int hc_update_discrete_states(hc_component *c, int *states_changed, double *next);
-int hc_leave_event_mode(hc_component *c, unsigned state);
+int hc_update_discrete_states(hc_instance *c, int *states_changed, double *next);
+int hc_leave_event_mode(hc_instance *c, unsigned state);
 
 /* ---- Co-Simulation ---- */
 
 /* On return the instance's time is the one that was reached. */
-int hc_do_step(hc_component *c, double time, double length, int *event, int *early);
+int hc_do_step(hc_instance *c, double time, double length, int *event, int *early);
 
 /* ---- the whole state ---- */
 
-int hc_state_get(hc_component *c, void **state);
-int hc_state_set(hc_component *c, const void *state);
-int hc_state_free(hc_component *c, void **state);
-int hc_state_size(hc_component *c, const void *state, size_t *size);
-int hc_state_write(hc_component *c, const void *state, unsigned char *bytes, size_t size);
-int hc_state_read(hc_component *c, const unsigned char *bytes, size_t size, void **state);
+int hc_state_get(hc_instance *c, void **state);
+int hc_state_set(hc_instance *c, const void *state);
+int hc_state_free(hc_instance *c, void **state);
+int hc_state_size(hc_instance *c, const void *state, size_t *size);
+int hc_state_write(hc_instance *c, const void *state, unsigned char *bytes, size_t size);
+int hc_state_read(hc_instance *c, const unsigned char *bytes, size_t size, void **state);
 
 #endif

@@ -6,6 +6,8 @@
 #ifndef HC_DESCRIPTION_H
 #define HC_DESCRIPTION_H
 
+#include "hc_options.h"
+
 typedef struct {
     const char *name;         /* model identifier */
     const char *token;        /* instantiationToken of FMI 3, guid of FMI 2 */

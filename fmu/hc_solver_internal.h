@@ -7,9 +7,6 @@
 #include "hc_steps.h"
 #include "hc_ticks.h"
 
-#include <float.h>
-#include <math.h>
-
 #define HC_SAMPLES 5 /* points of a step at which sticking is looked at, both ends included */
 
 struct hc_solver {
@@ -40,11 +37,6 @@ struct hc_solver {
 };
 
 enum { HC_RIGHT_HAND_SIDES = 0, HC_ACCEPTED = 1, HC_REJECTED = 2, HC_EVENTS = 3 };
-
-static inline int hc_is_finite(double value)
-{
-    return fabs(value) <= DBL_MAX;
-}
 
 /* Time as the model may see it: never past a switch that the step does not cross, by rounding or by its last stage. */
 static inline double hc_model_time(const hc_solver *s, double t)

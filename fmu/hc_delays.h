@@ -7,9 +7,7 @@
 
 #include <stddef.h>
 
-#ifndef HC_DELAYS
 #include "hc_options.h"
-#endif
 
 /* Generated with the model: which inputs act late, which parameters say how late, and what they say [s]. */
 typedef struct {

@@ -7,14 +7,11 @@
 #include <stddef.h>
 
 #include "hc_model.h"
+#include "hc_rk4.h"
 
 enum { HC_LANES = 8 };
 
-#ifdef HC_SIMD /* said together with -fopenmp-simd */
-#define HC_EACH_LANE _Pragma("omp simd") for (int l = 0; l < HC_LANES; l++)
-#else
-#define HC_EACH_LANE for (int l = 0; l < HC_LANES; l++)
-#endif
+#define HC_EACH_LANE HC_SIDE_BY_SIDE(HC_LANES)
 
 /* Signal i of lane l is at [i * HC_LANES + l]; modes are doubles, and none is zero: nothing sticks. */
 typedef void (*hc_lanes_function)(const double *t, const double *x, const double *u, const double *p, const double *mode,

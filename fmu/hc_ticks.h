@@ -4,11 +4,10 @@
 #ifndef HC_TICKS_H
 #define HC_TICKS_H
 
-#include <float.h>
-#include <math.h>
 #include <stddef.h>
 
 #include "hc_model.h"
+#include "hc_numbers.h"
 
 typedef struct {
     const hc_model_type *model;
@@ -20,12 +19,6 @@ typedef struct {
     double *before;      /* n_held */
     double *work;        /* n_held */
 } hc_ticks;
-
-/* Times that are nearer to each other are one: grids of times are computed with rounding. */
-static inline double hc_ticks_room(double t)
-{
-    return 8.0 * DBL_EPSILON * fabs(t);
-}
 
 /* Numbers that hc_ticks_place needs, and the arrays of `ticks` in them. */
 size_t hc_ticks_size(const hc_model_type *model);

@@ -2,12 +2,10 @@
 #define HC_DELAYS 1
 #include "hc_delays.h"
 
-#include <float.h>
-#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
-#define ROOM (8.0 * DBL_EPSILON) /* relative: grids of times are computed with rounding */
+#include "hc_numbers.h"
 
 typedef struct {
     double delay, sent;      /* what was sent last */
@@ -163,7 +161,7 @@ int hc_delays_arrive(hc_delays *d, double t)
         late_type *late = d->late + k;
         double *in = d->in + hc_late.input[k];
         const double before = *in;
-        for (; late->n > 0 && late->message[2 * late->first] <= t + ROOM * fabs(t); late->first++, late->n--)
+        for (; late->n > 0 && late->message[2 * late->first] <= t + hc_room(t); late->first++, late->n--)
             *in = late->message[2 * late->first + 1];
         if (late->n == 0)
             late->first = 0;

@@ -1,4 +1,4 @@
-/* FMI 2.0 in terms of hc_component.h: which call is allowed in which state (FMI 2.0.5, tables of sections 3.2.3 and
+/* FMI 2.0 in terms of hc_instance.h: which call is allowed in which state (FMI 2.0.5, tables of sections 3.2.3 and
  * 4.2.4), and the types of the standard. Two things are wider than the tables: inputs may be set, to their start
  * values, before Initialization Mode, and time in Event Mode, as FMI 2.0.0 had it.
  */
@@ -6,27 +6,18 @@
 
 #include <float.h>
 
-#include "hc_component.h"
-
-enum {
-    INITIALIZED = HC_EVENT | HC_CONTINUOUS_TIME | HC_STEP,
-    ENDED = HC_TERMINATED | HC_FAILED,
-    ANY = HC_INSTANTIATED | HC_INITIALIZATION | INITIALIZED | ENDED,
-    COMPUTED = HC_INITIALIZATION | INITIALIZED | ENDED, /* where equations are active */
-    SETTABLE = HC_INSTANTIATED | HC_INITIALIZATION | INITIALIZED,
-    DISCRETE = HC_INSTANTIATED | HC_INITIALIZATION | HC_EVENT | HC_STEP
-};
+#include "hc_instance.h"
 
 #define ENTER(function, allowed)                                                                                      \
-    hc_component *c = instance;                                                                                       \
+    hc_instance *c = instance;                                                                                        \
     if (!hc_enter(c, "fmi2" #function, allowed))                                                                      \
     return fmi2Error
 #define ENTER_ME(function, allowed)                                                                                   \
-    hc_component *c = instance;                                                                                       \
+    hc_instance *c = instance;                                                                                        \
     if (!hc_enter_kind(c, "fmi2" #function, allowed, HC_MODEL_EXCHANGE))                                              \
     return fmi2Error
 #define ENTER_CS(function, allowed)                                                                                   \
-    hc_component *c = instance;                                                                                       \
+    hc_instance *c = instance;                                                                                        \
     if (!hc_enter_kind(c, "fmi2" #function, allowed, HC_CO_SIMULATION))                                               \
     return fmi2Error
 #define NOT_NULL(pointer)                                                                                             \
@@ -75,13 +66,13 @@ fmi2Component FMI2(Instantiate)(fmi2String name, fmi2Type type, fmi2String guid,
         log.callback = (void (*)(void))functions->logger;
     }
     log.categories = logging ? ~0u : 1u << HC_ERROR;
-    return hc_component_new(&log, "fmi2Instantiate", type == fmi2ModelExchange ? HC_MODEL_EXCHANGE : HC_CO_SIMULATION,
+    return hc_instance_new(&log, "fmi2Instantiate", type == fmi2ModelExchange ? HC_MODEL_EXCHANGE : HC_CO_SIMULATION,
                             name, guid);
 }
 
 void FMI2(FreeInstance)(HC_ARGUMENTS)
 {
-    hc_component_free(instance);
+    hc_instance_free(instance);
 }
 
 fmi2Status FMI2(SetupExperiment)(HC_ARGUMENTS, fmi2Boolean has_tolerance, fmi2Real tolerance, fmi2Real start,

@@ -123,45 +123,24 @@ static void get_off(hc_lanes *s, int l, hc_run *run)
 
 /* ---- a step ---- */
 
-static void evaluate(const hc_lanes *s, const double *t, pack *x, pack *dx)
+/* At t + part * h, as the model may see it; see hc_model_time. */
+static void slope(void *system, double part, double *x, double *dx)
 {
-    s->derivatives(t, x[0], (const double *)s->u, (const double *)s->p, (const double *)s->mode, dx[0]);
-}
-
-/* t + part * h as the model may see it; see hc_model_time */
-static void clock_at(const hc_lanes *s, double part, double *t)
-{
+    const hc_lanes *s = system;
+    pack t;
     HC_EACH_LANE {
         const double at = s->t[l] + part * s->h[l];
         t[l] = at < s->earliest[l] ? s->earliest[l] : at > s->latest[l] ? s->latest[l] : at;
     }
+    s->derivatives(t, x, (const double *)s->u, (const double *)s->p, (const double *)s->mode, dx);
 }
 
 /* From x, f over h to x1, f1. */
 static void try_step(hc_lanes *s)
 {
-    const int n = s->model->n_states;
-    const double *h = s->h;
-    pack half, whole;
-    clock_at(s, 0.5, half);
-    clock_at(s, 1.0, whole);
-    for (int i = 0; i < n; i++)
-        HC_EACH_LANE
-            s->stage[i][l] = s->x[i][l] + 0.5 * h[l] * s->f[i][l];
-    evaluate(s, half, s->stage, s->k2);
-    for (int i = 0; i < n; i++)
-        HC_EACH_LANE
-            s->stage[i][l] = s->x[i][l] + 0.5 * h[l] * s->k2[i][l];
-    evaluate(s, half, s->stage, s->k3);
-    for (int i = 0; i < n; i++)
-        HC_EACH_LANE
-            s->stage[i][l] = s->x[i][l] + h[l] * s->k3[i][l];
-    evaluate(s, whole, s->stage, s->k4);
-    for (int i = 0; i < n; i++)
-        HC_EACH_LANE
-            s->x1[i][l] = s->x[i][l] +
-                          h[l] / 6.0 * (s->f[i][l] + 2.0 * (s->k2[i][l] + s->k3[i][l]) + s->k4[i][l]);
-    evaluate(s, whole, s->x1, s->f1);
+    hc_rk4_step(s->model->n_states, HC_LANES, slope, s, s->h, s->x[0], s->f[0], s->k2[0], s->k3[0], s->k4[0],
+                s->stage[0], s->x1[0]);
+    slope(s, 1.0, s->x1[0], s->f1[0]);
 }
 
 /* Find where the step to x1, f1 is one for the run's own solver. */

@@ -14,14 +14,14 @@ typedef struct {
     const int *place;
 } hc_part;
 
-/* Simulate over a grid of times; inputs `u` (n_times rows of n_inputs, or NULL if the model has none) hold from one
- * row to the next. States go to `states` (n_times x n_states) and outputs to `outputs` (n_times x n_outputs), either may be
- * NULL. `x` holds the initial states and, afterwards, the last. On an error, `reached` tells the time. */
 /* Change states x of time t to those of time `until`. Ticks at t are taken, those at `until` not: they belong to the
  * call that goes on. Where `until` is t, nothing but the ticks happens. */
 int hc_advance(const hc_model_type *model, const hc_options *options, double t, double until, double *x,
                const double *u, const double *p);
 
+/* Simulate over a grid of times; inputs `u` (n_times rows of n_inputs, or NULL if the model has none) hold from one
+ * row to the next. States go to `states` (n_times x n_states) and outputs to `outputs` (n_times x n_outputs), either may be
+ * NULL. `x` holds the initial states and, afterwards, the last. On an error, `reached` tells the time. */
 int hc_simulate(const hc_model_type *model, const hc_options *options, const double *times, long n_times,
                 double *x, const double *u, const double *p, double *states, double *outputs, double *reached);
 

@@ -8,17 +8,22 @@ typedef double pack[HC_LANES]; /* one number of each lane */
 typedef struct {
     const hc_shoot *shoot;
     hc_lanes_function derivatives;
-    pack *x, *k1, *k2, *k3, *stage, *u, *p;
+    pack *x, *end, *k1, *k2, *k3, *k4, *stage, *u, *p;
+    pack t, h; /* begin and length of a piece */
     long window[HC_LANES]; /* of each lane; the last is repeated where windows run out */
     long copy, way;
 } hc_shooter;
 
-static void slope(const hc_shooter *s, const double *t, pack *x, pack *dx)
+static void slope(void *system, double part, double *x, double *dx)
 {
-    s->derivatives(t, x[0], (const double *)s->u, (const double *)s->p, NULL, dx[0]);
+    const hc_shooter *s = system;
+    pack t;
+    HC_EACH_LANE
+        t[l] = s->t[l] + part * s->h[l];
+    s->derivatives(t, x, (const double *)s->u, (const double *)s->p, NULL, dx);
     for (int i = 0; i < s->shoot->n_known; i++)
         HC_EACH_LANE
-            dx[s->shoot->known[i]][l] = 0.0;
+            dx[s->shoot->known[i] * HC_LANES + l] = 0.0;
 }
 
 /* One number of each lane out of an array (signals, S, K-1, ways, W). */
@@ -33,38 +38,21 @@ static void arrive(const hc_shooter *s, const double *from, int signal, long pie
 static void one_piece(hc_shooter *s, long piece, long row)
 {
     const hc_shoot *d = s->shoot;
-    const int n = d->n_states;
-    pack t, half, whole, h;
+    pack *begin = s->x;
+    pack h; /* a copy that nobody can change from afar stays in registers */
     for (int l = 0; l < HC_LANES; l++) {
-        t[l] = d->time[(piece * (d->rows - 1) + row) * d->windows + s->window[l]];
-        h[l] = d->step[row * d->windows + s->window[l]];
+        s->t[l] = d->time[(piece * (d->rows - 1) + row) * d->windows + s->window[l]];
+        s->h[l] = h[l] = d->step[row * d->windows + s->window[l]];
     }
     for (int i = 0; i < d->n_inputs; i++)
         arrive(s, d->inputs, i, piece, row, s->u[i]);
     for (int i = 0; i < d->n_known; i++)
         arrive(s, d->values, i, piece, row, s->x[d->known[i]]);
-    HC_EACH_LANE {
-        half[l] = t[l] + 0.5 * h[l];
-        whole[l] = t[l] + h[l];
-    }
-    slope(s, t, s->x, s->k1);
-    for (int i = 0; i < n; i++)
-        HC_EACH_LANE
-            s->stage[i][l] = s->x[i][l] + 0.5 * h[l] * s->k1[i][l];
-    slope(s, half, s->stage, s->k2);
-    for (int i = 0; i < n; i++)
-        HC_EACH_LANE
-            s->stage[i][l] = s->x[i][l] + 0.5 * h[l] * s->k2[i][l];
-    slope(s, half, s->stage, s->k3);
-    for (int i = 0; i < n; i++)
-        HC_EACH_LANE {
-            s->stage[i][l] = s->x[i][l] + h[l] * s->k3[i][l];
-            s->k3[i][l] = s->k1[i][l] + 2.0 * (s->k2[i][l] + s->k3[i][l]);
-        }
-    slope(s, whole, s->stage, s->k1);
-    for (int i = 0; i < n; i++)
-        HC_EACH_LANE
-            s->x[i][l] += h[l] / 6.0 * (s->k3[i][l] + s->k1[i][l]);
+    slope(s, 0.0, begin[0], s->k1[0]);
+    hc_rk4_step(d->n_states, HC_LANES, slope, s, h, begin[0], s->k1[0], s->k2[0], s->k3[0], s->k4[0], s->stage[0],
+                s->end[0]);
+    s->x = s->end;
+    s->end = begin;
 }
 
 static double *state(const hc_shooter *s, long row, int i)
@@ -94,16 +82,18 @@ static void one_copy(hc_shooter *s, int count)
 int hc_shoot_run(const hc_shoot *shoot, hc_lanes_function derivatives, long from, long to)
 {
     const int n = shoot->n_states;
-    const size_t packs = (size_t)(5 * n + shoot->n_inputs + shoot->n_parameters);
+    const size_t packs = (size_t)(7 * n + shoot->n_inputs + shoot->n_parameters);
     pack *block = calloc(packs + 1, sizeof *block);
     hc_shooter s = {.shoot = shoot, .derivatives = derivatives};
     if (!block)
         return 1;
     s.x = block;
-    s.k1 = s.x + n;
+    s.end = s.x + n;
+    s.k1 = s.end + n;
     s.k2 = s.k1 + n;
     s.k3 = s.k2 + n;
-    s.stage = s.k3 + n;
+    s.k4 = s.k3 + n;
+    s.stage = s.k4 + n;
     s.u = s.stage + n;
     s.p = s.u + shoot->n_inputs;
     for (long first = from; first < to; first += HC_LANES) {
