@@ -13,7 +13,15 @@ import pyarrow.csv
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from hovercontrol.analysis.ins_monte_carlo import Array, Course, course, inputs_of, ranged, sensed, started
+from hovercontrol.analysis.k06.ins_monte_carlo import (
+    Array,
+    Course,
+    course,
+    inputs_of,
+    ranged,
+    sensed,
+    started,
+)
 from hovercontrol.analysis.output import Progress, save, script
 from hovercontrol.estimators.ins import (
     IMU_PERIOD,

@@ -10,6 +10,7 @@ import numpy as np
 import sympy as sp
 from numpy.typing import ArrayLike, NDArray
 
+from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError
 from hovercontrol.estimators.ins.cloud import Cloud
 from hovercontrol.estimators.ins.imu import IMU, IMU_PERIOD
@@ -27,8 +28,7 @@ from hovercontrol.estimators.ins.noise import InsNoise, noise_from_sensors
 from hovercontrol.estimators.ins.ranges import RangeAids, measured_ranges
 from hovercontrol.estimators.ins.velocity_position import innovation_outputs
 from hovercontrol.hardware.sensors.beacons import Beacons
-from hovercontrol.signals import Signal
-from hovercontrol.tables import number, positive
+from hovercontrol.io.tables import number, positive
 
 Array = NDArray[np.float64]
 
