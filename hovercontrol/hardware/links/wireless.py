@@ -93,6 +93,7 @@ def lossy_link(
     retransmissions: int = 0,
     timeout: float = 0.0,
     delays: Delays | float = 0.0,
+    gate: Signal | None = None,
     tick: float = TICK,
     seed: int = 1,
     suffix: str = "_received",
@@ -112,6 +113,9 @@ def lossy_link(
         How often a message is sent again at most; then it is given up.
     timeout : float, optional
         From a lost transmission to the next [s]; positive if there are retransmissions.
+    gate : Signal, optional
+        A further input that switches the sender on, 1, or off, 0: messages due meanwhile are not sent, K06's
+        "TX Enb" [K06 fig 5.2].
 
     Returns
     -------
@@ -142,7 +146,7 @@ def lossy_link(
     if not_negative(f"{name}: timeout", timeout) == 0 and retransmissions:
         raise InputError(f"{name}: with retransmissions, timeout must be positive, found {timeout!r}")
     repeat = (float(loss), retransmissions, float(timeout))
-    return _link(name, signals, delays, period, tick, suffix, seed, repeat)
+    return _link(name, signals, delays, period, tick, suffix, seed, repeat, gate)
 
 
 def _link(
@@ -154,6 +158,7 @@ def _link(
     suffix: str,
     seed: int,
     repeat: tuple[float, int, float] | None = None,
+    gate: Signal | None = None,
 ) -> Block:
     signals = passed_through(name, signals, suffix)
     positive(f"{name}: period", period)
@@ -162,7 +167,7 @@ def _link(
     if every < 1:
         raise InputError(f"{name}: period {period:g} s must not be shorter than the tick, {tick:g} s")
     transmission = _transmission(name, delays, tick, seed, repeat)
-    return MessageLink(name, every, transmission).block(signals, suffix, tick)
+    return MessageLink(name, every, transmission, gate).block(signals, suffix, tick)
 
 
 def _transmission(
