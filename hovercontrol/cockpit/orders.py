@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any
 
 from hovercontrol.cockpit.checks import checked_number, checked_numbers
@@ -23,8 +24,8 @@ class Flown(ABC):
         With the effects that disturbances need.
     choices : mapping of str to Choice
     disturbances : mapping of str to Disturbance
-    switches : iterable of Signal, optional
-        What can be switched besides.
+    switches : mapping of str to bool, optional
+        What can be switched besides, and how it is at first.
 
     Attributes
     ----------
@@ -46,6 +47,8 @@ class Flown(ABC):
 
     kind: str
     inputs: tuple[Signal, ...]
+    #: Columns of recordings besides motion and inputs, and the signals that they are.
+    logged: Mapping[str, str] = MappingProxyType({})
 
     def __init__(
         self,

@@ -130,17 +130,20 @@ def _driven(plant: Block, added: Mapping[str, Signal]) -> Block:
 
 
 def _filters() -> Block:
-    """Return K06's navigation, which begins anew at rest, where it is, after a calibration."""
+    """Return K06's navigation, which begins anew at rest, where it is, after a calibration.
+
+    Heading, position and how well they are known are kept; velocities and biases are known to be zero, as
+    well as the process noise lets them be: K06's covariance at power-on would take a fix for a motion.
+    """
     filters = aided_ins(name="filters")
-    psi, x, y = (filters.signal(f"mechanisation.last_{key}_ins").symbol for key in ("psi", "x", "y"))
-    off = {k: filters.signal(k).symbol for k in ("heading.last_x1[0]", "motion.last_x2[2]", "motion.last_x2[3]")}
-    kept = {
-        "mechanisation.last_psi_ins": psi - off["heading.last_x1[0]"],
-        "mechanisation.last_x_ins": x - off["motion.last_x2[2]"],
-        "mechanisation.last_y_ins": y - off["motion.last_x2[3]"],
-    }
+    states = {s.name: s.symbol for s in filters.states}
+    begin = {name: sp.S.Zero for name in states if ".last_P" in name}
+    begin |= {name: states[name] for name in begin if name.endswith(("P1[0,0]", "P2[2,2]", "P2[2,3]", "P2[3,3]"))}
+    for axis, off in (("psi", "heading.last_x1[0]"), ("x", "motion.last_x2[2]"), ("y", "motion.last_x2[3]")):
+        integrated = f"mechanisation.last_{axis}_ins"
+        begin[integrated] = states[integrated] - states[off]
     shown = [*(f"{s.name}_hat" for s in MOTION), *(n for n in _SHOWN if n.endswith("_hat"))]
-    return interconnect([restartable(filters, CALIBRATED, kept)], "ins", outputs=shown)
+    return interconnect([restartable(filters, CALIBRATED, begin)], "ins", outputs=shown)
 
 
 def _shown_signals(ins: Block) -> list[Signal]:

@@ -65,6 +65,7 @@ class RealLoop(Flown):
     """
 
     kind = "real"
+    logged = {f"true_{s.name}": s.name for s in MOTION}
 
     def __init__(self, model: Model) -> None:
         if not flies_real(model):
