@@ -176,7 +176,7 @@ def test_transmission_lift_and_who_commands_are_switched_on_the_page(tmp_path):
             await page.until(f"{signal('thrust')} > 0.5")
             await page.value("document.querySelector('#switch-transmit').click()")
             await page.until("document.querySelector('#switch-transmit').textContent === 'Transmit off'")
-            await page.until(f"{value_of('Hears commands')} === 'no: fans stopped' && {signal('thrust')} === 0")
+            await page.until(f"{value_of('Hears commands')} === 'no, fans off' && {signal('thrust')} === 0")
             assert "Transmission is off" in await page.value("cockpit.seen().state.note")
             await page.value("document.querySelector('#switch-transmit').click()")
             await page.until(f"{signal('thrust')} > 0.5")

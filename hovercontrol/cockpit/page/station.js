@@ -28,8 +28,8 @@ const GROUPS = [
     ["Platform roll", pair("rad", 2, "platform_roll_received")],
     ["Platform pitch", pair("rad", 2, "platform_pitch_received")],
     ["Fan", (s) => `${number(s.fan_speed_set * RPM, 0)} rpm`],
-    ["Speed controller", (s) => (s.drive_mode ? "brakes" : "runs")],
-    ["Hears commands", (s) => (s.failsafe_on ? "no: fans stopped" : "yes")],
+    ["Fan drive", (s) => (s.drive_mode ? "brakes" : "runs")],
+    ["Hears commands", (s) => (s.failsafe_on ? "no, fans off" : "yes")],
   ]],
   ["Navigation", [], [
     ["Position x, y", pair("m", 2, "x_told_received", "y_told_received")],
