@@ -8,8 +8,8 @@ from typing import Any
 from hovercontrol.cockpit.laws import full_stick
 from hovercontrol.cockpit.orders import Flown
 from hovercontrol.cockpit.real_loop import flies_real
-from hovercontrol.signals import Signal
-from hovercontrol.vehicles import HOVERDEMON_BODY
+from hovercontrol.core.signals import Signal
+from hovercontrol.models.vehicles import HOVERDEMON_BODY
 
 
 def about(loop: Flown) -> dict[str, Any]:

@@ -6,9 +6,9 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+from hovercontrol.core.signals import Signal
 from hovercontrol.effects import Effect, effect, effect_class
-from hovercontrol.model import Model
-from hovercontrol.signals import Signal
+from hovercontrol.models.model import Model
 
 
 @dataclass(frozen=True)
@@ -128,7 +128,7 @@ def with_disturbances(model: Model) -> Model:
 
     Examples
     --------
-    >>> from hovercontrol.vehicles import vehicle
+    >>> from hovercontrol.models.vehicles import vehicle
     >>> with_disturbances(vehicle("hoverdemon")).coefficients()["yaw_coulomb"]
     0.0
     """
@@ -137,7 +137,7 @@ def with_disturbances(model: Model) -> Model:
 
 
 def note(switched_on: Iterable[str], drags: Iterable[float]) -> str:
-    """Return what the pilot should know of the disturbances that act on a craft with such drags, or ``""``."""
+    """Return what the pilot should know of what acts on a craft with such drags, or ``""``."""
     if {"wind", "gusts"} & set(switched_on) and not any(drags):
         return "Wind and gusts act through air drag, of which this craft has none: switch it on, too."
     return ""

@@ -10,17 +10,17 @@ from hovercontrol.cockpit.gusts import GUST, gusts
 from hovercontrol.cockpit.laws import STICK, choices, energy, law
 from hovercontrol.cockpit.orders import Flown
 from hovercontrol.controllers.k06.heading import TICK
+from hovercontrol.core.functions import call_scalar, numpy_functions
 from hovercontrol.errors import InputError
-from hovercontrol.hybrid import Ticking
-from hovercontrol.model import MOTION, Model
-from hovercontrol.targets.numpy import call_scalar, numpy_functions
-from hovercontrol.targets.runge_kutta import rk4
+from hovercontrol.models.model import MOTION, Model
+from hovercontrol.simulation.hybrid import Ticking
+from hovercontrol.simulation.runge_kutta import rk4
 
 _GUSTS = tuple(s.name for s in GUST)
 
 
 class Loop(Flown):
-    """The ideal loop: commands take effect at once, the law sees the motion as the model's sensors measure it.
+    """The ideal loop: commands take effect at once, the law sees what the model's sensors measure.
 
     Its commands are held for the tick, limited to the bounds of the plant's inputs.
 
@@ -35,7 +35,7 @@ class Loop(Flown):
 
     Examples
     --------
-    >>> from hovercontrol.vehicles import vehicle
+    >>> from hovercontrol.models.vehicles import vehicle
     >>> loop = Loop(vehicle("hoverdemon"))
     >>> loop.command(law="forward", references={"surge_ref": 1.0})
     >>> loop.advance(1.0)

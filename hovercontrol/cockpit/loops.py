@@ -9,7 +9,7 @@ from hovercontrol.cockpit.orders import Flown
 from hovercontrol.cockpit.pacer import Pacer
 from hovercontrol.cockpit.real_loop import RealLoop
 from hovercontrol.errors import InputError, did_you_mean, shown
-from hovercontrol.model import Model
+from hovercontrol.models.model import Model
 
 LOOPS: dict[str, type[Loop] | type[RealLoop]] = {"ideal": Loop, "real": RealLoop}
 
@@ -24,7 +24,7 @@ def loop_of(kind: str, model: Model) -> Flown:
 
     Examples
     --------
-    >>> from hovercontrol.vehicles import vehicle
+    >>> from hovercontrol.models.vehicles import vehicle
     >>> loop_of("reel", vehicle("hoverdemon"))
     Traceback (most recent call last):
     hovercontrol.errors.InputError: unknown loop 'reel': did you mean 'real'?

@@ -10,9 +10,9 @@ from typing import Any
 from hovercontrol.cockpit.checks import checked_number, checked_numbers
 from hovercontrol.cockpit.disturbances import Disturbance
 from hovercontrol.cockpit.laws import STICK, Choice
+from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError, did_you_mean, shown
-from hovercontrol.model import Model
-from hovercontrol.signals import Signal
+from hovercontrol.models.model import Model
 
 
 class Flown(ABC):

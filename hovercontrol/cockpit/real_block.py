@@ -14,11 +14,13 @@ import sympy as sp
 
 from hovercontrol.autopilot.loop import autopilot_parts
 from hovercontrol.autopilot.sides import COMMANDS
-from hovercontrol.block import Block
 from hovercontrol.cockpit.disturbances import with_disturbances
 from hovercontrol.cockpit.gusts import GUST, gusts
 from hovercontrol.cockpit.laws import STICK
 from hovercontrol.cockpit.real_laws import LAW, switched_laws
+from hovercontrol.core.block import Block
+from hovercontrol.core.interconnect import interconnect, rename
+from hovercontrol.core.signals import Signal, time
 from hovercontrol.effects import effect
 from hovercontrol.estimators.ins import aided_ins
 from hovercontrol.estimators.ins.calibration import CALIBRATE, CALIBRATED, rest_calibration, restartable
@@ -28,9 +30,7 @@ from hovercontrol.hardware.actuators.signals import UPDATE
 from hovercontrol.hardware.links import bluetooth_delays, lossy_link
 from hovercontrol.hardware.links.failsafe import failsafe
 from hovercontrol.hardware.sensors.platform import tilted_platform
-from hovercontrol.interconnect import interconnect, rename
-from hovercontrol.model import MOTION, Model
-from hovercontrol.signals import Signal, time
+from hovercontrol.models.model import MOTION, Model
 
 TRANSMIT = Signal("transmit", "1", "ground station sends commands", start=1.0, modes=("off", "on"))
 LIFT_ORDER = LIFT.but(name="lift_command", start=0.0)
@@ -72,7 +72,7 @@ def ground_station(model: Model, *, name: str = "cockpit") -> Block:
 
     Examples
     --------
-    >>> from hovercontrol.vehicles import hoverdemon
+    >>> from hovercontrol.models.vehicles import hoverdemon
     >>> [s.name for s in ground_station(hoverdemon()).inputs]
     ['law', 'stick_ahead', 'stick_right', 'transmit', 'lift_command', 'calibrate']
     """
@@ -138,7 +138,9 @@ def _filters() -> Block:
     filters = aided_ins(name="filters")
     states = {s.name: s.symbol for s in filters.states}
     begin = {name: sp.S.Zero for name in states if ".last_P" in name}
-    begin |= {name: states[name] for name in begin if name.endswith(("P1[0,0]", "P2[2,2]", "P2[2,3]", "P2[3,3]"))}
+    begin |= {
+        name: states[name] for name in begin if name.endswith(("P1[0,0]", "P2[2,2]", "P2[2,3]", "P2[3,3]"))
+    }
     for axis, off in (("psi", "heading.last_x1[0]"), ("x", "motion.last_x2[2]"), ("y", "motion.last_x2[3]")):
         integrated = f"mechanisation.last_{axis}_ins"
         begin[integrated] = states[integrated] - states[off]

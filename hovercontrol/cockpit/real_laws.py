@@ -5,14 +5,14 @@ from __future__ import annotations
 import sympy as sp
 
 from hovercontrol.autopilot import nearest_heading
-from hovercontrol.block import Block
 from hovercontrol.cockpit.laws import CHOICES, FULL_RUDDER, FULL_THRUST, STICK, force_parts
 from hovercontrol.controllers.k06.heading import TICK
 from hovercontrol.controllers.k06.laws import FORCE_X, FORCE_Y
+from hovercontrol.core.block import Block
+from hovercontrol.core.interconnect import interconnect, prefix, rename
+from hovercontrol.core.signals import Signal
 from hovercontrol.estimators.ins.calibration import restartable
-from hovercontrol.interconnect import interconnect, prefix, rename
-from hovercontrol.model import MOTION
-from hovercontrol.signals import Signal
+from hovercontrol.models.model import MOTION
 
 #: Which law flies, K06's "Desired Law" [K06 fig 5.2]; ``manual`` are K06's user commands.
 LAW = Signal("law", "1", "which law flies", modes=tuple(CHOICES))

@@ -12,8 +12,8 @@ from hovercontrol.cockpit.orders import Flown
 from hovercontrol.cockpit.real_block import ORDERS, ground_station
 from hovercontrol.cockpit.real_laws import LAW, reference_key
 from hovercontrol.errors import InputError
-from hovercontrol.hybrid import Ticking
-from hovercontrol.model import MOTION, Model
+from hovercontrol.models.model import MOTION, Model
+from hovercontrol.simulation.hybrid import Ticking
 from hovercontrol.targets.compiled import CompiledBlock
 
 #: Outputs of the loop that the page shows under their own names.
@@ -58,7 +58,7 @@ class RealLoop(Flown):
 
     Examples
     --------
-    >>> from hovercontrol.vehicles import vehicle
+    >>> from hovercontrol.models.vehicles import vehicle
     >>> RealLoop(vehicle("four_fan"))
     Traceback (most recent call last):
     hovercontrol.errors.InputError: the real loop needs a craft whose thrust is in newton: try hoverdemon
@@ -142,7 +142,11 @@ class RealLoop(Flown):
         """Return what the pilot should know of switches and disturbances, or ``""``."""
         if self.switches["calibrate"]:
             moves = any(abs(self._told(name)) > STILL for name in "uvr")
-            return "Calibrating: the craft moves, it should stand still." if moves else "Calibrating: keep still."
+            return (
+                "Calibrating: the craft moves, it should stand still."
+                if moves
+                else "Calibrating: keep still."
+            )
         if not self.switches["transmit"]:
             return "Transmission is off: the craft hears nothing and stops its fans."
         if self._told("failsafe_on") and self.time > 1.0:
@@ -183,4 +187,3 @@ class RealLoop(Flown):
                     values[whole] = values.get(whole, self._own[whole]) + number
         self._runner_parameters = self._own | values
         return values
-

@@ -18,7 +18,7 @@ from hovercontrol.errors import InputError
 from hovercontrol.hardware.links import TABLE_5_1
 from hovercontrol.identify import identify
 from hovercontrol.logs import read_log
-from hovercontrol.vehicles import vehicle
+from hovercontrol.models.vehicles import vehicle
 
 MOTION = ("x", "y", "psi", "u", "v", "r")
 MASS, INERTIA, ARM, GRAVITY = 2.6, 0.096, 0.32, 9.80665
@@ -136,7 +136,9 @@ def test_without_transmission_nothing_is_sent_and_the_craft_stops_its_fans(loop)
     assert "Transmission is off" in loop.notes()
     loop.command(switches={"transmit": True})
     loop.advance(4.5)
-    assert loop.signals()["thrust"] == pytest.approx(2.0, abs=0.1) and loop.signals()["uplink_messages"] > sent
+    assert (
+        loop.signals()["thrust"] == pytest.approx(2.0, abs=0.1) and loop.signals()["uplink_messages"] > sent
+    )
 
 
 def test_without_lift_the_floor_stops_the_craft_and_holds_it(loop):
@@ -193,7 +195,9 @@ def test_disturbances_act_on_the_craft_as_in_the_ideal_loop(loop):
     ideal = Loop(vehicle("hoverdemon"))
     loop.advance(1.0)  # the lift fan is on
     for own in (loop, ideal):
-        own.command(disturbances={"wind": {"x": 1.0, "y": -0.5}, "air_drag": {}, "slope": {"x": 0.1, "y": 0.0}})
+        own.command(
+            disturbances={"wind": {"x": 1.0, "y": -0.5}, "air_drag": {}, "slope": {"x": 0.1, "y": 0.0}}
+        )
         own.advance(own.time + 3.0)
     for name in MOTION:
         assert loop.signals()[name] == pytest.approx(ideal.signals()[name], abs=1e-6), name

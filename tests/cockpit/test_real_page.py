@@ -13,7 +13,7 @@ from hovercontrol.cockpit.server import Console
 from hovercontrol.errors import InputError
 from hovercontrol.identify import identify
 from hovercontrol.logs import read_log
-from hovercontrol.vehicles import vehicle
+from hovercontrol.models.vehicles import vehicle
 
 from ..browser import CHROMIUM, browser
 from .test_page import OVERLAPS, law, signal
@@ -257,5 +257,3 @@ def test_nothing_is_clipped_in_the_real_loop_and_nothing_overlaps(tmp_path, widt
                 await page.picture(f"{os.environ['COCKPIT_PICTURES']}/{name}", whole=True)
 
     run(look)
-
-

@@ -5,13 +5,13 @@ import math
 import numpy as np
 import pytest
 
-from hovercontrol.block import Block
+from hovercontrol.core.block import Block
+from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError
 from hovercontrol.estimators.ins import aided_ins
 from hovercontrol.estimators.ins.calibration import CALIBRATED, rest_calibration, restartable
 from hovercontrol.hardware.sensors.platform import tilted_platform
-from hovercontrol.hybrid import Ticking
-from hovercontrol.signals import Signal
+from hovercontrol.simulation.hybrid import Ticking
 
 GRAVITY = 9.80665
 PERIOD = 0.01
@@ -79,7 +79,14 @@ def test_what_cannot_restart_is_refused():
     counter = Block("counter", [n], [], [n], derivatives={"n": n.symbol + 1}, period=0.1)
     with pytest.raises(InputError, match="did you mean 'n'|no state 'm'"):
         restartable(counter, CALIBRATED, {"m": n.symbol})
-    flowing = Block("flowing", [n], [], [n], derivatives={"n": Signal("k", "1/s").symbol * n.symbol}, parameters=[Signal("k", "1/s")])
+    flowing = Block(
+        "flowing",
+        [n],
+        [],
+        [n],
+        derivatives={"n": Signal("k", "1/s").symbol * n.symbol},
+        parameters=[Signal("k", "1/s")],
+    )
     with pytest.raises(InputError, match="not sampled"):
         restartable(flowing, CALIBRATED)
     with pytest.raises(InputError, match="seconds"):

@@ -2,12 +2,12 @@
 
 import pytest
 
+from hovercontrol.core.interconnect import interconnect
+from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError
 from hovercontrol.hardware.links import lossy_link
 from hovercontrol.hardware.links.failsafe import failsafe
-from hovercontrol.hybrid import Ticking
-from hovercontrol.interconnect import interconnect
-from hovercontrol.signals import Signal
+from hovercontrol.simulation.hybrid import Ticking
 
 THRUST, SERVO = Signal("thrust", "N"), Signal("servo", "s", start=0.0015)
 ON = Signal("on", "1", modes=("off", "on"))
@@ -37,9 +37,7 @@ def test_a_craft_goes_to_rest_when_its_commands_are_too_old_and_flies_on_when_th
     ends = failsafe([THRUST, SERVO], "link_age", timeout=0.01)
     whole = Ticking(interconnect([link, ends], "whole"))
     gates = [1.0] * 9 + [0.0] * 20 + [1.0] * 11
-    seen = [
-        whole.tick(0.001 * k, {"thrust": 1.0, "servo": 0.002, "on": on}) for k, on in enumerate(gates)
-    ]
+    seen = [whole.tick(0.001 * k, {"thrust": 1.0, "servo": 0.002, "on": on}) for k, on in enumerate(gates)]
     stopped = [k for k, row in enumerate(seen) if row["failsafe_on"]]
     assert stopped == list(range(18, 34))  # the last was sent at 8 ms, the next at 32 ms
     for k, row in enumerate(seen[2:], 2):

@@ -7,12 +7,12 @@ from dataclasses import replace
 
 import sympy as sp
 
-from hovercontrol.block import Block
+from hovercontrol.core.block import Block
+from hovercontrol.core.expressions import Expressions
+from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.estimators.ins.imu import IMU, IMU_PERIOD
-from hovercontrol.expressions import Expressions
-from hovercontrol.signals import Signal
-from hovercontrol.tables import positive
+from hovercontrol.io.tables import positive
 
 #: A rise begins a calibration, K06's "Calibrate" [K06 fig 5.2].
 CALIBRATE = Signal("calibrate", "1", "a rise begins a calibration at rest")
@@ -54,7 +54,7 @@ def rest_calibration(
 
     Examples
     --------
-    >>> from hovercontrol.hybrid import Ticking
+    >>> from hovercontrol.simulation.hybrid import Ticking
     >>> run = Ticking(rest_calibration(seconds=0.02, period=0.01))
     >>> still = {"acceleration_x_raw": 0.0981, "acceleration_y_raw": 0.0, "yaw_rate_raw": 0.2}
     >>> seen = [run.tick(0.01 * k, {**still, "calibrate": float(k > 0)}) for k in range(3)]
@@ -76,9 +76,7 @@ def rest_calibration(
     begins = sp.And(CALIBRATE.symbol > last.symbol, left.symbol <= 0)
     due = sp.Piecewise((ticks, begins), (left.symbol, True))
     on, ends = working.symbol > 0, CALIBRATED.symbol > 0
-    totals = [
-        s.but(name=f"{s.name}_total", description=f"{s.description}, sum with this tick") for s in raw
-    ]
+    totals = [s.but(name=f"{s.name}_total", description=f"{s.description}, sum with this tick") for s in raw]
     g = _GRAVITY.symbol
     means = [t.symbol / ticks for t in totals]
     pitch = sp.asin(sp.Max(-1, sp.Min(1, means[0] / g)))
@@ -137,7 +135,7 @@ def restartable(block: Block, restart: Signal, kept: Mapping[str, sp.Expr] | Non
 
     Examples
     --------
-    >>> from hovercontrol.hybrid import Ticking
+    >>> from hovercontrol.simulation.hybrid import Ticking
     >>> n = Signal("n", start=5.0)
     >>> counter = Block("counter", [n], [], [n], derivatives={"n": n.symbol + 1}, period=0.1)
     >>> run = Ticking(restartable(counter, CALIBRATED))
@@ -150,7 +148,9 @@ def restartable(block: Block, restart: Signal, kept: Mapping[str, sp.Expr] | Non
     names = [s.name for s in block.states]
     for name in begin:
         if name not in names:
-            raise InputError(f"restartable: block {block.name!r} has no state {name!r}{did_you_mean(name, names)}")
+            raise InputError(
+                f"restartable: block {block.name!r} has no state {name!r}{did_you_mean(name, names)}"
+            )
     before = tuple(s.but(name=_beside(s.name, "before")) for s in block.states)
     old = {s.symbol: b.symbol for s, b in zip(block.states, before, strict=True)}
     first = {s.name: s.but(name=_beside(s.name, "first")) for s in block.states if s.start}

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from hovercontrol.block import Block
+from hovercontrol.core.block import Block
+from hovercontrol.core.signals import Signal
 from hovercontrol.hardware.actuators.signals import not_negative
-from hovercontrol.signals import Signal
-from hovercontrol.vehicles import HOVERDEMON_BODY, Body
+from hovercontrol.models.vehicles import HOVERDEMON_BODY, Body
 
 #: Command of the lift fan, K06's "Lift Mode" [K06 fig 5.2].
 LIFT = Signal("lift", "1", "lift fan", modes=("off", "on"))

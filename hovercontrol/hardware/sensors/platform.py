@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import sympy as sp
 
-from hovercontrol.block import Block
+from hovercontrol.core.block import Block
+from hovercontrol.core.signals import Signal
 from hovercontrol.hardware.sensors._parts import finite
-from hovercontrol.signals import Signal
 
 #: Standard gravity, as a parameter of Blocks.
 GRAVITY = Signal("gravity", "m/s^2", "standard gravity", start=9.80665, nominal=10.0)
