@@ -153,9 +153,10 @@ def manual(model: Model) -> Block:
 def stick_motion() -> list[Block]:
     """Return the parts of the law by which the stick tells velocity and turn rate.
 
-    It is K06's pilot in the loop (chapter 7): the pilot plans the path, :func:`~hovercontrol.controllers.k06.both_ways` holds what is told, with the
-    gains of K06's trials. Astern it is told only once the craft goes ahead no more: until then it is stopped.
-    K06 has no law for turning while moving, and the ideal craft no such steady motion: told both, it slips.
+    It is K06's pilot in the loop (chapter 7): the pilot plans the path, and
+    :func:`~hovercontrol.controllers.k06.both_ways` holds what is told, with the gains of K06's
+    trials. Astern it is told only once the craft goes ahead no more: until then it is stopped. K06 has
+    no law for turning while moving, and the ideal craft no such steady motion: told both, it slips.
 
     Returns
     -------

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from functools import lru_cache
+from types import MappingProxyType
 
 from hovercontrol.cockpit.disturbances import REAL_DISTURBANCES, note, possible
 from hovercontrol.cockpit.laws import choices, energy
@@ -65,7 +66,7 @@ class RealLoop(Flown):
     """
 
     kind = "real"
-    logged = {f"true_{s.name}": s.name for s in MOTION}
+    logged = MappingProxyType({f"true_{s.name}": s.name for s in MOTION})
 
     def __init__(self, model: Model) -> None:
         if not flies_real(model):

@@ -42,7 +42,7 @@ def loop():
 def rows(loop, until, step=0.001):
     """Fly and return the signals at every step, by name."""
     seen = []
-    for k in range(1, round((until - loop.time) / step) + 1):
+    for _ in range(round((until - loop.time) / step)):
         loop.advance(round(loop.time + step, 9))
         seen.append(loop.signals())
     return {name: np.array([row[name] for row in seen]) for name in seen[0]}
@@ -54,7 +54,7 @@ def test_the_craft_moves_by_k06s_equations_under_the_force_that_acts(loop):
     t, thrust, rudder = seen["time"], seen["thrust"], seen["rudder"]
 
     def k06(now, s):  # (2.10)
-        k = min(int(round(now / 0.001 - 0.5)), len(t) - 1)  # row k holds what acts from its time on
+        k = min(round(now / 0.001 - 0.5), len(t) - 1)  # row k holds what acts from its time on
         F, a = (thrust[k - 1], rudder[k - 1]) if k else (0.0, 0.0)
         _, _, psi, u, v, r = s
         return [

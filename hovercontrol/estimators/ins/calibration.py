@@ -26,10 +26,10 @@ def rest_calibration(
 ) -> Block:
     """Return what finds, while the craft rests, what the sensors say too much, and takes it off from then on.
 
-    The means over some seconds are stored: that of the accelerometers as roll and pitch of the platform, K06's
-    "Store Misalignment", that of the gyro as its bias, which K06's IMU has "resampled" at rest, "a process
-    that takes several seconds" (section 5.4.1). What the accelerometers' own biases add cannot be told from a
-    tilt. A craft that moves meanwhile spoils it.
+    The means over some seconds are stored: that of the accelerometers as roll and pitch of the platform,
+    K06's "Store Misalignment", that of the gyro as its bias, which K06's IMU has "resampled" at rest, "a
+    process that takes several seconds" (section 5.4.1). What the accelerometers' own biases add cannot be
+    told from a tilt. A craft that moves meanwhile spoils it.
 
     Parameters
     ----------

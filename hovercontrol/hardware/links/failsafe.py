@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import sympy as sp
 
 from hovercontrol.core.block import Block
+from hovercontrol.core.delay_line import passed_through
 from hovercontrol.core.signals import Signal
-from hovercontrol.hardware.links.messages import passed_through
 from hovercontrol.io.tables import positive
 
 
@@ -23,7 +23,7 @@ def failsafe(
 ) -> Block:
     """Return what passes commands on while they are fresh, and else the signals' start values: at rest.
 
-    K06's craft has a safety pilot's receiver besides its link (section 5.2); how long it waits is not printed.
+    K06's craft has a safety pilot's receiver besides its link (section 5.2); K06 prints no waiting time.
 
     Parameters
     ----------
