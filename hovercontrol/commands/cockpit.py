@@ -62,6 +62,7 @@ def cockpit(
         raise InputError("cockpit: needs aiohttp: pip install 'hovercontrol[cockpit]'") from None
     from hovercontrol.cockpit.loops import loop_of
     from hovercontrol.cockpit.pacer import Pacer
+    from hovercontrol.cockpit.real_loop import flies_real
 
     check_folder(out)
     if replay is not None:
@@ -69,7 +70,7 @@ def cockpit(
     craft = given.craft("cockpit", model, vehicle or (None if model else "hoverdemon"))
     listening = listen(host, port)
     try:
-        if loop == "real":
+        if loop == "real" and flies_real(craft):
             print("building the real loop: a few seconds, a minute the first time", file=sys.stderr)
         flown = loop_of(loop, craft)
     except InputError:
