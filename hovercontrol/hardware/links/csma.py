@@ -92,11 +92,12 @@ class Csma:
         [0.0, 0.25, 0.3125, 0.125, 0.0625]
         """
         one = np.r_[0.0, np.full(self.window, 1 / self.window)]
-        whole, waited = np.zeros(self.window * self.attempts + 1), np.ones(1)
+        whole: Array = np.zeros(self.window * self.attempts + 1)
+        waited = np.ones(1)
         for k in range(self.attempts):
-            waited = np.convolve(waited, one)
+            waited = np.convolve(waited, one).astype(float)
             whole[: len(waited)] += (1 - self.busy) * self.busy**k * waited
-        return self.byte * np.arange(len(whole)), whole
+        return np.arange(len(whole)).astype(float) * self.byte, whole
 
     def drawn(self, shares: Sequence[sp.Expr], busy: Signal) -> tuple[sp.Expr, sp.logic.boolalg.Boolean]:
         """Return the time [s], as a plain number, and whether the message is given up.
