@@ -1,4 +1,4 @@
-"""K06's ground station and craft as one hybrid Block with the pilot's orders as inputs [K06 fig 5.2].
+"""K06's ground station and craft as one hybrid Block with the pilot's orders as inputs (K06 figure 5.2).
 
 It is the real loop of :mod:`hovercontrol.autopilot`, its links those of table 5.1 with packets that get lost,
 with what figure 5.2 has besides: transmit enable, lift mode, calibration of the sensors' platform, the switch

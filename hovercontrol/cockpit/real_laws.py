@@ -14,7 +14,7 @@ from hovercontrol.core.signals import Signal
 from hovercontrol.estimators.ins.calibration import restartable
 from hovercontrol.models.model import MOTION
 
-#: Which law flies, K06's "Desired Law" [K06 fig 5.2]; ``manual`` are K06's user commands.
+#: Which law flies, K06's "Desired Law" (K06 figure 5.2); ``manual`` are K06's user commands.
 LAW = Signal("law", "1", "which law flies", modes=tuple(CHOICES))
 
 _CHANGED = Signal("law_changed", "1", "1 at the tick at which another law was chosen")

@@ -14,7 +14,7 @@ from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.estimators.ins.imu import IMU, IMU_PERIOD
 from hovercontrol.io.tables import positive
 
-#: A rise begins a calibration, K06's "Calibrate" [K06 fig 5.2].
+#: A rise begins a calibration, K06's "Calibrate" (K06 figure 5.2).
 CALIBRATE = Signal("calibrate", "1", "a rise begins a calibration at rest")
 #: 1 at the tick at which a calibration has ended.
 CALIBRATED = Signal("calibrated", "1", "1 at the tick at which a calibration has ended")

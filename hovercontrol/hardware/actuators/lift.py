@@ -7,7 +7,7 @@ from hovercontrol.core.signals import Signal
 from hovercontrol.hardware.actuators.signals import not_negative
 from hovercontrol.models.vehicles import HOVERDEMON_BODY, Body
 
-#: Command of the lift fan, K06's "Lift Mode" [K06 fig 5.2].
+#: Command of the lift fan, K06's "Lift Mode" (K06 figure 5.2).
 LIFT = Signal("lift", "1", "lift fan", modes=("off", "on"))
 
 #: Dry friction of the floor on a craft that does not hover, as the plant's effects have it.

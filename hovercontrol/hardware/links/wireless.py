@@ -120,7 +120,7 @@ def lossy_link(
         From a lost transmission to the next [s]; positive if there are retransmissions.
     gate : Signal, optional
         A further input that switches the sender on, 1, or off, 0: messages due meanwhile are not sent, K06's
-        "TX Enb" [K06 fig 5.2].
+        "TX Enb" (K06 figure 5.2).
 
     Returns
     -------
