@@ -2,7 +2,7 @@
 
 Its page is what K06's pilot console [K06 fig B.1] was, its real loop what figure 5.2 shows.
 
-:class:`.loop.Loop` is the ideal craft under a law, :class:`.real_loop.RealLoop` the same through ground station,
-link, navigation and actuators (:func:`.real_block.ground_station`, one hybrid Block); both take orders by
-:mod:`.orders`. :class:`.pacer.Pacer` lets a loop run in real time, :mod:`.server` serves the page.
+:class:`.loop.Loop` is the ideal craft under a law, :class:`.real_loop.RealLoop` the same through ground
+station, link, navigation and actuators (:func:`.real_block.ground_station`, one hybrid Block); both take
+orders by :mod:`.orders`. :class:`.pacer.Pacer` lets a loop run in real time, :mod:`.server` serves the page.
 """

@@ -127,7 +127,7 @@ export class CraftMap {
     const digits = Math.max(0, -Math.floor(Math.log10(step) + 1e-9));
     const [left, top] = this.toEarth(0, 0);
     const [right, bottom] = this.toEarth(...size);
-    const narrow = size[0] < 500; // the legend has two lines
+    const narrow = size[0] < 640; // the legend has two lines
     c.lineWidth = 1;
     c.font = "12px system-ui, sans-serif";
     const rule = (value, vertical) => {

@@ -78,9 +78,10 @@ export class Station {
     }
     row.hidden = !buttons.length;
     for (const [label, text] of rows) {
-      const [name, value] = [document.createElement("dt"), document.createElement("dd")];
+      const [line, name, value] = ["div", "dt", "dd"].map((kind) => document.createElement(kind));
       name.textContent = label;
-      list.append(name, value);
+      line.append(name, value);
+      list.append(line);
       this.rows.push([value, text]);
     }
     this.box.append(group);
