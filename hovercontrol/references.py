@@ -75,6 +75,11 @@ def ellipse(
     ------
     InputError
         If a value is no number, a semi-axis is not positive or the rate is zero.
+
+    Examples
+    --------
+    >>> [s.name for s in ellipse(1.5, 2.5, rate=-1.0).outputs]
+    ['x_ref', 'y_ref', 'vx_ref', 'vy_ref', 'ax_ref', 'ay_ref']
     """
     _positive(semi_x=semi_x, semi_y=semi_y)
     _nonzero(rate=rate)
@@ -97,6 +102,16 @@ def circle(radius: float, rate: float = 1.0, phase: float = 0.0, name: str = "re
     ------
     InputError
         If a value is no number, the radius is not positive or the rate is zero.
+
+    Examples
+    --------
+    >>> print(circle(2.0, rate=0.25).equations())
+    x_ref = radius*cos(phase + rate*t)
+    y_ref = radius*sin(phase + rate*t)
+    vx_ref = -radius*rate*sin(phase + rate*t)
+    vy_ref = radius*rate*cos(phase + rate*t)
+    ax_ref = -radius*rate**2*cos(phase + rate*t)
+    ay_ref = -radius*rate**2*sin(phase + rate*t)
     """
     _positive(radius=radius)
     _nonzero(rate=rate)
@@ -120,6 +135,12 @@ def line(
     ------
     InputError
         If velocity or start are not two numbers, or the velocity is zero.
+
+    Examples
+    --------
+    >>> path = line((0.5, 0.0), start=(0.0, 1.0))
+    >>> path.to_numpy().outputs(2.0, [], [])[:2].tolist()
+    [1.0, 1.0]
     """
     speed_x, speed_y = _pair("velocity", velocity)
     start_x, start_y = _pair("start", start)
@@ -149,6 +170,12 @@ def figure_eight(length: float, width: float, rate: float = 1.0, name: str = "re
     ------
     InputError
         If a value is no number, an extent is not positive or the rate is zero.
+
+    Examples
+    --------
+    >>> eight = figure_eight(4.0, 2.0)
+    >>> eight.to_numpy().outputs(0.0, [], [])[:2].tolist()  # it begins in the middle
+    [0.0, 0.0]
     """
     _positive(length=length, width=width)
     _nonzero(rate=rate)
@@ -176,6 +203,12 @@ def waypoints(points: ArrayLike, times: ArrayLike, name: str = "reference") -> B
     ------
     InputError
         If a value is no number, shapes differ, there are fewer than two points, or times do not increase.
+
+    Examples
+    --------
+    >>> path = waypoints([[0.0, 0.0], [2.0, 1.0]], [0.0, 4.0])
+    >>> path.to_numpy().outputs(4.0, [], [])[:2].round(9).tolist()
+    [2.0, 1.0]
     """
     knots, path = _array("times", times), _array("points", points)
     if path.ndim != 2 or path.shape[1:] != (2,) or len(path) < 2 or knots.shape != (len(path),):

@@ -62,6 +62,13 @@ class ExpectedErrors:
         Whether the actuators can give those.
     duration : float
         Of a flight [s].
+
+    Examples
+    --------
+    >>> import hovercontrol as hc
+    >>> found = expected_errors({"circle": hc.circle(1.5)}, coefficients=["surge_linear_drag"])
+    >>> found.references, found.error.shape
+    (('circle',), (1, 1))
     """
 
     references: tuple[str, ...]
@@ -237,6 +244,12 @@ def ellipse_errors(
     ------
     InputError
         As for :func:`expected_errors`; if a range is none or the map is too large.
+
+    Examples
+    --------
+    >>> region = ellipse_errors((1.0, 2.0), (1.0, 2.0), points=2)
+    >>> list(region.maps)[:3]
+    ['within limits', 'worst', 'surge_coulomb']
     """
     positive("rate", rate)
     x, y = (

@@ -151,6 +151,13 @@ class IssGain:
         Largest size of d [m/s^2] where each coefficient is wrong by 1 in its own unit, signs at their worst.
     exact, guaranteed : float
         Gain from d to z1 [s^2]: :func:`peak_gain` and :func:`lyapunov_gain`.
+
+    Examples
+    --------
+    >>> import hovercontrol as hc
+    >>> found = iss_gain(hc.vehicle("c17_simulation"), adapt=["surge_linear_drag"])
+    >>> found.units, round(found.regressor["surge_linear_drag"], 2)
+    (('1/s',), 2.27)
     """
 
     coefficients: tuple[str, ...]
@@ -214,6 +221,13 @@ def iss_gain(
     ------
     InputError
         If a gain or the period is not positive, or as :func:`mismatch`.
+
+    Examples
+    --------
+    >>> import hovercontrol as hc
+    >>> found = iss_gain(hc.vehicle("c17_simulation"), adapt=["surge_linear_drag"])
+    >>> round(found.exact, 3), round(found.guaranteed, 3)
+    (0.545, 1.0)
     """
     positive("period", period)
     reference = c17_ellipse() if reference is None else reference
@@ -265,6 +279,12 @@ def simulated_errors(
     -------
     ndarray, shape (n, runs)
         Infinite where the craft spins away.
+
+    Examples
+    --------
+    >>> import hovercontrol as hc
+    >>> simulated_errors(hc.vehicle("c17_simulation"), [0.0, 0.1], runs=2, duration=5.0).shape
+    (2, 2)
     """
     each = np.repeat(np.asarray(sizes, dtype=float), runs)
     truth = np.array([model.coefficients()[name] for name in DRAG])

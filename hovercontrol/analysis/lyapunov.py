@@ -163,6 +163,12 @@ class Decay:
     overshoot : ndarray
         Factor before the exponential: ``|z(t)| <= overshoot |z(0)| exp(-guaranteed t)``, with
         z = [k1^(1/2) z1, z2]; infinite where V is not definite.
+
+    Examples
+    --------
+    >>> found = decay(2.0, [1.0, 2.0], 0.5)
+    >>> found.guaranteed.round(3).tolist(), found.true.round(3).tolist()
+    ([0.5, 0.465], [0.5, 1.0])
     """
 
     k1: Array

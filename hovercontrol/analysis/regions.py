@@ -61,6 +61,11 @@ class Axis:
         Increasing.
     label : str, optional
         What pictures call it; default the name.
+
+    Examples
+    --------
+    >>> Axis("k1", "1/s^2", np.linspace(1.0, 3.0, 3)).values.tolist()
+    [1.0, 2.0, 3.0]
     """
 
     name: str
@@ -143,6 +148,13 @@ class Region:
         Curves to draw, each x and y, NaN where they are interrupted.
     marks : mapping of str to (float, float), optional
         Points to mark, such as the gains that a paper takes.
+
+    Examples
+    --------
+    >>> k1, k2 = Axis("k1", "1/s^2", np.array([1.0, 2.0])), Axis("k2", "1/s", np.array([1.0]))
+    >>> region = Region("stable gains", k1, k2, {"stable": np.array([[True, False]])})
+    >>> region.maps["stable"].shape
+    (1, 2)
     """
 
     title: str

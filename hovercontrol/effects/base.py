@@ -35,6 +35,12 @@ class Coefficient:
         Value where none is given; without it the value is required.
     neutral : float, optional
         The value at which the effect is not there; none (NaN) for a number that does not scale it.
+
+    Examples
+    --------
+    >>> c = Coefficient("1/s", lower=0.0)
+    >>> c.lower, c.upper, c.default
+    (0.0, inf, None)
     """
 
     unit: str
@@ -57,6 +63,12 @@ class Shape(Coefficient):
         mean square), the length of the log, the time between its rows.
     fixed : bool, optional
         Whether a fit leaves it as given: a scale, or a constant of the regularisation.
+
+    Examples
+    --------
+    >>> width = Shape("m/s", lower=TINY, default=0.01)
+    >>> width.default, width.neutral
+    (0.01, nan)
     """
 
     neutral: float = math.nan

@@ -61,6 +61,16 @@ class Measured:
         Samples that the smoother left out: when, how many and why.
     rows_total : int
         Rows of the log, of which a very long one keeps only some stretches.
+
+    Examples
+    --------
+    >>> import hovercontrol as hc
+    >>> t = 0.02 * np.arange(200)
+    >>> one, none = np.ones(200), np.zeros(200)
+    >>> log = Log("turn", t, {"u": one, "v": none, "r": one, "thrust": one, "rudder": none})
+    >>> seen = measure(hc.vehicle("c17_simulation").plant(), log)
+    >>> seen.channels, seen.values.shape, seen.segments
+    (('u', 'v', 'r'), (3, 200), ((0, 200),))
     """
 
     name: str

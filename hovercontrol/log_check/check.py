@@ -49,6 +49,14 @@ class Checked:
         Name of the model; empty without one.
     coefficients : tuple of Fitted
         What a trial fit says of each; empty without a model, or where an error forbids one.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> t = 0.02 * np.arange(200)
+    >>> found = check([Log("a.csv", t, {"x": np.sin(t), "y": 0.3 * t, "psi": 0 * t})])
+    >>> found.errors, len(found.logs)
+    ((), 1)
     """
 
     logs: tuple[LogFacts, ...]

@@ -64,7 +64,7 @@ def gather(
     settle: float = 0.0,
     motion: bool = True,
 ) -> Log:
-    """Return one run as one log.
+    r"""Return one run as one log.
 
     Rows may be missing: a warning counts the gaps.
 
@@ -95,6 +95,17 @@ def gather(
     InputError
         As :func:`read_log` and :func:`join_logs`; or if an input is missing, nothing is left, or the gaps
         are longer than what is left.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     file = Path(folder) / "run.csv"
+    ...     rows = [f"{0.02 * k},0,0,0,1" for k in range(50)]
+    ...     _ = file.write_text("\n".join(["stamp,u,v,r,thrust", *rows]))
+    ...     len(gather(str(file), ["thrust"], columns={"time": "stamp"}))
+    50
     """
     wanted = [f"{PULSE}{name}" if bench else name for name in inputs]
     paths = split_files(files)

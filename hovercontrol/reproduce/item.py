@@ -38,6 +38,11 @@ class Printed:
     unit : str, optional
     fitted : str, optional
         What of ours was chosen so that the value comes out; then the number tests nothing.
+
+    Examples
+    --------
+    >>> Printed("error", "0.02 m", low=0.015, high=0.025, unit="m").high
+    0.025
     """
 
     name: str
@@ -77,12 +82,24 @@ def about(
 
 
 def at_most(name: str, value: float, unit: str = "", *, text: str = "", fitted: str = "") -> Printed:
-    """Return a printed upper bound."""
+    """Return a printed upper bound.
+
+    Examples
+    --------
+    >>> at_most("error", 0.1, "m").text
+    'at most 0.1 m'
+    """
     return Printed(name, text or f"at most {value:g} {unit}".strip(), -math.inf, value, unit, fitted)
 
 
 def at_least(name: str, value: float, unit: str = "", *, text: str = "", fitted: str = "") -> Printed:
-    """Return a printed lower bound."""
+    """Return a printed lower bound.
+
+    Examples
+    --------
+    >>> at_least("speed", 0.5, "m/s").text
+    'at least 0.5 m/s'
+    """
     return Printed(name, text or f"at least {value:g} {unit}".strip(), value, math.inf, unit, fitted)
 
 
@@ -108,6 +125,11 @@ class Item:
         What the document does not print of what the item takes.
     why : str, optional
         What is known about the cause where ours differs.
+
+    Examples
+    --------
+    >>> Item("c17", "table", "1", "tracking errors", lambda folder: {"error": 0.0}).number
+    '1'
     """
 
     document: str
@@ -149,6 +171,12 @@ class Outcome:
         What it took.
     failure : str, optional
         Why nothing came of it.
+
+    Examples
+    --------
+    >>> item = Item("c17", "table", "1", "errors", lambda folder: {}, (at_most("error", 0.1, "m"),))
+    >>> Outcome(item, {"error": 0.02}).verdict, Outcome(item, {"error": 0.2}).verdict
+    ('agrees', 'differs')
     """
 
     item: Item

@@ -139,6 +139,12 @@ class Scenario:
     controller follows ``reference``; one of K06's laws is told set points by the phases, or by ``guidance``,
     and knows ``body``. With ``autopilot`` that law runs in the real loop, beside the ideal one. ``file`` is
     the path it was loaded from, if it is not one of the package's; errors name it.
+
+    Examples
+    --------
+    >>> from hovercontrol.scenarios import load_scenario
+    >>> load_scenario("table1").title
+    'C17 Table I: simulated loop with estimator'
     """
 
     name: str

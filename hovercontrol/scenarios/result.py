@@ -47,6 +47,13 @@ class Run:
         [s]
     columns : mapping of str to ndarray (n,)
         Every signal by name.
+
+    Examples
+    --------
+    >>> from hovercontrol.scenarios import load_scenario, run_scenario
+    >>> run = run_scenario(load_scenario("k06-stop"))
+    >>> run.time.shape, sorted(run.columns)[:3]
+    ((1501,), ['force_x', 'force_y', 'psi'])
     """
 
     scenario: Scenario
