@@ -70,6 +70,7 @@ def ellipse(
         Angular rate [rad/s], negative for clockwise.
     phase : float, optional
         Angle at t = 0 [rad].
+    name : str, optional
 
     Raises
     ------
@@ -96,7 +97,17 @@ def ellipse(
 
 @checked
 def circle(radius: float, rate: float = 1.0, phase: float = 0.0, name: str = "reference") -> Block:
-    """Return a circle about the origin: radius [m], angular rate [rad/s], angle at t = 0 [rad].
+    """Return a circle about the origin.
+
+    Parameters
+    ----------
+    radius : float
+        [m]
+    rate : float, optional
+        Angular rate [rad/s], negative for clockwise.
+    phase : float, optional
+        Angle at t = 0 [rad].
+    name : str, optional
 
     Raises
     ------
@@ -129,7 +140,15 @@ def circle(radius: float, rate: float = 1.0, phase: float = 0.0, name: str = "re
 def line(
     velocity: tuple[float, float], start: tuple[float, float] = (0.0, 0.0), name: str = "reference"
 ) -> Block:
-    """Return a straight line at constant velocity [m/s] from a start point [m].
+    """Return a straight line at constant velocity.
+
+    Parameters
+    ----------
+    velocity : tuple of 2 float
+        Along x and y [m/s].
+    start : tuple of 2 float, optional
+        Where it is at t = 0 [m].
+    name : str, optional
 
     Raises
     ------
@@ -165,6 +184,7 @@ def figure_eight(length: float, width: float, rate: float = 1.0, name: str = "re
         Its extent along x and y [m].
     rate : float, optional
         Angular rate w of the long axis [rad/s].
+    name : str, optional
 
     Raises
     ------
@@ -198,6 +218,7 @@ def waypoints(points: ArrayLike, times: ArrayLike, name: str = "reference") -> B
         Points [m], n >= 2.
     times : array_like, shape (n,)
         When each is passed [s], increasing.
+    name : str, optional
 
     Raises
     ------

@@ -92,7 +92,13 @@ class ExpectedErrors:
         return pyarrow.table(columns)
 
     def save(self, path: str | Path) -> Path:
-        """Write the table as CSV; it appears whole or not at all."""
+        """Write the table as CSV; it appears whole or not at all.
+
+        Parameters
+        ----------
+        path : path
+            Of the CSV file.
+        """
         import pyarrow.csv
 
         return write_whole(path, lambda file: pyarrow.csv.write_csv(self.table(), file))
@@ -101,6 +107,11 @@ class ExpectedErrors:
         """Return a figure: a heat map of references over coefficients, with its numbers.
 
         References that the actuators cannot follow have a star.
+
+        Parameters
+        ----------
+        axes : matplotlib.axes.Axes, optional
+            Where to draw; default a figure of its own.
         """
         if axes is None:
             axes = Figure(figsize=(8.0, 1.5 + 0.4 * len(self.references)), layout="constrained").subplots()

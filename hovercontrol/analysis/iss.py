@@ -92,8 +92,12 @@ def peak_gain(k1: ArrayLike, k2: ArrayLike) -> Array:
 
     Parameters
     ----------
-    k1, k2 : array_like
+    k1, k2 : array_like, of shapes that broadcast
         Gains [1/s^2, 1/s], positive.
+
+    Returns
+    -------
+    ndarray, of their common shape
 
     Notes
     -----
@@ -118,6 +122,11 @@ def lyapunov_gain(k1: float, k2: float) -> float:
 
     From ``V' <= -2 rate V + (2 V)^(1/2) |d|`` and ``|z1|^2 <= 2 V/(k1 - beta^2)``:
     ``|z1| <= |d|/(rate (k1 - beta^2)^(1/2))``.
+
+    Parameters
+    ----------
+    k1, k2 : float
+        Gains [1/s^2, 1/s].
 
     Raises
     ------
@@ -168,7 +177,13 @@ class IssGain:
     guaranteed: float
 
     def error(self, coefficient_error: float) -> float:
-        """Return the bound of |z1| [m] where each coefficient is wrong by at most this, in its own unit."""
+        """Return the bound of |z1| [m] where each coefficient is wrong by at most this, in its own unit.
+
+        Parameters
+        ----------
+        coefficient_error : float
+            Largest error of a coefficient, in the coefficient's unit.
+        """
         return self.exact * self.together * coefficient_error
 
     def plot(self) -> Figure:

@@ -39,7 +39,7 @@ class PacketLoop:
     Parameters
     ----------
     arrives, lost : ndarray, shape (n_steps, n, n)
-        One step if nothing changes with time; else those of one period.
+        One step if nothing changes with time; else those of one period. In the units of the states.
 
     Raises
     ------
@@ -74,6 +74,11 @@ class PacketLoop:
         ----------
         loss : float
             Probability that a packet is lost, 0 to 1.
+
+        Raises
+        ------
+        InputError
+            If the probability is not between 0 and 1.
         """
         if not 0 <= number("loss", loss) <= 1:
             raise InputError(f"loss: expected a probability, 0 to 1, found {loss!r}")
@@ -83,7 +88,13 @@ class PacketLoop:
         return whole
 
     def growth(self, loss: float) -> float:
-        """Return the factor by which the mean square grows in a step, in the long run: below 1 is stable."""
+        """Return the factor by which the mean square grows in a step, in the long run: below 1 is stable.
+
+        Parameters
+        ----------
+        loss : float
+            Probability that a packet is lost, 0 to 1.
+        """
         radius = np.abs(np.linalg.eigvals(self.second_moment(loss))).max()
         return float(radius ** (1 / len(self.arrives)))
 
@@ -118,7 +129,18 @@ class PacketLoop:
         return self.critical ** (1 / tries)
 
     def simulate(self, loss: float, x0: ArrayLike, steps: int, runs: int, seed: int = 0) -> Array:
-        """Return the states of many runs with packets lost at random, shape (steps + 1, runs, n)."""
+        """Return the states of many runs with packets lost at random, shape (steps + 1, runs, n).
+
+        Parameters
+        ----------
+        loss : float
+            Probability that a packet is lost, 0 to 1.
+        x0 : array_like, shape (n,)
+            States at the start.
+        steps, runs : int
+            How many packets there are in a run, and how many runs.
+        seed : int, optional
+        """
         self.second_moment(loss)
         lost = np.random.default_rng(seed).uniform(size=(steps, runs)) < loss
         x = np.empty((steps + 1, runs, self.arrives.shape[1]))

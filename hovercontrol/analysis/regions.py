@@ -92,6 +92,16 @@ LARGEST = 1e100
 def axis(name: str, unit: str, span: tuple[float, float], points: int, label: str = "") -> Axis:
     """Return an axis of equal steps.
 
+    Parameters
+    ----------
+    name, unit : str
+    span : tuple of float
+        First and last value, in the unit.
+    points : int
+        Two or more.
+    label : str, optional
+        What pictures call it; default the name.
+
     Raises
     ------
     InputError
@@ -178,7 +188,13 @@ class Region:
         return self.maps[name]
 
     def label(self, name: str) -> str:
-        """Return what a map is called, with its unit."""
+        """Return what a map is called, with its unit.
+
+        Parameters
+        ----------
+        name : str
+            Of the map.
+        """
         text = self.labels.get(name, name)
         return f"{text} [{self.units[name]}]" if name in self.units else text
 
@@ -205,7 +221,13 @@ class Region:
         return pyarrow.table(columns)
 
     def save(self, path: str | Path) -> Path:
-        """Write the table as CSV; it appears whole or not at all."""
+        """Write the table as CSV; it appears whole or not at all.
+
+        Parameters
+        ----------
+        path : path
+            Of the CSV file.
+        """
         import pyarrow.csv
 
         return write_whole(path, lambda file: pyarrow.csv.write_csv(self.table(), file))

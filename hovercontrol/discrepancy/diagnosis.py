@@ -216,7 +216,13 @@ class Diagnosis:
         return diagnosis_figure(self)
 
     def save(self, folder: str | Path) -> list[Path]:
-        """Write ``result.json``, ``model.toml`` and, where there is one, ``next_experiment.csv``."""
+        """Write ``result.json``, ``model.toml`` and, where there is one, ``next_experiment.csv``.
+
+        Parameters
+        ----------
+        folder : path
+            Made if it is not there.
+        """
         from hovercontrol.modelfile import save_model
 
         text = json.dumps(_finite(self.result()), indent=2, allow_nan=False, default=float) + "\n"

@@ -55,7 +55,7 @@ def effect(name: str, value: float | None = None, **values: Any) -> Effect:
     name : str
         As in the model file, ``"yaw_coulomb"``.
     value : float, optional
-        The effect's coefficient.
+        The effect's coefficient, in its unit.
     **values : float
         Its other numbers (``width=0.02``).
 

@@ -42,9 +42,9 @@ class Measured:
     name : str
         Of the log.
     time : ndarray, shape (n,)
-        Seconds on the log's clock.
+        On the log's clock [s].
     origin : float
-        Time of the log's first row; the Block's time counts from there.
+        Time of the log's first row [s]; the Block's time counts from there.
     inputs : ndarray, shape (n_inputs, n)
         In the order of the Block.
     channels : tuple of str

@@ -251,7 +251,13 @@ class Identified:
         return identified_figure(self)
 
     def save_csv(self, path: str | Path) -> Path:
-        """Write the coefficients, one row each, all numbers in full."""
+        """Write the coefficients, one row each, all numbers in full.
+
+        Parameters
+        ----------
+        path : path
+            Of the CSV file.
+        """
 
         def write(temporary: Path) -> None:
             with temporary.open("w", newline="", encoding="utf-8") as stream:

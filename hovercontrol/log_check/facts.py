@@ -161,7 +161,7 @@ def facts(
         Columns that are commands.
     units : mapping, optional
         Units of columns, over those of pose and body velocities.
-    files : mapping of str to ndarray, optional
+    files : mapping of str to ndarray, shape (n,), optional
         Stamps [s] of the files that the log was joined from, as they are written there.
 
     Returns

@@ -98,6 +98,10 @@ def fit_clock(arrival: Floats, samples: Floats | None = None) -> Clock:
     samples : ndarray (n, k), optional
         What was sampled; NaN where nothing was.
 
+    Returns
+    -------
+    Clock
+
     Examples
     --------
     >>> jitter = 1e-3 * np.sin(np.arange(100.0) ** 2)

@@ -26,7 +26,15 @@ _COMPARE = {">": operator.gt, ">=": operator.ge, "<": operator.lt, "<=": operato
 
 @dataclass(frozen=True)
 class Condition:
-    """A comparison of one column with a number, as a user writes it: ``pwm_lift > 1000``."""
+    """A comparison of one column with a number, as a user writes it: ``pwm_lift > 1000``.
+
+    Parameters
+    ----------
+    column : str
+    comparison : {">", ">=", "<", "<="}
+    value : float
+        In the column's unit.
+    """
 
     column: str
     comparison: str
@@ -35,6 +43,11 @@ class Condition:
     @classmethod
     def parse(cls, text: str) -> Condition:
         """Read a condition.
+
+        Parameters
+        ----------
+        text : str
+            ``"pwm_lift > 1000"``; the number in the column's unit.
 
         Raises
         ------

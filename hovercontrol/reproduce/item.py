@@ -72,6 +72,15 @@ def about(
 ) -> Printed:
     """Return a printed value with the tolerance that its digits or its wording leave.
 
+    Parameters
+    ----------
+    name : str
+        Of the measured value.
+    value, tolerance : float
+        What is printed, and how far off ours may be.
+    unit, text, fitted : str, optional
+        As for :class:`Printed`; default text ``"VALUE UNIT"``.
+
     Examples
     --------
     >>> about("error", 0.6, 0.03, "m", text="around 60 cm").expected
@@ -84,6 +93,15 @@ def about(
 def at_most(name: str, value: float, unit: str = "", *, text: str = "", fitted: str = "") -> Printed:
     """Return a printed upper bound.
 
+    Parameters
+    ----------
+    name : str
+        Of the measured value.
+    value : float
+        The bound.
+    unit, text, fitted : str, optional
+        As for :class:`Printed`; default text ``"at most VALUE UNIT"``.
+
     Examples
     --------
     >>> at_most("error", 0.1, "m").text
@@ -94,6 +112,15 @@ def at_most(name: str, value: float, unit: str = "", *, text: str = "", fitted: 
 
 def at_least(name: str, value: float, unit: str = "", *, text: str = "", fitted: str = "") -> Printed:
     """Return a printed lower bound.
+
+    Parameters
+    ----------
+    name : str
+        Of the measured value.
+    value : float
+        The bound.
+    unit, text, fitted : str, optional
+        As for :class:`Printed`; default text ``"at least VALUE UNIT"``.
 
     Examples
     --------
@@ -164,11 +191,11 @@ class Outcome:
     ----------
     item : Item
     values : mapping of str to float
-        Measured.
+        Measured, in the units of what is printed.
     files : tuple of str, optional
         Relative to the folder of the index.
     seconds : float, optional
-        What it took.
+        What it took [s].
     failure : str, optional
         Why nothing came of it.
 

@@ -74,6 +74,11 @@ class Place:
 def numbered_items(document: str) -> list[Numbered]:
     """Return every numbered item of a document (``c17`` or ``k06``), in the order of its list.
 
+    Raises
+    ------
+    InputError
+        If there is no list of that document.
+
     Examples
     --------
     >>> next(n.title for n in numbered_items("c17") if n.key == ("c17", "eq", "11"))

@@ -52,6 +52,15 @@ def loop_parts(scenario: Scenario) -> dict[str, Block]:
     Roles are plant; for the tracking controller reference, controller, estimator; for one of K06's laws
     reference (its set points), guidance, controller, actuation.
 
+    Parameters
+    ----------
+    scenario : Scenario
+
+    Raises
+    ------
+    InputError
+        If parts do not fit together.
+
     Examples
     --------
     >>> from hovercontrol.scenarios import load_scenario
@@ -109,6 +118,12 @@ def _tracking_parts(scenario: Scenario) -> dict[str, Block]:
 
 def phase_parameters(scenario: Scenario, phase: Phase) -> dict[str, float]:
     """Return the parameters that hold in a phase, by key.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    phase : Phase
+        One of its phases.
 
     Examples
     --------

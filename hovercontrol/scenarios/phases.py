@@ -23,6 +23,16 @@ EARLY = 1e-6
 def phase_grid(begin: float, end: float, step: float) -> Array:
     """Return times from begin to end, both included, on multiples of the step.
 
+    Parameters
+    ----------
+    begin, end, step : float
+        [s]
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        [s]
+
     Examples
     --------
     >>> phase_grid(0.0, 0.5, 0.2).round(9).tolist()

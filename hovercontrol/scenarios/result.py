@@ -118,6 +118,11 @@ class Run:
     def plot(self, name: str = "") -> Figure:
         """Return one of the run's pictures; the tracking error, or else the path, where none is named.
 
+        Parameters
+        ----------
+        name : str
+            Of one of the run's figures.
+
         Raises
         ------
         InputError

@@ -41,6 +41,10 @@ SURE, NEAREST = 2.0, 2
 def headline(d: Diagnosis) -> str:
     """Return what is missing as one plain sentence.
 
+    Parameters
+    ----------
+    d : Diagnosis
+
     Examples
     --------
     >>> import hovercontrol as hc
@@ -86,6 +90,10 @@ def key_of(number: Found) -> str:
 
 def gap_sentence(d: Diagnosis) -> str:
     """Return what the named effects take of the error on the held-out log, or how large that is.
+
+    Parameters
+    ----------
+    d : Diagnosis
 
     Examples
     --------
@@ -133,6 +141,10 @@ def _error_of_noise(d: Diagnosis) -> str:
 
 def remainder_sentence(d: Diagnosis) -> str:
     """Return what remains, how much of it in which equation, and where.
+
+    Parameters
+    ----------
+    d : Diagnosis
 
     Examples
     --------

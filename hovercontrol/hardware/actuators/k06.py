@@ -40,6 +40,13 @@ SPEED_STEP = 250.0
 def rudder_of_force_angle(angle: Any, slope: Any = RUDDER_SLOPE, offset: Any = RUDDER_OFFSET) -> Any:
     """Return the rudder angle [rad] that turns the force to an angle from the bow [rad], by (4.3).
 
+    Parameters
+    ----------
+    angle : float, array or sympy.Expr
+        Of the force from the bow [rad].
+    slope, offset : float or sympy.Expr, optional
+        Of the regression (4.3) [1, rad].
+
     Examples
     --------
     >>> phi = 14.6  # K06 table 4.2, trial 1: rudder at -20 degrees
@@ -51,6 +58,13 @@ def rudder_of_force_angle(angle: Any, slope: Any = RUDDER_SLOPE, offset: Any = R
 
 def force_angle_of_rudder(rudder: Any, slope: Any = RUDDER_SLOPE, offset: Any = RUDDER_OFFSET) -> Any:
     """Return the angle of the force from the bow [rad] at a rudder angle [rad], the inverse of (4.3).
+
+    Parameters
+    ----------
+    rudder : float, array or sympy.Expr
+        Rudder angle [rad].
+    slope, offset : float or sympy.Expr, optional
+        Of the regression (4.3) [1, rad].
 
     Examples
     --------
@@ -71,7 +85,11 @@ def forward_thrust(speed: ArrayLike, rudder: ArrayLike = 0.0) -> Floats:
     speed : array_like
         [RPM]
     rudder : array_like, optional
-        [degree]
+        [degree], of a shape that broadcasts with it.
+
+    Returns
+    -------
+    ndarray, of their common shape
 
     Examples
     --------
@@ -87,6 +105,15 @@ def reverse_ratio(speed: ArrayLike) -> Floats:
 
     Below 4000 RPM the cubic itself is negative.
 
+    Parameters
+    ----------
+    speed : array_like, any shape
+        [RPM]
+
+    Returns
+    -------
+    ndarray, of the same shape
+
     Examples
     --------
     >>> reverse_ratio([1000, 6000, 12000]).round(3).tolist()
@@ -97,6 +124,15 @@ def reverse_ratio(speed: ArrayLike) -> Floats:
 
 def fan_force(speed: ArrayLike, rudder: ArrayLike = 0.0) -> Floats:
     """Return the force [N] of the fan at a speed [RPM], negative in reverse, and a rudder angle [degree].
+
+    Parameters
+    ----------
+    speed, rudder : array_like, of shapes that broadcast
+        [RPM], [degree]
+
+    Returns
+    -------
+    ndarray, of their common shape
 
     Examples
     --------

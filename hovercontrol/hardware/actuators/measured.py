@@ -153,6 +153,10 @@ def read_servo_table(path: str | Path) -> ServoTable:
     path : path
         CSV: a row ``pulse_ms,angle_deg``, then widths of the pulse [ms] and rudder angles [degree].
 
+    Returns
+    -------
+    ServoTable
+
     Raises
     ------
     InputError

@@ -134,6 +134,10 @@ def read_fan_table(path: str | Path) -> FanTable:
         CSV. The first cell is ``rudder_deg/force_N`` (entries in RPM) or ``rudder_deg/speed_rpm`` (entries in
         N); the rest of its row is that axis, the rest of its column the rudder angles [degree].
 
+    Returns
+    -------
+    FanTable
+
     Raises
     ------
     InputError

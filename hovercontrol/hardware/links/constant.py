@@ -103,6 +103,12 @@ def k06_downlink(signals: Sequence[Signal], *, name: str = "downlink") -> Block:
 
     Parameters and errors as for :func:`constant_delay`.
 
+    Parameters
+    ----------
+    signals : sequence of Signal
+        What is sent, in any units.
+    name : str, optional
+
     Examples
     --------
     >>> import hovercontrol as hc
@@ -116,6 +122,12 @@ def k06_uplink(signals: Sequence[Signal], *, name: str = "uplink") -> Block:
     """Return the controller-to-hovercraft link of K06's simulation: 2 unit delays of 20 ms [K06 fig 6.4].
 
     Parameters and errors as for :func:`constant_delay`.
+
+    Parameters
+    ----------
+    signals : sequence of Signal
+        What is sent, in any units.
+    name : str, optional
 
     Examples
     --------

@@ -57,6 +57,11 @@ class BoundedDelays:
     mean, sd, least, most : float
         [s]
 
+    Attributes
+    ----------
+    shapes : tuple of float
+        a and b.
+
     Raises
     ------
     InputError
