@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from hovercontrol.commands import given
 from hovercontrol.commands.progress import progress_bar
 from hovercontrol.errors import InputError
-from hovercontrol.files import check_folder
+from hovercontrol.io.files import check_folder
 
 if TYPE_CHECKING:
     from hovercontrol.logs import Log
@@ -52,7 +52,7 @@ def check(
     """
     from hovercontrol.log_check import check as find
     from hovercontrol.logs.gather import split_files
-    from hovercontrol.model import Model
+    from hovercontrol.models.model import Model
 
     if not logs:
         raise InputError("check: expected one or more logs")

@@ -20,8 +20,8 @@ from hovercontrol.discrepancy.search.leads import Lead
 from hovercontrol.discrepancy.verdict import Verdict
 from hovercontrol.estimation.fit import Fit
 from hovercontrol.estimation.subject import Subject, motion_of
-from hovercontrol.files import write_folder
-from hovercontrol.model import Model
+from hovercontrol.io.files import write_folder
+from hovercontrol.models.model import Model
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -223,7 +223,7 @@ class Diagnosis:
         folder : path
             Made if it is not there.
         """
-        from hovercontrol.modelfile import save_model
+        from hovercontrol.models.modelfile import save_model
 
         text = json.dumps(_finite(self.result()), indent=2, allow_nan=False, default=float) + "\n"
 

@@ -11,11 +11,11 @@ from functools import lru_cache
 
 import sympy as sp
 
-from hovercontrol.block import Block
-from hovercontrol.boundary import checked
-from hovercontrol.derivatives import partial_derivatives
+from hovercontrol.core.block import Block
+from hovercontrol.core.boundary import checked
+from hovercontrol.core.derivatives import partial_derivatives
+from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError
-from hovercontrol.signals import Signal
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,7 @@ def regression(block: Block, coefficients: Sequence[str] | None = None) -> Regre
 
     Examples
     --------
-    >>> from hovercontrol.vehicles import hoverdemon
+    >>> from hovercontrol.models.vehicles import hoverdemon
     >>> regression(hoverdemon().plant()).G[2, :]
     Matrix([[0, -thrust*sin(rudder)]])
     """

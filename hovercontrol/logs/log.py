@@ -17,9 +17,9 @@ import pyarrow.csv
 import pyarrow.parquet
 from numpy.typing import ArrayLike, NDArray
 
-from hovercontrol.boundary import checked
+from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError, did_you_mean, shown
-from hovercontrol.files import write_whole
+from hovercontrol.io.files import write_whole
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -11,9 +11,9 @@ from matplotlib.figure import Figure
 from hovercontrol.errors import InputError, did_you_mean
 
 if TYPE_CHECKING:
-    from hovercontrol.analysis.budget import Budget
-    from hovercontrol.analysis.iss import IssGain
-    from hovercontrol.analysis.margins import FrozenMargins
+    from hovercontrol.analysis.c17.iss import IssGain
+    from hovercontrol.analysis.common.margins import FrozenMargins
+    from hovercontrol.analysis.k06.budget import Budget
     from hovercontrol.discrepancy.diagnosis import Diagnosis
     from hovercontrol.identify.result import Identified
     from hovercontrol.logs import Log

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from hovercontrol.errors import InputError
-from hovercontrol.files import write_folder
+from hovercontrol.io.files import write_folder
 from hovercontrol.reproduce.index import write_index
 from hovercontrol.reproduce.item import Item, Outcome
 

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from hovercontrol.references import REFERENCES
+from hovercontrol.controllers.references import REFERENCES
 from hovercontrol.scenarios.law_figures import law_figures
 from hovercontrol.scenarios.real_figures import comparison
 from hovercontrol.scenarios.result import Run

@@ -7,10 +7,10 @@ import math
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from hovercontrol.core.signals import Signal
 from hovercontrol.scenarios.parts import loop_parts
 from hovercontrol.scenarios.result import Run
 from hovercontrol.scenarios.sheet import in_time, mark_phases, own_loop, sheet
-from hovercontrol.signals import Signal
 
 
 def law_figures(run: Run) -> dict[str, Figure]:

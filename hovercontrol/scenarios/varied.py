@@ -12,12 +12,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from hovercontrol.analysis.regions import Axis
-from hovercontrol.block import Block
-from hovercontrol.boundary import checked
+from hovercontrol.analysis.common.regions import Axis
+from hovercontrol.core.block import Block
+from hovercontrol.core.boundary import checked
+from hovercontrol.core.interconnect import interconnect
 from hovercontrol.errors import InputError, did_you_mean
-from hovercontrol.files import write_folder
-from hovercontrol.interconnect import interconnect
+from hovercontrol.io.files import write_folder
 from hovercontrol.scenarios.definition import Scenario
 from hovercontrol.scenarios.parts import loop_parts, phase_parameters
 from hovercontrol.scenarios.phases import EARLY, phase_grid

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hovercontrol.errors import InputError
-from hovercontrol.files import check_folder, write_quietly
+from hovercontrol.io.files import check_folder, write_quietly
 from hovercontrol.targets.sweep import FIGURES, REASONS, SweepResult
 
 if TYPE_CHECKING:

@@ -16,10 +16,10 @@ from numpy.typing import ArrayLike, NDArray
 from sympy.printing.numpy import NumPyPrinter
 from sympy.printing.pycode import PythonCodePrinter
 
-from hovercontrol.block import Block, Columns, Rows
-from hovercontrol.derivatives import partial_derivatives
+from hovercontrol.core.block import Block, Columns, Rows
+from hovercontrol.core.derivatives import partial_derivatives
+from hovercontrol.core.signals import time
 from hovercontrol.errors import InputError
-from hovercontrol.signals import time
 from hovercontrol.targets.program import Program
 
 Array = NDArray[np.float64]
@@ -180,7 +180,7 @@ def numpy_functions(block: Block) -> NumpyFunctions:
 
     Examples
     --------
-    >>> from hovercontrol.signals import Signal
+    >>> from hovercontrol.core.signals import Signal
     >>> v, k = Signal("v", "m/s"), Signal("k", "1/s", start=2.0)
     >>> decay = Block("decay", [v], [], [v], [k], {"v": -k.symbol * v.symbol})
     >>> numpy_functions(decay).derivatives(0.0, [[1.0, 2.0, 3.0]])

@@ -12,9 +12,9 @@ from typing import Any
 import sympy as sp
 from sympy.core.relational import Relational
 
-from hovercontrol.block import Block
-from hovercontrol.derivatives import needed_definitions
-from hovercontrol.sgn import regularise
+from hovercontrol.core.block import Block
+from hovercontrol.core.derivatives import needed_definitions
+from hovercontrol.core.sgn import regularise
 
 
 class Program:

@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hovercontrol.block import Block
+from hovercontrol.core.block import Block
+from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError, did_you_mean
-from hovercontrol.files import write_whole
-from hovercontrol.signals import Signal
+from hovercontrol.io.files import write_whole
 
 if TYPE_CHECKING:
     import pyarrow

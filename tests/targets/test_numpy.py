@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from hovercontrol.block import Block
 from hovercontrol.controllers import tracking_controller
+from hovercontrol.controllers.references import circle, waypoints
+from hovercontrol.core.block import Block
+from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError
-from hovercontrol.references import circle, waypoints
-from hovercontrol.signals import Signal
-from hovercontrol.vehicles import c17_experiment, c17_simulation, four_fan
+from hovercontrol.models.vehicles import c17_experiment, c17_simulation, four_fan
 
 P, Q = Signal("p"), Signal("q")
 

@@ -16,7 +16,7 @@ from hovercontrol.discrepancy.report.others import others
 from hovercontrol.discrepancy.report.page import page
 from hovercontrol.discrepancy.report.remainder_section import remainder
 from hovercontrol.discrepancy.report.verdict import gap_sentence, headline, remainder_sentence, verdict
-from hovercontrol.files import write_whole
+from hovercontrol.io.files import write_whole
 
 __all__ = ["gap_sentence", "headline", "remainder_sentence", "write_report"]
 

@@ -8,11 +8,11 @@ from fractions import Fraction
 
 import sympy as sp
 
-from hovercontrol.block import Block
+from hovercontrol.core.block import Block
+from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError
 from hovercontrol.hardware.links.messages import fixed, not_negative, passed_through
-from hovercontrol.signals import Signal
-from hovercontrol.tables import positive
+from hovercontrol.io.tables import positive
 
 
 def constant_delay(
@@ -51,7 +51,7 @@ def constant_delay(
 
     Examples
     --------
-    >>> from hovercontrol.hybrid import Ticking
+    >>> from hovercontrol.simulation.hybrid import Ticking
     >>> link = Ticking(constant_delay([Signal("thrust", "N")], 0.04, 0.02))
     >>> [link.tick(0.02 * k, {"thrust": 5.0 + k})["thrust_received"] for k in range(4)]
     [0.0, 0.0, 5.0, 6.0]

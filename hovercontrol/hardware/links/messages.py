@@ -14,11 +14,11 @@ from fractions import Fraction
 
 import sympy as sp
 
-from hovercontrol.block import Block
+from hovercontrol.core.block import Block
+from hovercontrol.core.expressions import Definitions
+from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError
-from hovercontrol.expressions import Definitions
-from hovercontrol.signals import Signal
-from hovercontrol.tables import number
+from hovercontrol.io.tables import number
 
 #: When what never arrives would arrive [ticks]: later than any run lasts.
 NEVER = 2**50
