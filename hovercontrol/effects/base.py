@@ -225,6 +225,11 @@ class Effect:
         -------
         dict of str to sympy.Expr
             Keys ``"u"``, ``"v"``, ``"r"``; accelerations [m/s^2, m/s^2, rad/s^2].
+
+        Raises
+        ------
+        TypeError
+            If the class says nothing of what it does.
         """
         hooks = ("motion", "commands", "measured", "factors")
         if all(getattr(type(self), hook) is getattr(Effect, hook) for hook in hooks):
