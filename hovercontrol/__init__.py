@@ -18,6 +18,8 @@ from __future__ import annotations
 
 import importlib
 
+from hovercontrol.core.backends import register
+
 TYPE_CHECKING = False  # as in typing, which takes a while to import
 
 if TYPE_CHECKING:
@@ -98,6 +100,18 @@ _PLACES = {
 }
 _PLACE = {name: module for module, names in _PLACES.items() for name in names}
 _PACKAGES = {module.partition(".")[0] for module in _PLACES}
+
+
+#: What a Block offers and others do.
+for _name, _module, _function in (
+    ("interconnect", "core.interconnect", "interconnect"),
+    ("start", "simulation.python_runner", "start_block"),
+    ("control", "targets.control", "to_control"),
+    ("compile", "targets.compiled", "compile_block"),
+    ("fmu", "fmi.exporter.export", "export_fmu"),
+    ("html", "notebook.systems", "block_html"),
+):
+    register(_name, f"{__name__}.{_module}", _function)
 
 
 def __getattr__(name: str) -> Any:

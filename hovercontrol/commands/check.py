@@ -5,9 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import numpy as np
 import typer
-from numpy.typing import NDArray
 
 from hovercontrol.commands import given
 from hovercontrol.commands.progress import progress_bar
@@ -15,6 +13,9 @@ from hovercontrol.errors import InputError
 from hovercontrol.io.files import check_folder
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from hovercontrol.logs import Log
 
 #: Stamps that a clock moved by so much [s] still belong to a log.

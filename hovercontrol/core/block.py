@@ -1,7 +1,8 @@
 """The Block: a dynamic system written once, from which every other form is derived.
 
-A Block knows its signals and their expressions and nothing of solvers, vehicles or tools. Its faces live in
-:mod:`hovercontrol.targets`; the methods here that lead to them import them on use.
+A Block knows its signals and their expressions, nothing of solvers, vehicles or tools. Its backends live in
+:mod:`hovercontrol.targets` and above; the methods here ask for them by name
+(:mod:`hovercontrol.core.backends`).
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import sympy as sp
 from numpy.typing import ArrayLike
 
+from hovercontrol.core.backends import backend
 from hovercontrol.core.boundary import checked
 from hovercontrol.core.checking import check
 from hovercontrol.core.expressions import Expressions
@@ -26,9 +28,9 @@ from hovercontrol.errors import InputError, did_you_mean
 if TYPE_CHECKING:
     import control
 
+    from hovercontrol.core.functions import NumpyFunctions
     from hovercontrol.simulation.runner import BlockRunner
     from hovercontrol.targets.compiled import CompiledBlock
-    from hovercontrol.targets.numpy import NumpyFunctions
 
 Rows = Literal["derivatives", "outputs"]
 Columns = Literal["states", "inputs", "parameters"]
@@ -179,9 +181,8 @@ class Block:
         """
         if not self.period:
             return self
-        from hovercontrol.core.interconnect import interconnect
-
-        return interconnect([self], self.name, hybrid=True)
+        whole: Block = backend("interconnect")([self], self.name, hybrid=True)
+        return whole
 
     def need_prompt_inputs(self, face: str) -> None:
         """Refuse a Block whose inputs act late where nothing remembers them; raises :class:`InputError`.
@@ -410,21 +411,19 @@ class Block:
         return block
 
     def _repr_html_(self) -> str:
-        from hovercontrol.notebook.systems import block_html
-
-        return block_html(self)
+        return str(backend("html")(self))
 
     # ---- its faces -----------------------------------------------------------------------------------
 
     def to_numpy(self) -> NumpyFunctions:
-        """Return the Block as NumPy functions (:mod:`hovercontrol.targets.numpy`).
+        """Return the Block as NumPy functions (:mod:`hovercontrol.core.functions`).
 
         Raises
         ------
         InputError
             If inputs act late: no function of a point knows their past.
         """
-        from hovercontrol.targets.numpy import numpy_functions
+        from hovercontrol.core.functions import numpy_functions
 
         return numpy_functions(self)
 
@@ -478,9 +477,8 @@ class Block:
         >>> run.step(None, 0.5).round(5).tolist()
         [0.13534]
         """
-        from hovercontrol.simulation.python_runner import start_block
-
-        return start_block(self, x0, params, inputs=inputs, time=time, rtol=rtol, atol=atol)
+        run: BlockRunner = backend("start")(self, x0, params, inputs=inputs, time=time, rtol=rtol, atol=atol)
+        return run
 
     def to_control(
         self, name: str | None = None, *, step: float | None = None, pade: int | None = None
@@ -490,9 +488,7 @@ class Block:
         A sampled Block becomes a discrete-time system of its period, a hybrid one of `step` [s]. Inputs that
         act late are held in shift registers of `step`, or approximated by Pade's fraction of order `pade`.
         """
-        from hovercontrol.targets.control import to_control
-
-        return to_control(self, name, step=step, pade=pade)
+        return backend("control")(self, name, step=step, pade=pade)
 
     def compile(self, *, friction: Literal["events", "smooth"] = "events") -> CompiledBlock:
         """Return the Block as machine code, for fast simulation and sweeps over many runs.
@@ -503,9 +499,8 @@ class Block:
             Dry friction that sticks at exactly zero velocity, its events located; or smoothed over its width,
             as the other faces compute it.
         """
-        from hovercontrol.targets.compiled import compile_block
-
-        return compile_block(self.in_continuous_time, friction=friction)
+        compiled: CompiledBlock = backend("compile")(self.in_continuous_time, friction=friction)
+        return compiled
 
     def to_fmu(
         self,
@@ -525,9 +520,7 @@ class Block:
         A sampled Block becomes one whose outputs hold. Arguments, result and errors are those of
         :func:`hovercontrol.fmi.exporter.export.export_fmu`.
         """
-        from hovercontrol.fmi.exporter.export import export_fmu
-
-        return export_fmu(
+        written: Path = backend("fmu")(
             self,
             path,
             version=version,
@@ -539,6 +532,7 @@ class Block:
             atol=atol,
             progress=progress,
         )
+        return written
 
     def linearize(
         self, x: ArrayLike, u: ArrayLike = (), params: Mapping[str, float] | None = None, t: float = 0.0

@@ -19,7 +19,9 @@ import sympy as sp
 from numpy.typing import ArrayLike, NDArray
 
 from hovercontrol.core.block import Block
+from hovercontrol.core.delay_line import constant_delay
 from hovercontrol.core.expressions import Expressions
+from hovercontrol.core.interconnect import interconnect, rename
 from hovercontrol.core.signals import Signal
 from hovercontrol.core.ticks import ROOM
 from hovercontrol.errors import InputError
@@ -335,9 +337,6 @@ def registers(block: Block, step: float) -> Block:
     InputError
         If a delay is no multiple of the step; the nearest are named.
     """
-    from hovercontrol.core.interconnect import interconnect, rename
-    from hovercontrol.hardware.links import constant_delay
-
     groups: dict[float, list[Signal]] = {}
     late = delay_values(block, block.parameter_values())
     for name, delay in late.items():

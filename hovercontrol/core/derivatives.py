@@ -7,6 +7,7 @@ definition is used: the fused C17 loop with its estimator has 83 states and stil
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from functools import lru_cache
 from typing import TYPE_CHECKING, Literal
 
 import sympy as sp
@@ -75,3 +76,23 @@ def _almost_everywhere(derivative: sp.Expr) -> sp.Expr:
             sp.Derivative, lambda *_: sp.S.Zero
         )
     return derivative
+
+
+@lru_cache(maxsize=256)
+def linear_parameters(block: Block) -> tuple[str, ...]:
+    """Return the largest leading set of parameters in which all derivatives are jointly linear."""
+    names = [p.name for p in block.parameters]
+    entries = {k: block.expand(e) for k, e in partial_derivatives(block, "derivatives", names).items()}
+    chosen: list[str] = []
+    for j, name in enumerate(names):
+        column = [e for (_, k), e in entries.items() if k == j]
+        taken = {sp.Symbol(n, real=True) for n in (*chosen, name)}
+        before = [e for (_, k), e in entries.items() if names[k] in chosen]
+        own = sp.Symbol(name, real=True)
+        if (
+            column
+            and not any(e.free_symbols & taken for e in column)
+            and not any(own in e.free_symbols for e in before)
+        ):
+            chosen.append(name)
+    return tuple(chosen)

@@ -205,9 +205,10 @@ class Diagnosis:
         }
 
     def _repr_html_(self) -> str:
+        from hovercontrol.discrepancy.report import gap_sentence, headline, remainder_sentence
         from hovercontrol.notebook.results import diagnosis_html
 
-        return diagnosis_html(self)
+        return diagnosis_html(self, (headline(self), gap_sentence(self), remainder_sentence(self)))
 
     def plot(self) -> Figure:
         """Return errors without and with what was added as a picture."""

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hovercontrol.core.block import Block
+from hovercontrol.core.functions import call_scalar, numpy_functions
 from hovercontrol.core.signals import Signal, time
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.estimators.regression import Regression
-from hovercontrol.targets.numpy import call_scalar, numpy_functions
 
 Array = NDArray[np.float64]
 

@@ -179,7 +179,7 @@ def _drifting(log: Log, times: Floats, window: float) -> tuple[Floats, ...]:
 
 def _push(model: Model, log: Log) -> tuple[Complex, Floats]:
     """Return where the commands push in the body frame, and their torque, of a craft at rest."""
-    from hovercontrol.targets.numpy import numpy_functions
+    from hovercontrol.core.functions import numpy_functions
 
     forces = tuple(e for e in model.effects if type(e).kind() == "force")
     plant = replace(model, effects=forces).plant()

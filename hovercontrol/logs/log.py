@@ -28,6 +28,9 @@ POSE = ("x", "y", "psi")
 VELOCITY = ("u", "v", "r")
 PARQUET = (".parquet", ".pq")
 
+#: SI units of what a log of a craft may hold.
+UNITS = dict(zip((*POSE, *VELOCITY), ("m", "m", "rad", "m/s", "m/s", "rad/s"), strict=True))
+
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
@@ -192,7 +195,7 @@ class Log:
         """Return the columns over time as a picture."""
         from hovercontrol.notebook.plots import log_figure
 
-        return log_figure(self)
+        return log_figure(self, UNITS)
 
     @checked
     def save(self, path: str | Path) -> None:

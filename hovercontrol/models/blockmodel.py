@@ -12,12 +12,12 @@ import sympy as sp
 from numpy.typing import ArrayLike
 
 from hovercontrol.core.block import Block
+from hovercontrol.core.derivatives import linear_parameters
 from hovercontrol.core.expressions import Expressions
 from hovercontrol.core.signals import Signal, time
 from hovercontrol.effects import Effect, Shape, effect_class
 from hovercontrol.effects.generic import generic_effects
 from hovercontrol.errors import InputError, did_you_mean
-from hovercontrol.estimators.regression import linear_parameters
 from hovercontrol.models.model import delays_of
 
 

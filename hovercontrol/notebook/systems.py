@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from hovercontrol.core.block import Block
 from hovercontrol.core.signals import Signal
 from hovercontrol.notebook.html import Markup, card, fold, table
+from hovercontrol.notebook.mathml import equations
 
 if TYPE_CHECKING:
     from hovercontrol.fmi.importer.imported import FmuSystem
@@ -47,8 +48,6 @@ def block_html(block: Block) -> str:
 
 def equations_html(block: Block) -> str:
     """Return a Block's equations as MathML, by groups; long groups folded away."""
-    from hovercontrol.fmi.exporter.mathml import equations
-
     groups: dict[str, list[str]] = defaultdict(list)
     for group, line in equations(block):
         groups["Next values" if block.period and group == "Differential equations" else group].append(line)

@@ -12,7 +12,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from hovercontrol.analysis.common.regions import Axis
 from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
 from hovercontrol.core.interconnect import interconnect
@@ -22,7 +21,7 @@ from hovercontrol.scenarios.definition import Scenario
 from hovercontrol.scenarios.parts import loop_parts, phase_parameters
 from hovercontrol.scenarios.phases import EARLY, phase_grid
 from hovercontrol.scenarios.sampling import sampled_loop
-from hovercontrol.targets.sweep import FIGURES, SweepResult
+from hovercontrol.targets.sweep import FIGURES, Axis, SweepResult
 
 Array = NDArray[np.float64]
 

@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hovercontrol.core.block import Block
+from hovercontrol.core.functions import call_scalar, numpy_functions
 from hovercontrol.core.interconnect import interconnect
 from hovercontrol.errors import InputError
 from hovercontrol.simulation.trajectory import initial_state, simulate, time_response
-from hovercontrol.targets.numpy import call_scalar, numpy_functions
 
 if TYPE_CHECKING:
     import control

@@ -12,12 +12,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from hovercontrol.core.block import Block
 from hovercontrol.core.delays import undelayed
+from hovercontrol.core.functions import call_scalar, numpy_functions
 from hovercontrol.core.switching import switching_times
 from hovercontrol.errors import InputError
+from hovercontrol.simulation.reasons import REASONS
 from hovercontrol.simulation.runner import INPUT_NOT_FINITE, BlockRunner, Inputs
 from hovercontrol.simulation.ticking import Running
-from hovercontrol.targets.numpy import call_scalar, numpy_functions
-from hovercontrol.targets.sweep import REASONS
 
 Array = NDArray[np.float64]
 

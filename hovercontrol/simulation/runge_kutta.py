@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from hovercontrol.targets.numpy import FunctionPair, call_scalar
+from hovercontrol.core.functions import FunctionPair, call_scalar
 
 
 def rk4(

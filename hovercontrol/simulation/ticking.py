@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from hovercontrol.core.block import Block
 from hovercontrol.core.expressions import Expressions
+from hovercontrol.core.functions import call_scalar, numpy_functions
 from hovercontrol.core.ticks import ROOM, Schedule
 from hovercontrol.errors import InputError
 from hovercontrol.simulation.runge_kutta import dormand_prince
-from hovercontrol.targets.numpy import call_scalar, numpy_functions
 
 Array = NDArray[np.float64]
 

@@ -18,10 +18,10 @@ from scipy.integrate import solve_ivp
 from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
 from hovercontrol.core.delays import arrivals, undelayed
+from hovercontrol.core.functions import call_scalar, numpy_functions
 from hovercontrol.core.switching import longest_step
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.simulation.ticking import run_hybrid
-from hovercontrol.targets.numpy import call_scalar, numpy_functions
 
 if TYPE_CHECKING:
     import control

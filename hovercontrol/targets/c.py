@@ -18,10 +18,10 @@ from hovercontrol.core.delays import undelayed
 from hovercontrol.core.derivatives import partial_derivatives
 from hovercontrol.core.friction import DryFriction, dry_frictions, with_modes
 from hovercontrol.core.lookup import Entries
+from hovercontrol.core.program import Program
 from hovercontrol.core.signals import Signal, time
 from hovercontrol.core.switching import switching_conditions
 from hovercontrol.core.ticks import clock_of
-from hovercontrol.targets.program import Program
 
 #: Names a local variable must not take: C99's words, our arrays, and what math.h may define.
 _TAKEN = frozenset(

@@ -11,7 +11,8 @@ import numpy as np
 
 from hovercontrol.errors import InputError
 from hovercontrol.io.files import check_folder, write_quietly
-from hovercontrol.targets.sweep import FIGURES, REASONS, SweepResult
+from hovercontrol.simulation.reasons import REASONS
+from hovercontrol.targets.sweep import FIGURES, SweepResult
 
 if TYPE_CHECKING:
     from hovercontrol.targets.compiled import CompiledBlock

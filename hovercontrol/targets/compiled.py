@@ -21,8 +21,10 @@ from numpy.typing import ArrayLike, NDArray
 from hovercontrol.core.block import Block, Rows
 from hovercontrol.core.boundary import checked, fits
 from hovercontrol.core.delays import arrivals, arrivals_of_runs, undelayed
+from hovercontrol.core.functions import call_scalar, numpy_functions
 from hovercontrol.errors import InputError, did_you_mean, shown
 from hovercontrol.simulation.python_runner import start_block
+from hovercontrol.simulation.reasons import REASONS
 from hovercontrol.simulation.runge_kutta import rk4
 from hovercontrol.simulation.runner import BlockRunner, Inputs
 from hovercontrol.simulation.ticking import Running
@@ -45,10 +47,8 @@ from hovercontrol.targets.library import (
     states_and_inputs,
 )
 from hovercontrol.targets.native_runner import NativeEngine
-from hovercontrol.targets.numpy import call_scalar, numpy_functions
 from hovercontrol.targets.sweep import (
     FIGURES,
-    REASONS,
     Many,
     SweepResult,
     in_threads,

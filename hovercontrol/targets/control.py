@@ -12,10 +12,10 @@ from numpy.typing import ArrayLike, NDArray
 from hovercontrol.core.block import Block
 from hovercontrol.core.delays import pade as approximated
 from hovercontrol.core.delays import registers
+from hovercontrol.core.functions import numpy_functions
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.io.tables import positive
 from hovercontrol.targets.library import Point, Solver
-from hovercontrol.targets.numpy import numpy_functions
 from hovercontrol.targets.points import points
 
 Array = NDArray[np.float64]

@@ -5,6 +5,7 @@ import pytest
 
 from hovercontrol.analysis.common.packet_loss import PacketLoop
 from hovercontrol.core.block import Block
+from hovercontrol.core.functions import numpy_functions
 from hovercontrol.core.signals import Signal
 from hovercontrol.hardware.links import (
     BoundedDelays,
@@ -14,7 +15,6 @@ from hovercontrol.hardware.links import (
     lossy_link,
 )
 from hovercontrol.simulation.hybrid import Ticking, simulate_hybrid
-from hovercontrol.targets.numpy import numpy_functions
 
 Y = Signal("y")
 RUNS = 20_000

@@ -21,6 +21,7 @@ from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.io.files import write_whole
 from hovercontrol.io.tables import number
 from hovercontrol.targets.compiled import CompiledBlock
+from hovercontrol.targets.sweep import Axis as Axis
 from hovercontrol.targets.sweep import SweepResult
 
 if TYPE_CHECKING:
@@ -48,33 +49,6 @@ LOOKS: tuple[dict[str, Any], ...] = tuple(
         ("none", None, "-."),
     )
 )
-
-
-@dataclass(frozen=True, eq=False)
-class Axis:
-    """One parameter of a map.
-
-    Parameters
-    ----------
-    name, unit : str
-    values : ndarray, shape (n,)
-        Increasing.
-    label : str, optional
-        What pictures call it; default the name.
-
-    Examples
-    --------
-    >>> Axis("k1", "1/s^2", np.linspace(1.0, 3.0, 3)).values.tolist()
-    [1.0, 2.0, 3.0]
-    """
-
-    name: str
-    unit: str
-    values: Array
-    label: str = ""
-
-    def __str__(self) -> str:
-        return f"{self.label or self.name} [{self.unit}]"
 
 
 def as_numbers(name: str, given: ArrayLike) -> Array:

@@ -9,8 +9,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from hovercontrol.core.block import Block
 from hovercontrol.core.expressions import Expressions
+from hovercontrol.core.functions import FunctionPair, numpy_functions
 from hovercontrol.errors import InputError, did_you_mean
-from hovercontrol.targets.numpy import FunctionPair, numpy_functions
 
 
 def simulate_runs(

@@ -9,9 +9,9 @@ from itertools import groupby
 
 import hovercontrol
 from hovercontrol.fmi.exporter.description import Experiment
-from hovercontrol.fmi.exporter.mathml import equations
 from hovercontrol.fmi.exporter.sources import Version
 from hovercontrol.fmi.exporter.variables import Interface, Variable
+from hovercontrol.notebook.mathml import equations
 
 #: More rows or equations than this are folded away until they are asked for.
 _MANY = 20

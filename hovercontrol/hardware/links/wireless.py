@@ -9,6 +9,7 @@ from fractions import Fraction
 import sympy as sp
 
 from hovercontrol.core.block import Block
+from hovercontrol.core.delay_line import not_negative, passed_through
 from hovercontrol.core.random_numbers import random_numbers
 from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError
@@ -16,8 +17,6 @@ from hovercontrol.hardware.links.distributions import Delays
 from hovercontrol.hardware.links.messages import (
     MessageLink,
     Transmission,
-    not_negative,
-    passed_through,
 )
 from hovercontrol.io.tables import number, positive
 

@@ -7,14 +7,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from copy import copy
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import sympy as sp
 from sympy.core.relational import Relational
 
-from hovercontrol.core.block import Block
 from hovercontrol.core.derivatives import needed_definitions
 from hovercontrol.core.sgn import regularise
+
+if TYPE_CHECKING:
+    from hovercontrol.core.block import Block
 
 
 class Program:

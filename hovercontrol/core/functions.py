@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property, lru_cache
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import sympy as sp
@@ -16,11 +16,13 @@ from numpy.typing import ArrayLike, NDArray
 from sympy.printing.numpy import NumPyPrinter
 from sympy.printing.pycode import PythonCodePrinter
 
-from hovercontrol.core.block import Block, Columns, Rows
 from hovercontrol.core.derivatives import partial_derivatives
+from hovercontrol.core.program import Program
 from hovercontrol.core.signals import time
 from hovercontrol.errors import InputError
-from hovercontrol.targets.program import Program
+
+if TYPE_CHECKING:
+    from hovercontrol.core.block import Block, Columns, Rows
 
 Array = NDArray[np.float64]
 Function = Callable[..., tuple[Any, ...]]
