@@ -23,6 +23,15 @@ settings.register_profile(
 settings.load_profile("hovercraft")
 
 
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items):
+    """A test marked ``slow("loop", "mass")`` is slow for parameters with one of these in their ids."""
+    for item in items:
+        for mark in item.iter_markers("slow"):
+            if mark.args and not any(part in item.name for part in mark.args):
+                item.own_markers.remove(mark)
+
+
 @pytest.fixture
 def rng() -> np.random.Generator:
     return np.random.default_rng(20170917)
