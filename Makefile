@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo test test-all coverage check wheel fuzz benchmarks clean
+.PHONY: demo test test-all coverage mutations oldest check wheel fuzz benchmarks clean
 .DELETE_ON_ERROR:
 
 demo: .venv/ready  ## the paper's Table I, coefficients from the sample log, what K06's model lacked
@@ -34,6 +34,12 @@ check: .venv/ready
 FUZZ_SECONDS ?= 600
 fuzz: .venv/ready  ## hostile and clumsy inputs; each that breaks something is printed with its seed
 	$(BIN)/python -m tests.fuzz --seconds $(FUZZ_SECONDS) $(if $(FUZZ_SEED),--seed $(FUZZ_SEED))
+
+mutations: .venv/ready  ## one-line faults in a copy of the code: does make test notice each?
+	$(BIN)/python -m tests.mutations
+
+oldest: .venv/ready  ## the quick tests with the oldest versions that pyproject.toml allows
+	$(BIN)/python -m tests.packaging.oldest
 
 wheel: .venv/ready  ## wheel and sdist, installed in fresh environments; sizes and times
 	$(BIN)/python -m tests.packaging.install
