@@ -1,6 +1,7 @@
 """Build wheel and sdist, install each in a fresh environment, use it: ``make wheel``.
 
-Prints sizes and times, and what works without a C compiler and with one. Without a compiler NumPy does the work, after one line that says so.
+Prints sizes and times, and what works without a C compiler (NumPy does the work, after one line that says so)
+and with one.
 """
 
 import os
