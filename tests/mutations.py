@@ -133,7 +133,7 @@ MUTATIONS = (
         "hovercontrol/estimation/prior.py",
         "precision[j] = 1.0 / max(COEFFICIENTS * abs(centre[j]), ALONE * alone[j]) ** 2",
         "precision[j] = 1.0 / max(COEFFICIENTS * abs(centre[j]), ALONE * alone[j])",
-        (*ESTIMATION, "tests/discrepancy"),
+        ESTIMATION,
     ),
     Mutation(
         "Every sample that is a little off is an outlier.",

@@ -23,7 +23,7 @@ def packages():
     """What lies in the package: folders and modules, without those that are not for import."""
     root = Path(hovercontrol.__file__).parent
     for path in root.iterdir():
-        if (path / "__init__.py").exists() or (path.suffix == ".py" and not path.stem.startswith("__")):
+        if (path / "__init__.py").exists() or (path.suffix == ".py" and not path.stem.startswith("_")):
             yield path.stem
 
 
