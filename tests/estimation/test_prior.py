@@ -1,4 +1,4 @@
-"""What is held of coefficients beforehand: about the model's value, to 30 %, or to a tenth of all that is seen."""
+"""What is held of coefficients beforehand: the model's value to 30 %, or to a tenth of all that is seen."""
 
 import numpy as np
 import pytest
