@@ -15,7 +15,13 @@ LONGEST_LINE, LONGEST_NAME, MOST_NAMES = 1000, 100, 60
 
 
 class InputError(ValueError):
-    """What was expected, what was found and where, in one line: of whatever text, one line is made."""
+    r"""What was expected, what was found and where, in one line: of whatever text, one line is made.
+
+    Examples
+    --------
+    >>> str(InputError("log.csv, row 3:\n  no number"))
+    'log.csv, row 3: no number'
+    """
 
     def __init__(self, text: object = "") -> None:
         super().__init__(one_line(text))

@@ -138,5 +138,11 @@ class Signal:
         return dimension(self.unit)
 
     def but(self, **changes: Any) -> Signal:
-        """Return a copy with some fields changed."""
+        """Return a copy with some fields changed.
+
+        Parameters
+        ----------
+        **changes
+            Fields by name.
+        """
         return replace(self, **changes)

@@ -162,7 +162,13 @@ class SampledEstimator:
         return self._xi[n:].copy()
 
     def pause(self, seconds: float) -> None:
-        """Bridge a gap [s]: the states are forgotten, the coefficients' variance grows."""
+        """Bridge a gap [s]: the states are forgotten, the coefficients' variance grows.
+
+        Parameters
+        ----------
+        seconds : float
+            Length of the gap [s].
+        """
         n, P = self._n, self.covariance
         P[:n, n:], P[n:, :n] = 0.0, 0.0
         P[n:, n:] += seconds * self._Q[n:, n:]

@@ -35,6 +35,14 @@ def reproduce(
     ------
     InputError
         If there is nothing to rebuild, or the folder cannot be written.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> item = Item("c17", "table", "1", "errors", lambda folder: {"error": 0.02})
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     [outcome.values for outcome in reproduce([item], folder)]
+    [{'error': 0.02}]
     """
     if not items:
         raise InputError("reproduce: nothing to rebuild")

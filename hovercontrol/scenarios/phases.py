@@ -21,7 +21,23 @@ EARLY = 1e-6
 
 
 def phase_grid(begin: float, end: float, step: float) -> Array:
-    """Return times from begin to end, both included, on multiples of the step."""
+    """Return times from begin to end, both included, on multiples of the step.
+
+    Parameters
+    ----------
+    begin, end, step : float
+        [s]
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        [s]
+
+    Examples
+    --------
+    >>> phase_grid(0.0, 0.5, 0.2).round(9).tolist()
+    [0.0, 0.2, 0.4, 0.5]
+    """
     first, last = int(np.floor(begin / step + SAME)) + 1, int(np.ceil(end / step - SAME))
     return np.array([begin, *(step * k for k in range(first, last)), end])
 

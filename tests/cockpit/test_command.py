@@ -90,6 +90,7 @@ def test_it_tells_its_address_serves_there_and_ends_when_told(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_beyond_this_machine_the_printed_address_has_a_token(tmp_path):
     own = started("--port", "0", "--host", "0.0.0.0", folder=tmp_path)
     try:

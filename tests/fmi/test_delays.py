@@ -69,6 +69,7 @@ def table(block):
     return np.array(list(zip(TIMES, *SENT, strict=True)), dtype=types)
 
 
+@pytest.mark.slow("lag")
 @pytest.mark.parametrize("version", [2, 3])
 @pytest.mark.parametrize("name", BLOCKS)
 def test_co_simulation_gives_the_machine_codes_numbers(written, name, version):

@@ -53,6 +53,7 @@ def test_two_fmus_are_linked_into_one_program(tmp_path, version):
         assert not [name for name in names if not name.startswith(f"{block.name}_")]
 
 
+@pytest.mark.slow
 def test_the_autopilot_with_all_its_conditions_compiles_without_a_warning(tmp_path):
     from hovercontrol.commands.exportable import choose
 

@@ -548,6 +548,7 @@ def test_garbage_collection_frees_it_too(fmu, temporary, calls):
     assert list(temporary.iterdir()) == [] and calls()[-1] == "free"
 
 
+@pytest.mark.slow("here")
 @pytest.mark.parametrize("isolated", [False, True], ids=["here", "isolated"])
 def test_the_interpreters_exit_frees_it_too(fmu, tmp_path, isolated):
     folder = tmp_path / "t"

@@ -39,17 +39,20 @@ def drive(compiler, folder, version, name, flags, *arguments):
     run([program, *arguments])
 
 
+@pytest.mark.slow("run", "misuse")
 @pytest.mark.parametrize("what", ["cycles", "run", "misuse"])
 def test_memory_of_fmi3(compiler, tmp_path, what):
     drive(compiler, tmp_path, 3, "plant", MEMORY, what)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["axes", "follower", "controller", "remembers"])
 def test_memory_of_other_models(compiler, tmp_path, name):
     for what in ("run", "misuse"):
         drive(compiler, tmp_path, 3, name, MEMORY, what)
 
 
+@pytest.mark.slow("remembers")
 @pytest.mark.parametrize("name", ["plant", "remembers"])
 def test_memory_of_fmi2(compiler, name, tmp_path):
     drive(compiler, tmp_path, 2, name, MEMORY)

@@ -78,6 +78,7 @@ def points(block, rng, n=20):
         yield rng.uniform(0, 3), rng.normal(0, 1, len(block.states)), rng.normal(0, 1, len(block.inputs)), p
 
 
+@pytest.mark.slow("loop")
 @needs_cc
 @pytest.mark.parametrize("name", BLOCKS)
 def test_smooth_c_is_numpy(name, tmp_path):
@@ -98,6 +99,7 @@ def test_smooth_c_is_numpy(name, tmp_path):
         np.testing.assert_allclose(compiled.partials(exact.shape, t, x, u, p), exact, rtol=1e-9, atol=1e-9)
 
 
+@pytest.mark.slow("loop")
 @needs_cc
 @pytest.mark.parametrize("name", ["plant", "loop"])
 def test_with_modes_slipping_is_a_plus_b_s_and_sticking_stands_still(name, tmp_path):

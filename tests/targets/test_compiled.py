@@ -81,6 +81,7 @@ def swept(runs=12, **options):
 # ---- one point, one simulation ---------------------------------------------------------------------------
 
 
+@pytest.mark.slow("estimator", "loop")
 @needs_cc
 @pytest.mark.parametrize("name", BLOCKS)
 def test_at_a_point_it_is_numpy(name, rng):
@@ -325,6 +326,7 @@ def test_a_simulation_that_cannot_be_is_refused():
 # ---- other processes, no compiler ------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @needs_cc
 def test_two_processes_compile_at_once_into_an_empty_cache(tmp_path):
     code = (

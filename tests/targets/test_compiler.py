@@ -173,6 +173,7 @@ def test_the_processors_vectors_are_in_the_flags():
     assert ("-mavx2" in compiler.local_flags()) == (" avx2 " in Path("/proc/cpuinfo").read_text())
 
 
+@pytest.mark.slow
 @needs_cc
 def test_processes_that_build_at_once_all_succeed(cache):
     code = (

@@ -88,6 +88,12 @@ def arm_region(
     ------
     InputError
         As for :func:`predict`, if a range is none, or the map is too large.
+
+    Examples
+    --------
+    >>> theory, simulated = arm_region((0.1, 0.2), (0.1, 0.2), points=2, duration=5.0)
+    >>> list(theory.maps), list(simulated.maps)
+    (['nose', 'stern', 'bounded', 'printed'], ['nose', 'stern', 'unsettled', 'bounded', 'theorem'])
     """
     model = c17_simulation() if model is None else model
     x = axis("arm", "m", arm, points, "rudder arm a (negative: ahead of the centre of mass)")

@@ -62,6 +62,13 @@ class ExpectedErrors:
         Whether the actuators can give those.
     duration : float
         Of a flight [s].
+
+    Examples
+    --------
+    >>> import hovercontrol as hc
+    >>> found = expected_errors({"circle": hc.circle(1.5)}, coefficients=["surge_linear_drag"])
+    >>> found.references, found.error.shape
+    (('circle',), (1, 1))
     """
 
     references: tuple[str, ...]
@@ -85,7 +92,13 @@ class ExpectedErrors:
         return pyarrow.table(columns)
 
     def save(self, path: str | Path) -> Path:
-        """Write the table as CSV; it appears whole or not at all."""
+        """Write the table as CSV; it appears whole or not at all.
+
+        Parameters
+        ----------
+        path : path
+            Of the CSV file.
+        """
         import pyarrow.csv
 
         return write_whole(path, lambda file: pyarrow.csv.write_csv(self.table(), file))
@@ -94,6 +107,11 @@ class ExpectedErrors:
         """Return a figure: a heat map of references over coefficients, with its numbers.
 
         References that the actuators cannot follow have a star.
+
+        Parameters
+        ----------
+        axes : matplotlib.axes.Axes, optional
+            Where to draw; default a figure of its own.
         """
         if axes is None:
             axes = Figure(figsize=(8.0, 1.5 + 0.4 * len(self.references)), layout="constrained").subplots()
@@ -237,6 +255,12 @@ def ellipse_errors(
     ------
     InputError
         As for :func:`expected_errors`; if a range is none or the map is too large.
+
+    Examples
+    --------
+    >>> region = ellipse_errors((1.0, 2.0), (1.0, 2.0), points=2)
+    >>> list(region.maps)[:3]
+    ['within limits', 'worst', 'surge_coulomb']
     """
     positive("rate", rate)
     x, y = (

@@ -132,6 +132,12 @@ def zero_dynamics(model: Model, side: bool = False) -> ZeroDynamics:
     ------
     InputError
         As :func:`~hovercontrol.analysis.c17.normal_form.normal_form`.
+
+    Examples
+    --------
+    >>> import hovercontrol as hc
+    >>> zero_dynamics(hc.vehicle("c17_simulation")).cubic  # no term in r^3: the yaw rate stays bounded
+    0
     """
     form = normal_form(model, side)
     exact = {symbol(name): sp.S.Zero for name in ERRORS}

@@ -66,6 +66,16 @@ LARGEST = 1e100
 def axis(name: str, unit: str, span: tuple[float, float], points: int, label: str = "") -> Axis:
     """Return an axis of equal steps.
 
+    Parameters
+    ----------
+    name, unit : str
+    span : tuple of float
+        First and last value, in the unit.
+    points : int
+        Two or more.
+    label : str, optional
+        What pictures call it; default the name.
+
     Raises
     ------
     InputError
@@ -122,6 +132,13 @@ class Region:
         Curves to draw, each x and y, NaN where they are interrupted.
     marks : mapping of str to (float, float), optional
         Points to mark, such as the gains that a paper takes.
+
+    Examples
+    --------
+    >>> k1, k2 = Axis("k1", "1/s^2", np.array([1.0, 2.0])), Axis("k2", "1/s", np.array([1.0]))
+    >>> region = Region("stable gains", k1, k2, {"stable": np.array([[True, False]])})
+    >>> region.maps["stable"].shape
+    (1, 2)
     """
 
     title: str
@@ -145,7 +162,13 @@ class Region:
         return self.maps[name]
 
     def label(self, name: str) -> str:
-        """Return what a map is called, with its unit."""
+        """Return what a map is called, with its unit.
+
+        Parameters
+        ----------
+        name : str
+            Of the map.
+        """
         text = self.labels.get(name, name)
         return f"{text} [{self.units[name]}]" if name in self.units else text
 
@@ -172,7 +195,13 @@ class Region:
         return pyarrow.table(columns)
 
     def save(self, path: str | Path) -> Path:
-        """Write the table as CSV; it appears whole or not at all."""
+        """Write the table as CSV; it appears whole or not at all.
+
+        Parameters
+        ----------
+        path : path
+            Of the CSV file.
+        """
         import pyarrow.csv
 
         return write_whole(path, lambda file: pyarrow.csv.write_csv(self.table(), file))

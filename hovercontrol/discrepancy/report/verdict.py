@@ -41,7 +41,23 @@ SURE, NEAREST = 2.0, 2
 
 
 def headline(d: Diagnosis) -> str:
-    """Return what is missing as one plain sentence."""
+    """Return what is missing as one plain sentence.
+
+    Parameters
+    ----------
+    d : Diagnosis
+
+    Examples
+    --------
+    >>> import hovercontrol as hc
+    >>> from hovercontrol.discrepancy import diagnose
+    >>> from hovercontrol.logs import read_log
+    >>> from hovercontrol.samples import sample_path
+    >>> log = read_log(sample_path()).between(0.0, 15.0)
+    >>> found = diagnose(hc.vehicle("c17_experiment"), [log], names=["slope"])
+    >>> headline(found)
+    'Missing: nothing beyond noise.'
+    """
     if d.effects:
         said = [_named(d, name, numbers) for name, numbers in numbers_by_effect(d).items()]
         return f"Missing: {'; '.join(said)}."
@@ -75,7 +91,23 @@ def key_of(number: Found) -> str:
 
 
 def gap_sentence(d: Diagnosis) -> str:
-    """Return what the named effects take of the error on the held-out log, or how large that is."""
+    """Return what the named effects take of the error on the held-out log, or how large that is.
+
+    Parameters
+    ----------
+    d : Diagnosis
+
+    Examples
+    --------
+    >>> import hovercontrol as hc
+    >>> from hovercontrol.discrepancy import diagnose
+    >>> from hovercontrol.logs import read_log
+    >>> from hovercontrol.samples import sample_path
+    >>> log = read_log(sample_path()).between(0.0, 15.0)
+    >>> found = diagnose(hc.vehicle("c17_experiment"), [log], names=["slope"])
+    >>> gap_sentence(found).partition(";")[0]
+    'No log was held out'
+    """
     held = d.held_before is not None
     if not d.effects:
         return _error_of_noise(d)
@@ -110,7 +142,23 @@ def _error_of_noise(d: Diagnosis) -> str:
 
 
 def remainder_sentence(d: Diagnosis) -> str:
-    """Return what remains, how much of it in which equation, and where."""
+    """Return what remains, how much of it in which equation, and where.
+
+    Parameters
+    ----------
+    d : Diagnosis
+
+    Examples
+    --------
+    >>> import hovercontrol as hc
+    >>> from hovercontrol.discrepancy import diagnose
+    >>> from hovercontrol.logs import read_log
+    >>> from hovercontrol.samples import sample_path
+    >>> log = read_log(sample_path()).between(0.0, 15.0)
+    >>> found = diagnose(hc.vehicle("c17_experiment"), [log], names=["slope"])
+    >>> remainder_sentence(found)
+    'What remains: nothing beyond noise.'
+    """
     left = [r for r in d.remainders if r.there]
     if not left:
         return "What remains: nothing beyond noise."

@@ -81,6 +81,15 @@ def export_fmu(
     ------
     InputError
         If an argument is wrong, the folder cannot be written, or there is no compiler for a platform.
+
+    Examples
+    --------
+    >>> import tempfile, zipfile
+    >>> import hovercontrol as hc
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     file = export_fmu(hc.circle(1.0), Path(folder) / "circle.fmu")
+    ...     "modelDescription.xml" in zipfile.ZipFile(file).namelist()
+    True
     """
     target = Path(path)
     if target.suffix != ".fmu":

@@ -174,6 +174,7 @@ def test_without_a_rudder_arm_or_sway_drag_delta_is_what_is_left():
     assert theorem_4_margin(bare) == pytest.approx(0.75 / 6.1425, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_a_control_point_off_the_centre_line_has_no_delta():
     """By hand: r' has -c8 delta_y r^2/(c7 - c8 delta_x), so r escapes in finite time to one side."""
     cubic = zero_dynamics(CRAFT, side=True).cubic

@@ -17,6 +17,7 @@ FOLDER = Path(__file__).parents[3] / "analyses"
 SMALL = {"k06_turn_basins": {"points": 8}, "k06_margins": {"points": 4, "instants": 4}}
 
 
+@pytest.mark.slow("k06_margins")
 @pytest.mark.parametrize("name", SMALL)
 def test_a_script_leaves_pictures_tables_and_findings(name, tmp_path):
     told = []
