@@ -33,7 +33,7 @@ from hovercontrol.analysis import (
     signals_of,
 )
 from hovercontrol.analysis.output import Progress, save, script
-from hovercontrol.figure_style import COLOUR_MAP
+from hovercontrol.io.figure_style import COLOUR_MAP
 from hovercontrol.scenarios import load_scenario, run_scenario
 
 #: Angular rates of the ellipses that are tried [rad/s].

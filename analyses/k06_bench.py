@@ -11,7 +11,7 @@ import pyarrow.csv
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from hovercontrol.analysis.bench import (
+from hovercontrol.analysis.k06.bench import (
     COLUMNS,
     INTEGRATED_Q1,
     PLACES,

@@ -14,7 +14,7 @@ import pyarrow.csv
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from hovercontrol.analysis.budget import GROUPS, Budget, budget
+from hovercontrol.analysis.k06.budget import GROUPS, Budget, budget
 from hovercontrol.analysis.output import Progress, save, script
 from hovercontrol.autopilot import SWITCHES
 from hovercontrol.errors import InputError, did_you_mean

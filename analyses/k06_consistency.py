@@ -13,7 +13,7 @@ import pyarrow.csv
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from hovercontrol.analysis.ins_monte_carlo import (
+from hovercontrol.analysis.k06.ins_monte_carlo import (
     Array,
     course,
     covariance,
@@ -28,7 +28,7 @@ from hovercontrol.analysis.ins_monte_carlo import (
     started,
 )
 from hovercontrol.analysis.output import Progress, save, script
-from hovercontrol.block import Block
+from hovercontrol.core.block import Block
 from hovercontrol.estimators.ins import (
     IMU_PERIOD,
     K06_NOISE,

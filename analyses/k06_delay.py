@@ -9,8 +9,8 @@ import pyarrow
 import pyarrow.csv
 from matplotlib.figure import Figure
 
-from hovercontrol.analysis.delayed_law import DelayedLoop
-from hovercontrol.analysis.law_regions import ROUND_TRIP, force_craft
+from hovercontrol.analysis.common.delayed_law import DelayedLoop
+from hovercontrol.analysis.k06.law_regions import ROUND_TRIP, force_craft
 from hovercontrol.analysis.output import Progress, save, script
 
 #: Surge of table 6.2 [m/s], and weights of u, v [s^2/m^2], r [s^2] and of the forces [1/N^2].

@@ -9,7 +9,7 @@ import pyarrow
 import pyarrow.csv
 from matplotlib.figure import Figure
 
-from hovercontrol.analysis.bench import TABLE_6_5, gyro_sines, gyro_transfer
+from hovercontrol.analysis.k06.bench import TABLE_6_5, gyro_sines, gyro_transfer
 from hovercontrol.analysis.output import Progress, save, script
 
 #: The gyro's period [s], and its pure delay, of which (6.2) knows nothing [ms].

@@ -10,8 +10,7 @@ import pyarrow
 import pyarrow.csv
 from matplotlib.figure import Figure
 
-from hovercontrol.analysis.output import Progress, save, script
-from hovercontrol.analysis.reverse_error import (
+from hovercontrol.analysis.k06.reverse_error import (
     AHEAD,
     ASTERN,
     SUSPECTS,
@@ -20,6 +19,7 @@ from hovercontrol.analysis.reverse_error import (
     steady_errors,
     suspect_log,
 )
+from hovercontrol.analysis.output import Progress, save, script
 from hovercontrol.discrepancy import diagnose
 from hovercontrol.scenarios import run_scenario
 

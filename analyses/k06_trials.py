@@ -14,8 +14,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from hovercontrol.analysis.k06.trials import trial_metrics
 from hovercontrol.analysis.output import Progress, save, script
-from hovercontrol.analysis.trials import trial_metrics
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.scenarios import load_scenario
 

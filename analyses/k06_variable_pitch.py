@@ -9,9 +9,9 @@ import pyarrow
 import pyarrow.csv
 from matplotlib.figure import Figure
 
+from hovercontrol.analysis.k06.trials import fly_trial
+from hovercontrol.analysis.k06.variable_pitch import PITCH_LAG, with_variable_pitch
 from hovercontrol.analysis.output import Progress, save, script
-from hovercontrol.analysis.trials import fly_trial
-from hovercontrol.analysis.variable_pitch import PITCH_LAG, with_variable_pitch
 from hovercontrol.scenarios import load_scenario
 
 TRIALS = ("stop", "forward", "reverse", "turn", "heading-bangbang-rest", "heading-proportional-rest")

@@ -12,9 +12,9 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from benchmarks.fused import SOLVER, systems
-from hovercontrol.block import Block
 from hovercontrol.controllers import tracking_controller
-from hovercontrol.interconnect import interconnect
+from hovercontrol.core.block import Block
+from hovercontrol.core.interconnect import interconnect
 from hovercontrol.scenarios import Scenario, load_scenario
 from hovercontrol.scenarios.runner import loop_parts, phase_grid, phase_parameters
 from hovercontrol.targets.compiled import CompiledBlock, SweepResult, compile_block

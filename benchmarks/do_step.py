@@ -7,8 +7,8 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
-from hovercontrol.fmi.sources import fmu_sources
-from hovercontrol.fmi.variables import Interface
+from hovercontrol.fmi.exporter.sources import fmu_sources
+from hovercontrol.fmi.exporter.variables import Interface
 from hovercontrol.scenarios import load_scenario
 from hovercontrol.scenarios.runner import loop_parts
 from hovercontrol.targets.compiler import find_compiler

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from hovercontrol.estimators import SampledEstimator
-from hovercontrol.vehicles import vehicle
+from hovercontrol.models.vehicles import vehicle
 
 
 def rows() -> Iterator[tuple[str, str, str, bool | None]]:

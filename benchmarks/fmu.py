@@ -20,12 +20,12 @@ import numpy as np
 from fmpy.fmi2 import FMU2Slave
 from fmpy.validation import validate_fmu
 
-from hovercontrol.block import Block
-from hovercontrol.fmi.binaries import this_platform
-from hovercontrol.interconnect import interconnect
+from hovercontrol.core.block import Block
+from hovercontrol.core.interconnect import interconnect
+from hovercontrol.fmi.exporter.binaries import this_platform
+from hovercontrol.models.vehicles import vehicle
 from hovercontrol.scenarios import load_scenario
 from hovercontrol.scenarios.runner import loop_parts
-from hovercontrol.vehicles import vehicle
 
 STEP = 0.05
 KINDS = [(version, kind) for version in (2, 3) for kind in ("ModelExchange", "CoSimulation")]
@@ -35,7 +35,7 @@ PYTHON_FMU = """
 from pythonfmu import Fmi2Causality, Fmi2Slave, Real
 from scipy.integrate import solve_ivp
 from hovercontrol import vehicle
-from hovercontrol.targets.runge_kutta import rk4
+from hovercontrol.simulation.runge_kutta import rk4
 
 class Plant(Fmi2Slave):
     def __init__(self, **kwargs):

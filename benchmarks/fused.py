@@ -10,7 +10,7 @@ from collections.abc import Iterator
 import control
 import numpy as np
 
-from hovercontrol.interconnect import interconnect
+from hovercontrol.core.interconnect import interconnect
 from hovercontrol.scenarios import load_scenario
 from hovercontrol.scenarios.runner import loop_parts, phase_grid, phase_parameters
 from hovercontrol.targets.library import Library

@@ -21,8 +21,8 @@ from benchmarks import real_logs
 from hovercontrol.discrepancy import diagnose
 from hovercontrol.effects import effect
 from hovercontrol.logs import Log, gather, read_log
-from hovercontrol.model import Fan, Model
-from hovercontrol.vehicles import vehicle
+from hovercontrol.models.model import Fan, Model
+from hovercontrol.models.vehicles import vehicle
 
 DATA = real_logs.DATA.parent / "holohover"
 #: Places [m] and directions [rad] of the motors, as the data's README has them.

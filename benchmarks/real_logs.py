@@ -10,7 +10,7 @@ from pathlib import Path
 from hovercontrol.discrepancy import diagnose
 from hovercontrol.identify.study import Study
 from hovercontrol.logs import BenchTable, Condition, Log, gather
-from hovercontrol.vehicles import vehicle
+from hovercontrol.models.vehicles import vehicle
 
 DATA = (
     Path(os.environ.get("HOVERCONTROL_DATA", Path(__file__).parents[2] / "shared" / "data"))

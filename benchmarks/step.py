@@ -13,11 +13,11 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from benchmarks.compiled import spent
-from hovercontrol.interconnect import interconnect
+from hovercontrol.core.interconnect import interconnect
+from hovercontrol.models.vehicles import vehicle
 from hovercontrol.scenarios import load_scenario
 from hovercontrol.scenarios.runner import loop_parts
-from hovercontrol.targets.runner import BlockRunner, Inputs, Snapshot
-from hovercontrol.vehicles import vehicle
+from hovercontrol.simulation.runner import BlockRunner, Inputs, Snapshot
 
 STEPS, DT = 5000, 0.01
 

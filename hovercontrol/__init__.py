@@ -17,29 +17,29 @@ Examples
 from __future__ import annotations
 
 import importlib
-import sys
-from types import ModuleType
+
+from hovercontrol.core.backends import register
 
 TYPE_CHECKING = False  # as in typing, which takes a while to import
 
 if TYPE_CHECKING:
     from typing import Any
 
-    from hovercontrol.block import Block
     from hovercontrol.controllers import tracking_controller
+    from hovercontrol.controllers.references import circle, ellipse, figure_eight, line, waypoints
+    from hovercontrol.core.block import Block
+    from hovercontrol.core.interconnect import interconnect, prefix, rename
+    from hovercontrol.core.sgn import sgn
+    from hovercontrol.core.signals import Signal, time
+    from hovercontrol.core.units import UnitError
     from hovercontrol.effects import Coefficient, Effect, Shape, effect, effect_names
     from hovercontrol.errors import InputError
     from hovercontrol.estimators.kalman_bucy import kalman_bucy
     from hovercontrol.estimators.regression import regression
-    from hovercontrol.interconnect import interconnect, prefix, rename
-    from hovercontrol.model import Fan, Model
-    from hovercontrol.modelfile import load_model, save_model
-    from hovercontrol.references import circle, ellipse, figure_eight, line, waypoints
-    from hovercontrol.sgn import sgn
-    from hovercontrol.signals import Signal, time
-    from hovercontrol.simulation import simulate
-    from hovercontrol.units import UnitError
-    from hovercontrol.vehicles import VEHICLES, vehicle
+    from hovercontrol.models.model import Fan, Model
+    from hovercontrol.models.modelfile import load_model, save_model
+    from hovercontrol.models.vehicles import VEHICLES, vehicle
+    from hovercontrol.simulation.trajectory import simulate
 
 __version__ = "0.1.0"
 
@@ -82,46 +82,48 @@ __all__ = [
 
 #: Where each public name is defined. A module is imported when it is asked for: SymPy takes 0.7 s.
 _PLACES = {
-    "block": ("Block",),
     "controllers": ("tracking_controller",),
+    "controllers.references": ("circle", "ellipse", "figure_eight", "line", "waypoints"),
+    "core.block": ("Block",),
+    "core.interconnect": ("interconnect", "prefix", "rename"),
+    "core.sgn": ("sgn",),
+    "core.signals": ("Signal", "time"),
+    "core.units": ("UnitError",),
     "effects": ("Coefficient", "Effect", "Shape", "effect", "effect_names"),
     "errors": ("InputError",),
     "estimators.kalman_bucy": ("kalman_bucy",),
     "estimators.regression": ("regression",),
-    "interconnect": ("interconnect", "prefix", "rename"),
-    "model": ("Fan", "Model"),
-    "modelfile": ("load_model", "save_model"),
-    "references": ("circle", "ellipse", "figure_eight", "line", "waypoints"),
-    "sgn": ("sgn",),
-    "signals": ("Signal", "time"),
-    "simulation": ("simulate",),
-    "units": ("UnitError",),
-    "vehicles": ("VEHICLES", "vehicle"),
+    "models.model": ("Fan", "Model"),
+    "models.modelfile": ("load_model", "save_model"),
+    "models.vehicles": ("VEHICLES", "vehicle"),
+    "simulation.trajectory": ("simulate",),
 }
 _PLACE = {name: module for module, names in _PLACES.items() for name in names}
+_PACKAGES = {module.partition(".")[0] for module in _PLACES}
+
+
+#: What a Block offers and others do.
+for _name, _module, _function in (
+    ("interconnect", "core.interconnect", "interconnect"),
+    ("start", "simulation.python_runner", "start_block"),
+    ("control", "targets.control", "to_control"),
+    ("compile", "targets.compiled", "compile_block"),
+    ("fmu", "fmi.exporter.export", "export_fmu"),
+    ("html", "notebook.systems", "block_html"),
+):
+    register(_name, f"{__name__}.{_module}", _function)
 
 
 def __getattr__(name: str) -> Any:
-    """Import what is asked for: a public name, or a module that defines some."""
+    """Import what is asked for: a public name, or a package that defines some."""
     if name in _PLACE:
         found = getattr(importlib.import_module(f"{__name__}.{_PLACE[name]}"), name)
         globals()[name] = found
         return found
-    if name in _PLACES:
+    if name in _PACKAGES:
         return importlib.import_module(f"{__name__}.{name}")
     raise AttributeError(f"module 'hovercontrol' has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:
     return sorted({*globals(), *_PLACE})
-
-
-class _Package(ModuleType):
-    """The package itself: where a function has the name of its module, the name means the function."""
-
-    def __setattr__(self, name: str, value: Any) -> None:
-        own = isinstance(value, ModuleType) and _PLACE.get(name) == name
-        super().__setattr__(name, getattr(value, name) if own else value)
-
-
-sys.modules[__name__].__class__ = _Package

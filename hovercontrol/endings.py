@@ -15,8 +15,8 @@ from collections.abc import Callable
 from types import FrameType
 from typing import Any, NoReturn
 
-from hovercontrol import files
 from hovercontrol.errors import InputError, one_line
+from hovercontrol.io import files
 
 DONE, FINDING, WRONG, FAULT = 0, 1, 2, 3
 

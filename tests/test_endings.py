@@ -9,8 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from hovercontrol import endings, files
+from hovercontrol import endings
 from hovercontrol.errors import InputError
+from hovercontrol.io import files
 
 RUN = [sys.executable, "-m", "hovercontrol.cli"]
 STOPPED = "hovercontrol: stopped; nothing was written\n"

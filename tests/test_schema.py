@@ -16,11 +16,11 @@ from hovercontrol import InputError, cli, effect_names, vehicle
 from hovercontrol.discrepancy import diagnose
 from hovercontrol.effects import effect, effect_class
 from hovercontrol.logs import Log
-from hovercontrol.model import Model
-from hovercontrol.modelfile import model_from_table, model_text
+from hovercontrol.models.model import Model
+from hovercontrol.models.modelfile import model_from_table, model_text
+from hovercontrol.models.vehicles import VEHICLES
 from hovercontrol.scenarios import load_scenario, scenario_names
 from hovercontrol.schema import KINDS, schema
-from hovercontrol.vehicles import VEHICLES
 
 CHECK = {kind: Draft202012Validator(schema(kind)) for kind in KINDS}
 README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")

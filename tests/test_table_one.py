@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 
 from hovercontrol.controllers import tracking_controller
+from hovercontrol.controllers.references import ellipse
+from hovercontrol.core.interconnect import interconnect
 from hovercontrol.estimators import kalman_bucy
-from hovercontrol.interconnect import interconnect
-from hovercontrol.references import ellipse
-from hovercontrol.simulation import simulate
-from hovercontrol.vehicles import c17_simulation
+from hovercontrol.models.vehicles import c17_simulation
+from hovercontrol.simulation.trajectory import simulate
 
 DRAG = (
     "surge_coulomb",

@@ -34,7 +34,9 @@ def pages(into: Path) -> tuple[str, str]:
             code(f"$ hovercontrol analyze {name} --out out/{name}", "console"),
             f"![What {name} draws]({picture.name})",
             "## What it found",
-            "\n".join(f"- {_plain(line)}" for line in findings.read_text(encoding="utf-8").splitlines() if line),
+            "\n".join(
+                f"- {_plain(line)}" for line in findings.read_text(encoding="utf-8").splitlines() if line
+            ),
             "Picture and findings were made by this command (`make pictures` makes all of them).",
             folded("The script", code(known_scripts()[name].read_text(encoding="utf-8"), "python")),
         )

@@ -56,7 +56,11 @@ def pages(into: Path) -> tuple[str, str]:
             toctree(own),
         )
     rows = [
-        (f"[`{m}`](api/{m}.md)", first_sentence(importlib.import_module(m).__doc__).replace("``", "`"), len(n))
+        (
+            f"[`{m}`](api/{m}.md)",
+            first_sentence(importlib.import_module(m).__doc__).replace("``", "`"),
+            len(n),
+        )
         for m, n in by_module.items()
     ]
     write(
@@ -73,7 +77,13 @@ def _says(thing: Any) -> str:
     if not (inspect.isclass(thing) or callable(thing)):
         return f"`{type(thing).__name__}`"
     text = first_sentence(inspect.getdoc(thing)).replace("``", "`")
-    return text.replace(":class:", "").replace(":func:", "").replace(":data:", "").replace(":mod:", "").replace("~", "")
+    return (
+        text.replace(":class:", "")
+        .replace(":func:", "")
+        .replace(":data:", "")
+        .replace(":mod:", "")
+        .replace("~", "")
+    )
 
 
 def _page(whole: str, thing: Any, path: Path) -> None:

@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 
 from generate.pages import code, html, table, toctree, write
-from hovercontrol.fmi.choose import choices, choose
+from hovercontrol.commands.exportable import choices, choose
 from hovercontrol.scenarios import load_scenario, scenario_names
 
 #: Longer pages than these signs are cut down to signals: the whole autopilot has hundreds of equations.
@@ -26,12 +26,16 @@ def names() -> list[str]:
             *(law for law in laws if law.startswith("k06")), *parts]  # fmt: skip
 
 
+def _file(name: str) -> str:
+    return re.sub(r"\W", "-", name)
+
+
 def pages(into: Path) -> tuple[str, str]:
     """Write a page for each Block."""
     rows = []
     for name in names():
         chosen = choose(name)
-        file = re.sub(r"\W", "-", name)
+        file = _file(name)
         block = chosen.block
         shown = block._repr_html_()
         write(
@@ -52,6 +56,6 @@ def pages(into: Path) -> tuple[str, str]:
         "Every Block has python-control systems, NumPy functions, machine code and FMUs "
         "([how](../concepts/blocks.md)). Plants are under [craft](vehicles.md).",
         table(("block", "what it is", "ticks", "states"), rows),
-        toctree(f"blocks/{re.sub(r'\W', '-', name)}" for name in names()),
+        toctree(f"blocks/{_file(name)}" for name in names()),
     )
     return "blocks", f"{len(rows)} blocks"

@@ -17,7 +17,10 @@ def pages(into: Path) -> tuple[str, str]:
     names = list(group.commands)
     for name in names:
         _page(name, group.commands[name], into / "commands" / f"{name}.md")
-    rows = [(f"[`{name}`](commands/{name}.md)", (group.commands[name].help or "").partition("\n\n")[0]) for name in names]
+    rows = [
+        (f"[`{name}`](commands/{name}.md)", (group.commands[name].help or "").partition("\n\n")[0])
+        for name in names
+    ]
     write(
         into / "commands.md",
         "# Commands",
@@ -26,7 +29,7 @@ def pages(into: Path) -> tuple[str, str]:
         "## Of all commands",
         table(("option", "what it does"), [_option(p) for p in group.params if not p.hidden]),
         group.epilog or "",
-        "Completion: `eval \"$(hovercontrol --completion bash)\"`, also `zsh` and `fish`.",
+        'Completion: `eval "$(hovercontrol --completion bash)"`, also `zsh` and `fish`.',
         toctree(f"commands/{name}" for name in names),
     )
     return "commands", f"{len(names)} commands"

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 import hovercontrol as hc
 from hovercontrol.discrepancy.experiment.manoeuvres import Manoeuvre, family
 from hovercontrol.effects import Effect, Shape, effect_class, effect_names
-from hovercontrol.model import Model
+from hovercontrol.models.model import Model
 
 Array = NDArray[np.float64]
 

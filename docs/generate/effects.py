@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-
 from collections import defaultdict
 from dataclasses import replace
 from pathlib import Path
-
-
 
 from generate import effect_runs
 from generate.equations import changed_lines
 from generate.pages import bounds, first_sentence, html, picture, table, toctree, write
 from hovercontrol.effects import Effect, Shape, effect_class, effect_names
-from hovercontrol.model import Model
+from hovercontrol.models.model import Model
 
 KINDS = {
     "force": "Forces and torques",
@@ -89,7 +86,11 @@ def _told(cls: type[Effect], key: str, value: float) -> bool:
 
 
 def _acts(cls: type[Effect]) -> str:
-    where = {"force": "the accelerations", "input": "the commands on their way", "measurement": "what is logged"}
+    where = {
+        "force": "the accelerations",
+        "input": "the commands on their way",
+        "measurement": "what is logged",
+    }
     craft = {"rudder": ", on craft with a propeller and a rudder", "fan": ", on craft with fans"}
     return where[cls.kind()] + craft.get(cls.craft, "")
 

@@ -6,8 +6,8 @@ import re
 
 import sympy as sp
 
-from hovercontrol.fmi.mathml import MathPrinter, symbol_markup
-from hovercontrol.model import Model
+from hovercontrol.models.model import Model
+from hovercontrol.notebook.mathml import MathPrinter, symbol_markup
 
 
 def changed_lines(base: Model, model: Model) -> str:
@@ -16,7 +16,9 @@ def changed_lines(base: Model, model: Model) -> str:
     known = {s.name for s in (*new.states, *new.inputs)}
     lines = [_line(n, e, old.derivatives.get(n), dot=True) for n, e in new.derivatives.items()]
     lines += [
-        _line(n, e, old.output_expressions.get(n)) for n, e in new.output_expressions.items() if n not in known
+        _line(n, e, old.output_expressions.get(n))
+        for n, e in new.output_expressions.items()
+        if n not in known
     ]
     return "".join(lines)
 

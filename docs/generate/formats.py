@@ -8,12 +8,15 @@ from typing import Any
 
 from generate.pages import code, table, toctree, write
 from hovercontrol.log_check.facts import UNITS
-from hovercontrol.model import MOTION
+from hovercontrol.models.model import MOTION
 from hovercontrol.schema import KINDS, schema
 
 ABOUT = {
     "model": ("Model files (TOML)", "A craft as a list of effects. `hc.load_model`, `--model FILE`."),
-    "scenario": ("Scenario files (TOML)", "What happens, to which craft, in which phases. `hovercontrol simulate FILE`."),
+    "scenario": (
+        "Scenario files (TOML)",
+        "What happens, to which craft, in which phases. `hovercontrol simulate FILE`.",
+    ),
     "result": ("result.json of a diagnosis", "What `hovercontrol diagnose` found, for other programs."),
 }
 
@@ -43,10 +46,16 @@ def pages(into: Path) -> tuple[str, str]:
         "the floor with z up; psi turns from x to y. `--frame ned` converts north-east-down logs.",
         table(
             ("column", "unit", "what it is"),
-            [("`time`", "s", "time"), *((f"`{s.name}`", UNITS.get(s.name, s.unit), s.description) for s in MOTION),
-             ("`thrust`, `rudder`, ...", "the plant's", "inputs, held from row to row")],
+            [
+                ("`time`", "s", "time"),
+                *((f"`{s.name}`", UNITS.get(s.name, s.unit), s.description) for s in MOTION),
+                ("`thrust`, `rudder`, ...", "the plant's", "inputs, held from row to row"),
+            ],
         ),
-        code("time,x,y,psi,thrust,rudder\n0.00,0.000,0.000,0.000,1.5,0.10\n0.02,0.000,0.000,0.001,1.5,0.10", "text"),
+        code(
+            "time,x,y,psi,thrust,rudder\n0.00,0.000,0.000,0.000,1.5,0.10\n0.02,0.000,0.000,0.001,1.5,0.10",
+            "text",
+        ),
     )
     kinds = ["log", *KINDS]
     rows = [("[Logs](formats/log.md)", "CSV or Parquet")]

@@ -26,11 +26,16 @@ def pages(into: Path) -> tuple[str, str]:
             "## As a model file",
             code(text.read_text(encoding="utf-8"), "toml"),
             "## In Python",
-            code(f'>>> import hovercontrol as hc\n>>> craft = hc.vehicle("{name}")\n>>> plant = craft.plant()', "pycon"),
+            code(
+                f'>>> import hovercontrol as hc\n>>> craft = hc.vehicle("{name}")\n>>> plant = craft.plant()',
+                "pycon",
+            ),
         )
         text.unlink()
         sentence = first_sentence(VEHICLES[name].__doc__).removeprefix("Return ")
-        rows.append((f"[`{name}`](vehicles/{name}.md)", sentence, ", ".join(s.name for s in model.plant().inputs)))
+        rows.append(
+            (f"[`{name}`](vehicles/{name}.md)", sentence, ", ".join(s.name for s in model.plant().inputs))
+        )
     write(
         into / "vehicles.md",
         "# Craft",

@@ -21,8 +21,8 @@ from hovercontrol.hardware.calibration import (
     read_fan_bench,
     thrust_table_from_bench,
 )
-from hovercontrol.hybrid import Ticking
 from hovercontrol.logs import BenchTable
+from hovercontrol.simulation.hybrid import Ticking
 
 Floats = NDArray[np.float64]
 

@@ -11,7 +11,7 @@ import hovercontrol as hc
 from hovercontrol.discrepancy import diagnose
 from hovercontrol.discrepancy.report import headline, remainder_sentence, write_report
 from hovercontrol.logs import read_log
-from hovercontrol.model import Fan, Model
+from hovercontrol.models.model import Fan, Model
 
 CURVE = (0.02683, 1.05084, -0.43372)  # thrust [N] over the motor's signal s: of s, s^2, s^3
 FANS = (

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 
 import sympy as sp
 
-from hovercontrol.block import Block
-from hovercontrol.signals import Signal
+from hovercontrol.core.block import Block
+from hovercontrol.core.signals import Signal
 
 
 def choice(name: str, description: str, ways: Mapping[Signal, tuple[sp.Expr | str, sp.Expr | str]]) -> Block:

@@ -6,11 +6,11 @@ import math
 
 import sympy as sp
 
-from hovercontrol.block import Block
-from hovercontrol.model import MOTION
-from hovercontrol.noise import random_numbers
-from hovercontrol.signals import Signal
-from hovercontrol.tables import number, positive
+from hovercontrol.core.block import Block
+from hovercontrol.core.random_numbers import random_numbers
+from hovercontrol.core.signals import Signal
+from hovercontrol.io.tables import number, positive
+from hovercontrol.models.model import MOTION
 
 #: K06 simulates the IMU's 6.5536 ms as 6 ms.
 SIMULATED_IMU = 0.006

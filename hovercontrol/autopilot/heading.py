@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import sympy as sp
 
-from hovercontrol.block import Block
 from hovercontrol.controllers.k06.heading import HEADING_REF
-from hovercontrol.interconnect import interconnect, rename
-from hovercontrol.model import MOTION
+from hovercontrol.core.block import Block
+from hovercontrol.core.interconnect import interconnect, rename
+from hovercontrol.models.model import MOTION
 
 
 def nearest_heading(guidance: Block) -> Block:
@@ -24,7 +24,7 @@ def nearest_heading(guidance: Block) -> Block:
     Examples
     --------
     >>> from hovercontrol.controllers.k06 import bang_bang_heading
-    >>> from hovercontrol.hybrid import Ticking
+    >>> from hovercontrol.simulation.hybrid import Ticking
     >>> calm = {"psi": 7.0, "u": 0.0, "v": 0.0, "r": 0.0, "heading_ref": 0.5}
     >>> round(Ticking(nearest_heading(bang_bang_heading())).tick(0.0, calm)["heading_error"], 4)
     0.2168

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, fields
 
-from hovercontrol.block import Block
+from hovercontrol.core.block import Block
 from hovercontrol.errors import InputError, did_you_mean
 
 #: Of each imperfection the parameters of the loop that are zero without it; those that a loop has not do not

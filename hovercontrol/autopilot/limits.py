@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import sympy as sp
 
-from hovercontrol.block import Block
+from hovercontrol.core.block import Block
+from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError
 from hovercontrol.hardware.actuators import (
     FanTable,
@@ -16,7 +17,6 @@ from hovercontrol.hardware.actuators import (
     servo_table,
 )
 from hovercontrol.hardware.actuators.signals import DEGREE, FORCE_ANGLE_COMMAND, THRUST_COMMAND
-from hovercontrol.signals import Signal
 
 #: What a law asks for, before it is limited.
 WANTED = tuple(

@@ -12,18 +12,18 @@ from hovercontrol.autopilot.imperfections import Imperfections
 from hovercontrol.autopilot.limits import lossy_tables
 from hovercontrol.autopilot.navigation import HATS, NAVIGATION, check_beacons, sampled_motion
 from hovercontrol.autopilot.sides import COMMANDS, after, board_side, held_side, pilot_side
-from hovercontrol.block import Block
+from hovercontrol.core.block import Block
+from hovercontrol.core.interconnect import interconnect
+from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.estimators.ins import K06_NOISE, InsNoise
 from hovercontrol.hardware.actuators import FanTable, ServoTable, servo_table, table_pair
 from hovercontrol.hardware.actuators.signals import TICK, UPDATE
 from hovercontrol.hardware.links import constant_delay, k06_downlink, k06_uplink
 from hovercontrol.hardware.sensors import Beacons, with_specific_force
-from hovercontrol.interconnect import interconnect
-from hovercontrol.model import MOTION
-from hovercontrol.signals import Signal
-from hovercontrol.tables import positive
-from hovercontrol.vehicles import hoverdemon
+from hovercontrol.io.tables import positive
+from hovercontrol.models.model import MOTION
+from hovercontrol.models.vehicles import hoverdemon
 
 
 def autopilot(

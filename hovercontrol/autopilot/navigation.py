@@ -8,7 +8,10 @@ from collections.abc import Callable, Mapping
 import sympy as sp
 
 from hovercontrol.autopilot.error_model import SIMULATED_IMU, error_model
-from hovercontrol.block import Block
+from hovercontrol.core.block import Block
+from hovercontrol.core.interconnect import interconnect, rename
+from hovercontrol.core.random_numbers import random_numbers
+from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError
 from hovercontrol.estimators.ins import IMU_PERIOD, K06_NOISE, InsNoise, aided_ins
 from hovercontrol.hardware.sensors import (
@@ -19,11 +22,8 @@ from hovercontrol.hardware.sensors import (
     k06_imu,
     k06_magnetometer,
 )
-from hovercontrol.interconnect import interconnect, rename
-from hovercontrol.model import MOTION
-from hovercontrol.noise import random_numbers
-from hovercontrol.signals import Signal
-from hovercontrol.tables import positive
+from hovercontrol.io.tables import positive
+from hovercontrol.models.model import MOTION
 
 #: Names of the motion as the navigation tells it.
 HATS = tuple(f"{s.name}_hat" for s in MOTION)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import sympy as sp
 
-from hovercontrol.block import Block
-from hovercontrol.interconnect import interconnect, prefix
-from hovercontrol.model import MOTION
-from hovercontrol.signals import Signal
-from hovercontrol.vehicles import HOVERDEMON_BODY, Body
+from hovercontrol.core.block import Block
+from hovercontrol.core.interconnect import interconnect, prefix
+from hovercontrol.core.signals import Signal
+from hovercontrol.models.model import MOTION
+from hovercontrol.models.vehicles import HOVERDEMON_BODY, Body
 
 _MOVING = MOTION[3:]
 
@@ -41,7 +41,7 @@ def beside_ideal(real: Block, ideal: Block, *, body: Body = HOVERDEMON_BODY, nam
     --------
     >>> from hovercontrol.autopilot import autopilot
     >>> from hovercontrol.controllers.k06 import force_to_command, stop
-    >>> from hovercontrol.vehicles import hoverdemon
+    >>> from hovercontrol.models.vehicles import hoverdemon
     >>> law = stop(k1=1.0, k2=2.5)
     >>> both = beside_ideal(autopilot(law), interconnect([hoverdemon().plant(), law, force_to_command()]))
     >>> [s.name for s in both.outputs][-4:]

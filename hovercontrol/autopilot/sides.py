@@ -9,8 +9,10 @@ from collections.abc import Mapping
 
 from hovercontrol.autopilot.choice import choice
 from hovercontrol.autopilot.limits import OUTSIDE, actuator_limits, clip_counters
-from hovercontrol.block import Block
 from hovercontrol.controllers.k06 import setpoints
+from hovercontrol.core.block import Block
+from hovercontrol.core.interconnect import interconnect, rename
+from hovercontrol.core.signals import Signal
 from hovercontrol.hardware.actuators import (
     FanTable,
     ServoTable,
@@ -24,9 +26,7 @@ from hovercontrol.hardware.actuators import (
     thrust_lookup,
 )
 from hovercontrol.hardware.actuators.signals import FAN_SPEED_COMMAND, FAN_SPEED_SET, SERVO_COMMAND
-from hovercontrol.interconnect import interconnect, rename
-from hovercontrol.model import MOTION, RUDDER, THRUST
-from hovercontrol.signals import Signal
+from hovercontrol.models.model import MOTION, RUDDER, THRUST
 
 #: What goes over the link to the craft.
 COMMANDS = (SERVO_COMMAND, FAN_SPEED_COMMAND)

@@ -11,11 +11,11 @@ from collections.abc import Sequence
 
 import sympy as sp
 
-from hovercontrol.block import Block
+from hovercontrol.core.block import Block
+from hovercontrol.core.signals import Signal, time
 from hovercontrol.errors import InputError
-from hovercontrol.model import MOTION
-from hovercontrol.signals import Signal, time
-from hovercontrol.tables import number, positive
+from hovercontrol.io.tables import number, positive
+from hovercontrol.models.model import MOTION
 
 #: From the spin axis to the inertial sensors [m]: 12 in.
 ARM = 12 * 0.0254

@@ -7,8 +7,8 @@ from typing import Any
 
 from hovercontrol.cockpit.laws import full_stick
 from hovercontrol.cockpit.loop import Loop
-from hovercontrol.signals import Signal
-from hovercontrol.vehicles import HOVERDEMON_BODY
+from hovercontrol.core.signals import Signal
+from hovercontrol.models.vehicles import HOVERDEMON_BODY
 
 
 def about(loop: Loop) -> dict[str, Any]:

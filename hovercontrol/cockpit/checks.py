@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError, did_you_mean, shown
-from hovercontrol.signals import Signal
-from hovercontrol.tables import finite
+from hovercontrol.io.tables import finite
 
 
 def checked_number(signal: Signal, value: Any) -> float:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from hovercontrol.core.signals import Signal
 from hovercontrol.effects import Effect, effect, effect_class
-from hovercontrol.model import Model
-from hovercontrol.signals import Signal
+from hovercontrol.models.model import Model
 
 
 @dataclass(frozen=True)
@@ -112,7 +112,7 @@ def with_disturbances(model: Model) -> Model:
 
     Examples
     --------
-    >>> from hovercontrol.vehicles import vehicle
+    >>> from hovercontrol.models.vehicles import vehicle
     >>> with_disturbances(vehicle("hoverdemon")).coefficients()["yaw_coulomb"]
     0.0
     """

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import sympy as sp
 
-from hovercontrol.block import Block
-from hovercontrol.noise import random_numbers
-from hovercontrol.signals import Signal
+from hovercontrol.core.block import Block
+from hovercontrol.core.random_numbers import random_numbers
+from hovercontrol.core.signals import Signal
 
 GUST = (
     Signal("gust_x", "m/s", "gust, earth frame"),

@@ -7,16 +7,16 @@ from dataclasses import dataclass
 
 import sympy as sp
 
-from hovercontrol.block import Block
 from hovercontrol.controllers.k06 import both_ways, force_to_command
 from hovercontrol.controllers.k06.energy import body_signals, kinetic_energy
 from hovercontrol.controllers.k06.heading import HEADING_REF
 from hovercontrol.controllers.k06.laws import SURGE_REF, YAW_RATE_REF
 from hovercontrol.controllers.k06.origin import GOAL
-from hovercontrol.interconnect import interconnect
-from hovercontrol.model import MOTION, THRUST, Fan, Model
-from hovercontrol.signals import Signal
-from hovercontrol.vehicles import HOVERDEMON_BODY
+from hovercontrol.core.block import Block
+from hovercontrol.core.interconnect import interconnect
+from hovercontrol.core.signals import Signal
+from hovercontrol.models.model import MOTION, THRUST, Fan, Model
+from hovercontrol.models.vehicles import HOVERDEMON_BODY
 
 #: Full stick where a model states no bounds: the ends of K06's table of forces (figure 4.5), in N and rad.
 FULL_THRUST, FULL_RUDDER = 2.0, math.radians(35.0)
@@ -97,7 +97,7 @@ def law(key: str, model: Model) -> Block:
 
     Examples
     --------
-    >>> from hovercontrol.vehicles import vehicle
+    >>> from hovercontrol.models.vehicles import vehicle
     >>> [s.name for s in law("forward", vehicle("hoverdemon")).outputs]
     ['surge_ref', 'force_x', 'force_y', 'thrust', 'rudder']
     """
@@ -129,7 +129,7 @@ def manual(model: Model) -> Block:
 
     Examples
     --------
-    >>> from hovercontrol.vehicles import vehicle
+    >>> from hovercontrol.models.vehicles import vehicle
     >>> manual(vehicle("four_fan")).to_numpy().outputs(0.0, (), [0.0, 1.0]).tolist()  # turns to the right
     [0.0, 0.1, 0.1, 0.0]
     """

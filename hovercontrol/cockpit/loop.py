@@ -11,11 +11,11 @@ from hovercontrol.cockpit.disturbances import possible, with_disturbances
 from hovercontrol.cockpit.gusts import GUST, gusts
 from hovercontrol.cockpit.laws import STICK, choices, energy, law
 from hovercontrol.controllers.k06.heading import TICK
+from hovercontrol.core.functions import call_scalar, numpy_functions
 from hovercontrol.errors import InputError, did_you_mean, shown
-from hovercontrol.hybrid import Ticking
-from hovercontrol.model import MOTION, Model
-from hovercontrol.targets.numpy import call_scalar, numpy_functions
-from hovercontrol.targets.runge_kutta import rk4
+from hovercontrol.models.model import MOTION, Model
+from hovercontrol.simulation.hybrid import Ticking
+from hovercontrol.simulation.runge_kutta import rk4
 
 _GUSTS = tuple(s.name for s in GUST)
 
@@ -57,7 +57,7 @@ class Loop:
 
     Examples
     --------
-    >>> from hovercontrol.vehicles import vehicle
+    >>> from hovercontrol.models.vehicles import vehicle
     >>> loop = Loop(vehicle("hoverdemon"))
     >>> loop.command(law="forward", references={"surge_ref": 1.0})
     >>> loop.advance(1.0)

@@ -5,16 +5,17 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import numpy as np
 import typer
-from numpy.typing import NDArray
 
 from hovercontrol.commands import given
 from hovercontrol.commands.progress import progress_bar
 from hovercontrol.errors import InputError
-from hovercontrol.files import check_folder
+from hovercontrol.io.files import check_folder
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from hovercontrol.logs import Log
 
 #: Stamps that a clock moved by so much [s] still belong to a log.
@@ -52,7 +53,7 @@ def check(
     """
     from hovercontrol.log_check import check as find
     from hovercontrol.logs.gather import split_files
-    from hovercontrol.model import Model
+    from hovercontrol.models.model import Model
 
     if not logs:
         raise InputError("check: expected one or more logs")

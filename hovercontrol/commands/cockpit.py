@@ -14,7 +14,7 @@ import typer
 
 from hovercontrol.commands import given
 from hovercontrol.errors import InputError
-from hovercontrol.files import check_folder
+from hovercontrol.io.files import check_folder
 
 EXAMPLE = "Example: hovercontrol cockpit --vehicle hoverdemon --out flights"
 

@@ -91,12 +91,12 @@ def _values() -> dict[str, tuple[str, ...]]:
     """Return what parameters can be, by name or by command and name."""
     from hovercontrol.commands.analyze import known_scripts
     from hovercontrol.effects import effect_names
-    from hovercontrol.fmi.binaries import PLATFORMS
-    from hovercontrol.model_template import KINDS
+    from hovercontrol.fmi.exporter.binaries import PLATFORMS
+    from hovercontrol.models.template import KINDS
+    from hovercontrol.models.vehicles import VEHICLES
     from hovercontrol.scenarios import scenario_names
     from hovercontrol.schema import KINDS as SCHEMAS
     from hovercontrol.targets.sweep import FIGURES
-    from hovercontrol.vehicles import VEHICLES
 
     return {
         "vehicle": tuple(VEHICLES),

@@ -12,7 +12,7 @@ import typer
 from hovercontrol.commands import given
 from hovercontrol.commands.progress import progress_bar
 from hovercontrol.errors import InputError
-from hovercontrol.files import check_folder, write_folder
+from hovercontrol.io.files import check_folder, write_folder
 
 EXAMPLE = "Example: hovercontrol diagnose a.csv b.csv --holdout c.csv --model craft.toml --out out/diagnose"
 
@@ -68,7 +68,7 @@ def diagnose(
     from hovercontrol.discrepancy import diagnose as find
     from hovercontrol.discrepancy.report import gap_sentence, headline, remainder_sentence, write_report
     from hovercontrol.effects import effect_class
-    from hovercontrol.model import Model
+    from hovercontrol.models.model import Model
 
     if not logs:
         raise InputError("diagnose: expected one or more logs")

@@ -41,10 +41,10 @@ def export(
     json: given.Json = False,
 ) -> int:
     """Write an FMU (FMI 2.0 or 3.0, Model Exchange and Co-Simulation in one file)."""
-    from hovercontrol.fmi.binaries import PLATFORMS, chosen_platforms
-    from hovercontrol.fmi.choose import choices, choose
-    from hovercontrol.fmi.export import export_fmu
-    from hovercontrol.fmi.variables import Interface
+    from hovercontrol.commands.exportable import choices, choose
+    from hovercontrol.fmi.exporter.binaries import PLATFORMS, chosen_platforms
+    from hovercontrol.fmi.exporter.export import export_fmu
+    from hovercontrol.fmi.exporter.variables import Interface
 
     if list_ and json:
         given.show_list(dict(choices()), json)

@@ -13,9 +13,9 @@ import typer
 from hovercontrol.errors import InputError
 
 if TYPE_CHECKING:
-    from hovercontrol.blockmodel import BlockModel
     from hovercontrol.logs import Log
-    from hovercontrol.model import Model
+    from hovercontrol.models.blockmodel import BlockModel
+    from hovercontrol.models.model import Model
 
 Out = Annotated[
     Path | None, typer.Option("--out", "-o", help="Folder for the results (else out/NAME); made if need be.")
@@ -59,9 +59,9 @@ def craft(command: str, model: Path | None, vehicle: str | None) -> Model:
     InputError
         If both are given, or either is unknown.
     """
-    from hovercontrol.modelfile import load_model
-    from hovercontrol.pythonfile import names_python
-    from hovercontrol.vehicles import vehicle as known_vehicle
+    from hovercontrol.io.pythonfile import names_python
+    from hovercontrol.models.modelfile import load_model
+    from hovercontrol.models.vehicles import vehicle as known_vehicle
 
     if model and vehicle:
         raise InputError(f"{command}: --model and --vehicle exclude each other")
@@ -76,11 +76,11 @@ def subject(command: str, model: str | None, vehicle: str | None) -> Model | Blo
     Raises
     ------
     InputError
-        As :func:`craft` and :func:`hovercontrol.pythonfile.from_python`.
+        As :func:`craft` and :func:`hovercontrol.io.pythonfile.from_python`.
     """
-    from hovercontrol.blockmodel import BlockModel
-    from hovercontrol.model import Model
-    from hovercontrol.pythonfile import from_python, names_python
+    from hovercontrol.io.pythonfile import from_python, names_python
+    from hovercontrol.models.blockmodel import BlockModel
+    from hovercontrol.models.model import Model
 
     if model is None or not names_python(model):
         return craft(command, Path(model) if model else None, vehicle)
@@ -93,7 +93,7 @@ def subject(command: str, model: str | None, vehicle: str | None) -> Model | Blo
 def show(text: str, files: Sequence[Path], out: Path, result: object = None) -> None:
     """Print what was found and written: as text, or where there is a `result`, that as JSON alone."""
     if result is not None:
-        from hovercontrol.plain_json import json_text, plain
+        from hovercontrol.io.plain_json import json_text, plain
 
         told = {**plain(result), "files": [str(out / f.name) for f in files]}
         sys.stdout.write(json_text(told))
@@ -106,7 +106,7 @@ def show(text: str, files: Sequence[Path], out: Path, result: object = None) -> 
 def show_list(titles: Mapping[str, str], json: bool) -> None:
     """Print what there is, one line each, or as a JSON object of titles by name."""
     if json:
-        from hovercontrol.plain_json import json_text
+        from hovercontrol.io.plain_json import json_text
 
         sys.stdout.write(json_text(titles))
         return

@@ -10,7 +10,7 @@ import typer
 from hovercontrol.commands import given
 from hovercontrol.commands.progress import progress_bar
 from hovercontrol.errors import InputError
-from hovercontrol.files import check_folder
+from hovercontrol.io.files import check_folder
 
 if TYPE_CHECKING:
     from hovercontrol.identify.study import Study

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from hovercontrol.errors import InputError
-from hovercontrol.files import check_folder, write_whole
+from hovercontrol.io.files import check_folder, write_whole
 
 EXAMPLE = "Example: hovercontrol new craft.toml --kind fan"
 
@@ -25,7 +25,7 @@ def new(
     ] = "",
 ) -> int:
     """Write a commented model file that simulates and diagnoses as it stands, to change into your own."""
-    from hovercontrol.model_template import template
+    from hovercontrol.models.template import template
 
     chosen = kind or ("block" if file.suffix == ".py" else "rudder")
     wanted = ".py" if chosen == "block" else ".toml"

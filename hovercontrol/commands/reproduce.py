@@ -11,7 +11,7 @@ import typer
 from hovercontrol.commands import given
 from hovercontrol.commands.given import Out
 from hovercontrol.commands.progress import progress_bar
-from hovercontrol.files import check_folder
+from hovercontrol.io.files import check_folder
 
 EXAMPLE = 'Example: hovercontrol reproduce c17 --only "table 2" --only "fig 15" --out out/c17'
 

@@ -17,7 +17,7 @@ def schema(
 
     Editors complete and check TOML by it: put '#:schema model.schema.json' in the first line of the file.
     """
-    from hovercontrol.plain_json import json_text
+    from hovercontrol.io.plain_json import json_text
     from hovercontrol.schema import schema as made
 
     sys.stdout.write(json_text(made(kind)))

@@ -13,7 +13,7 @@ from hovercontrol.commands import given
 from hovercontrol.commands.given import Out
 from hovercontrol.commands.progress import progress_bar
 from hovercontrol.errors import InputError
-from hovercontrol.files import check_folder
+from hovercontrol.io.files import check_folder
 
 if TYPE_CHECKING:
     from hovercontrol.scenarios import Run

@@ -13,12 +13,12 @@ import numpy as np
 import typer
 from numpy.typing import NDArray
 
-from hovercontrol import files
 from hovercontrol.commands import given
 from hovercontrol.commands.given import Out
 from hovercontrol.commands.progress import progress_bar
 from hovercontrol.errors import InputError, shown
-from hovercontrol.files import check_folder
+from hovercontrol.io import files
+from hovercontrol.io.files import check_folder
 
 EXAMPLE = "Example: hovercontrol sweep k06-turn --vary controller.k2=0.5:6:200 --of r --figure final"
 
@@ -114,7 +114,7 @@ def _range(text: str) -> tuple[str, NDArray[np.float64]]:
         points = 0
     if not (key and equals and len(parts) == 3 and points):
         raise InputError(f"--vary: expected KEY=FROM:TO:POINTS, found {shown(text)}")
-    from hovercontrol.analysis.regions import axis
+    from hovercontrol.analysis.common.regions import axis
     from hovercontrol.scenarios.varied import MAX_RUNS
 
     if points > MAX_RUNS:

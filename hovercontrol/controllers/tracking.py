@@ -13,13 +13,13 @@ from types import SimpleNamespace
 
 import sympy as sp
 
-from hovercontrol.block import Block
-from hovercontrol.boundary import checked
+from hovercontrol.controllers.references import OUTPUTS as REFERENCE
+from hovercontrol.core.block import Block
+from hovercontrol.core.boundary import checked
+from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError, did_you_mean
-from hovercontrol.model import MOTION, Model, motion_symbols
-from hovercontrol.references import OUTPUTS as REFERENCE
-from hovercontrol.signals import Signal
-from hovercontrol.tables import number, positive
+from hovercontrol.io.tables import number, positive
+from hovercontrol.models.model import MOTION, Model, motion_symbols
 
 
 @checked
@@ -45,7 +45,7 @@ def tracking_controller(
     control_point_side : float, optional
         delta_y [m], how far to the left of the centre line it lies. C17's laws allow it, but its Theorem 4
         does not: r' then has a term in r^2, so that the yaw rate escapes in finite time to one side
-        (:func:`~hovercontrol.analysis.zero_dynamics`). A parameter of the Block only where it is not 0.
+        (:func:`~hovercontrol.analysis.c17.zero_dynamics`). A parameter of the Block only where it is not 0.
     k1, k2 : float, optional
         Gains [1/s^2, 1/s], positive.
     adapt : sequence of str, optional
@@ -69,7 +69,7 @@ def tracking_controller(
 
     Examples
     --------
-    >>> from hovercontrol.vehicles import c17_simulation
+    >>> from hovercontrol.models.vehicles import c17_simulation
     >>> [s.name for s in tracking_controller(c17_simulation()).outputs]
     ['thrust', 'rudder', 'error_x', 'error_y']
     """

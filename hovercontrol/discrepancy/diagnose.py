@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from hovercontrol.boundary import checked
+from hovercontrol.core.boundary import checked
 from hovercontrol.discrepancy.checks import check_fitted, check_logs
 from hovercontrol.discrepancy.diagnosis import Diagnosis, numbers_of
 from hovercontrol.discrepancy.evidence.holdout import gap
@@ -75,7 +75,7 @@ def diagnose(
     --------
     >>> import numpy as np
     >>> from hovercontrol.effects import effect
-    >>> from hovercontrol.vehicles import c17_simulation
+    >>> from hovercontrol.models.vehicles import c17_simulation
     >>> rng, t = np.random.default_rng(0), np.arange(0.0, 20.0, 0.05)
     >>> truth = c17_simulation().with_effects([effect("slope", x=0.1)])
     >>> thrust, rudder = np.repeat(rng.uniform(1, 4, 20), 20), np.repeat(rng.uniform(-0.4, 0.4, 20), 20)

@@ -20,8 +20,8 @@ from hovercontrol.discrepancy.search.leads import Lead
 from hovercontrol.discrepancy.verdict import Verdict
 from hovercontrol.estimation.fit import Fit
 from hovercontrol.estimation.subject import Subject, motion_of
-from hovercontrol.files import write_folder
-from hovercontrol.model import Model
+from hovercontrol.io.files import write_folder
+from hovercontrol.models.model import Model
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -189,9 +189,10 @@ class Diagnosis:
         }
 
     def _repr_html_(self) -> str:
+        from hovercontrol.discrepancy.report import gap_sentence, headline, remainder_sentence
         from hovercontrol.notebook.results import diagnosis_html
 
-        return diagnosis_html(self)
+        return diagnosis_html(self, (headline(self), gap_sentence(self), remainder_sentence(self)))
 
     def plot(self) -> Figure:
         """Return errors without and with what was added as a picture."""
@@ -201,7 +202,7 @@ class Diagnosis:
 
     def save(self, folder: str | Path) -> list[Path]:
         """Write ``result.json``, ``model.toml`` and, where there is one, ``next_experiment.csv``."""
-        from hovercontrol.modelfile import save_model
+        from hovercontrol.models.modelfile import save_model
 
         text = json.dumps(_finite(self.result()), indent=2, allow_nan=False, default=float) + "\n"
 

@@ -6,7 +6,7 @@ import importlib
 import pkgutil
 from typing import Any
 
-from hovercontrol.boundary import checked
+from hovercontrol.core.boundary import checked
 from hovercontrol.effects.base import Coefficient, Effect, Shape
 from hovercontrol.errors import InputError, did_you_mean
 

@@ -9,8 +9,8 @@ from typing import Any
 
 import sympy as sp
 
+from hovercontrol.core.signals import Signal
 from hovercontrol.effects.base import TINY, Effect, Shape
-from hovercontrol.signals import Signal
 
 #: Time constant of the regularisation [s]: small against what a log of some 100 Hz shows.
 TAU = 0.005

@@ -16,9 +16,9 @@ from typing import Any, ClassVar
 
 import sympy as sp
 
+from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError, did_you_mean
-from hovercontrol.signals import Signal
-from hovercontrol.tables import finite
+from hovercontrol.io.tables import finite
 
 
 @dataclass(frozen=True)

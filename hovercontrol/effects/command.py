@@ -10,8 +10,8 @@ from typing import Any
 
 import sympy as sp
 
+from hovercontrol.core.signals import Signal
 from hovercontrol.effects.base import TINY, Coefficient, Effect, Shape
-from hovercontrol.signals import Signal
 
 
 class _Delay(Effect):

@@ -6,8 +6,8 @@ from typing import Any, ClassVar
 
 import sympy as sp
 
+from hovercontrol.core.sgn import sgn
 from hovercontrol.effects.base import TINY, Coefficient, Effect, Shape
-from hovercontrol.sgn import sgn
 
 
 class Drag(Effect):

@@ -7,8 +7,8 @@ from typing import Any, ClassVar
 
 import sympy as sp
 
+from hovercontrol.core.signals import Signal
 from hovercontrol.effects.base import TINY, Coefficient, Effect, Shape
-from hovercontrol.signals import Signal
 
 
 class LoadFriction(Effect):

@@ -15,15 +15,15 @@ from typing import Any, ClassVar
 
 import sympy as sp
 
-from hovercontrol.block import Block
+from hovercontrol.core.block import Block
+from hovercontrol.core.sgn import sgn
+from hovercontrol.core.signals import Signal
 from hovercontrol.effects.actuator import TAU, play
 from hovercontrol.effects.base import TINY, Coefficient, Effect, Shape
 from hovercontrol.effects.command import InputDelay
 from hovercontrol.effects.drag import Drag, _Coulomb, _Linear, _Quadratic, _Stribeck
 from hovercontrol.effects.friction import SOURCE, LuGre
 from hovercontrol.effects.measurement import TimeOffset
-from hovercontrol.sgn import sgn
-from hovercontrol.signals import Signal
 
 
 @lru_cache(maxsize=256)

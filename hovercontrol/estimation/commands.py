@@ -15,9 +15,9 @@ import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
-from hovercontrol.block import Block
+from hovercontrol.core.block import Block
+from hovercontrol.core.sgn import regularise
 from hovercontrol.estimation.measure import Measured
-from hovercontrol.sgn import regularise
 from hovercontrol.targets.follow import follow
 
 Array = NDArray[np.float64]
@@ -50,7 +50,7 @@ def input_states(block: Block, motion: tuple[str, ...]) -> tuple[int, ...]:
     Examples
     --------
     >>> from hovercontrol.effects import effect
-    >>> from hovercontrol.vehicles import c17_simulation
+    >>> from hovercontrol.models.vehicles import c17_simulation
     >>> plant = c17_simulation().with_effects([effect("thrust_lag", seconds=0.1)]).plant()
     >>> input_states(plant, ("x", "y", "psi", "u", "v", "r"))
     (6,)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
-from hovercontrol.block import Block
+from hovercontrol.core.block import Block
 from hovercontrol.estimation.drift import DriftStates, drift_states
 from hovercontrol.estimation.levels import noise_levels, noise_scales
 from hovercontrol.estimation.measure import Measured, measure_all

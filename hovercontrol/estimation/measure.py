@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hovercontrol.block import Block
+from hovercontrol.core.block import Block
+from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError
 from hovercontrol.logs import POSE, VELOCITY, Log, Span, smooth_pose, steady
-from hovercontrol.signals import Signal
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -105,7 +105,7 @@ def measure(block: Block, log: Log, most_rows: int = MOST_ROWS) -> Measured:
 
     Examples
     --------
-    >>> from hovercontrol.vehicles import hoverdemon
+    >>> from hovercontrol.models.vehicles import hoverdemon
     >>> zero = [0.0, 0.0, 0.0]
     >>> columns = dict.fromkeys(("u", "v", "r", "thrust", "rudder"), zero)
     >>> measure(hoverdemon().plant(), Log("still", [0.0, 0.1, 0.2], columns)).channels

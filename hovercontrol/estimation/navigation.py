@@ -14,7 +14,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from hovercontrol.block import Block
+from hovercontrol.core.block import Block
 from hovercontrol.estimation.measure import MOST_ROWS, Measured, measure, steps
 from hovercontrol.estimation.spikes import stand_out
 from hovercontrol.logs import POSE, VELOCITY, Log

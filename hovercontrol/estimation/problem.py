@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hovercontrol.block import Block
+from hovercontrol.core.block import Block
 from hovercontrol.effects import Shape
 from hovercontrol.estimation.commands import Arrival, command_times, input_states
 from hovercontrol.estimation.data import Data

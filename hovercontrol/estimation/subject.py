@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from hovercontrol.block import Block
-from hovercontrol.blockmodel import BlockModel
+from hovercontrol.core.block import Block
 from hovercontrol.effects import Shape
-from hovercontrol.model import MOTION, Model
+from hovercontrol.models.blockmodel import BlockModel
+from hovercontrol.models.model import MOTION, Model
 
 #: What can be diagnosed.
 Subject = Model | BlockModel
@@ -48,7 +48,7 @@ def unknowns(model: Subject) -> tuple[str, ...]:
 
     Examples
     --------
-    >>> from hovercontrol.vehicles import hoverdemon
+    >>> from hovercontrol.models.vehicles import hoverdemon
     >>> unknowns(hoverdemon())
     ('thrust', 'rudder_torque')
     """
@@ -68,7 +68,7 @@ def same_widths(model: Subject) -> dict[str, str]:
     Examples
     --------
     >>> from hovercontrol.effects import effect
-    >>> from hovercontrol.vehicles import c17_simulation
+    >>> from hovercontrol.models.vehicles import c17_simulation
     >>> same_widths(c17_simulation().with_effects([effect("surge_stribeck", 0.1, speed=0.2)]))
     {'surge_stribeck_width': 'surge_coulomb_width'}
     """

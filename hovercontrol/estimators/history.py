@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hovercontrol.block import Block
+from hovercontrol.core.block import Block
 from hovercontrol.errors import InputError
 from hovercontrol.estimators.regression import regression
 from hovercontrol.estimators.regressors import Regressors
@@ -105,7 +105,7 @@ def estimate_from_log(
 
     Examples
     --------
-    >>> from hovercontrol.vehicles import hoverdemon
+    >>> from hovercontrol.models.vehicles import hoverdemon
     >>> t = np.arange(0.0, 3.0, 0.01)
     >>> signals = {"u": t * 2 / 2.6, "v": 0 * t, "r": 0 * t, "thrust": 0 * t + 2, "rudder": 0 * t}
     >>> plant = hoverdemon().plant().with_values({"plant.thrust": 0.5})

@@ -14,11 +14,11 @@ import numpy as np
 import sympy as sp
 from numpy.typing import ArrayLike
 
-from hovercontrol.block import Block
-from hovercontrol.boundary import checked
+from hovercontrol.core.block import Block
+from hovercontrol.core.boundary import checked
+from hovercontrol.core.signals import Signal, time
 from hovercontrol.errors import InputError
 from hovercontrol.estimators.regression import regression
-from hovercontrol.signals import Signal, time
 
 
 @checked
@@ -62,7 +62,7 @@ def kalman_bucy(
 
     Examples
     --------
-    >>> from hovercontrol.vehicles import c17_simulation
+    >>> from hovercontrol.models.vehicles import c17_simulation
     >>> e = kalman_bucy(c17_simulation().plant(), R=1e-5, Q=[1e-4] * 3 + [1e-2] * 8)
     >>> len(e.states), e.outputs[4].name
     (77, 'yaw_coulomb_hat')

@@ -7,15 +7,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 
 import sympy as sp
 
-from hovercontrol.block import Block
-from hovercontrol.boundary import checked
-from hovercontrol.derivatives import partial_derivatives
+from hovercontrol.core.block import Block
+from hovercontrol.core.boundary import checked
+from hovercontrol.core.derivatives import linear_parameters, partial_derivatives
+from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError
-from hovercontrol.signals import Signal
 
 
 @dataclass(frozen=True)
@@ -65,7 +64,7 @@ def regression(block: Block, coefficients: Sequence[str] | None = None) -> Regre
 
     Examples
     --------
-    >>> from hovercontrol.vehicles import hoverdemon
+    >>> from hovercontrol.models.vehicles import hoverdemon
     >>> regression(hoverdemon().plant()).G[2, :]
     Matrix([[0, -thrust*sin(rudder)]])
     """
@@ -106,23 +105,3 @@ def regression(block: Block, coefficients: Sequence[str] | None = None) -> Regre
         tuple(block.expand(expressions[i]).xreplace(zero) for i in rows),
         sp.ImmutableMatrix(len(rows), len(names), lambda i, j: entries.get((rows[i], j), sp.S.Zero)),
     )
-
-
-@lru_cache(maxsize=256)
-def linear_parameters(block: Block) -> tuple[str, ...]:
-    """Return the largest leading set of parameters in which all derivatives are jointly linear."""
-    names = [p.name for p in block.parameters]
-    entries = {k: block.expand(e) for k, e in partial_derivatives(block, "derivatives", names).items()}
-    chosen: list[str] = []
-    for j, name in enumerate(names):
-        column = [e for (_, k), e in entries.items() if k == j]
-        taken = {sp.Symbol(n, real=True) for n in (*chosen, name)}
-        before = [e for (_, k), e in entries.items() if names[k] in chosen]
-        own = sp.Symbol(name, real=True)
-        if (
-            column
-            and not any(e.free_symbols & taken for e in column)
-            and not any(own in e.free_symbols for e in before)
-        ):
-            chosen.append(name)
-    return tuple(chosen)

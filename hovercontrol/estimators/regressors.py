@@ -7,11 +7,11 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hovercontrol.block import Block
+from hovercontrol.core.block import Block
+from hovercontrol.core.functions import call_scalar, numpy_functions
+from hovercontrol.core.signals import Signal, time
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.estimators.regression import Regression
-from hovercontrol.signals import Signal, time
-from hovercontrol.targets.numpy import call_scalar, numpy_functions
 
 Array = NDArray[np.float64]
 
@@ -33,7 +33,7 @@ class Regressors:
     Examples
     --------
     >>> from hovercontrol.estimators.regression import regression
-    >>> from hovercontrol.vehicles import hoverdemon
+    >>> from hovercontrol.models.vehicles import hoverdemon
     >>> f = Regressors(regression(hoverdemon().plant()))
     >>> f.measured, f.inputs
     (('u', 'v', 'r'), ('thrust', 'rudder'))

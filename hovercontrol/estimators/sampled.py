@@ -14,7 +14,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hovercontrol.block import Block
+from hovercontrol.core.block import Block
 from hovercontrol.errors import InputError
 from hovercontrol.estimators.kalman_bucy import diagonal
 from hovercontrol.estimators.regression import regression
@@ -61,7 +61,7 @@ class SampledEstimator:
 
     Examples
     --------
-    >>> from hovercontrol.vehicles import hoverdemon
+    >>> from hovercontrol.models.vehicles import hoverdemon
     >>> e = SampledEstimator(hoverdemon().plant().with_values({"plant.thrust": 0.5}), dt=0.01)
     >>> for k in range(300):  # 2 N straight ahead give 2/2.6 m/s^2
     ...     c = e.step(0.01 * k, [0.01 * k * 2 / 2.6, 0.0, 0.0], [2.0, 0.0])

@@ -11,13 +11,13 @@ from collections.abc import Sequence
 import sympy as sp
 from numpy.typing import ArrayLike
 
-from hovercontrol.block import Block
+from hovercontrol.core.block import Block
+from hovercontrol.core.signals import Signal, time
 from hovercontrol.errors import InputError
 from hovercontrol.estimators.ins.kalman import Equations, Estimate, remember
 from hovercontrol.estimators.kalman_bucy import diagonal
 from hovercontrol.estimators.regression import Regression, regression
-from hovercontrol.signals import Signal, time
-from hovercontrol.tables import number, positive
+from hovercontrol.io.tables import number, positive
 
 
 def sampled_estimator(
@@ -65,8 +65,8 @@ def sampled_estimator(
 
     Examples
     --------
-    >>> from hovercontrol.hybrid import Ticking
-    >>> from hovercontrol.vehicles import hoverdemon
+    >>> from hovercontrol.simulation.hybrid import Ticking
+    >>> from hovercontrol.models.vehicles import hoverdemon
     >>> prior = hoverdemon().plant().with_values({"plant.thrust": 0.5})
     >>> e = Ticking(sampled_estimator(prior, start=1.0))
     >>> signals = {"v": 0.0, "r": 0.0, "thrust": 2.0, "rudder": 0.0}

@@ -14,8 +14,8 @@ import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
-from hovercontrol.block import Block
-from hovercontrol.derivatives import partial_derivatives
+from hovercontrol.core.block import Block
+from hovercontrol.core.derivatives import partial_derivatives
 from hovercontrol.estimation.fit import Fit, inverse, products
 from hovercontrol.estimation.kalman import run_filter
 from hovercontrol.estimation.noise import augment

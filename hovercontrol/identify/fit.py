@@ -12,8 +12,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from hovercontrol.block import Block
-from hovercontrol.boundary import checked
+from hovercontrol.core.block import Block
+from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError
 from hovercontrol.estimation.data import Data, gather
 from hovercontrol.estimation.fit import Fit, estimate, first_noise
@@ -36,7 +36,7 @@ from hovercontrol.identify.result import Fitted, Identified
 from hovercontrol.identify.subject import chosen, subject_of
 from hovercontrol.logs import Log
 from hovercontrol.logs.frames import check_frame
-from hovercontrol.model import Model
+from hovercontrol.models.model import Model
 
 #: Rows of a craft's log that are farther apart [s] are in other units of time, or tell nothing.
 SLOWEST = 1.0
@@ -81,7 +81,7 @@ def identify(
 
     Examples
     --------
-    >>> from hovercontrol.signals import Signal
+    >>> from hovercontrol.core.signals import Signal
     >>> v, k = Signal("v", "m/s"), Signal("k", "1/s", start=1.0)
     >>> decay = Block("decay", [v], [], [v], [k], {"v": -k.symbol * v.symbol})
     >>> t = np.linspace(0, 2, 101)

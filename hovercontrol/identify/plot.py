@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from hovercontrol.identify.predict import FreeRun
 from hovercontrol.logs import POSE, VELOCITY
+
+if TYPE_CHECKING:
+    from hovercontrol.identify.predict import FreeRun
 
 MEASURED, SIMULATED, SHADE = "0.7", "tab:blue", "tab:red"
 

@@ -12,17 +12,17 @@ import sympy as sp
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from hovercontrol.block import Block
+from hovercontrol.core.block import Block
+from hovercontrol.core.expressions import Expressions
 from hovercontrol.errors import InputError
 from hovercontrol.estimation.data import gather
 from hovercontrol.estimation.fit import Fit, estimate, first_noise
 from hovercontrol.estimation.measure import Array, Measured, measure
 from hovercontrol.estimation.prior import prior_of
 from hovercontrol.estimation.problem import Problem
-from hovercontrol.expressions import Expressions
 from hovercontrol.identify.subject import subject_of
 from hovercontrol.logs import Log, Span
-from hovercontrol.model import Model
+from hovercontrol.models.model import Model
 from hovercontrol.targets.shoot import shoot
 
 if TYPE_CHECKING:
@@ -129,7 +129,7 @@ def free_run(model: Model | Block, log: Log | Measured, *, restart: bool = False
 
     Examples
     --------
-    >>> from hovercontrol.signals import Signal
+    >>> from hovercontrol.core.signals import Signal
     >>> v, k = Signal("v", "m/s"), Signal("k", "1/s", start=1.0)
     >>> decay = Block("decay", [v], [], [v], [k], {"v": -k.symbol * v.symbol})
     >>> t = np.linspace(0, 2, 21)
@@ -270,7 +270,7 @@ def coasting(block: Block) -> Block:
 
     Examples
     --------
-    >>> from hovercontrol.vehicles import hoverdemon
+    >>> from hovercontrol.models.vehicles import hoverdemon
     >>> print(coasting(hoverdemon().plant()).equations())
     x' = u*cos(psi) - v*sin(psi)
     y' = u*sin(psi) + v*cos(psi)

@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from hovercontrol.block import Block
+from hovercontrol.core.block import Block
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.estimation.fit import Fit
-from hovercontrol.files import write_whole
-from hovercontrol.model import Model
+from hovercontrol.io.files import write_whole
+from hovercontrol.models.model import Model
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING
 
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.estimation.measure import MOST_ROWS, Measured
-from hovercontrol.files import write_folder
 from hovercontrol.identify.fit import identify, measure_shared, refuse_slow_rows
 from hovercontrol.identify.plot import plot_free_run
 from hovercontrol.identify.predict import FreeRun, Prediction, prediction, run_of, smoothed
 from hovercontrol.identify.result import Identified, aligned
+from hovercontrol.io.files import write_folder
 from hovercontrol.logs import VELOCITY, Log
-from hovercontrol.model import Model
-from hovercontrol.modelfile import save_model
+from hovercontrol.models.model import Model
+from hovercontrol.models.modelfile import save_model
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
 
-from hovercontrol.block import Block
-from hovercontrol.blockmodel import BlockModel
+from hovercontrol.core.block import Block
+from hovercontrol.core.derivatives import linear_parameters
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.estimation.subject import Subject
-from hovercontrol.estimators.regression import linear_parameters
-from hovercontrol.model import Model
+from hovercontrol.models.blockmodel import BlockModel
+from hovercontrol.models.model import Model
 
 
 @dataclass(frozen=True)

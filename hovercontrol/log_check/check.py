@@ -9,18 +9,18 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from hovercontrol.block import Block
-from hovercontrol.blockmodel import BlockModel
+from hovercontrol.core.block import Block
 from hovercontrol.discrepancy.checks import check_fitted, check_logs
 from hovercontrol.errors import InputError
 from hovercontrol.estimation.subject import structure
-from hovercontrol.files import write_folder
 from hovercontrol.identify import identify
 from hovercontrol.identify.result import Fitted, aligned
+from hovercontrol.io.files import write_folder
+from hovercontrol.io.plain_json import json_text, plain
 from hovercontrol.log_check.facts import Array, Column, LogFacts, Timing, facts
 from hovercontrol.logs import Log
-from hovercontrol.model import Model
-from hovercontrol.plain_json import json_text, plain
+from hovercontrol.models.blockmodel import BlockModel
+from hovercontrol.models.model import Model
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

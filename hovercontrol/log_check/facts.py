@@ -14,12 +14,10 @@ from hovercontrol.estimation.levels import noise_levels
 from hovercontrol.estimation.measure import Measured, steps
 from hovercontrol.estimation.navigation import LEAST, MOST, corrections
 from hovercontrol.estimation.spikes import stand_out
-from hovercontrol.logs import POSE, VELOCITY, Log, Span, fit_clock, smooth_pose
+from hovercontrol.logs import POSE, Log, Span, fit_clock, smooth_pose
+from hovercontrol.logs.log import UNITS
 
 Array = NDArray[np.float64]
-
-#: SI units of what a log of a craft may hold.
-UNITS = dict(zip((*POSE, *VELOCITY), ("m", "m", "rad", "m/s", "m/s", "rad/s"), strict=True))
 
 #: Speeds [m/s] that no hovercraft of this kind reaches: positions in millimetres show them at once.
 FASTEST = 30.0

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -11,8 +11,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 
 from hovercontrol.identify.result import Fitted
-from hovercontrol.log_check.check import Checked
 from hovercontrol.log_check.facts import Column, LogFacts
+
+if TYPE_CHECKING:
+    from hovercontrol.log_check.check import Checked
 
 #: Colours that the colour-blind tell apart (Okabe and Ito); shapes and hatching say the same.
 MEASURED, COMMAND, WRONG, GAP = "#0072B2", "#009E73", "#D55E00", "0.85"

@@ -16,12 +16,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from hovercontrol.boundary import checked
+from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError, did_you_mean, shown
 from hovercontrol.logs.log import POSE, Floats, Log
 
 if TYPE_CHECKING:
-    from hovercontrol.model import Model
+    from hovercontrol.models.model import Model
 
 Complex = NDArray[np.complex128]
 
@@ -91,7 +91,7 @@ def check_frame(model: Model, log: Log) -> None:
     InputError
         If forces and motion agree clearly in other axes, and not in these.
     """
-    from hovercontrol.model import Model
+    from hovercontrol.models.model import Model
 
     if not isinstance(model, Model):
         raise InputError(f"check_frame: model: expected a Model, found {shown(model)}")
@@ -179,7 +179,7 @@ def _drifting(log: Log, times: Floats, window: float) -> tuple[Floats, ...]:
 
 def _push(model: Model, log: Log) -> tuple[Complex, Floats]:
     """Return where the commands push in the body frame, and their torque, of a craft at rest."""
-    from hovercontrol.targets.numpy import numpy_functions
+    from hovercontrol.core.functions import numpy_functions
 
     forces = tuple(e for e in model.effects if type(e).kind() == "force")
     plant = replace(model, effects=forces).plant()

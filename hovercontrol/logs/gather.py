@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hovercontrol.boundary import checked
+from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError
 from hovercontrol.logs.bench import BenchTable
 from hovercontrol.logs.check import check_gaps

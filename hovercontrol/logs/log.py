@@ -17,9 +17,9 @@ import pyarrow.csv
 import pyarrow.parquet
 from numpy.typing import ArrayLike, NDArray
 
-from hovercontrol.boundary import checked
+from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError, did_you_mean, shown
-from hovercontrol.files import write_whole
+from hovercontrol.io.files import write_whole
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -27,6 +27,9 @@ if TYPE_CHECKING:
 POSE = ("x", "y", "psi")
 VELOCITY = ("u", "v", "r")
 PARQUET = (".parquet", ".pq")
+
+#: SI units of what a log of a craft may hold.
+UNITS = dict(zip((*POSE, *VELOCITY), ("m", "m", "rad", "m/s", "m/s", "rad/s"), strict=True))
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -178,7 +181,7 @@ class Log:
         """Return the columns over time as a picture."""
         from hovercontrol.notebook.plots import log_figure
 
-        return log_figure(self)
+        return log_figure(self, UNITS)
 
     @checked
     def save(self, path: str | Path) -> None:

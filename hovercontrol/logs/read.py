@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 
-from hovercontrol.boundary import checked
+from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.logs.check import check_finite, check_heading, check_time
 from hovercontrol.logs.log import POSE, VELOCITY, Floats, Log

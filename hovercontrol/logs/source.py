@@ -12,7 +12,7 @@ import pyarrow.csv
 import pyarrow.parquet
 
 from hovercontrol.errors import InputError
-from hovercontrol.files import readable, reason
+from hovercontrol.io.files import readable, reason
 from hovercontrol.logs.log import PARQUET
 
 BLOCK = 2**20

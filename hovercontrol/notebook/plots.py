@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from hovercontrol.errors import InputError, did_you_mean
-
 if TYPE_CHECKING:
-    from hovercontrol.analysis.budget import Budget
-    from hovercontrol.analysis.iss import IssGain
-    from hovercontrol.analysis.margins import FrozenMargins
+    from hovercontrol.analysis.c17.iss import IssGain
+    from hovercontrol.analysis.common.margins import FrozenMargins
+    from hovercontrol.analysis.k06.budget import Budget
     from hovercontrol.discrepancy.diagnosis import Diagnosis
     from hovercontrol.identify.result import Identified
     from hovercontrol.logs import Log
@@ -23,10 +22,8 @@ if TYPE_CHECKING:
 BLUE, ORANGE, GREY = "#0072B2", "#D55E00", "0.55"
 
 
-def log_figure(log: Log) -> Figure:
+def log_figure(log: Log, units: Mapping[str, str]) -> Figure:
     """Return the columns of a log over time, one pair of axes each; commands as stairs."""
-    from hovercontrol.log_check.facts import UNITS
-
     names = list(log.columns)
     figure = Figure(figsize=(8.0, 0.9 + 1.25 * len(names)), layout="constrained")
     axes = figure.subplots(len(names), 1, sharex=True, squeeze=False).ravel()
@@ -37,7 +34,7 @@ def log_figure(log: Log) -> Figure:
         axis.plot(
             log.time[known], row[known], color=BLUE, lw=0.8, drawstyle="steps-post" if held else "default"
         )
-        unit = f" [{UNITS[name]}]" if name in UNITS else ""
+        unit = f" [{units[name]}]" if name in units else ""
         axis.set_ylabel(f"{name}{unit}", rotation=0, ha="right", va="center")
         for a, b in log.gaps:
             axis.axvspan(a, b, color="0.9", hatch="//", ec="0.6", lw=0)
@@ -125,10 +122,6 @@ def _title(found: Diagnosis) -> str:
 
 def sweep_figure(found: SweepResult, of: str | None = None, figure: str = "final") -> Figure:
     """Return one figure of one output over what was varied alone, else over the runs."""
-    from hovercontrol.targets.sweep import FIGURES
-
-    if figure not in FIGURES:
-        raise InputError(f"unknown figure {figure!r}{did_you_mean(figure, FIGURES)}")
     name = of or found.outputs[0]
     values = getattr(found[name], figure)
     given = {**found.parameters, **{f"{k}.start": v for k, v in found.x0.items()}}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -96,10 +97,8 @@ def study_html(study: Study) -> str:
     return identified_html(study.found) + fold("predictions", ahead, unfolded=True)
 
 
-def diagnosis_html(found: Diagnosis) -> str:
-    """Return a diagnosis as HTML: verdict, what was added, what remains, what came near."""
-    from hovercontrol.discrepancy.report import gap_sentence, headline, remainder_sentence
-
+def diagnosis_html(found: Diagnosis, sentences: Sequence[str]) -> str:
+    """Return a diagnosis as HTML: verdict, sentences on it, what was added, what remains, what came near."""
     added = [(e.effect, e.parameter, e.acts_in, e.value, f"± {e.std:.2g}", e.unit) for e in found.effects]
     left = [(r.equation, r.rms, r.unit, f"{100 * r.share_explained:.2g} %") for r in found.remainders]
     leads = [(lead.name, lead.gain, lead.reason) for lead in found.leads]
@@ -107,7 +106,7 @@ def diagnosis_html(found: Diagnosis) -> str:
         "Diagnosis",
         found.verdict,
         "",
-        lines(headline(found), gap_sentence(found), remainder_sentence(found)),
+        lines(*sentences),
         table(("effect", "number", "acts in", "value", "std. error", "unit"), added, "added"),
         table(("equation", "remains", "unit", "explained"), left, "what remains"),
         fold("came near", table(("effect", "gain", "why it is not named"), leads)) if leads else "",

@@ -7,14 +7,15 @@ from collections import defaultdict
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from hovercontrol.block import Block
+from hovercontrol.core.block import Block
+from hovercontrol.core.signals import Signal
 from hovercontrol.notebook.html import Markup, card, fold, table
-from hovercontrol.signals import Signal
+from hovercontrol.notebook.mathml import equations
 
 if TYPE_CHECKING:
-    from hovercontrol.blockmodel import BlockModel
-    from hovercontrol.fmi.imported import FmuSystem
-    from hovercontrol.model import Model
+    from hovercontrol.fmi.importer.imported import FmuSystem
+    from hovercontrol.models.blockmodel import BlockModel
+    from hovercontrol.models.model import Model
 
 #: Equations of one kind that are shown unfolded.
 UNFOLDED = 12
@@ -47,8 +48,6 @@ def block_html(block: Block) -> str:
 
 def equations_html(block: Block) -> str:
     """Return a Block's equations as MathML, by groups; long groups folded away."""
-    from hovercontrol.fmi.mathml import equations
-
     groups: dict[str, list[str]] = defaultdict(list)
     for group, line in equations(block):
         groups["Next values" if block.period and group == "Differential equations" else group].append(line)

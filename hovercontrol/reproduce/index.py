@@ -10,7 +10,7 @@ from html import escape
 from pathlib import Path
 from typing import Any
 
-from hovercontrol.files import write_whole
+from hovercontrol.io.files import write_whole
 from hovercontrol.reproduce.item import KINDS, Outcome
 from hovercontrol.reproduce.markers import numbered_items, places
 

@@ -7,8 +7,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from hovercontrol.errors import InputError
-from hovercontrol.figure_style import figure_style
-from hovercontrol.files import write_folder
+from hovercontrol.io.figure_style import figure_style
+from hovercontrol.io.files import write_folder
 from hovercontrol.reproduce.index import write_index
 from hovercontrol.reproduce.item import Item, Outcome
 

@@ -8,12 +8,12 @@ from typing import Any
 
 from hovercontrol.autopilot import SWITCHES, Imperfections
 from hovercontrol.autopilot.navigation import NAVIGATION, check_beacons
+from hovercontrol.core.random_numbers import LARGEST_SEED
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.hardware.actuators import FanTable, read_fan_table, read_servo_table, table_pair
 from hovercontrol.hardware.sensors import Beacons
-from hovercontrol.noise import LARGEST_SEED
+from hovercontrol.io.tables import number
 from hovercontrol.scenarios.definition import Autopilot
-from hovercontrol.tables import number
 
 #: Keys and what they hold.
 KEYS: dict[str, type] = {

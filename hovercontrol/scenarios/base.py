@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from hovercontrol.errors import InputError
-from hovercontrol.tables import read_toml, text
+from hovercontrol.io.tables import read_toml, text
 
 
 def with_base(

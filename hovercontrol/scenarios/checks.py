@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError, did_you_mean
+from hovercontrol.io.tables import check_keys
 from hovercontrol.scenarios.parts import loop_parts
-from hovercontrol.signals import Signal
-from hovercontrol.tables import check_keys
 
 if TYPE_CHECKING:
     from hovercontrol.scenarios.definition import Metric, Sampling, Scenario

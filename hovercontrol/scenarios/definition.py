@@ -10,8 +10,8 @@ from typing import Any
 from hovercontrol.autopilot import Imperfections
 from hovercontrol.hardware.actuators import FanTable, ServoTable
 from hovercontrol.hardware.sensors import Beacons
-from hovercontrol.model import Model
-from hovercontrol.vehicles import HOVERDEMON_BODY, Body
+from hovercontrol.models.model import Model
+from hovercontrol.models.vehicles import HOVERDEMON_BODY, Body
 
 
 @dataclass(frozen=True)

@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import inspect
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from hovercontrol.figure_style import figure_style
-from hovercontrol.references import REFERENCES
+from hovercontrol.controllers.references import REFERENCES
+from hovercontrol.io.figure_style import figure_style
 from hovercontrol.scenarios.law_figures import law_figures
 from hovercontrol.scenarios.real_figures import comparison
-from hovercontrol.scenarios.result import Run
 from hovercontrol.scenarios.sheet import in_time, mark_phases, own_loop, sheet, title
+
+if TYPE_CHECKING:
+    from hovercontrol.scenarios.result import Run
 
 Array = NDArray[np.float64]
 

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from hovercontrol.core.signals import Signal
 from hovercontrol.scenarios.parts import loop_parts
-from hovercontrol.scenarios.result import Run
 from hovercontrol.scenarios.sheet import in_time, mark_phases, own_loop, sheet
-from hovercontrol.signals import Signal
+
+if TYPE_CHECKING:
+    from hovercontrol.scenarios.result import Run
 
 
 def law_figures(run: Run) -> dict[str, Figure]:

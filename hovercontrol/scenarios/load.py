@@ -11,11 +11,13 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from hovercontrol.boundary import checked
+from hovercontrol.controllers.references import REFERENCES
+from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError, did_you_mean
-from hovercontrol.model import Model
-from hovercontrol.modelfile import load_model, model_from_table
-from hovercontrol.references import REFERENCES
+from hovercontrol.io.tables import check_keys, number, positive, read_toml, table, text
+from hovercontrol.models.model import Model
+from hovercontrol.models.modelfile import load_model, model_from_table
+from hovercontrol.models.vehicles import HOVERDEMON_BODY, Body, vehicle
 from hovercontrol.scenarios.autopilots import KEYS as AUTOPILOT_KEYS
 from hovercontrol.scenarios.autopilots import autopilot_section
 from hovercontrol.scenarios.base import with_base
@@ -39,8 +41,6 @@ from hovercontrol.scenarios.sections import (
     STATES,
     arguments,
 )
-from hovercontrol.tables import check_keys, number, positive, read_toml, table, text
-from hovercontrol.vehicles import HOVERDEMON_BODY, Body, vehicle
 
 
 def scenario_names() -> list[str]:

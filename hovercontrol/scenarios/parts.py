@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from hovercontrol.block import Block
 from hovercontrol.controllers import tracking_controller
 from hovercontrol.controllers.k06 import (
     bang_bang_heading,
@@ -22,9 +21,10 @@ from hovercontrol.controllers.k06 import (
     turn,
 )
 from hovercontrol.controllers.k06.heading import TICK
+from hovercontrol.controllers.references import REFERENCES
+from hovercontrol.core.block import Block
 from hovercontrol.errors import InputError
 from hovercontrol.estimators import kalman_bucy, sampled_estimator
-from hovercontrol.references import REFERENCES
 from hovercontrol.scenarios.definition import Phase, Scenario
 
 #: What ``controller.kind`` may be; without a kind it is the tracking controller.

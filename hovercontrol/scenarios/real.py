@@ -10,10 +10,10 @@ import numpy as np
 from hovercontrol.autopilot import autopilot, beside_ideal, nearest_heading
 from hovercontrol.autopilot.limits import lossy_tables
 from hovercontrol.autopilot.loop import autopilot_parts
-from hovercontrol.block import Block
+from hovercontrol.core.block import Block
+from hovercontrol.core.interconnect import interconnect
 from hovercontrol.hardware.actuators import actuators
-from hovercontrol.interconnect import interconnect
-from hovercontrol.model import MOTION
+from hovercontrol.models.model import MOTION
 from hovercontrol.scenarios.definition import Phase, Scenario
 from hovercontrol.scenarios.parts import phase_parameters
 from hovercontrol.scenarios.phases import through_phases

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from hovercontrol.scenarios.result import Run
 from hovercontrol.scenarios.sheet import in_time, mark_phases, sheet
+
+if TYPE_CHECKING:
+    from hovercontrol.scenarios.result import Run
 
 
 def comparison(run: Run) -> Figure:

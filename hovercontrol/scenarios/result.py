@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hovercontrol.errors import InputError, did_you_mean
-from hovercontrol.files import write_folder
+from hovercontrol.io.files import write_folder
 from hovercontrol.logs import Log
 from hovercontrol.scenarios.definition import Metric, Scenario
 from hovercontrol.scenarios.measures import measure

@@ -6,15 +6,15 @@ from collections.abc import Callable
 
 import numpy as np
 
-from hovercontrol.boundary import checked
+from hovercontrol.core.boundary import checked
+from hovercontrol.core.interconnect import interconnect
 from hovercontrol.errors import InputError
-from hovercontrol.interconnect import interconnect
 from hovercontrol.scenarios.checks import check_scenario
 from hovercontrol.scenarios.definition import Scenario
 from hovercontrol.scenarios.parts import loop_parts, phase_parameters
 from hovercontrol.scenarios.phases import held_commands, phase_grid
 from hovercontrol.scenarios.result import Run
-from hovercontrol.simulation import simulate
+from hovercontrol.simulation.trajectory import simulate
 
 __all__ = ["loop_parts", "phase_grid", "phase_parameters", "run_scenario"]
 

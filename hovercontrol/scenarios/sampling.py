@@ -14,17 +14,17 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
-from hovercontrol.block import Block
 from hovercontrol.controllers import tracking_controller
+from hovercontrol.core.block import Block
+from hovercontrol.core.interconnect import interconnect, rename
+from hovercontrol.core.signals import Signal
 from hovercontrol.hardware.links import constant_delay
 from hovercontrol.hardware.sensors import mocap, noisy_motion, poor_view
-from hovercontrol.interconnect import interconnect, rename
-from hovercontrol.model import MOTION
+from hovercontrol.models.model import MOTION
 from hovercontrol.scenarios.definition import Sampling, Scenario
 from hovercontrol.scenarios.parts import phase_parameters
 from hovercontrol.scenarios.phases import through_phases
 from hovercontrol.scenarios.result import Run
-from hovercontrol.signals import Signal
 
 #: Where the control point is, as the controller tells what watches the true error.
 AHEAD = Signal("point_ahead", "m", "control point ahead of the centre of mass")

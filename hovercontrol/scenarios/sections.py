@@ -88,7 +88,7 @@ def arguments(maker: Callable[..., Any], without: Sequence[str] = ()) -> tuple[l
 
     Examples
     --------
-    >>> from hovercontrol.references import circle
+    >>> from hovercontrol.controllers.references import circle
     >>> arguments(circle, ("name",))[1]
     ('radius',)
     """

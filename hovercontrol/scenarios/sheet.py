@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from hovercontrol.scenarios.result import Run
+if TYPE_CHECKING:
+    from hovercontrol.scenarios.result import Run
+
 
 Array = NDArray[np.float64]
 

@@ -12,18 +12,17 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from hovercontrol.analysis.regions import Axis
-from hovercontrol.block import Block
-from hovercontrol.boundary import checked
+from hovercontrol.core.block import Block
+from hovercontrol.core.boundary import checked
+from hovercontrol.core.interconnect import interconnect
 from hovercontrol.errors import InputError, did_you_mean
-from hovercontrol.figure_style import BLUE, COLOUR_MAP
-from hovercontrol.files import write_folder
-from hovercontrol.interconnect import interconnect
+from hovercontrol.io.figure_style import BLUE, COLOUR_MAP
+from hovercontrol.io.files import write_folder
 from hovercontrol.scenarios.definition import Scenario
 from hovercontrol.scenarios.parts import loop_parts, phase_parameters
 from hovercontrol.scenarios.phases import EARLY, phase_grid
 from hovercontrol.scenarios.sampling import sampled_loop
-from hovercontrol.targets.sweep import FIGURES, SweepResult
+from hovercontrol.targets.sweep import FIGURES, Axis, SweepResult
 
 Array = NDArray[np.float64]
 

@@ -6,15 +6,15 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from hovercontrol.autopilot.navigation import NAVIGATION
-from hovercontrol.noise import LARGEST_SEED
-from hovercontrol.references import REFERENCES
+from hovercontrol.controllers.references import REFERENCES
+from hovercontrol.core.random_numbers import LARGEST_SEED
+from hovercontrol.models.vehicles import VEHICLES
 from hovercontrol.scenarios import sections as keys
 from hovercontrol.scenarios.autopilots import KEYS as AUTOPILOT
 from hovercontrol.scenarios.measures import STATISTICS
 from hovercontrol.scenarios.parts import GUIDANCE, LAWS
 from hovercontrol.schema.model import effects_schema
 from hovercontrol.schema.parts import KINDS, NUMBER, POSITIVE, TEXT, Schema, array, document, table
-from hovercontrol.vehicles import VEHICLES
 
 _NUMBERS: Schema = {"type": "object", "additionalProperties": NUMBER}
 _SIZE: Schema = {"anyOf": [NUMBER, array(NUMBER, 1)]}

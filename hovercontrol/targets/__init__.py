@@ -1,1 +1,1 @@
-"""The faces of a Block: NumPy functions, python-control systems."""
+"""A Block's backends: python-control systems, C, machine code, sweeps over many runs."""

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hovercontrol.errors import InputError
-from hovercontrol.files import check_folder, write_quietly
-from hovercontrol.targets.sweep import FIGURES, REASONS, SweepResult
+from hovercontrol.io.files import check_folder, write_quietly
+from hovercontrol.simulation.reasons import REASONS
+from hovercontrol.targets.sweep import FIGURES, SweepResult
 
 if TYPE_CHECKING:
     from hovercontrol.targets.compiled import CompiledBlock

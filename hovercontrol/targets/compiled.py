@@ -18,11 +18,23 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hovercontrol.block import Block, Rows
-from hovercontrol.boundary import checked, fits
-from hovercontrol.delays import arrivals, arrivals_of_runs, undelayed
+from hovercontrol.core.block import Block, Rows
+from hovercontrol.core.boundary import checked, fits
+from hovercontrol.core.delays import arrivals, arrivals_of_runs, undelayed
+from hovercontrol.core.functions import call_scalar, numpy_functions
 from hovercontrol.errors import InputError, did_you_mean, shown
-from hovercontrol.simulation import checked_times, initial_state, input_rows, simulate, time_response
+from hovercontrol.simulation.python_runner import start_block
+from hovercontrol.simulation.reasons import REASONS
+from hovercontrol.simulation.runge_kutta import rk4
+from hovercontrol.simulation.runner import BlockRunner, Inputs
+from hovercontrol.simulation.ticking import Running
+from hovercontrol.simulation.trajectory import (
+    checked_times,
+    initial_state,
+    input_rows,
+    simulate,
+    time_response,
+)
 from hovercontrol.targets.compiler import NoCompilerError
 from hovercontrol.targets.executors import sweep_on
 from hovercontrol.targets.library import (
@@ -35,13 +47,8 @@ from hovercontrol.targets.library import (
     states_and_inputs,
 )
 from hovercontrol.targets.native_runner import NativeEngine
-from hovercontrol.targets.numpy import call_scalar, numpy_functions
-from hovercontrol.targets.python_runner import start_block
-from hovercontrol.targets.runge_kutta import rk4
-from hovercontrol.targets.runner import BlockRunner, Inputs
 from hovercontrol.targets.sweep import (
     FIGURES,
-    REASONS,
     Many,
     SweepResult,
     in_threads,
@@ -51,7 +58,6 @@ from hovercontrol.targets.sweep import (
     settling_bands,
     values_of_runs,
 )
-from hovercontrol.targets.ticking import Running
 
 if TYPE_CHECKING:
     import control
@@ -78,7 +84,7 @@ def compile_block(block: Block, *, friction: Friction = "events") -> CompiledBlo
 
     Examples
     --------
-    >>> from hovercontrol.signals import Signal
+    >>> from hovercontrol.core.signals import Signal
     >>> v, k = Signal("v", "m/s", start=1.0), Signal("k", "1/s", start=2.0, lower=0.0)
     >>> decay = compile_block(Block("decay", [v], [], [v], [k], {"v": -k.symbol * v.symbol}))
     >>> decay.simulate([0.0, 1.0], params={"decay.k": 1.0}).outputs.round(5).tolist()
@@ -227,7 +233,7 @@ class CompiledBlock:
     ) -> BlockRunner:
         """Start a run that goes step by step, in machine code.
 
-        Arguments, result and errors are those of :meth:`hovercontrol.block.Block.start`.
+        Arguments, result and errors are those of :meth:`hovercontrol.core.block.Block.start`.
         """
         if not self.native:
             return start_block(self.block, x0, params, inputs=inputs, time=time, rtol=rtol, atol=atol)
@@ -254,7 +260,7 @@ class CompiledBlock:
         atol: float = 1e-9,
         hold: Literal["zero"] = "zero",
     ) -> control.TimeResponseData:
-        """Simulate over a time grid; arguments and result as of :func:`hovercontrol.simulation.simulate`.
+        """Simulate over a time grid; arguments, result: :func:`hovercontrol.simulation.trajectory.simulate`.
 
         Parameters
         ----------

@@ -25,9 +25,9 @@ from pathlib import Path
 
 import sympy as sp
 
-from hovercontrol.block import Block
+from hovercontrol.core.block import Block
 from hovercontrol.errors import InputError
-from hovercontrol.files import write_quietly
+from hovercontrol.io.files import write_quietly
 
 #: The same numbers on every machine: no fast-math, no fused multiply-add, nothing of this processor alone.
 #: (Measured: -flto and -march=native gain less than 10 %.)
@@ -277,7 +277,7 @@ def _generator() -> str:
     """Return a digest of all code that a generated text depends on."""
     digest = hashlib.sha256(f"{sp.__version__} {sys.version}".encode())
     package = Path(__file__).parents[1]
-    for file in sorted([*package.glob("*.py"), *(package / "targets").glob("*.py")]):
+    for file in sorted([*(package / "core").glob("*.py"), *(package / "targets").glob("*.py")]):
         digest.update(file.read_bytes())
     return digest.hexdigest()
 

@@ -9,13 +9,13 @@ import control
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hovercontrol.block import Block
-from hovercontrol.delays import pade as approximated
-from hovercontrol.delays import registers
+from hovercontrol.core.block import Block
+from hovercontrol.core.delays import pade as approximated
+from hovercontrol.core.delays import registers
+from hovercontrol.core.functions import numpy_functions
 from hovercontrol.errors import InputError, did_you_mean
-from hovercontrol.tables import positive
+from hovercontrol.io.tables import positive
 from hovercontrol.targets.library import Point, Solver
-from hovercontrol.targets.numpy import numpy_functions
 from hovercontrol.targets.points import points
 
 Array = NDArray[np.float64]
@@ -234,7 +234,7 @@ def to_control(
         the same, with shift registers of that step, of which each delay is a multiple.
     pade : int, optional
         Order of Pade's fraction for the delays of inputs that act late
-        (:func:`hovercontrol.delays.pade`).
+        (:func:`hovercontrol.core.delays.pade`).
 
     Raises
     ------
@@ -244,7 +244,7 @@ def to_control(
 
     Examples
     --------
-    >>> from hovercontrol.signals import Signal
+    >>> from hovercontrol.core.signals import Signal
     >>> v, k = Signal("v", "m/s"), Signal("k", "1/s", start=2.0)
     >>> system = to_control(Block("decay", [v], [], [v], [k], {"v": -k.symbol * v.symbol}))
     >>> float(system.dynamics(0, [1.0], [], params={"decay.k": 3.0})[0])

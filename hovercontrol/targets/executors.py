@@ -29,8 +29,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hovercontrol.errors import InputError
-from hovercontrol.simulation import checked_times
-from hovercontrol.tables import positive
+from hovercontrol.io.tables import positive
+from hovercontrol.simulation.trajectory import checked_times
 from hovercontrol.targets.checkpoint import Checkpoint, fingerprint
 from hovercontrol.targets.resting import without_resting_states
 from hovercontrol.targets.sweep import (

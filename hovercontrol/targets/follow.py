@@ -15,8 +15,8 @@ import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
-from hovercontrol.block import Block
-from hovercontrol.sgn import regularise
+from hovercontrol.core.block import Block
+from hovercontrol.core.sgn import regularise
 from hovercontrol.targets.background import loaded, ready
 from hovercontrol.targets.c import function_source
 from hovercontrol.targets.compiler import generated, load_library

@@ -12,7 +12,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hovercontrol.block import Block, Rows
+from hovercontrol.core.block import Block, Rows
 from hovercontrol.errors import InputError, shown
 from hovercontrol.targets.c import c_source, lanes_source
 from hovercontrol.targets.compiler import NotCachedError, generated, load_library

@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 
 class NativeEngine:
-    """Steps a Block in machine code; an :class:`~hovercontrol.targets.runner.Engine`.
+    """Steps a Block in machine code; an :class:`~hovercontrol.simulation.runner.Engine`.
 
     Parameters
     ----------

@@ -15,10 +15,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hovercontrol.block import Block, Rows
+from hovercontrol.core.block import Block, Rows
+from hovercontrol.core.functions import call_scalar, numpy_functions
 from hovercontrol.targets.compiler import NotCachedError
 from hovercontrol.targets.library import Library, Point
-from hovercontrol.targets.numpy import call_scalar, numpy_functions
 
 Array = NDArray[np.float64]
 

@@ -11,8 +11,8 @@ from functools import lru_cache
 
 import sympy as sp
 
-from hovercontrol.block import Block
-from hovercontrol.expressions import Expressions
+from hovercontrol.core.block import Block
+from hovercontrol.core.expressions import Expressions
 
 
 @lru_cache(maxsize=64)
@@ -35,7 +35,7 @@ def without_resting_states(block: Block) -> tuple[Block, tuple[int, ...]]:
 
     Examples
     --------
-    >>> from hovercontrol.signals import Signal
+    >>> from hovercontrol.core.signals import Signal
     >>> x, y, k = Signal("x", start=1.0), Signal("y"), Signal("k", "1/s", start=2.0)
     >>> f = {"x": -k.symbol * x.symbol, "y": k.symbol * x.symbol * sp.sin(y.symbol)}
     >>> without_resting_states(Block("two", [x, y], [], [x], [k], f))[1]

@@ -17,7 +17,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from hovercontrol.block import Block
+from hovercontrol.core.block import Block
 from hovercontrol.targets.background import loaded, ready
 from hovercontrol.targets.c import lanes_source
 from hovercontrol.targets.compiler import NoCompilerError, generated, load_library

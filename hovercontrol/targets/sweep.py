@@ -13,10 +13,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hovercontrol.block import Block
+from hovercontrol.core.block import Block
+from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError, did_you_mean
-from hovercontrol.files import write_whole
-from hovercontrol.signals import Signal
+from hovercontrol.io.files import write_whole
+from hovercontrol.simulation.reasons import REASONS
 
 if TYPE_CHECKING:
     import pyarrow
@@ -26,15 +27,29 @@ Array = NDArray[np.float64]
 Many = Mapping[str, ArrayLike]
 
 FIGURES = ("final", "maximum", "minimum", "rms", "settling")  # in the order of hc_simulate.h
-REASONS = (  # in the order of hc_solver.h
-    "done",
-    "no memory",
-    "a derivative is not a number",
-    "the step becomes too small to meet the tolerance",
-    "too many steps",
-    "its worker failed",  # of :mod:`.executors`
-)
 WORKER_FAILED = len(REASONS) - 1
+
+
+@dataclass(frozen=True, eq=False)
+class Axis:
+    """One parameter that a sweep or a map varies.
+
+    Parameters
+    ----------
+    name, unit : str
+    values : ndarray, shape (n,)
+        Increasing.
+    label : str, optional
+        What pictures call it; default the name.
+    """
+
+    name: str
+    unit: str
+    values: Array
+    label: str = ""
+
+    def __str__(self) -> str:
+        return f"{self.label or self.name} [{self.unit}]"
 
 
 @dataclass(frozen=True)
@@ -127,6 +142,8 @@ class SweepResult:
         """Return a figure (final, maximum, minimum, rms, settling) of an output over what was varied."""
         from hovercontrol.notebook.plots import sweep_figure
 
+        if figure not in FIGURES:
+            raise InputError(f"unknown figure {figure!r}{did_you_mean(figure, FIGURES)}")
         return sweep_figure(self, of, figure)
 
     def to_table(self, runs: slice = slice(None)) -> pyarrow.Table:

@@ -62,7 +62,7 @@ def test_a_script_uses_the_public_api_only(name):
         "hovercontrol",
         "hovercontrol.analysis",
         "hovercontrol.analysis.output",
-        "hovercontrol.analysis.table_two",
+        "hovercontrol.analysis.c17.table_two",
         "hovercontrol.scenarios",
     }
     assert not [a.name for n in used for a in n.names if a.name.startswith("_")]

@@ -11,13 +11,13 @@ from hypothesis import strategies as st
 from hovercontrol.autopilot import SWITCHES, Imperfections, autopilot, beside_ideal, nearest_heading, seeds
 from hovercontrol.autopilot.limits import actuator_limits, lossy_tables
 from hovercontrol.controllers.k06 import bang_bang_heading, force_to_command, setpoints, stop, turn
+from hovercontrol.core.interconnect import interconnect
 from hovercontrol.errors import InputError
 from hovercontrol.hardware.actuators import fan_force, fan_tables, read_servo_table, table_pair
 from hovercontrol.hardware.sensors import Beacons, k06_beacons
-from hovercontrol.hybrid import Ticking
-from hovercontrol.interconnect import interconnect
-from hovercontrol.simulation import simulate
-from hovercontrol.vehicles import hoverdemon
+from hovercontrol.models.vehicles import hoverdemon
+from hovercontrol.simulation.hybrid import Ticking
+from hovercontrol.simulation.trajectory import simulate
 
 LAW, TOLD, START = turn(k1=0.5, k2=3.5), {"yaw_rate_ref": 3.0}, {"r": 0.1}
 IDEAL = interconnect(

@@ -13,9 +13,9 @@ from hovercontrol.cockpit.gusts import gusts
 from hovercontrol.cockpit.laws import CHOICES
 from hovercontrol.cockpit.loop import Loop
 from hovercontrol.errors import InputError
-from hovercontrol.hybrid import Ticking
-from hovercontrol.modelfile import model_from_table
-from hovercontrol.vehicles import VEHICLES, vehicle
+from hovercontrol.models.modelfile import model_from_table
+from hovercontrol.models.vehicles import VEHICLES, vehicle
+from hovercontrol.simulation.hybrid import Ticking
 
 MOTION = ("x", "y", "psi", "u", "v", "r")
 MASS, INERTIA, ARM = 2.6, 0.096, 0.32  # K06 section 4.3

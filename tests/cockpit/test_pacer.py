@@ -11,8 +11,8 @@ from hovercontrol.cockpit.recorder import Recorder
 from hovercontrol.errors import InputError
 from hovercontrol.identify import identify
 from hovercontrol.logs import read_log
-from hovercontrol.simulation import simulate
-from hovercontrol.vehicles import vehicle
+from hovercontrol.models.vehicles import vehicle
+from hovercontrol.simulation.trajectory import simulate
 
 
 @pytest.fixture

@@ -12,7 +12,7 @@ from hovercontrol.cockpit.pacer import Pacer
 from hovercontrol.cockpit.server import Console
 from hovercontrol.identify import identify
 from hovercontrol.logs import read_log
-from hovercontrol.vehicles import vehicle
+from hovercontrol.models.vehicles import vehicle
 
 from ..browser import CHROMIUM, browser
 

@@ -19,7 +19,7 @@ from hovercontrol.cockpit.server import Console, listen
 from hovercontrol.cockpit.shelf import MOST_ROWS, log_columns
 from hovercontrol.errors import InputError
 from hovercontrol.logs import Log, read_log
-from hovercontrol.vehicles import vehicle
+from hovercontrol.models.vehicles import vehicle
 
 LOOP = Loop(vehicle("hoverdemon"))
 

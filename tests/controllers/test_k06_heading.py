@@ -20,10 +20,10 @@ from hovercontrol.controllers.k06.energy import (
     least_yaw_rate,
     unwanted_level,
 )
+from hovercontrol.core.interconnect import interconnect
 from hovercontrol.errors import InputError
-from hovercontrol.hybrid import Ticking, simulate_hybrid
-from hovercontrol.interconnect import interconnect
-from hovercontrol.vehicles import hoverdemon
+from hovercontrol.models.vehicles import hoverdemon
+from hovercontrol.simulation.hybrid import Ticking, simulate_hybrid
 
 M, J, D = 2.6, 0.096, 0.32
 DEGREE = math.radians(1.0)

@@ -16,11 +16,11 @@ from hovercontrol.controllers.k06 import (
     stop,
     turn,
 )
+from hovercontrol.core.interconnect import interconnect
 from hovercontrol.effects import effect
 from hovercontrol.errors import InputError
-from hovercontrol.interconnect import interconnect
-from hovercontrol.simulation import simulate
-from hovercontrol.vehicles import Body, four_fan, hoverdemon
+from hovercontrol.models.vehicles import Body, four_fan, hoverdemon
+from hovercontrol.simulation.trajectory import simulate
 
 M, J, D = 2.6, 0.096, 0.32
 PLANT = hoverdemon().plant()

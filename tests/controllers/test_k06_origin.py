@@ -8,10 +8,10 @@ import pytest
 
 from hovercontrol.controllers.k06 import both_ways, drive, force_to_command, origin, setpoints
 from hovercontrol.controllers.k06.origin import GOAL, MODE
+from hovercontrol.core.interconnect import interconnect
 from hovercontrol.errors import InputError
-from hovercontrol.hybrid import Ticking, simulate_hybrid
-from hovercontrol.interconnect import interconnect
-from hovercontrol.vehicles import hoverdemon
+from hovercontrol.models.vehicles import hoverdemon
+from hovercontrol.simulation.hybrid import Ticking, simulate_hybrid
 
 #: What may follow a step (K06's steps 1 to 6; a goal already near is not driven to).
 NEXT = {

@@ -6,13 +6,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hovercontrol.controllers import tracking_controller
+from hovercontrol.controllers.references import ellipse
+from hovercontrol.core.interconnect import interconnect
 from hovercontrol.effects import Coefficient, Effect, effect
 from hovercontrol.errors import InputError
-from hovercontrol.interconnect import interconnect
-from hovercontrol.model import Model
-from hovercontrol.references import ellipse
-from hovercontrol.simulation import simulate
-from hovercontrol.vehicles import c17_experiment, c17_simulation, four_fan, hoverdemon
+from hovercontrol.models.model import Model
+from hovercontrol.models.vehicles import c17_experiment, c17_simulation, four_fan, hoverdemon
+from hovercontrol.simulation.trajectory import simulate
 
 DRAG = (
     "surge_coulomb",

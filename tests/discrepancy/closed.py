@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hovercontrol.controllers import tracking_controller
-from hovercontrol.interconnect import interconnect
-from hovercontrol.model import Model
-from hovercontrol.references import ellipse
+from hovercontrol.controllers.references import ellipse
+from hovercontrol.core.interconnect import interconnect
+from hovercontrol.models.model import Model
 
 Array = NDArray[np.float64]
 

@@ -15,11 +15,11 @@ import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
-from hovercontrol.block import Block
+from hovercontrol.core.block import Block
+from hovercontrol.core.signals import Signal, time
 from hovercontrol.effects import Effect, effect
 from hovercontrol.logs import Log
-from hovercontrol.model import Model
-from hovercontrol.signals import Signal, time
+from hovercontrol.models.model import Model
 
 from .closed import tracked
 

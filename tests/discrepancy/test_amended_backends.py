@@ -5,10 +5,10 @@ import fmpy
 import numpy as np
 import pytest
 
-from hovercontrol.delays import arrivals, undelayed
+from hovercontrol.core.delays import arrivals, undelayed
 from hovercontrol.discrepancy import diagnose
 from hovercontrol.discrepancy.evidence.traces import runs_of, simulated_traces
-from hovercontrol.modelfile import load_model
+from hovercontrol.models.modelfile import load_model
 from hovercontrol.targets.compiler import NoCompilerError, find_compiler
 
 from .generator import NOISE, Conditions, make

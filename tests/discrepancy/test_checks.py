@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from hovercontrol.block import Block
-from hovercontrol.blockmodel import BlockModel
+from hovercontrol.core.block import Block
+from hovercontrol.core.signals import Signal
 from hovercontrol.discrepancy.checks import check_fitted, check_logs
 from hovercontrol.discrepancy.checks.clocks import command_drift
 from hovercontrol.discrepancy.checks.excitation import check_excitation, predicts_nothing
@@ -14,8 +14,8 @@ from hovercontrol.effects import effect
 from hovercontrol.errors import InputError
 from hovercontrol.estimation.data import gather
 from hovercontrol.logs import Log
-from hovercontrol.signals import Signal
-from hovercontrol.vehicles import four_fan
+from hovercontrol.models.blockmodel import BlockModel
+from hovercontrol.models.vehicles import four_fan
 
 from .generator import NOISE, SIZES, Conditions, make, simulated
 

@@ -9,7 +9,7 @@ import pytest
 
 from hovercontrol import cli
 from hovercontrol.logs import Log
-from hovercontrol.modelfile import load_model, save_model
+from hovercontrol.models.modelfile import load_model, save_model
 
 from .generator import Conditions, make
 

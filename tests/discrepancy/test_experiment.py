@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from hovercontrol.core.signals import Signal
 from hovercontrol.discrepancy import diagnose
 from hovercontrol.discrepancy.experiment.manoeuvres import SECONDS, family, reach
 from hovercontrol.discrepancy.experiment.propose import sharpen
-from hovercontrol.signals import Signal
 
 from .generator import Conditions, make, simulated
 

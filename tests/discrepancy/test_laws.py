@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
+from hovercontrol.core.units import dimension
 from hovercontrol.discrepancy import diagnose
 from hovercontrol.discrepancy.evidence.laws import is_there, law, regime, worst
 from hovercontrol.discrepancy.evidence.missing import Missing, Quantity, running_mean
 from hovercontrol.effects import effect
 from hovercontrol.logs import Log
-from hovercontrol.units import dimension
-from hovercontrol.vehicles import vehicle
+from hovercontrol.models.vehicles import vehicle
 
 T = np.arange(0.0, 40.0, 0.02)
 R = 1.5 * np.sin(0.7 * T) + 0.6 * np.sin(1.9 * T + 1.0)

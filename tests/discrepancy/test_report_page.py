@@ -16,7 +16,7 @@ from hovercontrol.discrepancy.report.html import grid
 from hovercontrol.discrepancy.report.page import page as html
 from hovercontrol.discrepancy.report.svg import Plot, labelled
 from hovercontrol.effects import effect
-from hovercontrol.model import Model
+from hovercontrol.models.model import Model
 
 from ..browser import CHROMIUM, browser
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import hovercontrol as hc
-from hovercontrol.blockmodel import BlockModel
 from hovercontrol.discrepancy import diagnose
 from hovercontrol.logs import Log
+from hovercontrol.models.blockmodel import BlockModel
 
 psi, r, delta = hc.Signal("psi", "rad"), hc.Signal("r", "rad/s"), hc.Signal("delta", "rad")
 helm = hc.Signal("helm", "rad")

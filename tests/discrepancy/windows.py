@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from hovercontrol.model import Model
+from hovercontrol.models.model import Model
 
 if TYPE_CHECKING:
     from .imperfect import Motion

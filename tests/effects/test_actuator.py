@@ -5,8 +5,8 @@ import pytest
 
 from hovercontrol.effects import effect
 from hovercontrol.effects.actuator import TAU
-from hovercontrol.simulation import simulate
-from hovercontrol.vehicles import c17_simulation, four_fan
+from hovercontrol.models.vehicles import c17_simulation, four_fan
+from hovercontrol.simulation.trajectory import simulate
 
 DT = 1e-3
 TIME = np.arange(0.0, 4.0, DT)

@@ -13,8 +13,8 @@ import hovercontrol
 from hovercontrol.effects import Coefficient, Effect, Shape, effect, effect_class, effect_names
 from hovercontrol.errors import InputError
 from hovercontrol.estimators import kalman_bucy
-from hovercontrol.model import Model
-from hovercontrol.modelfile import load_model, model_text
+from hovercontrol.models.model import Model
+from hovercontrol.models.modelfile import load_model, model_text
 
 
 @pytest.fixture
@@ -65,7 +65,7 @@ def test_a_new_file_in_the_folder_is_all_it_takes(tmp_path):
         '        return {"u": -c.value * s.x}\n'
     )
     script = (
-        "import hovercontrol, hovercontrol.modelfile as f\n"
+        "import hovercontrol, hovercontrol.models.modelfile as f\n"
         "m = f.model_from_table({'effects': {'tether': 2.0}})\n"
         "print(hovercontrol.__file__, m.plant().equations().splitlines()[3])\n"
     )

@@ -8,8 +8,8 @@ import sympy as sp
 
 from hovercontrol.effects import effect, effect_class, effect_names
 from hovercontrol.errors import InputError
-from hovercontrol.model import Model
-from hovercontrol.vehicles import c17_simulation, four_fan
+from hovercontrol.models.model import Model
+from hovercontrol.models.vehicles import c17_simulation, four_fan
 
 MOTION = ("x", "y", "psi", "u", "v", "r")
 T, TH = 1.3, -0.4  # thrust and rudder

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from hovercontrol.effects import effect
-from hovercontrol.model import Model
+from hovercontrol.models.model import Model
 
 AXES = {"surge": 3, "sway": 4, "yaw": 5}
 

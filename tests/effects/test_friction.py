@@ -5,11 +5,11 @@ import math
 import numpy as np
 import pytest
 
+from hovercontrol.core.signals import Signal
 from hovercontrol.effects import effect, effect_class
-from hovercontrol.model import Model
-from hovercontrol.signals import Signal
-from hovercontrol.simulation import simulate
-from hovercontrol.vehicles import c17_simulation
+from hovercontrol.models.model import Model
+from hovercontrol.models.vehicles import c17_simulation
+from hovercontrol.simulation.trajectory import simulate
 
 AXES = {"surge": ("u", 3), "sway": ("v", 4), "yaw": ("r", 5)}
 NUMBERS = {"stiffness": 400.0, "damping": 8.0, "coulomb": 0.5, "static": 0.8, "speed": 0.05}

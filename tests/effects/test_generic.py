@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from hovercontrol.block import Block
-from hovercontrol.blockmodel import BlockModel
+from hovercontrol.core.block import Block
+from hovercontrol.core.signals import Signal
 from hovercontrol.effects import Effect, effect
 from hovercontrol.effects.generic import generic_effects
 from hovercontrol.errors import InputError
-from hovercontrol.signals import Signal
+from hovercontrol.models.blockmodel import BlockModel
 
 Q, V, A = 0.3, -0.7, 1.2  # angle, rate, current
 K, B, J = 0.1, 0.02, 0.01

@@ -5,8 +5,8 @@ import math
 import pytest
 
 from hovercontrol.effects import effect
-from hovercontrol.model import Fan, Model
-from hovercontrol.vehicles import hoverdemon
+from hovercontrol.models.model import Fan, Model
+from hovercontrol.models.vehicles import hoverdemon
 
 
 def test_a_rudder_to_the_left_pushes_the_stern_left_and_turns_the_bow_right():

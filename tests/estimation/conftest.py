@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from hovercontrol.blockmodel import BlockModel
 from hovercontrol.estimation.data import gather
 from hovercontrol.estimation.fit import estimate, first_noise
 from hovercontrol.estimation.prior import prior_of
 from hovercontrol.estimation.problem import Problem
 from hovercontrol.logs import Log
+from hovercontrol.models.blockmodel import BlockModel
 
 from ..identify.conftest import cart, cart_log, rudder_log
 

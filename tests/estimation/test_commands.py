@@ -8,7 +8,7 @@ from hovercontrol.estimation.commands import Arrival, command_times, input_state
 from hovercontrol.estimation.measure import measure
 from hovercontrol.estimation.subject import motion_of
 from hovercontrol.logs import Log
-from hovercontrol.vehicles import c17_simulation
+from hovercontrol.models.vehicles import c17_simulation
 
 TIME = np.array([0.0, 0.1, 0.25, 0.3])
 COMMANDS = np.array([[1.0, 3.0, -2.0, 0.5], [0.0, 0.1, 0.2, 0.3]])

@@ -9,7 +9,7 @@ import pytest
 from hovercontrol.estimation.levels import noise_levels
 from hovercontrol.identify import identify, measure
 from hovercontrol.logs import Log, gather, join_logs
-from hovercontrol.vehicles import c17_experiment
+from hovercontrol.models.vehicles import c17_experiment
 
 POSE, VELOCITY = ("x", "y", "psi"), ("u", "v", "r")
 SHARED = Path(os.environ.get("HOVERCONTROL_DATA", Path(__file__).parents[2].parent / "shared" / "data"))

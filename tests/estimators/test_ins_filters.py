@@ -24,8 +24,8 @@ from hovercontrol.estimators.ins import (
     velocity_position_filter,
 )
 from hovercontrol.hardware.sensors import Beacons
+from hovercontrol.models.vehicles import c17_simulation
 from hovercontrol.targets.c import c_source
-from hovercontrol.vehicles import c17_simulation
 
 DT = IMU_PERIOD
 BEACONS = [(0.0, 0.0), (3.0, 0.2), (0.1, 2.5), (2.8, 2.9)]

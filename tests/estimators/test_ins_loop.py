@@ -5,7 +5,9 @@ from functools import cache
 import numpy as np
 import sympy as sp
 
-from hovercontrol.block import Block
+from hovercontrol.core.block import Block
+from hovercontrol.core.interconnect import rename
+from hovercontrol.core.signals import Signal, time
 from hovercontrol.estimators.ins import (
     IMU_PERIOD,
     SensorErrors,
@@ -24,10 +26,8 @@ from hovercontrol.hardware.sensors import (
 )
 from hovercontrol.hardware.sensors.cone import K06_CONE
 from hovercontrol.hardware.sensors.cricket import K06_UNITS
-from hovercontrol.hybrid import Ticking, simulate_hybrid
-from hovercontrol.interconnect import rename
-from hovercontrol.signals import Signal, time
-from hovercontrol.vehicles import c17_simulation
+from hovercontrol.models.vehicles import c17_simulation
+from hovercontrol.simulation.hybrid import Ticking, simulate_hybrid
 
 #: Errors of :func:`k06_imu`; a little noise stands for what the trapezoidal rule leaves out.
 ERRORS = SensorErrors(acceleration_noise=(0.02, 0.02), gyro_walk=0.0, acceleration_walk=0.0, heading=0.2)

@@ -8,7 +8,9 @@ import pandas as pd
 import pytest
 import sympy as sp
 
-from hovercontrol.block import Block
+from hovercontrol.core.block import Block
+from hovercontrol.core.interconnect import interconnect, rename
+from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError
 from hovercontrol.estimators.ins import (
     IMU_PERIOD,
@@ -23,10 +25,8 @@ from hovercontrol.estimators.ins import (
     simulate_runs,
 )
 from hovercontrol.hardware.sensors import Beacons
-from hovercontrol.hybrid import simulate_hybrid
-from hovercontrol.interconnect import interconnect, rename
-from hovercontrol.signals import Signal
-from hovercontrol.vehicles import c17_simulation
+from hovercontrol.models.vehicles import c17_simulation
+from hovercontrol.simulation.hybrid import simulate_hybrid
 
 ARM, RATE = 0.3048, -2.9  # 12 inches, -166 deg/s
 DT = IMU_PERIOD

@@ -7,13 +7,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.linalg import solve_continuous_are
 
-from hovercontrol.block import Block
+from hovercontrol.core.block import Block
+from hovercontrol.core.interconnect import interconnect
+from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError
 from hovercontrol.estimators import kalman_bucy
-from hovercontrol.interconnect import interconnect
-from hovercontrol.signals import Signal
-from hovercontrol.simulation import simulate
-from hovercontrol.vehicles import c17_simulation, four_fan, hoverdemon
+from hovercontrol.models.vehicles import c17_simulation, four_fan, hoverdemon
+from hovercontrol.simulation.trajectory import simulate
 
 N, M = 3, 8
 UPPER = [(i, j) for i in range(N + M) for j in range(i, N + M)]

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from hovercontrol.block import Block
+from hovercontrol.core.block import Block
+from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError
 from hovercontrol.estimators import regression
-from hovercontrol.signals import Signal
-from hovercontrol.vehicles import VEHICLES, c17_simulation, four_fan, vehicle
+from hovercontrol.models.vehicles import VEHICLES, c17_simulation, four_fan, vehicle
 
 V, K, W = (
     Signal("v", "m/s"),

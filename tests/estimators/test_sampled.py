@@ -4,17 +4,17 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from hovercontrol.block import Block
+from hovercontrol.core.block import Block
+from hovercontrol.core.interconnect import interconnect
+from hovercontrol.core.signals import Signal, time
 from hovercontrol.errors import InputError
 from hovercontrol.estimators import (
     SampledEstimator,
     estimate_from_log,
     kalman_bucy,
 )
-from hovercontrol.interconnect import interconnect
-from hovercontrol.signals import Signal, time
-from hovercontrol.simulation import simulate
-from hovercontrol.vehicles import c17_simulation, hoverdemon
+from hovercontrol.models.vehicles import c17_simulation, hoverdemon
+from hovercontrol.simulation.trajectory import simulate
 
 SIGNALS = ("u", "v", "r", "thrust", "rudder")
 TRUTH = c17_simulation().coefficients()

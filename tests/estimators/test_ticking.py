@@ -5,8 +5,8 @@ import pytest
 
 from hovercontrol.errors import InputError
 from hovercontrol.estimators import SampledEstimator, sampled_estimator
-from hovercontrol.hybrid import Ticking
-from hovercontrol.vehicles import c17_experiment, c17_simulation
+from hovercontrol.models.vehicles import c17_experiment, c17_simulation
+from hovercontrol.simulation.hybrid import Ticking
 
 TUNING = {"R": [0.1, 0.2, 0.01], "Q": np.linspace(0.1, 0.3, 11), "P0": np.linspace(1.0, 2.0, 11)}
 

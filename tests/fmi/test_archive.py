@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from hovercontrol.errors import InputError
 from hovercontrol.fmi import load
-from hovercontrol.fmi.archive import Limits, check_xml, open_archive
+from hovercontrol.fmi.importer.archive import Limits, check_xml, open_archive
 
 SMALL = Limits(total=3 * 2**20, entries=20, depth=4, path=100)
 GOOD = b'<?xml version="1.0" encoding="UTF-8"?><fmiModelDescription fmiVersion="2.0"/>'

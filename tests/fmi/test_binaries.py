@@ -7,8 +7,8 @@ import sys
 import pytest
 
 from hovercontrol import InputError
-from hovercontrol.fmi import binaries
-from hovercontrol.fmi.binaries import (
+from hovercontrol.fmi.exporter import binaries
+from hovercontrol.fmi.exporter.binaries import (
     OLDEST_GLIBC,
     PLATFORMS,
     build_binary,
@@ -17,8 +17,8 @@ from hovercontrol.fmi.binaries import (
     needed_glibc,
     this_platform,
 )
-from hovercontrol.fmi.sources import fmu_sources
-from hovercontrol.fmi.variables import Interface
+from hovercontrol.fmi.exporter.sources import fmu_sources
+from hovercontrol.fmi.exporter.variables import Interface
 
 from .blocks import BLOCKS
 

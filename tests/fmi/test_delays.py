@@ -14,9 +14,9 @@ from fmpy.validation import validate_fmu
 from hovercontrol import Block, Signal, interconnect
 from hovercontrol.effects import effect
 from hovercontrol.fmi import load
-from hovercontrol.simulation import simulate
+from hovercontrol.models.vehicles import c17_simulation
+from hovercontrol.simulation.trajectory import simulate
 from hovercontrol.targets.compiler import NoCompilerError, find_compiler
-from hovercontrol.vehicles import c17_simulation
 
 try:
     find_compiler()

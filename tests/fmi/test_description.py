@@ -8,9 +8,9 @@ import pytest
 from fmpy.validation import validate_fmu
 from lxml import etree
 
-from hovercontrol.fmi.description import Experiment, model_description
-from hovercontrol.fmi.terminals import terminals
-from hovercontrol.fmi.variables import Interface
+from hovercontrol.fmi.exporter.description import Experiment, model_description
+from hovercontrol.fmi.exporter.terminals import terminals
+from hovercontrol.fmi.exporter.variables import Interface
 
 from .blocks import BLOCKS
 

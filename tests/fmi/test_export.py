@@ -18,7 +18,7 @@ from fmpy.validation import validate_fmu
 
 import hovercontrol
 from hovercontrol import InputError, vehicle
-from hovercontrol.fmi.binaries import this_platform
+from hovercontrol.fmi.exporter.binaries import this_platform
 from hovercontrol.targets.compiler import NoCompilerError, find_compiler
 
 from .blocks import BLOCKS, exported

@@ -20,9 +20,9 @@ import pytest
 import hovercontrol as hc
 import hovercontrol.fmi
 from hovercontrol.errors import InputError
-from hovercontrol.fmi import worker
-from hovercontrol.fmi.follow import HELD
-from hovercontrol.fmi.imported import FmuSystem
+from hovercontrol.fmi.importer import worker
+from hovercontrol.fmi.importer.follow import HELD
+from hovercontrol.fmi.importer.imported import FmuSystem
 from hovercontrol.targets.compiler import NoCompilerError, find_compiler
 
 from .probe import TROUBLE, binary, compile_probe, description, write_fmu

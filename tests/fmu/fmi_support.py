@@ -19,12 +19,12 @@ from fmpy.fmi1 import FMICallException
 from fmpy.sundials import CVodeSolver
 
 from hovercontrol import Block, Signal, interconnect, waypoints
-from hovercontrol.fmi.sources import fmu_sources
-from hovercontrol.fmi.variables import Interface
+from hovercontrol.core.sgn import sgn
+from hovercontrol.core.signals import time
+from hovercontrol.fmi.exporter.sources import fmu_sources
+from hovercontrol.fmi.exporter.variables import Interface
 from hovercontrol.scenarios import load_scenario
 from hovercontrol.scenarios.runner import loop_parts
-from hovercontrol.sgn import sgn
-from hovercontrol.signals import time
 
 from .support import RUNTIME
 

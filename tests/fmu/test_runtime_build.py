@@ -9,9 +9,9 @@ import pytest
 
 from hovercontrol import interconnect
 from hovercontrol.controllers import tracking_controller
-from hovercontrol.references import circle
+from hovercontrol.controllers.references import circle
+from hovercontrol.models.vehicles import c17_simulation
 from hovercontrol.targets.c import c_source, lanes_source
-from hovercontrol.vehicles import c17_simulation
 
 from .support import MODELS, OK, RUNTIME, SOURCES, STRICT, compile_c
 

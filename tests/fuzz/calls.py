@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 
 import hovercontrol as hc
+from hovercontrol.core.units import conversion_factor, dimension
 from hovercontrol.logs import Log, read_log
 from hovercontrol.logs.frames import check_frame, in_z_up
 from hovercontrol.scenarios import load_scenario
 from hovercontrol.scenarios.varied import vary
-from hovercontrol.units import conversion_factor, dimension
 from tests.fuzz import mutate
 
 Sound = Mapping[str, Any]

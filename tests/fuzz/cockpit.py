@@ -19,8 +19,8 @@ from aiohttp import web
 from hovercontrol.cockpit.loop import Loop
 from hovercontrol.cockpit.pacer import Pacer
 from hovercontrol.cockpit.server import Console, runner
+from hovercontrol.models.vehicles import vehicle
 from hovercontrol.samples import sample_path
-from hovercontrol.vehicles import vehicle
 from tests.fuzz import mutate
 from tests.fuzz.judge import LINE, Broken
 

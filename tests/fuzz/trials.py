@@ -17,12 +17,12 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet
 
+from hovercontrol.core.units import dimension
 from hovercontrol.logs import read_log
-from hovercontrol.modelfile import load_model, model_text
+from hovercontrol.models.modelfile import load_model, model_text
+from hovercontrol.models.vehicles import VEHICLES, vehicle
 from hovercontrol.samples import sample_path
 from hovercontrol.scenarios import load_scenario, scenario_names
-from hovercontrol.units import dimension
-from hovercontrol.vehicles import VEHICLES, vehicle
 from tests.fuzz import mutate
 from tests.fuzz.judge import call, command, forked
 
@@ -200,7 +200,7 @@ def a_unit_is_read(rng: Random, folder: Path) -> int:
 def _fmu() -> bytes:
     import tempfile
 
-    from hovercontrol.fmi.export import export_fmu
+    from hovercontrol.fmi.exporter.export import export_fmu
 
     with tempfile.TemporaryDirectory() as folder:
         path = export_fmu(vehicle("c17_simulation").plant(), Path(folder) / "a.fmu")
@@ -208,7 +208,7 @@ def _fmu() -> bytes:
 
 
 def an_archive_is_read(rng: Random, folder: Path) -> int:
-    from hovercontrol.fmi.imported import _open
+    from hovercontrol.fmi.importer.imported import _open
 
     raw = _fmu()
     if rng.random() < 0.6:  # another model description in a sound archive

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from hovercontrol.controllers.k06 import force_to_command, stop, turn
 from hovercontrol.controllers.k06.setpoints import setpoints
+from hovercontrol.core.interconnect import interconnect
 from hovercontrol.errors import InputError
 from hovercontrol.hardware.actuators import (
     FanTable,
@@ -29,9 +30,8 @@ from hovercontrol.hardware.actuators import (
     thrust_lookup,
 )
 from hovercontrol.hardware.actuators.signals import RPM
-from hovercontrol.hybrid import Ticking, simulate_hybrid
-from hovercontrol.interconnect import interconnect
-from hovercontrol.vehicles import hoverdemon
+from hovercontrol.models.vehicles import hoverdemon
+from hovercontrol.simulation.hybrid import Ticking, simulate_hybrid
 
 DEG = math.pi / 180
 

@@ -10,16 +10,16 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.interpolate import RegularGridInterpolator
 
-from hovercontrol.block import Block
+from hovercontrol.core.block import Block
+from hovercontrol.core.interconnect import interconnect
+from hovercontrol.core.lookup import Entries, bilinear, entry, linear
+from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError
-from hovercontrol.fmi.mathml import equations
 from hovercontrol.hardware.actuators import thrust_force
 from hovercontrol.hardware.actuators.signals import RPM
-from hovercontrol.interconnect import interconnect
-from hovercontrol.lookup import Entries, bilinear, entry, linear
-from hovercontrol.signals import Signal
+from hovercontrol.models.vehicles import hoverdemon
+from hovercontrol.notebook.mathml import equations
 from hovercontrol.targets.c import c_source
-from hovercontrol.vehicles import hoverdemon
 
 I, J, OUT = Signal("i"), Signal("j"), Signal("out")
 numbers = st.floats(-1e4, 1e4).map(lambda x: round(x, 6))

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from hovercontrol.block import Block
+from hovercontrol.core.block import Block
+from hovercontrol.core.interconnect import interconnect
 from hovercontrol.errors import InputError
 from hovercontrol.hardware.actuators import battery_fan, speed_regulator
 from hovercontrol.hardware.actuators.regulator import DUTY
 from hovercontrol.hardware.actuators.signals import FAN_SPEED_SET, RPM
-from hovercontrol.interconnect import interconnect
 
 LOOP = interconnect(
     [battery_fan(sag=0.002), speed_regulator()], "lift", outputs=["fan_speed", "duty"]

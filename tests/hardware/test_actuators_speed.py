@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 
 from hovercontrol.errors import InputError
 from hovercontrol.hardware.actuators import fan_motor, speed_controller
-from hovercontrol.hybrid import Ticking
-from hovercontrol.simulation import simulate
+from hovercontrol.simulation.hybrid import Ticking
+from hovercontrol.simulation.trajectory import simulate
 
 RUN, BRAKE = 0, 1
 

@@ -6,10 +6,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError
 from hovercontrol.hardware.links import constant_delay, k06_downlink, k06_uplink
-from hovercontrol.hybrid import Ticking
-from hovercontrol.signals import Signal
+from hovercontrol.simulation.hybrid import Ticking
 
 THRUST, RUDDER = Signal("thrust", "N", start=0.5), Signal("rudder", "rad")
 values = st.lists(st.floats(-1e6, 1e6), min_size=1, max_size=12)

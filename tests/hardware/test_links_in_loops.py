@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 
-from hovercontrol.analysis.packet_loss import PacketLoop
-from hovercontrol.block import Block
+from hovercontrol.analysis.common.packet_loss import PacketLoop
+from hovercontrol.core.block import Block
+from hovercontrol.core.functions import numpy_functions
+from hovercontrol.core.signals import Signal
 from hovercontrol.hardware.links import (
     BoundedDelays,
     bluetooth_delays,
@@ -12,9 +14,7 @@ from hovercontrol.hardware.links import (
     empirical_delay,
     lossy_link,
 )
-from hovercontrol.hybrid import Ticking, simulate_hybrid
-from hovercontrol.signals import Signal
-from hovercontrol.targets.numpy import numpy_functions
+from hovercontrol.simulation.hybrid import Ticking, simulate_hybrid
 
 Y = Signal("y")
 RUNS = 20_000

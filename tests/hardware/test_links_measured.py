@@ -8,10 +8,10 @@ from hypothesis import strategies as st
 from matplotlib.figure import Figure
 from scipy.stats import ks_2samp
 
+from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError
 from hovercontrol.hardware.links import MeasuredDelays, empirical_delay, read_delays
-from hovercontrol.hybrid import Ticking
-from hovercontrol.signals import Signal
+from hovercontrol.simulation.hybrid import Ticking
 
 SHARE = sp.Symbol("share", real=True)
 COUNT = 20_000

@@ -10,11 +10,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from hovercontrol.core.functions import numpy_functions
+from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError
 from hovercontrol.hardware.links import TABLE_5_1, bluetooth_delays, empirical_delay, lossy_link
-from hovercontrol.hybrid import Ticking
-from hovercontrol.signals import Signal
-from hovercontrol.targets.numpy import numpy_functions
+from hovercontrol.simulation.hybrid import Ticking
 
 Y, Z = Signal("y", "m", start=0.25), Signal("z")
 UP, DOWN = bluetooth_delays("linksys_22.0_uplink"), bluetooth_delays("linksys_22.0_downlink")

@@ -7,10 +7,10 @@ import pytest
 from fmpy import read_model_description, simulate_fmu
 from fmpy.validation import validate_fmu
 
-from hovercontrol.fmi.description import Experiment, model_description
-from hovercontrol.fmi.parts import PARTS
-from hovercontrol.fmi.variables import Interface
-from hovercontrol.hybrid import Ticking
+from hovercontrol.commands.exportable_parts import PARTS
+from hovercontrol.fmi.exporter.description import Experiment, model_description
+from hovercontrol.fmi.exporter.variables import Interface
+from hovercontrol.simulation.hybrid import Ticking
 
 #: Built and run; of the others the description is validated.
 RUN = (

@@ -19,7 +19,7 @@ from hovercontrol.hardware.sensors import (
     ranges_by_unit,
     two_unit_heading,
 )
-from hovercontrol.hybrid import Ticking
+from hovercontrol.simulation.hybrid import Ticking
 
 HALF = 0.1016  # half of 8 in
 UNITS = ((HALF, 0.0), (-HALF, 0.0))

@@ -4,6 +4,7 @@ import control
 import numpy as np
 import pytest
 
+from hovercontrol.core.interconnect import interconnect
 from hovercontrol.hardware.sensors import (
     Beacons,
     arrivals,
@@ -19,10 +20,9 @@ from hovercontrol.hardware.sensors import (
     ranges_by_unit,
     with_specific_force,
 )
-from hovercontrol.hybrid import Ticking
-from hovercontrol.interconnect import interconnect
-from hovercontrol.simulation import simulate
-from hovercontrol.vehicles import hoverdemon
+from hovercontrol.models.vehicles import hoverdemon
+from hovercontrol.simulation.hybrid import Ticking
+from hovercontrol.simulation.trajectory import simulate
 
 SENSORS = {
     "imu": k06_imu,

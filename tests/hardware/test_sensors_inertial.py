@@ -9,11 +9,11 @@ import sympy as sp
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hovercontrol.block import Block
+from hovercontrol.core.block import Block
 from hovercontrol.errors import InputError
 from hovercontrol.hardware.sensors import gyro_compensation, gyro_dynamics, imu, k06_imu, with_specific_force
-from hovercontrol.hybrid import Ticking, simulate_hybrid
-from hovercontrol.vehicles import VEHICLES, hoverdemon
+from hovercontrol.models.vehicles import VEHICLES, hoverdemon
+from hovercontrol.simulation.hybrid import Ticking, simulate_hybrid
 
 AT_REST = {"specific_force_x": 0.0, "specific_force_y": 0.0, "r": 0.0}
 CHANNELS = ("acceleration_x", "acceleration_y", "yaw_rate")

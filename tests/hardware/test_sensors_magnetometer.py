@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from hovercontrol.errors import InputError
 from hovercontrol.hardware.sensors import k06_magnetometer, magnetic_heading, magnetometer
-from hovercontrol.hybrid import Ticking
+from hovercontrol.simulation.hybrid import Ticking
 
 FIELD = 2.1e-5
 angles = st.floats(-3.1, 3.1)

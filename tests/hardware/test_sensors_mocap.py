@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from hovercontrol.errors import InputError
 from hovercontrol.hardware.sensors import mocap, noisy_motion, poor_view
-from hovercontrol.hybrid import Ticking
+from hovercontrol.simulation.hybrid import Ticking
 
 POSE, VELOCITY = ("x", "y", "psi"), ("u", "v", "r")
 poses = st.lists(st.tuples(st.floats(-5, 5), st.floats(-5, 5), st.floats(-9, 9)), min_size=2, max_size=6)

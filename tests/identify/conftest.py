@@ -8,12 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hovercontrol.block import Block
+from hovercontrol.core.block import Block
+from hovercontrol.core.signals import Signal
 from hovercontrol.logs import Log
-from hovercontrol.model import Model
-from hovercontrol.signals import Signal
-from hovercontrol.simulation import simulate
-from hovercontrol.vehicles import c17_experiment, four_fan
+from hovercontrol.models.model import Model
+from hovercontrol.models.vehicles import c17_experiment, four_fan
+from hovercontrol.simulation.trajectory import simulate
 
 POSE, VELOCITY = ("x", "y", "psi"), ("u", "v", "r")
 NOISE = {"x": 1e-3, "y": 1e-3, "psi": 3e-3, "u": 5e-3, "v": 5e-3, "r": 2e-2}

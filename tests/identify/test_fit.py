@@ -8,15 +8,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hovercontrol.block import Block
+from hovercontrol.core.block import Block
+from hovercontrol.core.signals import Signal
 from hovercontrol.effects import effect
 from hovercontrol.errors import InputError
 from hovercontrol.identify import Identified, identify, measure
 from hovercontrol.logs import Log
 from hovercontrol.logs.frames import in_z_up
-from hovercontrol.signals import Signal
-from hovercontrol.simulation import simulate
-from hovercontrol.vehicles import c17_experiment, four_fan
+from hovercontrol.models.vehicles import c17_experiment, four_fan
+from hovercontrol.simulation.trajectory import simulate
 
 POSE, VELOCITY = ("x", "y", "psi"), ("u", "v", "r")
 C17_START = {

@@ -7,7 +7,7 @@ import pytest
 
 from hovercontrol.errors import InputError
 from hovercontrol.identify import free_run, measure, plot_free_run, window_prediction
-from hovercontrol.vehicles import c17_experiment
+from hovercontrol.models.vehicles import c17_experiment
 
 POSE, VELOCITY = ("x", "y", "psi"), ("u", "v", "r")
 

@@ -11,10 +11,10 @@ import pytest
 from hovercontrol.errors import InputError
 from hovercontrol.identify.study import Study
 from hovercontrol.logs import BenchTable, Condition, gather, read_log
-from hovercontrol.modelfile import load_model
+from hovercontrol.models.modelfile import load_model
+from hovercontrol.models.vehicles import vehicle
 from hovercontrol.samples import COLUMNS, make_sample, sample_path
 from hovercontrol.scenarios import load_scenario
-from hovercontrol.vehicles import vehicle
 
 SHARED = Path(__file__).parents[3] / "shared" / "data"
 DATA = Path(os.environ.get("HOVERCONTROL_DATA", SHARED)) / "real_hovercraft"

@@ -9,9 +9,9 @@ import pytest
 from hovercontrol.errors import InputError
 from hovercontrol.logs import Log, read_log
 from hovercontrol.logs.frames import check_frame, in_z_up
+from hovercontrol.models.vehicles import vehicle
 from hovercontrol.samples import sample_path
 from hovercontrol.scenarios import load_scenario, run_scenario
-from hovercontrol.vehicles import vehicle
 from tests.discrepancy.generator import make
 
 

@@ -9,12 +9,12 @@ import pytest
 
 import hovercontrol as hc
 import hovercontrol.fmi
-from hovercontrol.blockmodel import BlockModel
 from hovercontrol.discrepancy import diagnose
 from hovercontrol.effects import effect
 from hovercontrol.identify.study import Study
 from hovercontrol.log_check import check
 from hovercontrol.logs import Log
+from hovercontrol.models.blockmodel import BlockModel
 from hovercontrol.notebook.html import ROWS, sparkline, table
 from hovercontrol.scenarios import load_scenario, run_scenario
 from hovercontrol.scenarios.varied import vary

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hovercontrol.autopilot import Imperfections, seeds
-from hovercontrol.interconnect import interconnect
+from hovercontrol.core.interconnect import interconnect
 from hovercontrol.scenarios import load_scenario
 from hovercontrol.scenarios.measures import measure
 from hovercontrol.scenarios.parts import loop_parts, phase_parameters

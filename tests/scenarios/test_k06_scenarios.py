@@ -5,14 +5,14 @@ import dataclasses
 import numpy as np
 import pytest
 
+from hovercontrol.commands.exportable import choose
 from hovercontrol.effects import effect
 from hovercontrol.errors import InputError
-from hovercontrol.fmi.choose import choose
 from hovercontrol.logs import read_log
 from hovercontrol.scenarios import load_scenario, run_scenario, scenario_names
 from hovercontrol.scenarios.definition import Phase
 from hovercontrol.scenarios.figures import figures
-from hovercontrol.simulation import simulate
+from hovercontrol.simulation.trajectory import simulate
 
 K06 = [n for n in scenario_names() if n.startswith("k06-") and load_scenario(n).autopilot is None]
 M, J, D = 2.6, 0.096, 0.32

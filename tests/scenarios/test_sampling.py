@@ -13,7 +13,7 @@ from hovercontrol.scenarios.definition import Phase
 from hovercontrol.scenarios.parts import loop_parts, phase_parameters
 from hovercontrol.scenarios.sampling import sampled_loop
 from hovercontrol.scenarios.varied import vary
-from hovercontrol.simulation import simulate
+from hovercontrol.simulation.trajectory import simulate
 
 TABLE2 = load_scenario("table2")
 #: Two phases, the estimator on in the second, without noise: that a hand can step.

@@ -12,7 +12,7 @@ import sympy as sp
 
 import hovercontrol
 from hovercontrol import Block, Signal, interconnect, vehicle, waypoints
-from hovercontrol.friction import dry_frictions, with_modes
+from hovercontrol.core.friction import dry_frictions, with_modes
 from hovercontrol.scenarios import load_scenario
 from hovercontrol.scenarios.runner import loop_parts
 from hovercontrol.targets.c import c_source

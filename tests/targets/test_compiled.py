@@ -17,7 +17,7 @@ import sympy as sp
 from hovercontrol import Block, InputError, Signal, interconnect, time, tracking_controller, vehicle
 from hovercontrol.scenarios import load_scenario
 from hovercontrol.scenarios.runner import loop_parts
-from hovercontrol.simulation import simulate
+from hovercontrol.simulation.trajectory import simulate
 from hovercontrol.targets import compiled as module
 from hovercontrol.targets.compiled import FIGURES, CompiledBlock, compile_block
 

@@ -205,8 +205,8 @@ def test_a_new_version_of_the_compiler_builds_anew(cache, monkeypatch):
     ],
 )
 def test_a_broken_compiler_leaves_the_work_to_numpy(tmp_path, monkeypatch, cache, work, said):
-    from hovercontrol.block import Block
-    from hovercontrol.signals import Signal
+    from hovercontrol.core.block import Block
+    from hovercontrol.core.signals import Signal
     from hovercontrol.targets.compiled import _engine, _warn_once
 
     script(tmp_path / "bin" / "cc", f'[ "$1" = --version ] && echo cc 1 && exit\n{work}')

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from hovercontrol.controllers import tracking_controller
+from hovercontrol.controllers.references import circle, ellipse
+from hovercontrol.core.interconnect import interconnect, prefix
 from hovercontrol.errors import InputError
-from hovercontrol.interconnect import interconnect, prefix
-from hovercontrol.references import circle, ellipse
-from hovercontrol.simulation import simulate
-from hovercontrol.vehicles import c17_experiment, c17_simulation, hoverdemon
+from hovercontrol.models.vehicles import c17_experiment, c17_simulation, hoverdemon
+from hovercontrol.simulation.trajectory import simulate
 
 X, U = np.array([0.1, -0.2, 0.3, 0.5, -0.1, 0.8]), np.array([1.5, 0.2])
 

@@ -11,10 +11,10 @@ import pyarrow.parquet
 import pytest
 
 from hovercontrol import Block, InputError, Signal
-from hovercontrol.analysis.loops import tracking_loop
+from hovercontrol.analysis.c17.loops import tracking_loop
+from hovercontrol.models.vehicles import c17_simulation
 from hovercontrol.targets.executors import cluster, sweep_on
 from hovercontrol.targets.sweep import FIGURES
-from hovercontrol.vehicles import c17_simulation
 
 pytestmark = pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler (cc) on this machine")
 GRID = np.linspace(0.0, 5.0, 51)

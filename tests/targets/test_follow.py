@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from hovercontrol.effects import effect
+from hovercontrol.models.vehicles import c17_simulation
 from hovercontrol.targets import follow as module
 from hovercontrol.targets.compiler import NoCompilerError, find_compiler
 from hovercontrol.targets.follow import follow
-from hovercontrol.vehicles import c17_simulation
 
 M, W = 60, 3
 

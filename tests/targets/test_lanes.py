@@ -11,9 +11,9 @@ import sympy as sp
 
 import hovercontrol
 from hovercontrol import Block, Signal, interconnect, time, tracking_controller, waypoints
+from hovercontrol.core.sgn import sgn
 from hovercontrol.scenarios import load_scenario
 from hovercontrol.scenarios.runner import loop_parts
-from hovercontrol.sgn import sgn
 from hovercontrol.targets.c import lanes_source
 from hovercontrol.targets.compiled import FIGURES, compile_block
 

@@ -9,7 +9,7 @@ import sympy as sp
 from hovercontrol import Block, Signal, interconnect
 from hovercontrol.scenarios import load_scenario
 from hovercontrol.scenarios.runner import loop_parts
-from hovercontrol.simulation import simulate
+from hovercontrol.simulation.trajectory import simulate
 from hovercontrol.targets.compiled import compile_block
 from hovercontrol.targets.resting import without_resting_states
 

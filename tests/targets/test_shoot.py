@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from hovercontrol.models.vehicles import c17_simulation
 from hovercontrol.targets import shoot as module
 from hovercontrol.targets.shoot import shoot
-from hovercontrol.vehicles import c17_simulation
 
 W, K, S, C = 21, 9, 4, 3
 DT = 0.05

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import sympy as sp
 
-from hovercontrol.block import Block
 from hovercontrol.controllers.k06.laws import FORCE_X, FORCE_Y
+from hovercontrol.core.block import Block
+from hovercontrol.core.interconnect import interconnect
+from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError
-from hovercontrol.interconnect import interconnect
-from hovercontrol.model import RUDDER, THRUST
-from hovercontrol.signals import Signal
+from hovercontrol.models.model import RUDDER, THRUST
 
 
 def force_to_command(*, dead_zone: float = 0.0, reversing: bool = False, name: str = "actuation") -> Block:
@@ -86,7 +86,7 @@ def force_driven(plant: Block) -> Block:
 
     Examples
     --------
-    >>> from hovercontrol.vehicles import vehicle
+    >>> from hovercontrol.models.vehicles import vehicle
     >>> print(force_driven(vehicle("hoverdemon").plant()).equations().splitlines()[5])
     r' = -force_y*plant.rudder_torque
     """

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import sympy as sp
 
-from hovercontrol.signals import Signal
-from hovercontrol.vehicles import Body
+from hovercontrol.core.signals import Signal
+from hovercontrol.models.vehicles import Body
 
 
 def body_signals(body: Body) -> tuple[Signal, Signal, Signal]:

@@ -11,7 +11,6 @@ import math
 
 import sympy as sp
 
-from hovercontrol.block import Block
 from hovercontrol.controllers.k06.energy import (
     body_signals,
     entry_energy,
@@ -19,11 +18,12 @@ from hovercontrol.controllers.k06.energy import (
     least_yaw_rate,
 )
 from hovercontrol.controllers.k06.laws import YAW_RATE_REF
+from hovercontrol.core.block import Block
+from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError
-from hovercontrol.model import MOTION
-from hovercontrol.signals import Signal
-from hovercontrol.tables import positive
-from hovercontrol.vehicles import HOVERDEMON_BODY, Body
+from hovercontrol.io.tables import positive
+from hovercontrol.models.model import MOTION
+from hovercontrol.models.vehicles import HOVERDEMON_BODY, Body
 
 HEADING_REF = Signal("heading_ref", "rad", "wanted heading, not wrapped")
 

@@ -11,11 +11,11 @@ from typing import Any
 
 import sympy as sp
 
-from hovercontrol.block import Block
-from hovercontrol.model import MOTION
-from hovercontrol.signals import Signal
-from hovercontrol.tables import positive
-from hovercontrol.vehicles import HOVERDEMON_BODY, Body
+from hovercontrol.core.block import Block
+from hovercontrol.core.signals import Signal
+from hovercontrol.io.tables import positive
+from hovercontrol.models.model import MOTION
+from hovercontrol.models.vehicles import HOVERDEMON_BODY, Body
 
 FORCE_X = Signal("force_x", "N", "wanted force along the bow")
 FORCE_Y = Signal("force_y", "N", "wanted force to the left, at the rudder")

@@ -6,16 +6,16 @@ import math
 
 import sympy as sp
 
-from hovercontrol.block import Block
 from hovercontrol.controllers.k06.energy import body_signals, kinetic_energy
 from hovercontrol.controllers.k06.heading import HEADING_REF, TICK, bang_bang_heading
 from hovercontrol.controllers.k06.laws import SURGE_REF
+from hovercontrol.core.block import Block
+from hovercontrol.core.interconnect import interconnect
+from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError
-from hovercontrol.interconnect import interconnect
-from hovercontrol.model import MOTION
-from hovercontrol.signals import Signal
-from hovercontrol.tables import positive
-from hovercontrol.vehicles import HOVERDEMON_BODY, Body
+from hovercontrol.io.tables import positive
+from hovercontrol.models.model import MOTION
+from hovercontrol.models.vehicles import HOVERDEMON_BODY, Body
 
 #: The goal: where the pose controller takes the craft.
 GOAL = (

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 
-from hovercontrol.block import Block
+from hovercontrol.core.block import Block
 from hovercontrol.errors import InputError, did_you_mean
 
 

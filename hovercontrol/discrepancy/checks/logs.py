@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from hovercontrol.block import Block
+from hovercontrol.core.block import Block
 from hovercontrol.discrepancy.checks.clocks import check_clocks
 from hovercontrol.discrepancy.checks.duplicate_logs import refuse_duplicates
 from hovercontrol.discrepancy.checks.units import refuse_units
@@ -19,7 +19,7 @@ from hovercontrol.estimation.subject import Subject, structure
 from hovercontrol.logs import Log
 from hovercontrol.logs.check import check_heading
 from hovercontrol.logs.frames import check_frame
-from hovercontrol.model import Model
+from hovercontrol.models.model import Model
 
 Array = NDArray[np.float64]
 
@@ -57,7 +57,7 @@ def check_logs(model: Subject, logs: Sequence[Log], holdout: Log | None = None) 
 
     Examples
     --------
-    >>> from hovercontrol.vehicles import c17_simulation
+    >>> from hovercontrol.models.vehicles import c17_simulation
     >>> check_logs(c17_simulation(), [Log("a", [0.0, 0.1], {"u": [0, 1], "trust": [1, 1], "rudder": [0, 0]})])
     Traceback (most recent call last):
         ...

@@ -55,7 +55,7 @@ def refuse_units(model: Subject, log: Log) -> None:
 
     Examples
     --------
-    >>> from hovercontrol.vehicles import c17_simulation
+    >>> from hovercontrol.models.vehicles import c17_simulation
     >>> t = np.arange(0, 4, 0.02)
     >>> columns = {"x": 1e3 * t, "y": 0 * t, "psi": 0 * t, "u": 1 + 0 * t, "v": 0 * t, "r": 0 * t}
     >>> columns |= {"thrust": 0 * t, "rudder": 0 * t}

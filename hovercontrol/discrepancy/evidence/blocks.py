@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
+from hovercontrol.core.signals import time
 from hovercontrol.effects import Effect, Shape
 from hovercontrol.estimation.fit import Fit, inverse
-from hovercontrol.signals import time
 
 Array = NDArray[np.float64]
 

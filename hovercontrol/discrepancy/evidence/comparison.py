@@ -135,7 +135,7 @@ def compare(
 
     Examples
     --------
-    >>> from hovercontrol.vehicles import c17_simulation
+    >>> from hovercontrol.models.vehicles import c17_simulation
     >>> rng, t = np.random.default_rng(0), np.arange(0.0, 10.0, 0.05)
     >>> commands = {"thrust": 2 + np.sin(t), "rudder": 0.2 * np.cos(t)}
     >>> run = c17_simulation().plant().compile(friction="smooth").simulate(t, list(commands.values()))

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from hovercontrol.core.unitsyntax import parse_unit
 from hovercontrol.discrepancy.evidence.missing import Missing
-from hovercontrol.unitsyntax import parse_unit
 
 Array = NDArray[np.float64]
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hovercontrol.signals import Signal
+from hovercontrol.core.signals import Signal
 
 Array = NDArray[np.float64]
 Limits = Mapping[str, tuple[float, float]]

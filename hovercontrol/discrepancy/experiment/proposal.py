@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from hovercontrol.files import write_whole
+from hovercontrol.io.files import write_whole
 
 Array = NDArray[np.float64]
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from threadpoolctl import threadpool_limits
 
-from hovercontrol.discrepancy.diagnosis import Diagnosis
 from hovercontrol.discrepancy.report.appendix import appendix
 from hovercontrol.discrepancy.report.context import collect
 from hovercontrol.discrepancy.report.equations import coefficients, equations
@@ -16,7 +16,10 @@ from hovercontrol.discrepancy.report.others import others
 from hovercontrol.discrepancy.report.page import page
 from hovercontrol.discrepancy.report.remainder_section import remainder
 from hovercontrol.discrepancy.report.verdict import gap_sentence, headline, remainder_sentence, verdict
-from hovercontrol.files import write_whole
+from hovercontrol.io.files import write_whole
+
+if TYPE_CHECKING:
+    from hovercontrol.discrepancy.diagnosis import Diagnosis
 
 __all__ = ["gap_sentence", "headline", "remainder_sentence", "write_report"]
 

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hovercontrol.discrepancy.diagnosis import Diagnosis, Found
 from hovercontrol.discrepancy.evidence.holdout import Ahead, ahead
 from hovercontrol.estimation.fit import Fit
+
+if TYPE_CHECKING:
+    from hovercontrol.discrepancy.diagnosis import Diagnosis, Found
 
 Array = NDArray[np.float64]
 

@@ -19,8 +19,8 @@ from hovercontrol.discrepancy.report.formatting import (
 )
 from hovercontrol.discrepancy.report.html import folded, paragraph, table
 from hovercontrol.estimation.subject import structure, timing
-from hovercontrol.fmi.mathml import MathPrinter, symbol_markup
-from hovercontrol.model import Model
+from hovercontrol.models.model import Model
+from hovercontrol.notebook.mathml import MathPrinter, symbol_markup
 
 #: Factor beyond which a coefficient that was fitted without the named effects no longer means what it says.
 FAR = 2.0

@@ -5,9 +5,12 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
-from hovercontrol.discrepancy.diagnosis import Found
 from hovercontrol.effects import Effect
+
+if TYPE_CHECKING:
+    from hovercontrol.discrepancy.diagnosis import Found
 
 _RAISED = str.maketrans("23456789*", "²³⁴⁵⁶⁷⁸⁹ ", "^")
 _AXES = ("surge", "sway", "yaw")

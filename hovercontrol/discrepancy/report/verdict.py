@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from html import escape
+from typing import TYPE_CHECKING
 
-from hovercontrol.discrepancy.diagnosis import Diagnosis, Found
 from hovercontrol.discrepancy.evidence.holdout import Ahead, ahead
 from hovercontrol.discrepancy.evidence.laws import regime
 from hovercontrol.discrepancy.report import pictures
@@ -23,6 +23,9 @@ from hovercontrol.discrepancy.report.formatting import (
 )
 from hovercontrol.discrepancy.report.html import legend, paragraph
 from hovercontrol.effects import Effect
+
+if TYPE_CHECKING:
+    from hovercontrol.discrepancy.diagnosis import Diagnosis, Found
 
 #: What each verdict means, beside its name.
 MEANS = {

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from hovercontrol.block import Block
+from hovercontrol.core.block import Block
 from hovercontrol.discrepancy.search.candidates import Candidate
 from hovercontrol.effects import Effect, Shape
 from hovercontrol.estimation.commands import Arrival, command_times, input_states

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from hovercontrol.block import Block
+from hovercontrol.core.block import Block
+from hovercontrol.core.interconnect import interconnect
 from hovercontrol.estimators.ins.heading import heading_filter
 from hovercontrol.estimators.ins.imu import IMU, IMU_PERIOD
 from hovercontrol.estimators.ins.mechanisation import ins_mechanisation
 from hovercontrol.estimators.ins.noise import K06_NOISE, InsNoise
 from hovercontrol.estimators.ins.velocity_position import velocity_position_filter
-from hovercontrol.interconnect import interconnect
 
 
 def aided_ins(

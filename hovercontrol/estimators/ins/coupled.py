@@ -6,14 +6,14 @@ from collections.abc import Sequence
 
 import sympy as sp
 
-from hovercontrol.block import Block
+from hovercontrol.core.block import Block
+from hovercontrol.core.signals import Signal
 from hovercontrol.estimators.ins.imu import FIX_X, FIX_Y, IMU_PERIOD, to_navigation, valid
 from hovercontrol.estimators.ins.kalman import variance_parameters
 from hovercontrol.estimators.ins.mechanisation import finite
 from hovercontrol.estimators.ins.navigation import POSITION, PSI, Aid, heading_aid, navigation_filter
 from hovercontrol.estimators.ins.noise import InsNoise, noise_from_sensors
-from hovercontrol.signals import Signal
-from hovercontrol.tables import positive
+from hovercontrol.io.tables import positive
 
 
 def coupled_filter(

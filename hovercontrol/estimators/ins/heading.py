@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import sympy as sp
 
-from hovercontrol.block import Block
+from hovercontrol.core.block import Block
+from hovercontrol.core.signals import Signal
 from hovercontrol.estimators.ins.imu import HEADING_AID, IMU_PERIOD, YAW_RATE, valid
 from hovercontrol.estimators.ins.kalman import remember, variance_parameters, wrapped
 from hovercontrol.estimators.ins.mechanisation import PSI_HAT, STARTED, clock
 from hovercontrol.estimators.ins.noise import K06_NOISE, InsNoise
-from hovercontrol.signals import Signal
 
 _ERRORS = (Signal("dpsi", "rad", "heading error"), Signal("b_g", "rad/s", "gyro bias"))
 

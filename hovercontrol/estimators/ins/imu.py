@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sympy as sp
 
-from hovercontrol.signals import Signal
+from hovercontrol.core.signals import Signal
 
 #: Period of K06's IMU [s].
 IMU_PERIOD = 6.5536e-3

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import sympy as sp
 
-from hovercontrol.signals import Signal
+from hovercontrol.core.signals import Signal
 
 
 @dataclass(frozen=True)

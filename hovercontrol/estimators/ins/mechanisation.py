@@ -7,12 +7,12 @@ from collections.abc import Sequence
 import numpy as np
 import sympy as sp
 
-from hovercontrol.block import Block
+from hovercontrol.core.block import Block
+from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError
 from hovercontrol.estimators.ins.imu import IMU, IMU_PERIOD, to_navigation
 from hovercontrol.estimators.ins.kalman import Equations
-from hovercontrol.signals import Signal
-from hovercontrol.tables import positive
+from hovercontrol.io.tables import positive
 
 PSI_HAT = Signal("psi_hat", "rad", "heading, estimated; not wrapped")
 STARTED = Signal("started", "1", "0 at the first tick, then 1", upper=1.0, lower=0.0)
@@ -57,7 +57,7 @@ def ins_mechanisation(
 
     Examples
     --------
-    >>> from hovercontrol.hybrid import Ticking
+    >>> from hovercontrol.simulation.hybrid import Ticking
     >>> ins = Ticking(ins_mechanisation(period=0.5))
     >>> for k in range(3):
     ...     found = ins.tick(0.5 * k, {"acceleration_x": 2.0, "acceleration_y": 0.0, "yaw_rate": 0.0})

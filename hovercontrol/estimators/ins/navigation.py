@@ -11,7 +11,8 @@ from dataclasses import dataclass
 
 import sympy as sp
 
-from hovercontrol.block import Block
+from hovercontrol.core.block import Block
+from hovercontrol.core.signals import Signal
 from hovercontrol.estimators.ins.imu import HEADING_AID, IMU, YAW_RATE, to_navigation, valid
 from hovercontrol.estimators.ins.kalman import Equations, Estimate, remember, variance_parameters, wrapped
 from hovercontrol.estimators.ins.mechanisation import (
@@ -25,7 +26,6 @@ from hovercontrol.estimators.ins.mechanisation import (
 )
 from hovercontrol.estimators.ins.noise import InsNoise
 from hovercontrol.estimators.ins.velocity_position import MOTION_OUTPUTS, innovation_outputs, motion_outputs
-from hovercontrol.signals import Signal
 
 #: What is estimated, in the order of ``xhat[i]``.
 QUANTITIES = (

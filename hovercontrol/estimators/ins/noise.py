@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from hovercontrol.errors import InputError
 from hovercontrol.estimators.ins.imu import IMU_PERIOD
 from hovercontrol.estimators.kalman_bucy import diagonal
-from hovercontrol.tables import number, positive
+from hovercontrol.io.tables import number, positive
 
 _SIZES = {"Q1": 2, "R1": 1, "P1": 2, "Q2": 4, "R2": 2, "P2": 6}
 _MAY_BE_ZERO = ("gyro_noise", "gyro_walk", "acceleration_walk")

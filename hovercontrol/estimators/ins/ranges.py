@@ -7,7 +7,8 @@ from collections.abc import Sequence
 
 import sympy as sp
 
-from hovercontrol.block import Block
+from hovercontrol.core.block import Block
+from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError
 from hovercontrol.estimators.ins.coupled import arm_signals, placed
 from hovercontrol.estimators.ins.imu import IMU_PERIOD, valid
@@ -16,8 +17,7 @@ from hovercontrol.estimators.ins.navigation import Aid, heading_aid, navigation_
 from hovercontrol.estimators.ins.noise import InsNoise, noise_from_sensors
 from hovercontrol.hardware.sensors.beacons import Beacons
 from hovercontrol.hardware.sensors.cone import cone_ratio, cone_signals
-from hovercontrol.signals import Signal
-from hovercontrol.tables import number, positive
+from hovercontrol.io.tables import number, positive
 
 RANGE_UNIT = Signal("range_unit", "1", "which unit's ranges these are, from 1; 0 for none")
 
@@ -147,7 +147,7 @@ def range_arrivals(count: int, *, period: float = IMU_PERIOD, name: str = "range
 
     Examples
     --------
-    >>> from hovercontrol.hybrid import Ticking
+    >>> from hovercontrol.simulation.hybrid import Ticking
     >>> block = Ticking(range_arrivals(1))
     >>> [block.tick(0.0, {"range_valid": v, "range_unit": u, "range_1_heard": 1})["range_1_valid"]
     ...  for v, u in ((1, 1), (1, 1), (1, 2), (0, 0), (1, 1))]

@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hovercontrol.block import Block
+from hovercontrol.core.block import Block
+from hovercontrol.core.functions import call_scalar
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.estimators.ins.imu import IMU
 from hovercontrol.estimators.ins.ranges import RANGE_UNIT
 from hovercontrol.estimators.ins.runs import one_tick
-from hovercontrol.simulation import time_response
-from hovercontrol.tables import positive
-from hovercontrol.targets.numpy import call_scalar
+from hovercontrol.io.tables import positive
+from hovercontrol.simulation.trajectory import time_response
 
 if TYPE_CHECKING:
     import control

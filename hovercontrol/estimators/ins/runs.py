@@ -7,10 +7,10 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hovercontrol.block import Block
+from hovercontrol.core.block import Block
+from hovercontrol.core.expressions import Expressions
+from hovercontrol.core.functions import FunctionPair, numpy_functions
 from hovercontrol.errors import InputError, did_you_mean
-from hovercontrol.expressions import Expressions
-from hovercontrol.targets.numpy import FunctionPair, numpy_functions
 
 
 def simulate_runs(
@@ -46,7 +46,7 @@ def simulate_runs(
 
     Examples
     --------
-    >>> from hovercontrol.signals import Signal
+    >>> from hovercontrol.core.signals import Signal
     >>> n, by = Signal("n"), Signal("by")
     >>> counter = Block("counter", [n], [by], [n], derivatives={"n": n.symbol + by.symbol}, period=0.1)
     >>> simulate_runs(counter, {"by": [[1, 2], [1, 2], [1, 2]]})["n"][-1]

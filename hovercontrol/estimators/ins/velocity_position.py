@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import sympy as sp
 
-from hovercontrol.block import Block
+from hovercontrol.core.block import Block
+from hovercontrol.core.signals import Signal
 from hovercontrol.estimators.ins.imu import (
     ACCELERATION_X,
     ACCELERATION_Y,
@@ -20,7 +21,6 @@ from hovercontrol.estimators.ins.imu import (
 from hovercontrol.estimators.ins.kalman import remember, variance_parameters
 from hovercontrol.estimators.ins.mechanisation import PSI_HAT, STARTED, clock
 from hovercontrol.estimators.ins.noise import K06_NOISE, InsNoise
-from hovercontrol.signals import Signal
 
 _ERRORS = (
     Signal("dv_x", "m/s", "velocity error along x"),

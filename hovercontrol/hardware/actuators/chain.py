@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from hovercontrol.block import Block
+from hovercontrol.core.block import Block
+from hovercontrol.core.interconnect import interconnect
 from hovercontrol.errors import InputError
 from hovercontrol.hardware.actuators.command import force_command
 from hovercontrol.hardware.actuators.k06 import RUDDER_OFFSET, RUDDER_SLOPE, ideal_fan, ideal_servo
@@ -13,7 +14,6 @@ from hovercontrol.hardware.actuators.signals import TICK, UPDATE
 from hovercontrol.hardware.actuators.speed import fan_motor, speed_controller
 from hovercontrol.hardware.actuators.tables import FanTable, ServoTable
 from hovercontrol.hardware.actuators.thrust import thrust_force, thrust_lookup
-from hovercontrol.interconnect import interconnect
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class Actuators:
 
     @property
     def sampled(self) -> tuple[Block, ...]:
-        """What :func:`~hovercontrol.hybrid.simulate_hybrid` takes behind a law, in order."""
+        """What :func:`~hovercontrol.simulation.hybrid.simulate_hybrid` takes behind a law, in order."""
         return (*self.pilot, *self.board)
 
     def moving(self, plant: Block) -> Block:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import sympy as sp
 
-from hovercontrol.block import Block
 from hovercontrol.controllers.k06 import force_to_command
+from hovercontrol.core.block import Block
+from hovercontrol.core.interconnect import interconnect, rename
+from hovercontrol.core.signals import Signal
 from hovercontrol.hardware.actuators.signals import FORCE_ANGLE_COMMAND, THRUST_COMMAND, not_negative
-from hovercontrol.interconnect import interconnect, rename
-from hovercontrol.signals import Signal
 
 
 def force_command(*, dead_zone: float = 0.05, limit: float = 0.0, name: str = "command") -> Block:

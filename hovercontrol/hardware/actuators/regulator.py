@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import sympy as sp
 
-from hovercontrol.block import Block
+from hovercontrol.core.block import Block
+from hovercontrol.core.signals import Signal, time
 from hovercontrol.errors import InputError
 from hovercontrol.hardware.actuators.signals import FAN_SPEED, FAN_SPEED_SET, RPM, UPDATE
-from hovercontrol.signals import Signal, time
-from hovercontrol.tables import positive
+from hovercontrol.io.tables import positive
 
 #: Share of the battery's voltage that the speed controller puts on the motor.
 DUTY = Signal("duty", "1", "share of the battery's voltage on the motor", lower=0.0, upper=1.0)

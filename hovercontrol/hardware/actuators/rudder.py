@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 import sympy as sp
 
-from hovercontrol.block import Block
+from hovercontrol.core.block import Block
+from hovercontrol.core.lookup import linear
+from hovercontrol.core.signals import Signal
 from hovercontrol.hardware.actuators.k06 import (
     RUDDER_OFFSET,
     RUDDER_SLOPE,
@@ -24,9 +26,7 @@ from hovercontrol.hardware.actuators.signals import (
     not_negative,
 )
 from hovercontrol.hardware.actuators.tables import ServoTable
-from hovercontrol.lookup import linear
-from hovercontrol.signals import Signal
-from hovercontrol.tables import number, positive
+from hovercontrol.io.tables import number, positive
 
 #: The unit of the servo's table, as a parameter: pulses stretched by a wrong clock.
 _UNIT = Signal("pulse_unit", "s", "one millisecond of the table", start=MILLISECOND, nominal=MILLISECOND)
@@ -161,7 +161,7 @@ def rudder_servo(
 
     Examples
     --------
-    >>> from hovercontrol.hybrid import Ticking
+    >>> from hovercontrol.simulation.hybrid import Ticking
     >>> servo = Ticking(rudder_servo(slew=1.0))
     >>> [round(servo.tick(0.02 * k, {"servo_command": 2e-3})["rudder_angle"], 3) for k in range(3)]
     [0.02, 0.04, 0.06]

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import math
 
+from hovercontrol.core.signals import Signal
+from hovercontrol.core.ticks import Clock
 from hovercontrol.errors import InputError
-from hovercontrol.signals import Signal
-from hovercontrol.ticks import Clock
 
 #: One revolution per minute [rad/s].
 RPM = 2 * math.pi / 60

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import sympy as sp
 
-from hovercontrol.block import Block
+from hovercontrol.core.block import Block
+from hovercontrol.core.signals import Signal
 from hovercontrol.hardware.actuators.signals import (
     FAN_SPEED,
     FAN_SPEED_COMMAND,
@@ -14,8 +15,7 @@ from hovercontrol.hardware.actuators.signals import (
     not_negative,
     whole_ticks,
 )
-from hovercontrol.signals import Signal
-from hovercontrol.tables import positive
+from hovercontrol.io.tables import positive
 
 MODE = Signal("drive_mode", description="what the speed controller does", modes=("run", "brake"))
 
@@ -58,7 +58,7 @@ def speed_controller(
 
     Examples
     --------
-    >>> from hovercontrol.hybrid import Ticking
+    >>> from hovercontrol.simulation.hybrid import Ticking
     >>> drive = Ticking(speed_controller(update=0.0))
     >>> modes = [drive.tick(0.001 * k, {"fan_speed_command": k - 9.5})["drive_mode"] for k in range(200)]
     >>> int(sum(modes))  # milliseconds of braking

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hovercontrol.errors import InputError
-from hovercontrol.files import write_whole
+from hovercontrol.io.files import write_whole
 
 Floats = NDArray[np.float64]
 

@@ -7,7 +7,9 @@ from __future__ import annotations
 
 import sympy as sp
 
-from hovercontrol.block import Block
+from hovercontrol.core.block import Block
+from hovercontrol.core.lookup import bilinear
+from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError
 from hovercontrol.hardware.actuators.k06 import (
     RUDDER_OFFSET,
@@ -28,9 +30,7 @@ from hovercontrol.hardware.actuators.signals import (
     not_negative,
 )
 from hovercontrol.hardware.actuators.tables import FanTable
-from hovercontrol.lookup import bilinear
-from hovercontrol.model import RUDDER, THRUST
-from hovercontrol.signals import Signal
+from hovercontrol.models.model import RUDDER, THRUST
 
 _SPEED_UNIT = Signal("speed_unit", "rad/s", "one RPM of the table", start=RPM, nominal=RPM)
 _FORCE_UNIT = Signal(

@@ -1,6 +1,7 @@
 """Links between craft and controller: delay lines, delays that vary, packets that get lost."""
 
-from hovercontrol.hardware.links.constant import constant_delay, k06_downlink, k06_uplink
+from hovercontrol.core.delay_line import constant_delay
+from hovercontrol.hardware.links.constant import k06_downlink, k06_uplink
 from hovercontrol.hardware.links.distributions import BoundedDelays, Delays
 from hovercontrol.hardware.links.measured import MeasuredDelays, read_delays
 from hovercontrol.hardware.links.table_5_1 import TABLE_5_1, bluetooth_delays

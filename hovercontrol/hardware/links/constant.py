@@ -1,101 +1,12 @@
-"""Delay lines: links whose delay never changes."""
+"""Links whose delay never changes."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
-from fractions import Fraction
 
-import sympy as sp
-
-from hovercontrol.block import Block
-from hovercontrol.errors import InputError
-from hovercontrol.hardware.links.messages import fixed, not_negative, passed_through
-from hovercontrol.signals import Signal
-from hovercontrol.tables import positive
-
-
-def constant_delay(
-    signals: Sequence[Signal],
-    delay: float,
-    period: float,
-    *,
-    suffix: str = "_received",
-    name: str = "link",
-) -> Block:
-    """Return a chain of unit delays: what comes in at a tick comes out `delay` later.
-
-    Parameters
-    ----------
-    signals : sequence of Signal
-        What passes through.
-    delay : float
-        [s], a multiple of the period; 0 passes all through at once.
-    period : float
-        [s]
-    suffix : str, optional
-        Of the outputs' names.
-    name : str, optional
-
-    Returns
-    -------
-    Block
-        Sampled. Inputs `signals`; outputs the same with the suffix, and ``<name>_age`` [s], how old that is.
-        Until the first message is through, start values come out, as old as the run.
-
-    Raises
-    ------
-    InputError
-        If the delay is negative or no multiple of the period (the nearest ones are named), the period not
-        positive, or there are no signals or two of one name.
-
-    Examples
-    --------
-    >>> from hovercontrol.hybrid import Ticking
-    >>> link = Ticking(constant_delay([Signal("thrust", "N")], 0.04, 0.02))
-    >>> [link.tick(0.02 * k, {"thrust": 5.0 + k})["thrust_received"] for k in range(4)]
-    [0.0, 0.0, 5.0, 6.0]
-    """
-    signals = passed_through(name, signals, suffix)
-    positive(f"{name}: period", period)
-    stages = _stages(name, not_negative(f"{name}: delay", delay), period)
-    step = fixed("period", period, "from tick to tick")
-    chains = [
-        [
-            s.but(name=f"{s.name}_stage{k}", description=f"{s.name}, {k} ticks old")
-            for k in range(1, stages + 1)
-        ]
-        for s in signals
-    ]
-    ticks = Signal(f"{name}_ticks", "1", "ticks so far, at most as many as there are stages")
-    following, told = {ticks.name: sp.Min(ticks.symbol + 1, stages)}, {}
-    for s, chain in zip(signals, chains, strict=True):
-        line = [s, *chain]
-        following |= {late.name: early.symbol for early, late in zip(line, chain, strict=False)}
-        told[s.name + suffix] = line[-1].symbol
-    age = Signal(f"{name}_age", "s", "age of the values received")
-    return Block(
-        name,
-        states=(ticks, *(stage for chain in chains for stage in chain)),
-        inputs=signals,
-        outputs=(*(s.but(name=s.name + suffix) for s in signals), age),
-        parameters=(step,),
-        derivatives=following,
-        output_expressions={**told, age.name: ticks.symbol * step.symbol},
-        period=period,
-    )
-
-
-def _stages(name: str, delay: float, period: float) -> int:
-    """Return how many periods a delay is."""
-    ratio = Fraction(str(delay)) / Fraction(str(period))
-    if ratio.denominator != 1:
-        below, above = (float(n * Fraction(str(period))) for n in (math.floor(ratio), math.ceil(ratio)))
-        raise InputError(
-            f"{name}: delay {delay:g} s is no multiple of the period {period:g} s; "
-            f"the nearest are {below:g} s and {above:g} s"
-        )
-    return int(ratio)
+from hovercontrol.core.block import Block
+from hovercontrol.core.delay_line import constant_delay
+from hovercontrol.core.signals import Signal
 
 
 def k06_downlink(signals: Sequence[Signal], *, name: str = "downlink") -> Block:

@@ -16,7 +16,7 @@ from scipy.optimize import root
 from scipy.special import beta
 
 from hovercontrol.errors import InputError
-from hovercontrol.tables import number, positive
+from hovercontrol.io.tables import number, positive
 
 
 @runtime_checkable

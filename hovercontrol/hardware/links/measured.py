@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from scipy.optimize import root
 
 from hovercontrol.errors import InputError, did_you_mean
+from hovercontrol.io.tables import positive
 from hovercontrol.logs.check import check_finite
 from hovercontrol.logs.source import open_source
-from hovercontrol.tables import positive
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -14,44 +14,13 @@ from fractions import Fraction
 
 import sympy as sp
 
-from hovercontrol.block import Block
-from hovercontrol.errors import InputError
-from hovercontrol.expressions import Definitions
-from hovercontrol.signals import Signal
-from hovercontrol.tables import number
+from hovercontrol.core.block import Block
+from hovercontrol.core.delay_line import fixed
+from hovercontrol.core.expressions import Definitions
+from hovercontrol.core.signals import Signal
 
 #: When what never arrives would arrive [ticks]: later than any run lasts.
 NEVER = 2**50
-
-
-def not_negative(where: str, value: float) -> float:
-    """Return a number that must not be negative, and finite; raises :class:`InputError`."""
-    if not 0 <= number(where, value) < math.inf:
-        raise InputError(f"{where} must not be negative, found {value!r}")
-    return float(value)
-
-
-def fixed(name: str, value: float, description: str) -> Signal:
-    """Return a time [s] that a Block's structure stands on: a parameter that has no other value."""
-    return Signal(name, "s", f"{description}; fixed", start=value, lower=value, upper=value)
-
-
-def passed_through(name: str, signals: Sequence[Signal], suffix: str) -> tuple[Signal, ...]:
-    """Return the signals that a link is for.
-
-    Raises
-    ------
-    InputError
-        If there are none, one is no Signal, two have one name, or there is no suffix.
-    """
-    if isinstance(signals, str | Signal) or not all(isinstance(s, Signal) for s in signals):
-        raise InputError(f"{name}: signals must be a sequence of Signal, found {signals!r}")
-    names = [s.name for s in signals]
-    if not names or len(set(names)) < len(names):
-        raise InputError(f"{name}: expected signals of different names, found {names}")
-    if not suffix:
-        raise InputError(f"{name}: outputs cannot have the names of inputs: give a suffix")
-    return tuple(signals)
 
 
 def received(signal: Signal, suffix: str) -> Signal:

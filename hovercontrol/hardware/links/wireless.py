@@ -8,18 +8,17 @@ from fractions import Fraction
 
 import sympy as sp
 
-from hovercontrol.block import Block
+from hovercontrol.core.block import Block
+from hovercontrol.core.delay_line import not_negative, passed_through
+from hovercontrol.core.random_numbers import random_numbers
+from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError
 from hovercontrol.hardware.links.distributions import Delays
 from hovercontrol.hardware.links.messages import (
     MessageLink,
     Transmission,
-    not_negative,
-    passed_through,
 )
-from hovercontrol.noise import random_numbers
-from hovercontrol.signals import Signal
-from hovercontrol.tables import number, positive
+from hovercontrol.io.tables import number, positive
 
 #: K06's base tick [s].
 TICK = 0.001
@@ -75,7 +74,7 @@ def empirical_delay(
     Examples
     --------
     >>> from hovercontrol.hardware.links import bluetooth_delays
-    >>> from hovercontrol.hybrid import Ticking
+    >>> from hovercontrol.simulation.hybrid import Ticking
     >>> uplink = empirical_delay([Signal("thrust", "N")], bluetooth_delays("linksys_22.0_uplink"), 0.02)
     >>> run = Ticking(uplink)
     >>> seen = [run.tick(0.001 * k, {"thrust": 3.0}) for k in range(200)]
@@ -127,7 +126,7 @@ def lossy_link(
 
     Examples
     --------
-    >>> from hovercontrol.hybrid import Ticking
+    >>> from hovercontrol.simulation.hybrid import Ticking
     >>> link = Ticking(lossy_link([Signal("y")], 0.5, 0.02, retransmissions=2, timeout=0.005))
     >>> last = [link.tick(0.001 * k, {"y": 1.0}) for k in range(1000)][-1]
     >>> int(last["link_messages"]), int(last["link_delivered"] + last["link_lost"])

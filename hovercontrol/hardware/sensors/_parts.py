@@ -7,9 +7,9 @@ from collections.abc import Sequence
 
 import sympy as sp
 
+from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError
-from hovercontrol.signals import Signal
-from hovercontrol.tables import number, positive
+from hovercontrol.io.tables import number, positive
 
 #: One tick of K06's inertial measurement unit [s] (section 5.4.1).
 IMU_TICK = 0.0065536

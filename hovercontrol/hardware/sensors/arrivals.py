@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 import sympy as sp
 
-from hovercontrol.block import Block
+from hovercontrol.core.block import Block
+from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError
 from hovercontrol.hardware.sensors._parts import IMU_TICK, tick
 from hovercontrol.hardware.sensors.bancroft import RANGE_UNIT, range_signals
-from hovercontrol.signals import Signal
 
 _END = "_valid"
 
@@ -47,7 +47,7 @@ def arrivals(
 
     Examples
     --------
-    >>> from hovercontrol.hybrid import Ticking
+    >>> from hovercontrol.simulation.hybrid import Ticking
     >>> once = Ticking(arrivals(["fix_valid"]))
     >>> [once.tick(0.0, {"fix_valid": held})["fix_arrived"] for held in (0, 1, 1, 1, 0, 1)]
     [0, 1, 0, 0, 0, 1]

@@ -13,12 +13,12 @@ import numpy as np
 import sympy as sp
 from numpy.typing import ArrayLike, NDArray
 
-from hovercontrol.block import Block
+from hovercontrol.core.block import Block
+from hovercontrol.core.expressions import Definitions
+from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError
-from hovercontrol.expressions import Definitions
 from hovercontrol.hardware.sensors.beacons import NARROW, Beacons
 from hovercontrol.hardware.sensors.cone import K06_CONE, cone_signals, correction_definitions
-from hovercontrol.signals import Signal
 
 #: Circles that miss each other by less, as a part of the range squared, touch: rounding, not noise.
 TOUCHING = 1e-9

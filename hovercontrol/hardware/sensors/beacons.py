@@ -8,10 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError
 from hovercontrol.hardware.sensors._parts import pair
-from hovercontrol.signals import Signal
-from hovercontrol.tables import positive
+from hovercontrol.io.tables import positive
 
 #: Beacons whose smaller spread is less than this part of the larger one hang in a line, two that are less
 #: than this part of their height apart in one place.

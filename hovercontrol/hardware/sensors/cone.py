@@ -8,11 +8,11 @@ import numpy as np
 import sympy as sp
 from numpy.typing import ArrayLike, NDArray
 
-from hovercontrol.block import Block
+from hovercontrol.core.block import Block
+from hovercontrol.core.expressions import Definitions
+from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError
-from hovercontrol.expressions import Definitions
 from hovercontrol.hardware.sensors._parts import finite
-from hovercontrol.signals import Signal
 
 #: K06 (5.7): e(phi) = 1 + 0.0032 phi - 0.038 phi^2, true over measured range; its two coefficients.
 K06_CONE = (0.0032, -0.038)

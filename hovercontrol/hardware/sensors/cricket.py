@@ -7,7 +7,9 @@ from collections.abc import Sequence
 
 import sympy as sp
 
-from hovercontrol.block import Block
+from hovercontrol.core.block import Block
+from hovercontrol.core.interconnect import interconnect
+from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError
 from hovercontrol.hardware.sensors._parts import tick
 from hovercontrol.hardware.sensors.bancroft import PREVIOUS, RANGE_UNIT, range_solver
@@ -15,8 +17,6 @@ from hovercontrol.hardware.sensors.beacons import Beacons, k06_beacons
 from hovercontrol.hardware.sensors.cone import K06_CONE
 from hovercontrol.hardware.sensors.ranging import K06_UNITS, SLOT, SLOTS, cricket_ranges, unit_places
 from hovercontrol.hardware.sensors.two_units import two_unit_heading
-from hovercontrol.interconnect import interconnect
-from hovercontrol.signals import Signal
 
 
 def cricket_fixes(count: int = 2, *, slot: float = SLOT, name: str = "cricket_fixes") -> Block:

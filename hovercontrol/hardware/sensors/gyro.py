@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import sympy as sp
 
-from hovercontrol.block import Block
+from hovercontrol.core.block import Block
+from hovercontrol.core.signals import Signal
 from hovercontrol.hardware.sensors._parts import IMU_TICK, switch, tick
-from hovercontrol.signals import Signal
 
 # K06 (6.2): y = 0.3236 z^2 / (z^2 - 0.9805 z + 0.2898) u, fitted at 6.5536 ms.
 _COEFFICIENTS = (
@@ -51,7 +51,7 @@ def gyro_dynamics(
 
     Examples
     --------
-    >>> from hovercontrol.hybrid import Ticking
+    >>> from hovercontrol.simulation.hybrid import Ticking
     >>> gyro = Ticking(gyro_dynamics())
     >>> [round(gyro.tick(0.0, {"r": 1.0})["gyro_rate"], 4) for k in range(3)]
     [0.3236, 0.6409, 0.8582]
@@ -91,7 +91,7 @@ def gyro_compensation(
 
     Examples
     --------
-    >>> from hovercontrol.hybrid import Ticking
+    >>> from hovercontrol.simulation.hybrid import Ticking
     >>> undo = Ticking(gyro_compensation())
     >>> [round(undo.tick(0.0, {"yaw_rate": y})["yaw_rate_compensated"], 9) for y in (0.3236, 0.6408898)]
     [1.0, 1.0]

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 
 import sympy as sp
 
-from hovercontrol.block import Block
+from hovercontrol.core.block import Block
+from hovercontrol.core.random_numbers import random_numbers
+from hovercontrol.core.signals import Signal
 from hovercontrol.hardware.sensors._parts import IMU_TICK, limited, offset, pair, size, tick
-from hovercontrol.noise import random_numbers
-from hovercontrol.signals import Signal
 
 #: Channel, true signal, unit of the reading and of its random walk.
 _CHANNELS = (
@@ -77,7 +77,7 @@ def imu(
 
     Examples
     --------
-    >>> from hovercontrol.hybrid import Ticking
+    >>> from hovercontrol.simulation.hybrid import Ticking
     >>> off = Ticking(imu(yaw_rate_bias=0.5, yaw_rate_limit=2.0))
     >>> off.tick(0.0, {"specific_force_x": 1.0, "specific_force_y": 0.0, "r": 1.8})
     {'acceleration_x': 1.0, 'acceleration_y': 0.0, 'yaw_rate': 2.0}

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 import sympy as sp
 
-from hovercontrol.block import Block
+from hovercontrol.core.block import Block
+from hovercontrol.core.random_numbers import random_numbers
+from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError
 from hovercontrol.hardware.sensors._parts import IMU_TICK, offset, pair, size, tick, turned
-from hovercontrol.noise import random_numbers
-from hovercontrol.signals import Signal
 
 #: Horizontal part of the earth's field at K06's place [T], about; it points along the earth frame's x here.
 K06_FIELD = (2.1e-5, 0.0)
@@ -115,7 +115,7 @@ def magnetometer(
 
     Examples
     --------
-    >>> from hovercontrol.hybrid import Ticking
+    >>> from hovercontrol.simulation.hybrid import Ticking
     >>> round(Ticking(magnetometer()).tick(0.0, {"psi": 0.5})["heading_magnetic"], 9)
     0.5
     """

@@ -6,12 +6,12 @@ from collections.abc import Sequence
 
 import sympy as sp
 
-from hovercontrol.block import Block
+from hovercontrol.core.block import Block
+from hovercontrol.core.random_numbers import random_numbers
+from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError
 from hovercontrol.hardware.sensors._parts import offset, rounded, size, tick, turned
-from hovercontrol.model import MOTION
-from hovercontrol.noise import random_numbers
-from hovercontrol.signals import Signal
+from hovercontrol.models.model import MOTION
 
 
 def mocap(
@@ -55,7 +55,7 @@ def mocap(
 
     Examples
     --------
-    >>> from hovercontrol.hybrid import Ticking
+    >>> from hovercontrol.simulation.hybrid import Ticking
     >>> camera = Ticking(mocap(period=0.5))
     >>> [camera.tick(0.5 * k, {"x": 1.0 * k, "y": 0.0, "psi": 0.0})["u_measured"] for k in range(3)]
     [0.0, 2.0, 2.0]

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from hovercontrol.block import Block
+from hovercontrol.core.block import Block
+from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError
 from hovercontrol.hardware.sensors._parts import offset, pair
-from hovercontrol.signals import Signal
 
 
 def with_specific_force(plant: Block, *, lever_arm: Sequence[float] | None = None) -> Block:
@@ -38,7 +38,7 @@ def with_specific_force(plant: Block, *, lever_arm: Sequence[float] | None = Non
 
     Examples
     --------
-    >>> from hovercontrol.vehicles import hoverdemon
+    >>> from hovercontrol.models.vehicles import hoverdemon
     >>> plant = with_specific_force(hoverdemon().plant())
     >>> state, pushed = [0.0, 0.0, 0.0, 1.0, 0.0, 2.0], [2.6, 0.0]
     >>> plant.to_numpy().outputs(0.0, state, pushed)[6:8].round(9).tolist()  # circling alone is not felt

@@ -6,13 +6,13 @@ from collections.abc import Sequence
 
 import sympy as sp
 
-from hovercontrol.block import Block
+from hovercontrol.core.block import Block
+from hovercontrol.core.random_numbers import random_numbers
+from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError
 from hovercontrol.hardware.sensors._parts import offset, pair, size, tick
-from hovercontrol.model import MOTION
-from hovercontrol.noise import random_numbers
-from hovercontrol.signals import Signal
-from hovercontrol.tables import number, positive
+from hovercontrol.io.tables import number, positive
+from hovercontrol.models.model import MOTION
 
 
 def poor_view(
@@ -62,7 +62,7 @@ def poor_view(
 
     Examples
     --------
-    >>> from hovercontrol.hybrid import Ticking
+    >>> from hovercontrol.simulation.hybrid import Ticking
     >>> view = Ticking(poor_view(centre=(1.0, 0.0), radius=0.5, position_noise=0.1))
     >>> view.tick(0.0, {"x": 0.0, "y": 0.0, "psi": 0.0})["x_viewed"]
     0.0

@@ -6,16 +6,16 @@ from collections.abc import Sequence
 
 import sympy as sp
 
-from hovercontrol.block import Block
+from hovercontrol.core.block import Block
+from hovercontrol.core.expressions import Definitions
+from hovercontrol.core.random_numbers import random_numbers
+from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError
-from hovercontrol.expressions import Definitions
 from hovercontrol.hardware.sensors._parts import offset, pair, size, switch, tick, turned
 from hovercontrol.hardware.sensors.bancroft import RANGE_UNIT, range_signals
 from hovercontrol.hardware.sensors.beacons import Beacons
 from hovercontrol.hardware.sensors.cone import cone_ratio, cone_signals
-from hovercontrol.noise import random_numbers
-from hovercontrol.signals import Signal
-from hovercontrol.tables import positive
+from hovercontrol.io.tables import positive
 
 #: One unit's slot [s], and how many there are in a round.
 SLOT, SLOTS = 0.1, 10
@@ -95,7 +95,7 @@ def cricket_ranges(
 
     Examples
     --------
-    >>> from hovercontrol.hybrid import Ticking
+    >>> from hovercontrol.simulation.hybrid import Ticking
     >>> square = Beacons([(0, 0), (2, 0), (0, 2)], 2.0)
     >>> unit = Ticking(cricket_ranges(square, [(0, 0)], slots=2))
     >>> [float(unit.tick(0.0, {"x": 0.0, "y": 0.0, "psi": 0.0})["range_1"]) for k in range(3)]

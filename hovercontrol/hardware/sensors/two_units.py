@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 import sympy as sp
 
-from hovercontrol.block import Block
+from hovercontrol.core.block import Block
+from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError
 from hovercontrol.hardware.sensors._parts import offset, pair, switch, tick, turned
-from hovercontrol.signals import Signal
 
 _FIXES = (
     Signal("fix_x", "m", "place of the first unit"),
@@ -69,7 +69,7 @@ def two_unit_heading(
 
     Examples
     --------
-    >>> from hovercontrol.hybrid import Ticking
+    >>> from hovercontrol.simulation.hybrid import Ticking
     >>> heading = Ticking(two_unit_heading([(0.1, 0), (-0.1, 0)]))
     >>> still = dict(fix_x=0.0, fix_y=0.2, fix_2_x=0.0, fix_2_y=0.0)
     >>> first = heading.tick(0.0, {**still, "fix_valid": 1.0, "fix_2_valid": 0.0})

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from hovercontrol.block import Block
+from hovercontrol.core.block import Block
 
 Array = NDArray[np.float64]
 

@@ -8,14 +8,14 @@ from pathlib import Path
 
 import numpy as np
 
-from hovercontrol.analysis.lyapunov import decay
-from hovercontrol.analysis.observability import observability_gramian
-from hovercontrol.analysis.zero_dynamics import predict, theorem_4_margin
+from hovercontrol.analysis.c17.lyapunov import decay
+from hovercontrol.analysis.c17.zero_dynamics import predict, theorem_4_margin
+from hovercontrol.analysis.common.observability import observability_gramian
 from hovercontrol.estimators import Regressors, regression
+from hovercontrol.models.vehicles import c17_experiment, c17_simulation
 from hovercontrol.reproduce.c17.drawings import craft
 from hovercontrol.reproduce.c17.runs import draw, run
 from hovercontrol.reproduce.item import Item, about, at_least, at_most
-from hovercontrol.vehicles import c17_experiment, c17_simulation
 
 
 def fig_1(folder: Path) -> Mapping[str, float]:

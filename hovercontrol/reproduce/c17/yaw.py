@@ -10,12 +10,12 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from hovercontrol.analysis.loops import on_reference
+from hovercontrol.analysis.c17.loops import on_reference
 from hovercontrol.controllers import tracking_controller
+from hovercontrol.controllers.references import ellipse
+from hovercontrol.core.interconnect import interconnect
 from hovercontrol.errors import InputError
-from hovercontrol.interconnect import interconnect
-from hovercontrol.references import ellipse
-from hovercontrol.vehicles import c17_experiment
+from hovercontrol.models.vehicles import c17_experiment
 
 Array = NDArray[np.float64]
 

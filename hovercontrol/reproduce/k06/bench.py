@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from hovercontrol.analysis.bench import (
+from hovercontrol.analysis.k06.bench import (
     COLUMNS,
     FIGURE_6_20,
     TABLE_6_5,

@@ -21,8 +21,8 @@ from hovercontrol.hardware.calibration import fit_inertia, mean_inertia
 from hovercontrol.hardware.links import TABLE_5_1, bluetooth_delays
 from hovercontrol.hardware.sensors import corrected_range, k06_cricket
 from hovercontrol.hardware.sensors.cone import K06_CONE
+from hovercontrol.models.vehicles import HOVERDEMON_BODY, hoverdemon
 from hovercontrol.reproduce.item import Item, about, at_most
-from hovercontrol.vehicles import HOVERDEMON_BODY, hoverdemon
 
 Array = NDArray[np.float64]
 

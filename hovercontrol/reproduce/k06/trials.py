@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from hovercontrol.analysis.reverse_error import ASTERN, SUSPECTS, steady_errors
-from hovercontrol.analysis.trials import trial_metrics
+from hovercontrol.analysis.k06.reverse_error import ASTERN, SUSPECTS, steady_errors
+from hovercontrol.analysis.k06.trials import trial_metrics
 from hovercontrol.reproduce.item import Item, about, at_most
 from hovercontrol.scenarios import Run, load_scenario, run_scenario
 from hovercontrol.scenarios.figures import figures

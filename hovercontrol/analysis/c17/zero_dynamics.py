@@ -1,0 +1,423 @@
+"""The zero dynamics of C17's tracking controller [C17 theorem 4]: heading and yaw rate on the reference.
+
+All is read off the loop in error coordinates (:mod:`.normal_form`) with the errors at zero.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import sympy as sp
+from numpy.typing import ArrayLike, NDArray
+
+from hovercontrol.analysis.c17.loops import c17_ellipse, on_reference, tracking_loop
+from hovercontrol.analysis.c17.normal_form import ERRORS, coefficient, normal_form, once_for_equations, symbol
+from hovercontrol.analysis.common.regions import (
+    Axis,
+    Region,
+    as_numbers,
+    axis,
+    mesh,
+    refuse_large,
+    subfolder,
+    sweep_map,
+)
+from hovercontrol.core.sgn import sgn
+from hovercontrol.errors import InputError
+from hovercontrol.io.tables import number, positive
+from hovercontrol.models.model import Model
+from hovercontrol.models.vehicles import c17_simulation
+from hovercontrol.targets.sweep import SweepResult
+
+Array = NDArray[np.float64]
+
+#: A yaw rate [rad/s] beyond this, or a solver that gives up, is a craft that spins away.
+RUNAWAY = 30.0
+
+#: Runge-Kutta's step [s]; a twentieth where theory and simulation disagree.
+STEP = 0.005
+
+#: Seconds that a run of 30 s takes on one core: for the estimate before a sweep.
+SECONDS_PER_RUN = 2e-3
+
+#: The mean cosine of the sideslip beyond which a craft goes nose-first, or stern-first below the negative.
+FACING = 0.3
+
+#: A craft whose mean cosine moves by more than this in the last third of a run has not settled on a side.
+SETTLED = 0.3
+
+
+@dataclass(frozen=True)
+class ZeroDynamics:
+    """Heading and yaw rate while the control point follows the reference exactly, without dry friction.
+
+    Attributes
+    ----------
+    yaw : sympy.Expr
+        r' in ``psi``, ``r``, the reference's velocity and acceleration.
+    growth : sympy.Expr
+        The coefficient of r^2 in [C17 eq 23], the derivative of r^2/2 [1/s]: Theorem 4 asks that it is
+        negative.
+    cubic : sympy.Expr
+        The coefficient of r^3 there [1/rad]: 0 for a control point on the centre line. Where it is not, r
+        escapes in finite time from far enough to one side, and Theorem 4 has no Delta.
+    nose, stern : tuple of sympy.Expr
+        Coefficients (a1, a0) of ``s^2 + a1 s + a0``, the equation of small turns about straight motion at the
+        speed ``U``, bow or stern ahead: stable where both are positive.
+    """
+
+    yaw: sp.Expr
+    growth: sp.Expr
+    cubic: sp.Expr
+    nose: tuple[sp.Expr, sp.Expr]
+    stern: tuple[sp.Expr, sp.Expr]
+
+    def condition_24(self) -> sp.Expr:
+        """Return (24), corrected [C17 eq 24]: J^-1 d_r is larger than this.
+
+        Examples
+        --------
+        >>> zero_dynamics(c17_simulation()).condition_24()
+        c8*delta_x*(c4 - c6)/(c7 - c8*delta_x)
+        """
+        short = {coefficient(name): c for name, c in _short().items()}
+        return sp.factor(sp.simplify(self.growth.xreplace(short) + _short()["yaw_linear_drag"]))
+
+    def margin(self) -> sp.Expr:
+        """Return Delta of Theorem 4: (24) holds for every control point nearer than this [m].
+
+        It is the nearer of two distances: where the growth is zero, and where B has no inverse, at which the
+        growth changes sign, too. Infinite where neither exists.
+
+        Examples
+        --------
+        >>> zero_dynamics(c17_simulation()).margin()
+        Min(Abs(c7/c8), Abs(c6*c7/(c4*c8)))
+        """
+        short = {coefficient(name): c for name, c in _short().items()}
+        top, bottom = sp.fraction(sp.together(self.growth.xreplace(short)))
+        ends = [end for part in (top, bottom) for end in sp.solve(part, sp.Symbol("delta_x", real=True))]
+        return sp.Min(*(sp.Abs(end) for end in ends)) if ends else sp.oo
+
+
+def _short() -> dict[str, sp.Symbol]:
+    """Return C17's symbols of the coefficients that Theorem 4 needs, by name."""
+    c4, c6, c7, c8, dx = sp.symbols("c4 c6 c7 c8 delta_x", real=True)
+    return {
+        "sway_linear_drag": c4,
+        "yaw_linear_drag": c6,
+        "thrust": c7,
+        "rudder_torque": c8,
+        "control_point": dx,
+    }
+
+
+def theorem_4_margin(model: Model) -> float:
+    """Return Delta of Theorem 4 [m] for a craft: with a nearer control point its velocities stay bounded.
+
+    Examples
+    --------
+    >>> round(theorem_4_margin(c17_simulation()), 4)
+    0.0488
+    """
+    values = {c: model.coefficients().get(name, 0.0) for name, c in _short().items()}
+    found = zero_dynamics(model).margin().subs(values)
+    return float(found) if found.is_finite else math.inf
+
+
+@once_for_equations
+def kinetic_energy_rate(model: Model) -> sp.Expr:
+    """Return Z' of C17 (23), Z = r^2/2, in the error coordinates and with dry friction.
+
+    C17 prints (23) with a bracket missing: the sign is that of ``e2' R'(z2 + p_d') - delta_x r``, the whole
+    sway velocity.
+
+    Parameters
+    ----------
+    model : Model
+    """
+    return symbol("r") * normal_form(model).rest["r"]
+
+
+@once_for_equations
+def zero_dynamics(model: Model, side: bool = False) -> ZeroDynamics:
+    """Return the zero dynamics of a craft under the tracking controller.
+
+    Parameters
+    ----------
+    model : Model
+    side : bool, optional
+        Whether the control point may lie beside the centre line (``control_point_side``).
+
+    Returns
+    -------
+    ZeroDynamics
+
+    Raises
+    ------
+    InputError
+        As :func:`~hovercontrol.analysis.c17.normal_form.normal_form`.
+    """
+    form = normal_form(model, side)
+    exact = {symbol(name): sp.S.Zero for name in ERRORS}
+    yaw = form.rest["r"].xreplace(exact).replace(sgn, lambda v, w: sp.S.Zero)
+    psi, r, U = symbol("psi"), symbol("r"), sp.Symbol("U", positive=True)
+    straight = {symbol("vx_ref"): U}
+    straight |= {symbol(name): sp.S.Zero for name in ("vy_ref", "ax_ref", "ay_ref", "r")}
+
+    def about(heading: sp.Expr) -> tuple[sp.Expr, sp.Expr]:
+        slopes = (sp.diff(yaw, by).xreplace(straight).subs(psi, heading) for by in (r, psi))
+        a1, a0 = (sp.factor(sp.simplify(-slope)) for slope in slopes)
+        return a1, a0
+
+    powers = sp.Poly(sp.expand(yaw), r)
+    growth, cubic = (sp.factor(sp.simplify(powers.coeff_monomial(r**k))) for k in (1, 2))
+    return ZeroDynamics(yaw, growth, cubic, about(sp.S.Zero), about(sp.pi))
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """What theory says of control points and rudder arms; arrays of one shape.
+
+    Attributes
+    ----------
+    bounded : ndarray of bool
+        Theorem 4 with (24) corrected.
+    printed : ndarray of bool
+        Theorem 4 with (24) as printed, whose right side lacks a factor J^-1.
+    nose, stern : ndarray of bool
+        Whether straight motion with bow or stern ahead is stable.
+    """
+
+    bounded: NDArray[np.bool_]
+    printed: NDArray[np.bool_]
+    nose: NDArray[np.bool_]
+    stern: NDArray[np.bool_]
+
+
+def predict(
+    arm: ArrayLike,
+    control_point: ArrayLike,
+    *,
+    model: Model | None = None,
+    mass: float = 0.585,
+    inertia: float = 0.01,
+    speed: float = 2.0,
+) -> Prediction:
+    """Return what the zero dynamics promise.
+
+    Parameters
+    ----------
+    arm : array_like
+        From the centre of mass back to the rudder [m]; negative for a rudder ahead of it.
+    control_point : array_like
+        delta_x [m].
+    model : Model, optional
+        Drag and thrust; its ``rudder_torque`` becomes ``arm * thrust * mass/inertia``. Default C17's
+        simulation.
+    mass, inertia : float, optional
+        [kg, kg m^2]
+    speed : float, optional
+        Of straight motion [m/s]; where it is positive it does not matter.
+
+    Raises
+    ------
+    InputError
+        If mass, inertia or speed is not positive, a length is not finite, or ``arm * control_point =
+        inertia/mass`` at a point.
+
+    Examples
+    --------
+    >>> p = predict(0.14, [0.03, 0.09, 0.2])
+    >>> p.nose.tolist(), p.stern.tolist(), p.bounded.tolist()
+    ([False, False, True], [True, False, False], [True, False, True])
+    """
+    model = c17_simulation() if model is None else model
+    mass, inertia, speed = positive("mass", mass), positive("inertia", inertia), positive("speed", speed)
+    a, dx = np.broadcast_arrays(as_numbers("arm", arm), as_numbers("control point", control_point))
+    if not (np.isfinite(a).all() and np.isfinite(dx).all()):
+        raise InputError("zero dynamics: arm and control point must be finite")
+    near = np.abs(a * dx * mass / inertia - 1) < 1e-9
+    if near.any():
+        k = np.unravel_index(int(near.argmax()), near.shape)
+        raise InputError(
+            f"zero dynamics: arm = {a[k]:g} m with control point {dx[k]:g} m gives a dx = J/m = "
+            f"{inertia / mass:g} m^2, where B of C17 (21) has no inverse"
+        )
+    dynamics, values = zero_dynamics(model), model.coefficients()
+    numbers: dict[sp.Symbol, Any] = {coefficient(n): v for n, v in values.items()}
+    numbers |= {
+        coefficient("rudder_torque"): a * values["thrust"] * mass / inertia,
+        coefficient("control_point"): dx,
+        sp.Symbol("U", positive=True): speed,
+    }
+
+    def positive_everywhere(*expressions: sp.Expr) -> NDArray[np.bool_]:
+        found = [sp.lambdify(list(numbers), e)(*numbers.values()) for e in expressions]
+        return np.all([np.broadcast_to(f, a.shape) > 0 for f in found], axis=0)
+
+    c6 = coefficient("yaw_linear_drag")
+    right_side = dynamics.growth + c6  # of (24): kappa (c4 - c6)
+    return Prediction(
+        bounded=positive_everywhere(-dynamics.growth),
+        printed=positive_everywhere(c6 - inertia * right_side),
+        nose=positive_everywhere(*dynamics.nose),
+        stern=positive_everywhere(*dynamics.stern),
+    )
+
+
+def arm_region(
+    arm: tuple[float, float] = (-0.3, 0.3),
+    control_point: tuple[float, float] = (-0.3, 0.3),
+    points: int = 60,
+    *,
+    model: Model | None = None,
+    mass: float = 0.585,
+    inertia: float = 0.01,
+    heading: float = 0.0,
+    duration: float = 30.0,
+    executor: Executor | None = None,
+    checkpoint: str | Path | None = None,
+    progress: Callable[[int], None] | None = None,
+) -> tuple[Region, Region]:
+    """Return which arms and control points let the craft go nose-first, stern-first or spin away.
+
+    Parameters
+    ----------
+    arm, control_point : tuple of float, optional
+        Ranges [m].
+    points : int, optional
+        Along each axis.
+    model, mass, inertia
+        As for :func:`predict`.
+    heading : float, optional
+        Angle from the course to the heading at the start [rad]; default nose-first.
+    duration : float, optional
+        Of each simulation along C17's ellipse [s].
+    executor : concurrent.futures.Executor, optional
+        Where the simulations are done; default threads of this machine.
+    checkpoint : path, optional
+        Folder from which the same map resumes.
+    progress : callable, optional
+        Called now and then with the number of runs done.
+
+    Returns
+    -------
+    Region
+        Theory: maps ``nose``, ``stern``, ``bounded`` (24), ``printed``.
+    Region
+        Simulation, the judge: maps ``nose``, ``stern``, ``unsettled`` (on neither side, or still turning in
+        the last third), ``bounded`` (does not spin away), with theory's ``theorem``.
+
+    Raises
+    ------
+    InputError
+        As for :func:`predict`, if a range is none, or the map is too large.
+    """
+    model = c17_simulation() if model is None else model
+    x = axis("arm", "m", arm, points, "rudder arm a (negative: ahead of the centre of mass)")
+    y = axis("control_point", "m", control_point, points, "control point delta_x")
+    mass, inertia, duration = (
+        positive("mass", mass),
+        positive("inertia", inertia),
+        positive("duration", duration),
+    )
+    if not math.isfinite(number("heading", heading)):
+        raise InputError(f"heading must be finite, found {heading!r}")
+    reference, gain = c17_ellipse(), model.coefficients()["thrust"] * mass / inertia
+    loop = tracking_loop(model, reference).compile(friction="smooth")
+    refuse_large(loop, points**2, SECONDS_PER_RUN)
+    grid = mesh(x, y)
+    theory = predict(*grid, model=model, mass=mass, inertia=inertia)
+
+    def params(a: Array, dx: Array) -> dict[str, Array]:
+        return {
+            "plant.rudder_torque": gain * a,
+            "controller.rudder_torque": gain * a,
+            "controller.control_point": dx,
+        }
+
+    starts = [on_reference(reference, d, heading) for d in y.values]
+    start = {name: np.repeat([s[name] for s in starts], points) for name in starts[0]}
+    late = 2 / 3 * duration  # a start off the stable side may turn fast at first
+    options: dict[str, Any] = {"x0": start, "start": late, "method": "rk4", "step": STEP}
+    times = np.linspace(0.0, duration, 1 + max(2, round(10 * duration)))
+    kept = subfolder(checkpoint, "all")
+    runs = sweep_map(
+        loop, x, y, params, times, executor=executor, checkpoint=kept, progress=progress, **options
+    )
+    bounded = _bounded(runs)
+    doubtful = np.flatnonzero(theory.bounded & ~bounded)  # near a dx = J/m the loop is too fast for the step
+    if doubtful.size:
+        options |= {"x0": {name: v[doubtful] for name, v in start.items()}, "step": STEP / 20}
+        fine, kept = params(*(g[doubtful] for g in grid)), subfolder(checkpoint, "doubtful")
+        again = loop.sweep(times, params=fine, executor=executor, checkpoint=kept, **options)
+        bounded[doubtful] = _bounded(again)
+        for figure in ("final", "maximum", "minimum"):
+            getattr(runs["facing"], figure)[doubtful] = getattr(again["facing"], figure)
+    facing, moved = runs["facing"].final, runs["facing"].maximum - runs["facing"].minimum
+    settled = bounded & (np.abs(facing) > FACING) & (moved <= SETTLED)
+    shape = (points, points)
+    lines = {"a dx = J/m: B of (21) has no inverse": _singular_line(x, y, inertia / mass)}
+    predicted = {n: getattr(theory, n) for n in ("nose", "stern", "bounded", "printed")}
+    judged = {
+        "nose": settled & (facing > 0),
+        "stern": settled & (facing < 0),
+        "unsettled": bounded & ~settled,
+        "bounded": bounded,
+        "theorem": theory.bounded,
+    }
+    marks = {"C17 simulation": (0.14, 0.2)}
+    labels = {
+        "nose": "nose-first straight motion is stable",
+        "stern": "stern-first straight motion is stable",
+        "bounded": "Theorem 4, (24) corrected: yaw rate bounded",
+        "printed": "Theorem 4, (24) as printed",
+    }
+    said = {
+        "nose": "simulated: goes nose-first",
+        "stern": "simulated: goes stern-first",
+        "unsettled": "simulated: not settled on a side",
+        "bounded": "simulated: does not spin away",
+        "theorem": labels["bounded"],
+    }
+    return (
+        Region(
+            "C17 Theorem 4 and the linearisation",
+            x,
+            y,
+            {n: v.reshape(shape) for n, v in predicted.items()},
+            labels=labels,
+            lines=lines,
+            marks=marks,
+        ),
+        Region(
+            f"C17: simulated {duration:g} s along the ellipse",
+            x,
+            y,
+            {n: v.reshape(shape) for n, v in judged.items()},
+            labels=said,
+            lines=lines,
+            marks=marks,
+        ),
+    )
+
+
+def _bounded(runs: SweepResult) -> NDArray[np.bool_]:
+    rate = np.maximum(runs["r"].maximum, -runs["r"].minimum)
+    return (runs.status == 0) & (rate < RUNAWAY)
+
+
+def _singular_line(x: Axis, y: Axis, ratio: float) -> tuple[Array, Array]:
+    """Return where a dx = J/m, both branches, within the axes."""
+    a = np.linspace(x.values[0], x.values[-1], 801)
+    with np.errstate(divide="ignore"):
+        dx = ratio / a
+    inside = (dx >= y.values[0]) & (dx <= y.values[-1])
+    return np.where(inside, a, math.nan), np.where(inside, dx, math.nan)

@@ -1,0 +1,1 @@
+"""Analyses of any Block or log: observability, excitation, margins, regions."""

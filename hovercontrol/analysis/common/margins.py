@@ -1,0 +1,311 @@
+"""How much gain, phase, delay and jitter a loop bears at one of its wires, about a point or along a motion.
+
+The loop is broken at a signal, linearised by its exact Jacobians, and judged as one loop with all others
+closed. Along a motion it is linearised at each instant as if time stood still there (frozen): that is a
+guide for slow references, not a proof.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING
+
+import control
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hovercontrol.core.block import Block
+from hovercontrol.core.interconnect import interconnect, rename
+from hovercontrol.errors import InputError, did_you_mean
+from hovercontrol.simulation.trajectory import initial_state
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Array = NDArray[np.float64]
+Point = ArrayLike | Mapping[str, float]
+
+#: What a signal is called where it comes back to the wire that is cut.
+RETURNED = "_returned"
+
+#: A factor as small, or its inverse, stands for none at all.
+SMALL = 1e-9
+
+
+@dataclass(frozen=True)
+class Margins:
+    """What a loop bears at one wire before it is unstable; NaN where it is unstable as it is.
+
+    Attributes
+    ----------
+    stable : bool
+        Whether the linearised loop is stable.
+    gain_up, gain_down : float
+        Factors of the gain, above and below 1, at which it is at the edge; inf and 0 where it bears all.
+    phase : float
+        Smallest phase margin [deg]; inf where the gain never crosses 1.
+    crossover : float
+        Frequency at which it has that [rad/s].
+    disk : float
+        Diameter alpha of the balanced disk of gains and phases at once that it bears.
+    disk_gain, disk_phase : float
+        Gain factor, up or down, and phase [deg] within that disk.
+    delay : float
+        Longest constant delay [s]: phase margin over crossover, the least of all crossovers.
+    jitter : float
+        Every delay that varies as it likes within 0 and this [s] is borne: ``1/max |w T(j w)|``, after Kao
+        and Lincoln (2004), the theorem that K06 section 5.3.3 names. Sufficient, so never above `delay`.
+    """
+
+    stable: bool
+    gain_up: float = math.nan
+    gain_down: float = math.nan
+    phase: float = math.nan
+    crossover: float = math.nan
+    disk: float = math.nan
+    disk_gain: float = math.nan
+    disk_phase: float = math.nan
+    delay: float = math.nan
+    jitter: float = math.nan
+
+
+def break_loop(blocks: Sequence[Block], at: str | Sequence[str], name: str = "loop") -> Block:
+    """Return Blocks joined with wires cut: inputs `at`, outputs ``AT_returned``.
+
+    Parameters
+    ----------
+    blocks : sequence of Block
+        That join to a closed loop without inputs.
+    at : str or sequence of str
+        Signals that one of the Blocks drives.
+    name : str, optional
+
+    Raises
+    ------
+    InputError
+        If nothing drives the signal, or the Blocks leave other inputs open.
+    """
+    cut = [at] if isinstance(at, str) else list(at)
+    driven = {s.name for block in blocks for s in block.outputs}
+    for signal in cut:
+        if signal not in driven:
+            raise InputError(f"{name}: no block drives {signal!r}{did_you_mean(signal, driven)}")
+    parts = []
+    for block in blocks:
+        own = {s.name: f"{s.name}{RETURNED}" for s in block.outputs if s.name in cut}
+        parts.append(rename(block, own) if own else block)
+    whole = interconnect(parts, name, outputs=[f"{signal}{RETURNED}" for signal in cut])
+    more = [s.name for s in whole.inputs if s.name not in cut]
+    if more:
+        raise InputError(f"{name}: nothing drives {more[0]!r}: a loop to be cut must be closed")
+    return interconnect(parts, name, inputs=cut, outputs=[f"{signal}{RETURNED}" for signal in cut])
+
+
+class CutLoop:
+    """A loop with wires cut, to be linearised at many points.
+
+    Parameters
+    ----------
+    blocks, at
+        As for :func:`break_loop`.
+
+    Raises
+    ------
+    InputError
+        As there.
+    """
+
+    def __init__(self, blocks: Sequence[Block], at: str | Sequence[str]) -> None:
+        cut = [at] if isinstance(at, str) else list(at)
+        self._cut = break_loop(blocks, cut).to_control()
+        self._closed = interconnect(blocks, "loop", outputs=cut)
+
+    def linearize(
+        self, x: Point | None = None, time: float = 0.0, params: Mapping[str, float] | None = None
+    ) -> control.StateSpace:
+        """Return the linear system from the cut wires to where they come back; feedback is positive.
+
+        Parameters
+        ----------
+        x : array_like or mapping by name, optional
+            State of the closed loop, over its start values.
+        time : float, optional
+            [s]
+        params : mapping, optional
+            Parameter values by key.
+
+        Raises
+        ------
+        InputError
+            If a name or a number of values is wrong.
+        """
+        point = initial_state(self._closed, x)
+        through = self._closed.to_numpy().outputs(time, point, (), params)
+        return self._cut.linearize(point, through, time, params)
+
+    def along(
+        self, motion: control.TimeResponseData, params: Mapping[str, float] | None = None
+    ) -> Iterator[control.StateSpace]:
+        """Give the linear systems at each row of a motion of the closed loop, frozen.
+
+        Raises
+        ------
+        InputError
+            If the motion has not all states of this loop.
+        """
+        names, labels = [s.name for s in self._closed.states], list(motion.state_labels)
+        missing = [name for name in names if name not in labels]
+        if missing:
+            raise InputError(f"motion: no state {missing[0]!r}{did_you_mean(missing[0], labels)}")
+        states = np.asarray(motion.states)[[labels.index(name) for name in names]]
+        for time, x in zip(np.asarray(motion.time).tolist(), states.T, strict=True):
+            yield self.linearize(x, time, params)
+
+
+def margins(
+    blocks: Sequence[Block],
+    at: str,
+    x: Point | None = None,
+    *,
+    time: float = 0.0,
+    params: Mapping[str, float] | None = None,
+) -> Margins:
+    """Return the margins of a loop at one wire, linearised about a point.
+
+    Parameters
+    ----------
+    blocks, at
+        As for :func:`break_loop`.
+    x, time, params
+        As for :meth:`CutLoop.linearize`.
+
+    Raises
+    ------
+    InputError
+        As there.
+
+    Examples
+    --------
+    >>> from hovercontrol.core.signals import Signal
+    >>> v, a, k = Signal("v", "m/s"), Signal("a", "m/s^2"), Signal("k", "1/s", start=2.0)
+    >>> cart = Block("cart", [v], [a], [v], derivatives={"v": a.symbol})
+    >>> law = Block("law", [], [v], [a], [k], output_expressions={"a": -k.symbol * v.symbol})
+    >>> found = margins([cart, law], "a")  # the loop k/s
+    >>> round(found.phase, 3), round(found.delay, 5), round(found.jitter, 5)  # pi/(2 k) and 1/k
+    (90.0, 0.7854, 0.5)
+    """
+    return loop_margins(-CutLoop(blocks, at).linearize(x, time, params))
+
+
+def loop_margins(loop: control.StateSpace | control.TransferFunction) -> Margins:
+    """Return the margins of a linear loop, continuous, one input and output, negative feedback."""
+    loop = control.ss(loop)
+    closed = control.feedback(loop, 1)
+    if not (np.real(closed.poles()) < 0).all():
+        return Margins(stable=False)
+    gains, phases, _, _, crossovers, _ = control.stability_margins(loop, returnall=True)
+    gains = np.asarray(gains)[(gains > SMALL) & (gains < 1 / SMALL)]
+    phases, crossovers = np.radians(np.asarray(phases, dtype=float)), np.asarray(crossovers, dtype=float)
+    least = int(np.argmin(np.abs(phases))) if len(phases) else -1
+    late = np.mod(phases, 2 * np.pi) / crossovers
+    disk, gain, phase = _disk(loop, crossovers)
+    return Margins(
+        stable=True,
+        gain_up=float(min(gains[gains > 1], default=math.inf)),
+        gain_down=float(max(gains[gains < 1], default=0.0)),
+        phase=float(np.degrees(abs(phases[least]))) if len(phases) else math.inf,
+        crossover=float(crossovers[least]) if len(phases) else math.nan,
+        disk=disk,
+        disk_gain=10 ** (gain / 20) if gain < -20 * math.log10(SMALL) else math.inf,
+        disk_phase=phase,
+        delay=float(min(late, default=math.inf)),
+        jitter=_jitter(closed),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class FrozenMargins:
+    """Margins of the frozen linearisations along a motion.
+
+    Attributes
+    ----------
+    times : ndarray, shape (n,)
+        [s]
+    each : tuple of Margins
+    """
+
+    times: Array
+    each: tuple[Margins, ...]
+
+    def __getitem__(self, name: str) -> Array:
+        """Return one margin over time, shape (n,)."""
+        names = [f.name for f in fields(Margins)]
+        if name not in names:
+            raise InputError(f"no margin {name!r}{did_you_mean(name, names)}")
+        return np.array([getattr(m, name) for m in self.each], dtype=float)
+
+    def plot(self) -> Figure:
+        """Return phase, gain and delay margins over time as a picture."""
+        from hovercontrol.notebook.plots import margins_figure
+
+        return margins_figure(self)
+
+    @property
+    def worst(self) -> Margins:
+        """What is borne all the way, margin by margin; NaN if the loop is unstable anywhere."""
+        if not self["stable"].all():
+            return Margins(stable=False)
+        found = {f.name: float(self[f.name].min()) for f in fields(Margins) if f.name != "stable"}
+        found["gain_down"] = float(self["gain_down"].max())
+        found["crossover"] = float(self["crossover"][np.argmin(self["phase"])])
+        return Margins(stable=True, **found)
+
+
+def margins_along(
+    blocks: Sequence[Block],
+    at: str,
+    motion: control.TimeResponseData,
+    *,
+    params: Mapping[str, float] | None = None,
+) -> FrozenMargins:
+    """Return the margins of the frozen linearisations along a motion, such as a period of a reference.
+
+    Parameters
+    ----------
+    blocks, at
+        As for :func:`break_loop`.
+    motion : control.TimeResponseData
+        Of the closed loop, states by name; each row is a point.
+    params : mapping, optional
+        Parameter values by key.
+
+    Raises
+    ------
+    InputError
+        As by :class:`CutLoop`.
+    """
+    each = tuple(loop_margins(-line) for line in CutLoop(blocks, at).along(motion, params))
+    return FrozenMargins(np.asarray(motion.time, dtype=float), each)
+
+
+def _jitter(closed: control.StateSpace) -> float:
+    """Return 1/max |w T(j w)|; 0 where T feeds through at once, which bears no varying delay."""
+    if np.any(closed.D):
+        return 0.0
+    A, B, C = closed.A, closed.B, closed.C
+    size = float(control.system_norm(control.ss(A, B, C @ A, C @ B), "inf", print_warning=False))
+    return 1 / size if size > 0 else math.inf
+
+
+def _disk(loop: control.StateSpace, crossovers: Array) -> tuple[float, float, float]:
+    """Return disk margin, disk-based gain [dB] and phase margin [deg], sought about all that happens."""
+    moving = np.abs(np.concatenate([loop.poles(), loop.zeros(), crossovers]))
+    moving = moving[(moving > 1e-6) & (moving < 1e6)]
+    low, high = (moving.min(), moving.max()) if len(moving) else (1.0, 1.0)
+    coarse = np.sort(np.concatenate([np.geomspace(low / 100, high * 100, 300), crossovers]))
+    worst = int(np.argmin(control.disk_margins(loop, coarse, returnall=True)[0]))
+    near = coarse[max(worst - 1, 0)], coarse[min(worst + 1, len(coarse) - 1)]
+    disk, gain, phase = control.disk_margins(loop, np.linspace(*near, 201))
+    return float(disk), float(gain), float(phase)

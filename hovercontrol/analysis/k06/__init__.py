@@ -1,0 +1,1 @@
+"""Analyses of K06's laws, bench and real loop."""

@@ -1,0 +1,551 @@
+"""The Block: a dynamic system written once, from which every other form is derived.
+
+A Block knows its signals and their expressions, nothing of solvers, vehicles or tools. Its backends live in
+:mod:`hovercontrol.targets` and above; the methods here ask for them by name
+(:mod:`hovercontrol.core.backends`).
+"""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import sympy as sp
+from numpy.typing import ArrayLike
+
+from hovercontrol.core.backends import backend
+from hovercontrol.core.boundary import checked
+from hovercontrol.core.checking import check
+from hovercontrol.core.expressions import Expressions
+from hovercontrol.core.signals import Signal
+from hovercontrol.errors import InputError, did_you_mean
+
+if TYPE_CHECKING:
+    import control
+
+    from hovercontrol.core.functions import NumpyFunctions
+    from hovercontrol.simulation.runner import BlockRunner
+    from hovercontrol.targets.compiled import CompiledBlock
+
+Rows = Literal["derivatives", "outputs"]
+Columns = Literal["states", "inputs", "parameters"]
+
+
+@dataclass(frozen=True)
+class Tick:
+    """What happens at every multiple of a period in a hybrid Block.
+
+    Parameters
+    ----------
+    name : str
+        Of the sampled Block that it was.
+    period : float
+        [s]
+    updates : mapping of str to sympy.Expr
+        The states that it sets, each to its expression; all see the values before the tick, where an earlier
+        tick of the same instant has not set them.
+    """
+
+    name: str
+    period: float
+    updates: Expressions
+
+
+@checked
+@dataclass(frozen=True)
+class Block:
+    """A dynamic system: named signals and their expressions.
+
+    Parameters
+    ----------
+    name : str
+        An identifier; the prefix of the Block's parameter keys.
+    states, inputs, outputs, parameters : sequence of Signal
+        Names are unique within the Block; an output may carry the name of a state, an input or a
+        definition when it is just that.
+    derivatives : mapping of str to sympy.Expr
+        The time derivative of each state; of a sampled Block its next value.
+    output_expressions : mapping of str to sympy.Expr, optional
+        One for each output; an output named like a state, an input or a definition may be left out.
+    definitions : mapping of str to sympy.Expr, optional
+        Named intermediate quantities, in any order, that other expressions use.
+    definition_signals : sequence of Signal, optional
+        Unit and description of definitions, where they are known; derived otherwise.
+    period : float, optional
+        Of a sampled Block [s]: at every multiple its outputs are computed and held, then its states take
+        their next values. 0 (the default) for a continuous one.
+    ticks : sequence of Tick, optional
+        Of a hybrid Block, made by :func:`~hovercontrol.core.interconnect.interconnect`: what sets the last
+        of its states, which hold their values in between.
+    delays : mapping of str to sympy.Expr, optional
+        How late inputs act [s], of parameters alone and never negative. In the expressions the symbol of such
+        an input is its value as it arrives; until the first value arrives that is its start value. See
+        :mod:`hovercontrol.core.delays`.
+
+    Raises
+    ------
+    InputError
+        If a name is used twice, a symbol is unknown, an expression is missing, or definitions are circular.
+    UnitError
+        If an expression adds what cannot be added; the line names the expression.
+
+    Examples
+    --------
+    >>> v, F, m = Signal("v", "m/s"), Signal("F", "N"), Signal("m", "kg", start=2.0)
+    >>> cart = Block("cart", [v], [F], [v], [m], {"v": F.symbol / m.symbol})
+    >>> print(cart.equations())
+    v' = F/m
+    """
+
+    name: str
+    states: tuple[Signal, ...] = ()
+    inputs: tuple[Signal, ...] = ()
+    outputs: tuple[Signal, ...] = ()
+    parameters: tuple[Signal, ...] = ()
+    derivatives: Mapping[str, sp.Expr] = field(default_factory=Expressions)
+    output_expressions: Mapping[str, sp.Expr] = field(default_factory=Expressions)
+    definitions: Mapping[str, sp.Expr] = field(default_factory=Expressions)
+    definition_signals: tuple[Signal, ...] = ()
+    period: float = 0.0
+    ticks: tuple[Tick, ...] = ()
+    delays: Mapping[str, sp.Expr] = field(default_factory=Expressions)
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.name, str) or not re.fullmatch(r"[A-Za-z_]\w*", self.name):
+            raise InputError(f"{self.name!r} is no block name: letters, digits and _ wanted")
+        for kind in ("states", "inputs", "outputs", "parameters", "definition_signals"):
+            signals = getattr(self, kind)
+            if isinstance(signals, str | Signal) or not all(isinstance(s, Signal) for s in signals):
+                raise InputError(self.where(f"{kind} must be a sequence of Signal, found {signals!r}"))
+            object.__setattr__(self, kind, tuple(signals))
+        for kind in ("derivatives", "output_expressions", "definitions", "delays"):
+            if not isinstance(getattr(self, kind), Expressions):
+                object.__setattr__(self, kind, Expressions(getattr(self, kind)))
+        object.__setattr__(self, "ticks", tuple(self.ticks))
+        check(self)
+
+    # ---- what can be asked ---------------------------------------------------------------------------
+
+    def where(self, text: str) -> str:
+        """Return a text for an error, the Block's name in front."""
+        return f"block {self.name!r}: {text}"
+
+    def all_expressions(self) -> Iterator[tuple[str, sp.Expr]]:
+        """Yield every expression and what texts call it."""
+        yield from self.definitions.items()
+        for name, expression in self.derivatives.items():
+            yield self.update_text(name), expression
+        for tick in self.ticks:
+            yield from ((f"next {name}", expression) for name, expression in tick.updates.items())
+        yield from self.output_expressions.items()
+
+    @cached_property
+    def n_continuous(self) -> int:
+        """Number of states that no tick sets; they come first."""
+        return len(self.states) - sum(len(tick.updates) for tick in self.ticks)
+
+    def update_text(self, state: str) -> str:
+        """Return how texts call what `derivatives` has of a state: ``u'``, or ``next mode`` if sampled."""
+        return f"next {state}" if self.period else f"{state}'"
+
+    def need_continuous(self, face: str, *, hybrid: bool = True) -> None:
+        """Refuse a sampled Block where it has no such face; raises :class:`InputError`.
+
+        Parameters
+        ----------
+        face : str
+            What it has not.
+        hybrid : bool, optional
+            Whether a hybrid Block has it.
+        """
+        if self.period:
+            raise InputError(
+                self.where(
+                    f"sampled every {self.period:g} s, it has no {face}: interconnect it with what it "
+                    "measures and drives"
+                )
+            )
+        if self.ticks and not hybrid:
+            raise InputError(self.where(f"it has parts that tick and so no {face}"))
+
+    @cached_property
+    def in_continuous_time(self) -> Block:
+        """The Block itself; of a sampled one a hybrid Block that does the same alone, its outputs held.
+
+        States of that have the Block's name in front, as in any interconnection.
+        """
+        if not self.period:
+            return self
+        whole: Block = backend("interconnect")([self], self.name, hybrid=True)
+        return whole
+
+    def need_prompt_inputs(self, face: str) -> None:
+        """Refuse a Block whose inputs act late where nothing remembers them; raises :class:`InputError`.
+
+        Parameters
+        ----------
+        face : str
+            What needs each input at the instant at which it acts.
+        """
+        for name in self.delays:
+            raise InputError(
+                self.where(
+                    f"the input {name!r} acts with a delay, of which {face} knows nothing: give the inputs "
+                    "as they arrive to hovercontrol.core.delays.undelayed(block), or approximate by "
+                    "hovercontrol.core.delays.pade(block, order)"
+                )
+            )
+
+    @checked
+    def signal(self, name: str) -> Signal:
+        """Return the state, input, parameter, output or definition of that name.
+
+        Raises
+        ------
+        InputError
+            If there is none; the nearest name is in the text.
+        """
+        groups = (self.states, self.inputs, self.parameters, self.outputs, self.definition_signals)
+        every = {s.name: s for group in reversed(groups) for s in group}
+        if name not in every:
+            hint = did_you_mean(name, every)
+            raise InputError(self.where(f"no signal {name!r}{hint}"))
+        return every[name]
+
+    def parameter_key(self, name: str) -> str:
+        """Return the key of a parameter in ``params``, unique among Blocks: ``plant.yaw_coulomb``."""
+        return name if "." in name else f"{self.name}.{name}"
+
+    @cached_property
+    def default_parameters(self) -> dict[str, float]:
+        """The value of every parameter, by its key."""
+        return {self.parameter_key(p.name): p.start for p in self.parameters}
+
+    @checked
+    def parameter_values(
+        self, params: Mapping[str, float] | None = None, *, bounded: bool = True
+    ) -> tuple[float, ...]:
+        """Return the values of all parameters in order, `params` over the defaults.
+
+        Parameters
+        ----------
+        params : mapping, optional
+            Values by key (``plant.yaw_coulomb``).
+        bounded : bool, optional
+            Refuse values out of their bounds. Finite differences at a bound step over it.
+
+        Raises
+        ------
+        InputError
+            If a key is unknown (the nearest is named), a value is no number or out of its bounds.
+        """
+        values = dict(self.default_parameters)
+        signals = dict(zip(values, self.parameters, strict=True))
+        for key, value in (params or {}).items():
+            if key not in values:
+                hint = did_you_mean(key, values)
+                raise InputError(self.where(f"unknown parameter {key!r}{hint}"))
+            try:
+                values[key] = signals[key].check(float(value), key) if bounded else float(value)
+            except (TypeError, ValueError) as error:
+                if isinstance(error, InputError):
+                    raise InputError(self.where(str(error))) from None
+                text = f"parameter {key!r} must be a number, found {value!r}"
+                raise InputError(self.where(text)) from None
+        return tuple(values.values())
+
+    @checked
+    def with_values(self, values: Mapping[str, float]) -> Block:
+        """Return the Block with other start values of states, inputs or parameters.
+
+        Parameters
+        ----------
+        values : mapping
+            By signal name; parameters also by key or by its last part, where no state or input has that name
+            (``thrust`` is the plant's input, ``plant.thrust`` its coefficient).
+
+        Raises
+        ------
+        InputError
+            If a name is unknown or a value out of its bounds.
+        """
+        own = {s.name for s in (*self.states, *self.inputs)}
+        keys = {self.parameter_key(p.name): p.name for p in self.parameters}
+        left: dict[str, float] = {}
+        for name, value in values.items():
+            short = [key for key in keys if key.rpartition(".")[2] == name]
+            left[name if name in own else keys.get(name, keys[short[0]] if len(short) == 1 else name)] = value
+
+        def changed(signals: tuple[Signal, ...]) -> tuple[Signal, ...]:
+            return tuple(s.but(start=left.pop(s.name)) if s.name in left else s for s in signals)
+
+        new = {kind: changed(getattr(self, kind)) for kind in ("states", "inputs", "parameters")}
+        if left:
+            self.signal(next(iter(left)))
+            raise InputError(self.where(f"{next(iter(left))!r} is computed, it has no start value"))
+        return self.unchecked(**new)
+
+    @checked
+    def parameter(self, name: str) -> Signal:
+        """Return a parameter by its key (``plant.yaw_coulomb``) or, where that is unique, its last part.
+
+        Raises
+        ------
+        InputError
+            If there is none; the nearest is named.
+        """
+        every = {self.parameter_key(p.name): p for p in self.parameters}
+        short = [p for key, p in every.items() if key.rpartition(".")[2] == name]
+        if name in every or len(short) == 1:
+            return every.get(name) or short[0]
+        hint = did_you_mean(name, [*every, *(key.rpartition(".")[2] for key in every)])
+        raise InputError(self.where(f"no parameter {name!r}{hint}"))
+
+    def named(self, name: str) -> Block:
+        """Return the Block under another name; its own parameters' keys follow."""
+        own = f"{self.name}."
+        moved = {
+            p.name: f"{name}.{p.name.removeprefix(own)}" for p in self.parameters if p.name.startswith(own)
+        }
+        return replace(self.with_parameter_names(moved), name=name)
+
+    def with_parameter_names(self, names: Mapping[str, str]) -> Block:
+        """Return the Block with other names for some parameters, old to new."""
+        swap = {sp.Symbol(a, real=True): sp.Symbol(b, real=True) for a, b in names.items()}
+        parameters = tuple(p.but(name=names.get(p.name, p.name)) for p in self.parameters)
+        return replace(self, parameters=parameters, **self.swapped(swap))
+
+    @cached_property
+    def feedthrough(self) -> dict[str, tuple[str, ...]]:
+        """For each output the inputs that act on it at the same instant, derived from the expressions."""
+        inputs = {s.symbol: s.name for s in self.inputs}
+        reach: dict[sp.Symbol, set[str]] = {symbol: {name} for symbol, name in inputs.items()}
+
+        def of(expression: sp.Expr) -> set[str]:
+            found = (reach.get(symbol, set()) for symbol in expression.free_symbols)
+            return set().union(*found)
+
+        for name, expression in self.definitions.items():
+            reach[sp.Symbol(name, real=True)] = of(expression)
+        return {
+            name: tuple(i.name for i in self.inputs if i.name in of(expression))
+            for name, expression in self.output_expressions.items()
+        }
+
+    def expand(self, expression: sp.Expr) -> sp.Expr:
+        """Return an expression with all definitions written out."""
+        for name, value in reversed(list(self.definitions.items())):
+            expression = expression.xreplace({sp.Symbol(name, real=True): value})
+        return expression
+
+    def jacobian(self, rows: Rows = "derivatives", columns: Columns = "states") -> sp.ImmutableMatrix:
+        """Return the exact partial derivatives, with definitions written out.
+
+        Parameters
+        ----------
+        rows : {"derivatives", "outputs"}
+        columns : {"states", "inputs", "parameters"}
+
+        Returns
+        -------
+        sympy.ImmutableMatrix
+            One row for each state (output), one column for each signal of that kind.
+
+        Examples
+        --------
+        >>> v, k = Signal("v", "m/s"), Signal("k", "1/s")
+        >>> Block("decay", [v], [], [v], [k], {"v": -k.symbol * v.symbol}).jacobian()
+        Matrix([[-k]])
+        """
+        from hovercontrol.core.derivatives import partial_derivatives
+
+        names = [s.name for s in getattr(self, columns)]
+        shape = (len(getattr(self, "states" if rows == "derivatives" else "outputs")), len(names))
+        entries = partial_derivatives(self, rows, names)
+        return sp.ImmutableMatrix(*shape, lambda i, j: self.expand(entries.get((i, j), sp.S.Zero)))
+
+    def equations(self, form: Literal["text", "latex"] = "text") -> str:
+        """Return the equations, one line each: definitions, derivatives, then computed outputs."""
+        from hovercontrol.core.equations import latex_equations, text_equations
+
+        if form not in ("text", "latex"):
+            raise InputError(f"equations come as 'text' or 'latex', not {form!r}")
+        return text_equations(self) if form == "text" else latex_equations(self)
+
+    @cached_property
+    def content_hash(self) -> str:
+        """A hexadecimal digest of all that the Block says; the same in every process."""
+        digest = hashlib.sha256(self.name.encode())
+        for kind in fields(self):
+            value = getattr(self, kind.name)
+            if isinstance(value, Expressions):
+                value = [(name, sp.srepr(expression)) for name, expression in value.items()]
+            digest.update(f"{kind.name}={value!r};".encode())
+        return digest.hexdigest()
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {f.name: getattr(self, f.name) for f in fields(self)}
+
+    def swapped(self, swap: Mapping[sp.Expr, sp.Expr]) -> dict[str, Any]:
+        """Return all groups of expressions, one thing put for another, as fields of a new Block."""
+
+        def group(expressions: Mapping[str, sp.Expr]) -> Expressions:
+            return Expressions((name, e.xreplace(swap)) for name, e in expressions.items())
+
+        fields_: dict[str, Any] = {
+            kind: group(getattr(self, kind))
+            for kind in ("derivatives", "definitions", "output_expressions", "delays")
+        }
+        return fields_ | {"ticks": tuple(replace(tick, updates=group(tick.updates)) for tick in self.ticks)}
+
+    def unchecked(self, **changes: Any) -> Block:
+        """Return a copy with changed fields that are not checked, for code that derives Blocks."""
+        block = object.__new__(Block)
+        for f in fields(Block):
+            object.__setattr__(block, f.name, changes.get(f.name, getattr(self, f.name)))
+        return block
+
+    def _repr_html_(self) -> str:
+        return str(backend("html")(self))
+
+    # ---- its faces -----------------------------------------------------------------------------------
+
+    def to_numpy(self) -> NumpyFunctions:
+        """Return the Block as NumPy functions (:mod:`hovercontrol.core.functions`).
+
+        Raises
+        ------
+        InputError
+            If inputs act late: no function of a point knows their past.
+        """
+        from hovercontrol.core.functions import numpy_functions
+
+        return numpy_functions(self)
+
+    def start(
+        self,
+        x0: ArrayLike | Mapping[str, float] | None = None,
+        params: Mapping[str, float] | None = None,
+        *,
+        inputs: Sequence[float] | Mapping[str, float] | float | None = None,
+        time: float = 0.0,
+        rtol: float = 1e-6,
+        atol: float = 1e-9,
+    ) -> BlockRunner:
+        """Start a run that goes step by step, on plain Python floats; ``block.compile().start()`` is faster.
+
+        Parameters
+        ----------
+        x0 : array_like, shape (n_states,), or mapping by name, optional
+            Initial state over the states' start values.
+        params : mapping, optional
+            Parameter values by key, over the defaults.
+        inputs : sequence of float, or mapping by name, optional
+            Before the first step, over the inputs' start values.
+        time : float, optional
+            To start at [s].
+        rtol, atol : float, optional
+            Relative and absolute tolerance of the solver.
+
+        Returns
+        -------
+        BlockRunner
+            With ``step(inputs, dt)``, ``set``, ``state``, ``outputs``, ``time``, ``save`` and ``restore``
+            (:class:`hovercontrol.simulation.runner.Runner`).
+
+        Raises
+        ------
+        InputError
+            If a name, a shape or a value is wrong.
+
+        Examples
+        --------
+        >>> v, k = Signal("v", "m/s", start=1.0), Signal("k", "1/s", start=2.0)
+        >>> run = Block("decay", [v], [], [v], [k], {"v": -k.symbol * v.symbol}).start()
+        >>> run.step(None, 0.5).round(5).tolist(), run.time
+        ([0.36788], 0.5)
+        >>> begin = run.save()
+        >>> run.set(params={"decay.k": 0.0})
+        >>> run.step(None, 0.5).round(5).tolist()
+        [0.36788]
+        >>> run.restore(begin)
+        >>> run.step(None, 0.5).round(5).tolist()
+        [0.13534]
+        """
+        run: BlockRunner = backend("start")(self, x0, params, inputs=inputs, time=time, rtol=rtol, atol=atol)
+        return run
+
+    def to_control(
+        self, name: str | None = None, *, step: float | None = None, pade: int | None = None
+    ) -> control.NonlinearIOSystem:
+        """Return the Block as one python-control system (:mod:`hovercontrol.targets.control`).
+
+        A sampled Block becomes a discrete-time system of its period, a hybrid one of `step` [s]. Inputs that
+        act late are held in shift registers of `step`, or approximated by Pade's fraction of order `pade`.
+        """
+        return backend("control")(self, name, step=step, pade=pade)
+
+    def compile(self, *, friction: Literal["events", "smooth"] = "events") -> CompiledBlock:
+        """Return the Block as machine code, for fast simulation and sweeps over many runs.
+
+        Parameters
+        ----------
+        friction : {"events", "smooth"}, optional
+            Dry friction that sticks at exactly zero velocity, its events located; or smoothed over its width,
+            as the other faces compute it.
+        """
+        compiled: CompiledBlock = backend("compile")(self.in_continuous_time, friction=friction)
+        return compiled
+
+    def to_fmu(
+        self,
+        path: str | Path,
+        *,
+        version: Literal[2, 3] = 3,
+        platforms: str | Iterable[str] | None = None,
+        friction: Literal["events", "smooth"] = "events",
+        step: float | None = None,
+        stop: float | None = None,
+        rtol: float = 1e-6,
+        atol: float = 1e-9,
+        progress: Callable[[float], None] | None = None,
+    ) -> Path:
+        """Write the Block as an FMU, Model Exchange and Co-Simulation in one file.
+
+        A sampled Block becomes one whose outputs hold. Arguments, result and errors are those of
+        :func:`hovercontrol.fmi.exporter.export.export_fmu`.
+        """
+        written: Path = backend("fmu")(
+            self,
+            path,
+            version=version,
+            platforms=platforms,
+            friction=friction,
+            step=step,
+            stop=stop,
+            rtol=rtol,
+            atol=atol,
+            progress=progress,
+        )
+        return written
+
+    def linearize(
+        self, x: ArrayLike, u: ArrayLike = (), params: Mapping[str, float] | None = None, t: float = 0.0
+    ) -> control.StateSpace:
+        """Return the exact linearisation at a point as a python-control state-space system.
+
+        Parameters
+        ----------
+        x : array_like, shape (n_states,)
+        u : array_like, shape (n_inputs,)
+        params : mapping, optional
+            Parameter values by key, over the defaults.
+        t : float, optional
+            Time [s].
+        """
+        return self.to_control().linearize(x, u, t=t, params=params)

@@ -1,0 +1,74 @@
+"""Dry friction in a Block: found from its equations, and written out for a runtime with events.
+
+``sgn(v, w)`` in the derivative of the state v itself is dry friction: set-valued at v = 0, where the state
+can stick. A sgn anywhere else (a controller that cancels friction, a regressor) is a smooth function.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import sympy as sp
+
+from hovercontrol.core.block import Block
+from hovercontrol.core.expressions import Expressions
+from hovercontrol.core.sgn import sgn
+from hovercontrol.errors import InputError
+
+
+@dataclass(frozen=True)
+class DryFriction:
+    """One dry friction: ``v' = a + b s`` with s in [-1, 1] in place of its sgn.
+
+    Parameters
+    ----------
+    state : str
+        The velocity v.
+    symbol : sympy.Symbol
+        s.
+    a, b : sympy.Expr
+        May use the Block's definitions.
+    """
+
+    state: str
+    symbol: sp.Symbol
+    a: sp.Expr
+    b: sp.Expr
+
+
+def dry_frictions(block: Block) -> tuple[DryFriction, ...]:
+    """Return the dry frictions of a Block, in the order of its states.
+
+    Raises
+    ------
+    InputError
+        If a derivative is not linear in the sgn of its own state.
+
+    Examples
+    --------
+    >>> from hovercontrol.models.vehicles import c17_simulation
+    >>> [f.state for f in dry_frictions(c17_simulation().plant())]
+    ['u', 'v', 'r']
+    """
+    found: list[DryFriction] = []
+    for state in block.states:
+        e = block.derivatives[state.name]
+        own = sorted((f for f in e.atoms(sgn) if f.args[0] == state.symbol), key=str)
+        if not own:
+            continue
+        s = sp.Symbol(f"sgn_{len(found)}", real=True)
+        replaced = e.xreplace(dict.fromkeys(own, s))
+        b = sp.diff(replaced, s)
+        if s in b.free_symbols:
+            raise InputError(
+                f"block {block.name!r}: {state.name}' is not linear in sgn({state.name}), '{e}': "
+                "dry friction must enter it linearly"
+            )
+        found.append(DryFriction(state.name, s, replaced.xreplace({s: sp.S.Zero}), b))
+    return tuple(found)
+
+
+def with_modes(block: Block, frictions: tuple[DryFriction, ...]) -> Block:
+    """Return the Block with ``a + b s`` in place of each dry friction; s are free symbols, the modes."""
+    changed = {f.state: f.a + f.b * f.symbol for f in frictions}
+    return block.unchecked(derivatives=Expressions({**block.derivatives, **changed}))

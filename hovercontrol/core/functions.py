@@ -1,0 +1,259 @@
+"""A Block as Python functions: plain floats for speed at one point, NumPy arrays for many points at once.
+
+The source of both is printed by SymPy from the same expressions, common subexpressions computed once.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from functools import cached_property, lru_cache
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+import sympy as sp
+from numpy.typing import ArrayLike, NDArray
+from sympy.printing.numpy import NumPyPrinter
+from sympy.printing.pycode import PythonCodePrinter
+
+from hovercontrol.core.derivatives import partial_derivatives
+from hovercontrol.core.program import Program
+from hovercontrol.core.signals import time
+from hovercontrol.errors import InputError
+
+if TYPE_CHECKING:
+    from hovercontrol.core.block import Block, Columns, Rows
+
+Array = NDArray[np.float64]
+Function = Callable[..., tuple[Any, ...]]
+FunctionPair = tuple[Function, Function]
+
+
+class NumpyFunctions:
+    """The functions of one Block; made by ``block.to_numpy()``.
+
+    Parameters
+    ----------
+    block : Block
+    """
+
+    def __init__(self, block: Block) -> None:
+        self.block = block
+        self._groups = (
+            [s.symbol for s in block.states],
+            [s.symbol for s in block.inputs],
+            [s.symbol for s in block.parameters],
+        )
+
+    def derivatives(
+        self, t: ArrayLike, x: ArrayLike, u: ArrayLike = (), params: Mapping[str, float] | None = None
+    ) -> Array:
+        """Return the states' time derivatives.
+
+        Parameters
+        ----------
+        t : array_like, scalar or shape (...)
+            Time [s].
+        x : array_like, shape (n_states, ...)
+            States; further axes are independent points.
+        u : array_like, shape (n_inputs, ...)
+        params : mapping, optional
+            Parameter values by key, over the defaults; here also out of their bounds, as finite
+            differences need it.
+
+        Returns
+        -------
+        ndarray, shape (n_states, ...)
+
+        Raises
+        ------
+        InputError
+            If a shape or a key is wrong.
+        """
+        return self._evaluate(self._pair("derivatives"), t, x, u, params)
+
+    def outputs(
+        self, t: ArrayLike, x: ArrayLike, u: ArrayLike = (), params: Mapping[str, float] | None = None
+    ) -> Array:
+        """Return the outputs, shape (n_outputs, ...); arguments as in :meth:`derivatives`."""
+        return self._evaluate(self._pair("outputs"), t, x, u, params)
+
+    def jacobian(
+        self,
+        t: ArrayLike,
+        x: ArrayLike,
+        u: ArrayLike = (),
+        params: Mapping[str, float] | None = None,
+        rows: Rows = "derivatives",
+        columns: Columns = "states",
+    ) -> Array:
+        """Return the exact Jacobian, shape (n_rows, n_columns, ...); arguments as in :meth:`derivatives`."""
+        function, entries, shape = self._jacobian_parts(rows, columns)
+        args = self._arguments(t, x, u)
+        values = function(*args, self.block.parameter_values(params, bounded=False))
+        result = np.zeros(shape + np.broadcast_shapes(*(np.shape(v) for v in (*args[1], *args[2], t))))
+        for (i, j), value in zip(entries, values, strict=True):
+            result[i, j] = value
+        return result
+
+    def scalar_pair(self, rows: Rows) -> FunctionPair:
+        """Return the function ``(t, x, u, p) -> tuple`` for plain floats, and its form for arrays.
+
+        For tight loops, through :func:`call_scalar`; p are the parameter values in order.
+        """
+        return self._pair(rows)
+
+    def tick_pair(self, k: int) -> FunctionPair:
+        """Return the same of a hybrid Block's k-th tick: what it sets, in the order of its updates."""
+        return self._pair(k)
+
+    @cached_property
+    def vector(self) -> FunctionPair:
+        """Derivatives and outputs as functions ``(t, x, u, p) -> tuple`` of arrays, without any checks."""
+        return self._pair("derivatives")[1], self._pair("outputs")[1]
+
+    # ---- inside --------------------------------------------------------------------------------------
+
+    @cached_property
+    def _pairs(self) -> dict[str | int, FunctionPair]:
+        return {}
+
+    def _pair(self, rows: Rows | int) -> FunctionPair:
+        if rows not in self._pairs:
+            block = self.block
+            if isinstance(rows, int):
+                wanted: Mapping[str, sp.Expr] = block.ticks[rows].updates
+            else:
+                wanted = block.derivatives if rows == "derivatives" else block.output_expressions
+            source = Program(block, list(wanted.values()))
+            self._pairs[rows] = (
+                _compile(source, "math", self._groups),
+                _compile(source, "numpy", self._groups),
+            )
+        return self._pairs[rows]
+
+    @lru_cache(maxsize=16)  # noqa: B019  (one entry a Jacobian; the object lives as long as its Block)
+    def _jacobian_parts(
+        self, rows: Rows, columns: Columns
+    ) -> tuple[Function, list[tuple[int, int]], tuple[int, int]]:
+        names = [s.name for s in getattr(self.block, columns)]
+        entries = partial_derivatives(self.block, rows, names)
+        function = _compile(Program(self.block, list(entries.values())), "numpy", self._groups)
+        n_rows = len(self.block.states if rows == "derivatives" else self.block.outputs)
+        return function, list(entries), (n_rows, len(names))
+
+    def _arguments(self, t: ArrayLike, x: ArrayLike, u: ArrayLike) -> tuple[Any, Array, Array]:
+        xs, us = np.asarray(x, dtype=float), np.asarray(u, dtype=float)
+        for given, group, kind in ((xs, self.block.states, "state"), (us, self.block.inputs, "input")):
+            found = given.shape[0] if given.ndim else 1
+            if found != len(group):
+                names = ", ".join(s.name for s in group[:8]) + (", ..." if len(group) > 8 else "")
+                raise InputError(
+                    f"block {self.block.name!r}: expected {len(group)} {kind} values ({names}), found {found}"
+                )
+        return np.asarray(t, dtype=float)[()], np.atleast_1d(xs), np.atleast_1d(us)
+
+    def _evaluate(self, pair: FunctionPair, t: ArrayLike, x: ArrayLike, u: ArrayLike, params: Any) -> Array:
+        t, xs, us = self._arguments(t, x, u)
+        p = self.block.parameter_values(params, bounded=False)
+        if xs.ndim == us.ndim == 1 and np.ndim(t) == 0:
+            return np.array(call_scalar(pair, float(t), xs.tolist(), us.tolist(), p), dtype=float)  # type: ignore[arg-type]
+        if xs.ndim > 1 and us.ndim == 1:
+            us = us.reshape(-1, *(1,) * (xs.ndim - 1))
+        values = pair[1](t, xs, us, p)
+        shape = np.broadcast_shapes(np.shape(t), xs.shape[1:], us.shape[1:])
+        return np.array([np.broadcast_to(v, shape) for v in values], dtype=float).reshape(-1, *shape)
+
+
+def call_scalar(
+    pair: FunctionPair, t: float, x: Sequence[float], u: Sequence[float], p: Sequence[float]
+) -> tuple[float, ...]:
+    """Evaluate with plain floats; where Python's floats raise (1/0), let NumPy answer inf or nan."""
+    try:
+        return pair[0](t, x, u, p)
+    except (ZeroDivisionError, OverflowError, ValueError):
+        with np.errstate(all="ignore"):
+            return tuple(float(v) for v in pair[1](t, np.array(x), np.array(u), np.array(p)))
+
+
+@lru_cache(maxsize=256)
+def numpy_functions(block: Block) -> NumpyFunctions:
+    """Return the functions of a Block, derived once for equal Blocks.
+
+    Examples
+    --------
+    >>> from hovercontrol.core.signals import Signal
+    >>> v, k = Signal("v", "m/s"), Signal("k", "1/s", start=2.0)
+    >>> decay = Block("decay", [v], [], [v], [k], {"v": -k.symbol * v.symbol})
+    >>> numpy_functions(decay).derivatives(0.0, [[1.0, 2.0, 3.0]])
+    array([[-2., -4., -6.]])
+    """
+    return NumpyFunctions(block)
+
+
+def _compile(
+    program: Program, backend: Literal["math", "numpy"], groups: Sequence[list[sp.Symbol]]
+) -> Function:
+    """Compile ``f(t, x, u, p)`` returning a tuple."""
+    short: dict[sp.Symbol, sp.Symbol] = {time: sp.Symbol("t")}
+    lines = ["def f(t, x, u, p):"]
+    used = program.symbols
+    for letter, group in zip("xup", groups, strict=True):
+        for k, symbol in enumerate(group):
+            short[symbol] = sp.Symbol(f"{letter}{k}")
+        loads = [f"{letter}{k} = {letter}[{k}]" for k, s in enumerate(group) if s in used]
+        if len(loads) == len(group) > 1:
+            loads = [f"{', '.join(f'{letter}{k}' for k in range(len(group)))} = {letter}"]
+        lines += [f"    {load}" for load in loads]
+    for k, (symbol, _) in enumerate(program.steps):
+        short[symbol] = sp.Symbol(f"c{k}")
+    printer = _Floats() if backend == "math" else _Arrays()
+    for symbol, e in program.steps:
+        lines.append(f"    {short[symbol]} = {printer.doprint(e.xreplace(short))}")
+    values = "".join(f"{printer.doprint(e.xreplace(short))}, " for e in program.results)
+    lines.append(f"    return ({values})")
+    space: dict[str, Any] = {"math": math, "numpy": np}
+    exec("\n".join(lines), space)
+    return space["f"]
+
+
+class _Floats(PythonCodePrinter):
+    """Plain Python on floats."""
+
+    def __init__(self) -> None:
+        super().__init__({"fully_qualified_modules": True, "standard": "python3"})
+
+    def _print_Pow(self, expr: sp.Pow, rational: bool = False) -> str:
+        base, exponent = expr.as_base_exp()
+        if exponent.is_Integer and 2 <= exponent <= 3:
+            return "(" + "*".join([f"({self._print(base)})"] * int(exponent)) + ")"
+        if not exponent.is_Integer and abs(exponent) != sp.S.Half:
+            # A root of a negative number is an error here (and nan in NumPy), not Python's complex number.
+            return f"math.pow({self._print(base)}, {self._print(exponent)})"
+        return str(super()._print_Pow(expr, rational=rational))
+
+
+class _Arrays(NumPyPrinter):
+    """NumPy on arrays that broadcast."""
+
+    def _print_Max(self, expr: sp.Max) -> str:
+        return self._fold("numpy.maximum", expr.args)
+
+    def _print_Min(self, expr: sp.Min) -> str:
+        return self._fold("numpy.minimum", expr.args)
+
+    def _fold(self, name: str, args: Sequence[sp.Expr]) -> str:
+        text = str(self._print(args[0]))
+        for arg in args[1:]:
+            text = f"{name}({text}, {self._print(arg)})"
+        return text
+
+    def _print_Piecewise(self, expr: sp.Piecewise) -> str:
+        pieces = list(expr.args)
+        value, condition = pieces.pop()
+        text = self._print(value) if condition == sp.true else "numpy.nan"
+        if condition != sp.true:
+            pieces.append((value, condition))
+        for value, condition in reversed(pieces):
+            text = f"numpy.where({self._print(condition)}, {self._print(value)}, {text})"
+        return str(text)

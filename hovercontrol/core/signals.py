@@ -1,0 +1,142 @@
+"""Signals: the named quantities of a Block, with all that a person or a tool needs to know of them."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass, replace
+from typing import Any
+
+import sympy as sp
+
+from hovercontrol.core.boundary import checked
+from hovercontrol.core.units import Dimension, dimension, is_plain_si, plain_si
+from hovercontrol.errors import InputError, did_you_mean
+
+#: The independent variable, in seconds. Expressions that depend on time use this symbol.
+time = sp.Symbol("t", real=True)
+
+_NAME = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*(\[\d+(,\d+)*\])?")
+
+
+@checked
+@dataclass(frozen=True)
+class Signal:
+    """One named quantity.
+
+    Parameters
+    ----------
+    name : str
+        An identifier, dotted for a part of a larger Block: ``yaw_coulomb``, ``plant.u``, ``P[0,1]``.
+    unit : str, optional
+        SI unit as text, ``"1"`` for a plain number.
+    description : str, optional
+        What it is, in a few words.
+    start : float, optional
+        Initial value of a state, default value of a parameter or an unconnected input.
+    nominal : float, optional
+        Typical size, for scaling; positive.
+    lower, upper : float, optional
+        Bounds.
+    modes : sequence of str, optional
+        Names of the values 0, 1, 2... of a mode, a plain number; its bounds follow.
+
+    Raises
+    ------
+    InputError
+        If the name is no identifier, the unit unknown or not SI (deg, km), start outside the bounds, or a
+        mode has a unit or two modes one name.
+
+    Examples
+    --------
+    >>> Signal("yaw_coulomb", "rad/s^2", "dry friction in yaw", start=0.83, lower=0.0).symbol
+    yaw_coulomb
+    """
+
+    name: str
+    unit: str = "1"
+    description: str = ""
+    start: float = 0.0
+    nominal: float = 1.0
+    lower: float = -math.inf
+    upper: float = math.inf
+    modes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        if self.modes:
+            self._become_mode()
+        if not isinstance(self.name, str) or not _NAME.fullmatch(self.name):
+            raise InputError(f"{self.name!r} is no signal name: letters, digits, _ and dots wanted")
+        if self.name == time.name:
+            raise InputError("'t' is the name of time: give the signal another name")
+        if not is_plain_si(self.unit):
+            plain = plain_si(self.unit)
+            raise InputError(
+                f"{self.name}: signals are in SI units, found {self.unit!r}; give it in {plain!r}"
+            )
+        for field in ("start", "nominal", "lower", "upper"):
+            value = getattr(self, field)
+            try:
+                object.__setattr__(self, field, float(value))
+            except (TypeError, ValueError):
+                raise InputError(f"{self.name}: {field} must be a number, found {value!r}") from None
+        self.check(self.start)
+        if not 0 < self.nominal < math.inf:
+            raise InputError(f"{self.name}: nominal must be positive, found {self.nominal:g}")
+
+    def _become_mode(self) -> None:
+        given: Any = self.modes
+        names = tuple(given)
+        if isinstance(given, str) or not all(isinstance(n, str) for n in names):
+            raise InputError(f"{self.name}: modes must be a sequence of names, found {given!r}")
+        if len(set(names)) < len(names) or self.unit != "1":
+            raise InputError(f"{self.name}: a mode has different names and no unit, found {names!r}")
+        object.__setattr__(self, "modes", names)
+        object.__setattr__(self, "lower", 0)
+        object.__setattr__(self, "upper", len(names) - 1)
+
+    def mode(self, name: str) -> int:
+        """Return the value of a mode by its name.
+
+        Raises
+        ------
+        InputError
+            If there is no such mode; the nearest is named.
+
+        Examples
+        --------
+        >>> Signal("mode", modes=("stop", "turn")).mode("turn")
+        1
+        """
+        if name not in self.modes:
+            raise InputError(f"{self.name}: unknown mode {name!r}{did_you_mean(name, self.modes)}")
+        return self.modes.index(name)
+
+    def check(self, value: float, name: str = "") -> float:
+        """Return a value of this signal if it lies within the bounds.
+
+        Raises
+        ------
+        InputError
+            If it does not; the line names the signal (or `name`), its unit and its bounds.
+        """
+        if not self.lower <= value <= self.upper:
+            raise InputError(
+                f"{name or self.name} = {value:g} {self.unit} is out of its bounds "
+                f"[{self.lower:g}, {self.upper:g}]"
+            )
+        return value
+
+    @property
+    def symbol(self) -> sp.Symbol:
+        """The SymPy symbol that stands for this signal in expressions."""
+        return sp.Symbol(self.name, real=True)
+
+    @property
+    def dimension(self) -> Dimension:
+        """Exponents of the SI base units."""
+        return dimension(self.unit)
+
+    def but(self, **changes: Any) -> Signal:
+        """Return a copy with some fields changed."""
+        return replace(self, **changes)

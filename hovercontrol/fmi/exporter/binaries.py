@@ -1,0 +1,204 @@
+"""The shared libraries of an FMU: one for each platform, by the system's compiler or a cross-compiler."""
+
+from __future__ import annotations
+
+import importlib.util
+import platform
+import re
+import sys
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+from hovercontrol.errors import InputError, did_you_mean
+from hovercontrol.fmi.exporter.sources import Version
+from hovercontrol.targets.compiler import NoCompilerError, built_file, cache_folder, find_compiler
+
+
+@dataclass(frozen=True)
+class Platform:
+    """A machine that an FMU can run on.
+
+    Parameters
+    ----------
+    name : str
+        FMI 3's platform tuple, the folder in ``binaries``.
+    fmi2 : str
+        FMI 2's folder. FMI 2.0 names x86 only; from 2.0.4 on the others have FMI 3's names there.
+    suffix : str
+        Of shared libraries.
+    target : str
+        What ziglang calls it; Linux with the oldest C library that the file is to run with.
+    """
+
+    name: str
+    fmi2: str
+    suffix: str
+    target: str
+
+
+PLATFORMS = {
+    p.name: p
+    for p in (
+        Platform("x86_64-linux", "linux64", ".so", "x86_64-linux-gnu.2.17"),
+        Platform("aarch64-linux", "aarch64-linux", ".so", "aarch64-linux-gnu.2.17"),
+        Platform("x86_64-windows", "win64", ".dll", "x86_64-windows-gnu"),
+        Platform("x86_64-darwin", "darwin64", ".dylib", "x86_64-macos"),
+        Platform("aarch64-darwin", "aarch64-darwin", ".dylib", "aarch64-macos"),
+    )
+}
+
+#: The oldest glibc of a distribution still in use when FMI 3 appeared (CentOS 7).
+OLDEST_GLIBC = (2, 17)
+
+#: Functions of the mathematics library that got a second version after glibc 2.17: the first is asked for,
+#: so that the system's compiler, too, makes files that run with older C libraries.
+_OLD_NAMES = ("exp", "exp2", "log", "log2", "pow", "fmod", "hypot")
+_OLD_HEADER = "hc_old_glibc.h"
+
+
+#: The version of their first form: glibc's first on that machine.
+_FIRST_GLIBC = {"x86_64-linux": "2.2.5", "aarch64-linux": "2.17"}
+
+
+def _old_glibc(version: str) -> str:
+    lines = (f'__asm__(".symver {name},{name}@GLIBC_{version}");' for name in _OLD_NAMES)
+    return "#include <features.h>\n#ifdef __GLIBC__\n" + "\n".join(lines) + "\n#endif\n"
+
+
+#: As for the local library: the same numbers everywhere. No path, date or build id goes into the file.
+_FLAGS = (
+    "-O2 -std=c99 -fno-math-errno -ffp-contract=off -shared -fvisibility=hidden -s -g0".split()  # noqa: SIM905
+)
+_NO_UNWINDING = ("-fno-asynchronous-unwind-tables", "-fno-unwind-tables")
+_FLAGS_OF = {
+    ".so": ("-fPIC", *_NO_UNWINDING, "-Wl,--build-id=none", "-Wl,-z,defs"),
+    ".dll": ("-falign-loops=1",),  # a kilobyte less
+    ".dylib": ("-fPIC", *_NO_UNWINDING),
+}
+
+
+def this_platform() -> str:
+    """Return this machine's platform tuple.
+
+    Raises
+    ------
+    InputError
+        If FMUs for it cannot be built here.
+    """
+    machine = {"amd64": "x86_64", "arm64": "aarch64"}.get(
+        platform.machine().lower(), platform.machine().lower()
+    )
+    system = {"win32": "windows"}.get(sys.platform, sys.platform)
+    name = f"{machine}-{system}"
+    if name not in PLATFORMS:
+        raise InputError(f"no FMU binaries for this machine, {name}; known platforms: {', '.join(PLATFORMS)}")
+    return name
+
+
+def chosen_platforms(names: str | Iterable[str] | None) -> tuple[Platform, ...]:
+    """Return platforms by name: None is this machine's, "all" every one that is known.
+
+    Raises
+    ------
+    InputError
+        If a name is unknown; the nearest is in the text.
+
+    Examples
+    --------
+    >>> [p.fmi2 for p in chosen_platforms("x86_64-linux,x86_64-windows")]
+    ['linux64', 'win64']
+    """
+    if names is None:
+        names = this_platform()
+    wanted = [n.strip() for n in names.split(",")] if isinstance(names, str) else list(names)
+    if wanted == ["all"]:
+        return tuple(PLATFORMS.values())
+    if not wanted or wanted == [""]:
+        raise InputError("no platform is named" + did_you_mean("", [*PLATFORMS, "all"]))
+    for name in wanted:
+        if name not in PLATFORMS:
+            raise InputError(f"unknown platform {name!r}{did_you_mean(str(name), [*PLATFORMS, 'all'])}")
+    return tuple(p for p in PLATFORMS.values() if p.name in wanted)  # once each, in one order
+
+
+def build_binary(name: str, files: Mapping[str, str], wanted: Platform) -> bytes:
+    """Return the shared library for a platform, from the user's cache or built now.
+
+    For this machine the system's compiler is used, unless the file would need a newer C library than
+    :data:`OLDEST_GLIBC` and ziglang is at hand; for other machines ziglang.
+
+    Parameters
+    ----------
+    name : str
+        An identifier; begins the cached file's name.
+    files : mapping of str to str
+        C sources and headers by file name.
+    wanted : Platform
+
+    Raises
+    ------
+    InputError
+        If there is no compiler for that platform (the line says what to install), or it fails.
+    """
+    zig = _zig()
+    own = _is_this_machine(wanted)
+    if own:
+        try:
+            system = find_compiler()
+        except NoCompilerError as error:
+            raise InputError(f"{error}; pip install 'hovercontrol[fmu]' brings one") from None
+        if system != zig:
+            try:
+                made = _built(name, files, system, (), wanted)
+                if zig is None or needed_glibc(made) <= OLDEST_GLIBC:
+                    return made
+            except NoCompilerError as error:
+                if zig is None:
+                    raise InputError(str(error)) from None
+    if zig is None:
+        raise InputError(f"binaries for {wanted.name} need ziglang: pip install 'hovercontrol[fmu]'")
+    try:
+        return _built(name, files, zig, ("-target", wanted.target), wanted)
+    except NoCompilerError as error:
+        raise InputError(str(error)) from None
+
+
+def _built(
+    name: str, files: Mapping[str, str], command: tuple[str, ...], target: tuple[str, ...], wanted: Platform
+) -> bytes:
+    flags = (*target, *_FLAGS, *_FLAGS_OF[wanted.suffix])
+    if not target and wanted.suffix == ".dylib":  # Apple's linker has no -s for libraries
+        flags = (*(f for f in flags if f != "-s"), "-Wl,-x")
+    if not target and wanted.name in _FIRST_GLIBC:
+        flags = (*flags, "-Wl,-z,noseparate-code", "-include", _OLD_HEADER)
+        files = {**files, _OLD_HEADER: _old_glibc(_FIRST_GLIBC[wanted.name])}
+    label = f"{name}-{wanted.name}"
+    return built_file(cache_folder(), label, files, command, flags, wanted.suffix).read_bytes()
+
+
+def _zig() -> tuple[str, ...] | None:
+    return (sys.executable, "-m", "ziglang", "cc") if importlib.util.find_spec("ziglang") else None
+
+
+def _is_this_machine(wanted: Platform) -> bool:
+    try:
+        return wanted.name == this_platform()
+    except InputError:
+        return False
+
+
+def needed_glibc(binary: bytes) -> tuple[int, ...]:
+    """Return the highest version of glibc's symbols that a binary asks for; (0,) where it asks for none.
+
+    Examples
+    --------
+    >>> needed_glibc(b"..GLIBC_2.2.5..GLIBC_2.17..")
+    (2, 17)
+    """
+    found = re.findall(rb"GLIBC_(\d+(?:\.\d+)+)", binary)
+    return max((tuple(map(int, v.split(b"."))) for v in found), default=(0,))
+
+
+def folder_of(wanted: Platform, version: Version) -> str:
+    """Return the folder in ``binaries`` for a platform."""
+    return wanted.fmi2 if version == 2 else wanted.name

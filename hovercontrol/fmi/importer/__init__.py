@@ -1,0 +1,1 @@
+"""Anyone's FMU: read, checked, run, and a python-control system."""

@@ -1,0 +1,523 @@
+"""Any FMU for Co-Simulation as a python-control system, with its names, units and parameters.
+
+A module called ``load`` would hide the function ``hovercontrol.fmi.load``; hence this name.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import copy
+import hashlib
+import math
+import shutil
+import tempfile
+import warnings
+import weakref
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING, Any, NoReturn, Self
+
+import control
+import fmpy  # type: ignore[import-untyped]
+import numpy as np
+from numpy.typing import NDArray
+
+from hovercontrol.core.boundary import checked
+from hovercontrol.errors import InputError, did_you_mean
+from hovercontrol.fmi.importer.archive import LIMITS, Archive, check_xml, open_archive
+from hovercontrol.fmi.importer.follow import Follower, Parameters
+from hovercontrol.fmi.importer.instance import Engine, FmuError, Instance
+from hovercontrol.fmi.importer.interface import REALS, WHOLE, Interface, read_interface
+from hovercontrol.fmi.importer.worker import Remote
+from hovercontrol.simulation.runner import Inputs
+from hovercontrol.targets.control import _Params
+
+if TYPE_CHECKING:
+    from hovercontrol.fmi.importer.runner import FmuRunner
+
+Array = NDArray[np.float64]
+_DESCRIPTION = "modelDescription.xml"
+
+
+@checked
+def load(
+    path: str | Path,
+    *,
+    step: float | None = None,
+    name: str | None = None,
+    params: Mapping[str, float] | None = None,
+    isolated: bool = False,
+    timeout: float = 60.0,
+) -> FmuSystem:
+    """Return an FMU for Co-Simulation (FMI 2.0 or 3.0) as a discrete-time python-control system.
+
+    **An FMU is a program.** Its binary runs with the rights of the user who loads it: it can read, write and
+    send what that user can. Load FMUs only from people whose programs you would run. The archive around it is
+    checked (no file leaves the FMU's temporary folder, no bombs, no entities), and `isolated` guards against
+    faults; neither is a sandbox against malice.
+
+    Parameters
+    ----------
+    path : path
+        The ``.fmu`` file.
+    step : float, optional
+        Communication step and ``dt`` [s] (default: the FMU's DefaultExperiment, else its
+        fixedInternalStepSize).
+    name : str, optional
+        System name, without dots (default: the FMU's model identifier).
+    params : mapping of str to float, optional
+        Parameter values instead of the FMU's start values, by key (``plant.mass``) or by the FMU's own name.
+    isolated : bool, optional
+        Run the FMU in a process of its own: its crash, exit or hang becomes an error here.
+    timeout : float, optional
+        Longest wait for one call into an isolated FMU [s]; then its process is ended.
+
+    Returns
+    -------
+    FmuSystem
+
+    Raises
+    ------
+    InputError
+        If the archive is none or unsafe, the FMU is not for Co-Simulation of FMI 2.0 or 3.0 or has no binary
+        for this platform, its description breaks the standard, its binary cannot be loaded, or `step`, `name`
+        or `params` do not fit it.
+
+    Warns
+    -----
+    UserWarning
+        If inputs or outputs are left out because they are no numbers (String, Binary, Clock) or clocked.
+
+    Examples
+    --------
+    >>> plant = load("plant.fmu", step=0.01)  # doctest: +SKIP
+    >>> loop = control.interconnect([plant, controller], outputs=["psi"])  # doctest: +SKIP
+    """
+    path = Path(path)
+    source = _open(path)
+    try:
+        interface = source.interface
+        if interface.left_out:
+            text = ", ".join(interface.left_out)
+            warnings.warn(f"{path}: left out, being no plain numbers: {text}", stacklevel=2)
+        dt = _step(path, interface, step)
+        if not isinstance(timeout, (int, float)) or not 0 < timeout < math.inf:
+            raise InputError(f"{path}: timeout [s] must be a positive number, found {timeout!r}")
+        system = FmuSystem(source, dt, _name(interface, name), params, isolated, timeout)
+    except BaseException:
+        source.unpacked.release()
+        raise
+    source.unpacked.release()  # the system holds it now
+    return system
+
+
+class Unpacked:
+    """The temporary folder of an FMU; removed when the last system that runs from it is closed."""
+
+    def __init__(self) -> None:
+        self.folder = Path(tempfile.mkdtemp(prefix="hovercontrol-fmu-"))
+        self._users = 1
+
+    def hold(self) -> None:
+        """Count one more user."""
+        self._users += 1
+
+    def release(self) -> None:
+        """Count one user less."""
+        self._users -= 1
+        if self._users == 0:
+            shutil.rmtree(self.folder, ignore_errors=True)
+
+
+@dataclass(frozen=True)
+class Source:
+    """An FMU that has been checked and unpacked."""
+
+    path: Path
+    digest: str
+    interface: Interface
+    unpacked: Unpacked
+
+
+class FmuSystem(control.NonlinearIOSystem):
+    """An FMU as a python-control system with ``dt`` = its communication step; made by :func:`load`.
+
+    Inputs and outputs are the FMU's, by their names and in their order; arrays are spread, ``name[1]``,
+    ``name[2]``, ``name[1,2]``, counted from 1 as in FMI, the last index fastest. Integers, enumerations and
+    booleans (0, 1) are numbers too; another number for them is refused. python-control reads a dot as
+    "system.signal", so that a signal ``body.u`` is connected as ``("plant", "body.u")``, or renamed first by
+    python-control's own ``update_names``.
+
+    The one state, ``step``, counts the steps of a run: it names a point of the FMU's history and is 0 where
+    a run starts. There the FMU is instantiated anew, gets its parameters and the first inputs, and is
+    initialised. Its own state stays in the FMU. Whoever asks for a point again, with the same or with other
+    inputs, gets the right answer: from a state that the FMU saved, where it can, else from a repeated run.
+    A run is continued with ``x0 = response.states[:, -1]``; a state that the FMU was never in is refused, and
+    so is linearisation.
+
+    Inputs are held over a step; outputs are those of the communication point. An output that does not depend
+    on inputs at the same instant (by the FMU's ModelStructure, see ``feedthrough``) is read before inputs are
+    set. For the others the new inputs are set and the outputs read without a step between. FMI lets an FMU
+    answer then with the values of its last step: a delay by one step, which no importer can see.
+
+    Parameter keys carry the system's name (``plant.mass``), as those of a Block do, since
+    ``control.interconnect`` shares equal keys among all systems. They are set where a run starts.
+
+    A copy (``copy.deepcopy``, or python-control's where a system is listed twice) and an unpickled system
+    have an instance of their own and begin at 0; unpickling reads the same file again. ``close()``, the end
+    of a ``with`` block, garbage collection and the interpreter's exit free instance and temporary folder.
+
+    Attributes
+    ----------
+    units, descriptions : dict of str to str
+        By the FMU's signal name, and by key for parameters; empty where the FMU states none.
+    feedthrough : dict of str to tuple of str
+        For each output the inputs it is declared to depend on at the same instant.
+    params : dict of str to float
+        The parameters with their values.
+    path : Path
+    """
+
+    def __init__(
+        self,
+        source: Source,
+        step: float,
+        name: str,
+        params: Mapping[str, float] | None,
+        isolated: bool,
+        timeout: float,
+    ) -> None:
+        self.path, self._source, self._isolated, self._timeout = source.path, source, isolated, timeout
+        face = source.interface
+        self._prefix = name
+        # By position: each parameter's key, its variable and its value in the FMU.
+        elements = [(x, v, s) for v in face.parameters for x, s in zip(v.labels, v.start, strict=True)]
+        self._keys = {_key(name, label): (v, start) for label, v, start in elements}
+        if len(self._keys) < len(elements):  # the FMU has both "k" and "plant.k"
+            self._keys = {f"{name}.{label}": (v, start) for label, v, start in elements}
+        defaults = {key: value for key, (_, value) in self._keys.items()}
+        defaults |= self._checked(params or {}, pushed=False)
+        inputs, outputs = ([label for v in vs for label in v.labels] for vs in (face.inputs, face.outputs))
+        super().__init__(
+            self._updates,
+            self._results,
+            params=_Params(defaults),
+            inputs=len(inputs),
+            outputs=len(outputs),
+            states=["step"],
+            name=name,
+            dt=step,
+        )
+        # Set past python-control's check, which takes no dots.
+        self.input_index = {label: i for i, label in enumerate(inputs)}
+        self.output_index = {label: i for i, label in enumerate(outputs)}
+        signals = [*face.inputs, *face.outputs]
+        self.units = {label: v.unit for v in signals for label in v.labels}
+        self.units |= {key: v.unit for key, (v, _) in self._keys.items()}
+        self.descriptions = {label: v.description for v in signals for label in v.labels}
+        self.descriptions |= {key: v.description for key, (v, _) in self._keys.items()}
+        spread = {v.name: v.labels for v in face.inputs}
+        self.feedthrough = {
+            label: tuple(i for name in face.feedthrough[v.name] for i in spread[name])
+            for v in face.outputs
+            for label in v.labels
+        }
+        kinds = [(label, v.kind) for v in face.inputs for label in v.labels]
+        self._whole = [(n, label, kind) for n, (label, kind) in enumerate(kinds) if kind not in REALS]
+        self._values = self.values_in_order(defaults)
+        self._start(step)
+
+    def _start(self, step: float) -> None:
+        face, unpacked = self._source.interface, self._source.unpacked
+        engine = self._engine()
+        direct = np.array([bool(inputs) for inputs in self.feedthrough.values()], dtype=bool)
+        self._follower = Follower(engine, step, face.has_states, direct, f"FMU {self.name!r}")
+        unpacked.hold()
+        self._end = weakref.finalize(self, _release, self._follower, unpacked)
+
+    def _engine(self) -> Engine:
+        face, folder = self._source.interface, self._source.unpacked.folder
+        try:
+            if self._isolated:
+                return Remote(folder, face, self.name, self._timeout)
+            return Instance(folder, face, self.name)
+        except FmuError as fault:
+            raise InputError(f"{self.path}: {fault}") from None
+
+    def start(
+        self,
+        x0: None = None,
+        params: Mapping[str, float] | None = None,
+        *,
+        inputs: Inputs | None = None,
+        time: float = 0.0,
+    ) -> FmuRunner:
+        """Start a run of the FMU that goes step by step, in an instance of its own.
+
+        The runner is used as that of a Block (:class:`hovercontrol.simulation.runner.Runner`); it can be
+        saved where the FMU can save its state. Its steps are as long as the caller says; an FMU with a step
+        of its own takes multiples of that.
+
+        Parameters
+        ----------
+        x0 : None
+            An FMU's initial state is its own: start values that can be set are parameters.
+        params : mapping, optional
+            Parameter values by key, over the system's.
+        inputs : sequence of float, or mapping by name, optional
+            At the start, over the FMU's start values; it is initialised with them.
+        time : float, optional
+            To start at [s].
+
+        Returns
+        -------
+        FmuRunner
+
+        Raises
+        ------
+        InputError
+            If a name or a value is wrong, `x0` is given, or the FMU refuses.
+        """
+        from hovercontrol.fmi.importer.runner import FmuRunner
+
+        if not self._end.alive:
+            raise InputError(f"FMU {self.name!r} is closed")
+        if x0 is not None:
+            raise InputError(
+                f"FMU {self.name!r}: an FMU keeps its state to itself, x0 must be None; start values that "
+                "can be set are among its params"
+            )
+        values = {**self._checked(self.params, pushed=False), **self._checked(params or {}, pushed=False)}
+        return FmuRunner(self, self._engine(), values, inputs, time)
+
+    @property
+    def interface(self) -> Interface:
+        """What the FMU says of itself."""
+        return self._source.interface
+
+    @property
+    def unpacked(self) -> Unpacked:
+        """The FMU's temporary folder."""
+        return self._source.unpacked
+
+    def close(self) -> None:
+        """Free the FMU's instance and its temporary folder; may be called twice."""
+        self._end()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> FmuSystem:
+        if not self._end.alive:
+            raise InputError(f"FMU {self.name!r} is closed")
+        return self._named_as(
+            FmuSystem(self._source, self.dt, self._prefix, dict(self.params), self._isolated, self._timeout),
+            self._names(),
+        )
+
+    def __copy__(self) -> FmuSystem:
+        return copy.deepcopy(self)  # two systems cannot share one instance
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        arguments = {
+            "step": self.dt,
+            "name": self._prefix,
+            "params": dict(self.params),
+            "isolated": self._isolated,
+            "timeout": self._timeout,
+        }
+        return _again, (self.path.absolute(), self._source.digest, arguments, self._names())
+
+    def _names(self) -> tuple[str, dict[str, int], dict[str, int]]:
+        return self.name, dict(self.input_index), dict(self.output_index)
+
+    @staticmethod
+    def _named_as(system: FmuSystem, names: tuple[str, dict[str, int], dict[str, int]]) -> FmuSystem:
+        system.name, system.input_index, system.output_index = names
+        return system
+
+    def _repr_html_(self) -> str:
+        from hovercontrol.notebook.systems import fmu_html
+
+        return fmu_html(self)
+
+    def linearize(self, *args: Any, **kwargs: Any) -> NoReturn:
+        """Refuse: an FMU's state is its own, and nobody outside can vary it.
+
+        Raises
+        ------
+        InputError
+            Always. The Block an FMU was exported from has exact Jacobians.
+        """
+        raise InputError(
+            f"FMU {self.name!r}: an FMU keeps its state to itself and cannot be linearised from outside; "
+            "linearise the Block or model it was made from"
+        )
+
+    def _update_params(self, params: Mapping[str, float] | None) -> None:
+        given = self._checked(params or {}, pushed=isinstance(params, _Params))
+        self._current_params = {**self._checked(self.params, pushed=False), **given}
+        self._values = self.values_in_order(self._current_params)
+
+    def _checked(self, params: Mapping[str, float], pushed: bool) -> dict[str, float]:
+        """Return the own parameters among those given, by key; refuse what can only be a mistake."""
+        own: dict[str, float] = {}
+        for given, value in params.items():
+            key = given if given in self._keys or pushed else f"{self._prefix}.{given}"
+            if key in self._keys:
+                own[key] = _number(value, self._keys[key][0].kind, f"FMU {self._prefix!r}: parameter {key!r}")
+            elif not pushed or given.split(".")[0] == self._prefix:
+                hint = did_you_mean(given if "." in given else key, self._keys)
+                raise InputError(f"FMU {self._prefix!r}: unknown parameter {given!r}{hint}")
+        return own
+
+    def values_in_order(self, values: Mapping[str, float]) -> Parameters:
+        """Return the values in the FMU's order, None where the FMU has that value anyway."""
+        return tuple(
+            None if values.get(key, start) == start else float(values[key])
+            for key, (_, start) in self._keys.items()
+        )
+
+    def checked_inputs(self, t: float, u: Any) -> Array:
+        """Return inputs at a time as the FMU takes them; raise :class:`InputError` where it cannot."""
+        inputs = np.array(u, dtype=float).reshape(-1)
+        if inputs.size != self.ninputs:
+            raise InputError(f"FMU {self.name!r}: expected {self.ninputs} inputs, found {inputs.size}")
+        if not np.isfinite(inputs).all():
+            n = int(np.flatnonzero(~np.isfinite(inputs))[0])
+            label = self.input_labels[n]
+            raise InputError(f"FMU {self.name!r}: input {label!r} is {inputs[n]} at t = {t:.9g} s")
+        for n, label, kind in self._whole:
+            inputs[n] = _number(inputs[n], kind, f"FMU {self.name!r}: input {label!r} at t = {t:.9g} s")
+        return inputs + 0.0  # no negative zero: equal inputs are equal bytes
+
+    def _rhs(self, t: float, x: Any, u: Any) -> Array:
+        token = float(np.asarray(x, dtype=float).reshape(-1)[0])
+        return np.array([self._follower.advance(token, float(t), self._values, self.checked_inputs(t, u))])
+
+    def _out(self, t: float, x: Any, u: Any) -> Array:
+        token = float(np.asarray(x, dtype=float).reshape(-1)[0])
+        return self._follower.outputs(token, float(t), self._values, self.checked_inputs(t, u))
+
+    def _updates(self, t: float, x: Any, u: Any, params: Mapping[str, float]) -> Array:
+        with self._with(params):
+            return self._rhs(t, x, u)
+
+    def _results(self, t: float, x: Any, u: Any, params: Mapping[str, float]) -> Array:
+        with self._with(params):
+            return self._out(t, x, u)
+
+    @contextlib.contextmanager
+    def _with(self, params: Mapping[str, float]) -> Iterator[None]:
+        before = self._values
+        self._values = self.values_in_order({**self.params, **self._checked(params, pushed=True)})
+        try:
+            yield
+        finally:
+            self._values = before
+
+
+def _again(path: Path, digest: str, arguments: dict[str, Any], names: Any) -> FmuSystem:
+    """Load an FMU once more, for a system that was pickled."""
+    try:
+        found = _digest(path)
+    except OSError as error:
+        raise InputError(f"{path} of a pickled FMU cannot be read: {error.strerror}") from None
+    if found != digest:
+        raise InputError(f"{path} is not the FMU it was when the system was pickled")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # said when it was loaded first
+        return FmuSystem._named_as(load(path, **arguments), names)
+
+
+def _release(follower: Follower, unpacked: Unpacked) -> None:
+    follower.close()
+    unpacked.release()
+
+
+def _open(path: Path) -> Source:
+    """Check and unpack an FMU; nothing of it has run afterwards."""
+    with open_archive(path) as archive:
+        data = archive.read(_DESCRIPTION, LIMITS.description)
+        header = check_xml(data, f"{path}: {_DESCRIPTION}")
+        unpacked = Unpacked()
+        try:
+            file = unpacked.folder / _DESCRIPTION
+            file.write_bytes(data)
+            interface = read_interface(file, header, str(path))
+            binaries = _binaries(archive, interface)
+            archive.unpack(unpacked.folder, lambda name: name.startswith((binaries, "resources/")))
+            (unpacked.folder / "resources").mkdir(exist_ok=True)
+            return Source(path, _digest(path), interface, unpacked)
+        except BaseException:
+            unpacked.release()
+            raise
+
+
+def _binaries(archive: Archive, interface: Interface) -> str:
+    """Return the folder of this platform's binary; raise if the FMU has none."""
+    platform = fmpy.platform if interface.fmi == 2 else fmpy.platform_tuple
+    folder = f"binaries/{platform}/"
+    if f"{folder}{interface.identifier}{fmpy.sharedLibraryExtension}" not in archive.names:
+        parts = (name.split("/") for name in archive.names)
+        others = sorted({p[1] for p in parts if p[0] == "binaries" and len(p) > 2})
+        has = f"those it has: {', '.join(others)}" if others else "it has none at all"
+        wanted = f"{folder}{interface.identifier}{fmpy.sharedLibraryExtension}"
+        raise InputError(f"{archive.path} has no binary for this platform ({wanted}); {has}")
+    return folder
+
+
+def _digest(path: Path) -> str:
+    with open(path, "rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def _step(path: Path, interface: Interface, step: float | None) -> float:
+    if step is None:
+        step = interface.step
+        if step is None:
+            raise InputError(f"{path} states no step size; give one: load({path.name!r}, step=...) [s]")
+    if isinstance(step, bool) or not isinstance(step, (int, float)) or not 0 < step < math.inf:
+        raise InputError(f"{path}: step [s] must be a positive number, found {step!r}")
+    fixed = interface.fixed_step
+    if fixed and abs(step / fixed - max(round(step / fixed), 1)) > 1e-6:
+        raise InputError(f"{path}: step must be a multiple of the FMU's own {fixed:g} s, found {step:g} s")
+    return float(step)
+
+
+def _name(interface: Interface, name: str | None) -> str:
+    if name is None:
+        return interface.identifier
+    if not isinstance(name, str) or not name or "." in name:
+        raise InputError(f"a system's name is a word without dots, found {name!r}")
+    return name
+
+
+def _key(name: str, label: str) -> str:
+    """Return the key of a parameter: its name in the FMU, after the system's unless it begins so."""
+    return label if label.startswith(f"{name}.") else f"{name}.{label}"
+
+
+def _number(value: Any, kind: str, where: str) -> float:
+    """Return a value as the number its type can take; raise if it cannot."""
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        raise InputError(f"{where}: expected a number, found {value!r}") from None
+    if not math.isfinite(number):
+        raise InputError(f"{where}: expected a finite number, found {number}")
+    if kind in REALS:
+        return number
+    least, most = WHOLE[kind]
+    whole = round(number)
+    if abs(number - whole) > 1e-9 * max(1.0, abs(number)) or not least <= whole <= most:
+        what = "0 or 1" if kind == "Boolean" else f"a whole number from {least} to {most}"
+        raise InputError(f"{where}: expected {what}, found {number:.9g}")
+    return float(whole)

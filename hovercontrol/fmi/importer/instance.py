@@ -1,0 +1,338 @@
+"""One running instance of an FMU for Co-Simulation, bound by FMPy: FMI 2 and 3 behind the same few calls.
+
+Values go in and come out as flat lists of floats, in the order of the interface's labels. What the FMU
+refuses is a :class:`FmuError` with the FMU's own words. Native code runs here, with this process's rights.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import itertools
+import os
+from collections import deque
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any, Protocol
+
+from fmpy import calloc, fmi2, fmi3, free  # type: ignore[import-untyped]
+from fmpy.fmi1 import FMICallException  # type: ignore[import-untyped]
+
+from hovercontrol.fmi.importer.interface import REALS, Interface, Variable
+
+STATUS = ("OK", "Warning", "Discard", "Error", "Fatal", "Pending")
+_FATAL = 4
+
+
+#: Instantiation tokens of the FMUs in use that allow one instance in a process.
+_ONLY: set[str] = set()
+
+
+class FmuError(Exception):
+    """An FMU refused a call, ended the run, or is gone; the text is one line."""
+
+
+class Engine(Protocol):
+    """What a system needs of a running FMU, in this process or in another."""
+
+    def start(self, time: float, parameters: Sequence[float | None], inputs: Sequence[float]) -> list[float]:
+        """Begin a run: a fresh instance with these parameters (None: as the FMU has it), initialised."""
+
+    def outputs(self, inputs: Sequence[float]) -> list[float]:
+        """Set the inputs and read the outputs; no time passes."""
+
+    def step(self, time: float, step: float, inputs: Sequence[float]) -> list[float]:
+        """Let time pass with these inputs and return the outputs at its end."""
+
+    def save(self) -> int:
+        """Keep the present state and return its handle."""
+
+    def restore(self, handle: int) -> None:
+        """Return to a state that was kept."""
+
+    def drop(self, handle: int) -> None:
+        """Keep a state no longer."""
+
+    def close(self) -> None:
+        """Free the instance and what belongs to it."""
+
+
+class Values:
+    """Some variables, set and read together: one FMI call per type."""
+
+    def __init__(self, variables: Sequence[Variable]) -> None:
+        self.size = sum(len(v.labels) for v in variables)
+        ends = itertools.accumulate(len(v.labels) for v in variables)
+        places = [range(end - len(v.labels), end) for v, end in zip(variables, ends, strict=True)]
+        self._groups: list[tuple[str, list[int], list[int]]] = []
+        for kind in dict.fromkeys(v.kind for v in variables):
+            members = [i for i, v in enumerate(variables) if v.kind == kind]
+            references = [variables[i].reference for i in members]
+            self._groups.append((kind, references, [n for i in members for n in places[i]]))
+
+    def set(self, fmu: Any, values: Sequence[float]) -> None:
+        """Hand values to the FMU; those of whole types have been checked to be whole."""
+        for kind, references, places in self._groups:
+            chosen: list[Any] = [values[n] for n in places]
+            if kind not in REALS:
+                chosen = [int(value) for value in chosen]
+            getattr(fmu, f"set{kind}")(references, chosen)
+
+    def get(self, fmu: Any, fmi: int) -> list[float]:
+        """Return the values the FMU has now."""
+        values = [0.0] * self.size
+        for kind, references, places in self._groups:
+            get = getattr(fmu, f"get{kind}")
+            found = get(references) if fmi == 2 else get(references, len(places))
+            for n, value in zip(places, found, strict=True):
+                values[n] = float(value)
+        return values
+
+
+class Instance:
+    """An FMU in this process.
+
+    Parameters
+    ----------
+    folder : Path
+        Where the FMU is unpacked.
+    interface : Interface
+    name : str
+        The instance's name, for its messages.
+
+    Raises
+    ------
+    FmuError
+        If the binary cannot be loaded or misses functions, or is in use and allows one instance only.
+    """
+
+    def __init__(self, folder: Path, interface: Interface, name: str) -> None:
+        self._interface, self._name = interface, name
+        self._inputs, self._outputs = Values(interface.inputs), Values(interface.outputs)
+        self._log: deque[tuple[int, str]] = deque(maxlen=20)
+        self._running = self._initialised = self._fatal = False
+        self._states: dict[int, Any] = {}
+        self._handles = itertools.count(1)
+        self._holds_token = False
+        if interface.once_per_process:
+            if interface.token in _ONLY:
+                raise FmuError(
+                    "it allows one instance in a process and has one; isolated=True gives it its own"
+                )
+            _ONLY.add(interface.token)
+            self._holds_token = True
+        kind = fmi2.FMU2Slave if interface.fmi == 2 else fmi3.FMU3Slave
+        here = os.getcwd()
+        try:
+            self._fmu = kind(
+                guid=interface.token,
+                modelIdentifier=interface.identifier,
+                unzipDirectory=str(folder),
+                instanceName=name,
+            )
+        except Exception as error:
+            self._release_token()
+            # The path is that of a temporary copy, which tells nobody anything.
+            text = " ".join(str(error).replace(f"{folder}{os.sep}", "").split())
+            raise FmuError(f"its binary cannot be loaded: {text}") from None
+        finally:
+            os.chdir(here)  # FMPy leaves the folder changed where loading fails
+
+    def start(self, time: float, parameters: Sequence[float | None], inputs: Sequence[float]) -> list[float]:
+        """Begin a run, see :class:`Engine`."""
+        with self._faults():
+            self._fresh()
+            self._set_parameters(parameters)
+            tolerance = self._interface.tolerance
+            if self._interface.fmi == 2:
+                self._fmu.setupExperiment(tolerance=tolerance, startTime=time)
+                self._fmu.enterInitializationMode()
+            else:
+                self._fmu.enterInitializationMode(tolerance=tolerance, startTime=time)
+            self._inputs.set(self._fmu, inputs)
+            self._fmu.exitInitializationMode()
+            self._initialised = True
+            return self._read()
+
+    def outputs(self, inputs: Sequence[float]) -> list[float]:
+        """Set the inputs and read the outputs, see :class:`Engine`."""
+        with self._faults():
+            self._inputs.set(self._fmu, inputs)
+            return self._read()
+
+    def step(self, time: float, step: float, inputs: Sequence[float]) -> list[float]:
+        """Let time pass, see :class:`Engine`."""
+        with self._faults():
+            self._inputs.set(self._fmu, inputs)
+            final = not self._interface.has_states  # then nobody goes back
+            if self._interface.fmi == 2:
+                self._step2(time, step, final)
+            else:
+                _event, ended, early, reached = self._fmu.doStep(time, step, final)
+                if ended:
+                    raise FmuError(f"it ended the run at t = {reached:.9g} s{self._words()}")
+                if early:  # never allowed; without the flag many FMUs leave the time reached unset
+                    raise FmuError(f"it returned early from the step, at t = {reached:.9g} s{self._words()}")
+            return self._read()
+
+    def _step2(self, time: float, step: float, final: bool) -> None:
+        try:
+            self._fmu.doStep(time, step, final)
+        except FMICallException as error:
+            if STATUS[error.status] != "Discard":
+                raise
+            # A discarded step may have gone part of the way, or the FMU may want no further one.
+            with contextlib.suppress(FMICallException):
+                reached = self._fmu.getRealStatus(fmi2.fmi2LastSuccessfulTime)
+                ended = self._fmu.getBooleanStatus(fmi2.fmi2Terminated)
+                if ended:
+                    raise FmuError(f"it ended the run at t = {reached:.9g} s{self._words()}") from None
+                if time < reached < time + step:
+                    raise FmuError(
+                        f"it returned early from the step, at t = {reached:.9g} s{self._words()}"
+                    ) from None
+            raise
+
+    def save(self) -> int:
+        """Keep the present state, see :class:`Engine`."""
+        with self._faults():
+            handle = next(self._handles)
+            self._states[handle] = self._fmu.getFMUState()
+            return handle
+
+    def restore(self, handle: int) -> None:
+        """Return to a state, see :class:`Engine`."""
+        with self._faults():
+            self._fmu.setFMUState(self._states[handle])
+
+    def drop(self, handle: int) -> None:
+        """Keep a state no longer, see :class:`Engine`."""
+        with self._faults():
+            self._fmu.freeFMUState(self._states.pop(handle))
+
+    def close(self) -> None:
+        """Free the instance and unload the library; may be called twice."""
+        if self._fmu is None:
+            return
+        fmu, self._fmu, fatal = self._fmu, None, self._fatal
+        with contextlib.suppress(Exception):
+            self._free(fmu)
+        if not fatal:  # after a fatal error nothing of the FMU may be touched any more
+            with contextlib.suppress(Exception):
+                fmu.freeLibrary()
+        self._release_token()
+
+    def _fresh(self) -> None:
+        """Have an instance that has not been initialised.
+
+        A new one is surer than a reset, which many FMUs do by halves; but some may be made only once.
+        """
+        if self._running and self._interface.once_per_process:
+            self._drop_all(self._fmu)
+            self._fmu.reset()
+            self._initialised = False
+            return
+        self._free(self._fmu)
+        if self._interface.fmi == 2:
+            self._fmu.instantiate(callbacks=_callbacks(self._log), loggingOn=True)
+        else:
+            self._fmu.instantiate(loggingOn=True, logMessage=self._listen)
+        self._running = True
+        if categories := self._interface.error_categories:
+            with contextlib.suppress(FMICallException):
+                self._fmu.setDebugLogging(True, categories)
+
+    def _free(self, fmu: Any) -> None:
+        if not self._running or self._fatal:
+            return
+        self._drop_all(fmu)
+        if self._initialised:
+            with contextlib.suppress(FMICallException):  # not allowed after an error, and of no matter then
+                fmu.terminate()
+        self._running = self._initialised = False
+        # freeInstance of FMPy would unload the library as well.
+        (fmu.fmi2FreeInstance if self._interface.fmi == 2 else fmu.fmi3FreeInstance)(fmu.component)
+        _LOGS.pop(id(self._log), None)
+
+    def _drop_all(self, fmu: Any) -> None:
+        for state in self._states.values():
+            with contextlib.suppress(FMICallException):
+                fmu.freeFMUState(state)
+        self._states.clear()
+
+    def _set_parameters(self, parameters: Sequence[float | None]) -> None:
+        values = iter(parameters)
+        for variable in self._interface.parameters:
+            own = [next(values) for _ in variable.labels]
+            if any(value is not None for value in own):
+                filled = [s if v is None else v for v, s in zip(own, variable.start, strict=True)]
+                Values([variable]).set(self._fmu, filled)
+
+    def _read(self) -> list[float]:
+        return self._outputs.get(self._fmu, self._interface.fmi)
+
+    def _listen(self, _environment: Any, status: int, _category: bytes, message: bytes) -> None:
+        self._log.append((status, _text(message)))
+
+    @contextlib.contextmanager
+    def _faults(self) -> Iterator[None]:
+        """Turn what FMPy raises into a FmuError with the FMU's own words."""
+        self._log.clear()
+        if self._fmu is None or self._fatal:
+            raise FmuError("it reported a fatal error before and cannot be used any more")
+        try:
+            yield
+        except FmuError:
+            raise
+        except FMICallException as error:
+            self._fatal = error.status == _FATAL
+            label = STATUS[error.status] if error.status in range(len(STATUS)) else error.status
+            raise FmuError(
+                f"{error.function} returned fmi{self._interface.fmi}{label}{self._words()}"
+            ) from None
+        except Exception as error:
+            raise FmuError(f"{' '.join(str(error).split())}{self._words()}") from None
+
+    def _words(self) -> str:
+        """Return what the FMU said last, its errors first."""
+        grave = [text for status, text in self._log if status >= 2]
+        words = grave or [text for _, text in self._log]
+        return f"; it says: {words[-1]}" if words else "; it says nothing"
+
+    def _release_token(self) -> None:
+        if self._holds_token:
+            _ONLY.discard(self._interface.token)
+            self._holds_token = False
+
+
+def _text(message: bytes | None) -> str:
+    return " ".join((message or b"").decode("utf-8", "replace").split())[:500]
+
+
+#: Messages of FMI 2 come with variable arguments, which FMPy's helper library formats; it knows one receiver
+#: for the whole process, so that messages are told apart by the environment they carry.
+_LOGS: dict[int, deque[tuple[int, str]]] = {}
+
+
+def _receive(environment: int | None, name: bytes, status: int, category: bytes, message: bytes) -> None:
+    log = _LOGS.get(environment or 0)
+    if log is None:  # an instance that FMPy itself runs in this process
+        fmi2.printLogMessage(environment, name, status, category, message)
+    else:
+        log.append((status, _text(message)))
+
+
+_prototype = fmi2.fmi2CallbackFunctions()
+_prototype.logger = fmi2.fmi2CallbackLoggerTYPE(_receive)
+_prototype.allocateMemory = fmi2.fmi2CallbackAllocateMemoryTYPE(calloc)
+_prototype.freeMemory = fmi2.fmi2CallbackFreeMemoryTYPE(free)
+with contextlib.suppress(AttributeError):  # no helper library for this platform: messages stay unformatted
+    fmi2.addLoggerProxy(ctypes.byref(_prototype))
+
+
+def _callbacks(log: deque[tuple[int, str]]) -> Any:
+    _LOGS[id(log)] = log
+    callbacks = fmi2.fmi2CallbackFunctions()
+    ctypes.memmove(ctypes.byref(callbacks), ctypes.byref(_prototype), ctypes.sizeof(callbacks))
+    callbacks.componentEnvironment = id(log)
+    return callbacks

@@ -1,0 +1,219 @@
+"""What an FMU says of itself that a simulation needs: signals, parameters, step, abilities.
+
+FMPy parses ``modelDescription.xml`` after :mod:`hovercontrol.fmi.importer.archive` has looked through it;
+here the part for Co-Simulation is taken out, arrays are spread into their elements, and what cannot be used
+is said.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from fmpy.model_description import (  # type: ignore[import-untyped]
+    ValidationError,
+    read_model_description,
+)
+
+from hovercontrol.errors import InputError
+from hovercontrol.fmi.importer.archive import Header
+
+#: The smallest and largest value of each type that is a whole number; FMI 2 has 32 bits.
+WHOLE = {f"Int{n}": (-(2 ** (n - 1)), 2 ** (n - 1) - 1) for n in (8, 16, 32, 64)}
+WHOLE |= {f"UInt{n}": (0, 2**n - 1) for n in (8, 16, 32, 64)}
+WHOLE |= {"Integer": WHOLE["Int32"], "Boolean": (0, 1)}
+REALS = ("Real", "Float32", "Float64")
+#: Elements of all signals and parameters together; more is no control system.
+MOST_ELEMENTS = 100_000
+
+
+@dataclass(frozen=True)
+class Variable:
+    """One FMI variable, a scalar or an array; all values are handled as float64.
+
+    Attributes
+    ----------
+    labels : tuple of str
+        One per element in FMI's order (the last index runs fastest): ``name``, ``name[1]``, ``name[2,1]``.
+    kind : str
+        The type whose functions get and set it: ``Real``, ``Integer``, ``Boolean`` (FMI 2), ``Float64``, ...
+    """
+
+    name: str
+    reference: int
+    kind: str
+    labels: tuple[str, ...]
+    start: tuple[float, ...]
+    unit: str
+    description: str
+
+
+@dataclass(frozen=True)
+class Interface:
+    """One FMU's part for Co-Simulation."""
+
+    fmi: int
+    identifier: str
+    token: str
+    step: float | None
+    tolerance: float | None
+    fixed_step: float | None  # the internal one, where the communication step must be a multiple of it
+    inputs: tuple[Variable, ...]
+    outputs: tuple[Variable, ...]
+    parameters: tuple[Variable, ...]
+    feedthrough: dict[str, tuple[str, ...]]
+    has_states: bool  # can get and set its state
+    once_per_process: bool
+    error_categories: tuple[str, ...]
+    left_out: tuple[str, ...]
+
+
+def read_interface(path: Path, header: Header, where: str) -> Interface:
+    """Return the interface that a model description states.
+
+    Parameters
+    ----------
+    path : Path
+        ``modelDescription.xml``, already looked through.
+    header : Header
+        Its first element.
+    where : str
+        Begins the error lines: the FMU's file.
+
+    Raises
+    ------
+    InputError
+        If it is none of FMI 2 or 3, has no Co-Simulation, breaks the standard, or is too large.
+    """
+    version = header.attributes.get("fmiVersion", "")
+    if header.tag != "fmiModelDescription" or not version:
+        raise InputError(f"{where}: modelDescription.xml is no FMI model description")
+    if version != "2.0" and not version.startswith("3."):
+        raise InputError(f"{where} is an FMU of FMI {version}; expected FMI 2.0 or 3.0")
+    try:
+        # Given the XML file and not its folder, FMPy opens no other file.
+        described = read_model_description(str(path), validate=True)
+    except ValidationError as error:
+        raise InputError(
+            f"{where}: modelDescription.xml breaks FMI {version}: {_first(error.problems)}"
+        ) from None
+    except Exception as error:  # FMPy raises what its parser and its own look-ups raise
+        raise InputError(f"{where}: modelDescription.xml cannot be read: {_first([str(error)])}") from None
+    return _interface(described, int(version[0]), where)
+
+
+def _interface(described: Any, fmi: int, where: str) -> Interface:
+    part = described.coSimulation
+    if part is None:
+        other = "Model Exchange" if described.modelExchange else "Scheduled Execution"
+        raise InputError(f"{where} is an FMU for {other} only; expected one for Co-Simulation")
+    if not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]*", part.modelIdentifier or ""):
+        raise InputError(f"{where}: the model identifier {part.modelIdentifier!r} is no identifier of C")
+    experiment = described.defaultExperiment
+    internal = _positive(part.fixedInternalStepSize)
+    tolerance = _positive(experiment.tolerance) if experiment else None
+    step = (_positive(experiment.stepSize) if experiment else None) or internal
+    chosen: dict[str, list[Variable]] = {"input": [], "output": [], "parameter": []}
+    left_out: list[str] = []
+    elements = 0
+    for variable in described.modelVariables:
+        if variable.causality not in chosen or getattr(variable, "alias", None) is not None:
+            continue
+        if reason := _unusable(variable):
+            if variable.causality != "parameter":  # parameters that are no numbers keep their start values
+                left_out.append(f"{variable.causality} {variable.name!r} ({reason})")
+            continue
+        elements += math.prod(variable.shape or ())
+        if elements > MOST_ELEMENTS:
+            raise InputError(f"{where} has more than {MOST_ELEMENTS} signals and parameters")
+        chosen[variable.causality].append(_variable(variable, fmi, where))
+    inputs, outputs, parameters = (tuple(chosen[key]) for key in ("input", "output", "parameter"))
+    for variables in (inputs, outputs, parameters):
+        _distinct(variables, where)
+    return Interface(
+        fmi=fmi,
+        identifier=part.modelIdentifier,
+        token=described.guid or "",
+        step=step,
+        tolerance=tolerance,
+        fixed_step=None if part.canHandleVariableCommunicationStepSize else internal,
+        inputs=inputs,
+        outputs=outputs,
+        parameters=parameters,
+        feedthrough=_feedthrough(described, inputs, outputs),
+        has_states=part.canGetAndSetFMUstate,
+        once_per_process=part.canBeInstantiatedOnlyOncePerProcess,
+        error_categories=tuple(
+            category.name
+            for category in getattr(described, "logCategories", ())
+            if category.name in ("logStatusWarning", "logStatusDiscard", "logStatusError", "logStatusFatal")
+        ),
+        left_out=tuple(left_out),
+    )
+
+
+def _unusable(variable: Any) -> str | None:
+    if variable.type not in (*REALS, *WHOLE, "Enumeration"):
+        return f"of type {variable.type}, no number"
+    if variable.clocks:
+        return "clocked"
+    return None
+
+
+def _variable(variable: Any, fmi: int, where: str) -> Variable:
+    kind = variable.type
+    if kind == "Enumeration":
+        kind = "Integer" if fmi == 2 else "Int64"
+    shape = variable.shape or ()
+    indices = itertools.product(*(range(1, n + 1) for n in shape))
+    labels = [variable.name + (f"[{','.join(map(str, index))}]" if index else "") for index in indices]
+    words = {"true": 1.0, "false": 0.0}
+    start = [float(words.get(word, word)) for word in (variable.start or "").split()]
+    if len(start) == 1:
+        start *= len(labels)  # one value stands for all elements
+    if variable.causality == "parameter" and len(start) != len(labels):
+        raise InputError(
+            f"{where}: parameter {variable.name!r} has {len(labels)} elements and {len(start)} start values"
+        )
+    unit = variable.unit or (variable.declaredType.unit if variable.declaredType else None)
+    description = variable.description or ""
+    return Variable(
+        variable.name, variable.valueReference, kind, tuple(labels), tuple(start), unit or "", description
+    )
+
+
+def _distinct(variables: Iterable[Variable], where: str) -> None:
+    seen: set[str] = set()
+    for label in itertools.chain.from_iterable(v.labels for v in variables):
+        if label in seen:
+            raise InputError(f"{where}: two signals are called {label!r}")
+        seen.add(label)
+
+
+def _feedthrough(
+    described: Any, inputs: Sequence[Variable], outputs: Sequence[Variable]
+) -> dict[str, tuple[str, ...]]:
+    """Return for each output the inputs it is declared to depend on; all where nothing is declared."""
+    everything = tuple(v.name for v in inputs)
+    stated = {
+        unknown.variable.name: tuple(v.name for v in unknown.dependencies if v.name in everything)
+        for unknown in described.outputs
+        if unknown.variable is not None and unknown.dependencies is not None
+    }
+    return {v.name: stated.get(v.name, everything) for v in outputs}
+
+
+def _positive(text: str | float | None) -> float | None:
+    """Return a number of the description if it is one and positive."""
+    value = float(text) if text is not None else 0.0
+    return value if math.isfinite(value) and value > 0 else None
+
+
+def _first(problems: Sequence[str]) -> str:
+    more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
+    return " ".join(problems[0].split())[:300] + more

@@ -1,0 +1,164 @@
+"""An FMU step by step, used as a Block's runner is; made by :meth:`FmuSystem.start`."""
+
+from __future__ import annotations
+
+import contextlib
+import uuid
+import weakref
+from collections.abc import Iterator, Mapping
+from types import TracebackType
+from typing import TYPE_CHECKING, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hovercontrol.errors import InputError
+from hovercontrol.fmi.importer.instance import Engine, FmuError
+from hovercontrol.simulation.runner import Inputs, Runner, Snapshot
+
+if TYPE_CHECKING:
+    from hovercontrol.fmi.importer.imported import FmuSystem, Unpacked
+
+Array = NDArray[np.float64]
+
+
+class FmuRunner(Runner):
+    """An FMU while it runs; see :class:`hovercontrol.simulation.runner.Runner`.
+
+    Parameters
+    ----------
+    system : FmuSystem
+    engine : Engine
+        An instance for this run alone.
+    params : mapping of str to float
+        All parameters by key.
+    inputs, time
+        As for :meth:`FmuSystem.start`.
+    """
+
+    def __init__(
+        self,
+        system: FmuSystem,
+        engine: Engine,
+        params: Mapping[str, float],
+        inputs: Inputs | None,
+        time: float,
+    ) -> None:
+        face = system.interface
+        self.input_labels, self.output_labels = list(system.input_index), list(system.output_index)
+        self.state_labels = []
+        self._system, self._engine, self._params = system, engine, dict(params)
+        self._face, self._token = face, uuid.uuid4().hex
+        self._direct = np.array([bool(names) for names in system.feedthrough.values()], dtype=bool)
+        system.unpacked.hold()
+        self._end = weakref.finalize(self, _release, engine, system.unpacked)
+        starts = [s for v in face.inputs for s in (v.start or (0.0,) * len(v.labels))]
+        super().__init__(f"FMU {system.name!r}", starts, time)
+        if inputs is not None:
+            self._sent = self._packed(inputs)
+        self._sent = system.checked_inputs(self.time, np.frombuffer(self._sent)).tobytes()
+        with self._fmu(f"at the start of a run, t = {self.time:.9g} s"):
+            values = engine.start(self.time, system.values_in_order(params), self._listed())
+        self._y = np.array(values)
+        self._advance = self._advance_fmu
+
+    @property
+    def state(self) -> Array:
+        """Refused: an FMU keeps its state to itself; raises :class:`InputError`."""
+        raise InputError(
+            f"{self._label}: an FMU keeps its state to itself; save() and restore() hand it over"
+        )
+
+    @property
+    def params(self) -> dict[str, float]:
+        """The parameters by key, as they were set at the start."""
+        return dict(self._params)
+
+    def save(self) -> Snapshot:
+        """Return the state the FMU saves, which stays in this instance; lost with it.
+
+        Raises
+        ------
+        InputError
+            If the FMU cannot save its state.
+        """
+        if not self._face.has_states:
+            raise InputError(f"{self._label}: it cannot save its state (canGetAndSetFMUState)")
+        with self._fmu(f"at t = {self.time:.9g} s, saving its state"):
+            handle = self._engine.save()
+        snapshot = Snapshot(self.time, self._of(), (self._rest, self._sent, self._y.copy(), handle))
+        weakref.finalize(snapshot, _drop, weakref.ref(self), handle)
+        return snapshot
+
+    def restore(self, snapshot: Snapshot) -> None:
+        """Go back to where a snapshot of this runner was taken; see :meth:`Runner.restore`."""
+        self._check(snapshot, self._of())
+        self._rest, self._sent, y, handle = snapshot.data
+        with self._fmu(f"going back to t = {snapshot.time:.9g} s"):
+            self._engine.restore(handle)
+        self.time, self._y = snapshot.time, y.copy()
+
+    def close(self) -> None:
+        """Free the FMU's instance; may be called twice."""
+        self._end()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _of(self) -> tuple[str, ...]:
+        return "FMU", self._system.name, self._token
+
+    def _advance_fmu(self, until: float, sent: bytes) -> int:
+        checked = self._system.checked_inputs(self.time, np.frombuffer(sent))
+        self._sent = checked.tobytes()
+        if until == self.time:
+            with self._fmu(f"at t = {self.time:.9g} s"):
+                now = np.array(self._engine.outputs(self._listed()))
+            self._y = np.where(self._direct, now, self._y)
+            return 0
+        length, fixed = until - self.time, self._face.fixed_step
+        if fixed and abs(length / fixed - max(round(length / fixed), 1)) > 1e-6:
+            raise InputError(
+                f"{self._label}: a step must be a multiple of the FMU's own {fixed:g} s, found {length:g} s"
+            )
+        with self._fmu(f"in the step from t = {self.time:.9g} s"):
+            self._y = np.array(self._engine.step(self.time, length, self._listed()))
+        return 0
+
+    def _jump(self, params: Mapping[str, float], state: Mapping[str, float] | ArrayLike | None) -> None:
+        if state is not None:
+            raise InputError(f"{self._label}: an FMU keeps its state to itself, nothing outside can set it")
+        if params:
+            raise InputError(
+                f"{self._label}: an FMU's parameters are set where a run starts: start(params=...)"
+            )
+
+    def _listed(self) -> list[float]:
+        values: list[float] = np.frombuffer(self._sent).tolist()
+        return values
+
+    @contextlib.contextmanager
+    def _fmu(self, when: str) -> Iterator[None]:
+        if not self._end.alive:
+            raise InputError(f"{self._label} is closed")
+        try:
+            yield
+        except FmuError as fault:
+            raise InputError(f"{self._label} failed {when}: {fault}") from None
+
+
+def _release(engine: Engine, unpacked: Unpacked) -> None:
+    engine.close()
+    unpacked.release()
+
+
+def _drop(runner: weakref.ref[FmuRunner], handle: int) -> None:
+    alive = runner()
+    if alive is not None and alive._end.alive:
+        with contextlib.suppress(FmuError, KeyError):
+            alive._engine.drop(handle)

@@ -1,0 +1,87 @@
+"""TOML files and what is checked of every one: which keys there are, and that numbers are numbers."""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from collections.abc import Iterable, Mapping
+from numbers import Real
+from pathlib import Path
+from typing import Any
+
+from hovercontrol.errors import InputError, did_you_mean, shown
+from hovercontrol.io.files import readable, reason
+
+#: Bytes of the largest TOML file that is read.
+LARGEST = 4 * 2**20
+
+
+def read_toml(path: str | Path) -> dict[str, Any]:
+    """Return a TOML file's content.
+
+    Raises
+    ------
+    InputError
+        If the file is not there or is not TOML; the line says where.
+    """
+    file = readable(path, "a TOML file")
+    try:
+        with file.open("rb") as stream:
+            content = stream.read(LARGEST + 1)
+        if len(content) > LARGEST:
+            raise InputError(
+                f"{path}: expected a TOML file of {LARGEST / 2**20:.0f} MiB at most, found a larger"
+            )
+        return tomllib.loads(content.decode())
+    except RecursionError:
+        raise InputError(f"{path}: not readable as TOML: tables or lists are nested too deeply") from None
+    except (ValueError, OSError) as error:  # no TOML, no UTF-8, a number of too many digits
+        if isinstance(error, InputError):
+            raise
+        raise InputError(f"{path}: not readable as TOML: {reason(error)}") from None
+
+
+def check_keys(kind: str, found: Mapping[str, Any], known: Iterable[str]) -> None:
+    """Refuse a key that is not known; `kind` says what the keys are ("effect", "key in [plant]")."""
+    names = list(known)
+    for key in found:
+        if key not in names:
+            raise InputError(f"unknown {kind} {shown(key)}{did_you_mean(key, names)}")
+
+
+def table(where: str, value: Any) -> dict[str, Any]:
+    """Return a value that must be a table."""
+    if not isinstance(value, dict):
+        raise InputError(f"{where} must be a table, found {shown(value)}")
+    return value
+
+
+def number(where: str, value: Any) -> float:
+    """Return a value that must be a number, as a float."""
+    try:
+        if not isinstance(value, bool) and isinstance(value, Real) and not math.isnan(value):
+            return float(value)
+    except OverflowError:  # an integer beyond what a float holds
+        pass
+    raise InputError(f"{where} must be a number, found {shown(value)}")
+
+
+def finite(where: str, value: Any) -> float:
+    """Return a number that must be finite."""
+    if not math.isfinite(number(where, value)):
+        raise InputError(f"{where} must be a finite number, found {shown(value)}")
+    return float(value)
+
+
+def positive(where: str, value: Any) -> float:
+    """Return a number that must be positive and finite."""
+    if not 0 < number(where, value) < math.inf:
+        raise InputError(f"{where} must be positive, found {shown(value)}")
+    return float(value)
+
+
+def text(where: str, value: Any) -> str:
+    """Return a value that must be text."""
+    if not isinstance(value, str):
+        raise InputError(f"{where} must be text, found {shown(value)}")
+    return value

@@ -1,0 +1,291 @@
+"""Any Block as a model to which effects can be added: a servo with friction, a ship, a plant of your own."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import sympy as sp
+from numpy.typing import ArrayLike
+
+from hovercontrol.core.block import Block
+from hovercontrol.core.derivatives import linear_parameters
+from hovercontrol.core.expressions import Expressions
+from hovercontrol.core.signals import Signal, time
+from hovercontrol.effects import Effect, Shape, effect_class
+from hovercontrol.effects.generic import generic_effects
+from hovercontrol.errors import InputError, did_you_mean
+from hovercontrol.models.model import delays_of
+
+
+@dataclass(frozen=True)
+class BlockModel:
+    """A Block and the effects added to it.
+
+    What effects see (``s`` in ``terms(c, s)``) are the Block's states and inputs by name, and ``time``; what
+    they add to is named by state. In ``commands``, ``s.thrusts`` holds every input.
+
+    Parameters
+    ----------
+    block : Block
+        Linear in its force coefficients.
+    catalogue : sequence of str, optional
+        Names of the effects that may be missing; default: all that any machine may lack,
+        :func:`~hovercontrol.effects.generic.generic_effects` of the Block.
+    effects : sequence of Effect, optional
+        Those that it has.
+
+    Raises
+    ------
+    InputError
+        If an effect is unknown, stands twice, or acts on a state that the Block does not have.
+
+    Examples
+    --------
+    >>> from hovercontrol.effects import effect
+    >>> v, k = Signal("v", "m/s"), Signal("k", "1/s", start=1.0)
+    >>> cart = Block("cart", [v], [], [v], [k], {"v": -k.symbol * v.symbol})
+    >>> model = BlockModel(cart, ["input_delay"])
+    >>> model.linear_coefficients(), model.coefficients()
+    (('k',), {'k': 1.0})
+
+    A single-axis drive, angle q and rate v, of which nothing more is said, and what it may lack:
+
+    >>> q, v, u = Signal("q", "rad"), Signal("v", "rad/s"), Signal("u", "A")
+    >>> k, b = Signal("k", "N*m/A", start=0.1), Signal("b", "N*m*s", start=0.02)
+    >>> J = Signal("J", "kg*m^2", start=0.01, lower=1e-9)
+    >>> slope = (k.symbol * u.symbol - b.symbol * v.symbol) / J.symbol
+    >>> drive = BlockModel(Block("drive", [q, v], [u], [q], [k, b, J], {"q": v.symbol, "v": slope}))
+    >>> [cls.name for cls in drive.candidates()][:8]  # doctest: +NORMALIZE_WHITESPACE
+    ['v_offset', 'v_linear_drag', 'v_quadratic_drag', 'v_coulomb', 'v_stribeck', 'v_load_friction', 'v_lugre',
+     'v_spring']
+    >>> [cls.name for cls in drive.candidates()][8:]  # doctest: +NORMALIZE_WHITESPACE
+    ['u_deadzone', 'u_backlash', 'u_lag', 'u_saturation', 'input_delay', 'q_bias', 'q_scale', 'time_offset']
+    >>> sticky = drive.with_effects([drive.effect_class("v_coulomb")(0.5)])
+    >>> sticky.plant().to_numpy().derivatives(0.0, [0.0, 1.0], [1.0]).round(6).tolist()
+    [1.0, 7.5]
+    """
+
+    block: Block
+    catalogue: tuple[str, ...] | None = None
+    effects: tuple[Effect, ...] = field(default=())
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "effects", tuple(self.effects))
+        if self.catalogue is not None:
+            object.__setattr__(self, "catalogue", tuple(self.catalogue))
+            for name in self.catalogue:
+                self.effect_class(name)
+        self.block.need_prompt_inputs("a model")
+        names = [e.name for e in self.effects]
+        for name in names:
+            if names.count(name) > 1:
+                raise InputError(f"model {self.name!r}: the effect {name!r} stands twice")
+
+    def _repr_html_(self) -> str:
+        from hovercontrol.notebook.systems import blockmodel_html
+
+        return blockmodel_html(self)
+
+    @property
+    def name(self) -> str:
+        """The Block's name."""
+        return self.block.name
+
+    @property
+    def fans(self) -> tuple[()]:
+        """None: a Block's inputs are its own."""
+        return ()
+
+    @property
+    def signature(self) -> tuple[Hashable, ...]:
+        """What the plant's equations depend on: all but the numbers."""
+        block = self.block
+        bounds = ((s.name, s.lower, s.upper) for s in (*block.states, *block.inputs, *block.parameters))
+        expressions = (*block.derivatives.items(), *block.output_expressions.items())
+        return (self.name, expressions, tuple(bounds), *(type(e) for e in self.effects))
+
+    def accepts(self, cls: type[Effect]) -> bool:
+        """Tell whether an effect may be missing."""
+        if self.catalogue is None:
+            return generic_effects(self.block).get(cls.name) is cls
+        return cls.name in self.catalogue
+
+    def candidates(self) -> tuple[type[Effect], ...]:
+        """Return the effects that may be missing and that the model does not have yet."""
+        names = generic_effects(self.block) if self.catalogue is None else self.catalogue
+        have = {e.name for e in self.effects}
+        return tuple(self.effect_class(name) for name in names if name not in have)
+
+    def effect_class(self, name: str) -> type[Effect]:
+        """Return the class of an effect: a known one, or one that any machine may lack.
+
+        Raises
+        ------
+        InputError
+            If no effect has that name; the nearest one is in the text.
+        """
+        if self.catalogue is not None and name in Effect.known:
+            return effect_class(name)
+        generic = generic_effects(self.block)
+        if name not in {**generic, **Effect.known}:
+            raise InputError(f"unknown effect {name!r}{did_you_mean(name, [*Effect.known, *generic])}")
+        return generic.get(name) or effect_class(name)
+
+    def effect(self, name: str) -> Effect:
+        """Return the effect of that name.
+
+        Raises
+        ------
+        InputError
+            If the model has none; the nearest is named.
+        """
+        for e in self.effects:
+            if e.name == name:
+                return e
+        hint = did_you_mean(name, [e.name for e in self.effects])
+        raise InputError(f"model {self.name!r} has no effect {name!r}{hint}")
+
+    def with_effects(self, effects: Iterable[Effect]) -> BlockModel:
+        """Return the model with these effects added, or put in place of those of the same name."""
+        new = {e.name: e for e in self.effects} | {e.name: e for e in effects}
+        return replace(self, effects=tuple(new.values()))
+
+    def linear_coefficients(self) -> tuple[str, ...]:
+        """Return the names of all coefficients: those in which the Block is linear, and the effects'."""
+        own = tuple(name.rpartition(".")[2] for name in linear_parameters(self.block))
+        added = (
+            e.parameter(k) for e in self.effects for k, n in e.numbers.items() if not isinstance(n, Shape)
+        )
+        return (*own, *added)
+
+    def coefficients(self) -> dict[str, float]:
+        """Return every coefficient's value, and every number of every effect."""
+        own = {
+            name.rpartition(".")[2]: self.block.signal(name).start for name in linear_parameters(self.block)
+        }
+        return own | {e.parameter(k): v for e in self.effects for k, v in e.values.items()}
+
+    def with_coefficients(self, values: Mapping[str, float]) -> BlockModel:
+        """Return the model with other numbers.
+
+        Raises
+        ------
+        InputError
+            If a name is unknown or a value out of bounds.
+        """
+        known = self.coefficients()
+        for name in values:
+            if name not in known:
+                raise InputError(
+                    f"model {self.name!r} has no coefficient {name!r}{did_you_mean(name, known)}"
+                )
+        changed = [
+            type(e)(**{k: values.get(e.parameter(k), v) for k, v in e.values.items()}) for e in self.effects
+        ]
+        added = {e.parameter(k) for e in self.effects for k in e.values}
+        own = {name: value for name, value in values.items() if name not in added}
+        return replace(self, block=self.block.with_values(own), effects=tuple(changed))
+
+    def input_units(self) -> dict[str, str]:
+        """Return the unit of each input."""
+        return {s.name: s.unit for s in self.block.inputs}
+
+    def input_size(self, cls: type[Effect], inputs: Mapping[str, ArrayLike]) -> float:
+        """Return the largest size of what an input effect acts on: its own input, or all; as of a Model."""
+        names = [cls.signal] if cls.signal else [s.name for s in self.block.inputs]
+        sizes = (float(np.abs(inputs[name]).max(initial=0.0)) for name in names if name in inputs)
+        return max(sizes, default=0.0)
+
+    def _units(self) -> dict[str, str]:
+        """Return the units of the inputs, and what effects call ``{thrust}``: the one that all share."""
+        units = self.input_units()
+        shared = set(units.values())
+        return {"thrust": shared.pop(), **units} if len(shared) == 1 else units
+
+    def timing(self, owner: str = "") -> tuple[str, str]:
+        """Return the parameters that say how late inputs act and how late measurements are, or ``""``."""
+        _, way = self._way()
+        return str(way.delay or ""), str(self._seen().late or "")
+
+    def _way(self) -> tuple[dict[Signal, sp.Expr], SimpleNamespace]:
+        way = SimpleNamespace(
+            thrusts={s.name: s.symbol for s in self.block.inputs},
+            rudder=sp.Symbol("rudder", real=True),
+            time=time,
+            units=self.input_units(),
+            delay=None,
+        )
+        states: dict[Signal, sp.Expr] = {}
+        for e in sorted(self.effects, key=lambda e: e.order):
+            states |= e.commands(e.symbols(self.name), way)
+        return states, way
+
+    def _seen(self) -> SimpleNamespace:
+        every: dict[str, Any] = {s.name: s.symbol for s in self.block.states}
+        every |= {s.name: self.block.output_expressions[s.name] for s in self.block.outputs}
+        seen = SimpleNamespace(**every, true=SimpleNamespace(**every), late=None)
+        for e in sorted(self.effects, key=lambda e: e.order):
+            e.measured(e.symbols(self.name), seen)
+        return seen
+
+    def plant(self, *, late: bool = False) -> Block:
+        """Return the Block with the effects; as of a :class:`~hovercontrol.models.model.Model`.
+
+        Raises
+        ------
+        InputError
+            If an effect acts on a state that is not there, or inputs would act before they are sent.
+        """
+        if not self.effects:
+            return self.block
+        block = self.block
+        lags, way = self._way()
+        swap = {s.symbol: way.thrusts[s.name] for s in block.inputs}
+        derivatives = {name: e.xreplace(swap) for name, e in block.derivatives.items()}
+        motion = SimpleNamespace(
+            **{s.name: s.symbol for s in (*block.states, *block.parameters)},
+            **way.thrusts,
+            time=time,
+        )
+        own: dict[Signal, sp.Expr] = dict(lags)
+        for e in self.effects:
+            own |= e.states(e.symbols(self.name), motion)
+            for state, term in e.terms(e.symbols(self.name), motion).items():
+                if state not in derivatives:
+                    hint = did_you_mean(state, derivatives)
+                    raise InputError(f"effect {e.name}: {self.name!r} has no state {state!r}{hint}")
+                derivatives[state] += term
+        seen = self._seen()
+        changed = {
+            s: getattr(seen, s.name)
+            for s in block.outputs
+            if getattr(seen, s.name) != getattr(seen.true, s.name)
+        }
+        measured = {s.but(name=f"{s.name}_measured"): e for s, e in changed.items()}
+        return Block(
+            block.name,
+            states=(*block.states, *own),
+            inputs=block.inputs,
+            delays={} if late else delays_of(self.timing(), block.inputs, self.coefficients()),
+            outputs=(*block.outputs, *measured),
+            parameters=(
+                *block.parameters,
+                *(p for e in self.effects for p in e.signals(self.name, self._units())),
+            ),
+            derivatives={**derivatives, **{s.name: slope for s, slope in own.items()}},
+            output_expressions=Expressions(
+                {
+                    **{
+                        s.name: block.output_expressions[s.name].xreplace(swap)
+                        for s in block.outputs
+                        if s.name not in block.derivatives
+                    },
+                    **{s.name: e for s, e in measured.items()},
+                }
+            ),
+            definitions={name: e.xreplace(swap) for name, e in block.definitions.items()},
+        )

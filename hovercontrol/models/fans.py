@@ -1,0 +1,248 @@
+"""Fans fixed to the hull: place, direction, and the static curve from a fan's signal to its force."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import sympy as sp
+from numpy.typing import ArrayLike, NDArray
+
+from hovercontrol.core.boundary import checked
+from hovercontrol.core.lookup import linear
+from hovercontrol.core.signals import Signal
+from hovercontrol.errors import InputError
+from hovercontrol.io.tables import finite, number
+
+
+@dataclass(frozen=True)
+class Polynomial:
+    """A static curve of a fan: ``c1 s + c2 s^2 + ...``, zero at zero.
+
+    Parameters
+    ----------
+    coefficients : sequence of float
+        Force [N] of the first, second... power of the signal.
+
+    Raises
+    ------
+    InputError
+        If there is none or one is no finite number.
+
+    Examples
+    --------
+    >>> curve, s = Polynomial([0.1, 0.4]), sp.Symbol("s", real=True)
+    >>> curve.force(s, curve.parameters("plant.left", "left"))
+    plant.left_curve_1*s + plant.left_curve_2*s**2
+    """
+
+    coefficients: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "coefficients", _numbers("curve", self.coefficients, 1))
+
+    @property
+    def bounds(self) -> tuple[float, float]:
+        """Smallest and largest signal: a fan does not push backward."""
+        return 0.0, math.inf
+
+    def parameters(self, prefix: str, fan: str) -> tuple[Signal, ...]:
+        """Return the coefficients as parameters of a plant."""
+        return tuple(
+            Signal(
+                f"{prefix}_curve_{k}",
+                "N",
+                f"power {k} of the static curve of the fan {fan}",
+                c,
+                abs(c) or 1.0,
+            )
+            for k, c in enumerate(self.coefficients, 1)
+        )
+
+    def force(self, signal: sp.Expr, parameters: Sequence[Signal]) -> sp.Expr:
+        """Return the force [N] of a signal."""
+        return sp.Add(*(p.symbol * signal**k for k, p in enumerate(parameters, 1)))
+
+    def forces_at(self, signals: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the forces [N] of signals, same shape."""
+        return np.polynomial.Polynomial((0.0, *self.coefficients))(signals)
+
+
+@dataclass(frozen=True)
+class BenchCurve:
+    """A static curve of a fan as measured on a bench: straight lines between the points, its ends held.
+
+    Parameters
+    ----------
+    signals : sequence of float
+        Increasing, two at least.
+    forces : sequence of float
+        Force [N] at each.
+
+    Raises
+    ------
+    InputError
+        If the two do not fit, signals do not increase, a value is no finite number, or all forces are zero.
+
+    Examples
+    --------
+    >>> curve, s = BenchCurve([0.0, 0.5, 1.0], [0.0, 0.1, 0.4]), sp.Symbol("s", real=True)
+    >>> full = curve.parameters("plant.left", "left")
+    >>> round(float(curve.force(s, full).subs({s: 0.75, full[0].symbol: full[0].start})), 12)
+    0.25
+    """
+
+    signals: tuple[float, ...]
+    forces: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "signals", _numbers("curve.signal", self.signals, 2))
+        object.__setattr__(self, "forces", _numbers("curve.force", self.forces, 2))
+        if len(self.signals) != len(self.forces):
+            raise InputError(
+                f"curve: as many signals as forces wanted, found {len(self.signals)} and {len(self.forces)}"
+            )
+        for before, after in zip(self.signals, self.signals[1:], strict=False):
+            if not before < after:
+                raise InputError(f"curve.signal must increase, found {after:g} after {before:g}")
+        if not any(self.forces):
+            raise InputError("curve.force: all forces are zero")
+
+    @property
+    def bounds(self) -> tuple[float, float]:
+        """Smallest and largest signal."""
+        return self.signals[0], self.signals[-1]
+
+    @property
+    def full(self) -> float:
+        """Largest force [N]."""
+        return max(map(abs, self.forces))
+
+    def parameters(self, prefix: str, fan: str) -> tuple[Signal, ...]:
+        """Return the largest force as a parameter of a plant; the curve's form is a table of numbers."""
+        text = f"largest force on the static curve of the fan {fan}"
+        return (Signal(f"{prefix}_full", "N", text, start=self.full, nominal=self.full),)
+
+    def force(self, signal: sp.Expr, parameters: Sequence[Signal]) -> sp.Expr:
+        """Return the force [N] of a signal."""
+        return parameters[0].symbol * linear(signal, self.signals, [f / self.full for f in self.forces])
+
+    def forces_at(self, signals: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the forces [N] of signals, same shape."""
+        return np.interp(signals, self.signals, self.forces)
+
+
+@checked
+@dataclass(frozen=True)
+class Fan:
+    """A fan fixed to the hull; its force [N], or the signal of its static curve, is an input of the plant.
+
+    Parameters
+    ----------
+    name : str
+        Name of the input.
+    x, y : float
+        Place in the body frame [m] from the centre of mass.
+    direction : float
+        Angle of the force from the bow [rad].
+    curve : Polynomial, BenchCurve or sequence of float, optional
+        Static curve from signal to force; numbers are the coefficients of a :class:`Polynomial`. Without it
+        the input is the force.
+    gain : float, optional
+        What the force is multiplied by, a coefficient of the model; without it there is none.
+
+    Raises
+    ------
+    InputError
+        If the curve or the gain is no such thing.
+
+    Examples
+    --------
+    >>> Fan("left", 0.0, -0.1, 0.0, curve=[0.02, 1.05], gain=1.1).force("plant")
+    plant.left_gain*(left**2*plant.left_curve_2 + left*plant.left_curve_1)
+    """
+
+    name: str
+    x: float
+    y: float
+    direction: float
+    curve: Polynomial | BenchCurve | None = None
+    gain: float | None = None
+
+    def __post_init__(self) -> None:
+        for key in ("x", "y", "direction"):
+            object.__setattr__(self, key, finite(f"fan {self.name}: {key}", getattr(self, key)))
+        if self.gain is not None:
+            object.__setattr__(self, "gain", number(f"fan {self.name}: gain", self.gain))
+            if not 0 <= self.gain < math.inf:
+                raise InputError(f"fan {self.name}: gain must be zero or more, found {self.gain:g}")
+        curve: Any = self.curve
+        if curve is not None and not isinstance(curve, Polynomial | BenchCurve):
+            object.__setattr__(self, "curve", Polynomial(curve))
+
+    def command(self) -> Signal:
+        """Return the plant's input: the force of this fan [N], or the signal of its curve."""
+        if self.curve is None:
+            return Signal(self.name, "N", f"force of the fan {self.name}", nominal=0.1, lower=0.0)
+        lower, upper = self.curve.bounds
+        return Signal(
+            self.name,
+            "1",
+            f"signal of the fan {self.name}",
+            start=min(max(0.0, lower), upper),
+            nominal=upper if 0 < upper < math.inf else 1.0,
+            lower=lower,
+            upper=upper,
+        )
+
+    def force(self, owner: str) -> sp.Expr:
+        """Return the force [N] of the command, before any effect that acts on it."""
+        force: sp.Expr = self.command().symbol
+        if self.curve is not None:
+            force = self.curve.force(force, self._curve_parameters(owner))
+        return force if self.gain is None else self.gain_signal(owner).symbol * force
+
+    def forces(self, command: ArrayLike) -> NDArray[np.float64]:
+        """Return the forces [N] of commands, same shape; the numbers of :meth:`force`."""
+        found = np.asarray(command, dtype=float)
+        if self.curve is not None:
+            found = self.curve.forces_at(found)
+        return found if self.gain is None else self.gain * found
+
+    def lever_arm(self, owner: str) -> Signal:
+        """Return the plant's parameter: torque about the centre of mass per force."""
+        arm = self.x * math.sin(self.direction) - self.y * math.cos(self.direction)
+        text = f"lever arm of the fan {self.name}"
+        return Signal(f"{owner}.{self.name}_arm", "m", text, start=arm, nominal=abs(arm) or 1.0)
+
+    def cross_arm(self, owner: str) -> Signal:
+        """Return the plant's parameter: torque per force that is turned by 90 degrees to the left."""
+        arm = self.x * math.cos(self.direction) + self.y * math.sin(self.direction)
+        text = f"lever arm of the fan {self.name}, its force turned by 90 degrees"
+        return Signal(f"{owner}.{self.name}_cross_arm", "m", text, start=arm, nominal=abs(arm) or 1.0)
+
+    def gain_signal(self, owner: str) -> Signal:
+        """Return the plant's parameter: what the force is multiplied by."""
+        start = 1.0 if self.gain is None else self.gain
+        text = f"gain of the fan {self.name}"
+        return Signal(f"{owner}.{self.name}_gain", "1", text, start=start, lower=0.0)
+
+    def parameters(self, owner: str) -> tuple[Signal, ...]:
+        """Return the plant's parameters of this fan: lever arm, static curve, gain."""
+        gain = () if self.gain is None else (self.gain_signal(owner),)
+        return (self.lever_arm(owner), *self._curve_parameters(owner), *gain)
+
+    def _curve_parameters(self, owner: str) -> tuple[Signal, ...]:
+        return () if self.curve is None else self.curve.parameters(f"{owner}.{self.name}", self.name)
+
+
+def _numbers(where: str, given: Any, least: int) -> tuple[float, ...]:
+    if isinstance(given, str) or not isinstance(given, Iterable):
+        raise InputError(f"{where} must be a list of numbers, found {given!r}")
+    found = tuple(number(f"{where}[{i}]", value) for i, value in enumerate(given))
+    if len(found) < least or not all(map(math.isfinite, found)):
+        raise InputError(f"{where} must be a list of {least} finite numbers at least, found {list(found)!r}")
+    return found

@@ -1,0 +1,428 @@
+"""A model: a craft as a list of effects. Planar rigid-body motion plus that list is the plant.
+
+Body frame: surge u forward, sway v to the left, yaw rate r counter-clockwise; earth frame x, y, heading psi.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Hashable, Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import sympy as sp
+from numpy.typing import ArrayLike
+
+from hovercontrol.core.block import Block
+from hovercontrol.core.boundary import checked
+from hovercontrol.core.signals import Signal, time
+from hovercontrol.effects import Effect, Shape, effect_class, effect_names
+from hovercontrol.errors import InputError, did_you_mean
+from hovercontrol.models.fans import Fan as Fan
+
+#: The six states of every plant [C17 eq 8] [K06 eq 2.2, 2.5].
+MOTION = (
+    Signal("x", "m", "position, earth frame"),
+    Signal("y", "m", "position, earth frame"),
+    Signal("psi", "rad", "heading"),
+    Signal("u", "m/s", "surge velocity"),
+    Signal("v", "m/s", "sway velocity"),
+    Signal("r", "rad/s", "yaw rate"),
+)
+
+#: The commands of a craft with one propeller and a rudder (T and theta in C17).
+THRUST = Signal("thrust", "1", "thrust command")
+RUDDER = Signal("rudder", "rad", "rudder angle", nominal=0.5)
+
+
+@checked
+@dataclass(frozen=True)
+class Model:
+    """A craft: its name, its effects, and where its commands enter.
+
+    Parameters
+    ----------
+    name : str
+        What pictures and files call it.
+    effects : sequence of Effect
+        Each name at most once.
+    thrust, rudder : Signal, optional
+        Unit and bounds of the rudder craft's commands, where they differ from the default.
+    fans : sequence of Fan, optional
+        The fans of a fan craft.
+
+    Raises
+    ------
+    InputError
+        If an effect stands twice, or fans are missing that an effect needs.
+
+    Examples
+    --------
+    >>> from hovercontrol.effects import effect
+    >>> craft = Model("puck", [effect("surge_linear_drag", 0.4), effect("thrust", 2.0)])
+    >>> print(craft.with_effects([]).plant().equations().splitlines()[5])
+    r' = 0
+    """
+
+    name: str
+    effects: tuple[Effect, ...] = ()
+    thrust: Signal = THRUST
+    rudder: Signal = RUDDER
+    fans: tuple[Fan, ...] = field(default=())
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "effects", tuple(self.effects))
+        object.__setattr__(self, "fans", tuple(self.fans))
+        names = [e.name for e in self.effects]
+        for name in names:
+            if names.count(name) > 1:
+                raise InputError(f"model {self.name!r}: the effect {name!r} stands twice")
+        inputs = [THRUST.name, RUDDER.name, *(f.name for f in self.fans)]
+        for name in inputs:
+            if inputs.count(name) > 1 or name in {s.name for s in MOTION}:
+                raise InputError(f"model {self.name!r}: the name of the fan {name!r} is taken")
+        if self.rudder.dimension != RUDDER.dimension:
+            raise InputError(
+                f"model {self.name!r}: the rudder's unit is {RUDDER.unit}, not {self.rudder.unit}"
+            )
+        for e in self.effects:
+            if e.craft == "fan" and not self.fans:
+                raise InputError(f"model {self.name!r}: the effect {e.name!r} needs fans, there are none")
+            if e.instead_of in names:
+                raise InputError(
+                    f"model {self.name!r}: the effects {e.instead_of!r} and {e.name!r} are the same: keep one"
+                )
+
+    @property
+    def signature(self) -> tuple[Hashable, ...]:
+        """What the plant's equations depend on: all but the numbers."""
+        fans = tuple(f if f.gain is None else replace(f, gain=1.0) for f in self.fans)
+        return (self.name, self.thrust, self.rudder, fans, *(type(e) for e in self.effects))
+
+    def _repr_html_(self) -> str:
+        from hovercontrol.notebook.systems import model_html
+
+        return model_html(self)
+
+    @checked
+    def effect(self, name: str) -> Effect:
+        """Return the effect of that name.
+
+        Raises
+        ------
+        InputError
+            If the model has none; the nearest is named.
+        """
+        for effect in self.effects:
+            if effect.name == name:
+                return effect
+        hint = did_you_mean(name, [e.name for e in self.effects])
+        raise InputError(f"model {self.name!r} has no effect {name!r}{hint}")
+
+    def accepts(self, cls: type[Effect]) -> bool:
+        """Tell whether an effect may be missing: the craft has what it acts on.
+
+        Of two that are the same on different craft (``thrust_lag``, ``fan_lag``) only that of the model's own
+        craft may, and not where the model has the other.
+        """
+        names = {e.name for e in self.effects}
+        if cls.instead_of in names:
+            return False
+        has_rudder = bool(names & {"thrust", "rudder_torque"})
+        uses_fans = bool(names & {"fan_force", "fan_torque"})
+        if cls.craft == "fan":
+            return uses_fans or (bool(self.fans) and cls.name in ("fan_force", "fan_torque"))
+        if cls.craft == "rudder":
+            return has_rudder
+        return cls.kind() != "input" or has_rudder or uses_fans
+
+    def candidates(self) -> tuple[type[Effect], ...]:
+        """Return all known effects that may be missing: accepted, and not in the model yet.
+
+        Examples
+        --------
+        >>> names = [cls.name for cls in Model("puck", [effect_class("thrust")(1.0)]).candidates()]
+        >>> "input_delay" in names, "fan_delay" in names, "thrust" in names
+        (True, False, False)
+        """
+        have = {e.name for e in self.effects}
+        known = (effect_class(name) for name in effect_names() if name not in have)
+        return tuple(cls for cls in known if self.accepts(cls))
+
+    @checked
+    def with_effects(self, effects: Iterable[Effect]) -> Model:
+        """Return the model with these effects added, or put in place of those of the same name."""
+        new = {e.name: e for e in self.effects} | {e.name: e for e in effects}
+        return replace(self, effects=tuple(new.values()))
+
+    def coefficients(self) -> dict[str, float]:
+        """Return every number of every effect, and fans' gains where given, by parameter name."""
+        gains = {f"{f.name}_gain": f.gain for f in self.fans if f.gain is not None}
+        return {e.parameter(k): v for e in self.effects for k, v in e.values.items()} | gains
+
+    @checked
+    def with_coefficients(self, values: Mapping[str, float]) -> Model:
+        """Return the model with other numbers, by parameter name (``yaw_coulomb``, ``yaw_coulomb_width``).
+
+        Raises
+        ------
+        InputError
+            If a name is unknown or a value out of bounds.
+        """
+        known = self.coefficients()
+        for name in values:
+            if name not in known:
+                raise InputError(
+                    f"model {self.name!r} has no coefficient {name!r}{did_you_mean(name, known)}"
+                )
+        changed = [
+            type(e)(**{k: values.get(e.parameter(k), v) for k, v in e.values.items()}) for e in self.effects
+        ]
+        fans = (
+            f if f.gain is None else replace(f, gain=values.get(f"{f.name}_gain", f.gain)) for f in self.fans
+        )
+        return replace(self, effects=tuple(changed), fans=tuple(fans))
+
+    def input_units(self) -> dict[str, str]:
+        """Return the unit of each command."""
+        fans = {f.name: f.command().unit for f in self.fans}
+        return {"thrust": self.thrust.unit, "rudder": self.rudder.unit} | fans
+
+    def units_seen_by(self, cls: type[Effect]) -> dict[str, str]:
+        """Return the units that an effect's own are written in: input effects act on the fans' forces."""
+        if not self.fans or cls.kind() != "input":
+            return self.input_units()
+        return {"thrust": "N", "rudder": self.rudder.unit} | {f.name: "N" for f in self.fans}
+
+    def input_size(self, cls: type[Effect], inputs: Mapping[str, ArrayLike]) -> float:
+        """Return the largest size of what an input effect acts on: the thrust, or the fans' forces.
+
+        Parameters
+        ----------
+        cls : type of Effect
+            With a shape in parts of it (``of="input"``).
+        inputs : mapping of str to array_like
+            Commands of logs by name.
+        """
+        acting = [f.forces(inputs[f.name]) for f in self.fans if f.name in inputs]
+        if not self.fans and THRUST.name in inputs:
+            acting = [np.asarray(inputs[THRUST.name])]
+        return max((float(np.abs(a).max(initial=0.0)) for a in acting), default=0.0)
+
+    def parameters(self, owner: str = "plant") -> tuple[Signal, ...]:
+        """Return the numbers of all effects, and what places and drives fans, as parameters of a Block."""
+        effects = tuple(s for e in self.effects for s in e.signals(owner, self.units_seen_by(type(e))))
+        fans = tuple(p for f in self.fans for p in f.parameters(owner))
+        turned = any(e.name == "fan_misalignment" for e in self.effects)
+        return effects + fans + (tuple(f.cross_arm(owner) for f in self.fans) if turned else ())
+
+    def linear_coefficients(self) -> tuple[str, ...]:
+        """Return the parameter names of the coefficients, without shapes: what an estimator may estimate.
+
+        Given gains of fans are among them; each is known only against the gains that all fans share.
+        """
+        effects = (
+            e.parameter(k) for e in self.effects for k, n in e.numbers.items() if not isinstance(n, Shape)
+        )
+        return (*effects, *(f"{f.name}_gain" for f in self.fans if f.gain is not None))
+
+    def accelerations(self, owner: str, motion: SimpleNamespace) -> dict[str, sp.Expr]:
+        """Return the sum of all effects' terms, by equation ``u``, ``v``, ``r``.
+
+        Parameters
+        ----------
+        owner : str
+            Name of the Block whose parameters the numbers are.
+        motion : namespace
+            As :func:`motion_symbols` gives it, or with other expressions in its place.
+        """
+        total = dict.fromkeys(("u", "v", "r"), sp.S.Zero)
+        seen = self._motion_seen(owner, motion)
+        factors: dict[str, sp.Expr] = {}
+        for e in self.effects:
+            for name, factor in e.factors(e.symbols(owner), seen).items():
+                factors[name] = factors.get(name, sp.S.One) * factor
+        for e in self.effects:
+            terms = e.terms(e.symbols(owner), seen)
+            if not isinstance(terms, dict) or not set(terms) <= set(total):
+                raise InputError(
+                    f"effect {e.name}: terms() must return a dict with keys u, v, r, not {terms!r}"
+                )
+            for axis, term in terms.items():
+                total[axis] += factors.get(e.name, sp.S.One) * term
+        return total
+
+    def _motion_seen(self, owner: str, motion: SimpleNamespace) -> SimpleNamespace:
+        """Let the effects change what all of them see of the motion."""
+        seen = SimpleNamespace(**vars(motion))
+        for e in self.effects:
+            e.motion(e.symbols(owner), seen)
+        return seen
+
+    def own_states(self, owner: str, motion: SimpleNamespace) -> dict[Signal, sp.Expr]:
+        """Return the states that effects add to the plant and that depend on the motion, with derivatives.
+
+        Parameters
+        ----------
+        owner, motion
+            As of :meth:`accelerations`.
+        """
+        seen = self._motion_seen(owner, motion)
+        return {k: d for e in self.effects for k, d in e.states(e.symbols(owner), seen).items()}
+
+    def _command_way(
+        self, owner: str, motion: SimpleNamespace
+    ) -> tuple[dict[Signal, sp.Expr], SimpleNamespace]:
+        """Let the effects change the commands on their way; return their states' derivatives and the way."""
+        thrusts = {f.name: f.force(owner) for f in self.fans} or {THRUST.name: motion.thrust}
+        units = self.input_units() | {f.name: "N" for f in self.fans}
+        way = SimpleNamespace(thrusts=thrusts, rudder=motion.rudder, time=time, units=units, delay=None)
+        states: dict[Signal, sp.Expr] = {}
+        for e in sorted(self.effects, key=lambda e: e.order):
+            states |= e.commands(e.symbols(owner), way)
+        motion.thrust, motion.rudder = way.thrusts.get(THRUST.name, motion.thrust), way.rudder
+        _add_forces(motion, self.fans, owner, way.thrusts)
+        return states, way
+
+    def _seen(self, owner: str) -> SimpleNamespace:
+        """Let the effects change what sensors see of the motion."""
+        symbols = {signal.name: signal.symbol for signal in MOTION}
+        seen = SimpleNamespace(**symbols, true=SimpleNamespace(**symbols), late=None)
+        for e in sorted(self.effects, key=lambda e: e.order):
+            e.measured(e.symbols(owner), seen)
+        return seen
+
+    def measurements(self, owner: str = "plant") -> dict[str, sp.Expr]:
+        """Return what sensors see of the motion where it is not the motion itself, by ``u, v, r``...
+
+        Expressions in the plant's states and parameters; empty if the model has no measurement effect.
+        """
+        seen = self._seen(owner)
+        every = {s.name: getattr(seen, s.name) for s in MOTION}
+        return {name: e for name, e in every.items() if e != getattr(seen.true, name)}
+
+    def timing(self, owner: str = "plant") -> tuple[str, str]:
+        """Return the parameters that say how late commands act and how late measurements are, or ``""``.
+
+        No equation of the plant holds them: its inputs act late (:attr:`Block.delays`), and those who read
+        logs shift them.
+        """
+        s = motion_symbols(self.fans, owner)
+        delay = self._command_way(owner, s)[1].delay
+        seen = self._seen(owner)
+        return str(delay or ""), str(seen.late or "")
+
+    def plant(self, name: str = "plant", *, late: bool = False) -> Block:
+        """Return the plant: rigid-body motion [C17 eq 8, 11] with the model's effects.
+
+        Parameters
+        ----------
+        name : str, optional
+            Name of the Block, the prefix of its parameter keys.
+        late : bool, optional
+            Whether the caller shifts commands and clock itself (:meth:`timing`): a plant without delays.
+
+        Returns
+        -------
+        Block
+            States ``x, y, psi, u, v, r``, those of commands on their way (``thrust_lagged``) and those that
+            effects add to the motion (``lugre_u``); outputs the motion and, where
+            a sensor sees something else, that (``r_measured``); inputs those commands that an effect uses.
+            Where measurements are late, all signals and the time are those of the log's clock: what it shows
+            of a motion follows the commands that much later.
+
+        Raises
+        ------
+        InputError
+            If the clocks make commands act before they are sent.
+        """
+        s = motion_symbols(self.fans, name)
+        lags, _ = self._command_way(name, s)
+        force = self.accelerations(name, s)
+        states = lags | self.own_states(name, s)
+        used = set().union(*(f.free_symbols for f in (*force.values(), *states.values())))
+        seen = {measured(channel): e for channel, e in self.measurements(name).items()}
+        commands = (self.thrust, self.rudder, *(f.command() for f in self.fans))
+        inputs = tuple(c for c in commands if c.symbol in used)
+        return Block(
+            name,
+            states=(*MOTION, *states),
+            inputs=inputs,
+            delays={} if late else delays_of(self.timing(name), inputs, self.coefficients()),
+            outputs=(*MOTION, *seen),
+            parameters=self.parameters(name),
+            output_expressions={signal.name: e for signal, e in seen.items()},
+            derivatives={
+                "x": s.u * sp.cos(s.psi) - s.v * sp.sin(s.psi),
+                "y": s.u * sp.sin(s.psi) + s.v * sp.cos(s.psi),
+                "psi": s.r,
+                "u": s.v * s.r + force["u"],
+                "v": -s.u * s.r + force["v"],
+                "r": force["r"],
+                **{state.name: slope for state, slope in states.items()},
+            },
+        )
+
+
+def delays_of(
+    timing: tuple[str, str], inputs: Iterable[Signal], values: Mapping[str, float]
+) -> dict[str, sp.Expr]:
+    """Return how late commands act on what is measured: their own delay and that of the measurements' clock.
+
+    Parameters
+    ----------
+    timing : tuple of str
+        As of :meth:`Model.timing`.
+    inputs : iterable of Signal
+    values : mapping
+        Of the coefficients, as :meth:`Model.coefficients`.
+
+    Raises
+    ------
+    InputError
+        If it is negative.
+    """
+    names = [name for name in timing if name]
+    total = sum(values[name.rpartition(".")[2]] for name in names)
+    if total < 0:
+        raise InputError(
+            f"{' + '.join(names)} = {total:g} s: measurements that are early see commands before they are "
+            "sent, which cannot be simulated; shift the log's commands and leave the effect out"
+        )
+    delay = sp.Add(*(sp.Symbol(name, real=True) for name in names))
+    return {s.name: delay for s in inputs} if names else {}
+
+
+def measured(channel: str) -> Signal:
+    """Return the output of a plant that says what a sensor sees of a part of the motion."""
+    signal = next(s for s in MOTION if s.name == channel)
+    return signal.but(name=f"{channel}_measured", description=f"{signal.description}, as measured")
+
+
+def motion_symbols(fans: Iterable[Fan] = (), owner: str = "plant") -> SimpleNamespace:
+    """Return the symbols that effects are written in: motion, commands, and the fans' wrench."""
+    symbols: dict[str, Any] = {signal.name: signal.symbol for signal in (*MOTION, THRUST, RUDDER)}
+    s = SimpleNamespace(**symbols, time=time)
+    s.air_u, s.air_v = s.u, s.v
+    _add_forces(s, fans, owner, {f.name: f.force(owner) for f in fans})
+    return s
+
+
+def _add_forces(s: SimpleNamespace, fans: Iterable[Fan], owner: str, forces: Mapping[str, sp.Expr]) -> None:
+    """Set the force vector of the rudder craft's commands, and the wrench of the fans' forces."""
+    s.thrust_x = s.thrust * sp.cos(s.rudder)
+    s.thrust_y = s.thrust * sp.sin(s.rudder)
+    s.fan_x = s.fan_y = s.fan_torque = s.fan_cross_torque = sp.S.Zero
+    for fan in fans:
+        force = forces[fan.name]
+        s.fan_x += _exact(math.cos(fan.direction)) * force
+        s.fan_y += _exact(math.sin(fan.direction)) * force
+        s.fan_torque += fan.lever_arm(owner).symbol * force
+        s.fan_cross_torque += fan.cross_arm(owner).symbol * force
+
+
+def _exact(value: float) -> sp.Number:
+    """0 and +-1 for a fan along an axis, whose direction a file gives to six digits."""
+    return sp.Integer(round(value)) if abs(value - round(value)) < 1e-6 else sp.Float(value)

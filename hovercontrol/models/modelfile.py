@@ -1,0 +1,215 @@
+"""The model file: a model as TOML that a person can read and edit.
+
+.. code-block:: toml
+
+    [plant]
+    name = "hovercraft"
+
+    [inputs]                # optional: where a command's unit or bounds differ from the default
+    thrust = {unit = "A", lower = 0.0, upper = 6.1}
+
+    [effects]
+    yaw_coulomb = 0.83
+    yaw_linear_drag = {value = 27.5, unit = "deg/s^2/(rad/s)"}   # any unit that fits
+    surge_coulomb = {value = 1.35, width = 0.02}                 # an effect with shape parameters
+
+    [fans]                  # optional: a fan craft, place in metres from the centre of mass, direction in rad
+    rear_left = {x = -0.05, y = -0.04, direction = 0.0}            # its input is the force in newton, or a
+    front = {x = 0.05, y = 0.0, direction = 3.1, curve = [0.027, 1.05, -0.43]}  # signal s: N per s, s^2...
+    rear = {x = -0.05, y = 0.0, direction = 0.0, curve = {signal = [0.0, 0.5, 1.0], force = [0.0, 0.1, 0.4]}}
+    left = {x = 0.0, y = 0.04, direction = 1.57, gain = 1.05}   # times a coefficient that a fit seeks
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from hovercontrol.core.boundary import checked
+from hovercontrol.core.signals import Signal
+from hovercontrol.core.units import UnitError, conversion_factor
+from hovercontrol.effects import Effect, effect, effect_class
+from hovercontrol.effects.base import resolved_unit
+from hovercontrol.errors import InputError, shown
+from hovercontrol.io.files import write_whole
+from hovercontrol.io.tables import check_keys, number, read_toml, table, text
+from hovercontrol.models.fans import BenchCurve, Fan, Polynomial
+from hovercontrol.models.model import RUDDER, THRUST, Model
+
+
+@checked
+def load_model(path: str | Path) -> Model:
+    """Read a model file.
+
+    Parameters
+    ----------
+    path : path
+
+    Returns
+    -------
+    Model
+
+    Raises
+    ------
+    InputError
+        If a section, an effect or a key is unknown (the nearest is named), a unit does not fit, or a
+        number is missing or out of bounds; the line names file and key.
+    """
+    content = read_toml(path)
+    try:
+        return model_from_table(content)
+    except InputError as error:
+        raise type(error)(f"{path}: {error}") from None
+
+
+def model_from_table(content: Mapping[str, Any]) -> Model:
+    """Return the model of a parsed model file (see :func:`load_model`)."""
+    check_keys("section", content, ("plant", "inputs", "effects", "fans"))
+    plant = table("[plant]", content.get("plant", {}))
+    check_keys("key in [plant]", plant, ("name",))
+    inputs = table("[inputs]", content.get("inputs", {}))
+    check_keys("input", inputs, ("thrust", "rudder"))
+    fans = table("[fans]", content.get("fans", {}))
+    effects = table("[effects]", content.get("effects", {}))
+    signals = {s.name: _input(s, inputs.get(s.name, {})) for s in (THRUST, RUDDER)}
+    units = {name: s.unit for name, s in signals.items()}
+    return Model(
+        text("plant.name", plant.get("name", "hovercraft")),
+        tuple(_effect(key, value, units) for key, value in effects.items()),
+        thrust=signals["thrust"],
+        rudder=signals["rudder"],
+        fans=tuple(_fan(key, value) for key, value in fans.items()),
+    )
+
+
+@checked
+def save_model(model: Model, path: str | Path) -> Path:
+    """Write a model file; it appears whole or not at all.
+
+    Parameters
+    ----------
+    model : Model
+    path : path
+
+    Returns
+    -------
+    Path
+    """
+    text = model_text(model)
+    return write_whole(path, lambda temporary: temporary.write_text(text, encoding="utf-8"))
+
+
+def model_text(model: Model) -> str:
+    """Return a model as the text of a model file.
+
+    Examples
+    --------
+    >>> print(model_text(Model("puck", [effect("yaw_linear_drag", 0.5)])), end="")
+    [plant]
+    name = "puck"
+    <BLANKLINE>
+    [effects]
+    yaw_linear_drag = 0.5
+    """
+    lines = ["[plant]", f"name = {_quoted(model.name)}", ""]
+    changed = [(s, d) for s, d in ((model.thrust, THRUST), (model.rudder, RUDDER)) if s != d]
+    if changed:
+        lines += ["[inputs]", *(f"{s.name} = {_input_text(s, d)}" for s, d in changed), ""]
+    lines += ["[effects]", *(f"{e.name} = {_effect_text(e)}" for e in model.effects)]
+    if model.fans:
+        lines += ["", "[fans]"]
+        lines += [f"{f.name} = {_fan_text(f)}" for f in model.fans]
+    return "\n".join(lines) + "\n"
+
+
+def _fan_text(fan: Fan) -> str:
+    parts = [f"x = {fan.x!r}", f"y = {fan.y!r}", f"direction = {fan.direction!r}"]
+    if isinstance(fan.curve, Polynomial):
+        parts.append(f"curve = {list(fan.curve.coefficients)!r}")
+    elif fan.curve is not None:
+        signals, forces = list(fan.curve.signals), list(fan.curve.forces)
+        parts.append(f"curve = {{signal = {signals!r}, force = {forces!r}}}")
+    if fan.gain is not None:
+        parts.append(f"gain = {fan.gain!r}")
+    return "{" + ", ".join(parts) + "}"
+
+
+def _effect_text(e: Effect) -> str:
+    defaults = {key: number.default for key, number in e.numbers.items()}
+    shown = {k: v for k, v in e.values.items() if k == "value" or v != defaults[k]}
+    if list(shown) == ["value"]:
+        return repr(shown["value"])
+    return "{" + ", ".join(f"{k} = {v!r}" for k, v in shown.items()) + "}"
+
+
+def _quoted(value: str) -> str:
+    """Return a TOML string; its escapes are JSON's."""
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+
+
+def _input_text(signal: Signal, default: Signal) -> str:
+    parts = []
+    for key in ("unit", "description", "lower", "upper"):
+        value = getattr(signal, key)
+        if value != getattr(default, key):
+            parts.append(f"{key} = {_quoted(value) if isinstance(value, str) else repr(value)}")
+    return "{" + ", ".join(parts) + "}"
+
+
+def _input(default: Signal, value: Any) -> Signal:
+    given = table(f"inputs.{default.name}", value)
+    check_keys(f"key in inputs.{default.name}", given, ("unit", "description", "lower", "upper"))
+    for key in ("lower", "upper"):
+        if key in given:
+            number(f"inputs.{default.name}.{key}", given[key])
+    for key in ("unit", "description"):
+        text(f"inputs.{default.name}.{key}", given.get(key, ""))
+    nearest = min(max(default.start, given.get("lower", default.lower)), given.get("upper", default.upper))
+    return default.but(start=nearest, **given)
+
+
+def _fan(name: str, value: Any) -> Fan:
+    given = table(f"fans.{name}", value)
+    check_keys(f"key in fans.{name}", given, ("x", "y", "direction", "curve", "gain"))
+    for key in ("x", "y", "direction"):
+        if key not in given:
+            raise InputError(f"fans.{name}: {key!r} is missing")
+    x, y, direction = (number(f"fans.{name}.{key}", given[key]) for key in ("x", "y", "direction"))
+    curve = _curve(name, given["curve"]) if "curve" in given else None
+    gain = number(f"fans.{name}.gain", given["gain"]) if "gain" in given else None
+    return Fan(name, x, y, direction, curve, gain)
+
+
+def _curve(fan: str, value: Any) -> Polynomial | BenchCurve:
+    if isinstance(value, dict):
+        check_keys(f"key in fans.{fan}.curve", value, ("signal", "force"))
+        for key in ("signal", "force"):
+            if key not in value:
+                raise InputError(f"fans.{fan}.curve: {key!r} is missing")
+    try:
+        if isinstance(value, dict):
+            return BenchCurve(value["signal"], value["force"])
+        return Polynomial(value)
+    except InputError as error:
+        raise InputError(f"fans.{fan}: {error}") from None
+
+
+def _effect(name: str, value: Any, units: Mapping[str, str]) -> Effect:
+    cls = effect_class(name)
+    if not isinstance(value, dict):
+        return effect(name, number(f"effects.{name}", value))
+    given = dict(value)
+    check_keys(f"key in effects.{name}", given, (*cls.numbers, "unit"))
+    unit = given.pop("unit", None)
+    numbers = {key: number(f"effects.{name}.{key}", v) for key, v in given.items()}
+    if unit is not None:
+        if "value" not in cls.numbers or "value" not in numbers:
+            raise InputError(f"effects.{name}: a unit needs a value beside it")
+        wanted = resolved_unit(cls.numbers["value"].unit, units)
+        try:
+            numbers["value"] *= conversion_factor(text(f"effects.{name}.unit", unit), wanted)
+        except InputError:
+            raise UnitError(f"effects.{name}: unit must be like {wanted!r}, found {shown(unit)}") from None
+    return effect(name, **numbers)

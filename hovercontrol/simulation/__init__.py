@@ -1,0 +1,1 @@
+"""Blocks of any kind in time, in Python: integrated between ticks, stepped by a runner."""

@@ -1,0 +1,166 @@
+"""A hybrid Block in time: integrated between ticks, which are exactly on time.
+
+At a tick a sampled Block sees the continuous outputs as they are and what the others tell at that instant,
+computes its own outputs, which are held until its next tick, and takes its states' next values.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hovercontrol.core.block import Block
+from hovercontrol.core.functions import call_scalar, numpy_functions
+from hovercontrol.core.interconnect import interconnect
+from hovercontrol.errors import InputError
+from hovercontrol.simulation.trajectory import initial_state, simulate, time_response
+
+if TYPE_CHECKING:
+    import control
+
+#: Most rows that a simulation returns.
+MAX_ROWS = 2_000_000
+
+
+class Ticking:
+    """A sampled Block while it runs.
+
+    Parameters
+    ----------
+    block : Block
+        Sampled, or without states.
+    params : mapping, optional
+        Parameter values by key, over the defaults.
+
+    Attributes
+    ----------
+    state : tuple of float
+        In the Block's order.
+
+    Examples
+    --------
+    >>> from hovercontrol.core.signals import Signal
+    >>> n = Signal("n")
+    >>> counter = Ticking(Block("counter", [n], [], [n], derivatives={"n": n.symbol + 1}, period=0.1))
+    >>> [counter.tick(0.1 * k, {})["n"] for k in range(3)]
+    [0.0, 1.0, 2.0]
+    """
+
+    def __init__(self, block: Block, params: Mapping[str, float] | None = None) -> None:
+        self.block = block
+        self.state = tuple(s.start for s in block.states)
+        self._values = block.parameter_values(params)
+        functions = numpy_functions(block)
+        self._next, self._outputs = (functions.scalar_pair(rows) for rows in ("derivatives", "outputs"))
+        self._inputs = [s.name for s in block.inputs]
+        self._names = [s.name for s in block.outputs]
+
+    def set_parameters(self, params: Mapping[str, float]) -> None:
+        """Let other parameter values hold from now on, by key, over the defaults."""
+        self._values = self.block.parameter_values(params)
+
+    def tick(self, time: float, signals: Mapping[str, float]) -> dict[str, float]:
+        """Return the outputs at a tick and take the next state.
+
+        Parameters
+        ----------
+        time : float
+            [s]
+        signals : mapping
+            At least the Block's inputs, by name.
+        """
+        seen = [signals[name] for name in self._inputs]
+        told = call_scalar(self._outputs, time, self.state, seen, self._values)
+        self.state = call_scalar(self._next, time, self.state, seen, self._values)
+        return dict(zip(self._names, told, strict=True))
+
+
+def simulate_hybrid(
+    plant: Block,
+    sampled: Block | Sequence[Block],
+    until: float,
+    *,
+    x0: Sequence[float] | Mapping[str, float] | None = None,
+    params: Mapping[str, float] | None = None,
+    step: float | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> control.TimeResponseData:
+    """Simulate a continuous Block with sampled Blocks in the loop, wired by signal name.
+
+    Short for :func:`~hovercontrol.core.interconnect.interconnect` and
+    :func:`~hovercontrol.simulation.trajectory.simulate`, with the plant's own names.
+
+    Parameters
+    ----------
+    plant : Block
+        Continuous; join several by :func:`~hovercontrol.core.interconnect.interconnect`.
+    sampled : Block or sequence of Block
+        Each ticks at the multiples of its own period, from 0 on.
+    until : float
+        Length [s].
+    x0 : array_like or mapping by name, optional
+        Initial state of the plant over its start values.
+    params : mapping, optional
+        Parameter values by key, of any of the Blocks.
+    step : float, optional
+        Period of the rows of the result [s] (default: the shortest of the Blocks' periods).
+    progress : callable, optional
+        Called now and then with the time reached.
+
+    Returns
+    -------
+    control.TimeResponseData
+        Outputs are those of the plant, then those of the sampled Blocks as they hold after the ticks of that
+        time; states the plant's.
+
+    Raises
+    ------
+    InputError
+        If a Block is not of its kind, an input is driven by nothing, a key is unknown, or there would be more
+        than two million rows.
+
+    Examples
+    --------
+    >>> from hovercontrol.core.signals import Signal
+    >>> v, a = Signal("v", "m/s", start=1.0), Signal("a", "m/s^2")
+    >>> cart = Block("cart", [v], [a], [v], derivatives={"v": a.symbol})
+    >>> k = Signal("k", "1/s", start=2.0)
+    >>> brake = Block("brake", [], [v], [a], [k], output_expressions={"a": -k.symbol * v.symbol}, period=0.25)
+    >>> simulate_hybrid(cart, brake, 1.0).outputs[0].round(9).tolist()  # halved from tick to tick
+    [1.0, 0.5, 0.25, 0.125, 0.0625]
+    """
+    blocks = [sampled] if isinstance(sampled, Block) else list(sampled)
+    _check(plant, blocks)
+    whole = interconnect([plant, *blocks], inputs=[])
+    step = min(block.period for block in blocks) if step is None else step
+    if not (math.isfinite(until) and until > 0 and math.isfinite(step) and step > 0):
+        raise InputError(f"simulate_hybrid: until and step must be positive, found {until!r} and {step!r}")
+    if until / step > MAX_ROWS:
+        raise InputError(f"simulate_hybrid: {until:g} s in steps of {step:g} s are too many rows")
+    start = {
+        f"{plant.name}.{s.name}": value
+        for s, value in zip(plant.states, initial_state(plant, x0), strict=True)
+    }
+    times = np.array([k * step for k in range(math.floor(until / step * (1 + 1e-12)) + 1)])
+    run = simulate(whole, times, x0=start, params=params, progress=progress)
+    n = len(plant.states)
+    outputs = np.atleast_2d(run.outputs)
+    names = [s.name for s in whole.outputs]
+    driven = np.array([outputs[names.index(s.name)] for s in plant.inputs]).reshape(-1, len(times))
+    shown = plant.unchecked(outputs=whole.outputs)
+    return time_response(shown, times, outputs, np.atleast_2d(run.states)[:n], driven)
+
+
+def _check(plant: Block, blocks: Sequence[Block]) -> None:
+    if not blocks:
+        raise InputError("simulate_hybrid: expected at least one sampled block")
+    plant.need_continuous("part between ticks", hybrid=False)
+    for block in blocks:
+        if not block.period:
+            raise InputError(
+                f"simulate_hybrid: block {block.name!r} is continuous: by interconnect, join it with the "
+                "plant or, if it has no states, with a sampled block"
+            )

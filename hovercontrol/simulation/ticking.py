@@ -1,0 +1,200 @@
+"""A Block on plain floats: integrated from tick to tick, where it ticks."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hovercontrol.core.block import Block
+from hovercontrol.core.expressions import Expressions
+from hovercontrol.core.functions import call_scalar, numpy_functions
+from hovercontrol.core.ticks import ROOM, Schedule
+from hovercontrol.errors import InputError
+from hovercontrol.simulation.runge_kutta import dormand_prince
+
+Array = NDArray[np.float64]
+
+#: Step to begin with [s].
+FIRST = 1e-3
+
+
+class Running:
+    """A Block while it runs, on plain floats.
+
+    Parameters
+    ----------
+    block : Block
+        Hybrid or continuous, without delays.
+    time : float
+        To begin at [s].
+    state, inputs, params : sequence of float
+        In the Block's order; the ticks due at `time` are taken.
+    rtol, atol : float, optional
+        Tolerances between ticks.
+    longest : float, optional
+        Longest step [s].
+    """
+
+    def __init__(
+        self,
+        block: Block,
+        time: float,
+        state: Sequence[float],
+        inputs: Sequence[float],
+        params: Sequence[float],
+        rtol: float = 1e-6,
+        atol: float = 1e-9,
+        longest: float = math.inf,
+    ) -> None:
+        self._n = block.n_continuous
+        self._rhs = numpy_functions(between_ticks(block)).scalar_pair("derivatives")
+        functions = numpy_functions(block)
+        places = {s.name: k for k, s in enumerate(block.states)}
+        self._ticks = [
+            (functions.tick_pair(k), [places[name] for name in tick.updates])
+            for k, tick in enumerate(block.ticks)
+        ]
+        self._schedule = Schedule([tick.period for tick in block.ticks], time)
+        self._step, self._allowed = FIRST, (rtol, atol, longest)
+        self.time, self.state = time, list(state)
+        self.inputs, self._params = list(inputs), params
+        self._before: list[float] = []
+        self._taken: list[tuple[float, int]] = []
+        self._tick()
+
+    def set_inputs(self, inputs: Sequence[float]) -> None:
+        """Let inputs jump now; ticks of this instant see them."""
+        if list(inputs) != self.inputs:
+            self.inputs = list(inputs)
+            self.change()
+
+    def change(
+        self, states: Mapping[int, float] | None = None, params: Sequence[float] | None = None
+    ) -> None:
+        """Let states, by their places, and parameters jump now; ticks of this instant are taken again.
+
+        What those ticks set is given as it was before them.
+        """
+        if self._taken:
+            self.state = list(self._before)
+        for place, value in (states or {}).items():
+            self.state[place] = value
+        if params is not None:
+            self._params = params
+        if self._taken:
+            self._before = list(self.state)
+            self._act()
+
+    def save(self) -> tuple[Any, ...]:
+        """Return all that it knows, for :meth:`load`."""
+        lists = (tuple(values) for values in (self.state, self.inputs, self._params, self._before))
+        return self.time, self._step, tuple(self._taken), self._schedule.save(), *lists
+
+    def load(self, saved: tuple[Any, ...]) -> None:
+        """Go on from what :meth:`save` returned."""
+        self.time, self._step, taken, due, *lists = saved
+        self._taken = list(taken)
+        self._schedule.load(due)
+        self.state, self.inputs, self._params, self._before = map(list, lists)
+
+    def advance(self, until: float, *, open_end: bool = False) -> None:
+        """Go on to a time [s], and through the ticks that are due then, unless the end is open.
+
+        Raises
+        ------
+        InputError
+            If a state is no number any more; time and states are then the last good ones.
+        """
+        n, schedule = self._n, self._schedule
+        while self.time < until:
+            stop = until if schedule.time >= until - ROOM * abs(until) else schedule.time
+            moved, step = self.state[:n], self._step
+            if n:
+                held = [*self.inputs, *self.state[n:]]
+                moved, step = dormand_prince(
+                    self._rhs, self.time, moved, held, self._params, stop, step, *self._allowed
+                )
+            if not all(map(math.isfinite, [*moved, *self.state[n:]])):
+                raise InputError(
+                    f"the simulation stops at t = {self.time:.6g} s: a state is not a number after it"
+                )
+            self.state[:n], self._step = moved, step
+            self.time = stop
+            self._taken = []
+            if not (open_end and stop == until):
+                self._tick()
+
+    def _tick(self) -> None:
+        taken = []
+        while self._schedule.is_due(self.time):
+            at = self._schedule.time
+            taken += [(at, k) for k in self._schedule.take(at)]
+        if taken:
+            self._before, self._taken = list(self.state), taken
+            self._act()
+
+    def _act(self) -> None:
+        for at, k in self._taken:
+            pair, places = self._ticks[k]
+            values = call_scalar(pair, at, self.state, self.inputs, self._params)
+            for place, value in zip(places, values, strict=True):
+                self.state[place] = value
+
+
+def run_hybrid(
+    block: Block,
+    times: Array,
+    u: Array,
+    x: Array,
+    p: Sequence[float],
+    *,
+    rtol: float = 1e-6,
+    atol: float = 1e-9,
+    longest: float = math.inf,
+    progress: Callable[[float], None] | None = None,
+) -> Array:
+    """Return a hybrid Block's states at some times, shape (n_states, n_times), ticks of a time included.
+
+    Parameters
+    ----------
+    block : Block
+    times : ndarray, shape (n_times,)
+    u : ndarray, shape (n_inputs, n_times)
+        Held from each time to the next.
+    x : ndarray, shape (n_states,)
+    p : sequence of float
+        Parameter values in order.
+    rtol, atol, longest
+        As for :class:`Running`.
+    progress : callable, optional
+        Called with the time reached.
+    """
+    grid = times.tolist()
+    run = Running(block, grid[0], x.tolist(), u[:, 0].tolist(), p, rtol, atol, longest)
+    states = np.empty((len(block.states), len(grid)))
+    states[:, 0] = run.state
+    for k, time in enumerate(grid[1:], start=1):
+        run.advance(time)
+        run.set_inputs(u[:, k].tolist())
+        states[:, k] = run.state
+        if progress is not None:
+            progress(time)
+    return states
+
+
+@lru_cache(maxsize=64)
+def between_ticks(block: Block) -> Block:
+    """Return what of a hybrid Block moves between ticks: what they set are inputs, after the Block's own."""
+    n = block.n_continuous
+    names = [s.name for s in block.states[:n]]
+    return block.unchecked(
+        states=block.states[:n],
+        inputs=(*block.inputs, *block.states[n:]),
+        derivatives=Expressions((name, block.derivatives[name]) for name in names),
+        ticks=(),
+    )

@@ -1,0 +1,290 @@
+"""Simulation of a Block in time, with inputs that are held between samples.
+
+python-control interpolates inputs linearly, which makes a step on a coarse grid a ramp. Here an input sample
+holds until the next (or is interpolated, if asked for), and the solver restarts wherever an input jumps.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.integrate import solve_ivp
+
+from hovercontrol.core.block import Block
+from hovercontrol.core.boundary import checked
+from hovercontrol.core.delays import arrivals, undelayed
+from hovercontrol.core.functions import call_scalar, numpy_functions
+from hovercontrol.core.switching import longest_step
+from hovercontrol.errors import InputError, did_you_mean
+from hovercontrol.simulation.ticking import run_hybrid
+
+if TYPE_CHECKING:
+    import control
+
+Array = NDArray[np.float64]
+
+#: Solvers of :func:`scipy.integrate.solve_ivp`.
+METHODS = ("RK45", "RK23", "DOP853", "Radau", "BDF", "LSODA")
+
+#: Derivatives after which the solver's effort is looked at, and how many a stretch of time may cost, an hour.
+LOOKED_AFTER, MOST_CALLS = 50_000, 100_000_000
+
+
+@checked
+def simulate(
+    block: Block,
+    time: ArrayLike,
+    inputs: ArrayLike | Mapping[str, ArrayLike] | None = None,
+    x0: ArrayLike | Mapping[str, float] | None = None,
+    params: Mapping[str, float] | None = None,
+    *,
+    hold: Literal["zero", "linear"] = "zero",
+    method: str = "RK45",
+    rtol: float = 1e-6,
+    atol: float = 1e-9,
+    max_step: float = math.inf,
+    progress: Callable[[float], None] | None = None,
+) -> control.TimeResponseData:
+    """Simulate a Block over a time grid.
+
+    Parameters
+    ----------
+    block : Block
+    time : array_like, shape (n,)
+        Increasing times [s]; results are given at these.
+    inputs : array_like of shape (n_inputs, n) or (n_inputs,), or mapping by name, optional
+        Values at those times; with one input a plain array of shape (n,) will do. Inputs that are not given
+        keep their start value. One that acts late has its start value until the first one arrives.
+    x0 : array_like, shape (n_states,), or mapping by name, optional
+        Initial state over the states' start values.
+    params : mapping, optional
+        Parameter values by key.
+    hold : {"zero", "linear"}, optional
+        Between samples an input holds its value (a step stays a step) or is interpolated.
+    method, rtol, atol, max_step
+        As for :func:`scipy.integrate.solve_ivp`. Where the Block switches by the clock (waypoints, pulses),
+        steps are at most half as long as the shortest time between two switches: none is stepped over.
+        A hybrid Block goes from tick to tick by Dormand and Prince's method, whatever `method` says.
+    progress : callable, optional
+        Called now and then with the time reached.
+
+    Returns
+    -------
+    control.TimeResponseData
+        With the signals' names and ``.plot()`` (``.to_pandas()`` where pandas is installed).
+
+    Raises
+    ------
+    InputError
+        If times do not increase, shapes or names are wrong, or the solver fails (the time is named).
+
+    Examples
+    --------
+    >>> from hovercontrol.core.signals import Signal
+    >>> v, a = Signal("v", "m/s"), Signal("a", "m/s^2")
+    >>> cart = Block("cart", [v], [a], [v], derivatives={"v": a.symbol})
+    >>> response = simulate(cart, [0, 1, 2], {"a": [0, 1, 1]})
+    >>> response.outputs.round(6).tolist()
+    [0.0, 0.0, 1.0]
+    """
+    block = block.in_continuous_time
+    times = checked_times(time)
+    u = input_rows(block, inputs, len(times))
+    x = initial_state(block, x0)
+    p = block.parameter_values(params)
+    if method not in METHODS:
+        raise InputError(f"unknown method {method!r}{did_you_mean(str(method), METHODS)}")
+    for name, limit in (("rtol", rtol), ("atol", atol), ("max_step", max_step)):
+        if not limit > 0:
+            raise InputError(f"{name} must be positive, found {limit:g}")
+    if hold not in ("zero", "linear"):
+        raise InputError(f"hold must be 'zero' or 'linear', found {hold!r}")
+    if block.delays:
+        if hold != "zero":
+            raise InputError(
+                f"block {block.name!r}: the inputs of a block with delays hold, found hold={hold!r}"
+            )
+        late = arrivals(block, times, u, p)
+        run = simulate(
+            undelayed(block), late.times, late.inputs, x, params, method=method, rtol=rtol, atol=atol,
+            max_step=max_step, progress=progress,
+        )  # fmt: skip
+        y, z = (np.reshape(rows, (-1, len(late.times)))[:, late.given] for rows in (run.outputs, run.states))
+        return time_response(block, times, y, z, u)
+    if block.ticks:
+        if hold != "zero":
+            raise InputError(f"block {block.name!r}: the inputs of a hybrid block hold, found hold={hold!r}")
+        longest = min(max_step, longest_step(block, params, times[0], times[-1]))
+        states = run_hybrid(block, times, u, x, p, rtol=rtol, atol=atol, longest=longest, progress=progress)
+        outputs = numpy_functions(block).outputs(times, states, u, params)
+        return time_response(block, times, outputs, states, u)
+    states = np.empty((len(block.states), len(times)))
+    states[:, 0] = x
+    rhs = numpy_functions(block).scalar_pair("derivatives")
+    reached = float(times[0])
+    max_step = min(max_step, longest_step(block, params, times[0], times[-1]))
+    for first, last in _pieces(times, u, hold):
+        value = _input_function(times, u, first, last, hold)
+
+        effort = _Effort(block, float(times[first]), float(times[last]))
+
+        def f(
+            t: float,
+            x: Array,
+            value: Callable[[float], list[float]] = value,
+            effort: _Effort = effort,
+        ) -> Any:
+            nonlocal reached
+            reached = t
+            effort.spend(t)
+            if progress is not None:
+                progress(t)
+            return call_scalar(rhs, t, x.tolist(), value(t), p)
+
+        if block.states:
+            if not np.isfinite(f(times[first], states[:, first])).all():  # the solver would never return
+                raise InputError(
+                    f"block {block.name!r}: the simulation stops at t = {times[first]:.6g} s: "
+                    "a derivative is not a number there"
+                )
+            result = solve_ivp(
+                f,
+                (times[first], times[last]),
+                states[:, first],
+                t_eval=times[first : last + 1],
+                method=method,
+                rtol=rtol,
+                atol=atol,
+                max_step=max_step,
+            )
+            if not result.success or not np.isfinite(result.y).all():
+                raise InputError(
+                    f"block {block.name!r}: the simulation stops at t = {reached:.6g} s: {result.message}"
+                )
+            states[:, first : last + 1] = result.y
+    functions = numpy_functions(block)
+    outputs = functions.outputs(times, states, u, params)
+    return time_response(block, times, outputs, states, u)
+
+
+class _Effort:
+    """What a solver has spent on a stretch of time; refuses what would take hours.
+
+    Coefficients like 1e308 make steps so short that the end is never reached.
+    """
+
+    def __init__(self, block: Block, begin: float, end: float) -> None:
+        self._name, self._begin, self._span, self._calls = block.name, begin, end - begin, 0
+
+    def spend(self, t: float) -> None:
+        """Count a derivative at time t."""
+        self._calls += 1
+        if self._calls % LOOKED_AFTER == 0 and (t - self._begin) * MOST_CALLS < self._span * self._calls:
+            raise InputError(
+                f"block {self._name!r}: the simulation stops at t = {t:.6g} s: the steps are too short to "
+                f"reach {self._begin + self._span:.6g} s in hours; a coefficient is too large"
+            )
+
+
+def time_response(
+    block: Block, times: Array, outputs: Array, states: Array, u: Array
+) -> control.TimeResponseData:
+    """Return a simulation's arrays, each of shape (signals, times), under their names."""
+    import control  # takes a second: only where its class is needed
+
+    return control.TimeResponseData(
+        times,
+        outputs,
+        states,
+        u,
+        issiso=len(block.outputs) == 1 and len(block.inputs) == 1,
+        output_labels=[s.name for s in block.outputs],
+        state_labels=[s.name for s in block.states],
+        input_labels=[s.name for s in block.inputs],
+        sysname=block.name,
+        title=block.name,
+        plot_inputs=bool(block.inputs),
+    )
+
+
+def checked_times(time: ArrayLike) -> Array:
+    """Return a time grid, shape (n,); refuse what does not increase."""
+    times = np.ascontiguousarray(time, dtype=float)  # C reads it
+    if times.ndim != 1 or len(times) < 2 or not np.isfinite(times).all() or (np.diff(times) <= 0).any():
+        raise InputError("time must be two or more finite, increasing numbers")
+    return times
+
+
+def input_rows(block: Block, inputs: Any, n: int) -> Array:
+    """Return all inputs at n times, shape (n_inputs, n), those given over the start values."""
+    u = np.array([np.full(n, s.start) for s in block.inputs]).reshape(-1, n)
+    if inputs is None:
+        return u
+    names = [s.name for s in block.inputs]
+    if isinstance(inputs, Mapping):
+        for name, values in inputs.items():
+            block.signal(name)
+            if name not in names:
+                raise InputError(f"block {block.name!r}: {name!r} is not an input")
+            u[names.index(name)] = _row(name, values, n)
+        return u
+    given = np.asarray(inputs, dtype=float)
+    if given.ndim == 1 and len(names) == 1 and given.shape == (n,):
+        given = given.reshape(1, n)
+    if given.ndim == 0 or given.shape[0] != len(names):
+        raise InputError(
+            f"block {block.name!r}: expected {len(names)} rows of inputs, found shape {given.shape}"
+        )
+    for k, values in enumerate(given):
+        u[k] = _row(names[k], values, n)
+    return u
+
+
+def _row(name: str, values: ArrayLike, n: int) -> Array:
+    row = np.asarray(values, dtype=float)
+    if row.shape not in ((), (n,)) or not np.isfinite(row).all():
+        raise InputError(f"input {name!r}: expected one or {n} finite values, found shape {row.shape}")
+    return row
+
+
+def initial_state(block: Block, x0: Any) -> Array:
+    """Return the initial state, shape (n_states,), what is given over the start values."""
+    start = np.array([s.start for s in block.states])
+    if x0 is None:
+        return start
+    if isinstance(x0, Mapping):
+        names = [s.name for s in block.states]
+        for name, value in x0.items():
+            block.signal(name)
+            if name not in names:
+                raise InputError(f"block {block.name!r}: {name!r} is not a state")
+            start[names.index(name)] = value
+        return start
+    given = np.asarray(x0, dtype=float).ravel()
+    if given.shape != start.shape:
+        raise InputError(f"block {block.name!r}: expected {start.size} initial states, found {given.size}")
+    return given
+
+
+def _pieces(times: Array, u: Array, hold: str) -> list[tuple[int, int]]:
+    """Return the runs of samples between which no input jumps (held) or bends (interpolated)."""
+    change = np.diff(u, axis=1)
+    if hold == "linear":  # without a stop at each bend the solver can step over a short pulse
+        change = np.diff(change / np.diff(times), axis=1)
+    jumps = (np.flatnonzero((change != 0).any(axis=0)) + 1).tolist()
+    edges = [0, *(k for k in jumps if k < u.shape[1] - 1), u.shape[1] - 1]
+    return list(pairwise(edges))
+
+
+def _input_function(
+    times: Array, u: Array, first: int, last: int, hold: str
+) -> Callable[[float], list[float]]:
+    if hold == "zero" or (u == u[:, :1]).all():
+        held = u[:, first].tolist()
+        return lambda t: held
+    return lambda t: [float(np.interp(t, times, row)) for row in u]

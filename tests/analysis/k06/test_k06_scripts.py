@@ -1,0 +1,81 @@
+"""The scripts of K06's basins and margins leave pictures, tables and findings."""
+
+import importlib.util
+from pathlib import Path
+
+import numpy as np
+import pyarrow.csv
+import pytest
+
+from hovercontrol import InputError
+from hovercontrol.analysis.k06.reverse_error import SteadyError
+from hovercontrol.analysis.k06.variable_pitch import with_variable_pitch
+from hovercontrol.autopilot.limits import lossy_tables
+from hovercontrol.scenarios import load_scenario
+
+FOLDER = Path(__file__).parents[3] / "analyses"
+SMALL = {"k06_turn_basins": {"points": 8}, "k06_margins": {"points": 4, "instants": 4}}
+
+
+@pytest.mark.parametrize("name", SMALL)
+def test_a_script_leaves_pictures_tables_and_findings(name, tmp_path):
+    told = []
+    files = load(name).main(tmp_path, told.append, **SMALL[name])
+    assert [f.suffix for f in files].count(".csv") == 3
+    assert {f.suffix for f in files} == {".png", ".svg", ".csv", ".txt"}
+    assert told[-1] == pytest.approx(1.0)
+    for file in files:
+        assert file.stem.startswith(name)
+        if file.suffix == ".csv":
+            assert pyarrow.csv.read_csv(file).num_rows >= 4
+    assert "nan" not in (tmp_path / f"{name}.txt").read_text().split()
+
+
+def load(name):
+    spec = importlib.util.spec_from_file_location(name, FOLDER / f"{name}.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_the_delays_script_says_from_when_on_the_other_law_is_unstable(tmp_path):
+    files = load("k06_delay").main(tmp_path, points=9)
+    assert {f.suffix for f in files} == {".csv", ".png", ".svg", ".txt"}
+    assert "300 ms: the law without the delay is unstable from" in (tmp_path / "k06_delay.txt").read_text()
+
+
+def test_the_pitch_script_sets_both_propellers_side_by_side(tmp_path, monkeypatch):
+    module, time = load("k06_variable_pitch"), np.arange(0.0, 25.0, 0.1)
+
+    def flown(scenario, runs):
+        size = 0.1 if scenario.autopilot.imperfections.brake else 0.2
+        return time, dict.fromkeys(("gap", "heading_error"), np.full((runs, len(time)), size))
+
+    monkeypatch.setattr(module, "fly_trial", flown)
+    module.main(tmp_path, trials=("heading-bangbang-rest",), runs=2)
+    said = (tmp_path / "k06_variable_pitch.txt").read_text()
+    assert "0.100 to 0.200 m/s" in said and "6 to 11 deg" in said
+
+
+def test_the_reverse_scripts_verdict_is_that_of_both_findings(tmp_path, monkeypatch):
+    module = load("k06_reverse_error")
+    made = [
+        SteadyError(name, (np.array([a, a]), np.array([a, a])), np.array([b, b]), 0.1)
+        for name, a, b in (("nothing", 0.01, 0.04), ("zone", 0.08, 0.0), ("drag", 0.09, -0.1))
+    ]
+    monkeypatch.setattr(module, "steady_errors", lambda **given: made)
+    module.main(tmp_path, logged=())
+    assert "Both as K06 saw them: zone." in (tmp_path / "k06_reverse_error.txt").read_text()
+
+
+def test_a_variable_pitch_propeller_pushes_both_ways_alike_and_never_brakes():
+    own = load_scenario("k06-real-stop")
+    changed = with_variable_pitch(own)
+    lookup, forces = changed.autopilot.tables
+    np.testing.assert_allclose(forces.values, -forces.values[:, ::-1], atol=1e-12)
+    np.testing.assert_allclose(lookup.values, -lookup.values[:, ::-1], atol=1.0)
+    ahead = lossy_tables(0.5)[1]
+    np.testing.assert_allclose(forces.values[:, 48:], ahead.values[:, 48:], atol=1e-12)
+    assert own.autopilot.imperfections.brake and not changed.autopilot.imperfections.brake
+    with pytest.raises(InputError, match="'k06-stop' is no trial of the real loop"):
+        with_variable_pitch(load_scenario("k06-stop"))

@@ -1,0 +1,197 @@
+"""Fans: static curves, gains, and what may be missing of a craft with fans."""
+
+import math
+
+import numpy as np
+import pytest
+
+from hovercontrol.effects import effect, effect_class, effect_names
+from hovercontrol.errors import InputError
+from hovercontrol.models.fans import BenchCurve, Fan, Polynomial
+from hovercontrol.models.model import Model
+from hovercontrol.models.modelfile import load_model, save_model
+from hovercontrol.models.vehicles import c17_simulation, four_fan
+
+HOLOHOVER = (0.02683, 1.05084, -0.43372)
+BENCH = BenchCurve((0.0, 0.2, 0.6, 1.0), (0.0, 0.05, 0.3, 0.6))
+EFFECTS = [effect("fan_force", 1 / 0.14), effect("fan_torque", 1 / 3.4e-4)]
+
+
+def craft(*effects, **numbers):
+    fans = [Fan("a", 0.044, -0.015, math.pi / 2, **numbers), Fan("b", -0.009, 0.046, -2.6, **numbers)]
+    return Model("holohover", [*EFFECTS, *effects], fans=fans)
+
+
+def wrench(forces, turn=0.0):
+    """u', v', r' of the two fans' forces from Newton and Euler."""
+    total = np.zeros(3)
+    for (x, y, direction), force in zip(
+        [(0.044, -0.015, math.pi / 2), (-0.009, 0.046, -2.6)], forces, strict=True
+    ):
+        fx, fy = force * math.cos(direction + turn), force * math.sin(direction + turn)
+        total += [fx / 0.14, fy / 0.14, (x * fy - y * fx) / 3.4e-4]
+    return total
+
+
+def pushed(model, signals, lags=()):
+    return model.plant().to_numpy().derivatives(0.0, [*np.zeros(6), *lags], signals)
+
+
+@pytest.mark.parametrize(
+    ("curve", "law"),
+    [
+        (HOLOHOVER, lambda s: HOLOHOVER[0] * s + HOLOHOVER[1] * s**2 + HOLOHOVER[2] * s**3),
+        (BENCH, lambda s: np.interp(s, BENCH.signals, BENCH.forces)),
+    ],
+)
+def test_a_fan_pushes_by_its_static_curve(curve, law, rng):
+    model = craft(curve=curve)
+    assert {s.unit for s in model.plant().inputs} == {"1"}
+    compiled = model.plant().compile(friction="smooth")
+    for _ in range(20):
+        signals = rng.uniform(0, 1, 2)
+        expected = wrench([law(s) for s in signals])
+        np.testing.assert_allclose(pushed(model, signals)[3:], expected, atol=1e-10)
+        np.testing.assert_allclose(compiled.derivatives(0.0, np.zeros(6), signals)[3:], expected, atol=1e-10)
+
+
+@pytest.mark.parametrize("curve", [None, HOLOHOVER, BENCH])
+def test_forces_of_a_log_are_those_of_the_plant(curve, rng):
+    fan = Fan("a", 0, 0, 0, curve=curve, gain=1.1)
+    values = {p.symbol: p.start for p in fan.parameters("plant")}
+    for s in rng.uniform(0, 1, 5):
+        at_once = float(fan.force("plant").subs(values).subs({fan.command().symbol: s}))
+        assert fan.forces([s])[0] == pytest.approx(at_once)
+    model = craft(curve=curve)
+    size = model.input_size(effect_class("thrust_deadzone"), {"a": [0.1, 0.9], "b": [0.2, 0.2]})
+    assert size == pytest.approx(float(Fan("a", 0, 0, 0, curve=curve).forces(0.9)))
+
+
+def test_without_a_curve_the_input_is_the_force():
+    assert [(s.name, s.unit) for s in craft().plant().inputs] == [("a", "N"), ("b", "N")]
+    np.testing.assert_allclose(pushed(craft(), [0.2, 0.1])[3:], wrench([0.2, 0.1]))
+
+
+def test_a_bench_curve_bounds_its_signal():
+    signal = Fan("a", 0, 0, 0, curve=BenchCurve((0.1, 1.0), (0.0, 1.0))).command()
+    assert (signal.lower, signal.upper, signal.start) == (0.1, 1.0, 0.1)
+
+
+def test_effects_of_thrust_act_on_the_force_behind_the_curve():
+    curve = Polynomial(HOLOHOVER)
+    at = sum(c * 0.7**k for k, c in enumerate(HOLOHOVER, 1))
+    found = pushed(craft(effect("fan_lag", seconds=0.03), curve=curve), [0.7, 0.0], [0.1, 0.2])
+    np.testing.assert_allclose(found[3:6], wrench([0.1, 0.2]))
+    np.testing.assert_allclose(found[6:], [(at - 0.1) / 0.03, -0.2 / 0.03])
+    found = pushed(craft(effect("thrust_deadzone", 0.05), curve=curve), [0.7, 0.0])
+    np.testing.assert_allclose(found[3:6], wrench([at - 0.05, 0.0]), atol=1e-10)
+
+
+def test_fans_misaligned_turn_about_their_own_places():
+    found = pushed(craft(effect("fan_misalignment", 0.1)), [0.2, 0.3])
+    np.testing.assert_allclose(found[3:], wrench([0.2, 0.3], turn=0.1))
+    found = pushed(craft(effect("fan_misalignment", 0.0)), [0.2, 0.3])
+    np.testing.assert_allclose(found[3:], wrench([0.2, 0.3]))
+
+
+def test_a_gain_is_a_coefficient_only_where_it_is_given():
+    assert not [name for name in craft().coefficients() if name.endswith("_gain")]
+    model = craft(gain=1.05)
+    assert model.coefficients()["a_gain"] == 1.05
+    assert model.linear_coefficients() == ("fan_force", "fan_torque", "a_gain", "b_gain")
+    changed = model.with_coefficients({"a_gain": 0.9})
+    assert changed.fans[0].gain == 0.9 and changed.fans[1].gain == 1.05
+    assert changed.signature == model.signature
+    np.testing.assert_allclose(pushed(changed, [0.2, 0.1])[3:], wrench([0.18, 0.105]))
+    with pytest.raises(InputError, match="gain must be zero or more"):
+        model.with_coefficients({"a_gain": -0.9})
+
+
+@pytest.mark.parametrize("curve", [None, HOLOHOVER, BENCH])
+def test_a_craft_with_curves_and_gains_survives_the_disk(curve, tmp_path):
+    model = craft(effect("fan_lag", seconds=0.03), curve=curve, gain=1.02)
+    again = load_model(save_model(model, tmp_path / "craft.toml"))
+    assert again == model
+    assert again.plant() == model.plant()
+
+
+# ---- what may be missing -------------------------------------------------------------------------
+
+SAME = {"thrust_lag", "input_delay"}
+RUDDER = {n for n in effect_names() if "rudder" in n} | {"thrust", "thrust_yaw_torque", "load_friction"}
+FAN = {n for n in effect_names() if n.startswith("fan_")}
+
+
+def test_a_search_tries_what_acts_on_the_craft():
+    everything = set(effect_names())
+    rudder, fan = c17_simulation(), four_fan()
+    found = {cls.name for cls in rudder.candidates()}
+    assert found == everything - FAN - {e.name for e in rudder.effects}
+    found = {cls.name for cls in fan.candidates()}
+    assert found == everything - RUDDER - SAME - {e.name for e in fan.effects}
+    bare = {cls.name for cls in Model("puck").candidates()}
+    assert not bare & (RUDDER | SAME | FAN | {"battery_sag", "thrust_curve", "thrust_deadzone"})
+
+
+def test_the_same_thing_is_not_tried_under_two_names():
+    old = four_fan().with_effects([effect("thrust_lag", seconds=0.1)])
+    assert "fan_lag" not in {cls.name for cls in old.candidates()}
+    with pytest.raises(InputError, match="'thrust_lag' and 'fan_lag' are the same: keep one"):
+        old.with_effects([effect("fan_lag", seconds=0.1)])
+
+
+def test_a_fan_lag_is_the_thrust_lag_of_an_older_file():
+    x, forces = np.append(np.zeros(6), [0.1, 0.2, 0.0, 0.3]), [0.1, 0.2, 0.3, 0.4]
+    old, new = (four_fan().with_effects([effect(n, seconds=0.1)]).plant() for n in ("thrust_lag", "fan_lag"))
+    np.testing.assert_array_equal(
+        old.to_numpy().derivatives(0, x, forces), new.to_numpy().derivatives(0, x, forces)
+    )
+    late = four_fan().with_effects([effect("fan_delay", seconds=0.02)])
+    assert late.timing() == ("plant.fan_delay_seconds", "")
+
+
+def test_each_candidate_of_a_craft_fits_its_equations(rng):
+    """Units, signs of bounds, and machine code: all at once, for each craft."""
+    for model in (c17_simulation(), craft(curve=HOLOHOVER)):
+        added = []
+        for cls in model.candidates():
+            numbers = {
+                k: n.default if n.default is not None else min(max(0.4, n.lower), n.upper)
+                for k, n in cls.numbers.items()
+            }
+            added.append(cls(**numbers))
+            model.with_effects([added[-1]]).plant(late=True)
+        block = model.with_effects(added).plant(late=True)
+        smooth = block.compile(friction="smooth")
+        for _ in range(20):
+            x, u = rng.normal(size=len(block.states)), rng.uniform(0, 1, len(block.inputs))
+            t = float(rng.uniform(0, 1))
+            by_numpy = block.to_numpy().derivatives(t, x, u)
+            np.testing.assert_allclose(smooth.derivatives(t, x, u), by_numpy, rtol=1e-9, atol=1e-9)
+            np.testing.assert_allclose(smooth.outputs(t, x, u), block.to_numpy().outputs(t, x, u), atol=1e-12)
+
+
+def test_an_fmu_of_a_craft_with_curves_and_memories_moves_as_its_block(tmp_path):
+    fmpy = pytest.importorskip("fmpy")
+    memories = [
+        effect("fan_lag", seconds=0.03),
+        effect("thrust_backlash", width=0.02),
+        effect("lugre_yaw", stiffness=300.0, damping=8.0, coulomb=2.0, static=3.0, speed=0.1),
+        effect("pose_lever_arm", x=0.01, y=-0.02),
+    ]
+    block = craft(*memories, curve=BENCH, gain=1.1).plant()
+    time = np.arange(0.0, 1.0, 0.01)
+    signals = np.array([0.3 + 0.3 * np.sin(7 * time), 0.4 + 0.4 * np.sin(11 * time)])
+    expected = block.compile().simulate(time, signals, rtol=1e-9, atol=1e-11).outputs
+    columns = [("time", float), ("a", float), ("b", float)]
+    result = fmpy.simulate_fmu(
+        str(block.to_fmu(tmp_path / "craft.fmu", step=0.01)),
+        fmi_type="CoSimulation",
+        input=np.array(list(zip(time, *signals, strict=True)), dtype=columns),
+        stop_time=time[-1],
+        output_interval=0.01,
+        relative_tolerance=1e-9,
+    )
+    found = np.array([result[s.name] for s in block.outputs])
+    np.testing.assert_allclose(found, expected, atol=1e-5)
+    assert "x_measured" in [s.name for s in block.outputs]

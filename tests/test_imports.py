@@ -1,0 +1,107 @@
+"""Imports point one way: the packages lie in layers, and none imports from a layer above its own."""
+
+import ast
+from collections import defaultdict
+from graphlib import CycleError, TopologicalSorter
+from pathlib import Path
+
+import hovercontrol
+
+ROOT = Path(hovercontrol.__file__).parent
+
+#: From bottom to top. Those of one layer may import each other, but not in a circle.
+LAYERS = (
+    {"errors", "io", "endings"},
+    {"core"},
+    {"notebook"},
+    {"simulation", "targets"},
+    {"effects"},
+    {"models", "controllers", "estimators", "hardware", "logs"},
+    {"estimation"},
+    {"autopilot", "identify", "scenarios"},
+    {"discrepancy", "monitor", "analysis", "fmi", "samples"},
+    {"log_check", "reproduce", "schema"},
+    {"cockpit", "commands"},
+    {"cli"},
+)
+HEIGHT = {package: height for height, layer in enumerate(LAYERS) for package in layer}
+
+
+def modules():
+    for path in sorted(ROOT.rglob("*.py")):
+        parts = path.relative_to(ROOT).with_suffix("").parts
+        name = ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+        if parts[0] not in ("__init__", "__main__", "analyses"):  # the first two and the scripts are users
+            yield name, ast.parse(path.read_text(encoding="utf-8"))
+
+
+def type_only(tree):
+    """What is imported for the sake of annotations alone is not imported when the program runs."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.If) and ast.unparse(node.test).endswith("TYPE_CHECKING"):
+            for statement in node.body:
+                yield from ast.walk(statement)
+
+
+def imports(tree, known):
+    skipped = set(type_only(tree))
+    for node in ast.walk(tree):
+        if node in skipped:
+            continue
+        if isinstance(node, ast.ImportFrom):
+            assert not node.level, "imports are absolute"
+            source = node.module.split(".")
+            if source[0] == "hovercontrol":
+                for alias in node.names:
+                    whole = ".".join([*source[1:], alias.name])
+                    yield whole if whole in known else ".".join(source[1:])
+        elif isinstance(node, ast.Import):
+            for alias in node.names:
+                if alias.name.startswith("hovercontrol."):
+                    yield alias.name.partition(".")[2]
+
+
+def arrows():
+    """Every import of one module by another, inside functions too."""
+    trees = dict(modules())
+    return {(name, other) for name, tree in trees.items() for other in imports(tree, trees) if other}
+
+
+def package(module):
+    return module.partition(".")[0]
+
+
+def between_packages():
+    return {(a, b) for a, b in arrows() if package(a) != package(b)}
+
+
+def circle(graph):
+    """Return a circle in a graph, or nothing."""
+    try:
+        TopologicalSorter(graph).prepare()
+    except CycleError as error:
+        return error.args[1]
+    return []
+
+
+def test_every_package_has_its_layer():
+    assert {package(name) for name, _ in modules()} <= set(HEIGHT)
+
+
+def test_no_module_imports_from_a_layer_above_its_own():
+    against = {(a, b) for a, b in between_packages() if HEIGHT[package(b)] > HEIGHT[package(a)]}
+    assert sorted(against) == []
+
+
+def test_packages_import_each_other_in_no_circle():
+    graph = defaultdict(set)
+    for a, b in between_packages():
+        graph[package(a)].add(package(b))
+    assert circle(graph) == []
+
+
+def test_modules_import_each_other_in_no_circle():
+    graph = defaultdict(set)
+    for a, b in arrows():
+        graph[a].add(b)
+    assert circle(graph) == []
