@@ -54,7 +54,7 @@ img { max-width: 100%; width: 32em }
 code { background: #f0f0f0; padding: 0.1em 0.3em; border-radius: 0.2em }
 @media (max-width: 40em) {
   body { font-size: 14px; margin: 1em auto } th, td { padding-right: 0.4em }
-  td.number { white-space: normal } td.item { white-space: normal }
+  td.number { white-space: normal }
 }
 dt { float: left; clear: left; margin-right: 0.6em } dd { margin: 0 0 0.4em 0; color: #444 }
 """
@@ -199,12 +199,12 @@ def _plain(file: str) -> str:
 
 def _numbers(outcome: Outcome) -> str:
     printed = {p.name: p for p in outcome.item.printed}
-    rows = []
+    rows, units = [], outcome.item.units()
     for name in dict.fromkeys([*printed, *outcome.values]):
         ours = f"{outcome.values[name]:.4g}" if name in outcome.values else ""
         p = printed.get(name)
         if p is None:
-            cells = (name, "-", "-", ours, "", "")
+            cells = (name, "-", "-", f"{ours} {units.get(name, '')}".strip(), "", "")
         else:
             met = "" if not ours else "met" if p.agrees(outcome.values[name]) else "missed"
             note = f" no test, ours was fitted: {p.fitted}" if p.fitted else ""
