@@ -323,6 +323,11 @@ def test_simulate_says_how_often_commands_were_clipped(tmp_path, capsys):
         ("brake = false", "brake = 0.1", "autopilot.brake must be a bool, found 0.1"),
         ("brake = false", 'navigation = "criket"', "did you mean 'cricket'?"),
         ("brake = false", "seed = -1", "autopilot.seed must be between 0 and"),
+        (
+            "brake = false",
+            'propeller = "variable pitch"',
+            "unknown 'variable pitch'; did you mean 'variable_pitch'",
+        ),
         ("brake = false", "rudder_loss = 1.5", "autopilot.rudder_loss must be at least 0 and less than 1"),
         ("[autopilot]", "[sampling]\nmeasurement = 0.02\n[autopilot]", "[sampling] and [autopilot] exclude"),
     ],

@@ -258,7 +258,7 @@ def pitch_thrust(
 def variable_pitch_propeller(
     propeller: VariablePitch | None = None, *, period: float = UPDATE, name: str = "variable_pitch"
 ) -> Block:
-    """Return the whole actuator: pitch for a wanted thrust, servo, blades.
+    """Return the whole variable-pitch propeller: pitch for a wanted thrust, servo, blades.
 
     Parameters
     ----------
