@@ -41,7 +41,7 @@ def choice(name: str, description: str, ways: Mapping[Signal, tuple[sp.Expr | st
         for way in pair:
             e = sp.Symbol(way, real=True) if isinstance(way, str) else sp.sympify(way)
             for symbol in sorted(e.free_symbols, key=str):
-                inputs.setdefault(symbol.name, signal.but(name=symbol.name))
+                inputs.setdefault(symbol.name, signal.replace(name=symbol.name))
             found.append(e)
         told[signal.name] = sp.Piecewise((found[0], on.symbol > 0), (found[1], True))
     return Block(

@@ -176,7 +176,7 @@ def check_beacons(where: str, beacons: Beacons, navigation: str) -> None:
 
 def sampled_motion(period: float, name: str = "ins_sampling") -> Block:
     """Return the true motion as it was at the last tick of the navigation: ``x_sampled`` ..."""
-    told = tuple(s.but(name=f"{s.name}_sampled") for s in MOTION)
+    told = tuple(s.replace(name=f"{s.name}_sampled") for s in MOTION)
     return Block(
         name,
         inputs=MOTION,

@@ -160,7 +160,7 @@ def turntable(
     felt = gravity.symbol * sp.sin(lean.symbol)
     return Block(
         name,
-        states=(psi.but(start=0.0), r.but(start=number(f"{name}: rate", rate))),
+        states=(psi.replace(start=0.0), r.replace(start=number(f"{name}: rate", rate))),
         inputs=(_COMMAND,),
         outputs=(
             *MOTION,

@@ -214,7 +214,7 @@ def _adaptation(
                 f"controller: {coefficient!r} enters B and stays at its prior value, so that B keeps its "
                 "inverse (C17 Theorem 5)"
             )
-        estimate = own.but(name=f"{coefficient}_hat", lower=-sp.oo, upper=sp.oo)
+        estimate = own.replace(name=f"{coefficient}_hat", lower=-sp.oo, upper=sp.oo)
         estimates.append(estimate)
         blended[own.symbol] = own.symbol + share.symbol * (estimate.symbol - own.symbol)
     return estimates, blended, [share] if estimates else []

@@ -61,7 +61,7 @@ def constant_delay(
     step = fixed("period", period, "from tick to tick")
     chains = [
         [
-            s.but(name=f"{s.name}_stage{k}", description=f"{s.name}, {k} ticks old")
+            s.replace(name=f"{s.name}_stage{k}", description=f"{s.name}, {k} ticks old")
             for k in range(1, stages + 1)
         ]
         for s in signals
@@ -77,7 +77,7 @@ def constant_delay(
         name,
         states=(ticks, *(stage for chain in chains for stage in chain)),
         inputs=signals,
-        outputs=(*(s.but(name=s.name + suffix) for s in signals), age),
+        outputs=(*(s.replace(name=s.name + suffix) for s in signals), age),
         parameters=(step,),
         derivatives=following,
         output_expressions={**told, age.name: ticks.symbol * step.symbol},

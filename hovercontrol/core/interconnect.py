@@ -57,7 +57,7 @@ def rename(block: Block, signals: Mapping[str, str]) -> Block:
     }
 
     def renamed(group: Iterable[Signal]) -> list[Signal]:
-        return [s.but(name=signals.get(s.name, s.name)) for s in group]
+        return [s.replace(name=signals.get(s.name, s.name)) for s in group]
 
     outputs = [(signals.get(name, name), e.xreplace(swap)) for name, e in block.output_expressions.items()]
     return replace(
@@ -279,7 +279,7 @@ def _part(block: Block, hybrid: bool) -> _Part:
             s.symbol: sp.Symbol(f"{block.name}.{s.name}" if _is_local(block, s) else s.name, real=True)
             for s in local
         },
-        tuple(s.but(name=f"{block.name}.held_{s.name}") for s in holds),
+        tuple(s.replace(name=f"{block.name}.held_{s.name}") for s in holds),
     )
 
 
@@ -289,7 +289,7 @@ def _is_local(block: Block, signal: Signal) -> bool:
 
 
 def _moved(part: _Part, signal: Signal) -> Signal:
-    return signal.but(name=part.own[signal.symbol].name)
+    return signal.replace(name=part.own[signal.symbol].name)
 
 
 def _refuse_clashes(blocks: Sequence[Block]) -> None:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import re
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import sympy as sp
@@ -137,6 +138,6 @@ class Signal:
         """Exponents of the SI base units."""
         return dimension(self.unit)
 
-    def but(self, **changes: Any) -> Signal:
+    def replace(self, **changes: Any) -> Signal:
         """Return a copy with some fields changed."""
-        return replace(self, **changes)
+        return dataclasses.replace(self, **changes)

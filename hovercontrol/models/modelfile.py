@@ -167,7 +167,7 @@ def _input(default: Signal, value: Any) -> Signal:
     for key in ("unit", "description"):
         text(f"inputs.{default.name}.{key}", given.get(key, ""))
     nearest = min(max(default.start, given.get("lower", default.lower)), given.get("upper", default.upper))
-    return default.but(start=nearest, **given)
+    return default.replace(start=nearest, **given)
 
 
 def _fan(name: str, value: Any) -> Fan:

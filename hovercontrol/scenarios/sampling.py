@@ -136,7 +136,7 @@ def _tracking(scenario: Scenario, parts: Mapping[str, Block]) -> list[Block]:
     wanted = {s.name: f"{s.name}_wanted" for s in commands}
     free = tracking_controller(scenario.belief, **{**scenario.controller, "limits": False})
     asked = {f"{s.name}_asked": free.output_expressions[s.name] for s in commands}
-    told = [s.but(name=f"{s.name}_asked", lower=-float("inf"), upper=float("inf")) for s in commands]
+    told = [s.replace(name=f"{s.name}_asked", lower=-float("inf"), upper=float("inf")) for s in commands]
     ahead = next(p for p in controller.parameters if p.name == "control_point")
     computing = [
         rename(

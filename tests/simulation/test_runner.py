@@ -39,7 +39,7 @@ def sensor(period=0.0065536):
     )
     seen = v.symbol + size.symbol * noise.values[0] + lever.symbol * push.symbol
     return Block(
-        "sensor", noise.states, [v, push], [SEEN], [*noise.parameters, size, lever.but(start=0.1)],
+        "sensor", noise.states, [v, push], [SEEN], [*noise.parameters, size, lever.replace(start=0.1)],
         noise.next_values, {"seen": seen}, noise.definitions, period=period,
     )  # fmt: skip
 

@@ -43,8 +43,8 @@ def setpoints(
     for key, value in (values or {}).items():
         if key not in told:
             raise InputError(f"{name}: no law is told {key!r}{did_you_mean(key, told)}")
-        told[key] = told[key].but(start=told[key].check(value))
-    inner = {key: signal.but(name=f"{name}.{key}") for key, signal in told.items()}
+        told[key] = told[key].replace(start=told[key].check(value))
+    inner = {key: signal.replace(name=f"{name}.{key}") for key, signal in told.items()}
     return Block(
         name,
         outputs=tuple(told.values()),

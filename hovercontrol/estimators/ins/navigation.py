@@ -127,7 +127,7 @@ def navigation_filter(
     memory = remember(
         "xhat",
         "P",
-        [s.but(start=v) for s, v in zip(quantities, [*start, *[0.0] * 9], strict=False)],
+        [s.replace(start=v) for s, v in zip(quantities, [*start, *[0.0] * 9], strict=False)],
         variances,
     )
     units = [QUANTITIES[i].unit for i in (0, 1, 2, 5, 6, 7)]
@@ -154,7 +154,7 @@ def navigation_filter(
         new = _corrected(equations, new, aid, symbols, 1 if aid.shows_heading else excited)
 
     told = motion_outputs(new.x[0], new.x[1:3, 0], new.x[3:5, 0], new.x[6:8, 0])
-    extras = tuple(s.but(name=f"{s.name}_hat", description=f"{s.description}, estimated") for s in extra)
+    extras = tuple(s.replace(name=f"{s.name}_hat", description=f"{s.description}, estimated") for s in extra)
     measured = dict.fromkeys(signal for aid in aids for signal in (aid.signal, aid.valid))
     return Block(
         name,

@@ -173,7 +173,7 @@ def rudder_servo(
     )
     step = Signal("update", "s", "time between two pulses", start=period, lower=0.0)
     neutral = float(np.interp(SERVO_COMMAND.start / MILLISECOND, known.pulse, known.angle)) * DEGREE
-    last = RUDDER_ANGLE.but(name="last_rudder_angle", description="its angle so far", start=neutral)
+    last = RUDDER_ANGLE.replace(name="last_rudder_angle", description="its angle so far", start=neutral)
     aim = Signal("aim", "rad", "angle of the pulse")
     most = rate.symbol * step.symbol
     turned = last.symbol + sp.Max(-most, sp.Min(most, aim.symbol - last.symbol))

@@ -116,7 +116,7 @@ def range_solver(
         corrected.append(sp.Symbol(f"range_corrected_{k}", real=True))
     where = [tuple(s.symbol for s in place) for place in places]
     hears = [s.symbol for s in heard]
-    chosen = (_SIDE.but(start=float(side)),) if count == 2 else ()
+    chosen = (_SIDE.replace(start=float(side)),) if count == 2 else ()
     if chosen:
         both = define("both_heard", hears[0] * hears[1])
         x, y, solved = _circles(define, where, corrected, both, _SIDE.symbol)

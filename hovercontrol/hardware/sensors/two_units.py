@@ -108,8 +108,8 @@ def two_unit_heading(
         arm = turned(psi, x1, y1)
         for i, (axis, velocity) in enumerate(zip("xy", (vx - r * arm[1], vy + r * arm[0]), strict=True)):
             now = Signal(f"velocity_{axis}", "m/s", "of the first unit, by the INS")
-            last = now.but(name=f"velocity_{axis}_last")
-            before = now.but(name=f"velocity_{axis}_before")
+            last = now.replace(name=f"velocity_{axis}_last")
+            before = now.replace(name=f"velocity_{axis}_before")
             definitions[now.name] = velocity
             states += [last, before]
             following |= {last.name: now.symbol, before.name: last.symbol}

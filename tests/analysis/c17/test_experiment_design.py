@@ -108,7 +108,7 @@ def test_limits_are_those_of_the_commands_that_the_reference_needs(found, region
     assert found.rudder[0] == pytest.approx([s["rudder"].min(), s["rudder"].max()], abs=1e-3)
     assert found.within_limits.all()
     weak = c17_experiment()
-    weak = type(weak)(weak.name, weak.effects, weak.thrust.but(upper=4.0), weak.rudder)
+    weak = type(weak)(weak.name, weak.effects, weak.thrust.replace(upper=4.0), weak.rudder)
     assert expected_errors(REFERENCES, actuators=weak, duration=6.0).within_limits.tolist() == [
         False,
         True,
