@@ -1,4 +1,4 @@
-"""Analyses of Blocks and of what logs can tell about them."""
+"""Analyses of Blocks: stability, observability, margins, regions."""
 
 from hovercontrol.analysis.c17.experiment_design import ExpectedErrors, ellipse_errors, expected_errors
 from hovercontrol.analysis.c17.gains import beta_region, gain_region

@@ -105,7 +105,7 @@ def _hints(function: Callable[..., Any], signature: inspect.Signature) -> dict[s
 
 
 def fits(value: Any, hint: Any) -> bool:
-    """Tell whether a value is what an annotation says, or can be made so without a guess."""
+    """Return whether a value is what an annotation says, or can be made so without a guess."""
     origin, inner = typing.get_origin(hint), typing.get_args(hint)
     if hint in (Any, object, inspect.Parameter.empty) or isinstance(hint, TypeVar | str):
         return True

@@ -118,7 +118,7 @@ def interconnect(
     ----------
     blocks : sequence of Block
         With different names; their order does not matter. Where sampled Blocks tick at one instant, each sees
-        what the others tell at that instant.
+        the others' outputs at that instant.
     name : str, optional
         Name of the whole.
     inputs : sequence of str, optional
@@ -126,7 +126,7 @@ def interconnect(
     outputs : sequence of str, optional
         Which outputs the whole shows (default: all).
     hybrid : bool, optional
-        Make a hybrid Block of sampled ones that tick together, too: it has faces in continuous time.
+        Make a hybrid Block of sampled ones that tick together, too: it has backends in continuous time.
 
     Returns
     -------
@@ -234,7 +234,7 @@ def _in_order(
     drivers: Mapping[str, tuple[Block, Signal]],
     ticks: Mapping[str, Sequence[Tick]],
 ) -> list[Tick]:
-    """Return all ticks in order; what a Block tells and its next states are one tick where they can be."""
+    """Return all ticks in order; a Block's outputs and its next states are one tick where they can be."""
     first: list[Tick] = []
     last: list[Tick] = []
     for block, late in tick_order(blocks, {name: driver for name, (driver, _) in drivers.items()}):
@@ -284,7 +284,7 @@ def _part(block: Block, hybrid: bool) -> _Part:
 
 
 def _is_local(block: Block, signal: Signal) -> bool:
-    """Tell whether a signal gets the Block's name in front; a parameter that carries one keeps its key."""
+    """Return whether a signal gets the Block's name in front; a parameter that carries one keeps its key."""
     return not (signal in block.parameters and "." in signal.name)
 
 

@@ -101,7 +101,7 @@ def _level(log: Measured, channel: str) -> tuple[float, float]:
 
 
 def _even(time: Array) -> NDArray[np.bool_]:
-    """Tell which four rows in a row follow each other evenly: across a missing row motion enters."""
+    """Return which four rows in a row follow each other evenly: across a missing row motion enters."""
     step = np.diff(time)
     if step.size < 3:
         return np.zeros(0, dtype=bool)

@@ -37,7 +37,7 @@ def information(fit: Fit) -> Array:
     """Return what the logs alone say of the coefficients, in their own units, shape (P, P).
 
     States that are at rest but for noise are taken to be at rest: on a velocity that is fitted to noise drag
-    seems to act, and the log would seem to tell it.
+    seems to act, and the log would seem to excite it.
     """
     problem, path = fit.problem, fit.path.copy()
     n = len(problem.free)
@@ -136,7 +136,7 @@ def reason(
             part = 0.1 * size
             steps = [f"{k} {abs(part * s):.2g} {'higher' if s > 0 else 'lower'}" for k, s in others.items()]
             return (
-                f"hardly to be told from {', '.join(others)}: with it {part:.2g} higher and "
+                f"hardly distinguishable from {', '.join(others)}: with it {part:.2g} higher and "
                 f"{', '.join(steps)} the logs would look much the same"
             )
     return f"its standard error is above its size of {size:.3g} {unit}"

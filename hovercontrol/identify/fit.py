@@ -38,7 +38,7 @@ from hovercontrol.logs import Log
 from hovercontrol.logs.frames import check_frame
 from hovercontrol.models.model import Model
 
-#: Rows of a craft's log that are farther apart [s] are in other units of time, or tell nothing.
+#: Rows of a craft's log that are farther apart [s] are in other units of time, or have no information.
 SLOWEST = 1.0
 
 
@@ -89,19 +89,19 @@ def identify(
     >>> round(found["k"].value, 4)
     0.7
     """
-    tell = progress or (lambda part, what: None)
+    report = progress or (lambda part, what: None)
     names = chosen(model, coefficients)
     if not logs:
         raise InputError("identification needs at least one log")
     if isinstance(model, Model):
         refuse_slow_rows(logs)
-    tell(0.0, "reading what was measured")
+    report(0.0, "reading what was measured")
     measured = measure_shared(model, logs, most_rows)
     with threadpool_limits(1, "blas"):  # its threads would wait for each other at many small matrices
         data = gather(subject_of(model), measured)
-        fit = _fitted(model, data, names, tell)
+        fit = _fitted(model, data, names, report)
         found = _identified(model, names, data, fit)
-    tell(1.0, "done")
+    report(1.0, "done")
     return found
 
 
@@ -150,7 +150,7 @@ def _fitted(
     model: Model | Block,
     data: Data,
     names: Sequence[str],
-    tell: Callable[[float, str], None],
+    report: Callable[[float, str], None],
 ) -> Fit:
     subject = subject_of(model)
     problem = Problem(subject, data, names)
@@ -158,7 +158,7 @@ def _fitted(
 
     def passed(_: str) -> None:
         passes[0] += 1
-        tell(1 - 1 / (1 + passes[0] / 8), "fitting")
+        report(1 - 1 / (1 + passes[0] / 8), "fitting")
 
     try:
         return estimate(problem, prior_of(problem, subject), first_noise(problem), gate=True, trace=passed)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from hovercontrol.core.block import Block
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.estimation.fit import Fit
-from hovercontrol.io.files import write_whole
+from hovercontrol.io.files import write_atomically
 from hovercontrol.models.model import Model
 
 if TYPE_CHECKING:
@@ -56,7 +56,7 @@ class Fitted:
 
     @property
     def excited(self) -> bool:
-        """Whether the log tells its value."""
+        """Whether the log excites it."""
         return not self.reason
 
 
@@ -171,11 +171,11 @@ class Identified:
         remains = f"of the accelerations seen (means over {over}) there remain {told}"
         blind = [r for r in poor if r.share > NOTHING and self._ahead(r) > BETTER]
         if len(blind) == len(self.remaining):
-            said = f"this model predicts nothing: {remains}"
+            said = f"this model does not predict the motion: {remains}"
             said += f"; {over} ahead it is no better than that velocities stay"
         else:
             said = f"the model does not explain the logs: {remains}"
-            said += f"; it predicts nothing of {', '.join(r.state for r in blind)}" if blind else ""
+            said += f"; it does not predict {', '.join(r.state for r in blind)}" if blind else ""
         return f"{said}; something is missing or wrong in the model or the logs"
 
     def _ahead(self, remaining: Remaining) -> float:
@@ -235,7 +235,7 @@ class Identified:
                 out.writeheader()
                 out.writerows({**asdict(f), "excited": f.excited} for f in self.coefficients)
 
-        return write_whole(path, write)
+        return write_atomically(path, write)
 
 
 def aligned(rows: Sequence[tuple[str, ...]]) -> list[str]:

@@ -1,4 +1,4 @@
-"""One identification from start to end: fit, predict, tell, draw. What ``hovercontrol identify`` does."""
+"""One identification from start to end: fit, predict, write, draw; what ``hovercontrol identify`` does."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 #: How far ahead predictions are judged [s].
 HORIZON = 1.0
 
-#: How many rejected spans of a log are told; the file has them all.
+#: Largest number of rejected spans listed for a log; the file has them all.
 SHOWN = 6
 
 
@@ -85,9 +85,9 @@ class Study:
         InputError
             As :func:`~hovercontrol.identify.fit.identify`, or if a name is taken twice.
         """
-        tell = progress or (lambda part, what: None)
+        report = progress or (lambda part, what: None)
         refuse_slow_rows([*training, *holdout])
-        tell(0.0, "reading what was measured")
+        report(0.0, "reading what was measured")
         measured: list[Measured] = measure_shared(model, training, MOST_ROWS)
         for log in holdout:
             measured += measure_shared(model, [log], MOST_ROWS)
@@ -95,13 +95,13 @@ class Study:
             model,
             measured[: len(training)],
             coefficients,
-            progress=lambda part, what: tell(0.2 + 0.6 * part, what),
+            progress=lambda part, what: report(0.2 + 0.6 * part, what),
         )
         assert found.model is not None
         labels = _labels([m.name for m in measured])
         judged = []
         for k, (label, data) in enumerate(zip(labels, measured, strict=True)):
-            tell(0.8 + 0.2 * k / len(measured), f"predicting {label}")
+            report(0.8 + 0.2 * k / len(measured), f"predicting {label}")
             held_out = k >= len(training)
             fit, own = (smoothed(found.model, data), 0) if held_out else (found.fit, k)
             run = run_of(model.name, fit, own)
@@ -164,7 +164,7 @@ class Study:
     def save(self, folder: str | Path) -> list[Path]:
         """Write model.toml, coefficients.csv, prediction.csv, rejected.csv and free_run_LOG.png.
 
-        They appear whole or not at all; pictures of an earlier run's logs are removed. Returns the
+        They are written atomically; pictures of an earlier run's logs are removed. Returns the
         files.
         """
 
@@ -199,7 +199,7 @@ def _table(path: Path, heading: list[str], rows: Sequence[Sequence[object]]) -> 
 
 
 def _labels(names: Sequence[str]) -> list[str]:
-    """Return file names without suffix, told apart by a number where two logs share one."""
+    """Return file names without suffix, numbered where two logs share one."""
     stems = [Path(name).stem for name in names]
     labels = [f"{s}_{stems[:k].count(s) + 1}" if stems.count(s) > 1 else s for k, s in enumerate(stems)]
     shared = sorted({s for s in labels if labels.count(s) > 1})

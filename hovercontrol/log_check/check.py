@@ -59,7 +59,7 @@ class Checked:
 
     @property
     def negative(self) -> bool:
-        """Whether something must be mended, or a coefficient cannot be shown."""
+        """Whether something must be mended, or a coefficient cannot be estimated."""
         return bool(self.errors) or not all(c.excited for c in self.coefficients)
 
     def text(self) -> str:
@@ -173,24 +173,24 @@ def check(
     """
     if not logs and not unread:
         raise InputError("check: expected one or more logs")
-    tell = progress or (lambda part, what: None)
+    report = progress or (lambda part, what: None)
     block = structure(model) if model is not None else None
     errors, warnings = list(unread), list[str]()
     found = []
     for k, log in enumerate(logs):
-        tell(0.4 * k / len(logs), f"looking at {log.name}")
+        report(0.4 * k / len(logs), f"looking at {log.name}")
         found.append(facts(log, *_roles(block), files[k] if files else None))
         warnings += found[-1].remarks
         if model is not None:
             _collect(partial(check_logs, model, [log]), errors, warnings)
     coefficients: tuple[Fitted, ...] = ()
     if model is not None and not errors:
-        tell(0.4, "comparing the logs")
+        report(0.4, "comparing the logs")
         if len(logs) > 1:
             _collect(lambda: check_logs(model, logs), errors, warnings)
         if not errors:
-            tell(0.5, "a trial fit")
-            coefficients = _shown(model, logs, errors, warnings, tell)
+            report(0.5, "a trial fit")
+            coefficients = _shown(model, logs, errors, warnings, report)
     return Checked(
         tuple(found), _once(errors), _once(warnings), model.name if model is not None else "", coefficients
     )
@@ -216,19 +216,19 @@ def _shown(
     logs: Sequence[Log],
     errors: list[str],
     warnings: list[str],
-    tell: Callable[[float, str], None],
+    report: Callable[[float, str], None],
 ) -> tuple[Fitted, ...]:
     subject = model if isinstance(model, Model) else model.plant()
     try:
         trial = identify(
-            subject, logs, most_rows=MOST_ROWS, progress=lambda part, what: tell(0.5 + 0.5 * part, what)
+            subject, logs, most_rows=MOST_ROWS, progress=lambda part, what: report(0.5 + 0.5 * part, what)
         )
     except InputError as error:
         errors.append(str(error))
         return ()
     told: list[str] = []
     _collect(lambda: check_fitted(trial.fit), errors, told)
-    warnings += [line for line in told if "cannot be known" not in line]  # the table says so
+    warnings += [line for line in told if "are not excited" not in line]  # the table says so
     if trial.outliers:
         warnings.append(
             f"{trial.outliers} of {trial.rows} rows stand alone beside the fitted model: left out of a fit"
@@ -305,4 +305,4 @@ def _verdict(c: Fitted) -> str:
     if not c.excited:
         return f"no: {c.reason}"
     part = c.std / abs(c.value) if c.value else math.inf
-    return f"yes, to {100 * part:.2g} %" if part < 1 else "yes: not told from zero"
+    return f"yes, to {100 * part:.2g} %" if part < 1 else "yes: not distinguished from zero"

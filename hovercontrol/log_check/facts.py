@@ -70,7 +70,7 @@ class Column:
     Attributes
     ----------
     name, unit : str
-        The unit is empty where neither the model nor the name tells it.
+        The unit is empty where neither the model nor the name has it.
     kind : str
         ``"measured"``, ``"command"`` or ``"other"``.
     missing : int
@@ -201,7 +201,7 @@ def _column(log: Log, name: str, unit: str, kind: str, measured: bool, rejected:
     outliers: tuple[float, ...] = ()
     if measured and known.sum() > 3 and sizes.size:
         rows = Log(log.name, log.time[known], {name: row[known]})
-        for span in rejected:  # what is known to be wrong tells no noise
+        for span in rejected:  # wrong samples are no measure of noise
             rows = rows.select((rows.time < span.start) | (rows.time > span.stop))
         noise, outliers = _noise(rows, name)
     every = None

@@ -16,7 +16,7 @@ from hovercontrol.log_check.facts import Column, LogFacts
 if TYPE_CHECKING:
     from hovercontrol.log_check.check import Checked
 
-#: Colours that the colour-blind tell apart (Okabe and Ito); shapes and hatching say the same.
+#: Colours for the colour-blind (Okabe and Ito); shapes and hatching say the same.
 MEASURED, COMMAND, WRONG, GAP = "#0072B2", "#009E73", "#D55E00", "0.85"
 
 COLOURS = {"measured": MEASURED, "command": COMMAND, "other": "0.4"}

@@ -234,7 +234,7 @@ def _zero(delay: Floats) -> float:
 
 
 def _rougher(time: Floats, stamps: Floats, samples: Floats) -> bool:
-    """Tell whether samples are rougher on a clock than on the stamps, over all channels that move."""
+    """Return whether samples are rougher on a clock than on the stamps, over all channels that move."""
     ratios = []
     for row in samples.T:
         seen = np.isfinite(row)

@@ -207,7 +207,7 @@ class ParquetSource:
 
 
 def is_number(kind: pa.DataType) -> bool:
-    """Tell whether an Arrow type is an integer, a float or a decimal."""
+    """Return whether an Arrow type is an integer, a float or a decimal."""
     kinds = (pa.types.is_integer, pa.types.is_floating, pa.types.is_decimal)
     return any(check(kind) for check in kinds)
 

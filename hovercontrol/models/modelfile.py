@@ -33,7 +33,7 @@ from hovercontrol.core.units import UnitError, conversion_factor
 from hovercontrol.effects import Effect, effect, effect_class
 from hovercontrol.effects.base import resolved_unit
 from hovercontrol.errors import InputError, shown
-from hovercontrol.io.files import write_whole
+from hovercontrol.io.files import write_atomically
 from hovercontrol.io.tables import check_keys, number, read_toml, table, text
 from hovercontrol.models.fans import BenchCurve, Fan, Polynomial
 from hovercontrol.models.model import RUDDER, THRUST, Model
@@ -98,7 +98,7 @@ def save_model(model: Model, path: str | Path) -> Path:
     Path
     """
     text = model_text(model)
-    return write_whole(path, lambda temporary: temporary.write_text(text, encoding="utf-8"))
+    return write_atomically(path, lambda temporary: temporary.write_text(text, encoding="utf-8"))
 
 
 def model_text(model: Model) -> str:

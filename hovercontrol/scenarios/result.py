@@ -125,7 +125,7 @@ class Run:
         return drawn[chosen]
 
     def save(self, folder: str | Path) -> list[Path]:
-        """Write ``log.csv``, ``metrics.csv`` and the pictures; they appear whole or not at all.
+        """Write ``log.csv``, ``metrics.csv`` and the pictures; they are written atomically.
 
         Parameters
         ----------

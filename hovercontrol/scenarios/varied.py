@@ -1,4 +1,4 @@
-"""A scenario flown many times: one or two of its numbers varied, the figures of its signals kept."""
+"""A scenario run many times: one or two of its numbers varied, the figures of its signals kept."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ class Varied:
         return varied_html(self)
 
     def save(self, folder: str | Path) -> list[Path]:
-        """Write ``sweep.csv`` (all figures of all outputs), ``sweep.png`` and ``sweep.svg``; whole or not."""
+        """Write ``sweep.csv`` (all figures of all outputs), ``sweep.png`` and ``sweep.svg``, atomically."""
 
         def write(place: Path) -> None:
             import pyarrow.csv
@@ -104,7 +104,7 @@ def vary(
     progress: Callable[[float], None] | None = None,
     checkpoint: str | Path | None = None,
 ) -> Varied:
-    """Fly a scenario at every point of a grid, compiled and on all cores.
+    """Run a scenario at every point of a grid, compiled and on all cores.
 
     Parameters
     ----------

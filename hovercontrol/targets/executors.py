@@ -180,7 +180,7 @@ class _Work(NamedTuple):
 
 
 class _Told:
-    """The number of runs done, told to whoever asked for it."""
+    """The number of runs done, reported to the caller."""
 
     def __init__(self, done: int, progress: Callable[[int], None] | None) -> None:
         self.done, self._progress = 0, progress

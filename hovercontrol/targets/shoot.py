@@ -24,7 +24,7 @@ from hovercontrol.targets.compiler import NoCompilerError, generated, load_libra
 
 Array = NDArray[np.float64]
 
-#: Windows that are worth a thread.
+#: Fewest windows for a thread.
 SHARE = 32
 
 _RUNTIME = ("hc_shoot.c", "hc_shoot.h", "hc_lanes.h", "hc_lanes_math.h", "hc_model.h")

@@ -36,7 +36,7 @@ def test_an_ambiguous_answer_comes_with_a_proposal(unclear, tmp_path):
     assert found.verdict == "ambiguous"
     named, rivals = {e.effect for e in found.effects}, {r.name for r in found.rivals if not r.same}
     assert named & {"wind", "slope"} and rivals
-    assert found.experiment.worth > 40
+    assert found.experiment.benefit > 40
     assert found.advice.startswith("Drive ") and any(name in found.advice for name in named)
     assert found.result()["next_experiment"] == found.advice
     found.save(tmp_path)
@@ -63,9 +63,9 @@ def test_a_badly_known_coefficient_has_an_experiment_that_tells_it_better(unclea
     _, found = unclear
     parameter = found.effects[-1].parameter
     sharper = sharpen(found.selection.final, parameter)
-    assert sharper.worth > 1.5
+    assert sharper.benefit > 1.5
     assert sharper.text.endswith(
-        f"the standard error of {parameter} then falls by a factor of {sharper.worth:.2g}."
+        f"the standard error of {parameter} then falls by a factor of {sharper.benefit:.2g}."
     )
 
 

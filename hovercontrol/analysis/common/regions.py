@@ -18,7 +18,7 @@ from matplotlib.patches import Patch
 from numpy.typing import ArrayLike, NDArray
 
 from hovercontrol.errors import InputError, did_you_mean
-from hovercontrol.io.files import write_whole
+from hovercontrol.io.files import write_atomically
 from hovercontrol.io.tables import number
 from hovercontrol.targets.compiled import CompiledBlock
 from hovercontrol.targets.sweep import Axis as Axis
@@ -38,7 +38,7 @@ NUMBERS = 20
 #: A quantity with fewer points along an axis has no contour lines.
 FINE = 30
 
-#: How regions are told apart without colour: the judge grey, the second hatched, others by their outlines.
+#: How regions differ without colour: the judge grey, the second hatched, others by their outlines.
 LOOKS: tuple[dict[str, Any], ...] = tuple(
     {"facecolor": face, "hatch": hatch, "linestyle": line, "edgecolor": "black"}
     for face, hatch, line in (
@@ -172,10 +172,10 @@ class Region:
         return pyarrow.table(columns)
 
     def save(self, path: str | Path) -> Path:
-        """Write the table as CSV; it appears whole or not at all."""
+        """Write the table as CSV; it is written atomically."""
         import pyarrow.csv
 
-        return write_whole(path, lambda file: pyarrow.csv.write_csv(self.table(), file))
+        return write_atomically(path, lambda file: pyarrow.csv.write_csv(self.table(), file))
 
     def plot(self, *names: str, axes: Axes | None = None) -> Figure:
         """Return a figure: regions as areas and outlines, a quantity in shades of grey.

@@ -1,4 +1,4 @@
-"""Clocks, checked by what the columns of one log say of each other, and the model of them."""
+"""Clocks of one log, checked against each other and against the model."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ TOO_MUCH, HARDLY, LITTLE = 0.1, 1e-5, 0.75
 
 
 def check_clocks(model: Subject, log: Log) -> list[str]:
-    """Return warnings of clocks that do not run alike, one line each.
+    """Return warnings of clocks with different rates, one line each.
 
     Parameters
     ----------
@@ -62,10 +62,10 @@ def check_clocks(model: Subject, log: Log) -> list[str]:
     )
     if abs(drift) > TOO_MUCH and chance < HARDLY and left < LITTLE:
         raise InputError(
-            f"{text}: their clocks do not run alike; record both by one clock, or multiply the times of the "
-            f"commands by {pace:.4f} before the two are joined"
+            f"{text}: their clocks run at different rates; record both with one clock, or multiply the "
+            f"times of the commands by {pace:.4f} before the two are joined"
         )
-    return [*said, f"{text}: were two clocks joined?"]
+    return [*said, f"{text}: were columns of two clocks joined?"]
 
 
 def command_drift(model: Subject, log: Log) -> tuple[float, float, float] | None:

@@ -1,4 +1,4 @@
-"""Logs that are one another, or part of it, under other names, other times, rounded or with other columns."""
+"""Logs that are copies of each other, whole or in part, even if shifted in time or rounded."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ ASIDE = 0.3
 def refuse_duplicates(
     logs: Sequence[Log], holdout: Log | None, channels: Sequence[str], inputs: Sequence[str]
 ) -> None:
-    """Refuse a hold-out log that is a training log or overlaps one, and training logs that count twice.
+    """Refuse a held-out log that overlaps a training log, and training logs that overlap each other.
 
     Parameters
     ----------
@@ -52,11 +52,11 @@ def refuse_duplicates(
         The line names both logs.
     """
     for one, other in combinations(logs, 2):
-        _refuse(one, other, channels, inputs, f"{other.name}: it", "its rows would count twice")
+        _refuse(one, other, channels, inputs, f"{other.name}: it", "its rows would be used twice")
     if holdout is not None:
         for one in logs:
             what = f"{holdout.name}: the hold-out log"
-            _refuse(one, holdout, channels, inputs, what, "it must take no part")
+            _refuse(one, holdout, channels, inputs, what, "it must not be in the fit")
 
 
 def _refuse(

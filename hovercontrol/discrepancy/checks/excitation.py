@@ -1,4 +1,4 @@
-"""What a first fit says of the logs: coefficients that they cannot tell, a model that predicts nothing."""
+"""Checks after a first fit: coefficients that the logs do not excite, a model that does not predict."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ AHEAD, BETTER = 0.2, 0.9
 
 
 def check_fitted(base: Fit) -> list[str]:
-    """Refuse logs that tell nothing of a model, or are in other units; warn of what they do not tell.
+    """Refuse logs without information on a model, or in other units; warn of coefficients not excited.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ def check_fitted(base: Fit) -> list[str]:
 
 
 def check_excitation(base: Fit, predicts_nothing: bool = False) -> list[str]:
-    """Return which coefficients the logs say nothing of, one line each.
+    """Return which coefficients the logs do not excite, one line each.
 
     Parameters
     ----------
@@ -87,7 +87,7 @@ def check_excitation(base: Fit, predicts_nothing: bool = False) -> list[str]:
     if len(blind) == len(names) and not (predicts_nothing and any(moving)):
         logs = ", ".join(m.name for m in problem.logs)
         raise InputError(
-            f"{logs}: no coefficient of the model can be known from it: the craft or its commands hardly move"
+            f"{logs}: it excites no coefficient of the model: the craft or its commands hardly move"
         )
     directions = named_directions(unexcited_directions(C, size), size, names)
     used = [any(np.any(m.inputs[i] != 0.0) for m in problem.logs) for i in range(len(problem.block.inputs))]
@@ -96,7 +96,7 @@ def check_excitation(base: Fit, predicts_nothing: bool = False) -> list[str]:
         signal = problem.block.parameter(names[j])
         idle = idle_inputs(problem.block, signal.name, used)
         why = reason(names[j], std[j], size[j], alone[j], directions, signal.unit, idle)
-        said.append(f"{names[j]} cannot be known from these logs: {why}")
+        said.append(f"{names[j]} are not excited by these logs: {why}")
     return said
 
 
@@ -121,6 +121,7 @@ def predicts_nothing(base: Fit) -> list[str]:
     if not ratios or float(np.median(ratios)) < BETTER:
         return []
     return [
-        f"the model predicts nothing: {horizon:.2g} s ahead it is hardly better than that velocities stay; "
+        f"the model does not predict the motion: {horizon:.2g} s ahead it is hardly better than that "
+        f"velocities stay; "
         "are model, commands and motion of the same craft and time?"
     ]

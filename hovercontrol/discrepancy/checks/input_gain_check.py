@@ -1,4 +1,4 @@
-"""Coefficients that come to lie far from the model's: inputs in other units, or of the other sign."""
+"""Fitted input gains far from the model's: inputs in other units, or of opposite sign."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ SLIGHT = 0.1
 
 
 def refuse_gains(base: Fit) -> None:
-    """Refuse inputs that do a small part, or many times, or the opposite of what the model says.
+    """Refuse inputs whose fitted gain is far smaller, far larger or opposite to the model's.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What logs must satisfy before a model is diagnosed from them: refused in one line, or warned about."""
+"""What logs must satisfy before a diagnosis: errors and warnings of one line."""
 
 from __future__ import annotations
 
@@ -128,12 +128,12 @@ def _length(log: Log, is_craft: bool) -> list[str]:
     if len(log) < FEWEST:
         raise InputError(f"{log.name}: too short: {len(log)} rows, expected {FEWEST} or more")
     if longest < SHORT:
-        return [f"{log.name}: {longest:.3g} s without a break are little: effects may not show"]
+        return [f"{log.name}: {longest:.3g} s without a break are short: effects may not be found"]
     return []
 
 
 def _refuse_dead(log: Log, channels: Sequence[str]) -> None:
-    """Refuse a channel without a number, or of one number while others move."""
+    """Refuse a channel that is empty, or constant while others change."""
     for c in channels:
         known = log[c][np.isfinite(log[c])]
         if not known.size:
@@ -145,7 +145,7 @@ def _refuse_dead(log: Log, channels: Sequence[str]) -> None:
 
 
 def _refuse_apart(log: Log, channels: Sequence[str], inputs: Sequence[str]) -> None:
-    """Refuse commands that are known at no time at which anything was measured."""
+    """Refuse commands whose times do not overlap those of the measurements."""
     measured = np.isfinite(np.array([log[c] for c in channels])).any(axis=0)
     for name in inputs:
         known = np.isfinite(log[name])
@@ -153,12 +153,12 @@ def _refuse_apart(log: Log, channels: Sequence[str], inputs: Sequence[str]) -> N
             one, other = (log.time[rows] for rows in (known, measured))
             raise InputError(
                 f"{log.name}: input {name!r} (from {one[0]:.6g} to {one[-1]:.6g} s) and motion (from "
-                f"{other[0]:.6g} to {other[-1]:.6g} s) are at no time known together: do their clocks agree?"
+                f"{other[0]:.6g} to {other[-1]:.6g} s) never overlap in time: do their clocks agree?"
             )
 
 
 def _stuck(log: Log, channels: Sequence[str]) -> list[str]:
-    """Warn of a sensor that says the same for a while and then goes on elsewhere."""
+    """Warn of a sensor that is constant for a while and then jumps."""
     said = []
     for c in channels:
         row = log[c]
@@ -182,7 +182,7 @@ def _stuck(log: Log, channels: Sequence[str]) -> list[str]:
 
 
 def _cut_off(log: Log, inputs: Sequence[str]) -> list[str]:
-    """Warn of commands that come to one largest value again and again: what lies beyond is not in the log."""
+    """Warn of commands that reach one largest value again and again: they may be saturated."""
     said = []
     for name in inputs:
         row = log[name]

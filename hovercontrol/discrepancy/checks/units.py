@@ -1,4 +1,4 @@
-"""Units, checked by what the columns of one log say of each other, and the model of them."""
+"""Units of one log's columns, checked against each other and against the model."""
 
 from __future__ import annotations
 
@@ -138,7 +138,7 @@ def _refuse_degrees(model: Subject, log: Log) -> None:
 
 
 def _moved_in_degrees(log: Log) -> bool:
-    """Tell whether body velocities lead where the position goes if the heading is in degrees, only then."""
+    """Whether body velocities agree with the position only if the heading is in degrees."""
     explained = []
     for factor in (math.pi / 180, 1.0, 0.0):
         found = _ways(log, factor)
@@ -153,7 +153,7 @@ def _moved_in_degrees(log: Log) -> bool:
 
 
 def _modelled_in_degrees(model: Subject, log: Log, angles: list[str]) -> bool:
-    """Tell whether a craft that seems to whirl does what its model says if its angles are in degrees."""
+    """Whether a fast-turning log agrees far better with the model if its angles are in degrees."""
     moves = set(VELOCITY) <= {s.name for s in structure(model).states}
     if not (moves and angles and _whirls(log)):
         return False
@@ -189,7 +189,7 @@ def _misfit(model: Subject, log: Log) -> float:
 
 
 def _whirls(log: Log) -> bool:
-    """Tell whether a craft seems to turn fast: it may, but angles in degrees do."""
+    """Whether a craft seems to turn fast, as it does with angles in degrees."""
     if log.has("r"):
         return float(np.nanmean(np.abs(log["r"]))) > BRISK
     psi = log["psi"][np.isfinite(log["psi"])]

@@ -1,4 +1,4 @@
-"""Whether disjoint blocks of the logs agree on an effect's size: a real cause is the same everywhere."""
+"""An effect's size on disjoint blocks of the logs: a real cause has the same size everywhere."""
 
 from __future__ import annotations
 
@@ -24,20 +24,20 @@ class Blocks:
     Attributes
     ----------
     estimate, std : ndarray, shape (W,)
-        1 is as all blocks together say; infinite standard error where a block tells nothing.
+        1 is the estimate from all blocks; infinite standard error where a block has no information.
     log : ndarray of int, shape (W,)
         From which log each is.
     n : int
-        Blocks that tell something.
+        Blocks with information.
     same_sign : int
         Those of them with the sign of all.
     t : float
-        Size over its standard error by the scatter over blocks, of which at least `ENOUGH` have a say.
+        Size over its standard error from the scatter over blocks, weights shared by at least `ENOUGH`.
     dof : float
         Blocks that count, less one: a few may carry all information.
     spread : float
-        Standard deviation from block to block beyond what noise explains, weighted as in `t`: blocks that
-        know much count for more.
+        Standard deviation from block to block beyond what noise explains, weighted as in `t`: blocks with
+        more information weigh more.
     """
 
     estimate: Array
@@ -55,7 +55,7 @@ class Blocks:
         return float(2.0 * stats.t.sf(abs(self.t), max(self.dof, 1e-3)))
 
 
-#: Blocks that must have a say: where fewer carry nearly all that logs tell, these count for less.
+#: Blocks that must share the weight: where fewer carry nearly all information, their weight is capped.
 ENOUGH = 8
 
 
@@ -79,13 +79,13 @@ def capped(information: Array) -> Array:
 
 
 def _sharing(weights: Array) -> float:
-    """Return how many blocks of equal weight these are worth."""
+    """Return the number of blocks of equal weight that these are equivalent to."""
     squares = float((weights**2).sum())
     return float(weights.sum()) ** 2 / squares if squares > 0 else 0.0
 
 
 def scatter(score: Array, information: Array, log: NDArray[np.intp]) -> Blocks:
-    """Return what blocks say of one number whose size on all is 1.
+    """Return estimates by block of one parameter whose size on all logs is 1.
 
     Parameters
     ----------

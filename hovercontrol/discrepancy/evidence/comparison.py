@@ -1,4 +1,4 @@
-"""Compare a model with logs: a short time ahead, free-running, and whether what remains is noise."""
+"""Compare a model with logs: short predictions, free simulation, and whether the residual is noise."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 #: How far ahead models are judged [s].
 HORIZON = 1.0
 
-#: Chance at which all tests together find something where there is nothing.
+#: Probability of a false alarm of all tests together.
 CHANCE = 1e-3
 
 #: Standard error of a noise level from the median of n third differences, times the root of n; and how many
@@ -43,7 +43,7 @@ class Compared:
         Root mean square error of simulations of a second, each from its own smoothed start; and of one over
         the whole log, from its start alone. In that unit.
     remains : float
-        Size of what the rows before do not foretell, over that of noise: 1 if nothing is missing.
+        Size of the innovation over that of noise: 1 if nothing is missing.
     largest : float
         Of what noise may be taken for, its level being known no better.
     white, independent : float

@@ -1,4 +1,4 @@
-"""The force that a model lacks along each log, with its band, and where it is there."""
+"""The force that a model lacks along each log, with its band, and where it is significant."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-#: Standard errors beyond which the force is there, the shortest stretch [s] worth naming, and how far apart
+#: Standard errors beyond which the force is there, the shortest stretch [s] that is listed, and how far apart
 #: two are [s] that are named as one: a force that changes its sign is not there for a moment.
 SEEN, SHORTEST, APART = 3.0, 0.2, 0.5
 

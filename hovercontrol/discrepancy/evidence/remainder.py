@@ -16,10 +16,10 @@ from hovercontrol.estimation.passes import inverse, products
 
 Array = NDArray[np.float64]
 
-#: Time over which a missing acceleration is averaged to be told [s], in rows at least.
+#: Averaging time of a missing acceleration [s], in rows at least.
 OVER, ROWS = 0.2, 5
 
-#: A gain so large needs no second fit to be believed.
+#: From this gain on no second fit is needed.
 LARGE = 2000.0
 
 
@@ -116,7 +116,7 @@ def _cost(fit: Fit, noise: Noise) -> float:
 def missing_forces(fit: Fit) -> tuple[Missing, ...]:
     """Return the smoothed missing accelerations of a fit by log and equation, averaged, with their bands.
 
-    Averaged over the time over which remainders are told; the band of a mean is that of an error as
+    Averaged over the averaging time of remainders; the band of a mean is that of an error as
     correlated in time as the acceleration itself.
     """
     problem = fit.problem
@@ -152,5 +152,5 @@ def missing_forces(fit: Fit) -> tuple[Missing, ...]:
 
 
 def averaging_time(fit: Fit) -> float:
-    """Return the time over which missing accelerations are averaged to be told [s]."""
+    """Return the averaging time of missing accelerations [s]."""
     return max(OVER, ROWS * fit.problem.shortest)

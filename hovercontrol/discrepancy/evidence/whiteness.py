@@ -1,4 +1,4 @@
-"""What a model that lacks nothing leaves: independent numbers of variance one, which no command foretells."""
+"""Tests of the innovations: white, of variance one, independent of commands where nothing is missing."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ FAR = 4.0
 
 
 def innovations(fit: Fit) -> Array:
-    """Return each row against what the rows before it foretell, in standard deviations, shape (K, W, C).
+    """Return innovations (row minus prediction) in standard deviations, shape (K, W, C).
 
     Where a model and its noise are right they are independent, with variance one.
 

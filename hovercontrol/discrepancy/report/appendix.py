@@ -1,4 +1,4 @@
-"""What was left out of the logs, warnings, the method, and how to make the report again."""
+"""What was left out of the logs, warnings, the method, and the command that makes the report."""
 
 from __future__ import annotations
 
@@ -18,10 +18,11 @@ SHOWN = 6
 
 _METHOD = (
     "The model is fitted with an unknown random acceleration in each equation (process noise) and the noise "
-    "of each sensor; path, coefficients (free about the given ones) and levels of noise are those of maximum "
-    "likelihood (iterated Kalman smoother). Each effect of the catalogue is scored, the best are fitted, and "
+    "of each sensor; path, coefficients (with a wide prior about the given ones) and noise levels are those "
+    "of maximum likelihood (iterated Kalman smoother). Each effect of the catalogue is scored, the best are "
+    "fitted, and "
     "a name is given when likelihood, disjoint blocks and held-out predictions agree. What remains is the "
-    "process noise that the amended model still needs. A remainder takes no name away."
+    "process noise that the amended model still needs. A remainder does not withdraw a named effect."
 )
 
 
@@ -31,30 +32,33 @@ def _asked() -> str:
     rows = [
         (
             f"{c.least:g} + {c.each:g} a number",
-            "likelihood gained, at least: odds of e^10, and of e^2",
+            "least gain in twice the log likelihood, per effect and per parameter: odds of e^10 and of e^2",
         ),
-        (f"{100 * c.level:g} %", "chance of one false name among all candidates, by the scatter over blocks"),
-        (f"{100 * c.spread:g} %", "spread from block to block, at most: a further block has the same sign"),
-        (f"{c.apart:g}", "a rival no more than this behind cannot be told apart: odds of e^6"),
-        (f"{c.remains:g}", "gained by random forces in an equation, from which on something remains there"),
+        (
+            f"{100 * c.level:g} %",
+            "probability of one false name among all candidates, from the scatter over blocks",
+        ),
+        (f"{100 * c.spread:g} %", "largest spread between blocks: a further block has the same sign"),
+        (f"{c.apart:g}", "a rival less than this behind cannot be distinguished: odds of e^6"),
+        (f"{c.remains:g}", "gain of random forces in an equation from which on something remains there"),
         (f"{c.worse:g}", "standard errors by which held-out errors may rise with a name"),
     ]
-    return folded("What is asked for", table(("threshold", "of what"), rows))
+    return folded("Thresholds", table(("threshold", "of what"), rows))
 
 
 def appendix(m: Context) -> str:
     """Return the last sections of the page."""
     d = m.diagnosis
     rows = _logs(d.selection.base) + (_logs(d.held_before, " (held out)") if d.held_before else [])
-    head = ("log", "rows", "samples left out: they stand out", "left out by the reader: no craft moves so")
+    head = ("log", "rows", "samples left out as outliers", "rejected on reading: no craft moves like this")
     script = paragraph("Made by a script: hovercontrol.discrepancy.diagnose, then write_report.")
     command = f"<pre>{escape(m.command)}</pre>" if m.command else script
-    dropped = f"{d.rows_dropped or 'No'} rows of the training logs have a sample that was left out."
+    dropped = f"{d.rows_dropped or 'No'} rows of the training logs have at least one sample left out."
     version = paragraph(f"hovercontrol {hovercontrol.__version__}.", "small")
     return (
         f"<h2>The logs</h2>{items('Warnings', d.warnings, 'warn')}{paragraph(dropped)}{table(head, rows)}"
         f"<h2>Method</h2>{paragraph(_METHOD)}{_asked()}"
-        f"<h2>To make this again</h2>{command}{version}"
+        f"<h2>How to reproduce this report</h2>{command}{version}"
     )
 
 

@@ -44,12 +44,12 @@ def equations(m: Context) -> str:
     ]
     clocks = [
         paragraph(
-            f"No equation of the plant says {effect_words(n)}: {meaning(m.diagnosis.amended.effect(n))}"
+            f"No equation of the plant contains {effect_words(n)}: {meaning(m.diagnosis.amended.effect(n))}"
         )
         for n in numbers_by_effect(m.diagnosis)
         if m.diagnosis.amended.effect(n).parameter("seconds") in _timing(m)
     ]
-    marked = "What is new is marked; c with a name below is a coefficient. " if any(lines) else ""
+    marked = "New terms are marked; c with a subscript is a coefficient. " if any(lines) else ""
     text, them = marked, "them, with " if marked else ""
     if isinstance(m.diagnosis.amended, Model):
         text += f"The file model.toml has {them}the coefficients found."
@@ -132,9 +132,10 @@ def coefficients(m: Context) -> str:
             [f"{n} ends at {minus(f'{without[n]:.2g}')}, given {minus(f'{given[n]:.2g}')}" for n in bent]
         )
         note += (
-            f" Fitted without {effects} (third column), {far}: coefficients bent so far hide what is missing."
+            f" Fitted without {effects} (third column), {far}: such biased coefficients hide the missing "
+            f"effect."
         )
-    note += " Widths of smoothed dry friction were fitted, too, and are left out here." if widths else ""
+    note += " Widths of smoothed dry friction were fitted too and are not listed." if widths else ""
     head = ("coefficient", "given", *([f"without {effects}"] if bent else []), "found", "unit")
     new = [e.parameter for e in d.effects]
     return f"<h2>Coefficients</h2>{paragraph(note)}{table(head, rows, new)}"

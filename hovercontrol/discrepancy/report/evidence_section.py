@@ -1,4 +1,4 @@
-"""Why a name is given: likelihood, the same size on disjoint blocks, better predictions."""
+"""Why an effect is named: likelihood, the same size on disjoint blocks, better predictions."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from hovercontrol.discrepancy.report.formatting import effect_words, percent, ro
 from hovercontrol.discrepancy.report.html import folded, grid, legend, paragraph, table
 from hovercontrol.discrepancy.report.verdict import SURE, key_of, most_fallen
 
-#: What is told of each name.
-MEASURES = ("likelihood gained", "blocks with its sign", "t over blocks", "spread", "held-out log")
+#: Rows of the evidence table.
+MEASURES = ("likelihood gained", "blocks of the same sign", "t over blocks", "spread", "held-out log")
 
 
 def evidence(m: Context) -> str:
-    """Return the section on the evidence for each name; nothing where none is given."""
+    """Return the section on the evidence for each named effect; empty without one."""
     d = m.diagnosis
     if not m.changed:
         return ""
@@ -24,11 +24,12 @@ def evidence(m: Context) -> str:
     rows = list(zip(MEASURES, *columns, strict=True))
     head = ("", *(effect_words(name) for name in numbers_by_effect(d)))
     text = (
-        "Three independent things speak for a name. Likelihood gained: fall of twice the negative log "
-        "likelihood, with random forces allowed for. Blocks: the logs are cut into disjoint pieces, each of "
-        "which tells the size by itself; t is the size over its standard error by their scatter, spread what "
-        "they differ by beyond noise. Held-out log: in how many channels and horizons the error falls, and "
-        "rises, beyond chance, and the largest fall."
+        "Three independent kinds of evidence support a name. Likelihood gained: decrease of twice the "
+        "negative log likelihood, with process noise in the model. Blocks: the logs are cut into disjoint "
+        "blocks, each with its own estimate of the size; t is the size over its standard error from the "
+        "scatter between blocks, spread the standard deviation between blocks beyond noise. Held-out log: "
+        "the number of channels and horizons in which the error falls or rises significantly, and the "
+        "largest fall."
     )
     return f"<h2>Evidence</h2>{paragraph(text)}{table(head, rows)}{_blocks(m)}"
 
@@ -63,7 +64,10 @@ def _blocks(m: Context) -> str:
         blocks = d.evidence[name].blocks
         e = problem.model.effect(name)
         scaling = [n for n in numbers if not np.isnan(e.numbers[_key(n.effect, n.parameter)].neutral)]
-        title, scale = f"{effect_words(name)}, in parts of the whole", pictures.Scale(0.0, 1.0, "1")
+        title, scale = (
+            f"{effect_words(name)}, relative to the size on all logs",
+            pictures.Scale(0.0, 1.0, "1"),
+        )
         if len(scaling) == 1 and np.isfinite(blocks.std).any():
             one = scaling[0]
             neutral = e.numbers[_key(name, one.parameter)].neutral
@@ -75,11 +79,12 @@ def _blocks(m: Context) -> str:
         logs |= set(blocks.log[pictures.telling(blocks)].tolist())
     named = {f"log{k % pictures.COLOURS}": problem.logs[k].name for k in sorted(logs)}
     text = (
-        "The size that each block tells, all else as the whole logs have it, with its standard error. The "
-        "line is the size on all. Blocks that tell nothing are left out. A real cause is everywhere the same."
+        "The size estimated from each block, all other coefficients as estimated from all logs, with its "
+        "standard error. The line is the size from all logs. Blocks without information are left out. A "
+        "real cause has the same size in all blocks."
     )
     if any(np.isnan(d.evidence[name].blocks.std).all() for name in d.evidence):
-        text += " Where no number scales an effect, the likelihood that it gains is shown, over the mean."
+        text += " Where no parameter scales an effect, its gain in likelihood over the mean is shown."
     return f"<h3>Block by block</h3>{paragraph(text)}{legend(**named, whole='on all')}{grid(shown)}"
 
 
@@ -89,14 +94,13 @@ def _key(effect: str, parameter: str) -> str:
 
 
 def holdout(m: Context) -> str:
-    """Return errors over the horizon, in units."""
+    """Return the section with errors over the prediction horizon, in units."""
     if not m.ahead:
         return ""
     kinds = ("before", "after") if m.changed else ("before",)
     text = (
-        f"Root mean square error on the {m.shown_on}, over how far ahead the models predict: each prediction "
-        "starts on the smoothed path and follows the commands alone. No coefficient was fitted to a held-out "
-        "log."
+        f"Root mean square error on the {m.shown_on} over the prediction horizon. Each prediction starts on "
+        f"the smoothed path and uses only the commands. No coefficient was fitted to a held-out log."
     )
     if m.changed:
         rows = []
@@ -105,7 +109,7 @@ def holdout(m: Context) -> str:
             fall = percent(1.0 - a.after / a.before).replace("-", "−") if a.before > 0 else "–"
             sure = f"{a.t:.1f}".replace("-", "−") if np.isfinite(a.t) else "–"
             rows.append((a.channel, f"{a.horizon:.2g} s", *figures, fall, sure))
-        head = ("channel", "ahead", "as it was", "amended", "less by", "t")
+        head = ("channel", "ahead", "given", "amended", "less by", "t")
         rows.sort(key=lambda row: [a.channel for a in m.ahead].index(row[0]))
         numbers = folded("In numbers", table(head, rows))
     else:

@@ -1,4 +1,4 @@
-"""Simulation beside measurement: runs of some seconds by the commands alone."""
+"""Simulation and measurement: runs of some seconds, driven by the commands alone."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ def free_runs(m: Context) -> str:
     part = end - begin < before.time[-1] - before.time[0]
     took = "held out of the fit" if m.held_out else "one of the training logs"
     text = (
-        f"Log {before.log}, {took}. Each run starts on the smoothed path and gets the commands "
-        f"alone; about every {seconds:.2g} s one starts afresh: there the line breaks."
-    ) + (" Shown is the stretch in which the model as it was errs most." if part else "")
+        f"Log {before.log}, {took}. Each run starts on the smoothed path and is driven by the commands "
+        f"alone; about every {seconds:.2g} s a new run starts: there the line breaks."
+    ) + (" The part with the largest error of the given model is shown." if part else "")
     plots = pictures.overlays(before, after, m.changed)
     ring = ("start",) if any('class="start' in plot for plot in plots) else ()
-    return f"<h2>Simulation beside measurement</h2>{paragraph(text)}{legend(*kinds, *ring)}{grid(plots)}"
+    return f"<h2>Simulation and measurement</h2>{paragraph(text)}{legend(*kinds, *ring)}{grid(plots)}"

@@ -1,4 +1,4 @@
-"""The few pieces of HTML that sections are made of."""
+"""HTML of paragraphs, lists, tables and legends."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def items(title: str, parts: Sequence[str], kind: str = "") -> str:
 
 
 def folded(title: str, content: str) -> str:
-    """Return what is shown on request."""
+    """Return a folded section."""
     return f"<details><summary>{escape(title)}</summary>{content}</details>"
 
 
@@ -76,7 +76,7 @@ def _tied(cell: str) -> str:
 
 LEGEND = {
     "measured": "measured",
-    "before": "the model as it was, its coefficients fitted again",
+    "before": "the given model, its coefficients fitted again",
     "after": "the amended model",
     "start": "start of a run",
 }

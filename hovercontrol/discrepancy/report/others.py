@@ -1,4 +1,4 @@
-"""What is not named: candidates that came near, what cannot be told apart, and what would tell."""
+"""Effects that are not named: rivals, the nearest candidates, and the experiment that would decide."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from hovercontrol.discrepancy.report.html import paragraph, table
 def others(m: Context) -> str:
     """Return the section on rivals, leads and the next experiment."""
     told = f"{_rivals(m)}{_leads(m)}{_next(m)}"
-    return f"<h2>What else it may be</h2>{told}" if told else ""
+    return f"<h2>Other explanations</h2>{told}" if told else ""
 
 
 def _rivals(m: Context) -> str:
@@ -21,7 +21,7 @@ def _rivals(m: Context) -> str:
         (
             effect_words(r.name),
             effect_words(r.instead_of),
-            "every log shows both alike" if r.same else _odds(r.behind),
+            "both have the same effect on every log" if r.same else _odds(r.behind),
             "" if r.same else f"{r.t:.1f}",
         )
         for r in m.diagnosis.rivals
@@ -29,12 +29,12 @@ def _rivals(m: Context) -> str:
     if not rows:
         return ""
     text = (
-        "Each was fitted in the place of a named effect. Less likely: by how many times it makes the logs, "
-        f"numbers penalised alike. {rounded(math.exp(CRITERIA.apart / 2))} times, by {CRITERIA.apart_t:g} "
-        "standard errors over blocks, would tell the two apart."
+        "Each was fitted in place of a named effect. Less likely: the likelihood ratio of the logs, with "
+        f"the same penalty per parameter. A ratio of {rounded(math.exp(CRITERIA.apart / 2))} and a "
+        f"difference of {CRITERIA.apart_t:g} standard errors over blocks would distinguish the two."
     )
     head = ("effect", "instead of", "less likely", "standard errors")
-    return f"<h3>Cannot be told apart by these logs</h3>{paragraph(text)}{table(head, rows)}"
+    return f"<h3>Not distinguished by these logs</h3>{paragraph(text)}{table(head, rows)}"
 
 
 def _odds(behind: float) -> str:
@@ -51,11 +51,11 @@ def _leads(m: Context) -> str:
         for lead in d.leads
     ]
     text = (
-        f"Of {d.selection.candidates} candidates these gained most beside what is named; with the reason why "
-        "no name is given. They are leads, not findings."
+        f"Of {d.selection.candidates} candidates these gained most beside the named effects; the last "
+        f"column says why they are not named. They are hints, not findings."
     )
     head = ("candidate", "likelihood gained", "t over blocks", "why it is not named")
-    return f"<h3>Candidates that came near</h3>{paragraph(text)}{table(head, rows)}"
+    return f"<h3>Nearest candidates</h3>{paragraph(text)}{table(head, rows)}"
 
 
 def _next(m: Context) -> str:
@@ -64,4 +64,4 @@ def _next(m: Context) -> str:
         return ""
     where = " The commands are in next_experiment.csv." if d.experiment else ""
     advice = d.advice[0].upper() + d.advice[1:].rstrip(".")
-    return f"<h3>What to drive next</h3>{paragraph(advice + '.' + where)}"
+    return f"<h3>Next experiment</h3>{paragraph(advice + '.' + where)}"

@@ -1,4 +1,4 @@
-"""What remains: in which equation, how much, when and where on the floor."""
+"""The remainder: in which equation, how large, when and where on the floor."""
 
 from __future__ import annotations
 
@@ -40,9 +40,9 @@ def remainder(m: Context) -> str:
         parts.append(folded(log, plots) if k != first else f"<h3>Over time, in {escape(log)}</h3>{plots}")
     kinds = ("before", "after") if m.changed else ("before",)
     how = (
-        "The acceleration that the model lacks, smoothed from the logs as an unknown addition to each "
-        f"equation and averaged over {d.remainders[0].over:.2g} s; the band is twice its standard error. "
-        "Marked at the foot: where it stands out of the band."
+        "The acceleration that the model lacks, estimated by smoothing as an unknown term of each equation "
+        f"and averaged over {d.remainders[0].over:.2g} s; the band is two standard errors. Marked at the "
+        "bottom: where it is outside the band."
     )
     over_time = f"{paragraph(how)}{legend(*kinds)}{''.join(parts)}"
     return f"<h2>What remains</h2>{_sizes(m, now)}{_maps(m, now)}{over_time}"
@@ -70,12 +70,12 @@ def _sizes(m: Context, missing: Sequence[Missing]) -> str:
     explained = ("explained",) if m.changed else ()
     text = f"Root mean square of the missing acceleration, averaged over {over:.2g} s."
     if m.changed:
-        text += " Explained: the part of its mean square that the named effects took."
+        text += " Explained: the part of its mean square that the named effects explain."
     return paragraph(text) + table(("equation", "remains", *explained, "largest", "when"), rows)
 
 
 def _maps(m: Context, missing: Sequence[Missing]) -> str:
-    """Return where on the floor what remains is large."""
+    """Return maps of where on the floor the remainder is large."""
     d = m.diagnosis
     fit = d.selection.final
     problem = fit.problem
@@ -99,12 +99,12 @@ def _maps(m: Context, missing: Sequence[Missing]) -> str:
             title = f"in {prime(r.equation)}"
             plots.append(pictures.floor_map(title, x, y, forces[r.equation], unit(r.unit), kind))
     shown = grid(plots)
-    text = "Root mean square of what remains, averaged likewise, by place; all training logs."
-    return f"<h3>On the floor</h3>{paragraph(text)}{shown}" if any(plots) else ""
+    text = "Root mean square of what remains, averaged in the same way, by position; all training logs."
+    return f"<h3>By position</h3>{paragraph(text)}{shown}" if any(plots) else ""
 
 
 def stretches(segments: Sequence[tuple[float, float]]) -> str:
-    """Return when a force is there: the longest stretches, and how many more there are.
+    """Return when a force is significant: the longest intervals, and how many more there are.
 
     Examples
     --------

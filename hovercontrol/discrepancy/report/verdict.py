@@ -1,4 +1,4 @@
-"""Both halves of the answer in plain sentences: what is missing, and what remains."""
+"""The two halves of the answer as sentences: what is missing, and what remains."""
 
 from __future__ import annotations
 
@@ -32,12 +32,12 @@ MEANS = {
     "none": "nothing is missing beyond noise",
     "effect": "named, and nothing remains beyond noise",
     "partial": "named, and something remains",
-    "ambiguous": "one of several readings",
-    "unexplained": "something is missing, and nothing can be named",
+    "ambiguous": "one of several effects",
+    "unexplained": "something is missing, no known effect explains it",
 }
 
-#: Standard errors by which an error must fall on the held-out log to be told as a fall, and leads that are
-#: told in a sentence.
+#: Standard errors by which a held-out error must fall to be reported as a fall, and nearest candidates
+#: named in the headline.
 SURE, NEAREST = 2.0, 2
 
 
@@ -54,13 +54,13 @@ def headline(d: Diagnosis) -> str:
 
 
 def _named(d: Diagnosis, name: str, numbers: Sequence[Found]) -> str:
-    """Return an effect with its numbers, other readings of it, and what cannot be told from it."""
+    """Return an effect with its parameters, equivalent effects and undistinguished rivals."""
     rivals = [r for r in d.rivals if r.instead_of == name]
     doubtful = listed([effect_words(r.name) for r in rivals if not r.same], "or")
     same = listed([effect_words(r.name) for r in rivals if r.same], "or")
     said = f"{effect_words(name)}, {numbers_of(numbers)}" if numbers else effect_words(name)
-    said += f" (or {same}: every log shows both alike)" if same else ""
-    return f"{said}, or else {doubtful}: these logs cannot tell which" if doubtful else said
+    said += f" (or {same}: both have the same effect on every log)" if same else ""
+    return f"{said}, or else {doubtful}: these logs do not distinguish them" if doubtful else said
 
 
 def numbers_of(numbers: Sequence[Found]) -> str:
@@ -76,7 +76,7 @@ def key_of(number: Found) -> str:
 
 
 def gap_sentence(d: Diagnosis) -> str:
-    """Return what the named effects take of the error on the held-out log, or how large that is."""
+    """Return which part of the held-out error the named effects explain, or how large that error is."""
     held = d.held_before is not None
     if not d.effects:
         return _error_of_noise(d)
@@ -85,7 +85,7 @@ def gap_sentence(d: Diagnosis) -> str:
     best = most_fallen(far)
     one = len(numbers_by_effect(d)) == 1
     if best is None:
-        return f"{where} no channel is predicted better beyond chance."
+        return f"{where} no channel is predicted significantly better."
     part = f"{percent(1.0 - best.after / best.before)} of the error of {best.channel}"
     figures = f"{small(best.before)} to {small(best.after)} {unit(best.unit)}".strip()
     who = "it takes" if one else "they take"
@@ -130,7 +130,7 @@ def verdict(m: Context) -> str:
     if d.verdict == "none":
         said.append(
             "With its coefficients fitted again, the model explains these logs down to the noise of their "
-            "measurements. An effect that these logs do not excite would not show."
+            "measurements. An effect that these logs do not excite would not be seen."
         )
     title = escape(headline(d)).replace(" ± ", "\u00a0±\u00a0")
     note = paragraph("± is one standard error.", "small") if d.effects else ""
@@ -155,7 +155,7 @@ def _bars(m: Context) -> str:
     best = most_fallen(m.ahead) if m.changed else None
     horizon = best.horizon if best else min((a.horizon for a in m.ahead), key=lambda h: abs(h - 1.0))
     shown = [a for a in m.ahead if a.horizon == horizon]
-    note = "Predictions from many rows of the smoothed path, by the commands alone; root mean square."
+    note = "Root mean square error of predictions from rows of the smoothed path by the commands alone."
     kinds = ("before", "after") if m.changed else ("before",)
     alone = "" if m.changed else ", in multiples of the noise"
     return (

@@ -17,7 +17,7 @@ from hovercontrol.estimation.subject import Subject, structure
 
 Array = NDArray[np.float64]
 
-#: Effects that shift commands against measurements: no log tells them apart.
+#: Effects that shift commands against measurements: no log distinguishes them.
 LATE = {"input_delay", "time_offset", "fan_delay"}
 
 #: Size of the trial of a number that enters linearly; in units of its own, the answer being linear.
@@ -58,7 +58,7 @@ class Candidate:
         return cls(**values)
 
     def allowed(self, parts: Sequence[float]) -> bool:
-        """Tell whether those amplitudes are within their bounds: a drag does not push."""
+        """Return whether those amplitudes are within their bounds: a drag does not push."""
         if not self.amplitudes:
             return bool(0.3 < parts[0] < 3.0)
         for key, part in zip(self.amplitudes, parts, strict=True):

@@ -1,4 +1,4 @@
-"""Candidates that came near and are not named, each with the reason why not."""
+"""Nearest candidates and are not named, each with the reason why not."""
 
 from __future__ import annotations
 

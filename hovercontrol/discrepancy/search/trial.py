@@ -53,7 +53,7 @@ class Search:
     model: Subject
     names: Sequence[str] | None
     criteria: Criteria
-    tell: Callable[[str], None]
+    report: Callable[[str], None]
 
     def fit(self, near: Fit, model: Subject, times: bool = False) -> Fit:
         """Fit a model from where another ended; correlation times of process noise stay unless asked."""
@@ -66,7 +66,7 @@ class Search:
 
 
 def passes(t: Tried, looked_at: int, criteria: Criteria) -> bool:
-    """Tell whether an effect brings what is asked for: gain, agreement of blocks, one size everywhere."""
+    """Return whether an effect brings what is asked for: gain, agreement of blocks, one size everywhere."""
     return not why_not(t, looked_at, criteria)
 
 
@@ -162,7 +162,7 @@ def sized(model: Subject, e: Effect) -> Effect:
 
     Near standstill dry friction hides what a drag would score: the model's own takes its place.
     """
-    own = [o for o in model.effects if same_axis(o, e) and "value" in o.numbers and "value" in e.numbers]
+    own = [o for o in model.effects if same_axis_drag(o, e) and "value" in o.numbers and "value" in e.numbers]
     alike = [o for o in own if o.numbers["value"].unit == e.numbers["value"].unit]
     if not alike:
         return e
@@ -175,7 +175,7 @@ def explained(t: Tried) -> bool:
     return bool(np.all(t.fit.noise.process <= 0.02 * t.fit.problem.accelerations))
 
 
-def same_axis(one: Effect, other: Effect) -> bool:
+def same_axis_drag(one: Effect, other: Effect) -> bool:
     """Whether two effects are drags along the same axis, which widths of friction blend."""
     return getattr(one, "axis", None) == getattr(other, "axis", 0)
 

@@ -10,10 +10,10 @@ from matplotlib.figure import Figure
 
 from hovercontrol import InputError, ellipse, figure_eight, kalman_bucy, waypoints
 from hovercontrol.analysis import ellipse_errors, expected_errors, observability_gramian, signals_of
-from hovercontrol.analysis.c17.flights import SETTLE
 from hovercontrol.analysis.c17.interconnection import ESTIMATOR
 from hovercontrol.analysis.c17.iss import DRAG
 from hovercontrol.analysis.c17.loops import c17_ellipse, on_reference, tracking_loop
+from hovercontrol.analysis.c17.reference_runs import SETTLE
 from hovercontrol.models.vehicles import c17_experiment, c17_simulation
 
 CRAFT = c17_simulation()

@@ -1,4 +1,4 @@
-"""Flights of a craft along references, with an estimator beside the loop: its covariance at the end."""
+"""Runs of a craft along references, with an estimator beside the loop: its covariance at the end."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ from hovercontrol.models.model import Model
 
 Array = NDArray[np.float64]
 
-#: Standard error of every coefficient before a flight, in its SI unit: C17's are of about this size.
+#: Standard error of every coefficient before a run, in its SI unit: C17's are of about this size.
 DOUBT = 1.0
 
-#: Seconds to get on the reference before the flight counts.
+#: Seconds to get on the reference before the run counts.
 SETTLE = 15.0
 
 #: Runge-Kutta's steps of loop and loop with estimator, whose covariance falls fast at first [s].
@@ -34,13 +34,13 @@ STEP, FINE_STEP = 0.01, 0.002
 #: A craft this far from its reference is not on it [m].
 OFF = 0.01
 
-#: Of flights with six coefficients on one core, per simulated second: for the estimate before a sweep.
+#: Of runs with six coefficients on one core, per simulated second: for the estimate before a sweep.
 SECONDS_PER_SIMULATED = 2e-3
 
 COMMANDS = ("thrust", "rudder")
 
 
-class Flight:
+class ReferenceRuns:
     """A craft that knows its coefficients, and beside it an estimator that does not.
 
     Parameters
@@ -88,10 +88,10 @@ class Flight:
         return tracking_controller(self.model).default_parameters["controller.control_point"]
 
     def refuse_large(self, reference: Block, runs: int) -> None:
-        """Refuse so many flights if they need too much time or memory; the line has the estimates."""
+        """Refuse so many runs if they need too much time or memory; the line has the estimates."""
         refuse_large(self.loop(reference).compile(), runs, SECONDS_PER_SIMULATED * self.duration)
 
-    def fly(
+    def run(
         self,
         reference: Block,
         start: Mapping[str, ArrayLike],
@@ -101,23 +101,23 @@ class Flight:
         checkpoint: str | Path | None = None,
         progress: Callable[[int], None] | None = None,
     ) -> tuple[Array, Array]:
-        """Return standard errors (n, m) and least and largest thrust and rudder (n, 4) of many flights."""
+        """Return standard errors (n, m) and least and largest thrust and rudder (n, 4) of many runs."""
         settled = self.loop(reference, estimator=False).compile(friction="smooth").sweep(
             [0.0, SETTLE], x0=start, params=params, method="rk4", step=STEP, executor=executor,
             checkpoint=subfolder(checkpoint, "settle"),
         )  # fmt: skip
         off = settled.status != 0
         there = np.where(off[:, None], 0.0, settled.states_final)
-        flown = self.loop(reference).compile(friction="smooth").sweep(
+        run = self.loop(reference).compile(friction="smooth").sweep(
             SETTLE + np.linspace(0.0, self.duration, 1 + max(10, round(50 * self.duration))),
             x0=dict(zip(settled.states, there.T, strict=True)), params=params, method="rk4", step=FINE_STEP,
             executor=executor, checkpoint=subfolder(checkpoint, "flight"), progress=progress,
         )  # fmt: skip
-        last = dict(zip(flown.states, flown.states_final.T, strict=True))
+        last = dict(zip(run.states, run.states_final.T, strict=True))
         variance = np.transpose([last[name] for name in self._variances])
-        good = ~off & (flown.status == 0) & (flown["tracking_error"].maximum < OFF)
+        good = ~off & (run.status == 0) & (run["tracking_error"].maximum < OFF)
         good &= (variance > 0).all(axis=1)
-        ends = [getattr(flown[name], end) for name in COMMANDS for end in ("minimum", "maximum")]
+        ends = [getattr(run[name], end) for name in COMMANDS for end in ("minimum", "maximum")]
         keep = good[:, None]
         error = np.sqrt(np.where(keep, variance, np.nan))
         return error, np.where(keep, np.transpose(ends), np.nan)
