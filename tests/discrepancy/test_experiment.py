@@ -7,7 +7,7 @@ import pytest
 
 from hovercontrol.core.signals import Signal
 from hovercontrol.discrepancy import diagnose
-from hovercontrol.discrepancy.experiment.manoeuvres import SECONDS, family, reach
+from hovercontrol.discrepancy.experiment.manoeuvres import MANOEUVRES, family, reach
 from hovercontrol.discrepancy.experiment.propose import sharpen
 
 from .generator import Conditions, make, simulated
@@ -26,7 +26,10 @@ def driven(truth, experiment, seed):
     """Return the log of a craft that drives the proposal."""
     step = float(experiment.time[1] - experiment.time[0])
     conditions = replace(
-        SHORT, duration=SECONDS, dt=step, commands=lambda rng, duration, dt: dict(experiment.commands)
+        SHORT,
+        duration=MANOEUVRES.seconds,
+        dt=step,
+        commands=lambda rng, duration, dt: dict(experiment.commands),
     )
     return simulated(truth, np.random.default_rng(seed), conditions, "proposed")
 

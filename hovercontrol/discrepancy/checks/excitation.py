@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from copy import copy
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -24,12 +24,31 @@ from hovercontrol.identify.excitation import (
 )
 from hovercontrol.identify.predict import coasting
 
-#: Part of the accelerations seen from which on process noise may be all there is.
-SWALLOWED = 0.3
 
-#: How far ahead such a model is asked to predict [s], and what its errors (their median over channels) must
-#: be of those of a craft whose velocities stay: drag along one axis is no merit.
-AHEAD, BETTER = 0.2, 0.9
+@dataclass(frozen=True)
+class ExcitationCriteria:
+    """When a first fit shows that a model does not predict its logs.
+
+    No published source: set by hand, exercised by tests/discrepancy/test_checks.py.
+
+    Attributes
+    ----------
+    swallowed : float
+        Process noise relative to the acceleration from which on the prediction is checked.
+    ahead : float
+        Prediction horizon of that check [s].
+    better : float
+        Largest prediction error relative to that of constant velocities, median over channels. Drag along
+        one axis alone reaches less.
+    """
+
+    swallowed: float = 0.3
+    ahead: float = 0.2
+    better: float = 0.9
+
+
+#: The values in use.
+EXCITATION = ExcitationCriteria()
 
 
 def check_fitted(base: Fit) -> list[str]:
@@ -109,16 +128,16 @@ def predicts_nothing(base: Fit) -> list[str]:
         Of the given model.
     """
     problem = base.problem
-    if not problem.driven or np.any(base.noise.process < SWALLOWED * problem.accelerations):
+    if not problem.driven or np.any(base.noise.process < EXCITATION.swallowed * problem.accelerations):
         return []
-    horizon = horizons(base, (AHEAD,))[0]
+    horizon = horizons(base, (EXCITATION.ahead,))[0]
     still = copy(problem)
     still.block = coasting(problem.block)
     found, trivial = predict(base, horizon), predict(replace(base, problem=still), horizon)
     if found is None or trivial is None:
         return []
     ratios = [found.rms[c] / trivial.rms[c] for c in found.channels if trivial.rms[c] > 0.0]
-    if not ratios or float(np.median(ratios)) < BETTER:
+    if not ratios or float(np.median(ratios)) < EXCITATION.better:
         return []
     return [
         f"the model does not predict the motion: {horizon:.2g} s ahead it is hardly better than that "

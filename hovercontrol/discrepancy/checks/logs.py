@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -23,15 +24,42 @@ from hovercontrol.models.model import Model
 
 Array = NDArray[np.float64]
 
-#: Shortest stretch without a break from which anything can be said, and from which on most can [s].
-SHORTEST, SHORT = 2.0, 10.0
 
-#: Seconds for which a sensor may say the same while others move, in rows at least.
-STUCK, STUCK_ROWS = 0.5, 10
+@dataclass(frozen=True)
+class LogCriteria:
+    """When a log is refused or a warning is given before a diagnosis.
 
-#: Part of the rows at its largest value, and visits there, that make a command look cut off; values below the
-#: last part of the largest are idle.
-CUT_OFF, VISITS, IDLE = 0.05, 3, 0.05
+    No published source: set by hand, exercised by tests/discrepancy/test_checks.py.
+
+    Attributes
+    ----------
+    shortest : float
+        Shortest interval without a gap for a diagnosis [s].
+    short : float
+        Interval without a gap below which there is a warning [s].
+    stuck : float
+        Time for which a sensor may be constant while others change [s].
+    stuck_rows : int
+        The same in rows; both must be exceeded.
+    cut_off : float
+        Part of the rows at the largest value from which on a command seems saturated.
+    visits : int
+        Number of times that such a command must reach this value.
+    idle : float
+        Values below this part of the largest are no saturation.
+    """
+
+    shortest: float = 2.0
+    short: float = 10.0
+    stuck: float = 0.5
+    stuck_rows: int = 10
+    cut_off: float = 0.05
+    visits: int = 3
+    idle: float = 0.05
+
+
+#: The values in use.
+LOG_QUALITY = LogCriteria()
 
 
 def check_logs(model: Subject, logs: Sequence[Log], holdout: Log | None = None) -> list[str]:
@@ -120,14 +148,14 @@ def _length(log: Log, is_craft: bool) -> list[str]:
         [float(log.time[0]), *(t for gap in log.gaps for t in gap), float(log.time[-1])] if len(log) else []
     )
     longest = max((b - a for a, b in zip(edges[::2], edges[1::2], strict=True)), default=0.0)
-    if longest < SHORTEST:
+    if longest < LOG_QUALITY.shortest:
         raise InputError(
             f"{log.name}: too short: the longest stretch without a break is {longest:.3g} s, expected "
-            f"{SHORTEST:g} s or more"
+            f"{LOG_QUALITY.shortest:g} s or more"
         )
     if len(log) < FEWEST:
         raise InputError(f"{log.name}: too short: {len(log)} rows, expected {FEWEST} or more")
-    if longest < SHORT:
+    if longest < LOG_QUALITY.short:
         return [f"{log.name}: {longest:.3g} s without a break are short: effects may not be found"]
     return []
 
@@ -170,7 +198,11 @@ def _stuck(log: Log, channels: Sequence[str]) -> list[str]:
             continue  # a signal without noise, or coarser than its noise, repeats by itself
         same = np.concatenate([[0], (np.diff(row) == 0.0).astype(int), [0]])
         edges = np.flatnonzero(np.diff(same)).reshape(-1, 2)
-        spans = [(a, b) for a, b in edges if b - a >= STUCK_ROWS and log.time[b] - log.time[a] >= STUCK]
+        spans = [
+            (a, b)
+            for a, b in edges
+            if b - a >= LOG_QUALITY.stuck_rows and log.time[b] - log.time[a] >= LOG_QUALITY.stuck
+        ]
         if spans:
             a, b = max(spans, key=lambda s: float(log.time[s[1]] - log.time[s[0]]))
             more = f", and {len(spans) - 1} times more" if len(spans) > 1 else ""
@@ -191,7 +223,11 @@ def _cut_off(log: Log, inputs: Sequence[str]) -> list[str]:
         for value in (float(row.max()), float(row.min())):
             at = row == value
             visits = int((np.diff(np.concatenate([[0], at.astype(int)])) == 1).sum())
-            if abs(value) > IDLE * float(np.abs(row).max()) and at.mean() > CUT_OFF and visits >= VISITS:
+            if (
+                abs(value) > LOG_QUALITY.idle * float(np.abs(row).max())
+                and at.mean() > LOG_QUALITY.cut_off
+                and visits >= LOG_QUALITY.visits
+            ):
                 said.append(
                     f"{log.name}: {name} is at its limit of {value:.4g} in {100 * at.mean():.0f} % of the "
                     "rows: saturated? An effect that acts beyond it cannot show"

@@ -32,7 +32,7 @@ class Blocks:
     same_sign : int
         Those of them with the sign of all.
     t : float
-        Size over its standard error from the scatter over blocks, weights shared by at least `ENOUGH`.
+        Size over its standard error from the scatter over blocks, weights shared by at least `BLOCKS.enough`.
     dof : float
         Blocks that count, less one: a few may carry all information.
     spread : float
@@ -55,12 +55,28 @@ class Blocks:
         return float(2.0 * stats.t.sf(abs(self.t), max(self.dof, 1e-3)))
 
 
-#: Blocks that must share the weight: where fewer carry nearly all information, their weight is capped.
-ENOUGH = 8
+@dataclass(frozen=True)
+class BlockCriteria:
+    """How blocks of logs are weighted.
+
+    No published source: set by hand, exercised by tests/discrepancy/test_blocks.py.
+
+    Attributes
+    ----------
+    enough : int
+        Number of blocks that must share the weight: where fewer carry nearly all information, their
+        weight is capped.
+    """
+
+    enough: int = 8
+
+
+#: The values in use.
+BLOCKS = BlockCriteria()
 
 
 def capped(information: Array) -> Array:
-    """Return weights of blocks, no more than their information, that at least `ENOUGH` of them share.
+    """Return weights of blocks, no more than their information, that at least `BLOCKS.enough` of them share.
 
     Examples
     --------
@@ -70,11 +86,13 @@ def capped(information: Array) -> Array:
     (True, True)
     """
     low, high = 0.0, float(information.max(initial=0.0))
-    if np.count_nonzero(information) <= ENOUGH or _sharing(information) >= ENOUGH:
+    if np.count_nonzero(information) <= BLOCKS.enough or _sharing(information) >= BLOCKS.enough:
         return information
     for _ in range(60):
         middle = 0.5 * (low + high)
-        low, high = (middle, high) if _sharing(np.minimum(information, middle)) >= ENOUGH else (low, middle)
+        low, high = (
+            (middle, high) if _sharing(np.minimum(information, middle)) >= BLOCKS.enough else (low, middle)
+        )
     return np.asarray(np.minimum(information, high))
 
 

@@ -16,11 +16,30 @@ from hovercontrol.estimation.passes import inverse, products
 
 Array = NDArray[np.float64]
 
-#: Averaging time of a missing acceleration [s], in rows at least.
-OVER, ROWS = 0.2, 5
 
-#: From this gain on no second fit is needed.
-LARGE = 2000.0
+@dataclass(frozen=True)
+class RemainderCriteria:
+    """How a remainder is measured.
+
+    No published source: set by hand, exercised by tests/discrepancy/test_remainder.py.
+
+    Attributes
+    ----------
+    over : float
+        Averaging time of a missing acceleration [s].
+    rows : int
+        Smallest averaging time in rows.
+    large : float
+        Gain of process noise from which on no second fit confirms it.
+    """
+
+    over: float = 0.2
+    rows: int = 5
+    large: float = 2000.0
+
+
+#: The values in use.
+REMAINDER = RemainderCriteria()
 
 
 @dataclass(frozen=True)
@@ -98,7 +117,7 @@ def _gain(fit: Fit, j: int, criteria: Criteria) -> float:
     process[j] = 0.0
     silent = replace(fit.noise, process=process)
     gain = _cost(fit, silent) - _cost(fit, fit.noise)
-    if gain < criteria.remains or gain > LARGE:  # path and unknowns would follow
+    if gain < criteria.remains or gain > REMAINDER.large:  # path and unknowns would follow
         return gain
     without = refit(fit, problem, fit.prior, noise=silent, levels=False)
     return float(without.cost - fit.cost)
@@ -153,4 +172,4 @@ def missing_forces(fit: Fit) -> tuple[Missing, ...]:
 
 def averaging_time(fit: Fit) -> float:
     """Return the averaging time of missing accelerations [s]."""
-    return max(OVER, ROWS * fit.problem.shortest)
+    return max(REMAINDER.over, REMAINDER.rows * fit.problem.shortest)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from dataclasses import dataclass
 
 import sympy as sp
 
@@ -22,8 +23,25 @@ from hovercontrol.estimation.subject import structure, timing
 from hovercontrol.models.model import Model
 from hovercontrol.notebook.mathml import MathPrinter, symbol_markup
 
-#: Factor beyond which a coefficient that was fitted without the named effects no longer means what it says.
-FAR = 2.0
+
+@dataclass(frozen=True)
+class CoefficientCriteria:
+    """When a coefficient fitted without the named effects is called biased.
+
+    No published source: set by hand.
+
+    Attributes
+    ----------
+    far : float
+        Ratio of the fitted value to the given one, or its inverse.
+    """
+
+    far: float = 2.0
+
+
+#: The values in use.
+COEFFICIENTS = CoefficientCriteria()
+
 
 #: Equations that are shown before the rest is folded away, and places in which an effect is said to act.
 SHOWN, PLACES = 4, 3
@@ -143,4 +161,4 @@ def coefficients(m: Context) -> str:
 
 def _far(value: float, given: float) -> bool:
     """Whether a coefficient is off by more than a factor."""
-    return given != 0.0 and not 1.0 / FAR < value / given < FAR
+    return given != 0.0 and not 1.0 / COEFFICIENTS.far < value / given < COEFFICIENTS.far

@@ -9,7 +9,7 @@ from hovercontrol.discrepancy.report import pictures
 from hovercontrol.discrepancy.report.context import Context, numbers_by_effect
 from hovercontrol.discrepancy.report.formatting import effect_words, percent, rounded, unit
 from hovercontrol.discrepancy.report.html import folded, grid, legend, paragraph, table
-from hovercontrol.discrepancy.report.verdict import SURE, key_of, most_fallen
+from hovercontrol.discrepancy.report.verdict import SIGNIFICANCE, key_of, most_fallen
 
 #: Rows of the evidence table.
 MEASURES = ("likelihood gained", "blocks of the same sign", "t over blocks", "spread", "held-out log")
@@ -45,8 +45,8 @@ def _held(e: Evidence) -> str:
     far = e.holdout.each
     if not far:
         return "none held out"
-    falls = sum(a.t >= SURE and a.after < a.before for a in far)
-    rises = sum(a.t <= -SURE and a.after > a.before for a in far)
+    falls = sum(a.t >= SIGNIFICANCE.sure and a.after < a.before for a in far)
+    rises = sum(a.t <= -SIGNIFICANCE.sure and a.after > a.before for a in far)
     best = most_fallen(far)
     most = ""
     if best:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from html import escape
 from typing import TYPE_CHECKING
 
@@ -36,9 +37,27 @@ MEANS = {
     "unexplained": "something is missing, no known effect explains it",
 }
 
-#: Standard errors by which a held-out error must fall to be reported as a fall, and nearest candidates
-#: named in the headline.
-SURE, NEAREST = 2.0, 2
+
+@dataclass(frozen=True)
+class Significance:
+    """What the headline counts as a change.
+
+    Two standard errors are exceeded in one direction by chance in 2.3 % of normal samples.
+
+    Attributes
+    ----------
+    sure : float
+        Standard errors by which a held-out error must fall to be reported as a fall.
+    nearest : int
+        Nearest candidates named in the headline.
+    """
+
+    sure: float = 2.0
+    nearest: int = 2
+
+
+#: The values in use.
+SIGNIFICANCE = Significance()
 
 
 def headline(d: Diagnosis) -> str:
@@ -48,7 +67,7 @@ def headline(d: Diagnosis) -> str:
         return f"Missing: {'; '.join(said)}."
     if d.verdict == "none":
         return "Missing: nothing beyond noise."
-    nearest = [effect_words(lead.name) for lead in d.leads[:NEAREST]]
+    nearest = [effect_words(lead.name) for lead in d.leads[: SIGNIFICANCE.nearest]]
     came = f"; nearest {'comes' if len(nearest) == 1 else 'come'} {listed(nearest)}" if nearest else ""
     return f"Missing: something that no known effect explains{came}."
 
@@ -94,7 +113,7 @@ def gap_sentence(d: Diagnosis) -> str:
 
 def most_fallen(far: Sequence[Ahead]) -> Ahead | None:
     """Return the channel and horizon whose error falls most, of those that fall beyond chance."""
-    fallen = [a for a in far if a.t >= SURE and a.after < a.before]
+    fallen = [a for a in far if a.t >= SIGNIFICANCE.sure and a.after < a.before]
     return max(fallen, key=lambda a: 1.0 - a.after / a.before, default=None)
 
 

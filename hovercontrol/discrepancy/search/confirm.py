@@ -13,7 +13,7 @@ from hovercontrol.discrepancy.search.candidates import candidates
 from hovercontrol.discrepancy.search.leads import Lead
 from hovercontrol.discrepancy.search.score import Scores
 from hovercontrol.discrepancy.search.trial import (
-    NEAR,
+    TRIALS,
     Search,
     Tried,
     beside,
@@ -185,7 +185,7 @@ def _rivals(
             t = known or try_effect(search, less, s.effect, s)
             if t is None or not passes(t, selection.candidates, criteria):
                 continue
-            if _behind(t, mine, criteria) < NEAR:
+            if _behind(t, mine, criteria) < TRIALS.near:
                 t = with_times(search, t)
             behind = _behind(t, mine, criteria)
             d = t.fit.block_costs - final.block_costs

@@ -11,7 +11,7 @@ from hovercontrol.discrepancy.search.confirm import Selection, confirmed
 from hovercontrol.discrepancy.search.leads import leads
 from hovercontrol.discrepancy.search.score import Scored, Scores, at_its_time
 from hovercontrol.discrepancy.search.trial import (
-    NEAR,
+    TRIALS,
     Search,
     Tried,
     begun_again,
@@ -123,7 +123,7 @@ def _likeliest(search: Search, good: Sequence[Tried]) -> Tried:
     """Return the likeliest of effects that may be named, each with correlation times of its own."""
     each = search.criteria.each
     least = min(t.fit.cost + each * t.numbers for t in good)
-    near = [with_times(search, t) for t in good if t.fit.cost + each * t.numbers < least + NEAR]
+    near = [with_times(search, t) for t in good if t.fit.cost + each * t.numbers < least + TRIALS.near]
     return min(near, key=lambda t: t.fit.cost + each * t.numbers)
 
 

@@ -17,11 +17,27 @@ from hovercontrol.estimation.prior import prior_of
 from hovercontrol.estimation.problem import Problem
 from hovercontrol.estimation.subject import Subject
 
-#: Part of what a score promised that a fit must gain to be believed.
-HALF = 0.5
 
-#: Differences of cost that correlation times of process noise may make: nearer fits get their own.
-NEAR = 300.0
+@dataclass(frozen=True)
+class TrialCriteria:
+    """When the fit of one more effect is repeated.
+
+    No published source: set by hand, exercised by tests/discrepancy/test_select.py.
+
+    Attributes
+    ----------
+    half : float
+        Part of the gain predicted by the score that a fit must reach; else it is started again.
+    near : float
+        Difference of cost below which both fits get correlation times of their own.
+    """
+
+    half: float = 0.5
+    near: float = 300.0
+
+
+#: The values in use.
+TRIALS = TrialCriteria()
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +111,7 @@ def try_effect(search: Search, current: Fit, e: Effect, scored: Scored | None = 
     first = _added(search, current, e)
     done = [first] if first else []
     gain = current.cost - first.cost if first else -np.inf
-    if scored is not None and scored.allowed and gain < HALF * scored.gain:
+    if scored is not None and scored.allowed and gain < TRIALS.half * scored.gain:
         given = as_given(search, current)
         for start in dict.fromkeys([e, *_trials(scored)]):
             fit = _added(search, current, start, given)
