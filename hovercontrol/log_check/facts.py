@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from hovercontrol.errors import InputError
 from hovercontrol.estimation.levels import noise_levels
 from hovercontrol.estimation.measure import Measured, steps
-from hovercontrol.estimation.navigation import LEAST, MOST, corrections
+from hovercontrol.estimation.navigation import NAVIGATION, corrections
 from hovercontrol.estimation.spikes import stand_out
 from hovercontrol.logs import POSE, Log, Span, fit_clock, smooth_pose
 from hovercontrol.logs.log import UNITS
@@ -161,7 +161,7 @@ def facts(
         name for name, kind in kinds.items() if kind == "other"
     ]
     corrected = corrections(log)
-    navigated = LEAST <= corrected.size <= MOST * len(log)
+    navigated = NAVIGATION.least <= corrected.size <= NAVIGATION.most * len(log)
     rejected = _rejected(log) if log.has(*POSE) and not navigated else ()
     columns = tuple(
         _column(log, name, known.get(name, ""), kind, name in measured, rejected)

@@ -15,7 +15,7 @@ from hovercontrol.discrepancy.checks.duplicate_logs import refuse_duplicates
 from hovercontrol.discrepancy.checks.units import refuse_units
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.estimation.measure import steps
-from hovercontrol.estimation.rows import FEWEST
+from hovercontrol.estimation.rows import BLOCKING
 from hovercontrol.estimation.subject import Subject, structure
 from hovercontrol.logs import Log
 from hovercontrol.logs.check import check_heading
@@ -153,8 +153,8 @@ def _length(log: Log, is_craft: bool) -> list[str]:
             f"{log.name}: too short: the longest stretch without a break is {longest:.3g} s, expected "
             f"{LOG_QUALITY.shortest:g} s or more"
         )
-    if len(log) < FEWEST:
-        raise InputError(f"{log.name}: too short: {len(log)} rows, expected {FEWEST} or more")
+    if len(log) < BLOCKING.fewest:
+        raise InputError(f"{log.name}: too short: {len(log)} rows, expected {BLOCKING.fewest} or more")
     if longest < LOG_QUALITY.short:
         return [f"{log.name}: {longest:.3g} s without a break are short: effects may not be found"]
     return []

@@ -12,7 +12,7 @@ from hovercontrol.discrepancy.evidence.blocks import Blocks, agreement
 from hovercontrol.discrepancy.search.candidates import LATE
 from hovercontrol.discrepancy.search.score import Scored
 from hovercontrol.effects import Effect, Shape
-from hovercontrol.estimation.fit import SETTLED, Fit, estimate, first_noise, refit
+from hovercontrol.estimation.fit import CONVERGENCE, Fit, estimate, first_noise, refit
 from hovercontrol.estimation.prior import prior_of
 from hovercontrol.estimation.problem import Problem
 from hovercontrol.estimation.subject import Subject
@@ -115,7 +115,7 @@ def try_effect(search: Search, current: Fit, e: Effect, scored: Scored | None = 
         given = as_given(search, current)
         for start in dict.fromkeys([e, *_trials(scored)]):
             fit = _added(search, current, start, given)
-            found_again = fit is not None and any(abs(fit.cost - f.cost) < SETTLED for f in done)
+            found_again = fit is not None and any(abs(fit.cost - f.cost) < CONVERGENCE.settled for f in done)
             done += [fit] if fit else []
             if found_again:
                 break
