@@ -123,6 +123,10 @@ class NoiseCriteria:
 
     Attributes
     ----------
+    averaging : float
+        Averaging time of a missing acceleration, which over a single row is mostly noise [s].
+    averaging_rows : int
+        The same in rows, for slowly sampled logs; the longer counts.
     far : float
         Logarithm of a variance's ratio to its likeliest value from which on its steps are extended.
     gain : float
@@ -137,6 +141,8 @@ class NoiseCriteria:
         Smallest measurement noise relative to a channel's range: the filter is singular without noise.
     """
 
+    averaging: float = 0.2
+    averaging_rows: int = 5
     far: float = 0.5
     gain: float = 0.5
     none: float = 1e-5
@@ -236,6 +242,11 @@ def _gamma(problem: Problem, A: Array) -> Array:
     for j, i in enumerate(driven):
         gamma[..., i, j] += 0.5
     return gamma
+
+
+def averaging_time(problem: Problem) -> float:
+    """Return the averaging time of missing accelerations [s]."""
+    return max(NOISE.averaging, NOISE.averaging_rows * problem.shortest)
 
 
 def averaged(noise: Noise, over: float) -> Array:

@@ -18,10 +18,11 @@ from hovercontrol.errors import InputError
 from hovercontrol.estimation.data import Data, gather
 from hovercontrol.estimation.fit import Fit, estimate, first_noise
 from hovercontrol.estimation.measure import MOST_ROWS, Array, Measured, measure, refuse_still
+from hovercontrol.estimation.noise import averaging_time
 from hovercontrol.estimation.prior import prior_of
 from hovercontrol.estimation.problem import Problem
 from hovercontrol.identify.excitation import (
-    NO_INFORMATION,
+    EXCITATION,
     covariance,
     idle_inputs,
     information,
@@ -31,7 +32,7 @@ from hovercontrol.identify.excitation import (
     widening,
 )
 from hovercontrol.identify.predict import prediction
-from hovercontrol.identify.remaining import averaging_time, remaining
+from hovercontrol.identify.remaining import remaining
 from hovercontrol.identify.result import Fitted, Identified
 from hovercontrol.identify.subject import chosen, subject_of
 from hovercontrol.logs import Log
@@ -189,7 +190,7 @@ def _identified(model: Model | Block, names: Sequence[str], data: Data, fit: Fit
         covariance=C,
         unexcited=directions,
         remaining=remaining(fit),
-        ahead=prediction(fit, averaging_time(fit)).share,
+        ahead=prediction(fit, averaging_time(fit.problem)).share,
         units={c: problem.block.signal(c).unit for c in channels},
         residual=dict(zip(channels, fit.noise.measured.tolist(), strict=True)),
         noise=dict(zip(channels, data.noise.tolist(), strict=True)),
@@ -232,5 +233,11 @@ def _coefficient(
     idle = idle_inputs(problem.block, signal.name, moving)
     why = reason(label, std, size[j], alone[j], directions, signal.unit, idle)
     return Fitted(
-        label, value, std if std < NO_INFORMATION * size[j] else np.inf, signal.unit, start, bound, why
+        label,
+        value,
+        std if std < EXCITATION.no_information * size[j] else np.inf,
+        signal.unit,
+        start,
+        bound,
+        why,
     )

@@ -20,11 +20,30 @@ from hovercontrol.models.model import Model
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-#: Parts of the accelerations seen that remain where a model explains little, and where it explains nothing.
-LITTLE, NOTHING = 0.3, 0.7
 
-#: Errors of predictions over those of the trivial one from which on they are no better.
-BETTER = 0.95
+@dataclass(frozen=True)
+class MisfitCriteria:
+    """When a fitted model explains its logs badly.
+
+    No published source: set by hand, exercised by tests/identify/test_fit.py.
+
+    Attributes
+    ----------
+    little : float
+        Process noise relative to the acceleration from which on the model explains little.
+    nothing : float
+        The same from which on it does not predict the motion.
+    better : float
+        Prediction error relative to that of constant velocities from which on it is no better.
+    """
+
+    little: float = 0.3
+    nothing: float = 0.7
+    better: float = 0.95
+
+
+#: The values in use.
+MISFIT = MisfitCriteria()
 
 
 @dataclass(frozen=True)
@@ -163,13 +182,13 @@ class Identified:
     @property
     def misfit(self) -> str:
         """What to make of a fit that leaves much unexplained; empty if it does not."""
-        poor = [r for r in self.remaining if r.share > LITTLE]
+        poor = [r for r in self.remaining if r.share > MISFIT.little]
         if not poor:
             return ""
         over = f"{poor[0].over:.2g} s"
         told = ", ".join(f"{r.rms:.2g} of {r.seen:.2g} {r.unit} in {r.equation}" for r in poor)
         remains = f"of the accelerations seen (means over {over}) there remain {told}"
-        blind = [r for r in poor if r.share > NOTHING and self._ahead(r) > BETTER]
+        blind = [r for r in poor if r.share > MISFIT.nothing and self._ahead(r) > MISFIT.better]
         if len(blind) == len(self.remaining):
             said = f"this model does not predict the motion: {remains}"
             said += f"; {over} ahead it is no better than that velocities stay"

@@ -19,11 +19,27 @@ from hovercontrol.logs.log import UNITS
 
 Array = NDArray[np.float64]
 
-#: Speeds [m/s] that no hovercraft of this kind reaches: positions in millimetres show them at once.
-FASTEST = 30.0
 
-#: Over how long a speed is taken [s].
-OVER = 0.4
+@dataclass(frozen=True)
+class SpeedCriteria:
+    """When speeds of a log show wrong units.
+
+    No published source: set by hand, exercised by tests/log_check/test_check.py.
+
+    Attributes
+    ----------
+    fastest : float
+        Speed that no hovercraft of this kind reaches [m/s]; positions in millimetres exceed it at once.
+    over : float
+        Time over which a speed is taken [s].
+    """
+
+    fastest: float = 30.0
+    over: float = 0.4
+
+
+#: The values in use.
+SPEEDS = SpeedCriteria()
 
 
 @dataclass(frozen=True)
@@ -251,17 +267,17 @@ def _remarks(log: Log, columns: Sequence[Column]) -> list[str]:
     if log.has("x", "y"):
         known = np.isfinite(log.stack("x", "y")).all(axis=1)
         time, x, y = log.time[known], log["x"][known], log["y"][known]
-        every = max(1, round(OVER / float(np.median(np.diff(time))))) if time.size > 1 else 1
+        every = max(1, round(SPEEDS.over / float(np.median(np.diff(time))))) if time.size > 1 else 1
         if time.size > 2 * every:
             way = np.hypot(np.diff(x[::every]), np.diff(y[::every])) / np.diff(time[::every])
             fast = float(np.quantile(way, 0.9))
-            if fast > FASTEST:
+            if fast > SPEEDS.fastest:
                 said.append(
                     f"{log.name}: the position moves at {fast:.3g} m/s: is it in millimetres or centimetres? "
                     "Give metres"
                 )
     for c in columns:
-        if c.unit == "m/s" and c.high - c.low > 2 * FASTEST:
+        if c.unit == "m/s" and c.high - c.low > 2 * SPEEDS.fastest:
             said.append(
                 f"{log.name}: column {c.name!r} runs from {c.low:.4g} to {c.high:.4g} m/s: is it in mm/s "
                 "or cm/s?"

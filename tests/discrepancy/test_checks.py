@@ -279,7 +279,7 @@ def test_positions_at_another_pace_are_warned_about():
 
 def test_a_short_log_is_warned_about():
     assert check_logs(CASE.model, [LOG.between(0.0, 5.0)])[0].startswith(
-        "log 1: 5 s without a break are little"
+        "log 1: 5 s without a break are short"
     )
 
 
@@ -293,7 +293,7 @@ def test_a_log_that_tells_nothing_is_refused():
     rng = np.random.default_rng(0)
     rest = {k: 1e-3 * rng.normal(size=len(LOG)) for k in ("x", "y", "psi", "u", "v", "r")}
     still = Log("still", LOG.time, {**rest, "thrust": 0 * LOG.time, "rudder": 0 * LOG.time})
-    with pytest.raises(InputError, match="still: no coefficient of the model can be known"):
+    with pytest.raises(InputError, match="still: it excites no coefficient of the model"):
         excitation(CASE.model, [still])
 
 

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from hovercontrol.analysis.c17.iss import DRAG
 from hovercontrol.analysis.c17.loops import on_reference
-from hovercontrol.analysis.c17.reference_runs import DOUBT, ReferenceRuns
+from hovercontrol.analysis.c17.reference_runs import RUNS, ReferenceRuns
 from hovercontrol.analysis.common.regions import Region, mesh, positive_axis
 from hovercontrol.controllers.references import ellipse
 from hovercontrol.core.block import Block
@@ -97,7 +97,7 @@ class ExpectedErrors:
         """
         if axes is None:
             axes = Figure(figsize=(8.0, 1.5 + 0.4 * len(self.references)), layout="constrained").subplots()
-        scale = LogNorm(1e-3 * DOUBT, 0.1 * DOUBT, clip=True)
+        scale = LogNorm(1e-3 * RUNS.doubt, 0.1 * RUNS.doubt, clip=True)
         drawn = axes.imshow(self.error, cmap="Greys", norm=scale, aspect="auto")
         for (row, column), value in np.ndenumerate(self.error):
             text = f"{value:.2g}" if math.isfinite(value) else "off"
@@ -115,7 +115,9 @@ class ExpectedErrors:
         )
         figure = axes.get_figure(root=True)
         assert isinstance(figure, Figure)
-        figure.colorbar(drawn, ax=axes, extend="both", label=f"standard error [SI], {DOUBT:g} before the run")
+        figure.colorbar(
+            drawn, ax=axes, extend="both", label=f"standard error [SI], {RUNS.doubt:g} before the run"
+        )
         return figure
 
 

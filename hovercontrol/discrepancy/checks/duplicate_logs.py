@@ -83,7 +83,7 @@ def refuse_duplicates(
         _refuse(one, other, channels, inputs, f"{other.name}: it", "its rows would be used twice")
     if holdout is not None:
         for one in logs:
-            what = f"{holdout.name}: the hold-out log"
+            what = f"{holdout.name}: the held-out log"
             _refuse(one, holdout, channels, inputs, what, "it must not be in the fit")
 
 

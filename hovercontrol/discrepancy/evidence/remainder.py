@@ -11,7 +11,7 @@ from hovercontrol.discrepancy.criteria import CRITERIA, Criteria
 from hovercontrol.discrepancy.evidence.missing import Missing, Quantity, rate, running_mean
 from hovercontrol.estimation.fit import Fit, refit
 from hovercontrol.estimation.kalman import run_filter
-from hovercontrol.estimation.noise import Noise, augment, averaged
+from hovercontrol.estimation.noise import Noise, augment, averaged, averaging_time
 from hovercontrol.estimation.passes import inverse, products
 
 Array = NDArray[np.float64]
@@ -25,16 +25,10 @@ class RemainderCriteria:
 
     Attributes
     ----------
-    over : float
-        Averaging time of a missing acceleration [s].
-    rows : int
-        Smallest averaging time in rows.
     large : float
         Gain of process noise from which on no second fit confirms it.
     """
 
-    over: float = 0.2
-    rows: int = 5
     large: float = 2000.0
 
 
@@ -85,7 +79,7 @@ def remainders(base: Fit, final: Fit, criteria: Criteria = CRITERIA) -> tuple[Re
         Of the given and of the amended model; the same if nothing was added.
     """
     problem = final.problem
-    over = averaging_time(final)
+    over = averaging_time(final.problem)
     before, after = averaged(base.noise, over), averaged(final.noise, over)
     found = []
     for j, i in enumerate(problem.driven):
@@ -139,7 +133,7 @@ def missing_forces(fit: Fit) -> tuple[Missing, ...]:
     correlated in time as the acceleration itself.
     """
     problem = fit.problem
-    n, over = len(problem.free), averaging_time(fit)
+    n, over = len(problem.free), averaging_time(fit.problem)
     variance = np.diagonal(fit.covariance_of_path, axis1=2, axis2=3)[..., n:]
     s = over / fit.noise.seconds
     narrower = np.sqrt(np.maximum(2.0 * (s + np.expm1(-s)), 0.0)) / s
@@ -168,8 +162,3 @@ def missing_forces(fit: Fit) -> tuple[Missing, ...]:
             unit = rate(state.unit)
             found.append(Missing(log.name, f"{state.name}'", unit, log.time, force, band, depends, seen))
     return tuple(found)
-
-
-def averaging_time(fit: Fit) -> float:
-    """Return the averaging time of missing accelerations [s]."""
-    return max(REMAINDER.over, REMAINDER.rows * fit.problem.shortest)
