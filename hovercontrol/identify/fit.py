@@ -8,6 +8,7 @@ it nor takes them for surer than they are, and the size of that noise says how m
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -39,8 +40,24 @@ from hovercontrol.logs import Log
 from hovercontrol.logs.frames import check_frame
 from hovercontrol.models.model import Model
 
-#: Rows of a craft's log that are farther apart [s] are in other units of time, or have no information.
-SLOWEST = 1.0
+
+@dataclass(frozen=True)
+class SamplingLimits:
+    """What sampling a log must have.
+
+    No published source: set by hand, exercised by tests/identify/test_fit.py.
+
+    Attributes
+    ----------
+    slowest : float
+        Largest time step of a craft's log [s]; a larger one means another unit of time.
+    """
+
+    slowest: float = 1.0
+
+
+#: The values in use.
+SAMPLING = SamplingLimits()
 
 
 @checked
@@ -143,7 +160,7 @@ def refuse_slow_rows(logs: Sequence[Log | Measured]) -> None:
     """
     for log in logs:
         apart = float(np.median(np.diff(log.time))) if log.time.size > 1 else 0.0
-        if apart > SLOWEST:
+        if apart > SAMPLING.slowest:
             raise InputError(f"{log.name}: rows are {apart:g} s apart: is its time in seconds?")
 
 

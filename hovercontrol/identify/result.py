@@ -224,7 +224,7 @@ class Identified:
         if equations:
             lines += ["", *aligned([("equation", "remains", "seen", "unit", "share"), *equations])]
         left = [f"{self.outliers} with an outlier"] if self.outliers else []
-        left += [f"{self.rejected} where no craft moves so"] if self.rejected else []
+        left += [f"{self.rejected} where no craft moves like this"] if self.rejected else []
         used = f"{self.rows} of {self.rows_total} rows of {', '.join(self.logs)}"
         used += f"; left out: {', '.join(left)}" if left else ""
         lines += ["", f"chi2/dof {self.chi2_per_dof:.3g}; {used}"]

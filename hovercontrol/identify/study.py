@@ -22,8 +22,25 @@ from hovercontrol.models.modelfile import save_model
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-#: How far ahead predictions are judged [s].
-HORIZON = 1.0
+
+@dataclass(frozen=True)
+class StudyCriteria:
+    """How predictions are judged.
+
+    No published source: set by hand, exercised by tests/identify/test_study.py.
+
+    Attributes
+    ----------
+    horizon : float
+        Prediction horizon [s].
+    """
+
+    horizon: float = 1.0
+
+
+#: The values in use.
+JUDGEMENT = StudyCriteria()
+
 
 #: Largest number of rejected spans listed for a log; the file has them all.
 SHOWN = 6
@@ -105,7 +122,7 @@ class Study:
             held_out = k >= len(training)
             fit, own = (smoothed(found.model, data), 0) if held_out else (found.fit, k)
             run = run_of(model.name, fit, own)
-            judged.append(Judged(label, held_out, prediction(fit, HORIZON, own), run))
+            judged.append(Judged(label, held_out, prediction(fit, JUDGEMENT.horizon, own), run))
         return cls(found, tuple(judged))
 
     @property
@@ -145,8 +162,8 @@ class Study:
         lines = [
             self.found.table(),
             "",
-            f"rms error {HORIZON:g} s ahead, beside that of the trivial prediction: velocities stay as they "
-            "are, the pose moves on with them",
+            f"rms error {JUDGEMENT.horizon:g} s ahead, beside that of the trivial prediction (constant body "
+            "velocities)",
             *aligned(rows),
         ]
         lines += [
@@ -154,7 +171,7 @@ class Study:
             for j in self.judged
             if j.worse
         ]
-        lines += ["", "left out because no craft moves so"]
+        lines += ["", "rejected because no craft moves like this"]
         for j in self.judged:
             spans = [f"{s.start:.2f}-{s.stop:.2f} s ({s.rows} rows, {s.reason})" for s in j.run.rejected]
             more = [f"and {len(spans) - SHOWN} more in rejected.csv"] if len(spans) > SHOWN else []
@@ -173,7 +190,7 @@ class Study:
             save_model(self.found.model, temporary / "model.toml")
             self.found.save_csv(temporary / "coefficients.csv")
             ahead = [
-                [j.label, j.holdout, c, p.units[c], HORIZON, p.rms[c], p.trivial[c], p.share[c]]
+                [j.label, j.holdout, c, p.units[c], JUDGEMENT.horizon, p.rms[c], p.trivial[c], p.share[c]]
                 for j in self.judged
                 for p in [j.prediction]
                 for c in p.rms

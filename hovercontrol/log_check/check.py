@@ -1,4 +1,4 @@
-"""A check of logs beside a model of the craft: what is wrong, and what a fit could show."""
+"""A check of logs against a model: errors, warnings, and the coefficients that a fit could estimate."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from hovercontrol.models.model import Model
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-#: Rows that the trial fit uses at most: it asks what the logs can show, not for the last digit.
+#: Largest number of rows of the trial fit, which needs no high accuracy.
 MOST_ROWS = 12_000
 
 #: Other columns that are named.
@@ -42,9 +42,9 @@ class Checked:
     Attributes
     ----------
     logs : tuple of LogFacts
-        What each log says of itself.
+        Timing and columns of each log.
     errors, warnings : tuple of str
-        One line each: what must be mended before a fit, and what should be looked at.
+        One line each: what must be corrected before a fit, and what should be looked at.
     model : str
         Name of the model; empty without one.
     coefficients : tuple of Fitted
@@ -59,7 +59,7 @@ class Checked:
 
     @property
     def negative(self) -> bool:
-        """Whether something must be mended, or a coefficient cannot be estimated."""
+        """Whether something must be corrected, or a coefficient cannot be estimated."""
         return bool(self.errors) or not all(c.excited for c in self.coefficients)
 
     def text(self) -> str:
@@ -68,15 +68,18 @@ class Checked:
         for f in self.logs:
             timing = [line for t in f.timing for line in _timing_text(t, len(f.timing) > 1)]
             lines += [f.log.name, *(f"  {line}" for line in (*timing, *_column_table(f))), ""]
-        for heading, said in (("must be mended", self.errors), ("look at", self.warnings)):
+        for heading, said in (("must be corrected", self.errors), ("look at", self.warnings)):
             if said:
                 lines += [f"{heading}:", *(f"  {line}" for line in said), ""]
         if self.coefficients:
-            lines += [f"what a fit of {self.model} could show:", *_coefficient_table(self.coefficients)]
+            lines += [
+                f"coefficients that a fit of {self.model} could estimate:",
+                *_coefficient_table(self.coefficients),
+            ]
         elif self.model and not self.errors:
             lines += [f"{self.model} has no coefficient that a fit seeks"]
         if not (self.errors or self.warnings):
-            lines += ["", "nothing looks wrong"]
+            lines += ["", "no error found"]
         return "\n".join(lines).strip("\n").replace("\n\n\n", "\n\n")
 
     def to_json(self) -> dict[str, Any]:
@@ -231,7 +234,7 @@ def _shown(
     warnings += [line for line in told if "are not excited" not in line]  # the table says so
     if trial.outliers:
         warnings.append(
-            f"{trial.outliers} of {trial.rows} rows stand alone beside the fitted model: left out of a fit"
+            f"{trial.outliers} of {trial.rows} rows are outliers of the fitted model: left out of a fit"
         )
     return trial.coefficients
 
@@ -243,7 +246,7 @@ def _once(lines: Sequence[str]) -> tuple[str, ...]:
 def _timing_text(t: Timing, named: bool) -> list[str]:
     name = f"{t.of}: " if named else ""
     lines = [f"{name}{t.rows} rows, {t.stop - t.start:.4g} s, {t.rate:.4g} measurements a second"]
-    kind = "a steady clock" if t.steady else "no steady clock behind the stamps"
+    kind = "a steady clock" if t.steady else "no steady sampling clock"
     jitter = f", stamps scatter by {1e3 * t.jitter:.3g} ms" if t.jitter > 1e-6 else ""
     late = f", at most {1e3 * t.worst_delay:.3g} ms late" if t.worst_delay > 1e-6 else ""
     lost = f", {t.lost} samples lost" if t.lost else ""
@@ -266,12 +269,12 @@ def _column_table(f: LogFacts) -> list[str]:
     rest = [c.name for c in f.columns if c not in told]
     if rest:
         more = f" and {len(rest) - LISTED} more" if len(rest) > LISTED else ""
-        lines.append(f"not looked at: {', '.join(rest[:LISTED])}{more}")
+        lines.append(f"not checked: {', '.join(rest[:LISTED])}{more}")
     if f.rejected:
         spans = [f"{s.start:.2f}-{s.stop:.2f} s ({s.reason})" for s in f.rejected[:SHOWN]]
         more = f" and {len(f.rejected) - SHOWN} more" if len(f.rejected) > SHOWN else ""
         count = sum(s.rows for s in f.rejected)
-        lines.append(f"{count} poses that no craft passes: {', '.join(spans)}{more}")
+        lines.append(f"{count} poses that no craft can reach: {', '.join(spans)}{more}")
     return lines
 
 

@@ -1,4 +1,4 @@
-"""What a log says of itself: when its rows are, and what is in each column."""
+"""Facts of a log without a model: timing of its rows, range and noise of its columns."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ SPEEDS = SpeedCriteria()
 
 @dataclass(frozen=True)
 class Timing:
-    """When the rows of a log, or of one of the files it came from, are.
+    """Timing of the rows of a log, or of one of its files.
 
     Attributes
     ----------
@@ -99,7 +99,7 @@ class Column:
     resolution : float or None
         Smallest change from row to row; None where nothing changes.
     outliers : tuple of float
-        Times [s] of samples that stand alone.
+        Times of outliers [s].
     change_every : float or None
         Usual time from one change of a command to the next [s].
     """
@@ -118,7 +118,7 @@ class Column:
 
 @dataclass(frozen=True, eq=False)
 class LogFacts:
-    """What a log says of itself.
+    """Facts of a log without a model.
 
     Attributes
     ----------
@@ -127,9 +127,9 @@ class LogFacts:
         Of the file with the measurements, then of that with the commands, where there is one.
     columns : tuple of Column
     rejected : tuple of Span
-        Poses that no craft passes: flips and jumps of a marker body.
+        Poses that no craft can reach: flips and jumps of a marker body.
     remarks : tuple of str
-        What looks wrong without a model, one line each.
+        Warnings that need no model, one line each.
     """
 
     log: Log
@@ -145,7 +145,7 @@ def facts(
     units: Mapping[str, str] | None = None,
     files: Mapping[str, Array] | None = None,
 ) -> LogFacts:
-    """Return what a log says of itself.
+    """Return the facts of a log.
 
     Parameters
     ----------
@@ -193,7 +193,7 @@ def facts(
         apart = float(np.median(np.diff(log.time[corrected])))
         remarks.append(
             f"{log.name}: its position jumps {corrected.size} times, usually after {apart:.3g} s, and stays "
-            "there: written by a navigation that is corrected by fixes; in between its velocities drift"
+            f"there: output of a navigation with position fixes; between fixes its velocities drift"
         )
     return LogFacts(log, tuple(timing), columns, rejected, tuple(remarks))
 
@@ -232,7 +232,7 @@ def _column(log: Log, name: str, unit: str, kind: str, measured: bool, rejected:
 
 
 def _noise(log: Log, name: str) -> tuple[float | None, tuple[float, ...]]:
-    """Return the noise of a column, and when samples stand alone in it."""
+    """Return the noise of a column and the times of its outliers."""
     row, n = log[name], len(log)
     if name == "psi":
         row = np.unwrap(row)
@@ -262,7 +262,7 @@ def _rejected(log: Log) -> tuple[Span, ...]:
 
 
 def _remarks(log: Log, columns: Sequence[Column]) -> list[str]:
-    """Say what looks wrong without a model: motion that is faster than any craft's."""
+    """Return warnings that need no model: motion faster than any craft's."""
     said = []
     if log.has("x", "y"):
         known = np.isfinite(log.stack("x", "y")).all(axis=1)

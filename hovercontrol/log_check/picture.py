@@ -86,7 +86,7 @@ def _column(axis: Axes, facts: LogFacts, column: Column) -> None:
                 color=WRONG,
                 alpha=0.3,
                 lw=0.6,
-                label="left out: no craft moves so" if k == 0 else None,
+                label="rejected: no craft moves like this" if k == 0 else None,
             )
     if column.outliers:
         at = np.searchsorted(log.time, column.outliers)

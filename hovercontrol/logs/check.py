@@ -1,4 +1,4 @@
-"""What a log must satisfy before anything is computed from it; each check names the line or the span."""
+"""Checks of a log before anything is computed from it; each names the line or the interval."""
 
 from __future__ import annotations
 

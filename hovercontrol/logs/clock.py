@@ -1,4 +1,4 @@
-"""The steady sampling clock behind jittered time stamps.
+"""The steady sampling clock of jittered time stamps.
 
 A motion-capture system samples at a fixed rate, but a log written over a network stamps each
 sample when it arrives: several at once, then none for 0.2 s. Velocities from such stamps are

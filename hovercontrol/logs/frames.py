@@ -1,4 +1,4 @@
-"""Axes of a log: another frame's are converted, those that cannot be right are recognised.
+"""Axes of a log: conversion from other frames, and checks against the commands.
 
 Here x, y and psi are right-handed with z up: psi turns from x to y, v points to the left, r is positive to
 the left. Trackers also write north-east-down (NED): x north, y east, psi clockwise from north, v to the
@@ -161,9 +161,9 @@ def _enough(log: Log, least: float) -> float:
 def _refuse_mirrored(log: Log, sound: complex, mirrored: complex) -> None:
     if abs(mirrored) > max(_enough(log, FRAME.least), FRAME.clearly * abs(sound)):
         raise InputError(
-            f"{log.name}: the log is mirrored: it accelerates where its commands push only if x, y or psi "
-            f"changes its sign (correlation {abs(mirrored):.2f}, as it is {abs(sound):.2f}); expected psi to "
-            "turn from x to y; --frame z-up takes it as it is"
+            f"{log.name}: the log is mirrored: its acceleration agrees with its commands only if x, y or "
+            f"psi changes sign (correlation {abs(mirrored):.2f}, as it is {abs(sound):.2f}); expected psi to "
+            "turn from x to y; --frame z-up skips this check"
         )
 
 
@@ -172,8 +172,9 @@ def _refuse_turned(log: Log, sound: complex, mirrored: complex) -> None:
     if abs(sound) > max(_enough(log, FRAME.least), FRAME.clearly * abs(mirrored)) and abs(angle) > 90.0:
         raise InputError(
             f"{log.name}: column 'psi': expected the heading of the bow, but the craft accelerates "
-            f"{abs(angle):.0f} degrees from where its commands push: is psi turned, or a command's sign? "
-            "--frame z-up takes it as it is"
+            f"{abs(angle):.0f} degrees from where its commands push: is psi rotated, or the sign of a "
+            f"command wrong? "
+            "--frame z-up skips this check"
         )
 
 
@@ -190,7 +191,7 @@ def _check_torque(log: Log, torque: Floats, times: Floats, window: float) -> Non
         raise InputError(
             f"{log.name}: the craft turns against the torque of its commands (correlation "
             f"{min(found):.2f}): is the log in north-east-down axes? --frame ned converts it; or is the "
-            "rudder's sign, or the fans' places, the other way round? --frame z-up takes it as it is"
+            f"sign of the rudder, or of the fans' places, wrong? --frame z-up skips this check"
         )
 
 

@@ -1,4 +1,4 @@
-"""Telling motion from a lost marker body: the best chain of pieces that one craft could follow.
+"""Rejection of samples that are no motion: the best chain of pieces that one craft could follow.
 
 The pose is cut into pieces at every step that the neighbouring steps do not explain. A piece follows
 another at a cost: how far constant speed misses the other's start, over what pushes, impacts and noise

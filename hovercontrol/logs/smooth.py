@@ -1,4 +1,4 @@
-"""Velocities from tracked positions: a Kalman smoother that leaves out what is not motion.
+"""Velocities from tracked positions: a Kalman smoother that rejects samples that are no motion.
 
 Order of work: the steady clock behind the time stamps (:mod:`.clock`), the pieces of the pose that
 one craft could have passed (:mod:`.reject`), noise by maximum likelihood and smoothing

@@ -1,4 +1,4 @@
-"""A file of columns, read in pieces: its header, its numbers, and where in it a value stands."""
+"""A file of columns, read in pieces: its header, its numbers, and the place of a value in it."""
 
 from __future__ import annotations
 

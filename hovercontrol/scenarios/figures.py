@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-#: Coefficients that bear the name of something else: what a legend calls them.
+#: Legend names of coefficients that share the name of a signal.
 CALLED = {name: f"{name} coefficient" for name in ("thrust", "rudder_torque")}
 
 

@@ -1,4 +1,4 @@
-"""Pictures of a run under one of K06's laws: what it was told, what it did, which mode it was in."""
+"""Pictures of a run under one of K06's laws: set points, motion and modes."""
 
 from __future__ import annotations
 

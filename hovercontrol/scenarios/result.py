@@ -1,4 +1,4 @@
-"""What a scenario's run leaves: the log, the figures of merit, the pictures."""
+"""The result of a scenario: the log, the figures of merit, the pictures."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Measured:
-    """A metric and the value a run gave it."""
+    """A metric and its value."""
 
     metric: Metric
     value: float

@@ -1,4 +1,4 @@
-"""A scenario's loop as it runs on hardware, as Blocks: a sensor, a computer, commands sent and held.
+"""A scenario's sampled loop as Blocks: a sensor, a computer, commands sent and held.
 
 C17's experiment [C17 fig 10]: motion capture at 100 Hz measures the pose with noise, velocities are its
 backward

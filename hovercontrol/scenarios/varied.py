@@ -37,7 +37,7 @@ class Varied:
     ----------
     scenario : Scenario
     axes : tuple of one or two Axis
-        What was varied; the first runs slowest.
+        What was varied; the first varies slowest.
     of, figure : str
         The signal and the figure that pictures show.
     unit : str
@@ -136,7 +136,7 @@ def vary(
     if scenario.commands is not None:
         raise InputError(f"{where}: only scenarios without [commands] are varied")
     if not 1 <= len(ranges) <= 2:
-        raise InputError(f"{where}: one or two numbers are varied, found {len(ranges)}")
+        raise InputError(f"{where}: expected one or two parameters to vary, found {len(ranges)}")
     if figure not in FIGURES:
         raise InputError(f"unknown figure {figure!r}{did_you_mean(figure, FIGURES)}: {', '.join(FIGURES)}")
     parts = loop_parts(scenario)

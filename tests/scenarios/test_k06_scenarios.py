@@ -187,7 +187,7 @@ def metric(of, more=""):
         ("yaw_rate_ref = 3.0", 'yaw_rate_ref = "fast"', "phase 1.set.yaw_rate_ref must be a number"),
         ("[controller]", "[body]\nmass = 2.6\n[controller]", "body: 'inertia' is missing"),
         ("[controller]", "[body]\nmass = 0.0\ninertia = 1.0\narm = 1.0\n[controller]", "body: mass must be"),
-        ("[controller]", "[reference]\nkind = 'circle'\n[controller]", "[reference] is of no use to"),
+        ("[controller]", "[reference]\nkind = 'circle'\n[controller]", "[reference] is not used by"),
         ("[controller]", "[actuation]\ndead_zone = -0.1\n[controller]", "dead_zone must not be negative"),
         ("[controller]", "[guidance]\nkind = 'origin'\n[controller]", "[guidance] is sampled: it needs"),
         ("[controller]", GUIDED.replace("bang_bang", "bangbang"), "did you mean 'heading_bang_bang'?"),
