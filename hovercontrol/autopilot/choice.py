@@ -11,7 +11,7 @@ from hovercontrol.core.signals import Signal
 
 
 def choice(name: str, description: str, ways: Mapping[Signal, tuple[sp.Expr | str, sp.Expr | str]]) -> Block:
-    """Return a Block that tells signals from one of two sources.
+    """Return a Block that selects signals from one of two sources.
 
     Parameters
     ----------
@@ -25,7 +25,7 @@ def choice(name: str, description: str, ways: Mapping[Signal, tuple[sp.Expr | st
     Returns
     -------
     Block
-        Without states and period: what it tells changes with what it is told. Parameter ``on``, 1 at first.
+        Without states and period: its outputs change with its inputs. Parameter ``on``, 1 at first.
 
     Examples
     --------

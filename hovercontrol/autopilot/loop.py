@@ -207,7 +207,9 @@ def _tables(
     if tables is None:
         return lossy_tables(rudder_loss), servo
     if rudder_loss:
-        raise InputError("autopilot: rudder_loss is one of the stand-in tables; measured ones have their own")
+        raise InputError(
+            "autopilot: rudder_loss is one of the stand-in tables; measured tables include their own"
+        )
     return table_pair(tables, "autopilot: tables"), servo
 
 
@@ -237,4 +239,4 @@ def _ins_update(seen: list[Signal]) -> Block:
     for s in seen:
         hat, sampled = (s.replace(name=f"{s.name}_{end}").symbol for end in ("hat", "sampled"))
         ways[s.replace(name=f"{s.name}_told")] = (hat, s.symbol + hat - sampled)
-    return choice("ins_update", "navigation tells the motion at the IMU's ticks", ways)
+    return choice("ins_update", "the navigation updates at the IMU's ticks", ways)

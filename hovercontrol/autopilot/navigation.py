@@ -1,4 +1,4 @@
-"""What tells the law how the craft moves: K06's error model, or its sensors and filters in full."""
+"""The navigation of a loop: K06's error model, or its sensors and filters in full."""
 
 from __future__ import annotations
 

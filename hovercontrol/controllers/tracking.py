@@ -171,7 +171,7 @@ def _affine_dynamics(model: Model, name: str) -> tuple[dict[str, sp.Expr], _Thru
     for state in model.own_states(name, s):
         raise InputError(
             f"controller: model {model.name!r} has friction with the state {state.name!r}, which no "
-            "controller knows: leave the effect out of the controller's model"
+            f"controller has: leave the effect out of the controller's model"
         )
     total = model.accelerations(name, s)
     gain = sp.Matrix([[sp.diff(total[axis], a) for a in vector] for axis in ("u", "v", "r")])

@@ -1,4 +1,4 @@
-"""Signals: the named quantities of a Block, with all that a person or a tool needs to know of them."""
+"""Signals: the named quantities of a Block, with unit, bounds and description."""
 
 from __future__ import annotations
 

@@ -42,7 +42,7 @@ def reason(error: BaseException) -> str:
 
 
 def readable(path: str | Path, wanted: str = "a file") -> Path:
-    """Return the path of a file, or say what is there instead.
+    """Return the path of a file, or raise if it is something else.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""A sweep's results kept as they come: a folder of Parquet files from which the same sweep goes on."""
+"""Checkpoints of a sweep: a folder of Parquet files from which the same sweep continues."""
 
 from __future__ import annotations
 

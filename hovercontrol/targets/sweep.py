@@ -1,4 +1,4 @@
-"""Sweeps: what is asked of many runs, what they leave, and how they are spread over the cores."""
+"""Sweeps: definition, results and parallel execution of many runs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""K06's two hybrid controllers for a heading (section 2.3.3): they tell the turn law its yaw rate.
+"""K06's two hybrid controllers for a heading (section 2.3.3): they set the yaw rate of the turn law.
 
 No smooth static feedback holds a heading (K06 proposition 2.3.4). Both controllers switch between two modes:
 ``stop`` (the wanted yaw rate is zero: with it the turn law is the stop law) and ``turn``, which is entered

@@ -58,7 +58,7 @@ class Aid:
     signal : Signal
         The input.
     valid : Signal
-        The input that tells when it is measured.
+        The input that is 1 when it is measured.
     expected : sympy.Expr
         Of :data:`PSI`, :data:`POSITION`, the symbols of `extra` quantities and the parameters.
     variance : Signal
@@ -98,7 +98,7 @@ def navigation_filter(
     inputs: Sequence[Signal] = (),
     definitions: Mapping[str, sp.Expr] | None = None,
 ) -> Block:
-    """Return the filter; the public ones say what is measured.
+    """Return the filter for given measurements.
 
     Parameters
     ----------

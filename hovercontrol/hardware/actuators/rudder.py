@@ -42,7 +42,7 @@ def regression_signals(slope: float, offset: float, name: str) -> tuple[Signal, 
 
 
 def clipped(outside: sp.Basic, name: str) -> tuple[Signal, sp.Expr]:
-    """Return an output that tells whether a lookup is clipped, and its expression."""
+    """Return an output that is 1 where a lookup is clipped, and its expression."""
     told = Signal(f"{name}_outside", "1", "1 where the table is left and its border taken", lower=0.0)
     return told, sp.Piecewise((1, outside), (0, True))
 

@@ -21,7 +21,7 @@ from hovercontrol.io.tables import number, positive
 
 @runtime_checkable
 class Delays(Protocol):
-    """What a link must know of its delays; all in seconds."""
+    """The delays of a link; all in seconds."""
 
     @property
     def mean(self) -> float:

@@ -77,7 +77,7 @@ def arrivals(
 def ranges_by_unit(
     beacons: int, units: int = 2, *, period: float = IMU_TICK, name: str = "ranges_by_unit"
 ) -> Block:
-    """Return what tells the ranges of several units apart, for filters that take raw ranges.
+    """Return a Block that sorts ranges by unit, for filters that use raw ranges.
 
     Parameters
     ----------

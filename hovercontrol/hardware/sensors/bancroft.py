@@ -106,7 +106,9 @@ def range_solver(
         raise InputError(f"{name}: side must be 1 or -1, found {side!r}")
     count = len(beacons.positions)
     if previous and count == 2:
-        raise InputError(f"{name}: of two beacons `side` tells the place, not the previous position")
+        raise InputError(
+            f"{name}: with two beacons `side` decides between the two solutions, not the previous position"
+        )
     ranges, heard = range_signals(count)
     places = beacons.signals()
     define = Definitions()

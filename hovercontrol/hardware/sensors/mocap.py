@@ -74,7 +74,7 @@ def mocap(
         for kind, unit, value in (("position", "m", position_step), ("heading", "rad", heading_step))
     }
     first = [
-        offset(f"first_{s.name}", s.unit, f"{s.description} told at the first tick", name, value)
+        offset(f"first_{s.name}", s.unit, f"{s.description} given at the first tick", name, value)
         for s, value in zip(MOTION[3:], first_velocity, strict=True)
     ]
     pose = MOTION[:3]

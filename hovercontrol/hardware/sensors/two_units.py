@@ -102,7 +102,7 @@ def two_unit_heading(
     parameters = [*mounts]
     moved = [fx, fy]
     if assisted:
-        late = switch("latency", "fixes are told one tick late", latency)
+        late = switch("latency", "fixes come one tick late", latency)
         parameters += [every, late]
         vx, vy, psi, r = (s.symbol for s in _INS)
         arm = turned(psi, x1, y1)
