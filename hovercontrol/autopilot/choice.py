@@ -35,7 +35,7 @@ def choice(name: str, description: str, ways: Mapping[Signal, tuple[sp.Expr | st
     """
     on = Signal("on", "1", description, start=1.0, modes=("off", "on"))
     inputs: dict[str, Signal] = {}
-    told: dict[str, sp.Expr] = {}
+    expressions: dict[str, sp.Expr] = {}
     for signal, pair in ways.items():
         found = []
         for way in pair:
@@ -43,11 +43,11 @@ def choice(name: str, description: str, ways: Mapping[Signal, tuple[sp.Expr | st
             for symbol in sorted(e.free_symbols, key=str):
                 inputs.setdefault(symbol.name, signal.replace(name=symbol.name))
             found.append(e)
-        told[signal.name] = sp.Piecewise((found[0], on.symbol > 0), (found[1], True))
+        expressions[signal.name] = sp.Piecewise((found[0], on.symbol > 0), (found[1], True))
     return Block(
         name,
         inputs=tuple(inputs.values()),
         outputs=tuple(ways),
         parameters=(on,),
-        output_expressions=told,
+        output_expressions=expressions,
     )

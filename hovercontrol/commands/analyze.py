@@ -53,8 +53,8 @@ def analyze(
     with progress_bar(f"analyze {name}", 1.0) as report:
         files = main(out, lambda part: report(part, ""), **about)
     texts = [file.read_text(encoding="utf-8").rstrip("\n") for file in files if file.suffix == ".txt"]
-    told = {"analysis": name, "title": _title(scripts[name]), "findings": "\n".join(texts).splitlines()}
-    given.show("\n".join(texts), files, out, told if json else None)
+    content = {"analysis": name, "title": _title(scripts[name]), "findings": "\n".join(texts).splitlines()}
+    given.show("\n".join(texts), files, out, content if json else None)
     return 0
 
 

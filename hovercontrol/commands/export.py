@@ -83,7 +83,7 @@ def export(
     interface = Interface(chosen.block, friction)  # type: ignore[arg-type]
     kinds = (("input", "inputs"), ("parameter", "parameters"), ("state", "states"))
     if json:
-        told: dict[str, object] = {
+        content: dict[str, object] = {
             "name": chosen.block.name,
             "fmi": fmi,
             "platforms": [p.name for p in wanted],
@@ -93,7 +93,7 @@ def export(
                 for v in interface.variables
             ],
         }
-        given.show("", [path], path.parent, told)
+        given.show("", [path], path.parent, content)
         return 0
     counts = ", ".join(f"{len(interface.of(kind))} {word}" for kind, word in kinds)  # type: ignore[arg-type]
     print(

@@ -96,8 +96,8 @@ def show(text: str, files: Sequence[Path], out: Path, result: object = None) -> 
     if result is not None:
         from hovercontrol.io.plain_json import json_text, plain
 
-        told = {**plain(result), "files": [str(out / f.name) for f in files]}
-        sys.stdout.write(json_text(told))
+        content = {**plain(result), "files": [str(out / f.name) for f in files]}
+        sys.stdout.write(json_text(content))
         return
     if text:
         print(text)

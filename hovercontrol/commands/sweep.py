@@ -70,8 +70,8 @@ def sweep(
     if json:
         axes = [{"key": a.name, "unit": a.unit, "values": a.values} for a in found.axes]
         failed = [str(f) for f in found.result.failures]
-        told = {"of": found.of, "figure": figure, "unit": found.unit, "axes": axes, "values": found.values}
-        given.show("", written, out, {"scenario": loaded.name, **told, "failures": failed})
+        content = {"of": found.of, "figure": figure, "unit": found.unit, "axes": axes, "values": found.values}
+        given.show("", written, out, {"scenario": loaded.name, **content, "failures": failed})
         return 1 if failed else 0
     if np.isfinite(values).any():
         for word, k in (("smallest", np.nanargmin(values)), ("largest", np.nanargmax(values))):

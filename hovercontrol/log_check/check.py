@@ -229,9 +229,9 @@ def _shown(
     except InputError as error:
         errors.append(str(error))
         return ()
-    told: list[str] = []
-    _collect(lambda: check_fitted(trial.fit), errors, told)
-    warnings += [line for line in told if "are not excited" not in line]  # the table says so
+    known: list[str] = []
+    _collect(lambda: check_fitted(trial.fit), errors, known)
+    warnings += [line for line in known if "are not excited" not in line]  # the table says so
     if trial.outliers:
         warnings.append(
             f"{trial.outliers} of {trial.rows} rows are outliers of the fitted model: left out of a fit"
@@ -260,13 +260,13 @@ def _timing_text(t: Timing, named: bool) -> list[str]:
 
 def _column_table(f: LogFacts) -> list[str]:
     rows = [("column", "unit", "from", "to", "noise", "resolution", "outliers", "changes every")]
-    told = [c for c in f.columns if c.kind != "other"] or list(f.columns)
-    for c in told:
+    known = [c for c in f.columns if c.kind != "other"] or list(f.columns)
+    for c in known:
         every = f"{c.change_every:.3g} s" if c.change_every else ""
         span = (f"{c.low:.4g}", f"{c.high:.4g}", _number(c.noise), _number(c.resolution))
         rows.append((c.name, c.unit or "?", *span, _outliers(c), every))
     lines = list(aligned(rows))
-    rest = [c.name for c in f.columns if c not in told]
+    rest = [c.name for c in f.columns if c not in known]
     if rest:
         more = f" and {len(rest) - LISTED} more" if len(rest) > LISTED else ""
         lines.append(f"not checked: {', '.join(rest[:LISTED])}{more}")

@@ -63,8 +63,8 @@ def draw(checked: Checked) -> Figure:
 
 def _drawn(columns: Sequence[Column]) -> list[Column]:
     """Return the columns to draw: what was measured and commanded; others only where there is neither."""
-    told = [c for c in columns if c.kind != "other"]
-    return (told or list(columns))[:MOST_COLUMNS]
+    known = [c for c in columns if c.kind != "other"]
+    return (known or list(columns))[:MOST_COLUMNS]
 
 
 def _column(axis: Axes, facts: LogFacts, column: Column) -> None:

@@ -73,9 +73,9 @@ class Ticking:
             At least the Block's inputs, by name.
         """
         seen = [signals[name] for name in self._inputs]
-        told = call_scalar(self._outputs, time, self.state, seen, self._values)
+        outputs = call_scalar(self._outputs, time, self.state, seen, self._values)
         self.state = call_scalar(self._next, time, self.state, seen, self._values)
-        return dict(zip(self._names, told, strict=True))
+        return dict(zip(self._names, outputs, strict=True))
 
 
 def simulate_hybrid(

@@ -12,8 +12,8 @@ from hovercontrol.discrepancy.report.html import paragraph, table
 
 def others(m: Context) -> str:
     """Return the section on rivals, leads and the next experiment."""
-    told = f"{_rivals(m)}{_leads(m)}{_next(m)}"
-    return f"<h2>Other explanations</h2>{told}" if told else ""
+    sections = f"{_rivals(m)}{_leads(m)}{_next(m)}"
+    return f"<h2>Other explanations</h2>{sections}" if sections else ""
 
 
 def _rivals(m: Context) -> str:
