@@ -15,7 +15,13 @@ LONGEST_LINE, LONGEST_NAME, MOST_NAMES = 1000, 100, 60
 
 
 class InputError(ValueError):
-    """Wrong input: what was expected, what was found and where, in one line."""
+    r"""Wrong input: what was expected, what was found and where, in one line.
+
+    Examples
+    --------
+    >>> str(InputError("log.csv, row 3:\n  no number"))
+    'log.csv, row 3: no number'
+    """
 
     def __init__(self, text: object = "") -> None:
         super().__init__(one_line(text))

@@ -127,6 +127,7 @@ def test_a_reader_who_leaves_is_no_finding(words):
     assert process.wait(20) == 0
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="needs a device that is full")
 def test_a_full_device_for_the_output_is_one_line():
     with open("/dev/full", "w") as full:

@@ -93,6 +93,11 @@ class Imperfections:
     def only(cls, *names: str) -> Imperfections:
         """Return those named and no other; without a name none.
 
+        Parameters
+        ----------
+        *names : str
+            Of :data:`SWITCHES`.
+
         Raises
         ------
         InputError
@@ -102,7 +107,13 @@ class Imperfections:
         return cls(**{name: name in names for name in SWITCHES})
 
     def without(self, *names: str) -> Imperfections:
-        """Return the same without those named; errors as for :meth:`only`."""
+        """Return the same without those named; errors as for :meth:`only`.
+
+        Parameters
+        ----------
+        *names : str
+            Of :data:`SWITCHES`.
+        """
         _check(names)
         return Imperfections.only(*(name for name in self.names if name not in names))
 

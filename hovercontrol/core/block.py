@@ -28,6 +28,7 @@ from hovercontrol.errors import InputError, did_you_mean
 if TYPE_CHECKING:
     import control
 
+    from hovercontrol.core.friction import Friction
     from hovercontrol.core.functions import NumpyFunctions
     from hovercontrol.simulation.runner import BlockRunner
     from hovercontrol.targets.compiled import CompiledBlock
@@ -162,6 +163,11 @@ class Block:
             What it has not.
         hybrid : bool, optional
             Whether a hybrid Block has it.
+
+        Raises
+        ------
+        InputError
+            If the Block is sampled, or hybrid where that does not go.
         """
         if self.period:
             raise InputError(
@@ -191,6 +197,11 @@ class Block:
         ----------
         face : str
             What needs each input at the instant at which it acts.
+
+        Raises
+        ------
+        InputError
+            If an input acts late.
         """
         for name in self.delays:
             raise InputError(
@@ -218,7 +229,7 @@ class Block:
         return every[name]
 
     def parameter_key(self, name: str) -> str:
-        """Return the key of a parameter in ``params``, unique among Blocks: ``plant.yaw_coulomb``."""
+        """Return the key in ``params`` of the parameter `name`, unique among Blocks: ``plant.thrust``."""
         return name if "." in name else f"{self.name}.{name}"
 
     @cached_property
@@ -292,7 +303,7 @@ class Block:
 
     @checked
     def parameter(self, name: str) -> Signal:
-        """Return a parameter by its key (``plant.yaw_coulomb``) or, where that is unique, its last part.
+        """Return a parameter; `name` is its key (``plant.yaw_coulomb``) or, where unique, its last part.
 
         Raises
         ------
@@ -370,7 +381,17 @@ class Block:
         return sp.ImmutableMatrix(*shape, lambda i, j: self.expand(entries.get((i, j), sp.S.Zero)))
 
     def equations(self, form: Literal["text", "latex"] = "text") -> str:
-        """Return the equations, one line each: definitions, derivatives, then computed outputs."""
+        """Return the equations, one line each: definitions, derivatives, then computed outputs.
+
+        Parameters
+        ----------
+        form : {"text", "latex"}, optional
+
+        Raises
+        ------
+        InputError
+            If the form is another.
+        """
         from hovercontrol.core.equations import latex_equations, text_equations
 
         if form not in ("text", "latex"):
@@ -392,7 +413,7 @@ class Block:
         return {f.name: getattr(self, f.name) for f in fields(self)}
 
     def swapped(self, swap: Mapping[sp.Expr, sp.Expr]) -> dict[str, Any]:
-        """Return all groups of expressions, one thing put for another, as fields of a new Block."""
+        """Return all groups of expressions as fields of a new Block, the values of `swap` for its keys."""
 
         def group(expressions: Mapping[str, sp.Expr]) -> Expressions:
             return Expressions((name, e.xreplace(swap)) for name, e in expressions.items())
@@ -404,7 +425,7 @@ class Block:
         return fields_ | {"ticks": tuple(replace(tick, updates=group(tick.updates)) for tick in self.ticks)}
 
     def unchecked(self, **changes: Any) -> Block:
-        """Return a copy with changed fields that are not checked, for code that derives Blocks."""
+        """Return a copy with `changes` of fields that are not checked, for code that derives Blocks."""
         block = object.__new__(Block)
         for f in fields(Block):
             object.__setattr__(block, f.name, changes.get(f.name, getattr(self, f.name)))
@@ -487,17 +508,27 @@ class Block:
 
         A sampled Block becomes a discrete-time system of its period, a hybrid one of `step` [s]. Inputs that
         act late are held in shift registers of `step`, or approximated by Pade's fraction of order `pade`.
+
+        Parameters
+        ----------
+        name : str, optional
+            Of the system; default the Block's.
+        step : float, optional
+            Of a hybrid Block, or of registers that hold late inputs [s].
+        pade : int, optional
+            Order of the fraction that stands for a delay.
         """
         return backend("control")(self, name, step=step, pade=pade)
 
-    def compile(self, *, friction: Literal["events", "smooth"] = "events") -> CompiledBlock:
+    def compile(self, *, friction: Friction = "smooth") -> CompiledBlock:
         """Return the Block as machine code, for fast simulation and sweeps over many runs.
 
         Parameters
         ----------
-        friction : {"events", "smooth"}, optional
-            Dry friction that sticks at exactly zero velocity, its events located; or smoothed over its width,
-            as the other faces compute it.
+        friction : {"smooth", "events"}, optional
+            Dry friction smoothed over its width, as the other backends compute it: results are those of
+            :func:`hovercontrol.simulate`. Or Coulomb's law, sticking at exactly zero velocity, its events
+            located; see :data:`hovercontrol.core.friction.Friction` for what is physical.
         """
         compiled: CompiledBlock = backend("compile")(self.in_continuous_time, friction=friction)
         return compiled
@@ -508,7 +539,7 @@ class Block:
         *,
         version: Literal[2, 3] = 3,
         platforms: str | Iterable[str] | None = None,
-        friction: Literal["events", "smooth"] = "events",
+        friction: Friction = "events",
         step: float | None = None,
         stop: float | None = None,
         rtol: float = 1e-6,
@@ -519,6 +550,13 @@ class Block:
 
         A sampled Block becomes one whose outputs hold. Arguments, result and errors are those of
         :func:`hovercontrol.fmi.exporter.export.export_fmu`.
+
+        Parameters
+        ----------
+        path : path
+            Ends in ``.fmu``.
+        version, platforms, friction, step, stop, rtol, atol, progress
+            As for :func:`hovercontrol.fmi.exporter.export.export_fmu`.
         """
         written: Path = backend("fmu")(
             self,

@@ -79,6 +79,12 @@ def prefix(block: Block, name: str) -> Block:
     This is how two craft of one kind live in one system: wire each craft with its controller, then prefix
     the whole (``prefix(interconnect([plant, controller]), "left")``). Parameter keys begin with ``name.``.
 
+    Parameters
+    ----------
+    block : Block
+    name : str
+        An identifier.
+
     Examples
     --------
     >>> v, a = Signal("v", "m/s"), Signal("a", "m/s^2")

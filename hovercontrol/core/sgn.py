@@ -34,7 +34,13 @@ class sgn(sp.Function):  # noqa: N801  (reads as in the papers)
         return True
 
     def fdiff(self, argindex: int = 1) -> Any:
-        """Return the derivative of the regularised form."""
+        """Return the derivative of the regularised form.
+
+        Parameters
+        ----------
+        argindex : int, optional
+            1, the velocity, or 2, the width.
+        """
         v, w = self.args
         slope = (1 - sgn(v, w) ** 2) / w
         return slope if argindex == 1 else -slope * v / w

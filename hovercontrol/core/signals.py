@@ -139,5 +139,11 @@ class Signal:
         return dimension(self.unit)
 
     def replace(self, **changes: Any) -> Signal:
-        """Return a copy with some fields changed."""
+        """Return a copy with some fields changed.
+
+        Parameters
+        ----------
+        **changes
+            Fields by name.
+        """
         return dataclasses.replace(self, **changes)

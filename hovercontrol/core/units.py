@@ -36,7 +36,18 @@ KNOWN_FUNCTIONS = (
 
 
 class UnitError(InputError):
-    """Two quantities of different dimension meet in one expression."""
+    """Two quantities of different dimension meet in one expression.
+
+    Examples
+    --------
+    >>> import hovercontrol as hc
+    >>> u, t = hc.Signal("u", "m/s"), hc.Signal("t1", "s")
+    >>> try:
+    ...     hc.Block("sum", [], [u, t], [hc.Signal("y")], output_expressions={"y": u.symbol + t.symbol})
+    ... except UnitError as error:
+    ...     print(error)
+    block 'sum': y: units do not fit in 't1 + u': 't1' is in s, 'u' is in m/s
+    """
 
 
 def dimension(unit: str) -> Dimension:

@@ -40,6 +40,11 @@ class Found:
     value, std : float
         Estimate and its standard error.
     unit : str
+
+    Examples
+    --------
+    >>> Found("slope", "slope_x", "u' v'", 0.2, 0.003, "m/s^2").parameter
+    'slope_x'
     """
 
     effect: str
@@ -97,6 +102,17 @@ class Diagnosis:
         Next experiment, where that would settle an ambiguous case or tell a coefficient better.
     advice : str
         That in one sentence, or why there is no such experiment; empty where none is wanted.
+
+    Examples
+    --------
+    >>> import hovercontrol as hc
+    >>> from hovercontrol.discrepancy import diagnose
+    >>> from hovercontrol.logs import read_log
+    >>> from hovercontrol.samples import sample_path
+    >>> log = read_log(sample_path()).between(0.0, 15.0)
+    >>> found = diagnose(hc.vehicle("c17_experiment"), [log], names=["slope"])
+    >>> found.verdict, found.model.name, found.rows_dropped
+    ('none', 'c17_experiment', 0)
     """
 
     verdict: Verdict
@@ -201,7 +217,13 @@ class Diagnosis:
         return diagnosis_figure(self)
 
     def save(self, folder: str | Path) -> list[Path]:
-        """Write ``result.json``, ``model.toml`` and, where there is one, ``next_experiment.csv``."""
+        """Write ``result.json``, ``model.toml`` and, where there is one, ``next_experiment.csv``.
+
+        Parameters
+        ----------
+        folder : path
+            Made if it is not there.
+        """
         from hovercontrol.models.modelfile import save_model
 
         text = json.dumps(_finite(self.result()), indent=2, allow_nan=False, default=float) + "\n"

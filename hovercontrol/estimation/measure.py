@@ -59,9 +59,9 @@ class Measured:
     name : str
         Of the log.
     time : ndarray, shape (n,)
-        Seconds on the log's clock.
+        On the log's clock [s].
     origin : float
-        Time of the log's first row; the Block's time counts from there.
+        Time of the log's first row [s]; the Block's time counts from there.
     inputs : ndarray, shape (n_inputs, n)
         In the order of the Block.
     channels : tuple of str
@@ -78,6 +78,16 @@ class Measured:
         Samples that the smoother left out: when, how many and why.
     rows_total : int
         Rows of the log, of which a very long one keeps only some stretches.
+
+    Examples
+    --------
+    >>> import hovercontrol as hc
+    >>> t = 0.02 * np.arange(200)
+    >>> one, none = np.ones(200), np.zeros(200)
+    >>> log = Log("turn", t, {"u": one, "v": none, "r": one, "thrust": one, "rudder": none})
+    >>> seen = measure(hc.vehicle("c17_simulation").plant(), log)
+    >>> seen.channels, seen.values.shape, seen.segments
+    (('u', 'v', 'r'), (3, 200), ((0, 200),))
     """
 
     name: str

@@ -35,6 +35,13 @@ class Regression:
         Length n.
     G : sympy.ImmutableMatrix
         Shape (n, m).
+
+    Examples
+    --------
+    >>> import hovercontrol as hc
+    >>> found = regression(hc.vehicle("c17_simulation").plant(), ["surge_linear_drag"])
+    >>> found.names, found.G
+    (('surge_linear_drag',), Matrix([[-u]]))
     """
 
     block: Block

@@ -63,6 +63,12 @@ class Fitted:
         error is then that without the bound: how far inside the truth may well lie.
     reason : str
         Why the log does not excite it; empty if it does.
+
+    Examples
+    --------
+    >>> drag = Fitted("surge_linear_drag", value=0.41, std=0.02, unit="1/s", start=0.3)
+    >>> drag.excited
+    True
     """
 
     name: str
@@ -94,6 +100,11 @@ class Remaining:
         [s]
     unit : str
         Of both.
+
+    Examples
+    --------
+    >>> Remaining("u'", rms=0.02, seen=0.5, over=0.5, unit="m/s^2").share
+    0.04
     """
 
     equation: str
@@ -151,6 +162,19 @@ class Identified:
     converged : bool
     fit : Fit
         Path, levels of noise and information behind the coefficients.
+
+    Examples
+    --------
+    >>> import hovercontrol as hc
+    >>> import numpy as np
+    >>> from hovercontrol.identify import identify
+    >>> from hovercontrol.logs import Log
+    >>> v, k = hc.Signal("v", "m/s"), hc.Signal("k", "1/s", start=1.0)
+    >>> decay = Block("decay", [v], [], [v], [k], {"v": -k.symbol * v.symbol})
+    >>> t = np.linspace(0, 2, 101)
+    >>> found = identify(decay, [Log("demo", t, {"v": np.exp(-0.7 * t)})])
+    >>> found.converged, found.rows, found.covariance.shape
+    (True, 101, (1, 1))
     """
 
     model: Model | None
@@ -246,7 +270,13 @@ class Identified:
         return identified_figure(self)
 
     def save_csv(self, path: str | Path) -> Path:
-        """Write the coefficients, one row each, all numbers in full."""
+        """Write the coefficients, one row each, all numbers in full.
+
+        Parameters
+        ----------
+        path : path
+            Of the CSV file.
+        """
 
         def write(temporary: Path) -> None:
             with temporary.open("w", newline="", encoding="utf-8") as stream:

@@ -49,6 +49,14 @@ class Checked:
         Name of the model; empty without one.
     coefficients : tuple of Fitted
         What a trial fit says of each; empty without a model, or where an error forbids one.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> t = 0.02 * np.arange(200)
+    >>> found = check([Log("a.csv", t, {"x": np.sin(t), "y": 0.3 * t, "psi": 0 * t})])
+    >>> found.errors, len(found.logs)
+    ((), 1)
     """
 
     logs: tuple[LogFacts, ...]
@@ -121,7 +129,13 @@ class Checked:
         return checked_html(self)
 
     def save(self, folder: str | Path) -> list[Path]:
-        """Write check.txt, check.json and, of logs that can be read, check.png and check.svg."""
+        """Write check.txt, check.json and, of logs that can be read, check.png and check.svg.
+
+        Parameters
+        ----------
+        folder : path
+            Made if it is not there.
+        """
 
         def write(temporary: Path) -> None:
             (temporary / "check.txt").write_text(self.text() + "\n", encoding="utf-8")
@@ -149,7 +163,7 @@ def check(
     logs : sequence of Log
     model : Model or BlockModel, optional
         Of the craft; without one only what the logs say of themselves is checked.
-    files : sequence of mapping of str to ndarray, optional
+    files : sequence of mapping of str to ndarray, shape (n,), optional
         For each log the stamps [s] of the files it was joined from, by their names.
     unread : sequence of str, optional
         Why further logs could not be read, one line each; they count among the errors.

@@ -84,6 +84,12 @@ class Clock:
         Frames that never arrived.
     worst_delay : float
         Longest time from sampling to stamp [s], beyond the constant part.
+
+    Examples
+    --------
+    >>> clock = fit_clock(0.02 * np.arange(100))
+    >>> clock.steady, round(clock.period, 4)
+    (True, 0.02)
     """
 
     time: Floats
@@ -110,6 +116,10 @@ def fit_clock(arrival: Floats, samples: Floats | None = None) -> Clock:
         Time stamps [s], strictly increasing.
     samples : ndarray (n, k), optional
         What was sampled; NaN where nothing was.
+
+    Returns
+    -------
+    Clock
 
     Examples
     --------

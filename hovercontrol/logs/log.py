@@ -104,7 +104,12 @@ class Log:
 
     @checked
     def has(self, *names: str) -> bool:
-        """Return whether every one of these columns is there."""
+        """Return whether every one of these columns is there.
+
+        Parameters
+        ----------
+        *names : str
+        """
         return all(name in self.columns for name in names)
 
     @checked
@@ -127,6 +132,15 @@ class Log:
     @checked
     def select(self, rows: Mask | NDArray[np.intp] | slice) -> Log:
         """Return the log of some rows (a mask, indices or a slice).
+
+        Parameters
+        ----------
+        rows : ndarray of bool, shape (n,), ndarray of int, or slice
+
+        Raises
+        ------
+        InputError
+            If there are no such rows.
 
         Examples
         --------
@@ -186,6 +200,11 @@ class Log:
     @checked
     def save(self, path: str | Path) -> None:
         """Write CSV, or Parquet where the suffix says so; the file is written atomically.
+
+        Parameters
+        ----------
+        path : path
+            Ends in ``.parquet`` for Parquet; else CSV.
 
         Raises
         ------

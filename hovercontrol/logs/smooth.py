@@ -70,6 +70,11 @@ class Span:
         How many.
     reason : str
         "heading flip", "heading jump", "position jump" or "outlier".
+
+    Examples
+    --------
+    >>> Span(1.0, 1.04, 3, "heading flip").rows
+    3
     """
 
     start: float
@@ -103,6 +108,13 @@ class Smoothed:
         Process noise of x, y [m^2/s^5] and psi [rad^2/s^5].
     clock : Clock
         What was found about the time stamps.
+
+    Examples
+    --------
+    >>> t = 0.02 * np.arange(200)
+    >>> found = smooth_pose(Log("turn", t, {"x": np.sin(t), "y": 1 - np.cos(t), "psi": t}))
+    >>> found.velocity.shape, bool(found.accepted.all())
+    ((200, 3), True)
     """
 
     log: Log

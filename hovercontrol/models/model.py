@@ -166,6 +166,11 @@ class Model:
     def with_coefficients(self, values: Mapping[str, float]) -> Model:
         """Return the model with other numbers, by parameter name (``yaw_coulomb``, ``yaw_coulomb_width``).
 
+        Parameters
+        ----------
+        values : mapping of str to float
+            In the units of the coefficients.
+
         Raises
         ------
         InputError
@@ -212,7 +217,13 @@ class Model:
         return max((float(np.abs(a).max(initial=0.0)) for a in acting), default=0.0)
 
     def parameters(self, owner: str = "plant") -> tuple[Signal, ...]:
-        """Return the numbers of all effects, and what places and drives fans, as parameters of a Block."""
+        """Return the numbers of all effects, and what places and drives fans, as parameters of a Block.
+
+        Parameters
+        ----------
+        owner : str, optional
+            Name of the Block.
+        """
         effects = tuple(s for e in self.effects for s in e.signals(owner, self.units_seen_by(type(e))))
         fans = tuple(p for f in self.fans for p in f.parameters(owner))
         turned = any(e.name == "fan_misalignment" for e in self.effects)
@@ -237,6 +248,11 @@ class Model:
             Name of the Block whose parameters the numbers are.
         motion : namespace
             As :func:`motion_symbols` gives it, or with other expressions in its place.
+
+        Raises
+        ------
+        InputError
+            If an effect's terms are no dict of these equations.
         """
         total = dict.fromkeys(("u", "v", "r"), sp.S.Zero)
         seen = self._motion_seen(owner, motion)
@@ -298,6 +314,11 @@ class Model:
         """Return what sensors see of the motion where it is not the motion itself, by ``u, v, r``...
 
         Expressions in the plant's states and parameters; empty if the model has no measurement effect.
+
+        Parameters
+        ----------
+        owner : str, optional
+            Name of the Block.
         """
         seen = self._seen(owner)
         every = {s.name: getattr(seen, s.name) for s in MOTION}
@@ -308,6 +329,11 @@ class Model:
 
         No equation of the plant holds them: its inputs act late (:attr:`Block.delays`), and those who read
         logs shift them.
+
+        Parameters
+        ----------
+        owner : str, optional
+            Name of the Block.
         """
         s = motion_symbols(self.fans, owner)
         delay = self._command_way(owner, s)[1].delay

@@ -139,6 +139,32 @@ class Scenario:
     controller follows ``reference``; one of K06's laws gets set points from the phases, or by ``guidance``,
     and knows ``body``. With ``autopilot`` that law runs in the real loop, beside the ideal one. ``file`` is
     the path it was loaded from, if it is not one of the package's; errors name it.
+
+    Parameters
+    ----------
+    name, title, source : str
+        What it is called, what it shows, and where it comes from.
+    step : float
+        Between rows of the log [s].
+    plant, belief : Model
+    start : mapping of str to float
+        Initial states, over zero.
+    phases : tuple of Phase
+    reference, guidance, controller, estimator : mapping, optional
+        As in the file: a ``kind`` and its numbers.
+    actuation : mapping, optional
+    body : Body, optional
+    commands : mapping of str to tuple of float, optional
+    sampling : Sampling, optional
+    autopilot : Autopilot, optional
+    metrics : tuple of Metric, optional
+    file : str, optional
+
+    Examples
+    --------
+    >>> from hovercontrol.scenarios import load_scenario
+    >>> load_scenario("table1").title
+    'C17 Table I: simulated loop with estimator'
     """
 
     name: str

@@ -51,6 +51,21 @@ def loop_parts(scenario: Scenario) -> dict[str, Block]:
 
     Roles are plant; for the tracking controller reference, controller, estimator; for one of K06's laws
     reference (its set points), guidance, controller, actuation.
+
+    Parameters
+    ----------
+    scenario : Scenario
+
+    Raises
+    ------
+    InputError
+        If parts do not fit together.
+
+    Examples
+    --------
+    >>> from hovercontrol.scenarios import load_scenario
+    >>> list(loop_parts(load_scenario("table1")))
+    ['plant', 'reference', 'controller', 'estimator']
     """
     parts = {"plant": scenario.plant.plant().with_values(scenario.start)}
     if scenario.controller is None:
@@ -102,7 +117,21 @@ def _tracking_parts(scenario: Scenario) -> dict[str, Block]:
 
 
 def phase_parameters(scenario: Scenario, phase: Phase) -> dict[str, float]:
-    """Return the parameters that hold in a phase, by key."""
+    """Return the parameters that hold in a phase, by key.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    phase : Phase
+        One of its phases.
+
+    Examples
+    --------
+    >>> from hovercontrol.scenarios import load_scenario
+    >>> scenario = load_scenario("table1")
+    >>> len(phase_parameters(scenario, scenario.phases[1]))
+    7
+    """
     own = scenario.plant.coefficients()
     params = {f"plant.{name}": factor * own[name] for name, factor in phase.scale.items()}
     if scenario.controller is not None and scenario.controller.get("adapt"):

@@ -47,6 +47,13 @@ class Run:
         [s]
     columns : mapping of str to ndarray (n,)
         Every signal by name.
+
+    Examples
+    --------
+    >>> from hovercontrol.scenarios import load_scenario, run_scenario
+    >>> run = run_scenario(load_scenario("k06-stop"))
+    >>> run.time.shape, sorted(run.columns)[:3]
+    ((1501,), ['force_x', 'force_y', 'psi'])
     """
 
     scenario: Scenario
@@ -110,6 +117,11 @@ class Run:
 
     def plot(self, name: str = "") -> Figure:
         """Return one of the run's pictures; the tracking error, or else the path, where none is named.
+
+        Parameters
+        ----------
+        name : str
+            Of one of the run's figures.
 
         Raises
         ------

@@ -1,6 +1,6 @@
 """A Block compiled to machine code: fast simulation, and sweeps over thousands of runs on all cores.
 
-The generated C (:mod:`.c`) and the runtime in ``hovercontrol/fmu`` become a shared library
+The generated C (:mod:`.c`) and the runtime in ``fmu/`` become a shared library
 (:mod:`.library`). Without a C compiler the same calls run on NumPy, slowly, with smoothed friction.
 """
 
@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 from hovercontrol.core.block import Block, Rows
 from hovercontrol.core.boundary import checked, fits
 from hovercontrol.core.delays import arrivals, arrivals_of_runs, undelayed
+from hovercontrol.core.friction import Friction
 from hovercontrol.core.functions import call_scalar, numpy_functions
 from hovercontrol.errors import InputError, did_you_mean, shown
 from hovercontrol.simulation.python_runner import start_block
@@ -62,19 +63,19 @@ from hovercontrol.targets.sweep import (
 if TYPE_CHECKING:
     import control
 
-Friction = Literal["events", "smooth"]
 Method = Literal["dormand-prince", "rk4"]
 Results = tuple[Array, Array, NDArray[np.intc]]
 
 
-def compile_block(block: Block, *, friction: Friction = "events") -> CompiledBlock:
+def compile_block(block: Block, *, friction: Friction = "smooth") -> CompiledBlock:
     """Return a Block compiled to machine code; ``block.compile()`` does the same.
 
     Parameters
     ----------
     block : Block
-    friction : {"events", "smooth"}, optional
-        Dry friction that sticks at exactly zero velocity, or smoothed over its width as in NumPy.
+    friction : {"smooth", "events"}, optional
+        Dry friction smoothed over its width, as in every backend, or Coulomb's law, which sticks at exactly
+        zero velocity; see :data:`hovercontrol.core.friction.Friction`.
 
     Raises
     ------
@@ -104,7 +105,7 @@ class CompiledBlock:
     friction : {"events", "smooth"}
     """
 
-    def __init__(self, block: Block, friction: Friction = "events") -> None:
+    def __init__(self, block: Block, friction: Friction = "smooth") -> None:
         if friction not in ("events", "smooth"):
             raise InputError(f"friction must be 'events' or 'smooth', found {friction!r}")
         self.block, self.friction = block, friction

@@ -41,6 +41,11 @@ class Axis:
         Increasing.
     label : str, optional
         What pictures call it; default the name.
+
+    Examples
+    --------
+    >>> Axis("k1", "1/s^2", np.linspace(1.0, 3.0, 3)).values.tolist()
+    [1.0, 2.0, 3.0]
     """
 
     name: str

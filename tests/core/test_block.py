@@ -299,6 +299,7 @@ print(interconnect([*parts, e]).equations("latex"))
 """
 
 
+@pytest.mark.slow
 def test_content_hash_and_equations_are_the_same_in_every_process():
     outputs = {
         subprocess.run(

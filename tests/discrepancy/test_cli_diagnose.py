@@ -98,6 +98,7 @@ def ends(found, tmp_path, monkeypatch, capsys):
     return code, capsys.readouterr().out.splitlines()
 
 
+@pytest.mark.slow("effect")
 @pytest.mark.parametrize(
     ("kind", "status", "first"),
     [

@@ -50,6 +50,7 @@ def test_an_ambiguous_answer_comes_with_a_proposal(unclear, tmp_path):
         assert rows[name].min() >= measured.min() - 1e-6 and rows[name].max() <= measured.max() + 1e-6
 
 
+@pytest.mark.slow("rival")
 @pytest.mark.parametrize("truth", ["named", "rival"])
 def test_the_added_log_settles_it(unclear, truth):
     case, found = unclear

@@ -115,6 +115,7 @@ def test_drift_is_estimated_beside_the_motion():
         assert left < 0.5 * wrong
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["rudder_offset", "reverse_thrust_loss", "surge_quadratic_drag"])
 def test_effects_are_named_in_spite_of_drift(name):
     model, logs, holdout = case_of(6, [name])

@@ -48,6 +48,7 @@ def test_nothing_is_named_where_nothing_is_missing():
     assert found.final is found.base and found.candidates == 4
 
 
+@pytest.mark.slow
 def test_two_effects_are_named_one_after_the_other():
     found = searched(make(63, ["slope", "gyro_bias"], SHORT), ["slope", "gyro_bias", "munk_moment"])
     assert set(found.effects) == {"slope", "gyro_bias"} and len(found.steps) == 2

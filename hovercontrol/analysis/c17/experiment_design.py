@@ -29,6 +29,7 @@ from hovercontrol.analysis.common.regions import Region, mesh, positive_axis
 from hovercontrol.controllers.references import ellipse
 from hovercontrol.core.block import Block
 from hovercontrol.errors import InputError
+from hovercontrol.io.figure_style import COLOUR_MAP
 from hovercontrol.io.files import write_atomically
 from hovercontrol.io.tables import positive
 from hovercontrol.models.model import Model
@@ -62,6 +63,13 @@ class ExpectedErrors:
         Whether the actuators can give those.
     duration : float
         Of a run [s].
+
+    Examples
+    --------
+    >>> import hovercontrol as hc
+    >>> found = expected_errors({"circle": hc.circle(1.5)}, coefficients=["surge_linear_drag"])
+    >>> found.references, found.error.shape
+    (('circle',), (1, 1))
     """
 
     references: tuple[str, ...]
@@ -85,7 +93,13 @@ class ExpectedErrors:
         return pyarrow.table(columns)
 
     def save(self, path: str | Path) -> Path:
-        """Write the table as CSV; it is written atomically."""
+        """Write the table as CSV; it is written atomically.
+
+        Parameters
+        ----------
+        path : path
+            Of the CSV file.
+        """
         import pyarrow.csv
 
         return write_atomically(path, lambda file: pyarrow.csv.write_csv(self.table(), file))
@@ -94,11 +108,16 @@ class ExpectedErrors:
         """Return a figure: a heat map of references over coefficients, with its numbers.
 
         References that the actuators cannot follow have a star.
+
+        Parameters
+        ----------
+        axes : matplotlib.axes.Axes, optional
+            Where to draw; default a figure of its own.
         """
         if axes is None:
             axes = Figure(figsize=(8.0, 1.5 + 0.4 * len(self.references)), layout="constrained").subplots()
         scale = LogNorm(1e-3 * RUNS.doubt, 0.1 * RUNS.doubt, clip=True)
-        drawn = axes.imshow(self.error, cmap="Greys", norm=scale, aspect="auto")
+        drawn = axes.imshow(self.error, cmap=f"{COLOUR_MAP}_r", norm=scale, aspect="auto")
         for (row, column), value in np.ndenumerate(self.error):
             text = f"{value:.2g}" if math.isfinite(value) else "off"
             dark = math.isfinite(value) and scale(value) > 0.55
@@ -237,6 +256,12 @@ def ellipse_errors(
     ------
     InputError
         As for :func:`expected_errors`; if a range is none or the map is too large.
+
+    Examples
+    --------
+    >>> region = ellipse_errors((1.0, 2.0), (1.0, 2.0), points=2)
+    >>> list(region.maps)[:3]
+    ['within limits', 'worst', 'surge_coulomb']
     """
     positive("rate", rate)
     x, y = (

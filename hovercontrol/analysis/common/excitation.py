@@ -54,6 +54,14 @@ class FunctionSet:
         Coefficients whose function is zero all the time.
     directions : tuple of Direction
         The combinations that are zero; those of ``not_excited`` alone come first.
+
+    Examples
+    --------
+    >>> import hovercontrol as hc
+    >>> t = np.linspace(0.0, 1.0, 11)
+    >>> found = excitation(hc.vehicle("c17_simulation").plant(), t, {"u": 2.0 + 0 * t}, ["surge_coulomb"])
+    >>> found.joint.equation, found.joint.not_excited, found.joint.directions
+    ('all', (), ())
     """
 
     equation: str
@@ -88,6 +96,14 @@ class Excitation:
     joint : FunctionSet
         All equations together: no d with G d = 0.
     tolerance : float
+
+    Examples
+    --------
+    >>> import hovercontrol as hc
+    >>> t = np.linspace(0.0, 1.0, 11)
+    >>> found = excitation(hc.vehicle("c17_simulation").plant(), t, {"u": 2.0 + 0 * t}, ["surge_coulomb"])
+    >>> found.observable, [s.equation for s in found.sets]
+    (True, ['u'])
     """
 
     sets: tuple[FunctionSet, ...]

@@ -98,6 +98,14 @@ class Stabilizability:
     linearised : Linearised
     brockett : Brockett
     byrnes_isidori : ByrnesIsidori
+
+    Examples
+    --------
+    >>> import hovercontrol as hc
+    >>> from hovercontrol.controllers.k06 import force_driven
+    >>> found = stabilizability(force_driven(hc.vehicle("hoverdemon").plant()))
+    >>> found.linearised.rank, found.brockett.onto
+    (4, False)
     """
 
     block: str

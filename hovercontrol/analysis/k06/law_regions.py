@@ -176,6 +176,12 @@ def forward_region(
     ------
     InputError
         If a speed or gain is not positive, a range is none, or the map is too large.
+
+    Examples
+    --------
+    >>> region = forward_region((0.5, 1.0), (1.0, 20.0), points=2, duration=20.0)
+    >>> region.maps["theorem"].tolist()
+    [[False, False], [True, True]]
     """
     x = axis("speed", "m/s", speed, points, "wanted surge velocity u_ref")
     _refuse_sign("forward", x.values, 1)
@@ -237,6 +243,12 @@ def reverse_region(
     ------
     InputError
         If the law is asked to go forward, a gain is not positive, a range is none, or the map is too large.
+
+    Examples
+    --------
+    >>> region = reverse_region((-1.0, -0.5), (0.1, 2.0), points=2, duration=20.0)
+    >>> region.maps["theorem"].tolist()
+    [[False, False], [True, True]]
     """
     x = axis("speed", "m/s", speed, points, "wanted surge velocity u_ref")
     _refuse_sign("reverse", x.values, -1)

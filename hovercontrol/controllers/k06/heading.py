@@ -119,6 +119,11 @@ def proportional_heading(
     ------
     InputError
         If a number is not positive, or the margin not more than 1.
+
+    Examples
+    --------
+    >>> [s.name for s in proportional_heading(k=0.5).outputs]
+    ['yaw_rate_ref', 'heading_mode', 'heading_error']
     """
     gain = Signal("k", "1/s", "yaw rate per heading error", start=positive("guidance: k", k))
     if not 1 < margin < math.inf:

@@ -82,6 +82,12 @@ def forward(*, k1: float, k2: float, body: Body = HOVERDEMON_BODY, name: str = "
     ------
     InputError
         If a gain is not positive.
+
+    Examples
+    --------
+    >>> print(forward(k1=1.0, k2=20.0).equations())
+    force_x = -k1*(-surge_ref + u)
+    force_y = -k2*(-arm*r + v)
     """
     gains = _gains(body, k1=k1, k2=k2)
     return _law(name, (SURGE_REF.replace(lower=0.0),), gains, *_force(gains, SURGE_REF.symbol))
@@ -108,6 +114,12 @@ def forward_alternate(*, k1: float, body: Body = HOVERDEMON_BODY, name: str = "c
     ------
     InputError
         If the gain is not positive.
+
+    Examples
+    --------
+    >>> print(forward_alternate(k1=1.0).equations())
+    force_x = -k1*(-surge_ref + u)
+    force_y = -mass*surge_ref*(-arm*r + v)/(2*arm)
     """
     K1, d = _gains(body, k1=k1)
     mass = Signal("mass", "kg", "mass of the craft", start=body.mass, lower=0.0)
@@ -143,6 +155,12 @@ def reverse(
     ------
     InputError
         If a gain is not positive.
+
+    Examples
+    --------
+    >>> print(reverse(k1=1.5, k2=1.0, alpha=0.8).equations())
+    force_x = -k1*(-surge_ref + u)
+    force_y = k2*(alpha*arm*r + v)
     """
     K1, K2, d = gains = _gains(body, k1=k1, k2=k2)
     positive("controller: alpha", alpha)
@@ -175,6 +193,12 @@ def turn(*, k1: float, k2: float, body: Body = HOVERDEMON_BODY, name: str = "con
     ------
     InputError
         If a gain is not positive.
+
+    Examples
+    --------
+    >>> print(turn(k1=0.5, k2=3.5).equations())
+    force_x = -k1*u
+    force_y = -k2*(-arm*(r - yaw_rate_ref) + v)
     """
     gains = _gains(body, k1=k1, k2=k2)
     return _law(name, (YAW_RATE_REF,), gains, *_force(gains, yaw_rate_ref=YAW_RATE_REF.symbol))
@@ -203,6 +227,12 @@ def drive(*, k1: float, k2: float, body: Body = HOVERDEMON_BODY, name: str = "co
     ------
     InputError
         If a gain is not positive.
+
+    Examples
+    --------
+    >>> print(drive(k1=1.0, k2=2.0).equations())
+    force_x = -k1*(-surge_ref + u)
+    force_y = -k2*(-arm*(r - yaw_rate_ref) + v)
     """
     gains = _gains(body, k1=k1, k2=k2)
     ahead = SURGE_REF.replace(lower=0.0)

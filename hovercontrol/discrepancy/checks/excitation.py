@@ -68,6 +68,16 @@ def check_fitted(base: Fit) -> list[str]:
     ------
     InputError
         If no coefficient can be known, or a command is in other units or of the other sign.
+
+    Examples
+    --------
+    >>> import hovercontrol as hc
+    >>> from hovercontrol.identify import identify
+    >>> from hovercontrol.logs import read_log
+    >>> from hovercontrol.samples import sample_path
+    >>> found = identify(hc.vehicle("c17_experiment"), [read_log(sample_path())])
+    >>> check_fitted(found.fit)
+    []
     """
     data = base.problem.data
     refuse_gains(base)

@@ -39,6 +39,19 @@ def write_report(diagnosis: Diagnosis, path: str | Path, *, command: str = "") -
     -------
     Path
         Of the page, which is written atomically.
+
+    Examples
+    --------
+    >>> import hovercontrol as hc
+    >>> from hovercontrol.discrepancy import diagnose
+    >>> from hovercontrol.logs import read_log
+    >>> from hovercontrol.samples import sample_path
+    >>> log = read_log(sample_path()).between(0.0, 15.0)
+    >>> found = diagnose(hc.vehicle("c17_experiment"), [log], names=["slope"])
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write_report(found, Path(folder) / 'report.html').name
+    'report.html'
     """
     with threadpool_limits(1, "blas"):  # as in diagnose
         m = collect(diagnosis, command)

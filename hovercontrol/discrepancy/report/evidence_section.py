@@ -8,7 +8,7 @@ from hovercontrol.discrepancy.evidence.of_effects import Evidence
 from hovercontrol.discrepancy.report import pictures
 from hovercontrol.discrepancy.report.context import Context, numbers_by_effect
 from hovercontrol.discrepancy.report.formatting import effect_words, percent, rounded, unit
-from hovercontrol.discrepancy.report.html import folded, grid, legend, paragraph, table
+from hovercontrol.discrepancy.report.templates import legend, render, table
 from hovercontrol.discrepancy.report.verdict import SIGNIFICANCE, key_of, most_fallen
 
 #: Rows of the evidence table.
@@ -23,15 +23,7 @@ def evidence(m: Context) -> str:
     columns = [_column(d.evidence[name]) for name in numbers_by_effect(d)]
     rows = list(zip(MEASURES, *columns, strict=True))
     head = ("", *(effect_words(name) for name in numbers_by_effect(d)))
-    text = (
-        "Three independent kinds of evidence support a name. Likelihood gained: decrease of twice the "
-        "negative log likelihood, with process noise in the model. Blocks: the logs are cut into disjoint "
-        "blocks, each with its own estimate of the size; t is the size over its standard error from the "
-        "scatter between blocks, spread the standard deviation between blocks beyond noise. Held-out log: "
-        "the number of channels and horizons in which the error falls or rises significantly, and the "
-        "largest fall."
-    )
-    return f"<h2>Evidence</h2>{paragraph(text)}{table(head, rows)}{_blocks(m)}"
+    return render("evidence.html", measures=table(head, rows), **_blocks(m))
 
 
 def _column(e: Evidence) -> tuple[str, ...]:
@@ -55,8 +47,8 @@ def _held(e: Evidence) -> str:
     return f"{falls} of {len(far)} fall, {rises} rise{most}"
 
 
-def _blocks(m: Context) -> str:
-    """Return each effect's size block by block."""
+def _blocks(m: Context) -> dict[str, object]:
+    """Return each effect's size block by block, the colours of the logs, and whether one has no size."""
     d = m.diagnosis
     problem = d.selection.final.problem
     shown, logs = [], set[int]()
@@ -78,14 +70,8 @@ def _blocks(m: Context) -> str:
         shown.append(pictures.blocks_of(title, blocks, scale))
         logs |= set(blocks.log[pictures.telling(blocks)].tolist())
     named = {f"log{k % pictures.COLOURS}": problem.logs[k].name for k in sorted(logs)}
-    text = (
-        "The size estimated from each block, all other coefficients as estimated from all logs, with its "
-        "standard error. The line is the size from all logs. Blocks without information are left out. A "
-        "real cause has the same size in all blocks."
-    )
-    if any(np.isnan(d.evidence[name].blocks.std).all() for name in d.evidence):
-        text += " Where no parameter scales an effect, its gain in likelihood over the mean is shown."
-    return f"<h3>Block by block</h3>{paragraph(text)}{legend(**named, whole='on all')}{grid(shown)}"
+    without_size = any(np.isnan(d.evidence[name].blocks.std).all() for name in d.evidence)
+    return {"blocks": shown, "logs": legend(**named, whole="on all"), "without_size": without_size}
 
 
 def _key(effect: str, parameter: str) -> str:
@@ -97,25 +83,18 @@ def holdout(m: Context) -> str:
     """Return the section with errors over the prediction horizon, in units."""
     if not m.ahead:
         return ""
+    rows = []
+    for a in sorted(m.ahead, key=lambda a: [b.channel for b in m.ahead].index(a.channel)):
+        figures = (f"{a.before:.3g} {unit(a.unit)}", f"{a.after:.3g} {unit(a.unit)}")
+        fall = percent(1.0 - a.after / a.before).replace("-", "−") if a.before > 0 else "–"
+        sure = f"{a.t:.1f}".replace("-", "−") if np.isfinite(a.t) else "–"
+        rows.append((a.channel, f"{a.horizon:.2g} s", *figures, fall, sure))
+    head = ("channel", "ahead", "given", "amended", "less by", "t")
     kinds = ("before", "after") if m.changed else ("before",)
-    text = (
-        f"Root mean square error on the {m.shown_on} over the prediction horizon. Each prediction starts on "
-        f"the smoothed path and uses only the commands. No coefficient was fitted to a held-out log."
-    )
-    if m.changed:
-        rows = []
-        for a in m.ahead:
-            figures = (f"{a.before:.3g} {unit(a.unit)}", f"{a.after:.3g} {unit(a.unit)}")
-            fall = percent(1.0 - a.after / a.before).replace("-", "−") if a.before > 0 else "–"
-            sure = f"{a.t:.1f}".replace("-", "−") if np.isfinite(a.t) else "–"
-            rows.append((a.channel, f"{a.horizon:.2g} s", *figures, fall, sure))
-        head = ("channel", "ahead", "given", "amended", "less by", "t")
-        rows.sort(key=lambda row: [a.channel for a in m.ahead].index(row[0]))
-        numbers = folded("In numbers", table(head, rows))
-    else:
-        numbers = ""
-    return (
-        f"<h2>Predicting the {m.shown_on}</h2>{paragraph(text)}"
-        f"{legend(*kinds, whole='noise of the measurement')}"
-        f"{grid(pictures.horizons(m.ahead, m.changed, m.noise))}{numbers}"
+    return render(
+        "holdout.html",
+        shown_on=m.shown_on,
+        kinds=legend(*kinds, whole="noise of the measurement"),
+        horizons=pictures.horizons(m.ahead, m.changed, m.noise),
+        errors=table(head, rows) if m.changed else None,
     )

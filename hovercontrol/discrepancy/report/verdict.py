@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from html import escape
 from typing import TYPE_CHECKING
 
 from hovercontrol.discrepancy.evidence.holdout import Ahead, ahead
@@ -22,7 +21,7 @@ from hovercontrol.discrepancy.report.formatting import (
     times,
     unit,
 )
-from hovercontrol.discrepancy.report.html import legend, paragraph
+from hovercontrol.discrepancy.report.templates import legend, render
 from hovercontrol.effects import Effect
 
 if TYPE_CHECKING:
@@ -61,7 +60,23 @@ SIGNIFICANCE = Significance()
 
 
 def headline(d: Diagnosis) -> str:
-    """Return what is missing as one plain sentence."""
+    """Return what is missing as one plain sentence.
+
+    Parameters
+    ----------
+    d : Diagnosis
+
+    Examples
+    --------
+    >>> import hovercontrol as hc
+    >>> from hovercontrol.discrepancy import diagnose
+    >>> from hovercontrol.logs import read_log
+    >>> from hovercontrol.samples import sample_path
+    >>> log = read_log(sample_path()).between(0.0, 15.0)
+    >>> found = diagnose(hc.vehicle("c17_experiment"), [log], names=["slope"])
+    >>> headline(found)
+    'Missing: nothing beyond noise.'
+    """
     if d.effects:
         said = [_named(d, name, numbers) for name, numbers in numbers_by_effect(d).items()]
         return f"Missing: {'; '.join(said)}."
@@ -95,7 +110,23 @@ def key_of(number: Found) -> str:
 
 
 def gap_sentence(d: Diagnosis) -> str:
-    """Return which part of the held-out error the named effects explain, or how large that error is."""
+    """Return which part of the held-out error the named effects explain, or how large that error is.
+
+    Parameters
+    ----------
+    d : Diagnosis
+
+    Examples
+    --------
+    >>> import hovercontrol as hc
+    >>> from hovercontrol.discrepancy import diagnose
+    >>> from hovercontrol.logs import read_log
+    >>> from hovercontrol.samples import sample_path
+    >>> log = read_log(sample_path()).between(0.0, 15.0)
+    >>> found = diagnose(hc.vehicle("c17_experiment"), [log], names=["slope"])
+    >>> gap_sentence(found).partition(";")[0]
+    'No log was held out'
+    """
     held = d.held_before is not None
     if not d.effects:
         return _error_of_noise(d)
@@ -130,7 +161,23 @@ def _error_of_noise(d: Diagnosis) -> str:
 
 
 def remainder_sentence(d: Diagnosis) -> str:
-    """Return what remains, how much of it in which equation, and where."""
+    """Return what remains, how much of it in which equation, and where.
+
+    Parameters
+    ----------
+    d : Diagnosis
+
+    Examples
+    --------
+    >>> import hovercontrol as hc
+    >>> from hovercontrol.discrepancy import diagnose
+    >>> from hovercontrol.logs import read_log
+    >>> from hovercontrol.samples import sample_path
+    >>> log = read_log(sample_path()).between(0.0, 15.0)
+    >>> found = diagnose(hc.vehicle("c17_experiment"), [log], names=["slope"])
+    >>> remainder_sentence(found)
+    'What remains: nothing beyond noise.'
+    """
     left = [r for r in d.remainders if r.there]
     if not left:
         return "What remains: nothing beyond noise."
@@ -151,14 +198,17 @@ def verdict(m: Context) -> str:
             "With its coefficients fitted again, the model explains these logs down to the noise of their "
             "measurements. An effect that these logs do not excite would not be seen."
         )
-    title = escape(headline(d)).replace(" ± ", "\u00a0±\u00a0")
-    note = paragraph("± is one standard error.", "small") if d.effects else ""
-    words = (
-        f"{paragraph(f'Verdict: {d.verdict} – {MEANS[d.verdict]}', 'kicker')}<h1>{title}</h1>"
-        f"{paragraph(gap_sentence(d), 'lead')}{paragraph(remainder_sentence(d), 'lead')}{note}"
-        f"{''.join(map(paragraph, said))}"
+    return render(
+        "verdict.html",
+        verdict=d.verdict,
+        meaning=MEANS[d.verdict],
+        headline=headline(d),
+        gap=gap_sentence(d),
+        remainder=remainder_sentence(d),
+        named=bool(d.effects),
+        explained=said,
+        **_bars(m),
     )
-    return f'<div class="top"><div>{words}</div><div>{_bars(m)}</div></div>'
 
 
 def _explained(e: Effect) -> str:
@@ -167,17 +217,14 @@ def _explained(e: Effect) -> str:
     return text if text.startswith(f"{name}:") else f"{name}: {text}"
 
 
-def _bars(m: Context) -> str:
-    """Return bars of each channel's error some time ahead."""
+def _bars(m: Context) -> dict[str, object]:
+    """Return bars of each channel's error some time ahead, with their title and legend."""
+    kinds = legend("before", "after") if m.changed else legend("before")
     if not m.ahead:
-        return ""
+        return {"bars": "", "bars_title": "", "kinds": kinds}
     best = most_fallen(m.ahead) if m.changed else None
     horizon = best.horizon if best else min((a.horizon for a in m.ahead), key=lambda h: abs(h - 1.0))
-    shown = [a for a in m.ahead if a.horizon == horizon]
-    note = "Root mean square error of predictions from rows of the smoothed path by the commands alone."
-    kinds = ("before", "after") if m.changed else ("before",)
+    bars = pictures.error_bars([a for a in m.ahead if a.horizon == horizon], m.changed, m.noise)
     alone = "" if m.changed else ", in multiples of the noise"
-    return (
-        f"<h2>Error {horizon:.2g} s ahead on the {m.shown_on}{alone}</h2>"
-        f"{pictures.error_bars(shown, m.changed, m.noise)}{legend(*kinds)}{paragraph(note, 'small')}"
-    )
+    title = f"Error {horizon:.2g} s ahead on the {m.shown_on}{alone}"
+    return {"bars": bars, "bars_title": title, "kinds": kinds}

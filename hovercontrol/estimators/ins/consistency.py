@@ -37,6 +37,13 @@ class Consistency:
         Sum over a run of ``innovation^2 / variance``, divided by how many there were; empty if none given.
     nis_band : ndarray, shape (2, runs)
         Of each.
+
+    Examples
+    --------
+    >>> rng = np.random.default_rng(1)
+    >>> found = consistency(rng.normal(size=(1, 50, 40)), np.ones((1, 1, 50, 40)))
+    >>> found.nees.shape, found.level
+    ((50, 40), 0.95)
     """
 
     level: float

@@ -94,6 +94,11 @@ class SensorErrors:
     ------
     InputError
         If one is negative, or zero where a filter needs it positive.
+
+    Examples
+    --------
+    >>> SensorErrors(fix=0.05).fix
+    0.05
     """
 
     gyro_noise: float = math.radians(0.5)

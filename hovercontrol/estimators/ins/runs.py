@@ -11,21 +11,22 @@ from hovercontrol.core.block import Block
 from hovercontrol.core.expressions import Expressions
 from hovercontrol.core.functions import FunctionPair, numpy_functions
 from hovercontrol.errors import InputError, did_you_mean
+from hovercontrol.estimators.ins.particles import ParticleFilter
 
 
 def simulate_runs(
-    block: Block,
+    block: Block | ParticleFilter,
     inputs: Mapping[str, ArrayLike],
     outputs: Sequence[str] | None = None,
     *,
     start: Mapping[str, ArrayLike] | None = None,
     params: Mapping[str, float] | None = None,
 ) -> dict[str, NDArray[np.float64]]:
-    """Run a sampled Block many times at once, each run with its own inputs.
+    """Run a sampled Block, or a particle filter, many times at once, each run with its own inputs.
 
     Parameters
     ----------
-    block : Block
+    block : Block or ParticleFilter
     inputs : mapping of str to array_like, shape (ticks,) or (ticks, runs)
         Every input of the Block.
     outputs : sequence of str, optional
@@ -33,7 +34,7 @@ def simulate_runs(
     start : mapping of str to array_like, shape () or (runs,), optional
         Of states, over their start values.
     params : mapping, optional
-        Parameter values by key.
+        Parameter values by key; a particle filter takes its own where it is made.
 
     Returns
     -------
@@ -72,12 +73,19 @@ def simulate_runs(
     given = np.moveaxis(given, 1, 0)
     known = [s.name for s in block.states]
     _check_names(block, "state", start or {}, known)
+    found = np.empty((ticks, len(wanted), count))
+    if isinstance(block, ParticleFilter):
+        if params:
+            raise InputError(f"block {block.name!r}: a particle filter's values are given where it is made")
+        particles = block.start(count, start)
+        for k in range(ticks):
+            found[k] = particles.tick(given[k], block.period, wanted)
+        return {name: found[:, j] for j, name in enumerate(wanted)}
     state = np.empty((len(known), count))
     for j, signal in enumerate(block.states):
         state[j] = (start or {}).get(signal.name, signal.start)
     values = block.parameter_values(params)
     step = one_tick(block, wanted)[1]
-    found = np.empty((ticks, len(wanted), count))
     for k in range(ticks):
         told = step(k * block.period, state, given[k], values)
         state = np.empty_like(state)  # what was told may be rows of the old one
@@ -101,7 +109,9 @@ def one_tick(block: Block, outputs: Sequence[str]) -> FunctionPair:
     )
 
 
-def _check_names(block: Block, kind: str, found: Iterable[str], known: Sequence[str]) -> None:
+def _check_names(
+    block: Block | ParticleFilter, kind: str, found: Iterable[str], known: Sequence[str]
+) -> None:
     for name in found:
         if name not in known:
             raise InputError(f"block {block.name!r}: no {kind} {name!r}{did_you_mean(name, known)}")

@@ -29,6 +29,11 @@ class Actuators:
         The servo and the speed controller; outputs ``rudder_angle``, ``fan_speed_set``.
     body : Block
         Motor and force; outputs ``thrust``, ``rudder``, which the plant takes.
+
+    Examples
+    --------
+    >>> [block.name for block in actuators().board]
+    ['rudder_servo', 'speed_controller']
     """
 
     pilot: tuple[Block, ...]

@@ -21,7 +21,13 @@ from hovercontrol.io.tables import number, positive
 
 @runtime_checkable
 class Delays(Protocol):
-    """The delays of a link; all in seconds."""
+    """The delays of a link; all in seconds.
+
+    Examples
+    --------
+    >>> isinstance(BoundedDelays(mean=0.05, sd=0.005, least=0.04, most=0.08), Delays)
+    True
+    """
 
     @property
     def mean(self) -> float:
@@ -50,6 +56,11 @@ class BoundedDelays:
     ----------
     mean, sd, least, most : float
         [s]
+
+    Attributes
+    ----------
+    shapes : tuple of float
+        a and b.
 
     Raises
     ------

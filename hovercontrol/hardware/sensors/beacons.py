@@ -80,6 +80,11 @@ def k06_beacons() -> Beacons:
     """Return four beacons on the corners of a square of 2.44 m, 2.7048 m up.
 
     The height is that of K06's table 5.2; K06 does not print where its beacons hang.
+
+    Examples
+    --------
+    >>> k06_beacons().positions[0]
+    (0.0, 0.0)
     """
     side = 2.44
     return Beacons([(0.0, 0.0), (side, 0.0), (side, side), (0.0, side)], 2.7048)

@@ -41,6 +41,11 @@ def cricket_fixes(count: int = 2, *, slot: float = SLOT, name: str = "cricket_fi
     ------
     InputError
         If the slot is not positive or there are no units.
+
+    Examples
+    --------
+    >>> [s.name for s in cricket_fixes(1).outputs]
+    ['fix_x', 'fix_y', 'fix_bias', 'fix_valid']
     """
     if not isinstance(count, int) or count < 1:
         raise InputError(f"{name}: expected at least one unit, found {count!r}")
@@ -151,6 +156,13 @@ def cricket(
     ------
     InputError
         As of the parts.
+
+    Examples
+    --------
+    >>> from hovercontrol.hardware.sensors import k06_beacons
+    >>> block = cricket(k06_beacons())
+    >>> [s.name for s in block.outputs][:4]
+    ['range_1', 'range_2', 'range_3', 'range_4']
     """
     places = unit_places(units, slots)
     ranges = cricket_ranges(

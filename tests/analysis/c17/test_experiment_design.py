@@ -40,6 +40,7 @@ def motion(reference, seconds):
     return t[on], {name.removeprefix("plant."): values[on] for name, values in signals.items()}
 
 
+@pytest.mark.slow
 def test_without_disturbances_the_covariance_is_the_inverse_of_the_gramian():
     noise = 1e-3
     found = expected_errors({"C17": c17_ellipse()}, duration=3.0, noise=noise, disturbance=0.0)
@@ -49,6 +50,7 @@ def test_without_disturbances_the_covariance_is_the_inverse_of_the_gramian():
     assert found.error[0] == pytest.approx(by_gramian, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_a_circle_shows_one_sum_of_friction_and_drag_in_each_direction(found):
     """After c + c' s is known, of two unknowns with variance 1, s^2/(1 + s^2) and 1/(1 + s^2) are left."""
     _, s = motion(ellipse(2.0, 2.0), 1.0)
@@ -58,6 +60,7 @@ def test_a_circle_shows_one_sum_of_friction_and_drag_in_each_direction(found):
         assert found.error[1, 2 * k : 2 * k + 2] == pytest.approx(left, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_on_c17s_ellipse_c3_and_c4_are_left_in_doubt_most(found):
     c17 = dict(zip(DRAG, found.error[0], strict=True))
     assert sorted(c17, key=c17.get)[-2:] == ["sway_linear_drag", "sway_coulomb"]
@@ -86,6 +89,7 @@ def test_the_estimator_of_c17_itself_finds_c3_and_c4_last():
     assert found[order[-2]] > found[order[-3]] + 1.0
 
 
+@pytest.mark.slow
 def test_more_time_and_less_noise_leave_less_doubt(found):
     short = expected_errors({"C17": c17_ellipse()}, duration=6.0)
     assert (found.error[0] < short.error[0]).all()

@@ -17,6 +17,7 @@ FOLDER = Path(__file__).parents[3] / "analyses"
 SMALL = {"k06_turn_basins": {"points": 8}, "k06_margins": {"points": 4, "instants": 4}}
 
 
+@pytest.mark.slow("k06_margins")
 @pytest.mark.parametrize("name", SMALL)
 def test_a_script_leaves_pictures_tables_and_findings(name, tmp_path):
     told = []
@@ -79,3 +80,15 @@ def test_a_variable_pitch_propeller_pushes_both_ways_alike_and_never_brakes():
     assert own.autopilot.imperfections.brake and not changed.autopilot.imperfections.brake
     with pytest.raises(InputError, match="'k06-stop' is no trial of the real loop"):
         with_variable_pitch(load_scenario("k06-stop"))
+
+
+def test_the_particle_script_sets_both_filters_side_by_side(tmp_path):
+    files = load("k06_particles").main(tmp_path, runs=2, seconds=0.5, particles=200)
+    assert {f.suffix for f in files} == {".csv", ".png", ".svg", ".txt"}
+    table = pyarrow.csv.read_csv(tmp_path / "k06_particles.csv").to_pylist()
+    assert len(table) == 8 and {row["filter"] for row in table} == {
+        "extended Kalman filter",
+        "particle filter",
+    }
+    said = (tmp_path / "k06_particles.txt").read_text()
+    assert "two beacons, start unknown: extended Kalman filter" in said and "200 particles" in said
