@@ -233,7 +233,7 @@ class Effect:
         """
         hooks = ("motion", "commands", "measured", "factors")
         if all(getattr(type(self), hook) is getattr(Effect, hook) for hook in hooks):
-            raise TypeError(f"{type(self).__name__} has no terms(): define it")
+            raise TypeError(f"{type(self).__name__} does not define terms()")
         return {}
 
     def motion(self, c: Any, s: Any) -> None:
