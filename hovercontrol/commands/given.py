@@ -44,7 +44,7 @@ Frame = Annotated[
     str,
     typer.Option(
         "--frame",
-        help="Axes of the logs: ned is converted (x, y, psi, v, r); z-up and enu need no conversion.",
+        help="Axes of the logs: ned is converted (x, y, psi, v, r); z-up or enu: no conversion, no check.",
     ),
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print only the result, as JSON, on standard output.")]
