@@ -243,7 +243,7 @@ def test_guidance_that_drives_astern_wants_a_law_that_does(tmp_path):
         .replace('"turn"', '"drive"')
         .replace("yaw_rate_ref", "goal_x_ref")
     )
-    with pytest.raises(InputError, match=r"may tell surge_ref down to -0\.4 m/s, .* both_ways takes both"):
+    with pytest.raises(InputError, match=r"may send surge_ref down to -0\.4 m/s, .* both_ways takes both"):
         load_scenario(path)
 
 
