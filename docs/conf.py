@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from pathlib import Path
 from typing import Any
 
 HERE = Path(__file__).parent
 sys.path[:0] = [str(HERE), str(HERE.parent)]
+
+os.environ["HOVERCONTROL_TUTORIALS"] = str(HERE / "tutorials")  # the cells run in folders of their own
 
 import hovercontrol  # noqa: E402
 
@@ -61,7 +64,8 @@ html_theme_options = {
 
 
 def setup(app: Any) -> None:
-    """Write reference and gallery before the sources are read."""
+    """Write reference and gallery first; ``sphinx-build -t keep`` keeps those of the last build."""
     from generate import generate
 
-    app.connect("config-inited", lambda app, config: generate(Path(app.srcdir)))
+    if not app.tags.has("keep"):
+        app.connect("config-inited", lambda app, config: generate(Path(app.srcdir)))

@@ -1,7 +1,8 @@
-"""What the site needs of Sphinx beside its extensions: formulas as MathML, shell cells shown as commands."""
+"""What the site needs of Sphinx: formulas as MathML, cells of commands shown as such, bars in docstrings."""
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 from docutils import nodes
@@ -38,8 +39,16 @@ class Commands(SphinxPostTransform):
                 node["language"] = "sh"
 
 
+def plain_bars(app: Any, what: str, name: str, thing: Any, options: Any, lines: list[str]) -> None:
+    """Let bars of a docstring be absolute values, not substitutions."""
+    for k, line in enumerate(lines):
+        parts = re.split(r"(``.*?``)", line)
+        lines[k] = "".join(p if p.startswith("``") else p.replace("|", "\\|") for p in parts)
+
+
 def setup(app: Any) -> dict[str, bool]:
-    """Tell Sphinx of both."""
+    """Tell Sphinx of all three."""
+    app.connect("autodoc-process-docstring", plain_bars)
     app.add_html_math_renderer("mathml", inline_renderers=(_inline, None), block_renderers=(_block, None))
     app.add_post_transform(Commands)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -153,10 +153,10 @@ MUTATIONS = (
         RUNTIME,
     ),
     Mutation(
-        "A tick at the start is left out.",
+        "Every other tick is left out.",
         "fmu/hc_ticks.c",
-        "ticks->due[k] = ceil(early * m->fractions / m->tick_period[k]) * m->tick_period[k];",
-        "ticks->due[k] = (floor(early * m->fractions / m->tick_period[k]) + 2) * m->tick_period[k];",
+        "ticks->due[k] += m->tick_period[k];",
+        "ticks->due[k] += 2 * m->tick_period[k];",
         RUNTIME,
     ),
     Mutation(
@@ -174,11 +174,11 @@ MUTATIONS = (
         RUNTIME,
     ),
     Mutation(
-        "A late value that arrives with another takes its place in the queue, not its value.",
+        "In an FMU a late input arrives after half of its delay.",
         "fmu/hc_delays.c",
-        "if (!last || last[0] < at) {",
-        "if (!last || last[0] <= at) {",
-        RUNTIME,
+        "!send(late, t + late->delay, u[i])",
+        "!send(late, t + 0.5 * late->delay, u[i])",
+        ("tests/fmu/test_delays.py", *RUNTIME),
     ),
 )
 

@@ -5,13 +5,19 @@ from __future__ import annotations
 import importlib
 import inspect
 import pkgutil
+import re
+import sys
 from collections import defaultdict
 from pathlib import Path
+from pprint import pformat
 from types import ModuleType
 from typing import Any
 
 import hovercontrol
-from generate.pages import first_sentence, table, toctree, write
+from generate.pages import code, first_sentence, table, toctree, write
+
+#: Values longer than these signs are not shown.
+LONGEST = 1500
 
 
 def public_modules() -> list[ModuleType]:
@@ -87,7 +93,31 @@ def _says(thing: Any) -> str:
 
 
 def _page(whole: str, thing: Any, path: Path) -> None:
-    kind = "class" if inspect.isclass(thing) else "function" if callable(thing) else "data"
+    name = whole.rpartition(".")[2]
+    if not (inspect.isclass(thing) or inspect.isfunction(thing)):
+        write(
+            path, f"# {name}", f"`{whole}`, of type `{type(thing).__name__}`.", _comment(whole), _value(thing)
+        )
+        return
+    kind = "class" if inspect.isclass(thing) else "function"
     options = [":members:", ":show-inheritance:"] if kind == "class" else []
     lines = [f".. auto{kind}:: {whole}", *(f"   {o}" for o in options)]
-    write(path, f"# {whole.rpartition('.')[2]}", "```{eval-rst}\n" + "\n".join(lines) + "\n```")
+    write(path, f"# {name}", "```{eval-rst}\n" + "\n".join(lines) + "\n```")
+
+
+def _comment(whole: str) -> str:
+    """Return the comment of a constant, which stands where it is made: in a module of the package or of one below."""
+    owner, _, name = whole.rpartition(".")
+    thing = getattr(sys.modules[owner], name)
+    for label, module in sorted(sys.modules.items()):
+        if label.startswith("hovercontrol") and vars(module).get(name) is thing:
+            text = Path(module.__file__ or "").read_text(encoding="utf-8")
+            found = re.search(rf"((?:^#: .*\n)+){name}\b", text, flags=re.MULTILINE)
+            if found:
+                return " ".join(line.removeprefix("#: ") for line in found[1].splitlines()).replace("``", "`")
+    return ""
+
+
+def _value(thing: Any) -> str:
+    text = pformat(thing, width=100, compact=True)
+    return code(text, "python") if len(text) < LONGEST and " at 0x" not in text else ""

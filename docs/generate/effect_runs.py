@@ -142,9 +142,9 @@ class Runs:
 @cache
 def every_run() -> Runs:
     """Return every effect of the catalogue in runs."""
-    craft = {kind: _craft(kind) for kind in CRAFT}
+    craft = {kind: driven(kind) for kind in CRAFT}
     with ThreadPoolExecutor(2) as pool:  # the compiler works meanwhile
-        seen = list(pool.map(lambda name: _seen(name, craft), effect_names()))
+        seen = list(pool.map(lambda name: seen_by(name, craft), effect_names()))
     return Runs(dict(zip(effect_names(), seen, strict=True)))
 
 
@@ -167,7 +167,7 @@ def run(model: Model, manoeuvre: Manoeuvre) -> dict[str, Array]:
     return found | {"turning": rate["psi"]}
 
 
-def _craft(kind: str) -> Craft:
+def driven(kind: str) -> Craft:
     """Return a craft that has driven every manoeuvre, once as it is and once for each coefficient moved."""
     name, limits = CRAFT[kind]
     model = hc.vehicle(name)
@@ -191,7 +191,8 @@ def _change(craft: Craft, model: Model) -> Array:
     return np.nan_to_num(np.concatenate(rows))
 
 
-def _seen(name: str, craft: dict[str, Craft]) -> Seen:
+def seen_by(name: str, craft: dict[str, Craft]) -> Seen:
+    """Return an effect at a size at which it shows, on the craft of its kind."""
     cls = effect_class(name)
     own = craft["fan" if cls.craft == "fan" else "rudder"]
     e = _sized(cls, own)

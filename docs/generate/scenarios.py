@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
+from importlib import resources
 from multiprocessing import get_context
 from pathlib import Path
 
 from generate.pages import code, picture, table, toctree, write
-from hovercontrol.scenarios import Scenario, load_scenario, run_scenario, scenario_names
+from hovercontrol.scenarios import load_scenario, run_scenario, scenario_names
+from hovercontrol.scenarios.figures import figures
 from hovercontrol.scenarios.result import Measured
 
 #: Which pictures a page shows, the first that a run has; the first one is the gallery's.
@@ -19,8 +22,7 @@ MOST = 3
 def pages(into: Path) -> tuple[str, str]:
     """Run every scenario and write its page."""
     names = scenario_names()
-    with ProcessPoolExecutor(2, mp_context=get_context("fork")) as pool:  # each draws on its own
-        list(pool.map(_page, names, [into / "scenarios"] * len(names)))
+    run_all(names, into / "scenarios")
     rows = []
     for name in names:
         scenario = load_scenario(name)
@@ -36,10 +38,22 @@ def pages(into: Path) -> tuple[str, str]:
     return "scenarios", f"{len(names)} scenarios"
 
 
+def run_all(names: Sequence[str], folder: Path) -> None:
+    """Run scenarios and write their pages, on two cores."""
+    with ProcessPoolExecutor(2, mp_context=get_context("fork")) as pool:  # each draws on its own
+        list(pool.map(_page, names, [folder] * len(names)))
+
+
+def first_picture(folder: Path, name: str) -> str:
+    """Return the file of a scenario's first picture."""
+    return next(file.name for key in SHOWN for file in sorted(folder.glob(f"{name}-{key}.*")))
+
+
 def _page(name: str, folder: Path) -> None:
     scenario = load_scenario(name)
     run = run_scenario(scenario)
-    drawn = [key for key in SHOWN if key in run.figures()][:MOST]
+    every = figures(run)
+    drawn = [key for key in SHOWN if key in every][:MOST]
     place = folder / name
     write(
         folder / f"{name}.md",
@@ -53,14 +67,14 @@ def _page(name: str, folder: Path) -> None:
         )
         or "None: the scenario is a log for `diagnose` or a picture.",
         "## Pictures",
-        *(picture(run.figures()[key], place.with_name(f"{name}-{key}"), f"{name}: {key}") for key in drawn),
+        *(picture(every[key], place.with_name(f"{name}-{key}"), f"{name}: {key}") for key in drawn),
         "## The file",
-        code(_text(scenario), "toml"),
+        code(_text(name), "toml"),
     )
 
 
-def _text(scenario: Scenario) -> str:
-    return Path(scenario.file).read_text(encoding="utf-8")
+def _text(name: str) -> str:
+    return (resources.files("hovercontrol.scenarios") / f"{name}.toml").read_text(encoding="utf-8")
 
 
 def _row(found: Measured) -> tuple[str, ...]:

@@ -27,7 +27,7 @@ def loop_of(kind: str, model: Model) -> Flown:
     >>> from hovercontrol.models.vehicles import vehicle
     >>> loop_of("reel", vehicle("hoverdemon"))
     Traceback (most recent call last):
-    hovercontrol.errors.InputError: unknown loop 'reel': did you mean 'real'?
+    hovercontrol.errors.InputError: unknown loop 'reel'; did you mean 'real'?
     """
     if kind not in LOOPS:
         raise InputError(f"unknown loop {shown(kind)}{did_you_mean(kind, LOOPS)}")

@@ -13,7 +13,6 @@ from dataclasses import replace
 import sympy as sp
 
 from hovercontrol.autopilot.loop import autopilot_parts
-from hovercontrol.autopilot.sides import COMMANDS
 from hovercontrol.cockpit.disturbances import with_disturbances
 from hovercontrol.cockpit.gusts import GUST, gusts
 from hovercontrol.cockpit.laws import STICK
@@ -26,11 +25,14 @@ from hovercontrol.estimators.ins import aided_ins
 from hovercontrol.estimators.ins.calibration import CALIBRATE, CALIBRATED, rest_calibration, restartable
 from hovercontrol.estimators.ins.imu import IMU
 from hovercontrol.hardware.actuators.lift import FLOOR, LIFT, skirt_on_floor
-from hovercontrol.hardware.actuators.signals import UPDATE
+from hovercontrol.hardware.actuators.signals import FAN_SPEED_COMMAND, SERVO_COMMAND, UPDATE
 from hovercontrol.hardware.links import bluetooth_delays, lossy_link
 from hovercontrol.hardware.links.failsafe import failsafe
 from hovercontrol.hardware.sensors.platform import tilted_platform
 from hovercontrol.models.model import MOTION, Model
+
+#: What K06's ground side sends for rudder and fan.
+COMMANDS = (SERVO_COMMAND, FAN_SPEED_COMMAND)
 
 TRANSMIT = Signal("transmit", "1", "ground station sends commands", start=1.0, modes=("off", "on"))
 LIFT_ORDER = LIFT.replace(name="lift_command", start=0.0)

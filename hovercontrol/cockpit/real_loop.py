@@ -116,7 +116,8 @@ class RealLoop(Flown):
         self._runner.step(None, until - self._runner.time)
         if not all(math.isfinite(self._told(s.name)) for s in MOTION):
             raise InputError(f"the craft's motion is no longer a number at {self.time:.2f} s: reset it")
-        self.switches["calibrate"] = self._told("calibrating") > 0
+        # Until the ground station knows what was found, too.
+        self.switches["calibrate"] = self._told("calibrating") + self._told("calibrating_received") > 0
 
     def signals(self) -> dict[str, float]:
         """Return what there is to see now, by name, in SI units.

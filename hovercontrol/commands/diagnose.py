@@ -52,8 +52,8 @@ def diagnose(
 ) -> int:
     """Find which effects a model lacks, how much error each explains, and what remains.
 
-    An effect is named when three independent things agree: the likelihood
-    that it gains, the same size on disjoint blocks of the logs, and
+    An effect is named when three independent things agree: the likelihood that it gains, the same size on
+    disjoint blocks of the logs, and
     predictions of the held-out log.
 
     Verdicts: none (nothing is missing beyond noise), effect (named, nothing

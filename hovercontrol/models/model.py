@@ -450,5 +450,6 @@ def _add_forces(s: SimpleNamespace, fans: Iterable[Fan], owner: str, forces: Map
 
 
 def _exact(value: float) -> sp.Number:
-    """0 and +-1 for a fan along an axis, whose direction a file gives to six digits."""
-    return sp.Integer(round(value)) if abs(value - round(value)) < 1e-6 else sp.Float(value)
+    """0 and +-1 for a fan along an axis: a file gives its direction to six digits, and so 1 to twelve."""
+    near = round(value)
+    return sp.Integer(near) if abs(value - near) < (1e-12 if near else 1e-6) else sp.Float(value)

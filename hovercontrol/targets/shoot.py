@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hovercontrol.core.block import Block
+from hovercontrol.simulation.runge_kutta import rk4_step
 from hovercontrol.targets.background import loaded, ready
 from hovercontrol.targets.c_lanes import lanes_source
 from hovercontrol.targets.compiler import NoCompilerError, generated, load_library
@@ -104,7 +105,7 @@ def _run(
 ) -> None:
     derivatives, p = block.to_numpy().array_derivatives, parameters[..., None]
 
-    def slope(t: Array, x: Array, u: Array) -> Array:
+    def slope(u: Array, t: Array, x: Array) -> Array:
         k = np.empty_like(x)
         for i, value in enumerate(derivatives(t, x, u, p)):
             k[i] = value
@@ -118,15 +119,7 @@ def _run(
                 u = inputs[:, piece, row]
                 for i, values in known.items():
                     x[i] = values[piece, row]
-                k1 = slope(begin, x, u)
-                k2 = slope(begin + 0.5 * h, x + (0.5 * h) * k1, u)
-                k3 = slope(begin + 0.5 * h, x + (0.5 * h) * k2, u)
-                k4 = slope(begin + h, x + h * k3, u)
-                k2 += k3
-                k2 *= 2.0
-                k2 += k1
-                k2 += k4
-                x = x + (h / 6.0) * k2
+                x = rk4_step(partial(slope, u), begin, x, h)
             states[row + 1] = x
 
 

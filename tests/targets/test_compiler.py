@@ -268,19 +268,19 @@ def test_a_new_version_of_the_compiler_builds_anew(cache, monkeypatch):
 def test_a_broken_compiler_leaves_the_work_to_numpy(tmp_path, monkeypatch, cache, work, said):
     from hovercontrol.core.block import Block
     from hovercontrol.core.signals import Signal
-    from hovercontrol.targets.compiled import _engine, _warn_once
+    from hovercontrol.targets.engines import _warn_once, engine_of
 
     script(tmp_path / "bin" / "cc", f'[ "$1" = --version ] && echo cc 1 && exit\n{work}')
     monkeypatch.setenv("CC", str(tmp_path / "bin" / "cc"))
     monkeypatch.setattr(compiler, "COMPILE_SECONDS", 0.3)
     monkeypatch.setattr(compiler, "_stalled", {})
-    _engine.cache_clear()
+    engine_of.cache_clear()
     _warn_once.cache_clear()
     v, k = Signal("v", "m/s", start=1.0), Signal("k", "1/s", start=1.0)
     with pytest.warns(UserWarning, match=said):
         decay = Block("decay", [v], [], [v], [k], {"v": -k.symbol * v.symbol}).compile()
         assert decay.simulate([0.0, 1.0]).outputs[0, -1] == pytest.approx(0.36788, abs=1e-5)
-    _engine.cache_clear()
+    engine_of.cache_clear()
 
 
 @pytest.mark.parametrize("text", ["gcc '", "'"])

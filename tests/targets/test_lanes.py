@@ -13,8 +13,9 @@ from hovercontrol.core.sgn import sgn
 from hovercontrol.scenarios import load_scenario
 from hovercontrol.scenarios.runner import loop_parts
 from hovercontrol.targets.c_lanes import lanes_source
-from hovercontrol.targets.compiled import FIGURES, compile_block
+from hovercontrol.targets.compiled import compile_block
 from hovercontrol.targets.runtime import runtime_folder
+from hovercontrol.targets.sweep import FIGURES
 
 pytestmark = pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler (cc) on this machine")
 SCENARIO = load_scenario("table1")

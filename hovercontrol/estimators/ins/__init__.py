@@ -17,8 +17,8 @@ from hovercontrol.estimators.ins.noise import K06_NOISE, InsNoise, SensorErrors,
 from hovercontrol.estimators.ins.particles import ParticleFilter, range_particles
 from hovercontrol.estimators.ins.ranges import range_arrivals, range_filter
 from hovercontrol.estimators.ins.run import run_ins
-from hovercontrol.estimators.ins.runs import simulate_runs
 from hovercontrol.estimators.ins.velocity_position import velocity_position_filter
+from hovercontrol.simulation.sampled import simulate_runs
 
 __all__ = [
     "ins_mechanisation", "heading_filter", "velocity_position_filter", "aided_ins",

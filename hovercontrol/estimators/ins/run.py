@@ -14,8 +14,8 @@ from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.estimators.ins.imu import IMU
 from hovercontrol.estimators.ins.particles import ParticleFilter
 from hovercontrol.estimators.ins.ranges import RANGE_UNIT
-from hovercontrol.estimators.ins.runs import one_tick
 from hovercontrol.io.tables import positive
+from hovercontrol.simulation.sampled import one_tick
 from hovercontrol.simulation.trajectory import time_response
 
 if TYPE_CHECKING:

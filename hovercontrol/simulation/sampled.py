@@ -1,4 +1,4 @@
-"""A sampled Block run tick by tick over given inputs: one run, or many at once for statistics."""
+"""A sampled Block alone, tick by tick: told what it sees, or run over given inputs, many runs at once."""
 
 from __future__ import annotations
 
@@ -9,9 +9,62 @@ from numpy.typing import ArrayLike, NDArray
 
 from hovercontrol.core.block import Block
 from hovercontrol.core.expressions import Expressions
-from hovercontrol.core.functions import FunctionPair, numpy_functions
+from hovercontrol.core.functions import FunctionPair, call_scalar, numpy_functions
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.estimators.ins.particles import ParticleFilter
+
+
+class Ticking:
+    """A sampled Block while it runs.
+
+    Parameters
+    ----------
+    block : Block
+        Sampled, or without states.
+    params : mapping, optional
+        Parameter values by key, over the defaults.
+
+    Attributes
+    ----------
+    state : tuple of float
+        In the Block's order.
+
+    Examples
+    --------
+    >>> from hovercontrol.core.signals import Signal
+    >>> n = Signal("n")
+    >>> counter = Ticking(Block("counter", [n], [], [n], derivatives={"n": n.symbol + 1}, period=0.1))
+    >>> [counter.tick(0.1 * k, {})["n"] for k in range(3)]
+    [0.0, 1.0, 2.0]
+    """
+
+    def __init__(self, block: Block, params: Mapping[str, float] | None = None) -> None:
+        self.block = block
+        self.state = tuple(s.start for s in block.states)
+        self._values = block.parameter_values(params)
+        self._inputs = [s.name for s in block.inputs]
+        self._names = [s.name for s in block.outputs]
+        self._tick = one_tick(block, self._names)
+
+    def set_parameters(self, params: Mapping[str, float]) -> None:
+        """Let other parameter values hold from now on, by key, over the defaults."""
+        self._values = self.block.parameter_values(params)
+
+    def tick(self, time: float, signals: Mapping[str, float]) -> dict[str, float]:
+        """Return the outputs at a tick and take the next state.
+
+        Parameters
+        ----------
+        time : float
+            [s]
+        signals : mapping
+            At least the Block's inputs, by name.
+        """
+        seen = [signals[name] for name in self._inputs]
+        found = call_scalar(self._tick, time, self.state, seen, self._values)
+        n = len(self._names)
+        self.state = found[n:]
+        return dict(zip(self._names, found[:n], strict=True))
 
 
 def simulate_runs(
