@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -10,8 +11,34 @@ from numpy.typing import ArrayLike, NDArray
 from hovercontrol.core.block import Block
 from hovercontrol.core.expressions import Expressions
 from hovercontrol.core.functions import FunctionPair, call_scalar, numpy_functions
+from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError, did_you_mean
-from hovercontrol.estimators.ins.particles import ParticleFilter
+
+Array = NDArray[np.float64]
+
+
+class RunningFilter(Protocol):
+    """Several runs of a sampled filter that no equations say, such as a cloud of particles."""
+
+    def tick(self, inputs: Array, span: float, outputs: Sequence[str]) -> Array:
+        """Return the wanted outputs, shape (n_outputs, runs), at the inputs of a tick, (n_inputs, runs)."""
+
+
+class SampledFilter(Protocol):
+    """A sampled filter that no equations say: signals like a Block's, and runs that it starts."""
+
+    @property
+    def name(self) -> str: ...  # noqa: D102
+    @property
+    def period(self) -> float: ...  # noqa: D102
+    @property
+    def inputs(self) -> tuple[Signal, ...]: ...  # noqa: D102
+    @property
+    def outputs(self) -> tuple[Signal, ...]: ...  # noqa: D102
+    @property
+    def states(self) -> tuple[Signal, ...]: ...  # noqa: D102
+    def start(self, runs: int = 1, start: Mapping[str, ArrayLike] | None = None) -> RunningFilter:
+        """Begin so many runs, from values of states over their start values."""
 
 
 class Ticking:
@@ -68,7 +95,7 @@ class Ticking:
 
 
 def simulate_runs(
-    block: Block | ParticleFilter,
+    block: Block | SampledFilter,
     inputs: Mapping[str, ArrayLike],
     outputs: Sequence[str] | None = None,
     *,
@@ -79,7 +106,7 @@ def simulate_runs(
 
     Parameters
     ----------
-    block : Block or ParticleFilter
+    block : Block or SampledFilter
     inputs : mapping of str to array_like, shape (ticks,) or (ticks, runs)
         Every input of the Block.
     outputs : sequence of str, optional
@@ -127,7 +154,7 @@ def simulate_runs(
     known = [s.name for s in block.states]
     _check_names(block, "state", start or {}, known)
     found = np.empty((ticks, len(wanted), count))
-    if isinstance(block, ParticleFilter):
+    if not isinstance(block, Block):
         if params:
             raise InputError(f"block {block.name!r}: a particle filter's values are given where it is made")
         particles = block.start(count, start)
@@ -162,9 +189,7 @@ def one_tick(block: Block, outputs: Sequence[str]) -> FunctionPair:
     )
 
 
-def _check_names(
-    block: Block | ParticleFilter, kind: str, found: Iterable[str], known: Sequence[str]
-) -> None:
+def _check_names(block: Block | SampledFilter, kind: str, found: Iterable[str], known: Sequence[str]) -> None:
     for name in found:
         if name not in known:
             raise InputError(f"block {block.name!r}: no {kind} {name!r}{did_you_mean(name, known)}")
