@@ -133,15 +133,15 @@ MUTATIONS = (
     Mutation(
         "A prior is as strong as its square root.",
         "hovercontrol/estimation/prior.py",
-        "precision[j] = 1.0 / max(COEFFICIENTS * abs(centre[j]), ALONE * alone[j]) ** 2",
-        "precision[j] = 1.0 / max(COEFFICIENTS * abs(centre[j]), ALONE * alone[j])",
+        "precision[j] = 1.0 / max(PRIOR.coefficients * abs(centre[j]), PRIOR.alone * alone[j]) ** 2",
+        "precision[j] = 1.0 / max(PRIOR.coefficients * abs(centre[j]), PRIOR.alone * alone[j])",
         ESTIMATION,
     ),
     Mutation(
         "Every sample that is a little off is an outlier.",
         "hovercontrol/estimation/outliers.py",
-        "STANDS_OUT = 16.0",
-        "STANDS_OUT = 4.0",
+        "stands_out: float = 16.0",
+        "stands_out: float = 4.0",
         (*ESTIMATION, "tests/discrepancy/test_outliers.py"),
     ),
     # the C runtime

@@ -42,7 +42,7 @@ def _signals_as_before(monkeypatch):
         (raised(OSError(28, "No space left", "x.csv")), 2, "hovercontrol: x.csv: No space left\n"),
         (raised(BrokenPipeError()), 0, ""),
         (raised(SystemExit(1)), 0, ""),
-        (raised(MemoryError()), 2, "hovercontrol: this needs more memory than there is\n"),
+        (raised(MemoryError()), 2, "hovercontrol: not enough memory\n"),
         (raised(KeyboardInterrupt()), 130, STOPPED),
         (raised(KeyError("x")), 3, "hovercontrol: unexpected KeyError: 'x' (please report this)\n"),
     ],

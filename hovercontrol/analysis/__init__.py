@@ -1,4 +1,4 @@
-"""Analyses of Blocks and of what logs can tell about them."""
+"""Analyses of Blocks: stability, observability, margins, regions."""
 
 from hovercontrol.analysis.c17.arm_region import arm_region
 from hovercontrol.analysis.c17.experiment_design import ExpectedErrors, ellipse_errors, expected_errors

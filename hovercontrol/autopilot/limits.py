@@ -20,7 +20,7 @@ from hovercontrol.hardware.actuators.signals import DEGREE, FORCE_ANGLE_COMMAND,
 
 #: What a law asks for, before it is limited.
 WANTED = tuple(
-    s.but(name=s.name.replace("_command", "_wanted")) for s in (THRUST_COMMAND, FORCE_ANGLE_COMMAND)
+    s.replace(name=s.name.replace("_command", "_wanted")) for s in (THRUST_COMMAND, FORCE_ANGLE_COMMAND)
 )
 #: 1 where the table of fan or servo is left.
 OUTSIDE = tuple(Signal(f"{key}_outside", "1", "1 where the table is left") for key in ("thrust", "rudder"))
@@ -116,7 +116,7 @@ def clip_counters(period: float, *, name: str = "clipping") -> Block:
     for key, want, command, outside in zip(("thrust", "rudder"), WANTED, commands, OUTSIDE, strict=True):
         text = "ticks so far at which more was wanted than it can do, and was clipped"
         counts.append(Signal(f"{key}_clipped", "1", text, lower=0.0))
-        last.append(counts[-1].but(name=f"last_{key}_clipped"))
+        last.append(counts[-1].replace(name=f"last_{key}_clipped"))
         cut = sp.Or(want.symbol < command.symbol, want.symbol > command.symbol, outside.symbol > 0)
         definitions[counts[-1].name] = last[-1].symbol + sp.Piecewise((1, cut), (0, True))
     return Block(

@@ -188,7 +188,7 @@ def autopilot_parts(
         craft = with_specific_force(craft)
     pilot = pilot_side(law, guidance, references, period, thruster, servo)
     seen = [s for s in MOTION if f"{s.name}_seen" in {i.name for i in pilot.inputs}]
-    told = [s.but(name=f"{s.name}_told", description=f"{s.description}, sent to the law") for s in seen]
+    told = [s.replace(name=f"{s.name}_told", description=f"{s.description}, sent to the law") for s in seen]
     parts = [
         craft,
         *sensing,
@@ -198,7 +198,7 @@ def autopilot_parts(
         choice(
             "downlink_delay",
             "36 ms from the craft to the law",
-            {s.but(name=f"{s.name}_seen"): (f"{s.name}_told_received", f"{s.name}_told") for s in seen},
+            {s.replace(name=f"{s.name}_seen"): (f"{s.name}_told_received", f"{s.name}_told") for s in seen},
         ),
         pilot,
         k06_uplink(commands),
@@ -225,7 +225,9 @@ def _tables(
     if tables is None:
         return lossy_tables(rudder_loss), servo
     if rudder_loss:
-        raise InputError("autopilot: rudder_loss is one of the stand-in tables; measured ones have their own")
+        raise InputError(
+            "autopilot: rudder_loss is one of the stand-in tables; measured tables include their own"
+        )
     return table_pair(tables, "autopilot: tables"), servo
 
 
@@ -253,6 +255,6 @@ def _ins_update(seen: list[Signal]) -> Block:
     """Return the choice between the navigation's own ticks and its errors on the motion of any instant."""
     ways = {}
     for s in seen:
-        hat, sampled = (s.but(name=f"{s.name}_{end}").symbol for end in ("hat", "sampled"))
-        ways[s.but(name=f"{s.name}_told")] = (hat, s.symbol + hat - sampled)
-    return choice("ins_update", "navigation tells the motion at the IMU's ticks", ways)
+        hat, sampled = (s.replace(name=f"{s.name}_{end}").symbol for end in ("hat", "sampled"))
+        ways[s.replace(name=f"{s.name}_told")] = (hat, s.symbol + hat - sampled)
+    return choice("ins_update", "the navigation updates at the IMU's ticks", ways)

@@ -128,11 +128,11 @@ def board_side(period: float, thruster: Thruster, servo: ServoTable) -> Block:
             "calibration",
             "force of servo and fan by their tables",
             {
-                THRUST.but(unit="N", description="force of the propeller"): (
+                THRUST.replace(unit="N", description="force of the propeller"): (
                     "thrust_by_table",
                     "thrust_by_table_ideal",
                 ),
-                RUDDER.but(description="angle of the force from the bow"): (
+                RUDDER.replace(description="angle of the force from the bow"): (
                     "rudder_by_table",
                     "rudder_by_table_ideal",
                 ),
@@ -161,7 +161,7 @@ def _servos(servo: ServoTable) -> tuple[tuple[str, ServoTable, dict[str, float]]
 
 def after(signal: Signal, end: str) -> Signal:
     """Return a signal as it is called behind a part of the loop."""
-    return signal.but(name=f"{signal.name}_{end}")
+    return signal.replace(name=f"{signal.name}_{end}")
 
 
 def _renamed(block: Block, ports: Mapping[str, str]) -> Block:

@@ -52,11 +52,11 @@ class Choice:
     stick: bool = False
 
 
-_HEADING = HEADING_REF.but(description="wanted heading", lower=-math.pi, upper=math.pi)
+_HEADING = HEADING_REF.replace(description="wanted heading", lower=-math.pi, upper=math.pi)
 _GOAL = (
-    GOAL[0].but(lower=-20.0, upper=20.0),
-    GOAL[1].but(lower=-20.0, upper=20.0),
-    GOAL[2].but(lower=-math.pi, upper=math.pi),
+    GOAL[0].replace(lower=-20.0, upper=20.0),
+    GOAL[1].replace(lower=-20.0, upper=20.0),
+    GOAL[2].replace(lower=-math.pi, upper=math.pi),
 )
 
 #: Every choice by its key.
@@ -64,9 +64,9 @@ CHOICES: dict[str, Choice] = {
     "manual": Choice("Manual", stick=True),
     "motion": Choice("Stick sets motion", stick=True),
     "stop": Choice("Stop", "k06-stop"),
-    "forward": Choice("Forward", "k06-forward", (SURGE_REF.but(start=1.1, lower=0.0, upper=1.5),)),
-    "reverse": Choice("Reverse", "k06-reverse", (SURGE_REF.but(start=-0.76, lower=-1.0, upper=0.0),)),
-    "turn": Choice("Turn", "k06-turn", (YAW_RATE_REF.but(start=1.5, lower=-4.0, upper=4.0),)),
+    "forward": Choice("Forward", "k06-forward", (SURGE_REF.replace(start=1.1, lower=0.0, upper=1.5),)),
+    "reverse": Choice("Reverse", "k06-reverse", (SURGE_REF.replace(start=-0.76, lower=-1.0, upper=0.0),)),
+    "turn": Choice("Turn", "k06-turn", (YAW_RATE_REF.replace(start=1.5, lower=-4.0, upper=4.0),)),
     "goal": Choice("Goal", "k06-origin", _GOAL),
     "heading": Choice("Heading, bang-bang", "k06-heading-bangbang", (_HEADING,)),
     "heading_proportional": Choice("Heading, proportional", "k06-heading-proportional", (_HEADING,)),

@@ -35,10 +35,10 @@ from hovercontrol.models.model import MOTION, Model
 COMMANDS = (SERVO_COMMAND, FAN_SPEED_COMMAND)
 
 TRANSMIT = Signal("transmit", "1", "ground station sends commands", start=1.0, modes=("off", "on"))
-LIFT_ORDER = LIFT.but(name="lift_command", start=0.0)
+LIFT_ORDER = LIFT.replace(name="lift_command", start=0.0)
 
 #: What the pilot orders, with what holds at the start.
-ORDERS = (LAW, *STICK, TRANSMIT, LIFT_ORDER.but(start=1.0), CALIBRATE)
+ORDERS = (LAW, *STICK, TRANSMIT, LIFT_ORDER.replace(start=1.0), CALIBRATE)
 
 _POWER_ON = Signal("power_on_time", "s", "since the craft's power was switched on")
 _INERTIAL = (
@@ -86,7 +86,7 @@ def ground_station(model: Model, *, name: str = "cockpit") -> Block:
         )
     }  # fmt: skip
     # Link, filters and IMU are put in with what K06's simulation leaves out.
-    told = [s.but(name=s.name.removesuffix("_received")) for s in parts["downlink"].outputs[:-1]]
+    told = [s.replace(name=s.name.removesuffix("_received")) for s in parts["downlink"].outputs[:-1]]
     parts["imu"] = rename(
         parts["imu"],
         {s.name: f"{s.name}_raw" for s in IMU} | {f"specific_force_{a}": f"tilted_force_{a}" for a in "xy"},
@@ -158,7 +158,7 @@ def _shown_signals(ins: Block) -> list[Signal]:
 
 def _downlink(signals: list[Signal]) -> Block:
     return lossy_link(
-        [s.but(start=0.0) for s in signals], 0.0, DOWN, retransmissions=1, timeout=DOWN,
+        [s.replace(start=0.0) for s in signals], 0.0, DOWN, retransmissions=1, timeout=DOWN,
         delays=bluetooth_delays("linksys_22.0_downlink"), name="downlink",
     )  # fmt: skip
 

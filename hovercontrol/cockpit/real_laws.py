@@ -104,7 +104,7 @@ def _change() -> Block:
 
 
 def _switch() -> Block:
-    asked = {key: [f.but(name=f"{key}_{f.name}") for f in _FORCES] for key in CHOICES}
+    asked = {key: [f.replace(name=f"{key}_{f.name}") for f in _FORCES] for key in CHOICES}
     told = {
         f.name: sp.Piecewise(
             *((asked[key][k].symbol, sp.Eq(LAW.symbol, LAW.mode(key))) for key in CHOICES), (0, True)

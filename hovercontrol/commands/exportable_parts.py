@@ -27,7 +27,7 @@ from hovercontrol.hardware.sensors.ranging import K06_UNITS
 from hovercontrol.models.model import RUDDER, THRUST
 
 #: What goes over a link that stands alone.
-_COMMANDS = (THRUST.but(unit="N", description="force of the propeller"), RUDDER)
+_COMMANDS = (THRUST.replace(unit="N", description="force of the propeller"), RUDDER)
 #: From message to message of K06's two ways [s].
 _WAYS = {"uplink": 0.02, "downlink": 0.006, "round_trip": 0.02}
 

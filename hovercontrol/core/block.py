@@ -293,7 +293,7 @@ class Block:
             left[name if name in own else keys.get(name, keys[short[0]] if len(short) == 1 else name)] = value
 
         def changed(signals: tuple[Signal, ...]) -> tuple[Signal, ...]:
-            return tuple(s.but(start=left.pop(s.name)) if s.name in left else s for s in signals)
+            return tuple(s.replace(start=left.pop(s.name)) if s.name in left else s for s in signals)
 
         new = {kind: changed(getattr(self, kind)) for kind in ("states", "inputs", "parameters")}
         if left:
@@ -328,7 +328,7 @@ class Block:
     def with_parameter_names(self, names: Mapping[str, str]) -> Block:
         """Return the Block with other names for some parameters, old to new."""
         swap = {sp.Symbol(a, real=True): sp.Symbol(b, real=True) for a, b in names.items()}
-        parameters = tuple(p.but(name=names.get(p.name, p.name)) for p in self.parameters)
+        parameters = tuple(p.replace(name=names.get(p.name, p.name)) for p in self.parameters)
         return replace(self, parameters=parameters, **self.swapped(swap))
 
     @cached_property

@@ -1,7 +1,7 @@
 """The sign of a velocity in dry friction, and its regularised form.
 
-``sgn(v, w)`` stays unevaluated in a Block's expressions, so that each face may choose: the NumPy and
-python-control faces compute ``tanh(v/w)``, a runtime with events may treat it as set-valued at v = 0.
+``sgn(v, w)`` stays unevaluated in a Block's expressions, so that each backend may choose: the NumPy and
+python-control backends compute ``tanh(v/w)``, a runtime with events may treat it as set-valued at v = 0.
 """
 
 from __future__ import annotations

@@ -1,10 +1,11 @@
-"""Signals: the named quantities of a Block, with all that a person or a tool needs to know of them."""
+"""Signals: the named quantities of a Block, with unit, bounds and description."""
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import re
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import sympy as sp
@@ -137,7 +138,7 @@ class Signal:
         """Exponents of the SI base units."""
         return dimension(self.unit)
 
-    def but(self, **changes: Any) -> Signal:
+    def replace(self, **changes: Any) -> Signal:
         """Return a copy with some fields changed.
 
         Parameters
@@ -145,4 +146,4 @@ class Signal:
         **changes
             Fields by name.
         """
-        return replace(self, **changes)
+        return dataclasses.replace(self, **changes)

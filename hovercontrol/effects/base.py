@@ -233,7 +233,7 @@ class Effect:
         """
         hooks = ("motion", "commands", "measured", "factors")
         if all(getattr(type(self), hook) is getattr(Effect, hook) for hook in hooks):
-            raise TypeError(f"{type(self).__name__} does not say what it adds: define terms()")
+            raise TypeError(f"{type(self).__name__} does not define terms()")
         return {}
 
     def motion(self, c: Any, s: Any) -> None:

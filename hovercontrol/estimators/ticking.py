@@ -97,7 +97,7 @@ def sampled_estimator(
     used = set().union(*(e.free_symbols for e in (*model.h, *model.G))) - {time}
     measured = [s for s in block.states if s.symbol in used or s in model.states]
     held = [s for s in block.inputs if s.symbol in used]
-    before = {s.symbol: s.but(name=f"{s.name}_before") for s in (*measured, *held)}
+    before = {s.symbol: s.replace(name=f"{s.name}_before") for s in (*measured, *held)}
     on, first = (sp.Symbol(key, real=True) for key in ("switched_on", "first_sample"))
     write = Equations()
     names = _Named(write)
@@ -133,7 +133,7 @@ def sampled_estimator(
         states=(started, *memory.states, *before.values()),
         inputs=(*measured, *held),
         outputs=tuple(
-            c.but(name=f"{short}_hat", description=f"estimate of {short}", lower=-sp.oo, upper=sp.oo)
+            c.replace(name=f"{short}_hat", description=f"estimate of {short}", lower=-sp.oo, upper=sp.oo)
             for c, short in zip(model.coefficients, model.names, strict=True)
         ),
         parameters=(step, since, *noise, *drift, *parameters),

@@ -27,7 +27,7 @@ def plot_free_run(run: FreeRun, *, held_out: bool = False) -> Figure:
     ----------
     run : FreeRun
     held_out : bool, optional
-        Say in the title that the log took no part in the fit.
+        Say in the title that the log was held out of the fit.
 
     Returns
     -------

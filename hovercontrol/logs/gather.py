@@ -1,4 +1,4 @@
-"""One run of a craft from the files it was recorded in: poses, commands, bench table, what counts."""
+"""One run of a craft from its files: poses, commands, bench table, rows to use."""
 
 from __future__ import annotations
 

@@ -288,7 +288,7 @@ class BlockModel:
             for s in block.outputs
             if getattr(seen, s.name) != getattr(seen.true, s.name)
         }
-        measured = {s.but(name=f"{s.name}_measured"): e for s, e in changed.items()}
+        measured = {s.replace(name=f"{s.name}_measured"): e for s, e in changed.items()}
         return Block(
             block.name,
             states=(*block.states, *own),

@@ -424,7 +424,7 @@ def delays_of(
 def measured(channel: str) -> Signal:
     """Return the output of a plant that says what a sensor sees of a part of the motion."""
     signal = next(s for s in MOTION if s.name == channel)
-    return signal.but(name=f"{channel}_measured", description=f"{signal.description}, as measured")
+    return signal.replace(name=f"{channel}_measured", description=f"{signal.description}, as measured")
 
 
 def motion_symbols(fans: Iterable[Fan] = (), owner: str = "plant") -> SimpleNamespace:

@@ -33,7 +33,7 @@ from hovercontrol.core.units import UnitError, conversion_factor
 from hovercontrol.effects import Effect, effect, effect_class
 from hovercontrol.effects.base import resolved_unit
 from hovercontrol.errors import InputError, shown
-from hovercontrol.io.files import write_whole
+from hovercontrol.io.files import write_atomically
 from hovercontrol.io.tables import check_keys, number, read_toml, table, text
 from hovercontrol.models.fans import BenchCurve, Fan, Polynomial
 from hovercontrol.models.model import RUDDER, THRUST, Model
@@ -115,7 +115,7 @@ def save_model(model: Model, path: str | Path) -> Path:
     True
     """
     text = model_text(model)
-    return write_whole(path, lambda temporary: temporary.write_text(text, encoding="utf-8"))
+    return write_atomically(path, lambda temporary: temporary.write_text(text, encoding="utf-8"))
 
 
 def model_text(model: Model) -> str:
@@ -184,7 +184,7 @@ def _input(default: Signal, value: Any) -> Signal:
     for key in ("unit", "description"):
         text(f"inputs.{default.name}.{key}", given.get(key, ""))
     nearest = min(max(default.start, given.get("lower", default.lower)), given.get("upper", default.upper))
-    return default.but(start=nearest, **given)
+    return default.replace(start=nearest, **given)
 
 
 def _fan(name: str, value: Any) -> Fan:

@@ -53,7 +53,7 @@ class Printed:
     fitted: str = ""
 
     def agrees(self, value: float) -> bool:
-        """Tell whether a measured value lies in the range."""
+        """Return whether a measured value lies in the range."""
         return self.low <= value <= self.high
 
     @property

@@ -70,7 +70,7 @@ def _rebuilt(item: Item, target: Path) -> Outcome:
 
     try:
         files = write_folder(target / item.folder, write)
-    except Exception as error:  # one item that fails is told in the index; the others are rebuilt
+    except Exception as error:  # a failure of one item is in the index; the others are rebuilt
         text = f"{type(error).__name__}: {error}"
         return Outcome(item, seconds=time.perf_counter() - begin, failure=text)
     names = tuple(f"{item.folder}/{file.name}" for file in files)

@@ -1,4 +1,4 @@
-"""The section ``[autopilot]`` of a scenario: what it may say, and what it makes."""
+"""The section ``[autopilot]`` of a scenario."""
 
 from __future__ import annotations
 

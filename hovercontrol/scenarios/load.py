@@ -122,7 +122,7 @@ def _scenario(path: Path, content: dict[str, Any]) -> Scenario:
     for section in ("reference", "estimator"):
         if section in content and law:
             raise InputError(
-                f"[{section}] is of no use to controller.kind = {content['controller']['kind']!r}"
+                f"[{section}] is not used by controller.kind = {content['controller']['kind']!r}"
             )
     for section in ("sampling", "actuation"):
         if section in content and "autopilot" in content:

@@ -38,7 +38,7 @@ LAWS: dict[str, Callable[..., Block]] = {
     "both_ways": both_ways,
 }
 
-#: What ``guidance.kind`` may be: sampled, tells a law its set points.
+#: Values of ``guidance.kind``: sampled Blocks that send set points to a law.
 GUIDANCE: dict[str, Callable[..., Block]] = {
     "heading_bang_bang": bang_bang_heading,
     "heading_proportional": proportional_heading,
@@ -89,12 +89,12 @@ def loop_parts(scenario: Scenario) -> dict[str, Block]:
 
 
 def _check_told(guidance: Block, law: Block, kind: str) -> None:
-    """Refuse guidance that may tell a law what is out of its bounds."""
+    """Refuse guidance whose output may be out of the bounds of a law."""
     takes = {s.name: s for s in law.inputs}
     for s in guidance.outputs:
         if s.name in takes and s.lower < takes[s.name].lower:
             raise InputError(
-                f"[guidance] may tell {s.name} down to {s.lower:g} {s.unit}, controller.kind = {kind!r} "
+                f"[guidance] may send {s.name} down to {s.lower:g} {s.unit}, controller.kind = {kind!r} "
                 f"takes {takes[s.name].lower:g} at least: both_ways takes both signs"
             )
 

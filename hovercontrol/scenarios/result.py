@@ -1,4 +1,4 @@
-"""What a scenario's run leaves: the log, the figures of merit, the pictures."""
+"""The result of a scenario: the log, the figures of merit, the pictures."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Measured:
-    """A metric and the value a run gave it."""
+    """A metric and its value."""
 
     metric: Metric
     value: float
@@ -137,7 +137,7 @@ class Run:
         return drawn[chosen]
 
     def save(self, folder: str | Path) -> list[Path]:
-        """Write ``log.csv``, ``metrics.csv`` and the pictures; they appear whole or not at all.
+        """Write ``log.csv``, ``metrics.csv`` and the pictures; they are written atomically.
 
         Parameters
         ----------

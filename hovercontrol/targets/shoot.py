@@ -25,7 +25,7 @@ from hovercontrol.targets.runtime import SHOOTING, runtime_files
 
 Array = NDArray[np.float64]
 
-#: Windows that are worth a thread.
+#: Fewest windows for a thread.
 SHARE = 32
 
 _EXPORTS = """#include "hc_shoot.h"

@@ -134,7 +134,7 @@ def test_mild_laps_name_an_effect_too():
 
 def test_the_hold_out_log_must_take_no_part():
     case = make(17, [], Conditions(duration=5.0, logs=1))
-    with pytest.raises(InputError, match="hold-out log is the training log"):
+    with pytest.raises(InputError, match="held-out log is the training log"):
         diagnose(case.model, case.logs, case.logs[0])
 
 

@@ -42,7 +42,7 @@ def navigated(log, rng):
 
 
 def case_of(seed, names, **conditions):
-    """Return model, training logs and hold-out log of a case whose logs a navigation wrote."""
+    """Return model, training logs and held-out log of a case whose logs a navigation wrote."""
     case = make(seed, names, Conditions(duration=40.0, **conditions))
     rng = np.random.default_rng([seed, 2])
     return case.model, [navigated(log, rng) for log in case.logs], navigated(case.holdout, rng)

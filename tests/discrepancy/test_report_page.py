@@ -224,7 +224,7 @@ def test_many_starts_are_not_marked():
 
 def test_the_legend_says_when_runs_start_afresh(report):
     text = report.read_text(encoding="utf-8")
-    assert re.search(r"about every \d+ s one starts afresh: there the line breaks", text)
+    assert re.search(r"about every \d+ s a new run starts: there the line breaks", text)
     assert '<span class="start">start of a run</span>' in text
 
 

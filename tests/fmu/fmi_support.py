@@ -45,7 +45,7 @@ def driven() -> Block:
         Signal("width", "m/s"),
     )
     derivative = size.symbol * sp.sin(rate.symbol * time) - c.symbol * sgn(v.symbol, width.symbol)
-    return Block("driven", (v,), (), (v,), (c, size, rate, width.but(start=1e-3)), {"v": derivative})
+    return Block("driven", (v,), (), (v,), (c, size, rate, width.replace(start=1e-3)), {"v": derivative})
 
 
 def axes() -> Block:

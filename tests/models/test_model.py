@@ -246,7 +246,7 @@ def test_a_fan_has_a_name_of_its_own(taken):
 
 def test_the_rudder_is_an_angle():
     with pytest.raises(InputError, match="rudder"):
-        Model("puck", rudder=RUDDER.but(unit="m"))
+        Model("puck", rudder=RUDDER.replace(unit="m"))
 
 
 def test_a_missing_effect_and_a_misspelt_coefficient_are_answered_with_the_nearest():
@@ -278,7 +278,7 @@ def test_the_units_of_an_effect_are_checked_against_the_equation_it_acts_in():
 def test_thrust_in_newton_changes_the_unit_of_its_coefficients():
     units = {p.name: p.unit for p in hoverdemon().plant().parameters}
     assert dimension(units["plant.thrust"]) == dimension("1/kg")
-    compound = Model("puck", [effect("thrust", 1.0)], thrust=THRUST.but(unit="kg*m/s^2"))
+    compound = Model("puck", [effect("thrust", 1.0)], thrust=THRUST.replace(unit="kg*m/s^2"))
     assert compound.plant().parameters[0].dimension == dimension("1/kg")
 
 

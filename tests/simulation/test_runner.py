@@ -40,7 +40,7 @@ def sensor(period=0.0065536):
     )
     seen = v.symbol + size.symbol * noise.values[0] + lever.symbol * push.symbol
     return Block(
-        "sensor", noise.states, [v, push], [SEEN], [*noise.parameters, size, lever.but(start=0.1)],
+        "sensor", noise.states, [v, push], [SEEN], [*noise.parameters, size, lever.replace(start=0.1)],
         noise.next_values, {"seen": seen}, noise.definitions, period=period,
     )  # fmt: skip
 
@@ -213,7 +213,7 @@ def test_a_parameter_that_is_set_is_that_of_a_new_run(engine):
         (lambda r: r.step([0.0], 0.0), "expected a step longer than 0 s, found 0.0"),
         (lambda r: r.set(state={"cart.w": 0.0}), "unknown state 'cart.w'; did you mean 'cart.v'"),
         (lambda r: r.set(state=[1.0]), "expected 2 initial states|expected 1 initial states|found 1"),
-        (lambda r: r.set(params={"cart.late": 0.5}), "how late an input acts cannot change"),
+        (lambda r: r.set(params={"cart.late": 0.5}), "the delay of an input cannot change"),
         (lambda r: r.restore(start(CRAFT, "python").save()), "snapshot is of block plant, not of block late"),
     ],
 )

@@ -37,10 +37,10 @@ BLOCKS = {**PARTS, "loop": interconnect(list(PARTS.values()), "loop")}
 V, A = Signal("v", "m/s"), Signal("a", "m/s^2")
 CART = Block("cart", [V], [A], [V, A], derivatives={"v": A.symbol})
 K = Signal("k", "1/s", start=2.0, lower=0.0)
-DECAY = Block("decay", [V.but(start=1.0)], [], [V], [K], {"v": -K.symbol * V.symbol})
+DECAY = Block("decay", [V.replace(start=1.0)], [], [V], [K], {"v": -K.symbol * V.symbol})
 BLOW_UP = Block(
     "blow_up",
-    [V.but(start=1.0)],
+    [V.replace(start=1.0)],
     [],
     [V],
     [Signal("c", "1/m")],
@@ -157,7 +157,7 @@ def test_runge_kutta_gains_four_digits_for_ten_times_the_steps():
 
 @needs_cc
 def test_a_pulse_by_the_clock_is_not_stepped_over():
-    push, on, off = A.but(start=1.0), Signal("on", "s", start=700.0), Signal("off", "s", start=701.0)
+    push, on, off = A.replace(start=1.0), Signal("on", "s", start=700.0), Signal("off", "s", start=701.0)
     shape = sp.Piecewise((0, time < on.symbol), (1, time < off.symbol), (0, True))
     pulse = Block("pulse", [V], [], [V], [push, on, off], {"v": push.symbol * shape})
     ready = compile_block(pulse)

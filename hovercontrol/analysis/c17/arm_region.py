@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from concurrent.futures import Executor
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -25,20 +26,38 @@ from hovercontrol.targets.sweep import SweepResult
 
 Array = NDArray[np.float64]
 
-#: A yaw rate [rad/s] beyond this, or a solver that gives up, is a craft that spins away.
-RUNAWAY = 30.0
+
+@dataclass(frozen=True)
+class MotionCriteria:
+    """How a simulated craft is judged.
+
+    No published source: set by hand, exercised by tests/analysis/c17/test_zero_dynamics.py.
+
+    Attributes
+    ----------
+    runaway : float
+        Yaw rate beyond which a craft spins away [rad/s]; a solver that fails counts as well.
+    facing : float
+        Mean cosine of the sideslip beyond which a craft moves bow first, or stern first below the
+        negative.
+    settled : float
+        Largest change of the mean cosine in the last third of a run.
+    """
+
+    runaway: float = 30.0
+    facing: float = 0.3
+    settled: float = 0.3
+
+
+#: The values in use.
+MOTION = MotionCriteria()
+
 
 #: Runge-Kutta's step [s]; a twentieth where theory and simulation disagree.
 STEP = 0.005
 
 #: Seconds that a run of 30 s takes on one core: for the estimate before a sweep.
 SECONDS_PER_RUN = 2e-3
-
-#: The mean cosine of the sideslip beyond which a craft goes nose-first, or stern-first below the negative.
-FACING = 0.3
-
-#: A craft whose mean cosine moves by more than this in the last third of a run has not settled on a side.
-SETTLED = 0.3
 
 
 def arm_region(
@@ -137,7 +156,7 @@ def arm_region(
         for figure in ("final", "maximum", "minimum"):
             getattr(runs["facing"], figure)[doubtful] = getattr(again["facing"], figure)
     facing, moved = runs["facing"].final, runs["facing"].maximum - runs["facing"].minimum
-    settled = bounded & (np.abs(facing) > FACING) & (moved <= SETTLED)
+    settled = bounded & (np.abs(facing) > MOTION.facing) & (moved <= MOTION.settled)
     shape = (points, points)
     lines = {"a dx = J/m: B of (21) has no inverse": _singular_line(x, y, inertia / mass)}
     predicted = {n: getattr(theory, n) for n in ("nose", "stern", "bounded", "printed")}
@@ -186,7 +205,7 @@ def arm_region(
 
 def _bounded(runs: SweepResult) -> NDArray[np.bool_]:
     rate = np.maximum(runs["r"].maximum, -runs["r"].minimum)
-    return (runs.status == 0) & (rate < RUNAWAY)
+    return (runs.status == 0) & (rate < MOTION.runaway)
 
 
 def _singular_line(x: Axis, y: Axis, ratio: float) -> tuple[Array, Array]:

@@ -1,6 +1,6 @@
 """Are coefficients excited by a motion? The condition of C17 section V, sampled [C17 eq 14a, 14b, 14c].
 
-In ``x' = h + G c`` the coefficients can be told from the motion iff no direction d has ``G d = 0``
+In ``x' = h + G c`` the coefficients follow from the motion iff no direction d has ``G d = 0``
 at all times [C17 eq 7] [C17 lemma 2]. Row by row this is the linear independence of the functions
 that multiply the coefficients in one equation: for the hovercraft the sets (14a-c).
 
@@ -87,7 +87,7 @@ class FunctionSet:
 
 @dataclass(frozen=True, eq=False)
 class Excitation:
-    """What a motion tells about coefficients.
+    """The excitation of coefficients by a motion.
 
     Attributes
     ----------
@@ -112,7 +112,7 @@ class Excitation:
 
     @property
     def observable(self) -> bool:
-        """Whether the coefficients can be told from the motion."""
+        """Whether the motion excites all coefficients."""
         return self.joint.independent
 
     def sentence(self) -> str:
@@ -158,7 +158,7 @@ def excitation(
     *,
     tolerance: float = 1e-3,
 ) -> Excitation:
-    """Return what a motion tells about coefficients of a Block.
+    """Return the excitation of a Block's coefficients by a motion.
 
     Parameters
     ----------

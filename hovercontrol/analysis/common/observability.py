@@ -157,7 +157,7 @@ class Gramian:
         return math.isfinite(self.condition)
 
     def sentence(self) -> str:
-        """Return in words what the window tells least."""
+        """Return as text the direction that the window excites least."""
         where = f"between {self.window[0]:.4g} s and {self.window[1]:.4g} s"
         if self.hidden:
             changes = "; ".join(d.sentence() for d in self.hidden)

@@ -151,7 +151,7 @@ class Stabilizability:
         answer = {
             "possible": f"A smooth static state feedback can hold {what}",
             "impossible": f"No smooth static state feedback can hold {what}",
-            "undecided": f"These tests do not tell whether a smooth static state feedback can hold {what}",
+            "undecided": f"These tests do not decide whether a smooth static state feedback can hold {what}",
         }[self.verdict]
         more = {"impossible": "; use one that switches or depends on time"}.get(self.verdict, "")
         return f"{answer}: {'; '.join(reasons)}{more}."

@@ -90,7 +90,7 @@ def forward(*, k1: float, k2: float, body: Body = HOVERDEMON_BODY, name: str = "
     force_y = -k2*(-arm*r + v)
     """
     gains = _gains(body, k1=k1, k2=k2)
-    return _law(name, (SURGE_REF.but(lower=0.0),), gains, *_force(gains, SURGE_REF.symbol))
+    return _law(name, (SURGE_REF.replace(lower=0.0),), gains, *_force(gains, SURGE_REF.symbol))
 
 
 def forward_alternate(*, k1: float, body: Body = HOVERDEMON_BODY, name: str = "controller") -> Block:
@@ -123,7 +123,7 @@ def forward_alternate(*, k1: float, body: Body = HOVERDEMON_BODY, name: str = "c
     """
     K1, d = _gains(body, k1=k1)
     mass = Signal("mass", "kg", "mass of the craft", start=body.mass, lower=0.0)
-    ref = SURGE_REF.but(lower=0.0)
+    ref = SURGE_REF.replace(lower=0.0)
     K2 = mass.symbol * ref.symbol / (2 * d.symbol)
     force_x, force_y = -K1.symbol * (_U - ref.symbol), -K2 * (_V - d.symbol * _R)
     return _law(name, (ref,), (K1, d, mass), force_x, force_y)
@@ -165,7 +165,7 @@ def reverse(
     K1, K2, d = gains = _gains(body, k1=k1, k2=k2)
     positive("controller: alpha", alpha)
     weight = Signal("alpha", "1", "weight of the yaw rate", start=alpha, lower=0.0)
-    ref = SURGE_REF.but(upper=0.0)
+    ref = SURGE_REF.replace(upper=0.0)
     side = K2.symbol * (_V + weight.symbol * d.symbol * _R)
     return _law(name, (ref,), (*gains, weight), -K1.symbol * (_U - ref.symbol), side)
 
@@ -235,7 +235,7 @@ def drive(*, k1: float, k2: float, body: Body = HOVERDEMON_BODY, name: str = "co
     force_y = -k2*(-arm*(r - yaw_rate_ref) + v)
     """
     gains = _gains(body, k1=k1, k2=k2)
-    ahead = SURGE_REF.but(lower=0.0)
+    ahead = SURGE_REF.replace(lower=0.0)
     return _law(name, (ahead, YAW_RATE_REF), gains, *_force(gains, SURGE_REF.symbol, YAW_RATE_REF.symbol))
 
 
@@ -284,7 +284,7 @@ def both_ways(
     ahead = drive(k1=k1, k2=k2, body=body)
     astern = reverse(k1=reverse_k1, k2=reverse_k2, alpha=alpha, body=body)
     own = {
-        s.name: s.but(name=f"reverse_{s.name}", description=f"{s.description}, astern")
+        s.name: s.replace(name=f"reverse_{s.name}", description=f"{s.description}, astern")
         for s in astern.parameters
         if s.name in ("k1", "k2")
     }

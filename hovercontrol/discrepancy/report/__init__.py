@@ -16,7 +16,7 @@ from hovercontrol.discrepancy.report.others import others
 from hovercontrol.discrepancy.report.page import page
 from hovercontrol.discrepancy.report.remainder_section import remainder
 from hovercontrol.discrepancy.report.verdict import gap_sentence, headline, remainder_sentence, verdict
-from hovercontrol.io.files import write_whole
+from hovercontrol.io.files import write_atomically
 
 if TYPE_CHECKING:
     from hovercontrol.discrepancy.diagnosis import Diagnosis
@@ -60,4 +60,4 @@ def write_report(diagnosis: Diagnosis, path: str | Path, *, command: str = "") -
             coefficients(m), appendix(m),
         ]  # fmt: skip
     text = page(headline(diagnosis), sections)
-    return write_whole(path, lambda target: target.write_text(text, encoding="utf-8"))
+    return write_atomically(path, lambda target: target.write_text(text, encoding="utf-8"))

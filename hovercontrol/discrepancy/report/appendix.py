@@ -1,4 +1,4 @@
-"""What was left out of the logs, warnings, the method, and how to make the report again."""
+"""What was left out of the logs, warnings, the method, and the command that makes the report."""
 
 from __future__ import annotations
 
@@ -21,12 +21,15 @@ def _asked() -> Table:
     rows = [
         (
             f"{c.least:g} + {c.each:g} a number",
-            "likelihood gained, at least: odds of e¹⁰, and of e²",
+            "least gain in twice the log likelihood, per effect and per parameter: odds of e¹⁰ and of e²",
         ),
-        (f"{100 * c.level:g} %", "chance of one false name among all candidates, by the scatter over blocks"),
-        (f"{100 * c.spread:.0f} %", "spread from block to block, at most: a further block has the same sign"),
-        (f"{c.apart:g}", "a rival no more than this behind cannot be told apart: odds of e⁶"),
-        (f"{c.remains:g}", "gained by random forces in an equation, from which on something remains there"),
+        (
+            f"{100 * c.level:g} %",
+            "probability of one false name among all candidates, from the scatter over blocks",
+        ),
+        (f"{100 * c.spread:.0f} %", "largest spread between blocks: a further block has the same sign"),
+        (f"{c.apart:g}", "a rival less than this behind is not distinguished: odds of e⁶"),
+        (f"{c.remains:g}", "gain of random forces in an equation from which on something remains there"),
         (f"{c.worse:g}", "standard errors by which held-out errors may rise with a name"),
     ]
     return table(("threshold", "of what"), rows)
@@ -36,7 +39,7 @@ def appendix(m: Context) -> str:
     """Return the last sections of the page."""
     d = m.diagnosis
     rows = _logs(d.selection.base) + (_logs(d.held_before, " (held out)") if d.held_before else [])
-    head = ("log", "rows", "samples left out: they stand out", "left out by the reader: no craft moves so")
+    head = ("log", "rows", "samples left out as outliers", "rejected on reading: no craft moves like this")
     problem = d.selection.base.problem
     seconds = sum(float(log.time[-1] - log.time[0]) for log in problem.logs)
     return render(

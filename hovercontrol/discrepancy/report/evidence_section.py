@@ -1,4 +1,4 @@
-"""Why a name is given: likelihood, the same size on disjoint blocks, better predictions."""
+"""Why an effect is named: likelihood, the same size on disjoint blocks, better predictions."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from hovercontrol.discrepancy.report import pictures
 from hovercontrol.discrepancy.report.context import Context, numbers_by_effect
 from hovercontrol.discrepancy.report.formatting import effect_words, percent, rounded, unit
 from hovercontrol.discrepancy.report.templates import legend, render, table
-from hovercontrol.discrepancy.report.verdict import SURE, key_of, most_fallen
+from hovercontrol.discrepancy.report.verdict import SIGNIFICANCE, key_of, most_fallen
 
-#: What is told of each name.
-MEASURES = ("likelihood gained", "blocks with its sign", "t over blocks", "spread", "held-out log")
+#: Rows of the evidence table.
+MEASURES = ("likelihood gained", "blocks of the same sign", "t over blocks", "spread", "held-out log")
 
 
 def evidence(m: Context) -> str:
-    """Return the section on the evidence for each name; nothing where none is given."""
+    """Return the section on the evidence for each named effect; empty without one."""
     d = m.diagnosis
     if not m.changed:
         return ""
@@ -37,8 +37,8 @@ def _held(e: Evidence) -> str:
     far = e.holdout.each
     if not far:
         return "none held out"
-    falls = sum(a.t >= SURE and a.after < a.before for a in far)
-    rises = sum(a.t <= -SURE and a.after > a.before for a in far)
+    falls = sum(a.t >= SIGNIFICANCE.sure and a.after < a.before for a in far)
+    rises = sum(a.t <= -SIGNIFICANCE.sure and a.after > a.before for a in far)
     best = most_fallen(far)
     most = ""
     if best:
@@ -56,7 +56,10 @@ def _blocks(m: Context) -> dict[str, object]:
         blocks = d.evidence[name].blocks
         e = problem.model.effect(name)
         scaling = [n for n in numbers if not np.isnan(e.numbers[_key(n.effect, n.parameter)].neutral)]
-        title, scale = f"{effect_words(name)}, in parts of the whole", pictures.Scale(0.0, 1.0, "1")
+        title, scale = (
+            f"{effect_words(name)}, relative to the size on all logs",
+            pictures.Scale(0.0, 1.0, "1"),
+        )
         if len(scaling) == 1 and np.isfinite(blocks.std).any():
             one = scaling[0]
             neutral = e.numbers[_key(name, one.parameter)].neutral
@@ -77,7 +80,7 @@ def _key(effect: str, parameter: str) -> str:
 
 
 def holdout(m: Context) -> str:
-    """Return errors over the horizon, in units."""
+    """Return the section with errors over the prediction horizon, in units."""
     if not m.ahead:
         return ""
     rows = []
@@ -86,7 +89,7 @@ def holdout(m: Context) -> str:
         fall = percent(1.0 - a.after / a.before).replace("-", "−") if a.before > 0 else "–"
         sure = f"{a.t:.1f}".replace("-", "−") if np.isfinite(a.t) else "–"
         rows.append((a.channel, f"{a.horizon:.2g} s", *figures, fall, sure))
-    head = ("channel", "ahead", "as it was", "amended", "less by", "t")
+    head = ("channel", "ahead", "given", "amended", "less by", "t")
     kinds = ("before", "after") if m.changed else ("before",)
     return render(
         "holdout.html",

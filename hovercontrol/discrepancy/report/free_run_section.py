@@ -1,4 +1,4 @@
-"""Simulation beside measurement: runs of some seconds by the commands alone."""
+"""Simulation and measurement: runs of some seconds, driven by the commands alone."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is not named: candidates that came near, what cannot be told apart, and what would tell."""
+"""Effects that are not named: rivals, the nearest candidates, and the experiment that would decide."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def _rivals(m: Context) -> Table | None:
         (
             effect_words(r.name),
             effect_words(r.instead_of),
-            "every log shows both alike" if r.same else _odds(r.behind),
+            "both have the same effect on every log" if r.same else _odds(r.behind),
             "" if r.same else f"{r.t:.1f}",
         )
         for r in m.diagnosis.rivals

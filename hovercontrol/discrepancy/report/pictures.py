@@ -1,4 +1,4 @@
-"""The pictures of a report."""
+"""The figures of a report."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def horizons(far: Sequence[Ahead], changed: bool, noise: Mapping[str, float]) ->
 
 
 class Scale(NamedTuple):
-    """How sizes in parts of the whole become a coefficient: ``zero + part * size``."""
+    """How sizes relative to the size on all logs become a coefficient: ``zero + part * size``."""
 
     zero: float
     size: float
@@ -75,7 +75,7 @@ class Scale(NamedTuple):
 def blocks_of(title: str, blocks: Blocks, scale: Scale) -> str:
     """Return an effect's size block by block, with its standard errors, a colour for each log.
 
-    Blocks that tell nothing are left out; the line is the size on all.
+    Blocks without information are left out; the line is the size on all logs.
     """
     shown = np.flatnonzero(telling(blocks))
     at = np.arange(1.0, len(blocks.estimate) + 1.0)
@@ -94,7 +94,7 @@ def blocks_of(title: str, blocks: Blocks, scale: Scale) -> str:
 
 
 def telling(blocks: Blocks) -> NDArray[np.bool_]:
-    """Return which blocks tell an effect's size: those with a twentieth of their share of the information."""
+    """Return which blocks have information on an effect's size: a twentieth of their share or more."""
     std = blocks.std
     if not np.isfinite(std).any():
         return np.isfinite(blocks.estimate)
@@ -164,7 +164,7 @@ def forces(
 
 
 def floor_map(title: str, x: Array, y: Array, force: Array, label: str, kind: str) -> str:
-    """Return where on the floor a force is large: its root mean square in cells; empty if too few rows tell.
+    """Return a map of a force's root mean square over cells of the floor; empty with too few rows.
 
     `x`, `y` and `force` are of all rows of all logs, `label` is the force's unit, `kind` its colour.
     """

@@ -1,4 +1,4 @@
-"""What remains: in which equation, how much, when and where on the floor."""
+"""The remainder: in which equation, how large, when and where on the floor."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def _sizes(m: Context, missing: Sequence[Missing]) -> Table:
 
 
 def _maps(m: Context, missing: Sequence[Missing]) -> list[str]:
-    """Return where on the floor what remains is large."""
+    """Return maps of where on the floor the remainder is large."""
     d = m.diagnosis
     fit = d.selection.final
     problem = fit.problem
@@ -96,7 +96,7 @@ def _maps(m: Context, missing: Sequence[Missing]) -> list[str]:
 
 
 def stretches(segments: Sequence[tuple[float, float]]) -> str:
-    """Return when a force is there: the longest stretches, and how many more there are.
+    """Return when a force is significant: the longest intervals, and how many more there are.
 
     Examples
     --------

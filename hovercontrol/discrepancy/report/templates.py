@@ -16,7 +16,7 @@ LONG = 12
 
 LEGEND = {
     "measured": "measured",
-    "before": "the model as it was, its coefficients fitted again",
+    "before": "the given model, its coefficients fitted again",
     "after": "the amended model",
     "start": "start of a run",
 }

@@ -1,8 +1,9 @@
-"""Both halves of the answer in plain sentences: what is missing, and what remains."""
+"""The two halves of the answer as sentences: what is missing, and what remains."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from hovercontrol.discrepancy.evidence.holdout import Ahead, ahead
@@ -31,13 +32,31 @@ MEANS = {
     "none": "nothing is missing beyond noise",
     "effect": "named, and nothing remains beyond noise",
     "partial": "named, and something remains",
-    "ambiguous": "one of several readings",
-    "unexplained": "something is missing, and nothing can be named",
+    "ambiguous": "one of several effects",
+    "unexplained": "something is missing, no known effect explains it",
 }
 
-#: Standard errors by which an error must fall on the held-out log to be told as a fall, and leads that are
-#: told in a sentence.
-SURE, NEAREST = 2.0, 2
+
+@dataclass(frozen=True)
+class Significance:
+    """What the headline counts as a change.
+
+    Two standard errors are exceeded in one direction by chance in 2.3 % of normal samples.
+
+    Attributes
+    ----------
+    sure : float
+        Standard errors by which a held-out error must fall to be reported as a fall.
+    nearest : int
+        Nearest candidates named in the headline.
+    """
+
+    sure: float = 2.0
+    nearest: int = 2
+
+
+#: The values in use.
+SIGNIFICANCE = Significance()
 
 
 def headline(d: Diagnosis) -> str:
@@ -63,19 +82,19 @@ def headline(d: Diagnosis) -> str:
         return f"Missing: {'; '.join(said)}."
     if d.verdict == "none":
         return "Missing: nothing beyond noise."
-    nearest = [effect_words(lead.name) for lead in d.leads[:NEAREST]]
+    nearest = [effect_words(lead.name) for lead in d.leads[: SIGNIFICANCE.nearest]]
     came = f"; nearest {'comes' if len(nearest) == 1 else 'come'} {listed(nearest)}" if nearest else ""
     return f"Missing: something that no known effect explains{came}."
 
 
 def _named(d: Diagnosis, name: str, numbers: Sequence[Found]) -> str:
-    """Return an effect with its numbers, other readings of it, and what cannot be told from it."""
+    """Return an effect with its parameters, equivalent effects and undistinguished rivals."""
     rivals = [r for r in d.rivals if r.instead_of == name]
     doubtful = listed([effect_words(r.name) for r in rivals if not r.same], "or")
     same = listed([effect_words(r.name) for r in rivals if r.same], "or")
     said = f"{effect_words(name)}, {numbers_of(numbers)}" if numbers else effect_words(name)
-    said += f" (or {same}: every log shows both alike)" if same else ""
-    return f"{said}, or else {doubtful}: these logs cannot tell which" if doubtful else said
+    said += f" (or {same}: both have the same effect on every log)" if same else ""
+    return f"{said}, or else {doubtful}: these logs do not distinguish them" if doubtful else said
 
 
 def numbers_of(numbers: Sequence[Found]) -> str:
@@ -91,7 +110,7 @@ def key_of(number: Found) -> str:
 
 
 def gap_sentence(d: Diagnosis) -> str:
-    """Return what the named effects take of the error on the held-out log, or how large that is.
+    """Return which part of the held-out error the named effects explain, or how large that error is.
 
     Parameters
     ----------
@@ -116,7 +135,7 @@ def gap_sentence(d: Diagnosis) -> str:
     best = most_fallen(far)
     one = len(numbers_by_effect(d)) == 1
     if best is None:
-        return f"{where} no channel is predicted better beyond chance."
+        return f"{where} no channel is predicted significantly better."
     part = f"{percent(1.0 - best.after / best.before)} of the error of {best.channel}"
     figures = f"{small(best.before)} to {small(best.after)} {unit(best.unit)}".strip()
     who = "it takes" if one else "they take"
@@ -125,7 +144,7 @@ def gap_sentence(d: Diagnosis) -> str:
 
 def most_fallen(far: Sequence[Ahead]) -> Ahead | None:
     """Return the channel and horizon whose error falls most, of those that fall beyond chance."""
-    fallen = [a for a in far if a.t >= SURE and a.after < a.before]
+    fallen = [a for a in far if a.t >= SIGNIFICANCE.sure and a.after < a.before]
     return max(fallen, key=lambda a: 1.0 - a.after / a.before, default=None)
 
 
@@ -177,7 +196,7 @@ def verdict(m: Context) -> str:
     if d.verdict == "none":
         said.append(
             "With its coefficients fitted again, the model explains these logs down to the noise of their "
-            "measurements. An effect that these logs do not excite would not show."
+            "measurements. An effect that these logs do not excite would not be seen."
         )
     return render(
         "verdict.html",

@@ -1,4 +1,4 @@
-"""Aided inertial navigation: K06's (chapter 3, section 5.4.5), and what K06 wished for.
+"""Aided inertial navigation: K06's (chapter 3, section 5.4.5) and the extensions that it proposes.
 
 :func:`ins_mechanisation` integrates the IMU. :func:`heading_filter` and :func:`velocity_position_filter`
 estimate its errors; :func:`aided_ins` is the three joined. :func:`coupled_filter` needs no heading aid,

@@ -62,7 +62,7 @@ def rest_calibration(
     ([0.2, 0.2, 0.0], 0.01)
     """
     ticks = max(1, round(positive(f"{name}: seconds", seconds) / positive(f"{name}: period", period)))
-    raw = tuple(s.but(name=f"{s.name}_raw") for s in IMU)
+    raw = tuple(s.replace(name=f"{s.name}_raw") for s in IMU)
     stored = (
         Signal("platform_roll", "rad", "misalignment of the platform, right side down"),
         Signal("platform_pitch", "rad", "misalignment of the platform, bow up"),
@@ -70,13 +70,15 @@ def rest_calibration(
     )
     last = Signal("last_calibrate", "1", "the order at the last tick", start=0.0)
     left = Signal("ticks_left", "1", "ticks still to be averaged")
-    sums = tuple(s.but(name=f"{s.name}_sum", description=f"{s.description}, sum") for s in raw)
-    kept = tuple(s.but(name=f"last_{s.name}") for s in stored)
+    sums = tuple(s.replace(name=f"{s.name}_sum", description=f"{s.description}, sum") for s in raw)
+    kept = tuple(s.replace(name=f"last_{s.name}") for s in stored)
     working = Signal("calibrating", "1", "1 while a calibration averages")
     begins = sp.And(CALIBRATE.symbol > last.symbol, left.symbol <= 0)
     due = sp.Piecewise((ticks, begins), (left.symbol, True))
     on, ends = working.symbol > 0, CALIBRATED.symbol > 0
-    totals = [s.but(name=f"{s.name}_total", description=f"{s.description}, sum with this tick") for s in raw]
+    totals = [
+        s.replace(name=f"{s.name}_total", description=f"{s.description}, sum with this tick") for s in raw
+    ]
     g = _GRAVITY.symbol
     means = [t.symbol / ticks for t in totals]
     pitch = sp.asin(sp.Max(-1, sp.Min(1, means[0] / g)))
@@ -151,9 +153,9 @@ def restartable(block: Block, restart: Signal, kept: Mapping[str, sp.Expr] | Non
             raise InputError(
                 f"restartable: block {block.name!r} has no state {name!r}{did_you_mean(name, names)}"
             )
-    before = tuple(s.but(name=_beside(s.name, "before")) for s in block.states)
+    before = tuple(s.replace(name=_beside(s.name, "before")) for s in block.states)
     old = {s.symbol: b.symbol for s, b in zip(block.states, before, strict=True)}
-    first = {s.name: s.but(name=_beside(s.name, "first")) for s in block.states if s.start}
+    first = {s.name: s.replace(name=_beside(s.name, "first")) for s in block.states if s.start}
     begun = {}
     for s, b in zip(block.states, before, strict=True):
         start = first[s.name].symbol if s.name in first else sp.S.Zero

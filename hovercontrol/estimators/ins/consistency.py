@@ -1,4 +1,4 @@
-"""Whether a filter's errors are as large as it says: NEES and NIS and their chi-square bands.
+"""Consistency of a filter's errors with its covariance: NEES and NIS and their chi-square bands.
 
 Bar-Shalom, Li and Kirubarajan, "Estimation with Applications to Tracking and Navigation", section 5.4.
 """

@@ -65,7 +65,7 @@ class Aid:
     signal : Signal
         The input.
     valid : Signal
-        The input that tells when it is measured.
+        The input that is 1 when it is measured.
     expected : sympy.Expr
         Of :data:`PSI`, :data:`POSITION`, the symbols of `extra` quantities and the parameters.
     variance : Signal
@@ -105,7 +105,7 @@ def navigation_filter(
     inputs: Sequence[Signal] = (),
     definitions: Mapping[str, sp.Expr] | None = None,
 ) -> Block:
-    """Return the filter; the public ones say what is measured.
+    """Return the filter for given measurements.
 
     Parameters
     ----------
@@ -185,7 +185,7 @@ def remembered(
     quantities: Sequence[Signal], start: Sequence[float], noise: InsNoise, extra: Sequence[float]
 ) -> Memory:
     """Return what is kept from tick to tick; it starts at psi, v_x, v_y, x, y and zero biases."""
-    started = [s.but(start=v) for s, v in zip(quantities, [*start, *[0.0] * 9], strict=False)]
+    started = [s.replace(start=v) for s, v in zip(quantities, [*start, *[0.0] * 9], strict=False)]
     return remember("xhat", "P", started, [noise.P1[0], *noise.P2[:4], noise.P1[1], *noise.P2[4:], *extra])
 
 
@@ -196,7 +196,7 @@ def added_variances(noise: InsNoise) -> list[float]:
 
 def told_of(x: sp.Matrix, extra: Sequence[Signal]) -> tuple[tuple[Signal, ...], dict[str, sp.Expr]]:
     """Return the outputs that tell an estimate, and their expressions."""
-    extras = tuple(s.but(name=f"{s.name}_hat", description=f"{s.description}, estimated") for s in extra)
+    extras = tuple(s.replace(name=f"{s.name}_hat", description=f"{s.description}, estimated") for s in extra)
     outputs = (
         PSI_HAT,
         Signal("r_hat", "rad/s", "yaw rate, estimated"),

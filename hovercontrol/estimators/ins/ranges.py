@@ -209,7 +209,7 @@ def range_arrivals(count: int, *, period: float = IMU_PERIOD, name: str = "range
     new = Signal("range_valid", "1", "1 while there are new ranges")
     heard = [Signal(f"range_{k}_heard", "1", "1 where the beacon was heard") for k in range(1, count + 1)]
     last_new, last_unit = (
-        s.but(name=f"last_{s.name}", description=f"{s.description}, at the last tick")
+        s.replace(name=f"last_{s.name}", description=f"{s.description}, at the last tick")
         for s in (new, RANGE_UNIT)
     )
     other = sp.Or(last_new.symbol <= 0, sp.Ne(RANGE_UNIT.symbol, last_unit.symbol))

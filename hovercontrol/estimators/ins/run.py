@@ -150,7 +150,7 @@ def _check_ports(block: Block | ParticleFilter, params: Mapping[str, float] | No
 
 
 def _valid_input(block: Block | ParticleFilter, name: str) -> str | None:
-    """Return the input that tells that `name` was measured: ``fix_valid`` of ``fix_x``."""
+    """Return the input that is 1 when `name` was measured: ``fix_valid`` of ``fix_x``."""
     known = [s.name for s in block.inputs]
     wanted = (f"{name}_valid", f"{name.rpartition('_')[0]}_valid")
     return next((w for w in wanted if w in known), None)

@@ -24,7 +24,7 @@ from hovercontrol.fmi.exporter.package import packed
 from hovercontrol.fmi.exporter.sources import Version, fmu_sources, token_of
 from hovercontrol.fmi.exporter.terminals import terminals
 from hovercontrol.fmi.exporter.variables import Interface
-from hovercontrol.io.files import check_folder, write_whole
+from hovercontrol.io.files import check_folder, write_atomically
 from hovercontrol.targets.compiler import cached_text
 
 #: Rows of the reference trajectory at most.
@@ -111,7 +111,7 @@ def export_fmu(
         files[f"binaries/{folder_of(p, version)}/{interface.identifier}{p.suffix}"] = binary
         report(0.1 + 0.8 * k / len(wanted))
     content = packed(files | _content(interface, version, sources, experiment, atol, description))
-    return write_whole(target, lambda temporary: temporary.write_bytes(content))
+    return write_atomically(target, lambda temporary: temporary.write_bytes(content))
 
 
 #: Most communication steps of a default experiment.

@@ -61,7 +61,7 @@ def token_of(interface: Interface, files: dict[str, str]) -> str:
 
 
 def c_description(interface: Interface, token: str, rtol: float, atol: float) -> str:
-    """Return ``description.c``: what the runtime must know of a model beside its equations.
+    """Return ``description.c``: the data of a model beside its equations.
 
     Parameters
     ----------

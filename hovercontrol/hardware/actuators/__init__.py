@@ -1,4 +1,4 @@
-"""K06's actuators: what lies between the force a law asks for and the force the craft gets.
+"""K06's actuators: from the force that a law commands to the force on the craft.
 
 In the order of the signals: :func:`force_command` (dead zone, polar coordinates), :func:`rudder_lookup` and
 :func:`thrust_lookup` (calibration tables), then, where they act, :func:`rudder_servo`,

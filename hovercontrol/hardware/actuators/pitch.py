@@ -182,7 +182,7 @@ def pitch_servo(*, lag: float = 0.05, period: float = UPDATE, name: str = "pitch
         "lag", "s", "time constant", start=not_negative(f"{name}: lag", lag), lower=0.0, nominal=0.1
     )
     step = Signal("update", "s", "time between two commands", start=period, lower=0.0)
-    last = BLADE_PITCH.but(name="last_blade_pitch", description="their pitch so far")
+    last = BLADE_PITCH.replace(name="last_blade_pitch", description="their pitch so far")
     kept = sp.exp(-step.symbol / sp.Max(late.symbol, step.symbol / 1000))
     return Block(
         name,
@@ -242,8 +242,8 @@ def pitch_thrust(
         name,
         inputs=(BLADE_PITCH, RUDDER_ANGLE),
         outputs=(
-            THRUST.but(unit="N", description="force of the propeller"),
-            RUDDER.but(description="angle of the force from the bow"),
+            THRUST.replace(unit="N", description="force of the propeller"),
+            RUDDER.replace(description="angle of the force from the bow"),
         ),
         parameters=parameters,
         definitions={share.name: sp.Min(sp.Abs(pitch) / most, 1)},

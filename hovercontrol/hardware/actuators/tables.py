@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hovercontrol.errors import InputError
-from hovercontrol.io.files import write_whole
+from hovercontrol.io.files import write_atomically
 
 Floats = NDArray[np.float64]
 
@@ -122,7 +122,7 @@ class FanTable:
                     for angle, row in zip(self.rudder, self.values, strict=True)
                 )
 
-        return write_whole(path, write)
+        return write_atomically(path, write)
 
 
 def read_fan_table(path: str | Path) -> FanTable:

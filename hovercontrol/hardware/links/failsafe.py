@@ -61,8 +61,10 @@ def failsafe(
     )
     fresh = old.symbol < longest.symbol
     on = Signal(f"{name}_on", "1", "1 where commands are those at rest", lower=0.0, upper=1.0)
-    heard = [s.but(name=s.name + incoming) for s in signals]
-    rest = {s.name: s.but(name=f"rest_{s.name}", description=f"{s.name} at rest") for s in signals if s.start}
+    heard = [s.replace(name=s.name + incoming) for s in signals]
+    rest = {
+        s.name: s.replace(name=f"rest_{s.name}", description=f"{s.name} at rest") for s in signals if s.start
+    }
     told: dict[str, sp.Expr] = {
         s.name + suffix: sp.Piecewise(
             (h.symbol, fresh), (rest[s.name].symbol if s.start else sp.S.Zero, True)
@@ -72,7 +74,7 @@ def failsafe(
     return Block(
         name,
         inputs=(*heard, old),
-        outputs=(*(s.but(name=s.name + suffix) for s in signals), on),
+        outputs=(*(s.replace(name=s.name + suffix) for s in signals), on),
         parameters=(longest, *rest.values()),
         output_expressions={**told, on.name: sp.Piecewise((0, fresh), (1, True))},
     )

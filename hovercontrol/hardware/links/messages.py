@@ -25,7 +25,9 @@ NEVER = 2**50
 
 def received(signal: Signal, suffix: str) -> Signal:
     """Return a signal as it is called behind the link."""
-    return signal.but(name=signal.name + suffix, description=f"{signal.description or signal.name}, received")
+    return signal.replace(
+        name=signal.name + suffix, description=f"{signal.description or signal.name}, received"
+    )
 
 
 @dataclass
@@ -108,7 +110,7 @@ class MessageLink:
         """Return one thing of every message under way, the newest first, with what is sent now."""
         # The message k places on is floor(k every) ticks old or more; none that may still arrive falls out.
         count = math.ceil((self.longest + 1) / self.every)
-        places = [signal.but(name=f"{signal.name}_place{k}") for k in range(count)]
+        places = [signal.replace(name=f"{signal.name}_place{k}") for k in range(count)]
         self.states += places
         line = []
         for before, place in zip([entering, *(p.symbol for p in places)], places, strict=False):
@@ -119,7 +121,7 @@ class MessageLink:
 
     def newest(self, signal: Signal, line: Sequence[sp.Symbol], arrived: Sequence[sp.Expr]) -> sp.Symbol:
         """Return the newest that has arrived, or what was shown before; `signal` is that at the start."""
-        held = signal.but(name=f"{signal.name}_held")
+        held = signal.replace(name=f"{signal.name}_held")
         self.states.append(held)
         chain = (*zip(line, arrived, strict=True), (held.symbol, True))
         self.following[held.name] = self.definitions(f"{signal.name}_shown", sp.Piecewise(*chain))

@@ -25,8 +25,8 @@ class Beacons:
     Parameters
     ----------
     positions : sequence of (float, float)
-        Places over the floor, earth frame [m]: two different ones, or more that are not in a line. Two tell a
-        place and its mirror image beyond their line, see
+        Places over the floor, earth frame [m]: two different ones, or more that are not in a line. Two
+        determine a place and its mirror image beyond their line, see
         :func:`~hovercontrol.hardware.sensors.bancroft.range_solver`.
     heights : float or sequence of float
         Above the units that hear them [m].

@@ -65,8 +65,8 @@ def cricket_fixes(count: int = 2, *, slot: float = SLOT, name: str = "cricket_fi
         for what, source in solved.items():
             if what == "bias" and k > 1:
                 continue
-            told = source.but(name=f"{label}_{what}", description=f"{source.description}, unit {k}")
-            held = told.but(name=f"{told.name}_held")
+            told = source.replace(name=f"{label}_{what}", description=f"{source.description}, unit {k}")
+            held = told.replace(name=f"{told.name}_held")
             definitions[told.name] = sp.Piecewise((source.symbol, valid.symbol > 0), (held.symbol, True))
             states.append(held)
             outputs.append(told)
@@ -85,9 +85,9 @@ def cricket_fixes(count: int = 2, *, slot: float = SLOT, name: str = "cricket_fi
 
 def _last_position(slot: float) -> Block:
     """Return the memory of what was solved last, whichever the unit: they are nearer than mirrored places."""
-    solved = tuple(s.but(name=s.name.replace("previous", "solved")) for s in PREVIOUS[:2])
+    solved = tuple(s.replace(name=s.name.replace("previous", "solved")) for s in PREVIOUS[:2])
     good = Signal("solved", "1", "1 where the ranges give a position")
-    held = [s.but(name=f"{s.name}_held") for s in PREVIOUS]
+    held = [s.replace(name=f"{s.name}_held") for s in PREVIOUS]
     new = [
         sp.Piecewise((s.symbol, good.symbol > 0), (h.symbol, True))
         for s, h in zip(solved, held, strict=False)

@@ -59,7 +59,7 @@ def tilted_platform(*, roll: float = 0.0, pitch: float = 0.0, name: str = "platf
     return Block(
         name,
         inputs=_FELT,
-        outputs=tuple(s.but(name=key) for s, key in zip(_FELT, told, strict=True)),
+        outputs=tuple(s.replace(name=key) for s, key in zip(_FELT, told, strict=True)),
         parameters=(right, up, GRAVITY),
         output_expressions=told,
     )

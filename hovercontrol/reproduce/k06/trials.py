@@ -47,7 +47,7 @@ def medians(name: str) -> Mapping[str, float]:
 
 
 def table(name: str) -> Measure:
-    """Return what tells the initial velocities, reference and gains of a trial.
+    """Return the initial velocities, reference and gains of a trial.
 
     [K06 table 6.1, 6.2, 6.3, 6.4]
     """

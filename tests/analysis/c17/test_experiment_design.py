@@ -10,10 +10,10 @@ from matplotlib.figure import Figure
 
 from hovercontrol import InputError, ellipse, figure_eight, kalman_bucy, waypoints
 from hovercontrol.analysis import ellipse_errors, expected_errors, observability_gramian, signals_of
-from hovercontrol.analysis.c17.flights import SETTLE
 from hovercontrol.analysis.c17.interconnection import ESTIMATOR
 from hovercontrol.analysis.c17.iss import DRAG
 from hovercontrol.analysis.c17.loops import c17_ellipse, on_reference, tracking_loop
+from hovercontrol.analysis.c17.reference_runs import RUNS
 from hovercontrol.models.vehicles import c17_experiment, c17_simulation
 
 CRAFT = c17_simulation()
@@ -33,10 +33,10 @@ def region():
 def motion(reference, seconds):
     """Return times and signals of the craft from when it is on the reference."""
     loop = tracking_loop(CRAFT, reference, outputs=["tracking_error", "thrust", "rudder"])
-    t = np.linspace(0.0, SETTLE + seconds, round(1000 * (SETTLE + seconds)) + 1)
+    t = np.linspace(0.0, RUNS.settle + seconds, round(1000 * (RUNS.settle + seconds)) + 1)
     ready, x0 = loop.compile(friction="smooth"), on_reference(reference, 0.2)
     signals = signals_of(ready.simulate(t, x0=x0, method="rk4", step=0.01))
-    on = t >= SETTLE
+    on = t >= RUNS.settle
     return t[on], {name.removeprefix("plant."): values[on] for name, values in signals.items()}
 
 
@@ -112,7 +112,7 @@ def test_limits_are_those_of_the_commands_that_the_reference_needs(found, region
     assert found.rudder[0] == pytest.approx([s["rudder"].min(), s["rudder"].max()], abs=1e-3)
     assert found.within_limits.all()
     weak = c17_experiment()
-    weak = type(weak)(weak.name, weak.effects, weak.thrust.but(upper=4.0), weak.rudder)
+    weak = type(weak)(weak.name, weak.effects, weak.thrust.replace(upper=4.0), weak.rudder)
     assert expected_errors(REFERENCES, actuators=weak, duration=6.0).within_limits.tolist() == [
         False,
         True,

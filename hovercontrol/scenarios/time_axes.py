@@ -1,4 +1,4 @@
-"""What pictures of a run have in common: sheets with titles, phases, curves over time."""
+"""Parts of the figures of a run: titles, marked phases, curves over time."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 TITLE_LETTERS_PER_INCH = 11
 
 
-def sheet(run: Run, what: str, rows: int = 1, height: float = 3.4) -> tuple[Figure, list[Axes]]:
+def time_figure(run: Run, what: str, rows: int = 1, height: float = 3.4) -> tuple[Figure, list[Axes]]:
     """Return a figure with its title and rows of axes over one time."""
     figure = Figure(figsize=(8.0, height), layout="constrained")
     axes = figure.subplots(rows, 1, sharex=True, squeeze=False)[:, 0].tolist()

@@ -1,10 +1,11 @@
-"""Flights of a craft along references, with an estimator beside the loop: its covariance at the end."""
+"""Runs of a craft along references, with an estimator beside the loop: its covariance at the end."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -22,25 +23,44 @@ from hovercontrol.models.model import Model
 
 Array = NDArray[np.float64]
 
-#: Standard error of every coefficient before a flight, in its SI unit: C17's are of about this size.
-DOUBT = 1.0
 
-#: Seconds to get on the reference before the flight counts.
-SETTLE = 15.0
+@dataclass(frozen=True)
+class RunCriteria:
+    """When a craft counts as on its reference.
+
+    No published source: set by hand, exercised by tests/analysis/c17/test_experiment_design.py.
+
+    Attributes
+    ----------
+    doubt : float
+        Standard error of every coefficient before a run, in its SI unit: C17's coefficients are of about
+        this size.
+    settle : float
+        Time to reach the reference before the run counts [s].
+    off : float
+        Largest distance from the reference [m].
+    """
+
+    doubt: float = 1.0
+    settle: float = 15.0
+    off: float = 0.01
+
+
+#: The values in use.
+RUNS = RunCriteria()
+
 
 #: Runge-Kutta's steps of loop and loop with estimator, whose covariance falls fast at first [s].
 STEP, FINE_STEP = 0.01, 0.002
 
-#: A craft this far from its reference is not on it [m].
-OFF = 0.01
 
-#: Of flights with six coefficients on one core, per simulated second: for the estimate before a sweep.
+#: Of runs with six coefficients on one core, per simulated second: for the estimate before a sweep.
 SECONDS_PER_SIMULATED = 2e-3
 
 COMMANDS = ("thrust", "rudder")
 
 
-class Flight:
+class ReferenceRuns:
     """A craft that knows its coefficients, and beside it an estimator that does not.
 
     Parameters
@@ -73,7 +93,7 @@ class Flight:
             coefficients,
             R=positive("noise", noise),
             Q=[disturbance] * n + [0.0] * m,
-            P0=[noise] * n + [DOUBT**2] * m,
+            P0=[noise] * n + [RUNS.doubt**2] * m,
         )
         self._variances = [f"{self._estimator.name}.P[{k},{k}]" for k in range(n, n + m)]
 
@@ -88,10 +108,10 @@ class Flight:
         return tracking_controller(self.model).default_parameters["controller.control_point"]
 
     def refuse_large(self, reference: Block, runs: int) -> None:
-        """Refuse so many flights if they need too much time or memory; the line has the estimates."""
+        """Refuse so many runs if they need too much time or memory; the line has the estimates."""
         refuse_large(self.loop(reference).compile(), runs, SECONDS_PER_SIMULATED * self.duration)
 
-    def fly(
+    def run(
         self,
         reference: Block,
         start: Mapping[str, ArrayLike],
@@ -101,23 +121,23 @@ class Flight:
         checkpoint: str | Path | None = None,
         progress: Callable[[int], None] | None = None,
     ) -> tuple[Array, Array]:
-        """Return standard errors (n, m) and least and largest thrust and rudder (n, 4) of many flights."""
+        """Return standard errors (n, m) and least and largest thrust and rudder (n, 4) of many runs."""
         settled = self.loop(reference, estimator=False).compile(friction="smooth").sweep(
-            [0.0, SETTLE], x0=start, params=params, method="rk4", step=STEP, executor=executor,
+            [0.0, RUNS.settle], x0=start, params=params, method="rk4", step=STEP, executor=executor,
             checkpoint=subfolder(checkpoint, "settle"),
         )  # fmt: skip
         off = settled.status != 0
         there = np.where(off[:, None], 0.0, settled.states_final)
-        flown = self.loop(reference).compile(friction="smooth").sweep(
-            SETTLE + np.linspace(0.0, self.duration, 1 + max(10, round(50 * self.duration))),
+        run = self.loop(reference).compile(friction="smooth").sweep(
+            RUNS.settle + np.linspace(0.0, self.duration, 1 + max(10, round(50 * self.duration))),
             x0=dict(zip(settled.states, there.T, strict=True)), params=params, method="rk4", step=FINE_STEP,
             executor=executor, checkpoint=subfolder(checkpoint, "flight"), progress=progress,
         )  # fmt: skip
-        last = dict(zip(flown.states, flown.states_final.T, strict=True))
+        last = dict(zip(run.states, run.states_final.T, strict=True))
         variance = np.transpose([last[name] for name in self._variances])
-        good = ~off & (flown.status == 0) & (flown["tracking_error"].maximum < OFF)
+        good = ~off & (run.status == 0) & (run["tracking_error"].maximum < RUNS.off)
         good &= (variance > 0).all(axis=1)
-        ends = [getattr(flown[name], end) for name in COMMANDS for end in ("minimum", "maximum")]
+        ends = [getattr(run[name], end) for name in COMMANDS for end in ("minimum", "maximum")]
         keep = good[:, None]
         error = np.sqrt(np.where(keep, variance, np.nan))
         return error, np.where(keep, np.transpose(ends), np.nan)
