@@ -7,29 +7,30 @@ from __future__ import annotations
 
 import contextlib
 import copy
-import hashlib
 import math
-import shutil
-import tempfile
 import warnings
 import weakref
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, NoReturn, Self
 
 import control
-import fmpy  # type: ignore[import-untyped]
 import numpy as np
 from numpy.typing import NDArray
 
 from hovercontrol.core.boundary import checked
-from hovercontrol.errors import InputError, did_you_mean
-from hovercontrol.fmi.importer.archive import LIMITS, Archive, check_xml, open_archive
+from hovercontrol.errors import InputError
 from hovercontrol.fmi.importer.follow import Follower, Parameters
 from hovercontrol.fmi.importer.instance import Engine, FmuError, Instance
-from hovercontrol.fmi.importer.interface import REALS, Interface, read_interface
+from hovercontrol.fmi.importer.interface import REALS, Interface
+from hovercontrol.fmi.importer.unpacked import Source, Unpacked, digest_of, open_source
+from hovercontrol.fmi.importer.values import (
+    checked_name,
+    checked_step,
+    own_parameters,
+    parameter_key,
+)
 from hovercontrol.fmi.importer.worker import Remote
 from hovercontrol.simulation.runner import Inputs
 from hovercontrol.targets.control import _Params
@@ -38,7 +39,6 @@ if TYPE_CHECKING:
     from hovercontrol.fmi.importer.runner import FmuRunner
 
 Array = NDArray[np.float64]
-_DESCRIPTION = "modelDescription.xml"
 
 
 @checked
@@ -98,49 +98,21 @@ def load(
     >>> loop = control.interconnect([plant, controller], outputs=["psi"])  # doctest: +SKIP
     """
     path = Path(path)
-    source = _open(path)
+    source = open_source(path)
     try:
         interface = source.interface
         if interface.left_out:
             text = ", ".join(interface.left_out)
             warnings.warn(f"{path}: left out, being no plain numbers: {text}", stacklevel=2)
-        dt = _step(path, interface, step)
+        dt = checked_step(path, interface, step)
         if not isinstance(timeout, (int, float)) or not 0 < timeout < math.inf:
             raise InputError(f"{path}: timeout [s] must be a positive number, found {timeout!r}")
-        system = FmuSystem(source, dt, _name(interface, name), params, isolated, timeout)
+        system = FmuSystem(source, dt, checked_name(interface, name), params, isolated, timeout)
     except BaseException:
         source.unpacked.release()
         raise
     source.unpacked.release()  # the system holds it now
     return system
-
-
-class Unpacked:
-    """The temporary folder of an FMU; removed when the last system that runs from it is closed."""
-
-    def __init__(self) -> None:
-        self.folder = Path(tempfile.mkdtemp(prefix="hovercontrol-fmu-"))
-        self._users = 1
-
-    def hold(self) -> None:
-        """Count one more user."""
-        self._users += 1
-
-    def release(self) -> None:
-        """Count one user less."""
-        self._users -= 1
-        if self._users == 0:
-            shutil.rmtree(self.folder, ignore_errors=True)
-
-
-@dataclass(frozen=True)
-class Source:
-    """An FMU that has been checked and unpacked."""
-
-    path: Path
-    digest: str
-    interface: Interface
-    unpacked: Unpacked
 
 
 class FmuSystem(control.NonlinearIOSystem):
@@ -202,22 +174,14 @@ class FmuSystem(control.NonlinearIOSystem):
         self._prefix = name
         # By position: each parameter's key, its variable and its value in the FMU.
         elements = [(x, v, s) for v in face.parameters for x, s in zip(v.labels, v.start, strict=True)]
-        self._keys = {_key(name, label): (v, start) for label, v, start in elements}
+        self._keys = {parameter_key(name, label): (v, start) for label, v, start in elements}
         if len(self._keys) < len(elements):  # the FMU has both "k" and "plant.k"
             self._keys = {f"{name}.{label}": (v, start) for label, v, start in elements}
         defaults = {key: value for key, (_, value) in self._keys.items()}
         defaults |= self._checked(params or {}, pushed=False)
         inputs, outputs = ([label for v in vs for label in v.labels] for vs in (face.inputs, face.outputs))
-        super().__init__(
-            self._updates,
-            self._results,
-            params=_Params(defaults),
-            inputs=len(inputs),
-            outputs=len(outputs),
-            states=["step"],
-            name=name,
-            dt=step,
-        )
+        sizes = {"inputs": len(inputs), "outputs": len(outputs), "states": ["step"]}
+        super().__init__(self._updates, self._results, params=_Params(defaults), name=name, dt=step, **sizes)
         # Set past python-control's check, which takes no dots.
         self.input_index = {label: i for i, label in enumerate(inputs)}
         self.output_index = {label: i for i, label in enumerate(outputs)}
@@ -341,13 +305,8 @@ class FmuSystem(control.NonlinearIOSystem):
         return copy.deepcopy(self)  # two systems cannot share one instance
 
     def __reduce__(self) -> tuple[Any, ...]:
-        arguments = {
-            "step": self.dt,
-            "name": self._prefix,
-            "params": dict(self.params),
-            "isolated": self._isolated,
-            "timeout": self._timeout,
-        }
+        arguments = {"step": self.dt, "name": self._prefix, "params": dict(self.params)}
+        arguments |= {"isolated": self._isolated, "timeout": self._timeout}
         return _again, (self.path.absolute(), self._source.digest, arguments, self._names())
 
     def _names(self) -> tuple[str, dict[str, int], dict[str, int]]:
@@ -382,21 +341,7 @@ class FmuSystem(control.NonlinearIOSystem):
         self._values = self.values_in_order(self._current_params)
 
     def _checked(self, params: Mapping[str, float], pushed: bool) -> dict[str, float]:
-        """Return the own parameters among those given, by key; refuse what can only be a mistake."""
-        own: dict[str, float] = {}
-        for given, value in params.items():
-            key = given if given in self._keys or pushed else f"{self._prefix}.{given}"
-            if key in self._keys:
-                own[key] = self._keys[key][0].number(value, f"FMU {self._prefix!r}: parameter {key!r}")
-            elif (size := self.interface.structural.get(given.removeprefix(f"{self._prefix}."))) is not None:
-                raise InputError(
-                    f"FMU {self._prefix!r}: {given!r} is a structural parameter, which sizes arrays; here it "
-                    f"keeps its start value {size}"
-                )
-            elif not pushed or given.split(".")[0] == self._prefix:
-                hint = did_you_mean(given if "." in given else key, self._keys)
-                raise InputError(f"FMU {self._prefix!r}: unknown parameter {given!r}{hint}")
-        return own
+        return own_parameters(params, self._keys, self._prefix, self.interface, pushed)
 
     def values_in_order(self, values: Mapping[str, float]) -> Parameters:
         """Return the values in the FMU's order, None where the FMU has that value anyway."""
@@ -455,7 +400,7 @@ class FmuSystem(control.NonlinearIOSystem):
 def _again(path: Path, digest: str, arguments: dict[str, Any], names: Any) -> FmuSystem:
     """Load an FMU once more, for a system that was pickled."""
     try:
-        found = _digest(path)
+        found = digest_of(path)
     except OSError as error:
         raise InputError(f"{path} of a pickled FMU cannot be read: {error.strerror}") from None
     if found != digest:
@@ -468,69 +413,3 @@ def _again(path: Path, digest: str, arguments: dict[str, Any], names: Any) -> Fm
 def _release(follower: Follower, unpacked: Unpacked) -> None:
     follower.close()
     unpacked.release()
-
-
-def _open(path: Path) -> Source:
-    """Check and unpack an FMU; nothing of it has run afterwards."""
-    with open_archive(path) as archive:
-        data = archive.read(_DESCRIPTION, LIMITS.description)
-        header = check_xml(data, f"{path}: {_DESCRIPTION}")
-        unpacked = Unpacked()
-        try:
-            file = unpacked.folder / _DESCRIPTION
-            file.write_bytes(data)
-            interface = read_interface(file, header, str(path))
-            binaries = _binaries(archive, interface)
-            archive.unpack(unpacked.folder, lambda name: name.startswith((binaries, "resources/")))
-            (unpacked.folder / "resources").mkdir(exist_ok=True)
-            return Source(path, _digest(path), interface, unpacked)
-        except BaseException:
-            unpacked.release()
-            raise
-
-
-def _binaries(archive: Archive, interface: Interface) -> str:
-    """Return the folder of this platform's binary; raise if the FMU has none."""
-    platform = fmpy.platform if interface.fmi == 2 else fmpy.platform_tuple
-    folder = f"binaries/{platform}/"
-    if f"{folder}{interface.identifier}{fmpy.sharedLibraryExtension}" not in archive.names:
-        parts = (name.split("/") for name in archive.names)
-        others = sorted({p[1] for p in parts if p[0] == "binaries" and len(p) > 2})
-        has = f"those it has: {', '.join(others)}" if others else "it has none at all"
-        wanted = f"{folder}{interface.identifier}{fmpy.sharedLibraryExtension}"
-        raise InputError(f"{archive.path} has no binary for this platform ({wanted}); {has}")
-    return folder
-
-
-def _digest(path: Path) -> str:
-    with open(path, "rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
-
-
-def _step(path: Path, interface: Interface, step: float | None) -> float:
-    if step is None:
-        step = interface.step
-        if step is None:
-            step, why = 0.01, "10 ms"
-            if interface.duration:
-                step, why = interface.duration / 1000, "a thousandth of its default experiment's duration"
-            warnings.warn(f"{path} states no step size: taking {step:g} s, {why}", stacklevel=3)
-    if isinstance(step, bool) or not isinstance(step, (int, float)) or not 0 < step < math.inf:
-        raise InputError(f"{path}: step [s] must be a positive number, found {step!r}")
-    fixed = interface.fixed_step
-    if fixed and abs(step / fixed - max(round(step / fixed), 1)) > 1e-6:
-        raise InputError(f"{path}: step must be a multiple of the FMU's own {fixed:g} s, found {step:g} s")
-    return float(step)
-
-
-def _name(interface: Interface, name: str | None) -> str:
-    if name is None:
-        return interface.identifier
-    if not isinstance(name, str) or not name or "." in name:
-        raise InputError(f"a system's name is a word without dots, found {name!r}")
-    return name
-
-
-def _key(name: str, label: str) -> str:
-    """Return the key of a parameter: its name in the FMU, after the system's unless it begins so."""
-    return label if label.startswith(f"{name}.") else f"{name}.{label}"
