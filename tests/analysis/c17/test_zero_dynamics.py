@@ -222,7 +222,7 @@ def test_what_has_not_settled_on_a_side_is_on_neither(monkeypatch):
     assert (sum(m.astype(int) for m in maps) == judge["bounded"]).all()
     assert judge["unsettled"][:, 6].all()  # a = 0
     module = sys.modules["hovercontrol.analysis.c17.arm_region"]  # the package has a function of that name
-    monkeypatch.setattr(module, "SETTLED", 2.0)  # whatever it still does
+    monkeypatch.setattr(module, "MOTION", module.MotionCriteria(settled=2.0))  # whatever it still does
     _, hasty = arm_region(*ranges, points=13)
     wrongly = hasty["nose"] & judge["unsettled"]
     assert wrongly.any() and not (judge["nose"] & ~hasty["nose"]).any()
