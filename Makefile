@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo test test-all coverage mutations oldest check wheel fuzz benchmarks clean
+.PHONY: demo test test-all coverage mutations oldest check wheel fuzz benchmarks docs pictures clean
 .DELETE_ON_ERROR:
 
 demo: .venv/ready  ## the paper's Table I, coefficients from the sample log, what K06's model lacked
@@ -46,6 +46,17 @@ wheel: .venv/ready  ## wheel and sdist, installed in fresh environments; sizes a
 
 benchmarks: .venv/ready  ## every figure in the README, measured on this machine
 	$(BIN)/python -m benchmarks
+
+docs: .venv/docs  ## the site, every cell run, warnings are errors: out/site/index.html
+	@begin=$$(date +%s); PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/sphinx-build -W --keep-going -q -j auto -d out/doctrees docs out/site \
+	  && echo "the site is built: out/site/index.html ($$(( $$(date +%s) - begin )) s)"
+
+pictures: .venv/docs  ## the site's pictures that take minutes: all analyses, all tables and figures of the papers (half an hour)
+	PYTHONPATH=docs $(BIN)/python -m generate.keep out/pictures
+
+.venv/docs: .venv/ready
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[docs]"
+	@touch $@
 
 .venv/ready: pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \

@@ -34,6 +34,7 @@ MOVED = {
     },
     "model_template": "models.template",
     "noise": "core.random_numbers",
+    "estimators.ins.runs": "simulation.sampled",
     "targets.numpy": "core.functions",
     "targets.runner": "simulation.runner",
     "fmi.imported": "fmi.importer.imported",

@@ -10,6 +10,7 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from hovercontrol.endings import run
+from hovercontrol.io.figure_style import figure_style
 from hovercontrol.io.files import check_folder, write_folder
 
 #: Called now and then with the share that is done, 0 to 1.
@@ -81,7 +82,8 @@ def _script(main: Callable[..., list[Path]], description: str) -> None:
             print(f"\r{100 * done:3.0f} %", end="\n" if done >= 1 else "", file=sys.stderr, flush=True)
 
     check_folder(out)
-    files = main(out, tell)
+    with figure_style():
+        files = main(out, tell)
     for file in files:
         if file.suffix == ".txt":
             print(file.read_text(encoding="utf-8"), end="")

@@ -16,6 +16,7 @@ from hovercontrol.commands import given
 from hovercontrol.commands.given import Out
 from hovercontrol.commands.progress import progress_bar
 from hovercontrol.errors import InputError, did_you_mean
+from hovercontrol.io.figure_style import figure_style
 from hovercontrol.io.files import check_folder
 
 EXAMPLE = "Example: hovercontrol analyze c17_gain_region --out out/gains"
@@ -48,7 +49,7 @@ def analyze(
         raise InputError(f"analyze: {name!r} is about no single trial, found {trial!r}")
     out = out or Path("out") / name
     check_folder(out)
-    with progress_bar(f"analyze {name}", 1.0) as report:
+    with progress_bar(f"analyze {name}", 1.0) as report, figure_style():
         files = main(out, lambda part: report(part, ""), **about)
     texts = [file.read_text(encoding="utf-8").rstrip("\n") for file in files if file.suffix == ".txt"]
     told = {"analysis": name, "title": _title(scripts[name]), "findings": "\n".join(texts).splitlines()}

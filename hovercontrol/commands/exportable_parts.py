@@ -68,6 +68,7 @@ PARTS: dict[str, Part] = {
     "speed_controller": Part(actuators.speed_controller),
     "motor": Part(actuators.fan_motor, {"lag": 0.1}, "here with a time constant of 0.1 s"),
     "thrust_force": Part(actuators.thrust_force),
+    "variable_pitch": Part(actuators.variable_pitch_propeller),
     "imu": Part(sensors.k06_imu),
     "gyro": Part(sensors.gyro_dynamics),
     "gyro_compensation": Part(sensors.gyro_compensation),

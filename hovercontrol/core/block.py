@@ -28,6 +28,7 @@ from hovercontrol.errors import InputError, did_you_mean
 if TYPE_CHECKING:
     import control
 
+    from hovercontrol.core.friction import Friction
     from hovercontrol.core.functions import NumpyFunctions
     from hovercontrol.simulation.runner import BlockRunner
     from hovercontrol.targets.compiled import CompiledBlock
@@ -519,14 +520,15 @@ class Block:
         """
         return backend("control")(self, name, step=step, pade=pade)
 
-    def compile(self, *, friction: Literal["events", "smooth"] = "events") -> CompiledBlock:
+    def compile(self, *, friction: Friction = "smooth") -> CompiledBlock:
         """Return the Block as machine code, for fast simulation and sweeps over many runs.
 
         Parameters
         ----------
-        friction : {"events", "smooth"}, optional
-            Dry friction that sticks at exactly zero velocity, its events located; or smoothed over its width,
-            as the other faces compute it.
+        friction : {"smooth", "events"}, optional
+            Dry friction smoothed over its width, as the other backends compute it: results are those of
+            :func:`hovercontrol.simulate`. Or Coulomb's law, sticking at exactly zero velocity, its events
+            located; see :data:`hovercontrol.core.friction.Friction` for what is physical.
         """
         compiled: CompiledBlock = backend("compile")(self.in_continuous_time, friction=friction)
         return compiled
@@ -537,7 +539,7 @@ class Block:
         *,
         version: Literal[2, 3] = 3,
         platforms: str | Iterable[str] | None = None,
-        friction: Literal["events", "smooth"] = "events",
+        friction: Friction = "events",
         step: float | None = None,
         stop: float | None = None,
         rtol: float = 1e-6,

@@ -152,6 +152,8 @@ class Item:
         What the document does not print of what the item takes.
     why : str, optional
         What is known about the cause where ours differs.
+    units : callable, optional
+        Returns the units of measured values by name, where neither their names nor `printed` tell them.
 
     Examples
     --------
@@ -167,6 +169,7 @@ class Item:
     printed: tuple[Printed, ...] = ()
     lacks: str = ""
     why: str = ""
+    units: Callable[[], Mapping[str, str]] = dict
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:

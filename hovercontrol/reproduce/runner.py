@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from hovercontrol.errors import InputError
+from hovercontrol.io.figure_style import figure_style
 from hovercontrol.io.files import write_folder
 from hovercontrol.reproduce.index import write_index
 from hovercontrol.reproduce.item import Item, Outcome
@@ -61,7 +62,8 @@ def _rebuilt(item: Item, target: Path) -> Outcome:
     values: dict[str, float] = {}
 
     def write(place: Path) -> None:
-        values.update({key: float(value) for key, value in item.measure(place).items()})
+        with figure_style():
+            values.update({key: float(value) for key, value in item.measure(place).items()})
         missing = [p.name for p in item.printed if p.name not in values]
         if missing:
             raise KeyError(f"{missing[0]!r} was not measured")

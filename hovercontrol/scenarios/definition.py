@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from hovercontrol.autopilot import Imperfections
-from hovercontrol.hardware.actuators import FanTable, ServoTable
+from hovercontrol.hardware.actuators import FanTable, ServoTable, VariablePitch
 from hovercontrol.hardware.sensors import Beacons
 from hovercontrol.models.model import Model
 from hovercontrol.models.vehicles import HOVERDEMON_BODY, Body
@@ -115,6 +115,7 @@ class Autopilot:
     navigation : str, optional
     tables : tuple of two FanTable, optional
     servo : ServoTable, optional
+    propeller : VariablePitch, optional
     beacons : Beacons, optional
     rudder_loss : float, optional
     seed : int, optional
@@ -124,6 +125,7 @@ class Autopilot:
     navigation: str = "magnetometer"
     tables: tuple[FanTable, FanTable] | None = None
     servo: ServoTable | None = None
+    propeller: VariablePitch | None = None
     beacons: Beacons | None = None
     rudder_loss: float = 0.0
     seed: int = 1

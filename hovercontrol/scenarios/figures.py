@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from hovercontrol.controllers.references import REFERENCES
+from hovercontrol.io.figure_style import figure_style
 from hovercontrol.scenarios.law_figures import law_figures
 from hovercontrol.scenarios.real_figures import comparison
 from hovercontrol.scenarios.sheet import in_time, mark_phases, own_loop, sheet, title
@@ -26,6 +27,11 @@ CALLED = {name: f"{name} coefficient" for name in ("thrust", "rudder_torque")}
 
 def figures(run: Run) -> dict[str, Figure]:
     """Return the pictures of a run by name: path, errors, estimates, velocities, commands."""
+    with figure_style():
+        return _drawn(run)
+
+
+def _drawn(run: Run) -> dict[str, Figure]:
     drawn = {"path": _path(run), "velocities": _velocities(run)}
     if run.scenario.tracks:
         drawn["heading"] = _heading(run)

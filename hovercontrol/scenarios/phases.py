@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hovercontrol.core.block import Block
+from hovercontrol.core.friction import Friction
 from hovercontrol.scenarios.definition import Phase, Scenario
-from hovercontrol.targets.compiled import Friction
 
 Array = NDArray[np.float64]
 
@@ -48,7 +48,7 @@ def through_phases(
     parameters: Callable[[Scenario, Phase], Mapping[str, float]],
     *,
     step: float | None = None,
-    friction: Friction = "events",
+    friction: Friction = "smooth",
     progress: Callable[[float], None] | None = None,
 ) -> dict[str, Array]:
     """Return time and outputs of a loop through a scenario's phases.

@@ -16,6 +16,7 @@ from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
 from hovercontrol.core.interconnect import interconnect
 from hovercontrol.errors import InputError, did_you_mean
+from hovercontrol.io.figure_style import BLUE, COLOUR_MAP
 from hovercontrol.io.files import write_folder
 from hovercontrol.scenarios.definition import Scenario
 from hovercontrol.scenarios.parts import loop_parts, phase_parameters
@@ -65,11 +66,11 @@ class Varied:
         ax.set_title(self.scenario.title)
         ax.set_xlabel(str(self.axes[-1]))
         if len(self.axes) == 1:
-            ax.plot(self.axes[0].values, self.values, "k.-")
+            ax.plot(self.axes[0].values, self.values, ".-", color=BLUE)
             ax.set_ylabel(label)
             ax.grid(alpha=0.3)
             return ax
-        shown = ax.pcolormesh(self.axes[1].values, self.axes[0].values, self.values, cmap="Greys")
+        shown = ax.pcolormesh(self.axes[1].values, self.axes[0].values, self.values, cmap=COLOUR_MAP)
         ax.set_ylabel(str(self.axes[0]))
         ax.figure.colorbar(shown, ax=ax, label=label)
         return ax

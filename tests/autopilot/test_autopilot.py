@@ -13,7 +13,7 @@ from hovercontrol.autopilot.limits import actuator_limits, lossy_tables
 from hovercontrol.controllers.k06 import bang_bang_heading, force_to_command, setpoints, stop, turn
 from hovercontrol.core.interconnect import interconnect
 from hovercontrol.errors import InputError
-from hovercontrol.hardware.actuators import fan_force, fan_tables, read_servo_table, table_pair
+from hovercontrol.hardware.actuators import VariablePitch, fan_force, fan_tables, read_servo_table, table_pair
 from hovercontrol.hardware.sensors import Beacons, k06_beacons
 from hovercontrol.models.vehicles import hoverdemon
 from hovercontrol.simulation.hybrid import Ticking
@@ -66,6 +66,7 @@ def test_each_imperfection_alone_moves_the_craft_away_from_the_ideal_one(name):
 
 def test_every_switch_belongs_to_a_loop():
     known = {k for nav in ("error_model", "magnetometer") for k in loop(navigation=nav).default_parameters}
+    known |= set(autopilot(LAW, references=TOLD, propeller=VariablePitch()).default_parameters)
     assert {key for keys in SWITCHES.values() for key in keys} <= known
 
 

@@ -57,7 +57,7 @@ def test_the_plants_binary_is_for_its_machine_small_and_self_contained(platform,
     assert len(binary) <= 150_000
     assert needed_glibc(binary) <= OLDEST_GLIBC
     assert (needed_glibc(binary) != (0,)) == (system == "linux")
-    for trace in (b"/tmp/", b"/home/", b".debug_info", b"hc_component.c"):
+    for trace in (b"/tmp/", b"/home/", b".debug_info", b"hc_instance.c"):
         assert trace not in binary
 
 

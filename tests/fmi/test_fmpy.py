@@ -99,7 +99,7 @@ def test_exact_friction_is_that_of_the_compiled_block(seed):
     block = BLOCKS["plant"]
     params, start, inputs = random_run(block, seed)
     inputs[:, 40:] = 0.0  # coast until everything sticks
-    response = block.compile().simulate(
+    response = block.compile(friction="events").simulate(
         GRID, np.column_stack([inputs, inputs[:, -1:]]), start, params, rtol=1e-11, atol=1e-13
     )
     expected = response.outputs.T

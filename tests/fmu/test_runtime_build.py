@@ -11,7 +11,8 @@ from hovercontrol import interconnect
 from hovercontrol.controllers import tracking_controller
 from hovercontrol.controllers.references import circle
 from hovercontrol.models.vehicles import c17_simulation
-from hovercontrol.targets.c import c_source, lanes_source
+from hovercontrol.targets.c import c_source
+from hovercontrol.targets.c_lanes import lanes_source
 
 from .support import MODELS, OK, RUNTIME, SOURCES, STRICT, compile_c
 

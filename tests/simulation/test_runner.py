@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from hovercontrol import Block, InputError, Signal, interconnect, time, vehicle
 from hovercontrol.core.random_numbers import random_numbers
 from hovercontrol.simulation.trajectory import simulate
+from hovercontrol.targets import engines
 from hovercontrol.targets.compiled import compile_block
 
 needs_cc = pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler (cc) on this machine")
@@ -238,14 +239,12 @@ def test_a_run_that_cannot_go_on_says_where_and_can_go_back(engine):
 
 
 def test_without_a_compiler_python_does_the_work(monkeypatch):
-    from hovercontrol.targets import compiled as module
-
     monkeypatch.setenv("CC", "/nowhere/cc")
-    module._engine.cache_clear()
-    module._warn_once.cache_clear()
+    engines.engine_of.cache_clear()
+    engines._warn_once.cache_clear()
     try:
         with pytest.warns(UserWarning, match="run on NumPy"):
             runner = HYBRID.compile().start()
         assert np.array_equal(runner.step([0.3], 0.1), HYBRID.start().step([0.3], 0.1))
     finally:
-        module._engine.cache_clear()
+        engines.engine_of.cache_clear()

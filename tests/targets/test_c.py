@@ -4,22 +4,21 @@ import ctypes
 import shutil
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
 import sympy as sp
 
-import hovercontrol
 from hovercontrol import Block, Signal, interconnect, vehicle, waypoints
 from hovercontrol.core.friction import dry_frictions, with_modes
 from hovercontrol.scenarios import load_scenario
 from hovercontrol.scenarios.runner import loop_parts
 from hovercontrol.targets.c import c_source
+from hovercontrol.targets.runtime import runtime_folder
 
 CC = shutil.which("cc")
 needs_cc = pytest.mark.skipif(CC is None, reason="no C compiler (cc) on this machine")
-HEADERS = Path(hovercontrol.__file__).parent / "fmu"
+HEADERS = runtime_folder()
 STRICT = ["-std=c99", "-Wall", "-Wextra", "-Wshadow", "-Wconversion", "-Werror", "-pedantic"]
 
 PARTS = loop_parts(load_scenario("table1"))

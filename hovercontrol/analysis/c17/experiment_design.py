@@ -29,6 +29,7 @@ from hovercontrol.analysis.common.regions import Region, mesh, positive_axis
 from hovercontrol.controllers.references import ellipse
 from hovercontrol.core.block import Block
 from hovercontrol.errors import InputError
+from hovercontrol.io.figure_style import COLOUR_MAP
 from hovercontrol.io.files import write_whole
 from hovercontrol.io.tables import positive
 from hovercontrol.models.model import Model
@@ -116,7 +117,7 @@ class ExpectedErrors:
         if axes is None:
             axes = Figure(figsize=(8.0, 1.5 + 0.4 * len(self.references)), layout="constrained").subplots()
         scale = LogNorm(1e-3 * DOUBT, 0.1 * DOUBT, clip=True)
-        drawn = axes.imshow(self.error, cmap="Greys", norm=scale, aspect="auto")
+        drawn = axes.imshow(self.error, cmap=f"{COLOUR_MAP}_r", norm=scale, aspect="auto")
         for (row, column), value in np.ndenumerate(self.error):
             text = f"{value:.2g}" if math.isfinite(value) else "off"
             dark = math.isfinite(value) and scale(value) > 0.55

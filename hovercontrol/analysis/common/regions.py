@@ -6,18 +6,17 @@ import math
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from itertools import cycle
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
 from numpy.typing import ArrayLike, NDArray
 
+from hovercontrol.analysis.common.region_drawing import draw_region
 from hovercontrol.errors import InputError, did_you_mean
+from hovercontrol.io.figure_style import figure_style
 from hovercontrol.io.files import write_whole
 from hovercontrol.io.tables import number
 from hovercontrol.targets.compiled import CompiledBlock
@@ -34,21 +33,6 @@ MEMORY_LIMIT, TIME_LIMIT = 2 * 2**30, 3600.0
 
 #: So many numbers are held for each point of a map, at least.
 NUMBERS = 20
-
-#: A quantity with fewer points along an axis has no contour lines.
-FINE = 30
-
-#: How regions are told apart without colour: the judge grey, the second hatched, others by their outlines.
-LOOKS: tuple[dict[str, Any], ...] = tuple(
-    {"facecolor": face, "hatch": hatch, "linestyle": line, "edgecolor": "black"}
-    for face, hatch, line in (
-        ("0.85", None, "-"),
-        ("none", "///", "-"),
-        ("none", None, "--"),
-        ("none", None, ":"),
-        ("none", None, "-."),
-    )
-)
 
 
 def as_numbers(name: str, given: ArrayLike) -> Array:
@@ -123,7 +107,7 @@ class Region:
     x, y : Axis
     maps : mapping of str to ndarray, shape (n_y, n_x)
         True and false for a region, numbers for a quantity. The first region is the judge: it is drawn as
-        a grey area, the others as outlines over it.
+        a filled area, the next one hatched, the others as outlines.
     units : mapping of str to str, optional
         Of the quantities.
     labels : mapping of str to str, optional
@@ -207,7 +191,7 @@ class Region:
         return write_whole(path, lambda file: pyarrow.csv.write_csv(self.table(), file))
 
     def plot(self, *names: str, axes: Axes | None = None) -> Figure:
-        """Return a figure: regions as areas and outlines, a quantity in shades of grey.
+        """Return a figure: regions as areas and outlines with words in them, a quantity in colours.
 
         Parameters
         ----------
@@ -216,59 +200,17 @@ class Region:
         axes : matplotlib.axes.Axes, optional
             Draw here; default a new figure.
         """
-        if axes is None:
-            figure = Figure(figsize=(7.0, 5.4), layout="constrained")
-            axes = figure.subplots()
-            figure.suptitle(self.title, fontsize=11)
-        else:
-            axes.set_title(self.title, fontsize=10)
-        handles: list[Any] = []
-        shown = {name: self[name] for name in names or self.maps}
-        areas = [name for name, values in shown.items() if values.dtype == bool]
-        for name, values in shown.items():
-            if values.dtype != bool:
-                self._shade(axes, name, values)
-        looks = LOOKS if len(areas) == len(shown) else LOOKS[2:]
-        for name, look in zip(areas, cycle(looks)):
-            self._area(axes, self.maps[name], look)
-            handles.append(Patch(label=self.label(name), **look))
-        for (name, (x, y)), style in zip(self.lines.items(), cycle(("-", "--", "-.", ":"))):
-            axes.plot(x, y, color="black", lw=2.0, ls=style)
-            handles.append(Line2D([], [], color="black", lw=2.0, ls=style, label=name))
-        for (name, point), marker in zip(self.marks.items(), cycle("osD^")):
-            (drawn,) = axes.plot(*point, marker, color="black", mfc="white", ms=8, label=name)
-            handles.append(drawn)
-        axes.set(xlabel=str(self.x), ylabel=str(self.y))
-        if areas:
-            axes.set_xlim(*self.x.values[[0, -1]])
-            axes.set_ylim(*self.y.values[[0, -1]])
-        if handles:
-            place: dict[str, Any] = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.14)}
-            axes.legend(handles=handles, frameon=False, fontsize="small", **place)
-        return _figure(axes)
-
-    def _area(self, axes: Axes, values: NDArray[Any], look: Mapping[str, Any]) -> None:
-        grid = (self.x.values, self.y.values, values.astype(float))
-        if values.any():
-            filled = axes.contourf(*grid, [0.5, 1.5], colors=[look["facecolor"]], hatches=[look["hatch"]])
-            filled.set_edgecolor("0.35")
-            filled.set_linewidth(0.0)
-            axes.contour(*grid, [0.5], colors="black", linestyles=look["linestyle"], linewidths=1.3)
-
-    def _shade(self, axes: Axes, name: str, values: Array) -> None:
-        finite = np.where(np.isfinite(values), values, np.nan)
-        grid = (self.x.values, self.y.values, finite)
-        drawn = axes.pcolormesh(*grid, cmap="Greys", shading="nearest", rasterized=True)
-        if min(values.shape) >= FINE and np.nanmax(finite) > np.nanmin(finite):
-            lines = axes.contour(*grid, 7, colors="0.15", linewidths=0.6)
-            axes.clabel(lines, fontsize=7)
-        _figure(axes).colorbar(drawn, ax=axes, label=self.label(name))
-
-
-def _figure(axes: Axes) -> Figure:
-    figure = axes.get_figure(root=True)
-    assert isinstance(figure, Figure)
-    return figure
+        with figure_style():
+            if axes is None:
+                figure = Figure(figsize=(7.0, 5.8), layout="constrained")
+                axes = figure.subplots()
+                figure.suptitle(self.title, fontsize=11)
+            else:
+                axes.set_title(self.title, fontsize=10)
+            draw_region(self, names or self.maps, axes)
+        drawn = axes.get_figure(root=True)
+        assert isinstance(drawn, Figure)
+        return drawn
 
 
 def mesh(x: Axis, y: Axis) -> tuple[Array, Array]:

@@ -17,7 +17,7 @@ from hovercontrol.discrepancy.report.formatting import (
     prime,
     unit,
 )
-from hovercontrol.discrepancy.report.html import folded, paragraph, table
+from hovercontrol.discrepancy.report.templates import Table, render, table
 from hovercontrol.estimation.subject import structure, timing
 from hovercontrol.models.model import Model
 from hovercontrol.notebook.mathml import MathPrinter, symbol_markup
@@ -43,9 +43,7 @@ def equations(m: Context) -> str:
         if name not in {s.name for s in (*new.states, *new.inputs)}
     ]
     clocks = [
-        paragraph(
-            f"No equation of the plant says {effect_words(n)}: {meaning(m.diagnosis.amended.effect(n))}"
-        )
+        f"No equation of the plant says {effect_words(n)}: {meaning(m.diagnosis.amended.effect(n))}"
         for n in numbers_by_effect(m.diagnosis)
         if m.diagnosis.amended.effect(n).parameter("seconds") in _timing(m)
     ]
@@ -54,12 +52,12 @@ def equations(m: Context) -> str:
     if isinstance(m.diagnosis.amended, Model):
         text += f"The file model.toml has {them}the coefficients found."
     lines = [line for line in lines if line]
-    rest = folded(f"{len(lines) - SHOWN} more equations", "".join(lines[SHOWN:])) if lines[SHOWN:] else ""
-    shown = f"{paragraph(text.strip())}{''.join(lines[:SHOWN])}{rest}"
-    return f"<h2>What was added</h2>{_added(m)}{shown}{''.join(clocks)}"
+    return render(
+        "equations.html", added=_added(m), text=text.strip(), lines=lines, shown=SHOWN, clocks=clocks
+    )
 
 
-def _added(m: Context) -> str:
+def _added(m: Context) -> Table:
     """Return the numbers of the named effects, with where they act and where the effect is from."""
     rows = [
         (
@@ -137,7 +135,7 @@ def coefficients(m: Context) -> str:
     note += " Widths of smoothed dry friction were fitted, too, and are left out here." if widths else ""
     head = ("coefficient", "given", *([f"without {effects}"] if bent else []), "found", "unit")
     new = [e.parameter for e in d.effects]
-    return f"<h2>Coefficients</h2>{paragraph(note)}{table(head, rows, new)}"
+    return render("coefficients.html", note=note, coefficients=table(head, rows, new))
 
 
 def _far(value: float, given: float) -> bool:

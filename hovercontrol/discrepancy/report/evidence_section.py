@@ -8,7 +8,7 @@ from hovercontrol.discrepancy.evidence.of_effects import Evidence
 from hovercontrol.discrepancy.report import pictures
 from hovercontrol.discrepancy.report.context import Context, numbers_by_effect
 from hovercontrol.discrepancy.report.formatting import effect_words, percent, rounded, unit
-from hovercontrol.discrepancy.report.html import folded, grid, legend, paragraph, table
+from hovercontrol.discrepancy.report.templates import legend, render, table
 from hovercontrol.discrepancy.report.verdict import SURE, key_of, most_fallen
 
 #: What is told of each name.
@@ -23,14 +23,7 @@ def evidence(m: Context) -> str:
     columns = [_column(d.evidence[name]) for name in numbers_by_effect(d)]
     rows = list(zip(MEASURES, *columns, strict=True))
     head = ("", *(effect_words(name) for name in numbers_by_effect(d)))
-    text = (
-        "Three independent things speak for a name. Likelihood gained: fall of twice the negative log "
-        "likelihood, with random forces allowed for. Blocks: the logs are cut into disjoint pieces, each of "
-        "which tells the size by itself; t is the size over its standard error by their scatter, spread what "
-        "they differ by beyond noise. Held-out log: in how many channels and horizons the error falls, and "
-        "rises, beyond chance, and the largest fall."
-    )
-    return f"<h2>Evidence</h2>{paragraph(text)}{table(head, rows)}{_blocks(m)}"
+    return render("evidence.html", measures=table(head, rows), **_blocks(m))
 
 
 def _column(e: Evidence) -> tuple[str, ...]:
@@ -54,8 +47,8 @@ def _held(e: Evidence) -> str:
     return f"{falls} of {len(far)} fall, {rises} rise{most}"
 
 
-def _blocks(m: Context) -> str:
-    """Return each effect's size block by block."""
+def _blocks(m: Context) -> dict[str, object]:
+    """Return each effect's size block by block, the colours of the logs, and whether one has no size."""
     d = m.diagnosis
     problem = d.selection.final.problem
     shown, logs = [], set[int]()
@@ -74,13 +67,8 @@ def _blocks(m: Context) -> str:
         shown.append(pictures.blocks_of(title, blocks, scale))
         logs |= set(blocks.log[pictures.telling(blocks)].tolist())
     named = {f"log{k % pictures.COLOURS}": problem.logs[k].name for k in sorted(logs)}
-    text = (
-        "The size that each block tells, all else as the whole logs have it, with its standard error. The "
-        "line is the size on all. Blocks that tell nothing are left out. A real cause is everywhere the same."
-    )
-    if any(np.isnan(d.evidence[name].blocks.std).all() for name in d.evidence):
-        text += " Where no number scales an effect, the likelihood that it gains is shown, over the mean."
-    return f"<h3>Block by block</h3>{paragraph(text)}{legend(**named, whole='on all')}{grid(shown)}"
+    without_size = any(np.isnan(d.evidence[name].blocks.std).all() for name in d.evidence)
+    return {"blocks": shown, "logs": legend(**named, whole="on all"), "without_size": without_size}
 
 
 def _key(effect: str, parameter: str) -> str:
@@ -92,26 +80,18 @@ def holdout(m: Context) -> str:
     """Return errors over the horizon, in units."""
     if not m.ahead:
         return ""
+    rows = []
+    for a in sorted(m.ahead, key=lambda a: [b.channel for b in m.ahead].index(a.channel)):
+        figures = (f"{a.before:.3g} {unit(a.unit)}", f"{a.after:.3g} {unit(a.unit)}")
+        fall = percent(1.0 - a.after / a.before).replace("-", "−") if a.before > 0 else "–"
+        sure = f"{a.t:.1f}".replace("-", "−") if np.isfinite(a.t) else "–"
+        rows.append((a.channel, f"{a.horizon:.2g} s", *figures, fall, sure))
+    head = ("channel", "ahead", "as it was", "amended", "less by", "t")
     kinds = ("before", "after") if m.changed else ("before",)
-    text = (
-        f"Root mean square error on the {m.shown_on}, over how far ahead the models predict: each prediction "
-        "starts on the smoothed path and follows the commands alone. No coefficient was fitted to a held-out "
-        "log."
-    )
-    if m.changed:
-        rows = []
-        for a in m.ahead:
-            figures = (f"{a.before:.3g} {unit(a.unit)}", f"{a.after:.3g} {unit(a.unit)}")
-            fall = percent(1.0 - a.after / a.before).replace("-", "−") if a.before > 0 else "–"
-            sure = f"{a.t:.1f}".replace("-", "−") if np.isfinite(a.t) else "–"
-            rows.append((a.channel, f"{a.horizon:.2g} s", *figures, fall, sure))
-        head = ("channel", "ahead", "as it was", "amended", "less by", "t")
-        rows.sort(key=lambda row: [a.channel for a in m.ahead].index(row[0]))
-        numbers = folded("In numbers", table(head, rows))
-    else:
-        numbers = ""
-    return (
-        f"<h2>Predicting the {m.shown_on}</h2>{paragraph(text)}"
-        f"{legend(*kinds, whole='noise of the measurement')}"
-        f"{grid(pictures.horizons(m.ahead, m.changed, m.noise))}{numbers}"
+    return render(
+        "holdout.html",
+        shown_on=m.shown_on,
+        kinds=legend(*kinds, whole="noise of the measurement"),
+        horizons=pictures.horizons(m.ahead, m.changed, m.noise),
+        errors=table(head, rows) if m.changed else None,
     )

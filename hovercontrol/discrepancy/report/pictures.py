@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from html import escape
 from typing import NamedTuple
 
 import numpy as np
@@ -15,6 +14,7 @@ from hovercontrol.discrepancy.evidence.missing import Missing
 from hovercontrol.discrepancy.report.formatting import prime, small, times, unit
 from hovercontrol.discrepancy.report.free_run import FreeRun
 from hovercontrol.discrepancy.report.svg import Plot, bounds
+from hovercontrol.discrepancy.report.templates import render
 
 Array = NDArray[np.float64]
 
@@ -38,15 +38,8 @@ def error_bars(errors: Sequence[Ahead], changed: bool, noise: Mapping[str, float
         if changed:
             pair = (("before", a.before), ("after", a.after))
             bars = [(kind, value / longest, _size(value, a)) for kind, value in pair]
-        drawn = "".join(
-            f'<span class="bar"><i class="{kind}" style="--long:{part:.3f}"></i><b>{escape(text)}</b></span>'
-            for kind, part, text in bars
-        )
-        rows.append(
-            f'<div class="row"><span class="channel">{escape(a.channel)}</span>'
-            f'<span class="bars">{drawn}</span></div>'
-        )
-    return f'<div class="gap">{"".join(rows)}</div>'
+        rows.append((a.channel, bars))
+    return render("bars.html", rows=rows)
 
 
 def _size(value: float, a: Ahead) -> str:
@@ -200,8 +193,7 @@ def floor_map(title: str, x: Array, y: Array, force: Array, label: str, kind: st
     corners = np.array([[x0], [y0]]) + cell * places[:, drawn]
     plot.cells(corners[0], corners[1], cell, rms[drawn] / max(top, 1e-300), kind)
     picture = plot.svg("y [m]", "x [m]")
-    bar = f'<span class="shade {kind}"></span>'
-    return f'{picture}<p class="legend shades">0 {bar} {escape(small(top))} {escape(label)}</p>'
+    return render("floor_map.html", picture=picture, kind=kind, top=small(top), unit=label)
 
 
 def _bracketed(text: str) -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from html import escape
 from typing import TYPE_CHECKING
 
 from hovercontrol.discrepancy.evidence.holdout import Ahead, ahead
@@ -21,7 +20,7 @@ from hovercontrol.discrepancy.report.formatting import (
     times,
     unit,
 )
-from hovercontrol.discrepancy.report.html import legend, paragraph
+from hovercontrol.discrepancy.report.templates import legend, render
 from hovercontrol.effects import Effect
 
 if TYPE_CHECKING:
@@ -180,14 +179,17 @@ def verdict(m: Context) -> str:
             "With its coefficients fitted again, the model explains these logs down to the noise of their "
             "measurements. An effect that these logs do not excite would not show."
         )
-    title = escape(headline(d)).replace(" ± ", "\u00a0±\u00a0")
-    note = paragraph("± is one standard error.", "small") if d.effects else ""
-    words = (
-        f"{paragraph(f'Verdict: {d.verdict} – {MEANS[d.verdict]}', 'kicker')}<h1>{title}</h1>"
-        f"{paragraph(gap_sentence(d), 'lead')}{paragraph(remainder_sentence(d), 'lead')}{note}"
-        f"{''.join(map(paragraph, said))}"
+    return render(
+        "verdict.html",
+        verdict=d.verdict,
+        meaning=MEANS[d.verdict],
+        headline=headline(d),
+        gap=gap_sentence(d),
+        remainder=remainder_sentence(d),
+        named=bool(d.effects),
+        explained=said,
+        **_bars(m),
     )
-    return f'<div class="top"><div>{words}</div><div>{_bars(m)}</div></div>'
 
 
 def _explained(e: Effect) -> str:
@@ -196,17 +198,14 @@ def _explained(e: Effect) -> str:
     return text if text.startswith(f"{name}:") else f"{name}: {text}"
 
 
-def _bars(m: Context) -> str:
-    """Return bars of each channel's error some time ahead."""
+def _bars(m: Context) -> dict[str, object]:
+    """Return bars of each channel's error some time ahead, with their title and legend."""
+    kinds = legend("before", "after") if m.changed else legend("before")
     if not m.ahead:
-        return ""
+        return {"bars": "", "bars_title": "", "kinds": kinds}
     best = most_fallen(m.ahead) if m.changed else None
     horizon = best.horizon if best else min((a.horizon for a in m.ahead), key=lambda h: abs(h - 1.0))
-    shown = [a for a in m.ahead if a.horizon == horizon]
-    note = "Predictions from many rows of the smoothed path, by the commands alone; root mean square."
-    kinds = ("before", "after") if m.changed else ("before",)
+    bars = pictures.error_bars([a for a in m.ahead if a.horizon == horizon], m.changed, m.noise)
     alone = "" if m.changed else ", in multiples of the noise"
-    return (
-        f"<h2>Error {horizon:.2g} s ahead on the {m.shown_on}{alone}</h2>"
-        f"{pictures.error_bars(shown, m.changed, m.noise)}{legend(*kinds)}{paragraph(note, 'small')}"
-    )
+    title = f"Error {horizon:.2g} s ahead on the {m.shown_on}{alone}"
+    return {"bars": bars, "bars_title": title, "kinds": kinds}

@@ -15,6 +15,7 @@ import numpy as np
 
 from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
+from hovercontrol.core.friction import Friction
 from hovercontrol.errors import InputError
 from hovercontrol.fmi.exporter.binaries import build_binary, chosen_platforms, folder_of
 from hovercontrol.fmi.exporter.description import Experiment, model_description, xml_bytes
@@ -22,7 +23,7 @@ from hovercontrol.fmi.exporter.documentation import documentation
 from hovercontrol.fmi.exporter.package import packed
 from hovercontrol.fmi.exporter.sources import Version, fmu_sources, token_of
 from hovercontrol.fmi.exporter.terminals import terminals
-from hovercontrol.fmi.exporter.variables import Friction, Interface
+from hovercontrol.fmi.exporter.variables import Interface
 from hovercontrol.io.files import check_folder, write_whole
 from hovercontrol.targets.compiler import cached_text
 
@@ -59,7 +60,8 @@ def export_fmu(
     platforms : str or iterable of str, optional
         Names or ``"all"``, see :data:`hovercontrol.fmi.exporter.binaries.PLATFORMS`; default: this machine's.
     friction : {"events", "smooth"}, optional
-        Dry friction that sticks at exactly zero velocity, or smoothed over its width.
+        Dry friction that sticks at exactly zero velocity, or smoothed over its width; the latter gives the
+        numbers of :func:`hovercontrol.simulate`, see :data:`hovercontrol.core.friction.Friction`.
     step, stop : float, optional
         Communication step and end of the default experiment [s]; default 0.01 and 10.
     rtol, atol : float, optional

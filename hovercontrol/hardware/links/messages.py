@@ -63,10 +63,14 @@ class MessageLink:
     every : fractions.Fraction
         Ticks from message to message, at least 1.
     transmission : Transmission
+    gate : Signal, optional
+        Input that lets messages go while it is positive.
     """
 
-    def __init__(self, name: str, every: Fraction, transmission: Transmission) -> None:
-        self.name, self.every = name, every
+    def __init__(
+        self, name: str, every: Fraction, transmission: Transmission, gate: Signal | None = None
+    ) -> None:
+        self.name, self.every, self.gate = name, every, gate
         self.states, self.following = list(transmission.states), dict(transmission.following)
         self.definitions, self.wait = Definitions(transmission.definitions), transmission.wait
         self.lost, self.longest = transmission.lost, transmission.longest
@@ -76,8 +80,8 @@ class MessageLink:
         self.following[self.now.name] = self.now + 1
         # Exact for any two periods: counted in fractions of a tick that divide both.
         due = self._state("due", "until the next message is sent, in fractions of a tick")
-        self.sending = due <= 0
-        again = sp.Piecewise((every.numerator, self.sending), (0, True))
+        self.sending = due <= 0 if gate is None else sp.And(due <= 0, gate.symbol > 0)
+        again = sp.Piecewise((every.numerator, due <= 0), (0, True))
         self.following[due.name] = due - every.denominator + again
 
     def _state(self, key: str, description: str, start: float = 0.0) -> sp.Symbol:
@@ -148,7 +152,7 @@ class MessageLink:
         return Block(
             self.name,
             states=tuple(self.states),
-            inputs=tuple(signals),
+            inputs=(*signals, *([self.gate] if self.gate else [])),
             outputs=(*outputs, age, *counters),
             parameters=(*self.parameters, step),
             derivatives=self.following,
