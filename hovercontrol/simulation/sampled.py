@@ -28,15 +28,25 @@ class SampledFilter(Protocol):
     """A sampled filter that no equations say: signals like a Block's, and runs that it starts."""
 
     @property
-    def name(self) -> str: ...  # noqa: D102
+    def name(self) -> str:
+        """Its name."""
+
     @property
-    def period(self) -> float: ...  # noqa: D102
+    def period(self) -> float:
+        """Between two ticks [s]."""
+
     @property
-    def inputs(self) -> tuple[Signal, ...]: ...  # noqa: D102
+    def inputs(self) -> tuple[Signal, ...]:
+        """What it reads at a tick."""
+
     @property
-    def outputs(self) -> tuple[Signal, ...]: ...  # noqa: D102
+    def outputs(self) -> tuple[Signal, ...]:
+        """What it tells at a tick."""
+
     @property
-    def states(self) -> tuple[Signal, ...]: ...  # noqa: D102
+    def states(self) -> tuple[Signal, ...]:
+        """What its runs may start from."""
+
     def start(self, runs: int = 1, start: Mapping[str, ArrayLike] | None = None) -> RunningFilter:
         """Begin so many runs, from values of states over their start values."""
 

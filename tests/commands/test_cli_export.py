@@ -175,6 +175,7 @@ def test_a_users_blocks_and_models_become_fmus(call, tmp_path):
             choose(f"{tmp_path}/mine.py:{name}")
 
 
+@pytest.mark.slow  # the first build for Windows takes ziglang a minute
 def test_several_platforms_in_one_file(call, tmp_path):
     if importlib.util.find_spec("ziglang") is None:
         pytest.skip("ziglang (hovercontrol[fmu]) is not installed")

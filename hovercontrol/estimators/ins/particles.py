@@ -58,6 +58,14 @@ class ParticleFilter:
         As of the Kalman filter with the same arguments, and the output ``effective``; the states are the
         means that the particles are drawn about at the start.
     particles : int
+    ranges, noise, range_bias, area, roughening, echoes, seed
+        As told to :func:`range_particles`.
+
+    Examples
+    --------
+    >>> found = range_particles(Beacons([(0, 0), (3, 0)], 2.0), particles=1000)
+    >>> found.particles, found.period
+    (1000, 0.0065536)
     """
 
     name: str

@@ -67,6 +67,11 @@ class VariablePitch:
     ------
     InputError
         If thrust or pitch is not positive, the lag negative or a share not at least 0 and less than 1.
+
+    Examples
+    --------
+    >>> round(VariablePitch(lag=0.0).thrust, 3)
+    2.088
     """
 
     thrust: float = float(forward_thrust(HIGHEST_SPEED))
@@ -102,7 +107,7 @@ class VariablePitch:
         )
 
     def left(self, rudder: Any, loss: Any) -> Any:
-        """Return the share of the thrust that a rudder angle leaves."""
+        """Return the share of the thrust that `rudder` [rad] leaves; `loss` is that at 35 degrees."""
         return sp.S.One if self.ideal else sp.cos(rudder) * (1 - loss * (rudder / (35 * DEGREE)) ** 2)
 
 
