@@ -1,4 +1,4 @@
-"""Model-based control of hovercraft: one symbolic definition, many faces.
+"""Model-based control of hovercraft: one symbolic definition, many backends.
 
 A :class:`Block` is written once, in SymPy; python-control systems, NumPy functions and exact Jacobians are
 derived from it. ``interconnect`` wires Blocks by signal name; ``vehicle`` gives the source documents' craft.
@@ -17,7 +17,10 @@ Examples
 from __future__ import annotations
 
 import importlib
+import sys
+from types import ModuleType
 
+from hovercontrol._moved import find_former_modules
 from hovercontrol.core.backends import register
 
 TYPE_CHECKING = False  # as in typing, which takes a while to import
@@ -36,6 +39,7 @@ if TYPE_CHECKING:
     from hovercontrol.errors import InputError
     from hovercontrol.estimators.kalman_bucy import kalman_bucy
     from hovercontrol.estimators.regression import regression
+    from hovercontrol.models.blockmodel import BlockModel
     from hovercontrol.models.model import Fan, Model
     from hovercontrol.models.modelfile import load_model, save_model
     from hovercontrol.models.vehicles import VEHICLES, vehicle
@@ -54,6 +58,7 @@ __all__ = [
     "prefix",
     # models of craft
     "Model",
+    "BlockModel",
     "Fan",
     "Effect",
     "Coefficient",
@@ -93,6 +98,7 @@ _PLACES = {
     "errors": ("InputError",),
     "estimators.kalman_bucy": ("kalman_bucy",),
     "estimators.regression": ("regression",),
+    "models.blockmodel": ("BlockModel",),
     "models.model": ("Fan", "Model"),
     "models.modelfile": ("load_model", "save_model"),
     "models.vehicles": ("VEHICLES", "vehicle"),
@@ -127,3 +133,15 @@ def __getattr__(name: str) -> Any:
 
 def __dir__() -> list[str]:
     return sorted({*globals(), *_PLACE})
+
+
+class _Package(ModuleType):
+    """The package itself: where a function has the name of a former module, the name means the function."""
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        own = isinstance(value, ModuleType) and name in _PLACE
+        super().__setattr__(name, getattr(value, name) if own else value)
+
+
+sys.modules[__name__].__class__ = _Package
+find_former_modules()

@@ -24,9 +24,10 @@ def register(name: str, module: str, function: str) -> None:
 
     Examples
     --------
-    >>> register("count", "hovercontrol.core.units", "dimension")
-    >>> backend("count")("m/s") == backend("count")("2*m/s")
-    True
+    >>> from hovercontrol.models.vehicles import vehicle
+    >>> register("states", "operator", "attrgetter")
+    >>> backend("states")("n_continuous")(vehicle("hoverdemon").plant())
+    6
     """
     _PLACES[name] = (module, function)
 

@@ -26,7 +26,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 Function = Callable[..., tuple[Any, ...]]
-FunctionPair = tuple[Function, Function]
+FunctionPair = tuple[Function, Function]  # for floats, for arrays
+Backend = Literal["math", "numpy"]
 
 
 class NumpyFunctions:
@@ -108,29 +109,39 @@ class NumpyFunctions:
         return self._pair(k)
 
     @cached_property
-    def vector(self) -> FunctionPair:
-        """Derivatives and outputs as functions ``(t, x, u, p) -> tuple`` of arrays, without any checks."""
-        return self._pair("derivatives")[1], self._pair("outputs")[1]
+    def array_derivatives(self) -> Function:
+        """Derivatives as a function ``(t, x, u, p) -> tuple`` of arrays, without any checks."""
+        return self._function("derivatives", "numpy")
+
+    @cached_property
+    def array_outputs(self) -> Function:
+        """Outputs as a function ``(t, x, u, p) -> tuple`` of arrays, without any checks."""
+        return self._function("outputs", "numpy")
 
     # ---- inside --------------------------------------------------------------------------------------
 
     @cached_property
-    def _pairs(self) -> dict[str | int, FunctionPair]:
+    def _compiled(self) -> dict[tuple[str | int, str], Function]:
+        return {}
+
+    @cached_property
+    def _programs(self) -> dict[str | int, Program]:
         return {}
 
     def _pair(self, rows: Rows | int) -> FunctionPair:
-        if rows not in self._pairs:
+        return self._function(rows, "math"), self._function(rows, "numpy")
+
+    def _function(self, rows: Rows | int, backend: Backend) -> Function:
+        if rows not in self._programs:
             block = self.block
             if isinstance(rows, int):
                 wanted: Mapping[str, sp.Expr] = block.ticks[rows].updates
             else:
                 wanted = block.derivatives if rows == "derivatives" else block.output_expressions
-            source = Program(block, list(wanted.values()))
-            self._pairs[rows] = (
-                _compile(source, "math", self._groups),
-                _compile(source, "numpy", self._groups),
-            )
-        return self._pairs[rows]
+            self._programs[rows] = Program(block, list(wanted.values()))
+        if (rows, backend) not in self._compiled:
+            self._compiled[rows, backend] = _compile(self._programs[rows], backend, self._groups)
+        return self._compiled[rows, backend]
 
     @lru_cache(maxsize=16)  # noqa: B019  (one entry a Jacobian; the object lives as long as its Block)
     def _jacobian_parts(
@@ -182,7 +193,7 @@ def numpy_functions(block: Block) -> NumpyFunctions:
 
     Examples
     --------
-    >>> from hovercontrol.core.signals import Signal
+    >>> from hovercontrol import Block, Signal
     >>> v, k = Signal("v", "m/s"), Signal("k", "1/s", start=2.0)
     >>> decay = Block("decay", [v], [], [v], [k], {"v": -k.symbol * v.symbol})
     >>> numpy_functions(decay).derivatives(0.0, [[1.0, 2.0, 3.0]])
@@ -191,9 +202,7 @@ def numpy_functions(block: Block) -> NumpyFunctions:
     return NumpyFunctions(block)
 
 
-def _compile(
-    program: Program, backend: Literal["math", "numpy"], groups: Sequence[list[sp.Symbol]]
-) -> Function:
+def _compile(program: Program, backend: Backend, groups: Sequence[list[sp.Symbol]]) -> Function:
     """Compile ``f(t, x, u, p)`` returning a tuple."""
     short: dict[sp.Symbol, sp.Symbol] = {time: sp.Symbol("t")}
     lines = ["def f(t, x, u, p):"]

@@ -10,20 +10,20 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hovercontrol.estimation.kalman import Filtered, Smoothed, System, run_filter, run_smoother
+from hovercontrol.estimation.kalman import run_filter
 from hovercontrol.estimation.noise import Noise, augment, moved, timed
 from hovercontrol.estimation.outliers import outliers
+from hovercontrol.estimation.passes import Pass, held, inverse, residuals, run_pass, tried_pass
 from hovercontrol.estimation.prior import Prior
 from hovercontrol.estimation.problem import MOST as MOST_PIECES
 from hovercontrol.estimation.problem import Linear, Problem
 
 Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 #: Passes at most in which the levels of noise move, and afterwards.
 MOVING, STILL = 14, 8
@@ -48,9 +48,6 @@ SETTLED, STOPPED = 1.0, 0.05
 
 #: Passes after which a path that flips between two sides of a kink (stick or slip) is taken as settled.
 ENOUGH = 3
-
-#: Largest step of an unknown that is sought by its logarithm.
-FARTHEST = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,7 +105,7 @@ class Fit:
     def movable(self) -> NDArray[np.intp]:
         """Unknowns that no bound holds."""
         slope = self.g.sum(axis=0) - self.prior.slope(self.problem.inside(self.p))
-        return np.flatnonzero(~_held(self.problem, self.p, slope))
+        return np.flatnonzero(~held(self.problem, self.p, slope))
 
     @property
     def covariance(self) -> Array:
@@ -129,86 +126,6 @@ class Fit:
             C = C * np.outer(widen, widen)
         slope = problem.slope(self.p)
         return C * np.outer(slope, slope)
-
-
-def inverse(S: Array) -> Array:
-    """Return the inverse of normal equations whose unknowns differ in size."""
-    size = np.sqrt(np.maximum(np.diag(S), 1e-300))
-    scaled = S / np.outer(size, size)
-    return np.asarray(np.linalg.pinv(scaled, hermitian=True, rcond=1e-13) / np.outer(size, size))
-
-
-def products(white: Array) -> Array:
-    """Return the products of whitened columns of each block, shape (W, m, m)."""
-    K, W, C, m = white.shape
-    flat = white.transpose(1, 0, 2, 3).reshape(W, K * C, m)
-    return np.asarray(np.swapaxes(flat, 1, 2) @ flat)
-
-
-@dataclass(frozen=True, eq=False)
-class _Pass:
-    """One linearisation with its filter and smoother."""
-
-    linear: Linear
-    system: System
-    filtered: Filtered
-    smooth: Smoothed
-    cost: float
-    block_costs: Array
-    S: Array
-    g: Array
-    dz: Array
-    gain: float  # predicted reduction of the cost
-
-
-def _held(problem: Problem, p: Array, slope: Array) -> Mask:
-    return np.asarray(((p <= problem.lower) & (slope < 0)) | ((p >= problem.upper) & (slope > 0)))
-
-
-def _newton(problem: Problem, prior: Prior, p: Array, S: Array, g: Array) -> tuple[Array, float]:
-    """Return the step of the unknowns within their bounds, and the reduction that it predicts."""
-    z = problem.inside(p)
-    total = S.sum(axis=0) + np.diag(prior.precision)
-    slope = g.sum(axis=0) - prior.slope(z)
-    free = ~_held(problem, p, slope)
-    dz = np.zeros(len(z))
-    for _ in range(len(z) + 1):
-        dz[:] = 0.0
-        if free.any():
-            dz[free] = inverse(total[np.ix_(free, free)]) @ slope[free]
-        back = free & _held(problem, p, dz)
-        if not back.any():
-            break
-        free &= ~back
-    dz = np.where(problem.log_scale, np.clip(dz, -FARTHEST, FARTHEST), dz)
-    dz = problem.inside(problem.outside(z + dz)) - z
-    return dz, float(2.0 * dz @ slope - dz @ total @ dz)
-
-
-def _run(problem: Problem, noise: Noise, prior: Prior, p: Array, path: Array, frozen: bool) -> _Pass:
-    linear = problem.linearise(path, p, unknowns=not frozen)
-    system = augment(problem, linear, [noise])
-    filtered = run_filter(system, keep=True)
-    every = products(filtered.white)
-    costs = every[:, 0, 0] + filtered.log_det
-    S, g = every[:, 1:, 1:], -every[:, 1:, 0]
-    dz, gain = np.zeros(len(p)), 0.0
-    if not frozen and len(p):
-        dz, gain = _newton(problem, prior, p, S, g)
-    weights = np.ones(1) if frozen else np.concatenate([[1.0], dz])
-    smooth = run_smoother(system, filtered, weights)
-    cost = float(costs.sum()) + prior.cost(problem.inside(p))
-    return _Pass(linear, system, filtered, smooth, cost, costs, S, g, dz, gain)
-
-
-def _tried(problem: Problem, noise: Noise, prior: Prior, p: Array, path: Array, frozen: bool) -> _Pass | None:
-    """Return a pass; None where the model runs away."""
-    try:
-        with np.errstate(all="ignore"):
-            now = _run(problem, noise, prior, p, path, frozen)
-    except np.linalg.LinAlgError:
-        return None
-    return now if np.isfinite(now.cost) else None
 
 
 def estimate(
@@ -256,96 +173,136 @@ def estimate(
     FloatingPointError
         If no path leads along the logs: the model runs away.
     """
-    p = problem.start.copy() if p is None else problem.outside(problem.inside(p))
-    path = problem.guess if path is None else path
-    last = np.inf
-    best: tuple[float, Array, Array] | None = None
-    safe: tuple[Array, Array] | None = None
-    push = np.zeros(0)
-    k, still, converged, gated, rounds = 0, 0, False, 0, 0
-    moving, factor = levels, COARSEST
-    while True:
-        now = _tried(problem, noise, prior, p, path, frozen)
-        if trace and now:
-            trace(f"  pass {k}: {now.cost:.2f} predicted {now.gain:.2f} {noise.process} {noise.seconds}")
-        if now is None:
-            if safe is None:
-                raise FloatingPointError("the model runs away from the first row on")
-            p, path = 0.5 * (p + safe[0]), 0.5 * (path + safe[1])
-            k += 1
-            if k > most + STILL:
-                raise FloatingPointError("the model runs away")
-            continue
-        safe = p, path
-        change = last - now.cost
-        last = now.cost
-        if not moving and (best is None or now.cost < best[0]):
-            best = now.cost, p, path
-        if gate and gated < GATES:
-            stands_out = outliers(residuals(problem, now.system, now.smooth), problem.seen)
-            gated = gated + 1 if stands_out.any() else GATES
-            if stands_out.any():
-                problem, last = problem.without(stands_out), np.inf
-                p, path, k = _onward(problem, now, p), _moved_path(problem, now, path), k + 1
-                continue
-        enough = SETTLED if moving else STOPPED if still < ENOUGH else 2.0 * SETTLED
-        settled = abs(change) < enough and now.gain < SETTLED
-        while moving and settled and times and factor > FINEST:  # not before all factors were tried
-            noise, further = timed(problem, now.linear, noise, factor)
-            settled, factor = not further, factor if further else factor**0.5
-        if moving and ((settled and k > hold) or k >= most + hold):
-            moving = False
-        elif not moving and (settled or still >= STILL):
-            again = outliers(residuals(problem, now.system, now.smooth), problem.seen)
-            if gate and again.any() and rounds < ROUNDS:
-                rounds, best, still, moving = rounds + 1, None, 0, levels
-                problem, last, most = problem.without(again), np.inf, k + AGAIN
-                continue
-            converged = bool(settled)
+    start = problem.start.copy() if p is None else problem.outside(problem.inside(p))
+    run = _Iteration(problem, prior, noise, frozen, times, most, hold, trace)
+    now = run.first(start, problem.guess if path is None else path)
+    if gate:
+        now = run.gated(now)
+    now, converged = run.settled(now, levels)
+    for _ in range(ROUNDS if gate else 0):
+        stands_out = outliers(residuals(run.problem, now), run.problem.seen)
+        if not stands_out.any():
             break
-        if moving and k >= hold:
-            noise, push = moved(problem, noise, now.system, now.smooth, push)
-            if times and (k - hold) % 3 == 1 and factor > FINEST:
-                noise, further = timed(problem, now.linear, noise, factor)
-                factor = factor if further else factor**0.5
-        elif not moving:
-            still += 1
-        before = path
-        p, path, k = _onward(problem, now, p), _moved_path(problem, now, path), k + 1
-        if not moving and change < 0:  # to and fro about a kink of dry friction
-            path = 0.5 * (before + path)
-    if best is not None and best[0] < now.cost - STOPPED:
-        _, p, path = best
-        now = _run(problem, noise, prior, p, path, frozen)
-    left = residuals(problem, now.system, now.smooth)
-    n, rows = len(problem.free), problem.rows
-    end = n + len(problem.driven)
-    drift = (now.system.H[..., end:] @ now.smooth.state[..., end:, None])[..., 0]
-    return Fit(
-        problem, p, path, noise, prior, now.linear, now.cost,
-        rows.by_block(now.block_costs), rows.by_block(now.S), rows.by_block(now.g),
-        now.smooth.state[..., n:end], drift, now.smooth.covariance, left, converged,
-    )  # fmt: skip
+        run.most, run.hold = run.k + AGAIN, 0
+        now, converged = run.settled(run.onward(now, stands_out), levels)
+    return run.fit(now, converged)
 
 
-def _onward(problem: Problem, now: _Pass, p: Array) -> Array:
-    """Return the unknowns a step further."""
-    return problem.outside(problem.inside(p) + now.dz)
+@dataclass(eq=False)
+class _Iteration:
+    """Where an iteration is: what is fitted, the noise by now, passes done, the cost before."""
 
+    problem: Problem
+    prior: Prior
+    noise: Noise
+    frozen: bool
+    times: bool
+    most: int
+    hold: int
+    trace: Callable[[str], None] | None
+    k: int = 0
+    before: float = np.inf
+    change: float = np.inf
+    factor: float = COARSEST
+    push: Array = field(default_factory=lambda: np.zeros(0))
 
-def _moved_path(problem: Problem, now: _Pass, path: Array) -> Array:
-    """Return the path as smoothed."""
-    step = np.zeros_like(path)
-    step[..., list(problem.free)] = now.smooth.state[..., : len(problem.free)]
-    return path + step
+    def first(self, p: Array, path: Array) -> Pass:
+        """Return the first pass."""
+        now = tried_pass(self.problem, self.noise, self.prior, p, path, self.frozen)
+        if now is None:
+            raise FloatingPointError("the model runs away from the first row on")
+        return self._counted(now)
 
+    def onward(self, now: Pass, out: NDArray[np.bool_] | None = None, half: bool = False) -> Pass:
+        """Return the next pass: less samples that are left out, or half way between the last two paths.
 
-def residuals(problem: Problem, system: System, smooth: Smoothed) -> Array:
-    """Return measured minus smoothed path over that difference's standard deviation, shape (K, W, C)."""
-    e = system.seen[..., 0] - (system.H @ smooth.state[..., None])[..., 0]
-    known = np.einsum("kwci,kwij,kwcj->kwc", system.H, smooth.covariance, system.H)
-    spread = np.maximum(system.R - known, 1e-6 * system.R)
-    return np.where(problem.seen, e / np.sqrt(spread), 0.0)
+        A step after which the model runs away is halved.
+        """
+        if out is not None:
+            self.problem, self.before = self.problem.without(out), np.inf
+        p, path = now.onward(self.problem)
+        if half:
+            path = 0.5 * (now.path + path)
+        self.k += 1
+        while True:
+            found = tried_pass(self.problem, self.noise, self.prior, p, path, self.frozen)
+            if found is not None:
+                return self._counted(found)
+            p, path, self.k = 0.5 * (p + now.p), 0.5 * (path + now.path), self.k + 1
+            if self.k > self.most + STILL:
+                raise FloatingPointError("the model runs away")
+
+    def gated(self, now: Pass) -> Pass:
+        """Return the pass from which on nothing stands out: large outliers hide small ones."""
+        for _ in range(GATES):
+            stands_out = outliers(residuals(self.problem, now), self.problem.seen)
+            if not stands_out.any():
+                break
+            now = self.onward(now, stands_out)
+        return now
+
+    def settled(self, now: Pass, levels: bool) -> tuple[Pass, bool]:
+        """Return the last pass, and whether it converged: levels of noise move first, then they stay."""
+        if levels:
+            now = self._moving(now)
+        return self._still(now, 1 if levels else 0)
+
+    def fit(self, now: Pass, converged: bool) -> Fit:
+        """Return what was fitted."""
+        problem, smooth = self.problem, now.smooth
+        n, rows = len(problem.free), problem.rows
+        end = n + len(problem.driven)
+        drift = (now.system.H[..., end:] @ smooth.state[..., end:, None])[..., 0]
+        return Fit(
+            problem, now.p, now.path, self.noise, self.prior, now.linear, now.cost,
+            rows.by_block(now.block_costs), rows.by_block(now.S), rows.by_block(now.g),
+            smooth.state[..., n:end], drift, smooth.covariance, residuals(problem, now), converged,
+        )  # fmt: skip
+
+    def _moving(self, now: Pass) -> Pass:
+        """Return the first pass whose levels and correlation times of noise stay."""
+        while True:
+            there = self._little_changes(now, SETTLED)
+            while there and self.times and self.factor > FINEST:  # not before all factors were tried
+                there = not self._timed(now)
+            if (there and self.k > self.hold) or self.k >= self.most + self.hold:
+                return self.onward(now)
+            if self.k >= self.hold:
+                self.noise, self.push = moved(self.problem, self.noise, now.system, now.smooth, self.push)
+                if self.times and (self.k - self.hold) % 3 == 1 and self.factor > FINEST:
+                    self._timed(now)
+            now = self.onward(now)
+
+    def _still(self, now: Pass, count: int) -> tuple[Pass, bool]:
+        """Return the pass of least cost under the noise as it is, and whether it converged."""
+        best = now.cost, now.p, now.path
+        while True:
+            if now.cost < best[0]:
+                best = now.cost, now.p, now.path
+            there = self._little_changes(now, STOPPED if count < ENOUGH else 2.0 * SETTLED)
+            if there or count >= STILL:
+                break
+            now = self.onward(now, half=self.change < 0)  # to and fro about a kink of dry friction
+            count += 1
+        if best[0] < now.cost - STOPPED:
+            now = run_pass(self.problem, self.noise, self.prior, *best[1:], self.frozen)
+        return now, there
+
+    def _little_changes(self, now: Pass, enough: float) -> bool:
+        return bool(abs(self.change) < enough and now.predicted < SETTLED)
+
+    def _timed(self, now: Pass) -> bool:
+        """Try correlation times by a factor; tell whether they moved. The next factor is smaller if not."""
+        self.noise, further = timed(self.problem, now.linear, self.noise, self.factor)
+        self.factor = self.factor if further else self.factor**0.5
+        return bool(further)
+
+    def _counted(self, now: Pass) -> Pass:
+        self.change, self.before = self.before - now.cost, now.cost
+        if self.trace:
+            levels = f"{self.noise.process} {self.noise.seconds}"
+            self.trace(f"  pass {self.k}: {now.cost:.2f} predicted {now.predicted:.2f} {levels}")
+        return now
 
 
 def refit(
@@ -396,16 +353,18 @@ def first_noise(problem: Problem) -> Noise:
 def fine_enough(fit: Fit) -> Fit:
     """Return a fit in sub-steps so fine that finer ones do not change its likelihood.
 
-    Each time sub-steps are halved, the cost at the same path and unknowns is compared.
+    Sub-steps are halved until the cost at the same path and unknowns stays; then it is fitted once more.
     """
-    while fit.problem.pieces < MOST_PIECES:
-        finer = copy(fit.problem)
-        finer.set_pieces(2 * fit.problem.pieces)
+    problem, cost = fit.problem, float(fit.block_costs.sum())
+    while problem.pieces < MOST_PIECES:
+        finer = copy(problem)
+        finer.set_pieces(2 * problem.pieces)
         linear = finer.linearise(fit.path, fit.p, unknowns=False)
-        filtered = run_filter(augment(finer, linear, [fit.noise], unknowns=False))
-        cost = float((filtered.white**2).sum() + filtered.log_det.sum())
-        same = run_filter(augment(fit.problem, fit.linear, [fit.noise], unknowns=False))
-        if abs(cost - float((same.white**2).sum() + same.log_det.sum())) < FINE:
-            return fit
-        fit = estimate(finer, fit.prior, fit.noise, p=fit.p, path=fit.path)
-    return fit
+        filtered = run_filter(augment(finer, linear, fit.noise, unknowns=False))
+        before, cost = cost, float((filtered.white**2).sum() + filtered.log_det.sum())
+        if abs(cost - before) < FINE:
+            break
+        problem = finer
+    if problem is fit.problem:
+        return fit
+    return estimate(problem, fit.prior, fit.noise, p=fit.p, path=fit.path)

@@ -47,7 +47,7 @@ class Noise:
 def augment(
     problem: Problem,
     linear: Linear,
-    noises: list[Noise],
+    noise: Noise,
     *,
     unknowns: bool = True,
     drive: Array | None = None,
@@ -59,15 +59,13 @@ def augment(
     ----------
     problem : Problem
     linear : Linear
-    noises : list of Noise
-        One, or several that run side by side: blocks are repeated for each.
+    noise : Noise
     unknowns : bool, optional
         Whether the unknowns have columns.
     drive, seen : ndarray, shapes (K-1, W, n, M) and (K, W, C, M), optional
         Further columns: what a candidate adds to the states from row to row, and to the channels.
     """
-    n, driven, dt = len(problem.free), list(problem.driven), problem.dt
-    q, (K, W, C) = len(driven), linear.residual.shape
+    n, q, (K, W, C) = len(problem.free), len(problem.driven), linear.residual.shape
     drift = problem.data.drift
     N = n + q + (STATES if drift else 0)
     gamma = _gamma(problem, linear.A)
@@ -87,58 +85,29 @@ def augment(
     H[..., :n] = linear.H
     if drift:
         H[..., n + q :] = np.where(problem.seen[..., None], drift.H, 0.0)
-    copies = len(noises)
-    A = np.zeros((K - 1, copies, W, N, N))
-    Q = np.zeros((K - 1, copies, W, N, N))
-    R = np.ones((K, copies, W, C))
-    P0 = np.zeros((copies, W, N, N))
+    A = np.zeros((K - 1, W, N, N))
+    Q = np.zeros((K - 1, W, N, N))
+    P0 = np.zeros((W, N, N))
+    missing = range(n, n + q)
+    fade, held, pushed, both, own = _steps(problem, noise)
+    A[..., :n, :n] = linear.A
+    A[..., :n, n : n + q] = gamma * held[..., None, :]
+    A[..., missing, missing] = fade
+    cross = gamma * both[..., None, :]
+    Q[..., :n, :n] = (gamma * pushed[..., None, :]) @ np.swapaxes(gamma, -1, -2)
+    Q[..., :n, n : n + q] = cross
+    Q[..., n : n + q, :n] = np.swapaxes(cross, -1, -2)
+    Q[..., missing, missing] = own
     P0[..., range(n), range(n)] = (LOOSE * problem.spread) ** 2
-    for c, noise in enumerate(noises):
-        A[:, c, :, :n, :n] = linear.A
-        for j in range(q):
-            tau = float(noise.seconds[j])
-            s = dt / tau
-            fade = np.exp(-s)
-            A[:, c, :, :n, n + j] = gamma[..., j] * (tau * -np.expm1(-s))[..., None]
-            A[:, c, :, n + j, n + j] = fade
-            if noise.process[j] > 0.0:
-                pushed, both, own = _covariance(problem, noise, j)
-                g = gamma[..., j]
-                Q[:, c, :, :n, :n] += g[..., :, None] * (g * pushed[..., None])[..., None, :]
-                Q[:, c, :, :n, n + j] = Q[:, c, :, n + j, :n] = g * both[..., None]
-                Q[:, c, :, n + j, n + j] = own
-            P0[c, :, n + j, n + j] = float(noise.process[j]) ** 2
-        if linear.jolt is not None:
-            Q[:, c, :, :n, :n] += linear.jolt[..., :, None] * linear.jolt[..., None, :]
-        if drift:
-            A[:, c, :, n + q :, n + q :] = drift.A
-            Q[:, c, :, n + q :, n + q :] = drift.Q
-            P0[c, :, n + q :, n + q :] = drift.P0
-        level = (noise.measured * noise.scale[problem.rows.log]) ** 2  # W, C
-        R[:, c] = np.where(problem.seen, level, 1.0)
-    if copies == 1:
-        return System(A[:, 0], Q[:, 0], full, H, R[:, 0], watched, P0[0])
-
-    def tiled(a: Array) -> Array:
-        return np.tile(a, (1, copies, *(1 for _ in a.shape[2:])))
-
-    return System(
-        A.reshape(K - 1, copies * W, N, N),
-        Q.reshape(K - 1, copies * W, N, N),
-        tiled(full),
-        tiled(H),
-        R.reshape(K, copies * W, C),
-        tiled(watched),
-        P0.reshape(copies * W, N, N),
-    )
-
-
-def _integrated(s: Array) -> Array:
-    """Return 2 s - 3 + 4 exp(-s) - exp(-2 s), without loss of digits for small s."""
-    small = s < 1e-2
-    series = s**3 * (2.0 / 3.0 - s / 2.0 + 7.0 * s**2 / 30.0)
-    plain = 2.0 * s - 3.0 + 4.0 * np.exp(-s) - np.exp(-2.0 * s)
-    return np.where(small, series, plain)
+    P0[..., missing, missing] = noise.process**2
+    if linear.jolt is not None:
+        Q[..., :n, :n] += linear.jolt[..., :, None] * linear.jolt[..., None, :]
+    if drift:
+        A[..., n + q :, n + q :] = drift.A
+        Q[..., n + q :, n + q :] = drift.Q
+        P0[..., n + q :, n + q :] = drift.P0
+    level = (noise.measured * noise.scale[problem.rows.log]) ** 2  # W, C
+    return System(A, Q, full, H, np.where(problem.seen, level, 1.0), watched, P0)
 
 
 #: A variance moves by at most this factor in a pass; a far ratio that keeps its sign is followed
@@ -157,9 +126,6 @@ NONE, SMALL = 1e-5, 1e-3
 #: Measurement noise is no less than these parts of what third differences show and of a channel's range:
 #: without any a filter is singular.
 LEAST, TINY = 0.01, 1e-6
-
-#: Rows of all runs side by side, at most: for the sake of memory.
-TOGETHER = 100_000
 
 
 def moved(
@@ -183,7 +149,7 @@ def moved(
     C, q = len(noise.measured), len(noise.process)
     ratio = np.zeros(C + q)
     e = system.seen[..., 0] - (system.H @ smooth.state[..., None])[..., 0]
-    known = np.einsum("kwci,kwij,kwcj->kwc", system.H, smooth.covariance, system.H)
+    known = ((system.H @ smooth.covariance) * system.H).sum(axis=-1)
     for c in range(C):
         own = problem.seen[..., c]
         R = system.R[..., c][own]
@@ -192,10 +158,9 @@ def moved(
         ratio[c] = np.log(A / B) if A > 0 and B > 0 else 0.0
     n = len(problem.free)
     gamma = _gamma(problem, system.A[..., :n, :n])
-    for j in range(q):
-        if noise.process[j] <= 0.0:
-            continue
-        pushed, both, own = _covariance(problem, noise, j)
+    variances = _steps(problem, noise)[2:]
+    for j in np.flatnonzero(noise.process > 0.0).tolist():
+        pushed, both, own = (v[..., j] for v in variances)
         g = gamma[..., j]
         r, N = smooth.push, smooth.information
         along, last = (r[..., :n] * g).sum(axis=-1), r[..., n + j]
@@ -221,14 +186,24 @@ def moved(
     return replace(noise, measured=measured, process=process), step
 
 
-def _covariance(problem: Problem, noise: Noise, j: int) -> tuple[Array, Array, Array]:
-    """Return variance of a missing acceleration's integral over steps, covariance with it, own variance.
+def _steps(problem: Problem, noise: Noise) -> tuple[Array, Array, Array, Array, Array]:
+    """Return what becomes of the missing accelerations over steps, each of shape (K-1, W, q).
 
-    Shapes (K-1, W).
+    What is left of each, its integral, the variance of what is added to that integral, the covariance of that
+    with what is added to the acceleration, and the variance of the latter.
     """
-    tau, var = float(noise.seconds[j]), float(noise.process[j]) ** 2
-    s = problem.dt / tau
-    return var * tau**2 * _integrated(s), var * tau * np.expm1(-s) ** 2, -var * np.expm1(-2.0 * s)
+    tau, variance = noise.seconds, noise.process**2
+    s = problem.dt[..., None] / tau
+    less, less2 = np.expm1(-s), np.expm1(-2.0 * s)  # exp(-s) - 1, exp(-2 s) - 1
+    series = s**3 * (2.0 / 3.0 - s / 2.0 + 7.0 * s**2 / 30.0)  # of the next, without loss of digits
+    integrated = np.where(s < 1e-2, series, 2.0 * s + 4.0 * less - less2)
+    return (
+        1.0 + less,
+        -tau * less,
+        variance * tau**2 * integrated,
+        variance * tau * less**2,
+        -variance * less2,
+    )
 
 
 def _gamma(problem: Problem, A: Array) -> Array:
@@ -265,15 +240,12 @@ def timed(problem: Problem, linear: Linear, noise: Noise, factor: float) -> tupl
     if not places:
         return noise, False
     costs: list[float] = []
-    together = max(1, TOGETHER // problem.rows.time.size)
-    for k in range(0, len(tries), together):
-        part = tries[k : k + together]
+    for one in tries:  # one by one: side by side they would leave the processor's cache
         try:
-            filtered = run_filter(augment(problem, linear, part, unknowns=False))
+            filtered = run_filter(augment(problem, linear, one, unknowns=False))
         except np.linalg.LinAlgError:  # the path ran away: the next pass comes back
             return noise, False
-        each = (filtered.white[..., 0] ** 2).sum(axis=(0, 2)) + filtered.log_det
-        costs += each.reshape(len(part), -1).sum(axis=1).tolist()
+        costs.append(float((filtered.white**2).sum() + filtered.log_det.sum()))
     seconds, process, moved_on = noise.seconds.copy(), noise.process.copy(), False
     for j in sorted(set(places)):
         own = [1 + k for k, place in enumerate(places) if place == j]

@@ -144,7 +144,7 @@ class Problem:
             else ((names_.index(c), True) if c in names_ else (outputs.index(c), False))
             for c in self.rows.channels
         ]
-        self._outputs = self.block.to_numpy().vector[1]
+        self._outputs = self.block.to_numpy().array_outputs
         self._moves_commands = self._depends_on_inputs()
         self.seen = np.isfinite(self.rows.values)
         self.dt = np.diff(self.rows.time, axis=0)
@@ -435,7 +435,7 @@ class Problem:
         x = np.moveaxis(self.guess[:-1][part], 2, 0)
         u = self._inputs_at_rows(self.parameters(self.start))[:, :-1][:, part]
         t, every = self.rows.time[:-1][part], self.parameters(self.start)
-        function = self.block.to_numpy().vector[0]
+        function = self.block.to_numpy().array_derivatives
         with np.errstate(all="ignore"):
             base = function(t, x, u, every)
             sizes = np.full(len(self.names), np.inf)

@@ -16,9 +16,10 @@ from numpy.typing import NDArray
 
 from hovercontrol.core.block import Block
 from hovercontrol.core.derivatives import partial_derivatives
-from hovercontrol.estimation.fit import Fit, inverse, products
+from hovercontrol.estimation.fit import Fit
 from hovercontrol.estimation.kalman import run_filter
 from hovercontrol.estimation.noise import augment
+from hovercontrol.estimation.passes import inverse, products
 
 Array = NDArray[np.float64]
 
@@ -43,7 +44,7 @@ def information(fit: Fit) -> Array:
     std = np.sqrt(np.maximum(np.diagonal(fit.covariance_of_path, axis1=2, axis2=3)[..., :n], 0.0))
     free = path[..., list(problem.free)]
     path[..., list(problem.free)] = np.where(np.abs(free) < RESTING * std, 0.0, free)
-    system = augment(problem, problem.linearise(path, fit.p), [fit.noise])
+    system = augment(problem, problem.linearise(path, fit.p), fit.noise)
     slope = problem.slope(fit.p)
     S = products(run_filter(system).white)[:, 1:, 1:].sum(axis=0)
     return np.asarray(S / np.outer(slope, slope))

@@ -40,7 +40,7 @@ def _forceless(fit: Fit) -> Array:
     shape = problem.rows.time.shape
     u, x = np.zeros((len(problem.block.inputs), *shape)), np.moveaxis(fit.path, 2, 0)
     with np.errstate(all="ignore"):
-        slopes = problem.block.to_numpy().vector[0](problem.rows.time, x, u, values)
+        slopes = problem.block.to_numpy().array_derivatives(problem.rows.time, x, u, values)
     found = np.array([np.broadcast_to(s, shape) for s in slopes])
     return np.where(np.isfinite(found), found, 0.0)
 

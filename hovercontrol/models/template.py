@@ -62,7 +62,6 @@ python-control.
 """
 
 import hovercontrol as hc
-from hovercontrol.models.blockmodel import BlockModel
 
 # ---- signals: name, SI unit, description; start is the initial or default value, lower and upper are bounds
 
@@ -88,7 +87,7 @@ BLOCK = hc.Block(
 
 # ---- what it may lack: without a catalogue what any machine may (friction, play, lag, delay, bias ...)
 
-MODEL = BlockModel(BLOCK)
+MODEL = hc.BlockModel(BLOCK)
 '''
 
 

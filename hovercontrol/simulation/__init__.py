@@ -1,1 +1,17 @@
 """Blocks of any kind in time, in Python: integrated between ticks, stepped by a runner."""
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from hovercontrol.simulation.trajectory import simulate
+
+__all__ = ["simulate"]
+
+
+def __getattr__(name: str) -> Any:
+    """Import what needs python-control and SciPy only when it is asked for."""
+    if name == "simulate":
+        from hovercontrol.simulation.trajectory import simulate
+
+        return simulate
+    raise AttributeError(f"module 'hovercontrol.simulation' has no attribute {name!r}")

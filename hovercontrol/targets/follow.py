@@ -102,7 +102,7 @@ def _step(
     parameters: list[float],
     values: Array,
 ) -> None:
-    rates, W = block.to_numpy().vector[0], time.shape[1]
+    rates, W = block.to_numpy().array_derivatives, time.shape[1]
     with np.errstate(all="ignore"):
         for k, h in enumerate(step):
             x = np.array(states[:, k], dtype=float)

@@ -103,7 +103,7 @@ def _run(
     parameters: Array,
     states: Array,
 ) -> None:
-    derivatives, p = block.to_numpy().vector[0], parameters[..., None]
+    derivatives, p = block.to_numpy().array_derivatives, parameters[..., None]
 
     def slope(t: Array, x: Array, u: Array) -> Array:
         k = np.empty_like(x)

@@ -43,7 +43,7 @@ def _errors(
 ) -> tuple[Array, Array]:
     """Return the errors in all windows, shape (n,), and the predictions' slopes by coefficients (k, n)."""
     block = model.plant(late=True)
-    derivatives, outputs = block.to_numpy().vector
+    derivatives, outputs = block.to_numpy().array_derivatives, block.to_numpy().array_outputs
     t, drive = motion.drive.time, motion.drive
     dt = t[1] - t[0]
     rows, pieces = round(SECONDS / dt), max(1, round(dt / STEP))

@@ -8,12 +8,12 @@ import pytest
 from hovercontrol.estimation.data import gather
 from hovercontrol.estimation.fit import first_noise
 from hovercontrol.estimation.kalman import run_filter, run_smoother
-from hovercontrol.estimation.noise import Noise, _integrated, augment, averaged, moved, timed
+from hovercontrol.estimation.noise import Noise, augment, averaged, moved, timed
 from hovercontrol.estimation.problem import Problem
 
 
 def cost(problem, linear, noise):
-    f = run_filter(augment(problem, linear, [noise], unknowns=False))
+    f = run_filter(augment(problem, linear, noise, unknowns=False))
     return float((f.white[..., 0] ** 2).sum() + f.log_det.sum())
 
 
@@ -43,7 +43,7 @@ def test_each_move_raises_the_likelihood_until_the_truth_comes_back(linearised):
     noise = replace(noise, measured=3.0 * noise.measured)
     costs, before = [], np.empty(0)
     for _ in range(12):
-        system = augment(problem, linear, [noise], unknowns=False)
+        system = augment(problem, linear, noise, unknowns=False)
         filtered = run_filter(system, keep=True)
         costs.append(float((filtered.white[..., 0] ** 2).sum() + filtered.log_det.sum()))
         noise, before = moved(problem, noise, system, run_smoother(system, filtered, np.ones(1)), before)
@@ -70,14 +70,6 @@ def test_no_correlation_time_is_sought_where_nothing_is_missing(linearised):
     assert timed(problem, linear, none, 2.0) == (none, False)
 
 
-def test_several_levels_side_by_side_are_each_by_itself(linearised):
-    problem, linear = linearised
-    noises = [Noise(np.array([0.01 * k]), np.ones((1, 1)), np.array([0.2 * k]), np.ones(1)) for k in (1, 2)]
-    f = run_filter(augment(problem, linear, noises, unknowns=False))
-    both = ((f.white[..., 0] ** 2).sum(axis=(0, 2)) + f.log_det).reshape(2, -1).sum(axis=1)
-    assert both == pytest.approx([cost(problem, linear, noise) for noise in noises])
-
-
 def test_the_mean_of_a_missing_acceleration_is_smaller_the_longer_it_is_taken():
     noise = Noise(np.ones(1), np.ones((1, 1)), np.array([2.0, 2.0]), np.array([0.1, 1e4]))
     short, long = averaged(noise, 0.4)
@@ -85,10 +77,3 @@ def test_the_mean_of_a_missing_acceleration_is_smaller_the_longer_it_is_taken():
     dense = np.exp(-np.abs(s[:, None] - s) / 0.1).mean()
     assert short == pytest.approx(2.0 * np.sqrt(dense), rel=5e-3)
     assert long == pytest.approx(2.0, rel=1e-4)
-
-
-def test_the_variance_of_a_short_integral_keeps_its_digits():
-    s = np.array([1e-6, 1e-4, 0.00999, 0.01001, 1.0])
-    terms = [((-1) ** k * (4.0 - 2.0**k) / np.prod(np.arange(1.0, k + 1))) for k in range(3, 25)]
-    exact = sum(c * s**k for k, c in zip(range(3, 25), terms, strict=True))
-    np.testing.assert_allclose(_integrated(s), exact, rtol=1e-5)

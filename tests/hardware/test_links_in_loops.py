@@ -22,7 +22,7 @@ RUNS = 20_000
 
 def loop(a, link, steps, noise=0.0, x0=1.0):
     """Return x of K06 (5.2)-(5.3), shape (steps + 1, RUNS): u = -a x if the link told x in time, else 0."""
-    following, outputs = numpy_functions(link).vector
+    following, outputs = numpy_functions(link).array_derivatives, numpy_functions(link).array_outputs
     state = [np.full(RUNS, s.start) for s in link.states]
     values = link.default_parameters | {"link.seed": np.arange(RUNS, dtype=float)}
     p, names = tuple(values.values()), [s.name for s in link.outputs]

@@ -108,7 +108,7 @@ PASSING = [
 
 def many(link, ticks, sent=lambda k: 1.0, runs=2000, **params):
     """Yield the outputs of runs of different seeds, tick by tick, each shape (n_outputs, runs)."""
-    following, outputs = numpy_functions(link).vector
+    following, outputs = numpy_functions(link).array_derivatives, numpy_functions(link).array_outputs
     x = [np.full(runs, s.start) for s in link.states]
     values = link.default_parameters | {f"link.{k}": v for k, v in params.items()}
     values["link.seed"] = np.arange(runs, dtype=float)

@@ -69,7 +69,7 @@ def closed_loop_log(model, seed, seconds=20.0, dt=0.01):
     """Position measured, current commanded by a controller that sees the noisy position."""
     rng = np.random.default_rng(seed)
     block = model.plant()
-    f = block.to_numpy().vector[0]
+    f = block.to_numpy().array_derivatives
     p = block.parameter_values()
     t = np.arange(0.0, seconds, dt)
     goal = np.repeat(rng.uniform(-2, 2, t.size // 100 + 1), 100)[: t.size]

@@ -184,7 +184,7 @@ def _misfit(model: Subject, log: Log) -> float:
         fit = estimate(problem, prior_of(problem, model), noise, frozen=True, levels=False)
     except (InputError, FloatingPointError):  # it runs away; what else is wrong is said where it is read
         return math.inf
-    white = run_filter(augment(problem, fit.linear, [noise], unknowns=False)).white[..., 0]
+    white = run_filter(augment(problem, fit.linear, noise, unknowns=False)).white[..., 0]
     return float((white**2).sum()) / int(problem.seen.sum())
 
 

@@ -11,7 +11,8 @@ from scipy import stats
 
 from hovercontrol.core.signals import time
 from hovercontrol.effects import Effect, Shape
-from hovercontrol.estimation.fit import Fit, inverse
+from hovercontrol.estimation.fit import Fit
+from hovercontrol.estimation.passes import inverse
 
 Array = NDArray[np.float64]
 

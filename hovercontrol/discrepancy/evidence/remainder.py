@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 
 from hovercontrol.discrepancy.criteria import CRITERIA, Criteria
 from hovercontrol.discrepancy.evidence.missing import Missing, Quantity, rate, running_mean
-from hovercontrol.estimation.fit import Fit, inverse, products, refit
+from hovercontrol.estimation.fit import Fit, refit
 from hovercontrol.estimation.kalman import run_filter
 from hovercontrol.estimation.noise import Noise, augment, averaged
+from hovercontrol.estimation.passes import inverse, products
 
 Array = NDArray[np.float64]
 
@@ -95,27 +96,21 @@ def _gain(fit: Fit, j: int, criteria: Criteria) -> float:
         return 0.0
     process = fit.noise.process.copy()
     process[j] = 0.0
-    noises = [fit.noise, replace(fit.noise, process=process)]
-    there, none = _costs(fit, noises)
-    if none - there < criteria.remains or none - there > LARGE:  # path and unknowns would follow
-        return float(none - there)
-    without = refit(fit, problem, fit.prior, noise=noises[1], levels=False)
+    silent = replace(fit.noise, process=process)
+    gain = _cost(fit, silent) - _cost(fit, fit.noise)
+    if gain < criteria.remains or gain > LARGE:  # path and unknowns would follow
+        return gain
+    without = refit(fit, problem, fit.prior, noise=silent, levels=False)
     return float(without.cost - fit.cost)
 
 
-def _costs(fit: Fit, noises: list[Noise]) -> list[float]:
-    """Return the cost of a fit's linear problem under each noise, path and unknowns at their likeliest."""
-    filtered = run_filter(augment(fit.problem, fit.linear, noises))
-    count, z = len(noises), fit.problem.inside(fit.p)
-    costs = []
-    for every, log_det in zip(
-        np.split(products(filtered.white), count), np.split(filtered.log_det, count), strict=True
-    ):
-        own = every.sum(axis=0)
-        slope = -own[1:, 0] - fit.prior.slope(z)
-        S = own[1:, 1:] + np.diag(fit.prior.precision)
-        costs.append(float(own[0, 0] + log_det.sum() - slope @ inverse(S) @ slope))
-    return costs
+def _cost(fit: Fit, noise: Noise) -> float:
+    """Return the cost of a fit's linear problem under a noise, path and unknowns at their likeliest."""
+    filtered = run_filter(augment(fit.problem, fit.linear, noise))
+    every = products(filtered.white).sum(axis=0)
+    slope = -every[1:, 0] - fit.prior.slope(fit.problem.inside(fit.p))
+    S = every[1:, 1:] + np.diag(fit.prior.precision)
+    return float(every[0, 0] + filtered.log_det.sum() - slope @ inverse(S) @ slope)
 
 
 def missing_forces(fit: Fit) -> tuple[Missing, ...]:

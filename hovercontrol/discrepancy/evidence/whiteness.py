@@ -39,7 +39,7 @@ def innovations(fit: Fit) -> Array:
         NaN where nothing was measured, and until as much was measured as there are states.
     """
     problem = fit.problem
-    white = run_filter(augment(problem, fit.linear, [fit.noise], unknowns=False)).white[..., 0]
+    white = run_filter(augment(problem, fit.linear, fit.noise, unknowns=False)).white[..., 0]
     so_far = np.cumsum(problem.seen.sum(axis=2), axis=0)[..., None]
     return np.where(problem.seen & (so_far > 2 * len(problem.free)), white, np.nan)
 

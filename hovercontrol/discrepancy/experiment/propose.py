@@ -23,10 +23,11 @@ from hovercontrol.discrepancy.experiment.manoeuvres import Manoeuvre, family, re
 from hovercontrol.discrepancy.experiment.proposal import Experiment
 from hovercontrol.discrepancy.search.confirm import Selection
 from hovercontrol.estimation.data import Data
-from hovercontrol.estimation.fit import Fit, estimate, inverse, products
+from hovercontrol.estimation.fit import Fit, estimate
 from hovercontrol.estimation.kalman import run_filter
 from hovercontrol.estimation.measure import Measured
 from hovercontrol.estimation.noise import augment
+from hovercontrol.estimation.passes import inverse, products
 from hovercontrol.estimation.problem import Problem
 from hovercontrol.estimation.rows import arrange
 
@@ -204,7 +205,7 @@ def _added(fit: Fit, seen: Data) -> tuple[float, Array, Array]:
     except FloatingPointError:
         return np.inf, np.zeros((len(fit.p),) * 2), np.zeros(len(fit.p))
     linear = problem.linearise(path, problem.start)
-    every = products(run_filter(augment(problem, linear, [noise])).white).sum(axis=0)
+    every = products(run_filter(augment(problem, linear, noise)).white).sum(axis=0)
     return float(every[0, 0]), every[1:, 1:], -every[1:, 0]
 
 

@@ -17,9 +17,10 @@ from hovercontrol.core.block import Block
 from hovercontrol.discrepancy.search.candidates import Candidate
 from hovercontrol.effects import Effect, Shape
 from hovercontrol.estimation.commands import Arrival, command_times, input_states
-from hovercontrol.estimation.fit import Fit, inverse, products
+from hovercontrol.estimation.fit import Fit
 from hovercontrol.estimation.kalman import run_filter
 from hovercontrol.estimation.noise import augment
+from hovercontrol.estimation.passes import inverse, products
 from hovercontrol.estimation.subject import Subject, motion_of, structure, timing
 from hovercontrol.targets.follow import follow
 
@@ -76,7 +77,7 @@ class Scores:
     def __init__(self, fit: Fit, tried: Sequence[Candidate]) -> None:
         self.fit, self.tried = fit, list(tried)
         drive, seen, self.own = columns(fit, tried)
-        system = augment(fit.problem, fit.linear, [fit.noise], drive=drive, seen=seen)
+        system = augment(fit.problem, fit.linear, fit.noise, drive=drive, seen=seen)
         every = fit.problem.rows.by_block(products(run_filter(system).white))
         self.G = every[:, 1:, 1:]  # W, P+M, P+M
         self.f = -every[:, 1:, 0]
@@ -253,7 +254,7 @@ class _Along:
         if new:
             self._simulate(block, new, x, u, every)
         with np.errstate(all="ignore"):
-            slopes = block.to_numpy().vector[0](self._t, x, u, every)
+            slopes = block.to_numpy().array_derivatives(self._t, x, u, every)
         rows = [[s.name for s in block.states].index(names[i]) for i in problem.free]
         shape = problem.dt.shape
         return np.stack([np.broadcast_to(slopes[i], self._t.shape).mean(axis=0).reshape(shape) for i in rows])

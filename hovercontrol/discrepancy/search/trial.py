@@ -12,7 +12,7 @@ from hovercontrol.discrepancy.evidence.blocks import Blocks, agreement
 from hovercontrol.discrepancy.search.candidates import LATE
 from hovercontrol.discrepancy.search.score import Scored
 from hovercontrol.effects import Effect, Shape
-from hovercontrol.estimation.fit import Fit, estimate, first_noise, refit
+from hovercontrol.estimation.fit import SETTLED, Fit, estimate, first_noise, refit
 from hovercontrol.estimation.prior import prior_of
 from hovercontrol.estimation.problem import Problem
 from hovercontrol.estimation.subject import Subject
@@ -90,14 +90,19 @@ def try_effect(search: Search, current: Fit, e: Effect, scored: Scored | None = 
     """Return the fit with an effect; None where that model runs away from the logs.
 
     A fit that gains less than half of what its score promised has lost its way: it begins again at the given
-    coefficients, with the effect at each of its trial values.
+    coefficients, with the effect at each of its trial values, until two fits end at the same cost.
     """
-    fits = [_added(search, current, e)]
-    gain = max((current.cost - f.cost for f in fits if f), default=-np.inf)
+    first = _added(search, current, e)
+    done = [first] if first else []
+    gain = current.cost - first.cost if first else -np.inf
     if scored is not None and scored.allowed and gain < HALF * scored.gain:
         given = as_given(search, current)
-        fits += [_added(search, current, start, given) for start in dict.fromkeys([e, *_trials(scored)])]
-    done = [f for f in fits if f]
+        for start in dict.fromkeys([e, *_trials(scored)]):
+            fit = _added(search, current, start, given)
+            found_again = fit is not None and any(abs(fit.cost - f.cost) < SETTLED for f in done)
+            done += [fit] if fit else []
+            if found_again:
+                break
     if not done:
         return None
     fit = min(done, key=lambda f: f.cost)

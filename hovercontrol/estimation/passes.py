@@ -1,0 +1,138 @@
+"""One pass over logs: the model linearised about a path, filtered, the unknowns solved for, smoothed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hovercontrol.estimation.kalman import Smoothed, System, run_filter, run_smoother
+from hovercontrol.estimation.noise import Noise, augment
+from hovercontrol.estimation.prior import Prior
+from hovercontrol.estimation.problem import Linear, Problem
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+#: Largest step of an unknown that is sought by its logarithm.
+FARTHEST = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class Pass:
+    """One linearisation with its filter and smoother.
+
+    Attributes
+    ----------
+    p : ndarray, shape (P,)
+    path : ndarray, shape (K, W, n_states)
+        About which the model is linearised.
+    linear : Linear
+    system : System
+    smooth : Smoothed
+        Steps of the path, and the missing accelerations.
+    cost : float
+        Minus twice the log likelihood and the log prior, but for constants.
+    block_costs : ndarray, shape (W,)
+    S, g : ndarray, shapes (W, P, P), (W, P)
+        Normal equations of the unknowns.
+    step : ndarray, shape (P,)
+        Of the unknowns, in the coordinates in which they are sought.
+    predicted : float
+        Reduction of the cost that this step predicts.
+    """
+
+    p: Array
+    path: Array
+    linear: Linear
+    system: System
+    smooth: Smoothed
+    cost: float
+    block_costs: Array
+    S: Array
+    g: Array
+    step: Array
+    predicted: float
+
+    def onward(self, problem: Problem) -> tuple[Array, Array]:
+        """Return unknowns and path a step further."""
+        step = np.zeros_like(self.path)
+        step[..., list(problem.free)] = self.smooth.state[..., : len(problem.free)]
+        return problem.outside(problem.inside(self.p) + self.step), self.path + step
+
+
+def run_pass(problem: Problem, noise: Noise, prior: Prior, p: Array, path: Array, frozen: bool) -> Pass:
+    """Return one pass; a frozen one leaves the unknowns as they are."""
+    linear = problem.linearise(path, p, unknowns=not frozen)
+    system = augment(problem, linear, noise)
+    filtered = run_filter(system, keep=True)
+    every = products(filtered.white)
+    costs = every[:, 0, 0] + filtered.log_det
+    S, g = every[:, 1:, 1:], -every[:, 1:, 0]
+    step, predicted = np.zeros(len(p)), 0.0
+    if not frozen and len(p):
+        step, predicted = _newton(problem, prior, p, S, g)
+    smooth = run_smoother(system, filtered, np.ones(1) if frozen else np.concatenate([[1.0], step]))
+    cost = float(costs.sum()) + prior.cost(problem.inside(p))
+    return Pass(p, path, linear, system, smooth, cost, costs, S, g, step, predicted)
+
+
+def tried_pass(
+    problem: Problem, noise: Noise, prior: Prior, p: Array, path: Array, frozen: bool
+) -> Pass | None:
+    """Return a pass; None where the model runs away."""
+    try:
+        with np.errstate(all="ignore"):
+            now = run_pass(problem, noise, prior, p, path, frozen)
+    except np.linalg.LinAlgError:
+        return None
+    return now if np.isfinite(now.cost) else None
+
+
+def held(problem: Problem, p: Array, slope: Array) -> Mask:
+    """Return which unknowns a bound holds back from where the cost falls."""
+    return np.asarray(((p <= problem.lower) & (slope < 0)) | ((p >= problem.upper) & (slope > 0)))
+
+
+def _newton(problem: Problem, prior: Prior, p: Array, S: Array, g: Array) -> tuple[Array, float]:
+    """Return the step of the unknowns within their bounds, and the reduction that it predicts."""
+    z = problem.inside(p)
+    total = S.sum(axis=0) + np.diag(prior.precision)
+    slope = g.sum(axis=0) - prior.slope(z)
+    free = ~held(problem, p, slope)
+    dz = np.zeros(len(z))
+    for _ in range(len(z) + 1):
+        dz[:] = 0.0
+        if free.any():
+            dz[free] = inverse(total[np.ix_(free, free)]) @ slope[free]
+        back = free & held(problem, p, dz)
+        if not back.any():
+            break
+        free &= ~back
+    dz = np.where(problem.log_scale, np.clip(dz, -FARTHEST, FARTHEST), dz)
+    dz = problem.inside(problem.outside(z + dz)) - z
+    return dz, float(2.0 * dz @ slope - dz @ total @ dz)
+
+
+def residuals(problem: Problem, now: Pass) -> Array:
+    """Return measured minus smoothed path over that difference's standard deviation, shape (K, W, C)."""
+    system, smooth = now.system, now.smooth
+    e = system.seen[..., 0] - (system.H @ smooth.state[..., None])[..., 0]
+    known = ((system.H @ smooth.covariance) * system.H).sum(axis=-1)
+    spread = np.maximum(system.R - known, 1e-6 * system.R)
+    return np.where(problem.seen, e / np.sqrt(spread), 0.0)
+
+
+def inverse(S: Array) -> Array:
+    """Return the inverse of normal equations whose unknowns differ in size."""
+    size = np.sqrt(np.maximum(np.diag(S), 1e-300))
+    scaled = S / np.outer(size, size)
+    return np.asarray(np.linalg.pinv(scaled, hermitian=True, rcond=1e-13) / np.outer(size, size))
+
+
+def products(white: Array) -> Array:
+    """Return the products of whitened columns of each block, shape (W, m, m)."""
+    K, W, C, m = white.shape
+    flat = white.transpose(1, 0, 2, 3).reshape(W, K * C, m)
+    return np.asarray(np.swapaxes(flat, 1, 2) @ flat)
