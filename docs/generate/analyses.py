@@ -26,18 +26,15 @@ def pages(into: Path) -> tuple[str, str]:
     folder.mkdir(parents=True)
     for name in names:
         picture, findings = KEPT / f"{name}.png", KEPT / f"{name}.txt"
-        shutil.copy(picture, folder)
+        kept = picture.exists() and findings.exists()
+        if kept:
+            shutil.copy(picture, folder)
         write(
             folder / f"{name}.md",
             f"# {name}",
             title(name),
             code(f"$ hovercontrol analyze {name} --out out/{name}", "console"),
-            f"![What {name} draws]({picture.name})",
-            "## What it found",
-            "\n".join(
-                f"- {_plain(line)}" for line in findings.read_text(encoding="utf-8").splitlines() if line
-            ),
-            "Picture and findings were made by this command (`make pictures` makes all of them).",
+            *(_found(name, findings) if kept else ["Its picture is not kept yet: run the line above."]),
             folded("The script", code(known_scripts()[name].read_text(encoding="utf-8"), "python")),
         )
     write(
@@ -49,6 +46,16 @@ def pages(into: Path) -> tuple[str, str]:
         toctree(f"analyses/{n}" for n in names),
     )
     return "analyses", f"{len(names)} analyses"
+
+
+def _found(name: str, findings: Path) -> list[str]:
+    lines = findings.read_text(encoding="utf-8").splitlines()
+    return [
+        f"![What {name} draws]({name}.png)",
+        "## What it found",
+        "\n".join(f"- {_plain(line)}" for line in lines if line),
+        "Picture and findings were made by this command (`make pictures` makes all of them).",
+    ]
 
 
 def _plain(line: str) -> str:

@@ -20,6 +20,7 @@ def pages(into: Path) -> None:
     found = [
         (f"analyses/{n}", f"analyses/{n}.png", f"hovercontrol analyze {n}", analyses.title(n))
         for n in known_scripts()
+        if (reference / "analyses" / f"{n}.png").exists()
     ]
     runs = [
         (f"scenarios/{n}", f"scenarios/{first_picture(reference / 'scenarios', n)}", f"hovercontrol simulate {n}",
