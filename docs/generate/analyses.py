@@ -25,16 +25,15 @@ def pages(into: Path) -> tuple[str, str]:
     folder = into / "analyses"
     folder.mkdir(parents=True)
     for name in names:
-        picture, findings = KEPT / f"{name}.png", KEPT / f"{name}.txt"
-        kept = picture.exists() and findings.exists()
-        if kept:
+        kept = pictures(name)
+        for picture in kept:
             shutil.copy(picture, folder)
         write(
             folder / f"{name}.md",
             f"# {name}",
             title(name),
             code(f"$ hovercontrol analyze {name} --out out/{name}", "console"),
-            *(_found(name, findings) if kept else ["Its picture is not kept yet: run the line above."]),
+            *(_found(name, kept) if kept else ["Its picture is not kept yet: run the line above."]),
             folded("The script", code(known_scripts()[name].read_text(encoding="utf-8"), "python")),
         )
     write(
@@ -48,10 +47,15 @@ def pages(into: Path) -> tuple[str, str]:
     return "analyses", f"{len(names)} analyses"
 
 
-def _found(name: str, findings: Path) -> list[str]:
-    lines = findings.read_text(encoding="utf-8").splitlines()
+def pictures(name: str) -> list[Path]:
+    """Return the kept pictures of an analysis, with the findings beside each as ``.txt``."""
+    return sorted(KEPT.glob(f"{name}*.png"))
+
+
+def _found(name: str, kept: list[Path]) -> list[str]:
+    lines = [line for p in kept for line in p.with_suffix(".txt").read_text(encoding="utf-8").splitlines()]
     return [
-        f"![What {name} draws]({name}.png)",
+        *(f"![{p.stem.replace('_', ' ')}]({p.name})" for p in kept),
         "## What it found",
         "\n".join(f"- {_plain(line)}" for line in lines if line),
         "Picture and findings were made by this command (`make pictures` makes all of them).",
