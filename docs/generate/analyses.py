@@ -25,19 +25,15 @@ def pages(into: Path) -> tuple[str, str]:
     folder = into / "analyses"
     folder.mkdir(parents=True)
     for name in names:
-        picture, findings = KEPT / f"{name}.png", KEPT / f"{name}.txt"
-        shutil.copy(picture, folder)
+        kept = pictures(name)
+        for picture in kept:
+            shutil.copy(picture, folder)
         write(
             folder / f"{name}.md",
             f"# {name}",
             title(name),
             code(f"$ hovercontrol analyze {name} --out out/{name}", "console"),
-            f"![What {name} draws]({picture.name})",
-            "## What it found",
-            "\n".join(
-                f"- {_plain(line)}" for line in findings.read_text(encoding="utf-8").splitlines() if line
-            ),
-            "Picture and findings were made by this command (`make pictures` makes all of them).",
+            *(_found(name, kept) if kept else ["Its picture is not kept yet: run the line above."]),
             folded("The script", code(known_scripts()[name].read_text(encoding="utf-8"), "python")),
         )
     write(
@@ -49,6 +45,21 @@ def pages(into: Path) -> tuple[str, str]:
         toctree(f"analyses/{n}" for n in names),
     )
     return "analyses", f"{len(names)} analyses"
+
+
+def pictures(name: str) -> list[Path]:
+    """Return the kept pictures of an analysis, with the findings beside each as ``.txt``."""
+    return sorted(KEPT.glob(f"{name}*.png"))
+
+
+def _found(name: str, kept: list[Path]) -> list[str]:
+    lines = [line for p in kept for line in p.with_suffix(".txt").read_text(encoding="utf-8").splitlines()]
+    return [
+        *(f"![{p.stem.replace('_', ' ')}]({p.name})" for p in kept),
+        "## What it found",
+        "\n".join(f"- {_plain(line)}" for line in lines if line),
+        "Picture and findings were made by this command (`make pictures` makes all of them).",
+    ]
 
 
 def _plain(line: str) -> str:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from generate.pages import code, table, toctree, write
+from hovercontrol.reproduce import all_items
 
 #: Indexes of ``hovercontrol reproduce`` and some of its pictures, made by ``make pictures``.
 KEPT = Path(__file__).parents[1] / "pictures" / "reproduce"
@@ -68,10 +69,14 @@ def _document(document: str, name: str, items: list[dict[str, Any]], folder: Pat
     write(
         folder / f"{document}.md",
         f"# {name}",
-        f"{len(items)} items: {', '.join(f'{n} {verdict}' for verdict, n in counts.most_common())}. All of them:",
+        f"{len(items)} of {_every(document)} items are kept here: {', '.join(f'{n} {verdict}' for verdict, n in counts.most_common())}. This makes all of them:",
         code(f"$ hovercontrol reproduce {document} --out out/{document}", "console"),
         *sections,
     )
+
+
+def _every(document: str) -> int:
+    return sum(item.document == document for item in all_items())
 
 
 def _short(value: float | None) -> str:

@@ -18,8 +18,14 @@ def pages(into: Path) -> None:
     clean(into)
     reference = into.parent / "reference"
     found = [
-        (f"analyses/{n}", f"analyses/{n}.png", f"hovercontrol analyze {n}", analyses.title(n))
+        (
+            f"analyses/{n}",
+            f"analyses/{analyses.pictures(n)[0].name}",
+            f"hovercontrol analyze {n}",
+            analyses.title(n),
+        )
         for n in known_scripts()
+        if analyses.pictures(n)
     ]
     runs = [
         (f"scenarios/{n}", f"scenarios/{first_picture(reference / 'scenarios', n)}", f"hovercontrol simulate {n}",

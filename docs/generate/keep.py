@@ -40,9 +40,10 @@ def main(out: Path) -> None:
     for name in known_scripts():
         if not (out / name).is_dir():
             _run("analyze", name, "--out", str(out / name))
-        keep(out / name / f"{name}.png", analyses.KEPT / f"{name}.png")
-        text = (out / name / f"{name}.txt").read_text(encoding="utf-8")
-        (analyses.KEPT / f"{name}.txt").write_text(text, encoding="utf-8")
+        for picture in sorted((out / name).glob("*.png")):
+            keep(picture, analyses.KEPT / picture.name)
+            text = picture.with_suffix(".txt").read_text(encoding="utf-8")
+            (analyses.KEPT / f"{picture.stem}.txt").write_text(text, encoding="utf-8")
     for document, items in SHOWN.items():
         folder = out / document
         if not folder.is_dir():
@@ -50,7 +51,7 @@ def main(out: Path) -> None:
         index = (folder / "index.json").read_text(encoding="utf-8")
         (evidence.KEPT / f"{document}.json").write_text(index + "\n", encoding="utf-8")
         for item in items:
-            found = sorted((folder / f"{document}_{item}".replace(" ", "_")).glob("*.png"))
+            found = sorted((folder / f"{document}_{item}".replace(" ", "_").replace(".", "_")).glob("*.png"))
             if found:
                 keep(found[0], evidence.KEPT / f"{document}-{item.replace(' ', '_')}.png")
 
