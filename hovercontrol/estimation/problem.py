@@ -14,7 +14,8 @@ from hovercontrol.core.block import Block
 from hovercontrol.effects import Shape
 from hovercontrol.estimation.commands import Arrival, command_times, input_states
 from hovercontrol.estimation.data import Data
-from hovercontrol.estimation.subject import Subject, motion_of, same_widths, structure, timing, unknowns
+from hovercontrol.estimation.subject import Subject, same_widths, structure, timing, unknowns
+from hovercontrol.models.base import shown_by
 from hovercontrol.targets.shoot import shoot
 
 Array = NDArray[np.float64]
@@ -122,11 +123,11 @@ class Problem:
             values.get(key.rpartition(".")[2], s) for key, s in self.block.default_parameters.items()
         ]
         self._timing = [keys.index(name) if name else None for name in timing(model)]
-        self.known = input_states(self.block, motion_of(model))
+        self.known = input_states(self.block, model.motion)
         self.free = tuple(i for i in range(len(self.block.states)) if i not in self.known)
         self.driven = tuple(j for j, i in enumerate(self.free) if self._is_driven(i))
         clocks = [command_times(m) for m in self.logs]
-        motion = motion_of(model)
+        motion = model.motion
         self.arrivals = [
             Arrival(self.block, t - m.origin, m.inputs, motion)
             for m, (t, _) in zip(self.logs, clocks, strict=True)
@@ -139,9 +140,9 @@ class Problem:
         ]
         outputs, names_ = [s.name for s in self.block.outputs], [s.name for s in self.block.states]
         self._picked = [
-            (outputs.index(f"{c}_measured"), False)
-            if f"{c}_measured" in outputs
-            else ((names_.index(c), True) if c in names_ else (outputs.index(c), False))
+            (names_.index(c), True)
+            if c in names_ and shown_by(outputs, c) == c
+            else (outputs.index(shown_by(outputs, c)), False)
             for c in self.rows.channels
         ]
         self._outputs = self.block.to_numpy().array_outputs
@@ -170,7 +171,7 @@ class Problem:
     def _is_driven(self, i: int) -> bool:
         """Whether a force acts on a state: its derivative holds a parameter or an input of the Block."""
         name = self.block.states[i].name
-        if name not in motion_of(self.model):
+        if name not in self.model.motion:
             return False  # bristles of a friction follow from the motion
         own = {s.symbol for s in (*self.block.parameters, *self.block.inputs)}
         own |= {self.block.states[k].symbol for k in self.known}
@@ -188,8 +189,8 @@ class Problem:
         """Let no dry friction grow as wide as the motion is fast: it would be a linear drag."""
         axes = [s.name for s in self.block.states]
         for e in self.model.effects:
-            axis, name = getattr(e, "axis", ""), e.parameter("width")
-            if "width" not in e.numbers or axis not in axes or name not in self.names:
+            axis, name = e.axis, e.friction_width()
+            if axis not in axes or name not in self.names:
                 continue
             squares = self.guess[..., axes.index(axis)] ** 2
             j = self.names.index(name)
