@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hovercontrol.core.block import Block
-from hovercontrol.effects import Shape
 from hovercontrol.estimation.commands import Arrival, command_times, input_states
 from hovercontrol.estimation.data import Data
-from hovercontrol.estimation.subject import Subject, same_widths, structure, timing, unknowns
+from hovercontrol.estimation.subject import Subject, structure, timing
+from hovercontrol.estimation.unknowns import Unknowns
 from hovercontrol.models.base import shown_by
 from hovercontrol.targets.shoot import shoot
 
@@ -28,9 +28,6 @@ FEW, MOST = 4, 64
 
 #: Relative size of the perturbations of one-sided differences.
 NUDGE = 1e-6
-
-#: Narrowest friction [m/s, rad/s] that a fit tells from a jump, and the widest in parts of the speed.
-NARROWEST, WIDEST = 5e-4, 0.3
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,10 +57,8 @@ class Linear:
     jolt: Array | None = None
 
 
-class Problem:
+class Problem(Unknowns):
     """A model, the logs as its Block sees them, and its unknowns.
-
-    Unknowns that scale something (widths, times, speeds: shapes above zero) are sought by their logarithm.
 
     Parameters
     ----------
@@ -71,14 +66,10 @@ class Problem:
         Whose values the unknowns start from.
     data : Data
     names : sequence of str, optional
-        Unknowns; default: :func:`unknowns`.
+        Unknowns; default: all.
 
     Attributes
     ----------
-    names : tuple of str
-    start, lower, upper : ndarray, shape (P,)
-        In the unknowns' own units.
-    log_scale : ndarray of bool, shape (P,)
     free : tuple of int
         States that are estimated: all but those that follow from the commands alone.
     driven : tuple of int
@@ -94,34 +85,9 @@ class Problem:
         self.guess = np.stack(
             [self.rows.guess.get(s.name, np.full(shape, s.start)) for s in self.block.states], axis=-1
         )
-        self.names = tuple(unknowns(model) if names is None else names)
-        values = model.coefficients()
-        signals = [self.block.parameter(name) for name in self.names]
+        paths = {state.name: self.guess[..., i] for i, state in enumerate(self.block.states)}
+        super().__init__(model, self.block, paths, names)
         keys = [p.name for p in self.block.parameters]
-        same = {one: other for one, other in same_widths(model).items() if other in self.names}
-        self.same = same
-        self._at = [
-            [
-                keys.index(self.block.parameter(n).name)
-                for n in (name, *(o for o, f in same.items() if f == name))
-            ]
-            for name in self.names
-        ]
-        self.lower = np.array([s.lower for s in signals])
-        self.upper = np.array([s.upper for s in signals])
-        self.start = np.array([values[name] for name in self.names])
-        shapes = {
-            e.parameter(k): n for e in model.effects for k, n in e.numbers.items() if isinstance(n, Shape)
-        }
-        self.log_scale = np.array(
-            [name in shapes and shapes[name].lower > 0.0 for name in self.names], dtype=bool
-        )
-        self._bound_widths()
-        self.start = np.clip(self.start, self.lower, self.upper)
-        self.size = np.array([abs(v) or 1.0 for v in self.start])
-        self._every = [
-            values.get(key.rpartition(".")[2], s) for key, s in self.block.default_parameters.items()
-        ]
         self._timing = [keys.index(name) if name else None for name in timing(model)]
         self.known = input_states(self.block, model.motion)
         self.free = tuple(i for i in range(len(self.block.states)) if i not in self.known)
@@ -185,19 +151,6 @@ class Problem:
         acting |= {name for name in timing(self.model) if name}
         return [j for j, name in enumerate(self.names) if self.block.parameter(name).name in acting]
 
-    def _bound_widths(self) -> None:
-        """Let no dry friction grow as wide as the motion is fast: it would be a linear drag."""
-        axes = [s.name for s in self.block.states]
-        for e in self.model.effects:
-            axis, name = e.axis, e.friction_width()
-            if axis not in axes or name not in self.names:
-                continue
-            squares = self.guess[..., axes.index(axis)] ** 2
-            j = self.names.index(name)
-            widest = WIDEST * np.sqrt(np.mean(squares**2) / max(float(np.mean(squares)), 1e-300))
-            self.lower[j] = max(self.lower[j], NARROWEST)
-            self.upper[j] = max(min(self.upper[j], widest), self.start[j], self.lower[j])
-
     def without(self, samples: NDArray[np.bool_]) -> Problem:
         """Return the problem less some samples, shape (K, W, C)."""
         other = copy(self)
@@ -213,34 +166,6 @@ class Problem:
             if s.name in other:
                 found[..., i] = path[..., other.index(s.name)]
         return found
-
-    # ---- unknowns -----------------------------------------------------------------------------------------
-
-    def inside(self, p: Array) -> Array:
-        """Return unknowns in the coordinates in which they are sought."""
-        return np.where(self.log_scale, np.log(np.where(self.log_scale, p, 1.0)), p)
-
-    def outside(self, z: Array) -> Array:
-        """Return unknowns in their own units, within their bounds."""
-        p = np.where(self.log_scale, np.exp(np.where(self.log_scale, z, 0.0)), z)
-        return np.asarray(np.clip(p, self.lower, self.upper))
-
-    def slope(self, p: Array) -> Array:
-        """Return the derivative of unknowns by the coordinates in which they are sought."""
-        return np.where(self.log_scale, p, 1.0)
-
-    def parameters(self, p: Array) -> list[float]:
-        """Return every parameter of the Block, the unknowns as in `p`."""
-        every = list(self._every)
-        for places, value in zip(self._at, p.tolist(), strict=True):
-            for at in places:
-                every[at] = value
-        return every
-
-    def coefficients(self, p: Array) -> dict[str, float]:
-        """Return the unknowns and what is the same as one, by name."""
-        found = dict(zip(self.names, p.tolist(), strict=True))
-        return {**found, **{one: found[other] for one, other in self.same.items()}}
 
     # ---- simulation ----------------------------------------------------------------------------------------
 
