@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo test check fuzz benchmarks clean
+.PHONY: demo test test-all coverage mutations oldest check wheel fuzz benchmarks docs pictures clean
 .DELETE_ON_ERROR:
 
 demo: .venv/ready  ## the paper's Table I, coefficients from the sample log, what K06's model lacked
@@ -15,8 +15,16 @@ demo: .venv/ready  ## the paper's Table I, coefficients from the sample log, wha
 	@echo "Look at out/table1/tracking_error.png, out/identify/free_run_rudder_craft.png"
 	@echo "and, in a browser, out/diagnose/report.html"
 
-test: .venv/ready check  ## style, types, all tests
-	$(BIN)/python -m pytest -n 2 --dist worksteal
+PYTEST := $(BIN)/python -m pytest -n 2 --dist worksteal --durations=30 --durations-min=0.5
+
+test: .venv/ready check  ## style, types, all tests that are not marked slow; the slowest at the end
+	$(PYTEST) -m "not slow"
+
+test-all: .venv/ready check  ## the same and the slow ones
+	$(PYTEST)
+
+coverage: .venv/ready  ## all tests, and which lines of the package none of them runs: at least 90 % must be
+	$(PYTEST) --cov --cov-report=term:skip-covered --cov-report=html:out/coverage
 
 check: .venv/ready
 	$(BIN)/ruff check .
@@ -27,8 +35,28 @@ FUZZ_SECONDS ?= 600
 fuzz: .venv/ready  ## hostile and clumsy inputs; each that breaks something is printed with its seed
 	$(BIN)/python -m tests.fuzz --seconds $(FUZZ_SECONDS) $(if $(FUZZ_SEED),--seed $(FUZZ_SEED))
 
+mutations: .venv/ready  ## one-line faults in a copy of the code: does make test notice each?
+	$(BIN)/python -m tests.mutations
+
+oldest: .venv/ready  ## the quick tests with the oldest versions that pyproject.toml allows
+	$(BIN)/python -m tests.packaging.oldest
+
+wheel: .venv/ready  ## wheel and sdist, installed in fresh environments; sizes and times
+	$(BIN)/python -m tests.packaging.install
+
 benchmarks: .venv/ready  ## every figure in the README, measured on this machine
 	$(BIN)/python -m benchmarks
+
+docs: .venv/docs  ## the site, every cell run, warnings are errors: out/site/index.html
+	@begin=$$(date +%s); PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/sphinx-build -W --keep-going -q -j auto -d out/doctrees docs out/site \
+	  && echo "the site is built: out/site/index.html ($$(( $$(date +%s) - begin )) s)"
+
+pictures: .venv/docs  ## the site's pictures that take minutes: all analyses, all tables and figures of the papers (half an hour)
+	PYTHONPATH=docs $(BIN)/python -m generate.keep out/pictures
+
+.venv/docs: .venv/ready
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[docs]"
+	@touch $@
 
 .venv/ready: pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \

@@ -33,6 +33,7 @@ from hovercontrol.analysis import (
     signals_of,
 )
 from hovercontrol.analysis.output import Progress, save, script
+from hovercontrol.io.figure_style import COLOUR_MAP
 from hovercontrol.scenarios import load_scenario, run_scenario
 
 #: Angular rates of the ellipses that are tried [rad/s].
@@ -167,7 +168,7 @@ def _bars(slow: Mapping[int, Mapping[str, float]], axes: Axes) -> None:
     """Draw the errors of Table I's estimates at 25 s."""
     for k, (n, label) in enumerate(((6, "c7, c8 known"), (8, "all eight"))):
         place = np.arange(len(DRAG)) + 0.4 * (k - 0.5)
-        axes.barh(place, list(slow[n].values()), 0.38, color=str(0.2 + 0.5 * k), label=label)
+        axes.barh(place, list(slow[n].values()), 0.38, color=f"C{k}", label=label)
     axes.set_yticks(range(len(DRAG)), [f"c{k}" for k in range(1, len(DRAG) + 1)])
     axes.invert_yaxis()
     axes.set_xscale("log")
@@ -202,7 +203,7 @@ def _draw(region: Region, axes: Axes, best: tuple[float, float]) -> None:
     worst: Array = region["worst"]
     grid = (region.x.values, region.y.values)
     scale = LogNorm(float(np.nanmin(worst)), 1.0)
-    shades = axes.pcolormesh(*grid, worst, cmap="Greys", norm=scale, shading="nearest", rasterized=True)
+    shades = axes.pcolormesh(*grid, worst, cmap=COLOUR_MAP, norm=scale, shading="nearest", rasterized=True)
     if min(worst.shape) > 8:
         lines = axes.contour(*grid, worst, [0.01, 0.02, 0.05, 0.2], colors="black", linewidths=0.7)
         axes.clabel(lines, fontsize=8)
@@ -223,12 +224,9 @@ def _draw(region: Region, axes: Axes, best: tuple[float, float]) -> None:
 def _spectrum(gramian: Gramian, axes: Axes) -> None:
     """Draw the eigenvalues of the Gramian of windows of a third of a lap that slide along C17's ellipse."""
     sliding = gramian.sliding(2 * math.pi / 3)
-    shades = np.linspace(0.0, 0.6, len(sliding.eigenvalues))
-    for k, (values, shade) in enumerate(zip(sliding.eigenvalues, shades, strict=True)):
+    for k, values in enumerate(sliding.eigenvalues):
         line = ("-", "--", ":")[k % 3]
-        axes.semilogy(
-            sliding.time - gramian.window[0], np.where(values > 0, values, np.nan), line, color=str(shade)
-        )
+        axes.semilogy(sliding.time - gramian.window[0], np.where(values > 0, values, np.nan), line)
     axes.set(xlabel="end of the window [s]", ylabel="eigenvalues of the Gramian (6) [s]")
     axes.set_title(f"u, v, r and c1 to c6 along C17's ellipse, windows of {sliding.width:.2g} s", fontsize=10)
 

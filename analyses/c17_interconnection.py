@@ -39,11 +39,11 @@ def main(
 def _band(region: Region, axes: Axes) -> None:
     """Draw the shares over the coefficients' error for the smallest, a middle and the largest error z1."""
     rows = (0, len(region.y.values) // 2, len(region.y.values) - 1)
-    for row, line, shade in zip(rows, ("-", "--", ":"), ("0.85", "0.75", "0.6"), strict=True):
+    for row, line, colour in zip(rows, ("-", "--", ":"), ("C0", "C1", "C2"), strict=True):
         low, high = region["in time low"][row], region["in time high"][row]
-        axes.fill_between(region.x.values, low, high, color=shade, alpha=0.6, lw=0)
+        axes.fill_between(region.x.values, low, high, color=colour, alpha=0.25, lw=0)
         label = f"initial |z1| about {region.y.values[row]:.2g} m"
-        axes.plot(region.x.values, region["in time"][row], color="black", ls=line, label=label)
+        axes.plot(region.x.values, region["in time"][row], color=colour, ls=line, label=label)
     axes.set(xlabel=str(region.x), ylabel=region.label("in time"), ylim=(-0.02, 1.02))
     axes.set_yticks(np.linspace(0.0, 1.0, 6))
     axes.set_title("with 95 % Clopper-Pearson intervals", fontsize=10)

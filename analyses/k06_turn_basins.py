@@ -14,6 +14,7 @@ from matplotlib.patches import Patch
 from hovercontrol.analysis.common.regions import Region
 from hovercontrol.analysis.k06.basins import RTOL, TOLD, turn_basins
 from hovercontrol.analysis.output import Progress, save, script
+from hovercontrol.io.figure_style import BLUE, SKY, VERMILION
 
 #: Three planes of initial velocities; the third velocity is that of the unwanted limit point.
 PLANES: tuple[tuple[dict[str, tuple[float, float]], dict[str, float]], ...] = (
@@ -50,15 +51,16 @@ def _draw(axes: Axes, region: Region, at: Mapping[str, float]) -> object:
     (third, value) = next(iter(at.items()))
     grid = region.x.values, region.y.values
     norm = LogNorm(1.0, DURATION)
-    drawn = axes.pcolormesh(*grid, region["time"], norm=norm, cmap="viridis_r", shading="nearest")
+    drawn = axes.pcolormesh(*grid, region["time"], norm=norm, cmap="cividis_r", shading="nearest")
     handles = []
-    for name, colour, hatch in (("unwanted", "0.85", None), ("stuck", "mistyrose", "...")):
+    for name, colour, hatch in (("unwanted", SKY, None), ("stuck", "white", "///")):
+        edge = VERMILION if hatch else BLUE
         if region[name].any():
             look = {"colors": [colour], "hatches": [hatch]}
             filled = axes.contourf(*grid, region[name].astype(float), [0.5, 1.5], **look)
-            filled.set_edgecolor("0.4")
+            filled.set_edgecolor(edge)
             filled.set_linewidth(0.0)
-        handles.append(Patch(facecolor=colour, hatch=hatch, edgecolor="0.4", label=name))
+        handles.append(Patch(facecolor=colour, hatch=hatch, edgecolor=edge, label=name))
     for (name, (x, y)), style in zip(region.lines.items(), ("-", "--"), strict=False):
         handles += axes.plot(x, y, color="black", lw=1.6, ls=style, label=name)
     for name, point in region.marks.items():

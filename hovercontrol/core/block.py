@@ -12,7 +12,7 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import sympy as sp
 
@@ -23,9 +23,6 @@ from hovercontrol.core.checking import check
 from hovercontrol.core.expressions import Expressions
 from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError, did_you_mean
-
-if TYPE_CHECKING:
-    pass
 
 Rows = Literal["derivatives", "outputs"]
 Columns = Literal["states", "inputs", "parameters"]
@@ -157,6 +154,11 @@ class Block(Backends):
             What it has not.
         hybrid : bool, optional
             Whether a hybrid Block has it.
+
+        Raises
+        ------
+        InputError
+            If the Block is sampled, or hybrid where that does not go.
         """
         if self.period:
             raise InputError(
@@ -186,6 +188,11 @@ class Block(Backends):
         ----------
         face : str
             What needs each input at the instant at which it acts.
+
+        Raises
+        ------
+        InputError
+            If an input acts late.
         """
         for name in self.delays:
             raise InputError(
@@ -213,7 +220,7 @@ class Block(Backends):
         return every[name]
 
     def parameter_key(self, name: str) -> str:
-        """Return the key of a parameter in ``params``, unique among Blocks: ``plant.yaw_coulomb``."""
+        """Return the key in ``params`` of the parameter `name`, unique among Blocks: ``plant.thrust``."""
         return name if "." in name else f"{self.name}.{name}"
 
     @cached_property
@@ -277,7 +284,7 @@ class Block(Backends):
             left[name if name in own else keys.get(name, keys[short[0]] if len(short) == 1 else name)] = value
 
         def changed(signals: tuple[Signal, ...]) -> tuple[Signal, ...]:
-            return tuple(s.but(start=left.pop(s.name)) if s.name in left else s for s in signals)
+            return tuple(s.replace(start=left.pop(s.name)) if s.name in left else s for s in signals)
 
         new = {kind: changed(getattr(self, kind)) for kind in ("states", "inputs", "parameters")}
         if left:
@@ -287,7 +294,7 @@ class Block(Backends):
 
     @checked
     def parameter(self, name: str) -> Signal:
-        """Return a parameter by its key (``plant.yaw_coulomb``) or, where that is unique, its last part.
+        """Return a parameter; `name` is its key (``plant.yaw_coulomb``) or, where unique, its last part.
 
         Raises
         ------
@@ -312,7 +319,7 @@ class Block(Backends):
     def with_parameter_names(self, names: Mapping[str, str]) -> Block:
         """Return the Block with other names for some parameters, old to new."""
         swap = {sp.Symbol(a, real=True): sp.Symbol(b, real=True) for a, b in names.items()}
-        parameters = tuple(p.but(name=names.get(p.name, p.name)) for p in self.parameters)
+        parameters = tuple(p.replace(name=names.get(p.name, p.name)) for p in self.parameters)
         return replace(self, parameters=parameters, **self.swapped(swap))
 
     @cached_property
@@ -379,7 +386,7 @@ class Block(Backends):
         return {f.name: getattr(self, f.name) for f in fields(self)}
 
     def swapped(self, swap: Mapping[sp.Expr, sp.Expr]) -> dict[str, Any]:
-        """Return all groups of expressions, one thing put for another, as fields of a new Block."""
+        """Return all groups of expressions as fields of a new Block, the values of `swap` for its keys."""
 
         def group(expressions: Mapping[str, sp.Expr]) -> Expressions:
             return Expressions((name, e.xreplace(swap)) for name, e in expressions.items())
@@ -391,7 +398,7 @@ class Block(Backends):
         return fields_ | {"ticks": tuple(replace(tick, updates=group(tick.updates)) for tick in self.ticks)}
 
     def unchecked(self, **changes: Any) -> Block:
-        """Return a copy with changed fields that are not checked, for code that derives Blocks."""
+        """Return a copy with `changes` of fields that are not checked, for code that derives Blocks."""
         block = object.__new__(Block)
         for f in fields(Block):
             object.__setattr__(block, f.name, changes.get(f.name, getattr(self, f.name)))

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     import control
 
     from hovercontrol.core.block import Block
+    from hovercontrol.core.friction import Friction
     from hovercontrol.core.functions import NumpyFunctions
     from hovercontrol.simulation.runner import BlockRunner
     from hovercontrol.targets.compiled import CompiledBlock
@@ -31,7 +32,17 @@ class Backends:
         return str(backend("html")(self))
 
     def equations(self, form: Literal["text", "latex"] = "text") -> str:
-        """Return the equations, one line each: definitions, derivatives, then computed outputs."""
+        """Return the equations, one line each: definitions, derivatives, then computed outputs.
+
+        Parameters
+        ----------
+        form : {"text", "latex"}, optional
+
+        Raises
+        ------
+        InputError
+            If the form is another.
+        """
         from hovercontrol.core.equations import latex_equations, text_equations
 
         if form not in ("text", "latex"):
@@ -112,17 +123,27 @@ class Backends:
 
         A sampled Block becomes a discrete-time system of its period, a hybrid one of `step` [s]. Inputs that
         act late are held in shift registers of `step`, or approximated by Pade's fraction of order `pade`.
+
+        Parameters
+        ----------
+        name : str, optional
+            Of the system; default the Block's.
+        step : float, optional
+            Of a hybrid Block, or of registers that hold late inputs [s].
+        pade : int, optional
+            Order of the fraction that stands for a delay.
         """
         return backend("control")(self, name, step=step, pade=pade)
 
-    def compile(self, *, friction: Literal["events", "smooth"] = "events") -> CompiledBlock:
+    def compile(self, *, friction: Friction = "smooth") -> CompiledBlock:
         """Return the Block as machine code, for fast simulation and sweeps over many runs.
 
         Parameters
         ----------
-        friction : {"events", "smooth"}, optional
-            Dry friction that sticks at exactly zero velocity, its events located; or smoothed over its width,
-            as the other faces compute it.
+        friction : {"smooth", "events"}, optional
+            Dry friction smoothed over its width, as the other backends compute it: results are those of
+            :func:`hovercontrol.simulate`. Or Coulomb's law, sticking at exactly zero velocity, its events
+            located; see :data:`hovercontrol.core.friction.Friction` for what is physical.
         """
         compiled: CompiledBlock = backend("compile")(self._block.in_continuous_time, friction=friction)
         return compiled
@@ -133,7 +154,7 @@ class Backends:
         *,
         version: Literal[2, 3] = 3,
         platforms: str | Iterable[str] | None = None,
-        friction: Literal["events", "smooth"] = "events",
+        friction: Friction = "events",
         step: float | None = None,
         stop: float | None = None,
         rtol: float = 1e-6,
@@ -144,6 +165,13 @@ class Backends:
 
         A sampled Block becomes one whose outputs hold. Arguments, result and errors are those of
         :func:`hovercontrol.fmi.exporter.export.export_fmu`.
+
+        Parameters
+        ----------
+        path : path
+            Ends in ``.fmu``.
+        version, platforms, friction, step, stop, rtol, atol, progress
+            As for :func:`hovercontrol.fmi.exporter.export.export_fmu`.
         """
         written: Path = backend("fmu")(
             self,

@@ -100,7 +100,7 @@ class Schedule:
         self.time = self._first()
 
     def is_due(self, time: float) -> bool:
-        """Tell whether a tick is due at a time, or was before."""
+        """Return whether a tick is due at a time, or was before."""
         return self.time <= time + ROOM * abs(time)
 
     def take(self, time: float) -> list[int]:

@@ -145,7 +145,7 @@ class ReverseThrustLoss(Effect):
 
 
 class RudderOffset(Effect):
-    """A rudder that stands beside its command by a fixed angle."""
+    """A rudder with a constant offset from its command."""
 
     name, source, order, craft = "rudder_offset", "misadjusted linkage", 10, "rudder"
     value = Coefficient("rad")

@@ -1,4 +1,4 @@
-"""What lies between the motion and a log: biases, scales, and where and when a sensor looks."""
+"""Measurement effects: biases, scales, and where and when a sensor looks."""
 
 from __future__ import annotations
 

@@ -55,6 +55,16 @@ class FreeRun:
         Root mean square error of each channel in its unit, and over the root mean square of the
         channel about its mean (which says something of velocities, nothing of a heading that
         winds up); infinite where the simulation runs away.
+
+    Examples
+    --------
+    >>> import hovercontrol as hc
+    >>> v, k = hc.Signal("v", "m/s"), hc.Signal("k", "1/s", start=1.0)
+    >>> decay = Block("decay", [v], [], [v], [k], {"v": -k.symbol * v.symbol})
+    >>> t = np.linspace(0, 2, 21)
+    >>> found = free_run(decay, Log("demo", t, {"v": np.exp(-t)}))
+    >>> found.channels, found.simulated.shape
+    (('v',), (1, 21))
     """
 
     model: str
@@ -92,6 +102,16 @@ class Prediction:
     trivial, share : mapping
         Of each channel: the error, likewise, of the trivial prediction from the same starts, that
         velocities stay as they are and the pose moves on with them; the model's error over it.
+
+    Examples
+    --------
+    >>> import hovercontrol as hc
+    >>> v, k = hc.Signal("v", "m/s"), hc.Signal("k", "1/s", start=1.0)
+    >>> decay = Block("decay", [v], [], [v], [k], {"v": -k.symbol * v.symbol})
+    >>> t = np.linspace(0, 2, 21)
+    >>> found = window_prediction(decay, Log("demo", t, {"v": np.exp(-t)}), horizon=0.5)
+    >>> found.horizon, found.starts, dict(found.units)
+    (0.5, 16, {'v': 'm/s'})
     """
 
     horizon: float
@@ -193,6 +213,15 @@ def window_prediction(model: Model | Block, log: Log | Measured, horizon: float 
     InputError
         As :func:`~hovercontrol.estimation.measure.measure`, or if the log is shorter than the
         horizon.
+
+    Examples
+    --------
+    >>> import hovercontrol as hc
+    >>> v, k = hc.Signal("v", "m/s"), hc.Signal("k", "1/s", start=1.0)
+    >>> decay = Block("decay", [v], [], [v], [k], {"v": -k.symbol * v.symbol})
+    >>> t = np.linspace(0, 2, 21)
+    >>> window_prediction(decay, Log("demo", t, {"v": np.exp(-t)}), horizon=0.5).rms["v"] < 1e-6
+    True
     """
     return prediction(smoothed(model, log), horizon)
 

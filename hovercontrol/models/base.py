@@ -162,7 +162,7 @@ class EffectModel(ABC):
 
 def as_measured(signal: Signal) -> Signal:
     """Return the output of a plant that says what a sensor sees of a quantity."""
-    return signal.but(name=signal.name + _MEASURED, description=f"{signal.description}, as measured")
+    return signal.replace(name=signal.name + _MEASURED, description=f"{signal.description}, as measured")
 
 
 def shown_by(outputs: Collection[str], channel: str) -> str:

@@ -147,6 +147,11 @@ class BlockModel(EffectModel):
     def with_coefficients(self, values: Mapping[str, float]) -> BlockModel:
         """Return the model with other numbers.
 
+        Parameters
+        ----------
+        values : mapping of str to float
+            In the units of the coefficients.
+
         Raises
         ------
         InputError
@@ -163,7 +168,14 @@ class BlockModel(EffectModel):
         return {s.name: s.unit for s in self.block.inputs}
 
     def input_size(self, cls: type[Effect], inputs: Mapping[str, ArrayLike]) -> float:
-        """Return the largest size of what an input effect acts on: its own input, or all; as of a Model."""
+        """Return the largest size of what an input effect acts on: its own input, or all; as of a Model.
+
+        Parameters
+        ----------
+        cls : type of Effect
+        inputs : mapping of str to array_like, shape (n,)
+            By name, in their units.
+        """
         names = [cls.signal] if cls.signal else [s.name for s in self.block.inputs]
         sizes = (float(np.abs(inputs[name]).max(initial=0.0)) for name in names if name in inputs)
         return max(sizes, default=0.0)
@@ -175,7 +187,13 @@ class BlockModel(EffectModel):
         return {"thrust": shared.pop(), **units} if len(shared) == 1 else units
 
     def timing(self, owner: str = "") -> tuple[str, str]:
-        """Return the parameters that say how late inputs act and how late measurements are, or ``""``."""
+        """Return the parameters that say how late inputs act and how late measurements are, or ``""``.
+
+        Parameters
+        ----------
+        owner : str, optional
+            Name of the Block.
+        """
         _, way = self._way()
         return str(way.delay or ""), str(self._seen().late or "")
 
@@ -202,6 +220,11 @@ class BlockModel(EffectModel):
 
     def plant(self, *, late: bool = False) -> Block:
         """Return the Block with the effects; as of a :class:`~hovercontrol.models.model.Model`.
+
+        Parameters
+        ----------
+        late : bool, optional
+            Whether the caller shifts inputs and clock itself (:meth:`timing`): a Block without delays.
 
         Raises
         ------

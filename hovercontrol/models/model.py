@@ -151,6 +151,11 @@ class Model(EffectModel):
     def with_coefficients(self, values: Mapping[str, float]) -> Model:
         """Return the model with other numbers, by parameter name (``yaw_coulomb``, ``yaw_coulomb_width``).
 
+        Parameters
+        ----------
+        values : mapping of str to float
+            In the units of the coefficients.
+
         Raises
         ------
         InputError
@@ -189,7 +194,13 @@ class Model(EffectModel):
         return max((float(np.abs(a).max(initial=0.0)) for a in acting), default=0.0)
 
     def parameters(self, owner: str = "plant") -> tuple[Signal, ...]:
-        """Return the numbers of all effects, and what places and drives fans, as parameters of a Block."""
+        """Return the numbers of all effects, and what places and drives fans, as parameters of a Block.
+
+        Parameters
+        ----------
+        owner : str, optional
+            Name of the Block.
+        """
         effects = tuple(s for e in self.effects for s in e.signals(owner, self.units_seen_by(type(e))))
         fans = tuple(p for f in self.fans for p in f.parameters(owner))
         turned = any(e.turns_fans for e in self.effects)
@@ -211,6 +222,11 @@ class Model(EffectModel):
             Name of the Block whose parameters the numbers are.
         motion : namespace
             As :func:`motion_symbols` gives it, or with other expressions in its place.
+
+        Raises
+        ------
+        InputError
+            If an effect's terms are no dict of these equations.
         """
         total = dict.fromkeys(("u", "v", "r"), sp.S.Zero)
         seen = self._motion_seen(owner, motion)
@@ -272,6 +288,11 @@ class Model(EffectModel):
         """Return what sensors see of the motion where it is not the motion itself, by ``u, v, r``...
 
         Expressions in the plant's states and parameters; empty if the model has no measurement effect.
+
+        Parameters
+        ----------
+        owner : str, optional
+            Name of the Block.
         """
         seen = self._seen(owner)
         every = {s.name: getattr(seen, s.name) for s in MOTION}
@@ -282,6 +303,11 @@ class Model(EffectModel):
 
         No equation of the plant holds them: its inputs act late (:attr:`Block.delays`), and those who read
         logs shift them.
+
+        Parameters
+        ----------
+        owner : str, optional
+            Name of the Block.
         """
         s = motion_symbols(self.fans, owner)
         delay = self._command_way(owner, s)[1].delay
@@ -364,5 +390,6 @@ def _add_forces(s: SimpleNamespace, fans: Iterable[Fan], owner: str, forces: Map
 
 
 def _exact(value: float) -> sp.Number:
-    """0 and +-1 for a fan along an axis, whose direction a file gives to six digits."""
-    return sp.Integer(round(value)) if abs(value - round(value)) < 1e-6 else sp.Float(value)
+    """0 and +-1 for a fan along an axis: a file gives its direction to six digits, and so 1 to twelve."""
+    near = round(value)
+    return sp.Integer(near) if abs(value - near) < (1e-12 if near else 1e-6) else sp.Float(value)

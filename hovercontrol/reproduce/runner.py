@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from hovercontrol.errors import InputError
+from hovercontrol.io.figure_style import figure_style
 from hovercontrol.io.files import write_folder
 from hovercontrol.reproduce.index import write_index
 from hovercontrol.reproduce.item import Item, Outcome
@@ -35,6 +36,14 @@ def reproduce(
     ------
     InputError
         If there is nothing to rebuild, or the folder cannot be written.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> item = Item("c17", "table", "1", "errors", lambda folder: {"error": 0.02})
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     [outcome.values for outcome in reproduce([item], folder)]
+    [{'error': 0.02}]
     """
     if not items:
         raise InputError("reproduce: nothing to rebuild")
@@ -53,14 +62,15 @@ def _rebuilt(item: Item, target: Path) -> Outcome:
     values: dict[str, float] = {}
 
     def write(place: Path) -> None:
-        values.update({key: float(value) for key, value in item.measure(place).items()})
+        with figure_style():
+            values.update({key: float(value) for key, value in item.measure(place).items()})
         missing = [p.name for p in item.printed if p.name not in values]
         if missing:
             raise KeyError(f"{missing[0]!r} was not measured")
 
     try:
         files = write_folder(target / item.folder, write)
-    except Exception as error:  # one item that fails is told in the index; the others are rebuilt
+    except Exception as error:  # a failure of one item is in the index; the others are rebuilt
         text = f"{type(error).__name__}: {error}"
         return Outcome(item, seconds=time.perf_counter() - begin, failure=text)
     names = tuple(f"{item.folder}/{file.name}" for file in files)

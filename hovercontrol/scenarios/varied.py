@@ -1,4 +1,4 @@
-"""A scenario flown many times: one or two of its numbers varied, the figures of its signals kept."""
+"""A scenario run many times: one or two of its numbers varied, the figures of its signals kept."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
 from hovercontrol.core.interconnect import interconnect
 from hovercontrol.errors import InputError, did_you_mean
+from hovercontrol.io.figure_style import BLUE, COLOUR_MAP
 from hovercontrol.io.files import write_folder
 from hovercontrol.scenarios.definition import Scenario
 from hovercontrol.scenarios.parts import loop_parts, phase_parameters
@@ -37,7 +38,7 @@ class Varied:
     ----------
     scenario : Scenario
     axes : tuple of one or two Axis
-        What was varied; the first runs slowest.
+        What was varied; the first varies slowest.
     of, figure : str
         The signal and the figure that pictures show.
     unit : str
@@ -65,11 +66,11 @@ class Varied:
         ax.set_title(self.scenario.title)
         ax.set_xlabel(str(self.axes[-1]))
         if len(self.axes) == 1:
-            ax.plot(self.axes[0].values, self.values, "k.-")
+            ax.plot(self.axes[0].values, self.values, ".-", color=BLUE)
             ax.set_ylabel(label)
             ax.grid(alpha=0.3)
             return ax
-        shown = ax.pcolormesh(self.axes[1].values, self.axes[0].values, self.values, cmap="Greys")
+        shown = ax.pcolormesh(self.axes[1].values, self.axes[0].values, self.values, cmap=COLOUR_MAP)
         ax.set_ylabel(str(self.axes[0]))
         ax.figure.colorbar(shown, ax=ax, label=label)
         return ax
@@ -80,7 +81,7 @@ class Varied:
         return varied_html(self)
 
     def save(self, folder: str | Path) -> list[Path]:
-        """Write ``sweep.csv`` (all figures of all outputs), ``sweep.png`` and ``sweep.svg``; whole or not."""
+        """Write ``sweep.csv`` (all figures of all outputs), ``sweep.png`` and ``sweep.svg``, atomically."""
 
         def write(place: Path) -> None:
             import pyarrow.csv
@@ -104,7 +105,7 @@ def vary(
     progress: Callable[[float], None] | None = None,
     checkpoint: str | Path | None = None,
 ) -> Varied:
-    """Fly a scenario at every point of a grid, compiled and on all cores.
+    """Run a scenario at every point of a grid, compiled and on all cores.
 
     Parameters
     ----------
@@ -136,7 +137,7 @@ def vary(
     if scenario.commands is not None:
         raise InputError(f"{where}: only scenarios without [commands] are varied")
     if not 1 <= len(ranges) <= 2:
-        raise InputError(f"{where}: one or two numbers are varied, found {len(ranges)}")
+        raise InputError(f"{where}: expected one or two parameters to vary, found {len(ranges)}")
     if figure not in FIGURES:
         raise InputError(f"unknown figure {figure!r}{did_you_mean(figure, FIGURES)}: {', '.join(FIGURES)}")
     parts = loop_parts(scenario)

@@ -1,6 +1,6 @@
-"""A hybrid Block in time: integrated between ticks, which are exactly on time.
+"""Simulation of a hybrid Block: integration between ticks, which are exactly on time.
 
-At a tick a sampled Block sees the continuous outputs as they are and what the others tell at that instant,
+At a tick a sampled Block sees the continuous outputs as they are and the others' outputs at that instant,
 computes its own outputs, which are held until its next tick, and takes its states' next values.
 """
 

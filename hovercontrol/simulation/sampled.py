@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -10,7 +11,34 @@ from numpy.typing import ArrayLike, NDArray
 from hovercontrol.core.block import Block
 from hovercontrol.core.expressions import Expressions
 from hovercontrol.core.functions import FunctionPair, call_scalar, numpy_functions
+from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError, did_you_mean
+
+Array = NDArray[np.float64]
+
+
+class RunningFilter(Protocol):
+    """Several runs of a sampled filter that no equations say, such as a cloud of particles."""
+
+    def tick(self, inputs: Array, span: float, outputs: Sequence[str]) -> Array:
+        """Return the wanted outputs, shape (n_outputs, runs), at the inputs of a tick, (n_inputs, runs)."""
+
+
+class SampledFilter(Protocol):
+    """A sampled filter that no equations say: signals like a Block's, and runs that it starts."""
+
+    @property
+    def name(self) -> str: ...  # noqa: D102
+    @property
+    def period(self) -> float: ...  # noqa: D102
+    @property
+    def inputs(self) -> tuple[Signal, ...]: ...  # noqa: D102
+    @property
+    def outputs(self) -> tuple[Signal, ...]: ...  # noqa: D102
+    @property
+    def states(self) -> tuple[Signal, ...]: ...  # noqa: D102
+    def start(self, runs: int = 1, start: Mapping[str, ArrayLike] | None = None) -> RunningFilter:
+        """Begin so many runs, from values of states over their start values."""
 
 
 class Ticking:
@@ -67,18 +95,18 @@ class Ticking:
 
 
 def simulate_runs(
-    block: Block,
+    block: Block | SampledFilter,
     inputs: Mapping[str, ArrayLike],
     outputs: Sequence[str] | None = None,
     *,
     start: Mapping[str, ArrayLike] | None = None,
     params: Mapping[str, float] | None = None,
 ) -> dict[str, NDArray[np.float64]]:
-    """Run a sampled Block many times at once, each run with its own inputs.
+    """Run a sampled Block, or a particle filter, many times at once, each run with its own inputs.
 
     Parameters
     ----------
-    block : Block
+    block : Block or SampledFilter
     inputs : mapping of str to array_like, shape (ticks,) or (ticks, runs)
         Every input of the Block.
     outputs : sequence of str, optional
@@ -86,7 +114,7 @@ def simulate_runs(
     start : mapping of str to array_like, shape () or (runs,), optional
         Of states, over their start values.
     params : mapping, optional
-        Parameter values by key.
+        Parameter values by key; a particle filter takes its own where it is made.
 
     Returns
     -------
@@ -125,12 +153,19 @@ def simulate_runs(
     given = np.moveaxis(given, 1, 0)
     known = [s.name for s in block.states]
     _check_names(block, "state", start or {}, known)
+    found = np.empty((ticks, len(wanted), count))
+    if not isinstance(block, Block):
+        if params:
+            raise InputError(f"block {block.name!r}: a particle filter's values are given where it is made")
+        particles = block.start(count, start)
+        for k in range(ticks):
+            found[k] = particles.tick(given[k], block.period, wanted)
+        return {name: found[:, j] for j, name in enumerate(wanted)}
     state = np.empty((len(known), count))
     for j, signal in enumerate(block.states):
         state[j] = (start or {}).get(signal.name, signal.start)
     values = block.parameter_values(params)
     step = one_tick(block, wanted)[1]
-    found = np.empty((ticks, len(wanted), count))
     for k in range(ticks):
         told = step(k * block.period, state, given[k], values)
         state = np.empty_like(state)  # what was told may be rows of the old one
@@ -154,7 +189,7 @@ def one_tick(block: Block, outputs: Sequence[str]) -> FunctionPair:
     )
 
 
-def _check_names(block: Block, kind: str, found: Iterable[str], known: Sequence[str]) -> None:
+def _check_names(block: Block | SampledFilter, kind: str, found: Iterable[str], known: Sequence[str]) -> None:
     for name in found:
         if name not in known:
             raise InputError(f"block {block.name!r}: no {kind} {name!r}{did_you_mean(name, known)}")

@@ -11,7 +11,6 @@ import os
 from collections.abc import Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from functools import cache, lru_cache, partial
-from importlib import resources
 from itertools import pairwise
 
 import numpy as np
@@ -20,15 +19,15 @@ from numpy.typing import NDArray
 from hovercontrol.core.block import Block
 from hovercontrol.simulation.runge_kutta import rk4_step
 from hovercontrol.targets.background import loaded, ready
-from hovercontrol.targets.c import lanes_source
+from hovercontrol.targets.c_lanes import lanes_source
 from hovercontrol.targets.compiler import NoCompilerError, generated, load_library
+from hovercontrol.targets.runtime import SHOOTING, runtime_files
 
 Array = NDArray[np.float64]
 
-#: Windows that are worth a thread.
+#: Fewest windows for a thread.
 SHARE = 32
 
-_RUNTIME = ("hc_shoot.c", "hc_shoot.h", "hc_lanes.h", "hc_lanes_math.h", "hc_model.h")
 _EXPORTS = """#include "hc_shoot.h"
 #ifdef _WIN32
 #define EXPORT __declspec(dllexport)
@@ -175,9 +174,7 @@ def pool() -> ThreadPoolExecutor:
 @lru_cache(maxsize=500)
 def _build(block: Block) -> Future[_Compiled]:
     def load(build: bool) -> _Compiled:
-        runtime = resources.files("hovercontrol") / "fmu"
-        files = {name: (runtime / name).read_text(encoding="utf-8") for name in _RUNTIME}
-        files["exports.c"] = _EXPORTS
+        files = runtime_files(SHOOTING) | {"exports.c": _EXPORTS}
         lanes = partial(lanes_source, block, friction="smooth")
         files["lanes.c"] = generated(block, "lanes.c smooth True", lanes)
         return _Compiled(block, files, build=build)

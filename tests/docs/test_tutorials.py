@@ -13,14 +13,22 @@ TUTORIALS = Path(__file__).parents[2] / "docs" / "tutorials"
 
 
 @pytest.mark.parametrize("text", sorted(TUTORIALS.glob("*.md")), ids=lambda path: path.stem)
-def test_every_example_stands_in_its_script(text):
-    script = text.with_suffix(".py").read_text(encoding="utf-8")
-    examples = re.findall(r"```python\n(.*?)```", text.read_text(encoding="utf-8"), flags=re.DOTALL)
-    assert examples
-    for example in examples:
-        assert example in script
+def test_what_a_tutorial_shows_of_its_script_is_there(text):
+    shown = re.findall(
+        r"```\{literalinclude\} (\S+)\n:start-at: (.*)\n:end-\w+: (.*)\n", text.read_text(encoding="utf-8")
+    )
+    for file, begin, end in shown:
+        script = (TUTORIALS / file).read_text(encoding="utf-8")
+        assert begin.strip("'\"") in script
+        assert end.strip("'\"") in script.partition(begin.strip("'\""))[2] or end == begin, (file, end)
 
 
+def test_scripts_with_a_tutorial_are_shown_in_it():
+    for script in TUTORIALS.glob("*.py"):
+        assert f"{{literalinclude}} {script.name}" in script.with_suffix(".md").read_text(encoding="utf-8")
+
+
+@pytest.mark.slow
 def test_the_cable_of_a_users_own_machine_is_named_from_closed_loop_logs(tmp_path):
     script = TUTORIALS / "own_machine.py"
     done = subprocess.run(
@@ -71,6 +79,7 @@ def test_the_calibration_finds_what_its_benches_were_drawn_with(tmp_path):
     }
 
 
+@pytest.mark.slow
 def test_the_real_crafts_fans_lag(tmp_path):
     data = Path(os.environ.get("HOVERCONTROL_DATA", TUTORIALS.parents[2] / "shared" / "data")) / "holohover"
     if not (data / "h1_aligned.csv").exists():

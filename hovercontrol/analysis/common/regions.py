@@ -6,19 +6,18 @@ import math
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from itertools import cycle
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
 from numpy.typing import ArrayLike, NDArray
 
+from hovercontrol.analysis.common.region_drawing import draw_region
 from hovercontrol.errors import InputError, did_you_mean
-from hovercontrol.io.files import write_whole
+from hovercontrol.io.figure_style import figure_style
+from hovercontrol.io.files import write_atomically
 from hovercontrol.io.tables import number
 from hovercontrol.targets.compiled import CompiledBlock
 from hovercontrol.targets.sweep import Axis as Axis
@@ -29,26 +28,31 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-#: A sweep that would need more is refused before it begins.
-MEMORY_LIMIT, TIME_LIMIT = 2 * 2**30, 3600.0
+
+@dataclass(frozen=True)
+class SweepLimits:
+    """What a sweep of a map may take; more is refused before it begins.
+
+    Set by hand: what a small machine has and a person waits for.
+
+    Attributes
+    ----------
+    memory : int
+        Memory [bytes].
+    time : float
+        Time on all cores [s].
+    """
+
+    memory: int = 2 * 2**30
+    time: float = 3600.0
+
+
+#: The values in use.
+SWEEP_LIMITS = SweepLimits()
+
 
 #: So many numbers are held for each point of a map, at least.
 NUMBERS = 20
-
-#: A quantity with fewer points along an axis has no contour lines.
-FINE = 30
-
-#: How regions are told apart without colour: the judge grey, the second hatched, others by their outlines.
-LOOKS: tuple[dict[str, Any], ...] = tuple(
-    {"facecolor": face, "hatch": hatch, "linestyle": line, "edgecolor": "black"}
-    for face, hatch, line in (
-        ("0.85", None, "-"),
-        ("none", "///", "-"),
-        ("none", None, "--"),
-        ("none", None, ":"),
-        ("none", None, "-."),
-    )
-)
 
 
 def as_numbers(name: str, given: ArrayLike) -> Array:
@@ -65,6 +69,16 @@ LARGEST = 1e100
 
 def axis(name: str, unit: str, span: tuple[float, float], points: int, label: str = "") -> Axis:
     """Return an axis of equal steps.
+
+    Parameters
+    ----------
+    name, unit : str
+    span : tuple of float
+        First and last value, in the unit.
+    points : int
+        Two or more.
+    label : str, optional
+        What pictures call it; default the name.
 
     Raises
     ------
@@ -113,7 +127,7 @@ class Region:
     x, y : Axis
     maps : mapping of str to ndarray, shape (n_y, n_x)
         True and false for a region, numbers for a quantity. The first region is the judge: it is drawn as
-        a grey area, the others as outlines over it.
+        a filled area, the next one hatched, the others as outlines.
     units : mapping of str to str, optional
         Of the quantities.
     labels : mapping of str to str, optional
@@ -122,6 +136,13 @@ class Region:
         Curves to draw, each x and y, NaN where they are interrupted.
     marks : mapping of str to (float, float), optional
         Points to mark, such as the gains that a paper takes.
+
+    Examples
+    --------
+    >>> k1, k2 = Axis("k1", "1/s^2", np.array([1.0, 2.0])), Axis("k2", "1/s", np.array([1.0]))
+    >>> region = Region("stable gains", k1, k2, {"stable": np.array([[True, False]])})
+    >>> region.maps["stable"].shape
+    (1, 2)
     """
 
     title: str
@@ -145,7 +166,13 @@ class Region:
         return self.maps[name]
 
     def label(self, name: str) -> str:
-        """Return what a map is called, with its unit."""
+        """Return what a map is called, with its unit.
+
+        Parameters
+        ----------
+        name : str
+            Of the map.
+        """
         text = self.labels.get(name, name)
         return f"{text} [{self.units[name]}]" if name in self.units else text
 
@@ -172,13 +199,19 @@ class Region:
         return pyarrow.table(columns)
 
     def save(self, path: str | Path) -> Path:
-        """Write the table as CSV; it appears whole or not at all."""
+        """Write the table as CSV; it is written atomically.
+
+        Parameters
+        ----------
+        path : path
+            Of the CSV file.
+        """
         import pyarrow.csv
 
-        return write_whole(path, lambda file: pyarrow.csv.write_csv(self.table(), file))
+        return write_atomically(path, lambda file: pyarrow.csv.write_csv(self.table(), file))
 
     def plot(self, *names: str, axes: Axes | None = None) -> Figure:
-        """Return a figure: regions as areas and outlines, a quantity in shades of grey.
+        """Return a figure: regions as areas and outlines with words in them, a quantity in colours.
 
         Parameters
         ----------
@@ -187,59 +220,17 @@ class Region:
         axes : matplotlib.axes.Axes, optional
             Draw here; default a new figure.
         """
-        if axes is None:
-            figure = Figure(figsize=(7.0, 5.4), layout="constrained")
-            axes = figure.subplots()
-            figure.suptitle(self.title, fontsize=11)
-        else:
-            axes.set_title(self.title, fontsize=10)
-        handles: list[Any] = []
-        shown = {name: self[name] for name in names or self.maps}
-        areas = [name for name, values in shown.items() if values.dtype == bool]
-        for name, values in shown.items():
-            if values.dtype != bool:
-                self._shade(axes, name, values)
-        looks = LOOKS if len(areas) == len(shown) else LOOKS[2:]
-        for name, look in zip(areas, cycle(looks)):
-            self._area(axes, self.maps[name], look)
-            handles.append(Patch(label=self.label(name), **look))
-        for (name, (x, y)), style in zip(self.lines.items(), cycle(("-", "--", "-.", ":"))):
-            axes.plot(x, y, color="black", lw=2.0, ls=style)
-            handles.append(Line2D([], [], color="black", lw=2.0, ls=style, label=name))
-        for (name, point), marker in zip(self.marks.items(), cycle("osD^")):
-            (drawn,) = axes.plot(*point, marker, color="black", mfc="white", ms=8, label=name)
-            handles.append(drawn)
-        axes.set(xlabel=str(self.x), ylabel=str(self.y))
-        if areas:
-            axes.set_xlim(*self.x.values[[0, -1]])
-            axes.set_ylim(*self.y.values[[0, -1]])
-        if handles:
-            place: dict[str, Any] = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.14)}
-            axes.legend(handles=handles, frameon=False, fontsize="small", **place)
-        return _figure(axes)
-
-    def _area(self, axes: Axes, values: NDArray[Any], look: Mapping[str, Any]) -> None:
-        grid = (self.x.values, self.y.values, values.astype(float))
-        if values.any():
-            filled = axes.contourf(*grid, [0.5, 1.5], colors=[look["facecolor"]], hatches=[look["hatch"]])
-            filled.set_edgecolor("0.35")
-            filled.set_linewidth(0.0)
-            axes.contour(*grid, [0.5], colors="black", linestyles=look["linestyle"], linewidths=1.3)
-
-    def _shade(self, axes: Axes, name: str, values: Array) -> None:
-        finite = np.where(np.isfinite(values), values, np.nan)
-        grid = (self.x.values, self.y.values, finite)
-        drawn = axes.pcolormesh(*grid, cmap="Greys", shading="nearest", rasterized=True)
-        if min(values.shape) >= FINE and np.nanmax(finite) > np.nanmin(finite):
-            lines = axes.contour(*grid, 7, colors="0.15", linewidths=0.6)
-            axes.clabel(lines, fontsize=7)
-        _figure(axes).colorbar(drawn, ax=axes, label=self.label(name))
-
-
-def _figure(axes: Axes) -> Figure:
-    figure = axes.get_figure(root=True)
-    assert isinstance(figure, Figure)
-    return figure
+        with figure_style():
+            if axes is None:
+                figure = Figure(figsize=(7.0, 5.8), layout="constrained")
+                axes = figure.subplots()
+                figure.suptitle(self.title, fontsize=11)
+            else:
+                axes.set_title(self.title, fontsize=10)
+            draw_region(self, names or self.maps, axes)
+        drawn = axes.get_figure(root=True)
+        assert isinstance(drawn, Figure)
+        return drawn
 
 
 def mesh(x: Axis, y: Axis) -> tuple[Array, Array]:
@@ -252,10 +243,10 @@ def mesh(x: Axis, y: Axis) -> tuple[Array, Array]:
     """
     points = len(x.values) * len(y.values)
     memory = 8.0 * NUMBERS * points
-    if memory > MEMORY_LIMIT:
+    if memory > SWEEP_LIMITS.memory:
         raise InputError(
             f"a map of {points:.3g} points would take {memory / 2**30:.3g} GiB of memory (the limit: "
-            f"{MEMORY_LIMIT / 2**30:g} GiB); take fewer points"
+            f"{SWEEP_LIMITS.memory / 2**30:g} GiB); take fewer points"
         )
     xs, ys = np.meshgrid(x.values, y.values)
     return xs.ravel(), ys.ravel()
@@ -306,11 +297,11 @@ def refuse_large(loop: CompiledBlock, runs: int, seconds_per_run: float) -> None
     block = loop.block
     numbers = len(block.parameters) + 2 * len(block.states) + 5 * len(block.outputs) + 4
     memory, seconds = 8.0 * numbers * runs, seconds_per_run * runs
-    if memory > MEMORY_LIMIT or seconds > TIME_LIMIT:
+    if memory > SWEEP_LIMITS.memory or seconds > SWEEP_LIMITS.time:
         raise InputError(
             f"block {block.name!r}: a sweep of {runs:.3g} runs would take {_hours(seconds)} and "
-            f"{memory / 2**30:.3g} GiB of memory (the limits: {_hours(TIME_LIMIT)}, "
-            f"{MEMORY_LIMIT / 2**30:g} GiB); take fewer points"
+            f"{memory / 2**30:.3g} GiB of memory (the limits: {_hours(SWEEP_LIMITS.time)}, "
+            f"{SWEEP_LIMITS.memory / 2**30:g} GiB); take fewer points"
         )
 
 

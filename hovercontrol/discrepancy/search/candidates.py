@@ -17,11 +17,28 @@ from hovercontrol.estimation.subject import Subject, structure
 
 Array = NDArray[np.float64]
 
-#: Size of the trial of a number that enters linearly; in units of its own, the answer being linear.
-TRIAL = 1e-2
 
-#: Parts of a trial beyond which its linear answer is no guide to a shape: a larger trial would score better.
-BELIEVED = (0.1, 1.3)
+@dataclass(frozen=True)
+class CandidateCriteria:
+    """How candidates are tried.
+
+    No published source: set by hand, exercised by tests/discrepancy/test_score.py.
+
+    Attributes
+    ----------
+    trial : float
+        Trial value of a parameter that enters linearly, in its unit; the result does not depend on it.
+    believed : tuple
+        Smallest and largest amplitude, relative to the trial's, for which its linear response holds for a
+        shape.
+    """
+
+    trial: float = 1e-2
+    believed: tuple[float, float] = (0.1, 1.3)
+
+
+#: The values in use.
+CANDIDATES = CandidateCriteria()
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,13 +66,13 @@ class Candidate:
         for key, part in zip(self.amplitudes, parts, strict=True):
             number = cls.numbers[key]
             if isinstance(number, Shape) and number.lower >= 0.0:  # a linear answer says little far off
-                part = float(np.clip(part, *BELIEVED))
+                part = float(np.clip(part, *CANDIDATES.believed))
             value = number.neutral + part * (values[key] - number.neutral)
             values[key] = float(np.clip(value, number.lower, number.upper))
         return cls(**values)
 
     def allowed(self, parts: Sequence[float]) -> bool:
-        """Tell whether those amplitudes are within their bounds: a drag does not push."""
+        """Return whether those amplitudes are within their bounds: a drag does not push."""
         if not self.amplitudes:
             return bool(0.3 < parts[0] < 3.0)
         for key, part in zip(self.amplitudes, parts, strict=True):
@@ -94,18 +111,10 @@ def candidates(fit: Fit, names: Sequence[str] | None = None) -> list[Candidate]:
                 grid.append([(key, part * scale) for part in number.search])
             elif isinstance(number, Shape):
                 default = number.default if number.default is not None else 0.01
-                grid.append(
-                    [
-                        (
-                            key,
-                            _width(fit, cls, default)
-                            if cls.parameter(key) == cls.friction_width()
-                            else default,
-                        )
-                    ]
-                )
+                is_width = cls.parameter(key) == cls.friction_width()
+                grid.append([(key, _width(fit, cls, default) if is_width else default)])
             else:
-                grid.append([(key, number.neutral + TRIAL)])
+                grid.append([(key, number.neutral + CANDIDATES.trial)])
         trials = [cls(**dict(values)) for values in itertools.product(*grid)]
         if _fits(fit.problem.model, trials[0]):
             found += [Candidate(cls.name, trial, amplitudes) for trial in trials]

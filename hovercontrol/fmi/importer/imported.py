@@ -29,7 +29,7 @@ from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.fmi.importer.archive import LIMITS, Archive, check_xml, open_archive
 from hovercontrol.fmi.importer.follow import Follower, Parameters
 from hovercontrol.fmi.importer.instance import Engine, FmuError, Instance
-from hovercontrol.fmi.importer.interface import REALS, WHOLE, Interface, read_interface
+from hovercontrol.fmi.importer.interface import REALS, Interface, read_interface
 from hovercontrol.fmi.importer.worker import Remote
 from hovercontrol.simulation.runner import Inputs
 from hovercontrol.targets.control import _Params
@@ -64,7 +64,8 @@ def load(
         The ``.fmu`` file.
     step : float, optional
         Communication step and ``dt`` [s] (default: the FMU's DefaultExperiment, else its
-        fixedInternalStepSize).
+        fixedInternalStepSize; where it states neither, a thousandth of the experiment's duration or
+        10 ms, with a warning).
     name : str, optional
         System name, without dots (default: the FMU's model identifier).
     params : mapping of str to float, optional
@@ -88,7 +89,8 @@ def load(
     Warns
     -----
     UserWarning
-        If inputs or outputs are left out because they are no numbers (String, Binary, Clock) or clocked.
+        If inputs or outputs are left out because they are no numbers (String, Binary, Clock) or clocked, or
+        the FMU states no step.
 
     Examples
     --------
@@ -146,7 +148,8 @@ class FmuSystem(control.NonlinearIOSystem):
 
     Inputs and outputs are the FMU's, by their names and in their order; arrays are spread, ``name[1]``,
     ``name[2]``, ``name[1,2]``, counted from 1 as in FMI, the last index fastest. Integers, enumerations and
-    booleans (0, 1) are numbers too; another number for them is refused. python-control reads a dot as
+    booleans (0, 1) are numbers too; another number for them is refused. python-control gives 0 to inputs that
+    nobody connects: an enumeration without an item 0 has its start value then. python-control reads a dot as
     "system.signal", so that a signal ``body.u`` is connected as ``("plant", "body.u")``, or renamed first by
     python-control's own ``update_names``.
 
@@ -161,6 +164,9 @@ class FmuSystem(control.NonlinearIOSystem):
     on inputs at the same instant (by the FMU's ModelStructure, see ``feedthrough``) is read before inputs are
     set. For the others the new inputs are set and the outputs read without a step between. FMI lets an FMU
     answer then with the values of its last step: a delay by one step, which no importer can see.
+
+    An FMU may end a run (terminateSimulation). The response is returned with what there is: a warning tells
+    the time, which `ended` keeps, and the outputs stay as they were then.
 
     Parameter keys carry the system's name (``plant.mass``), as those of a Block do, since
     ``control.interconnect`` shares equal keys among all systems. They are set where a run starts.
@@ -178,6 +184,8 @@ class FmuSystem(control.NonlinearIOSystem):
     params : dict of str to float
         The parameters with their values.
     path : Path
+    ended : float or None
+        When the FMU ended the run that was computed last [s]; None where it did not.
     """
 
     def __init__(
@@ -224,8 +232,10 @@ class FmuSystem(control.NonlinearIOSystem):
             for v in face.outputs
             for label in v.labels
         }
-        kinds = [(label, v.kind) for v in face.inputs for label in v.labels]
-        self._whole = [(n, label, kind) for n, (label, kind) in enumerate(kinds) if kind not in REALS]
+        spread_inputs = [(label, v) for v in face.inputs for label in v.labels]
+        self._whole = [(n, label, v) for n, (label, v) in enumerate(spread_inputs) if v.kind not in REALS]
+        starts = [s for v in face.inputs for s in (v.start or (0.0,) * len(v.labels))]
+        self._never_zero = [(n, starts[n]) for n, _, v in self._whole if v.items and 0 not in dict(v.items)]
         self._values = self.values_in_order(defaults)
         self._start(step)
 
@@ -291,6 +301,11 @@ class FmuSystem(control.NonlinearIOSystem):
             )
         values = {**self._checked(self.params, pushed=False), **self._checked(params or {}, pushed=False)}
         return FmuRunner(self, self._engine(), values, inputs, time)
+
+    @property
+    def ended(self) -> float | None:
+        """When the FMU ended the run that was computed last [s]; None where it did not."""
+        return self._follower.ended
 
     @property
     def interface(self) -> Interface:
@@ -372,7 +387,12 @@ class FmuSystem(control.NonlinearIOSystem):
         for given, value in params.items():
             key = given if given in self._keys or pushed else f"{self._prefix}.{given}"
             if key in self._keys:
-                own[key] = _number(value, self._keys[key][0].kind, f"FMU {self._prefix!r}: parameter {key!r}")
+                own[key] = self._keys[key][0].number(value, f"FMU {self._prefix!r}: parameter {key!r}")
+            elif (size := self.interface.structural.get(given.removeprefix(f"{self._prefix}."))) is not None:
+                raise InputError(
+                    f"FMU {self._prefix!r}: {given!r} is a structural parameter, which sizes arrays; here it "
+                    f"keeps its start value {size}"
+                )
             elif not pushed or given.split(".")[0] == self._prefix:
                 hint = did_you_mean(given if "." in given else key, self._keys)
                 raise InputError(f"FMU {self._prefix!r}: unknown parameter {given!r}{hint}")
@@ -394,17 +414,25 @@ class FmuSystem(control.NonlinearIOSystem):
             n = int(np.flatnonzero(~np.isfinite(inputs))[0])
             label = self.input_labels[n]
             raise InputError(f"FMU {self.name!r}: input {label!r} is {inputs[n]} at t = {t:.9g} s")
-        for n, label, kind in self._whole:
-            inputs[n] = _number(inputs[n], kind, f"FMU {self.name!r}: input {label!r} at t = {t:.9g} s")
+        for n, label, v in self._whole:
+            inputs[n] = v.number(inputs[n], f"FMU {self.name!r}: input {label!r} at t = {t:.9g} s")
         return inputs + 0.0  # no negative zero: equal inputs are equal bytes
+
+    def _connected(self, t: float, u: Any) -> Array:
+        """Return inputs as :meth:`checked_inputs`; a 0 that cannot be meant is nobody's."""
+        inputs = np.array(u, dtype=float).reshape(-1)
+        for n, start in self._never_zero:
+            if n < inputs.size and inputs[n] == 0.0:
+                inputs[n] = start
+        return self.checked_inputs(t, inputs)
 
     def _rhs(self, t: float, x: Any, u: Any) -> Array:
         token = float(np.asarray(x, dtype=float).reshape(-1)[0])
-        return np.array([self._follower.advance(token, float(t), self._values, self.checked_inputs(t, u))])
+        return np.array([self._follower.advance(token, float(t), self._values, self._connected(t, u))])
 
     def _out(self, t: float, x: Any, u: Any) -> Array:
         token = float(np.asarray(x, dtype=float).reshape(-1)[0])
-        return self._follower.outputs(token, float(t), self._values, self.checked_inputs(t, u))
+        return self._follower.outputs(token, float(t), self._values, self._connected(t, u))
 
     def _updates(self, t: float, x: Any, u: Any, params: Mapping[str, float]) -> Array:
         with self._with(params):
@@ -483,7 +511,10 @@ def _step(path: Path, interface: Interface, step: float | None) -> float:
     if step is None:
         step = interface.step
         if step is None:
-            raise InputError(f"{path} states no step size; give one: load({path.name!r}, step=...) [s]")
+            step, why = 0.01, "10 ms"
+            if interface.duration:
+                step, why = interface.duration / 1000, "a thousandth of its default experiment's duration"
+            warnings.warn(f"{path} states no step size: taking {step:g} s, {why}", stacklevel=3)
     if isinstance(step, bool) or not isinstance(step, (int, float)) or not 0 < step < math.inf:
         raise InputError(f"{path}: step [s] must be a positive number, found {step!r}")
     fixed = interface.fixed_step
@@ -503,21 +534,3 @@ def _name(interface: Interface, name: str | None) -> str:
 def _key(name: str, label: str) -> str:
     """Return the key of a parameter: its name in the FMU, after the system's unless it begins so."""
     return label if label.startswith(f"{name}.") else f"{name}.{label}"
-
-
-def _number(value: Any, kind: str, where: str) -> float:
-    """Return a value as the number its type can take; raise if it cannot."""
-    try:
-        number = float(value)
-    except (TypeError, ValueError):
-        raise InputError(f"{where}: expected a number, found {value!r}") from None
-    if not math.isfinite(number):
-        raise InputError(f"{where}: expected a finite number, found {number}")
-    if kind in REALS:
-        return number
-    least, most = WHOLE[kind]
-    whole = round(number)
-    if abs(number - whole) > 1e-9 * max(1.0, abs(number)) or not least <= whole <= most:
-        what = "0 or 1" if kind == "Boolean" else f"a whole number from {least} to {most}"
-        raise InputError(f"{where}: expected {what}, found {number:.9g}")
-    return float(whole)

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
+from hovercontrol.analysis.c17.arm_region import arm_region
 from hovercontrol.analysis.c17.experiment_design import ellipse_errors
 from hovercontrol.analysis.c17.gains import beta_region, gain_region
 from hovercontrol.analysis.c17.interconnection import region_of_attraction
-from hovercontrol.analysis.c17.zero_dynamics import arm_region
 from hovercontrol.analysis.common.regions import Region, axis, mesh, refuse_large, sweep_map
 from hovercontrol.analysis.k06.basins import turn_basins
 from hovercontrol.analysis.k06.law_regions import forward_region, reverse_region
@@ -65,12 +65,33 @@ def test_a_picture_names_its_axes_with_units_and_every_map_and_line():
     assert [t.get_text() for t in few.axes[0].get_legend().get_texts()] == ["half", "edge", "here"]
 
 
-def test_pictures_have_no_colour():
-    figure = disc(lines={"edge": (np.array([0.0, 1.0]), np.array([0.0, 1.0]))}).plot()
+def test_areas_of_a_picture_differ_without_colour_too():
+    figure = disc(lines={"edge": (np.array([0.0, 1.0]), np.array([0.0, 1.0]))}).plot("disc", "half", "none")
+    looks = [
+        (bool(handle.get_facecolor()[3]), handle.get_hatch(), handle.get_linestyle())
+        for handle in figure.axes[0].get_legend().get_patches()
+    ]
+    assert len(set(looks)) == 3
+
+
+def test_each_part_of_a_picture_says_what_holds_there():
+    region = disc(labels={"disc": "inside"})
+    drawn = region.plot("disc", "half").axes[0]
+    FigureCanvasAgg(drawn.figure).draw()
+    said = {text.get_text().replace("\n", " "): text.get_position() for text in drawn.texts}
+    assert set(said) == {"inside and half", "only: inside", "neither"}
+    for words, (x, y) in said.items():
+        assert (x**2 + y**2 < 1) == ("inside" in words), words
+        assert (x > 0) == ("half" in words) or words == "neither"
+
+
+def test_two_parts_of_a_picture_have_no_words_on_each_other():
+    figure = disc(marks={"here": (0.5, 0.0)}).plot("disc", "half")
     canvas = FigureCanvasAgg(figure)
     canvas.draw()
-    rgb = np.asarray(canvas.buffer_rgba())[..., :3].astype(int)
-    assert np.ptp(rgb, axis=2).max() <= 2
+    boxes = [text.get_window_extent(canvas.get_renderer()) for text in figure.axes[0].texts]
+    assert len(boxes) >= 3
+    assert not any(a.overlaps(b) for k, a in enumerate(boxes) for b in boxes[:k])
 
 
 def test_a_map_sweeps_its_points_x_fastest():

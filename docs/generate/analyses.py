@@ -1,0 +1,58 @@
+"""Analyses: regions, margins and trials, each a script with the public API only."""
+
+from __future__ import annotations
+
+import ast
+import shutil
+from pathlib import Path
+
+from generate.pages import code, folded, table, toctree, write
+from hovercontrol.commands.analyze import known_scripts
+
+#: Made by ``make pictures`` and kept: some analyses take minutes.
+KEPT = Path(__file__).parents[1] / "pictures" / "analyses"
+
+
+def title(name: str) -> str:
+    """Return what an analysis says it is."""
+    text = ast.get_docstring(ast.parse(known_scripts()[name].read_text(encoding="utf-8"))) or ""
+    return text.partition("\n")[0]
+
+
+def pages(into: Path) -> tuple[str, str]:
+    """Write a page for each analysis."""
+    names = list(known_scripts())
+    folder = into / "analyses"
+    folder.mkdir(parents=True)
+    for name in names:
+        picture, findings = KEPT / f"{name}.png", KEPT / f"{name}.txt"
+        shutil.copy(picture, folder)
+        write(
+            folder / f"{name}.md",
+            f"# {name}",
+            title(name),
+            code(f"$ hovercontrol analyze {name} --out out/{name}", "console"),
+            f"![What {name} draws]({picture.name})",
+            "## What it found",
+            "\n".join(
+                f"- {_plain(line)}" for line in findings.read_text(encoding="utf-8").splitlines() if line
+            ),
+            "Picture and findings were made by this command (`make pictures` makes all of them).",
+            folded("The script", code(known_scripts()[name].read_text(encoding="utf-8"), "python")),
+        )
+    write(
+        into / "analyses.md",
+        "# Analyses",
+        "`hovercontrol analyze NAME` draws one, with a table (CSV) and its findings in words. Each is a script in "
+        "`analyses/` to copy and change.",
+        table(("analysis", "what it says"), [(f"[`{n}`](analyses/{n}.md)", title(n)) for n in names]),
+        toctree(f"analyses/{n}" for n in names),
+    )
+    return "analyses", f"{len(names)} analyses"
+
+
+def _plain(line: str) -> str:
+    """Return a finding so that no sign of Markdown is in it."""
+    for sign in "\\*_<>[]$|":
+        line = line.replace(sign, f"\\{sign}")
+    return line

@@ -1,0 +1,122 @@
+"""Effects: what each adds to which equation, and how it shows in a run."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from dataclasses import replace
+from pathlib import Path
+
+from generate import effect_runs
+from generate.equations import changed_lines
+from generate.pages import bounds, first_sentence, html, picture, table, toctree, write
+from hovercontrol.effects import Effect, Shape, effect_class, effect_names
+from hovercontrol.models.model import Model
+
+KINDS = {
+    "force": "Forces and torques",
+    "input": "Commands on their way",
+    "measurement": "Between motion and log",
+}
+
+
+def pages(into: Path) -> tuple[str, str]:
+    """Write a page for each effect and one with all of them."""
+    runs = effect_runs.every_run()
+    groups: dict[str, list[str]] = defaultdict(list)
+    for name in effect_names():
+        cls = effect_class(name)
+        groups[cls.kind()].append(name)
+        _page(cls, runs, into / "effects")
+    sections = []
+    for kind, title in KINDS.items():
+        rows = [
+            (f"[`{n}`](effects/{n}.md)", first_sentence(effect_class(n).__doc__), effect_class(n).source)
+            for n in groups[kind]
+        ]
+        sections.append(f"## {title}\n\n{table(('effect', 'what it is', 'source'), rows)}")
+    write(
+        into / "effects.md",
+        "# Effects",
+        "A model is planar rigid-body motion plus a list of effects, one line each in a model file. "
+        "A missing effect is a missing line: [`diagnose`](commands/diagnose.md) looks for it in this list. "
+        "An effect of your own is [one class](../tutorials/effect.md).",
+        *sections,
+        toctree(f"effects/{name}" for name in effect_names()),
+    )
+    return "effects", f"{len(effect_names())} effects"
+
+
+def _page(cls: type[Effect], runs: effect_runs.Runs, folder: Path) -> None:
+    seen = runs.seen[cls.name]
+    shape = f"{{{', '.join(f'{k} = {v:.4g}' for k, v in seen.effect.values.items() if _told(cls, k, v))}}}"
+    line = f"{seen.effect.values['value']:.4g}" if set(cls.numbers) == {"value"} else shape
+    text = folder / cls.name
+    write(
+        folder / f"{cls.name}.md",
+        f"# {cls.name}",
+        first_sentence(cls.__doc__),
+        f"**Acts on** {_acts(cls)}. **Source**: {cls.source or 'none'}.",
+        "## Equation",
+        "What the effect changes in the equations of a plant is marked; c with a name below is a coefficient.",
+        html(changed_lines(_without(seen.base, cls.name), seen.model)),
+        _timing(seen),
+        "## Numbers",
+        table(("number", "unit", "bounds", "default", "enters"), [_row(cls, k) for k in cls.numbers]),
+        "## In a model file",
+        f"```toml\n[effects]\n{cls.name} = {line}\n```",
+        "## What it does to a run",
+        f"The craft [`{seen.base.name}`](../vehicles/{seen.base.name}.md) drives {seen.manoeuvre.text}.",
+        picture(seen.figure(), text, f"The motion without and with {cls.name}"),
+        "## Which manoeuvre shows it",
+        "The change in what is measured that is left when the model's own coefficients are fitted again, as a "
+        "share of the motion (root mean square):",
+        table(("manoeuvre", "left"), [(n, f"{100 * v:.2g} %") for n, v in seen.shown_by()]),
+        "## Near twins",
+        _twins(cls.name, runs),
+    )
+
+
+def _without(model: Model, name: str) -> Model:
+    """Return a model that has no such effect."""
+    return replace(model, effects=tuple(e for e in model.effects if e.name != name))
+
+
+def _told(cls: type[Effect], key: str, value: float) -> bool:
+    return value != cls.numbers[key].default
+
+
+def _acts(cls: type[Effect]) -> str:
+    where = {
+        "force": "the accelerations",
+        "input": "the commands on their way",
+        "measurement": "what is logged",
+    }
+    craft = {"rudder": ", on craft with a propeller and a rudder", "fan": ", on craft with fans"}
+    return where[cls.kind()] + craft.get(cls.craft, "")
+
+
+def _row(cls: type[Effect], key: str) -> tuple[str, ...]:
+    number = cls.numbers[key]
+    default = "" if number.default is None else f"{number.default:g}"
+    enters = "as a shape" if isinstance(number, Shape) else "linearly"
+    return (f"`{cls.parameter(key)}`", number.unit, bounds(number.lower, number.upper), default, enters)
+
+
+def _timing(seen: effect_runs.Seen) -> str:
+    late = [n.rpartition(".")[2] for n in seen.model.timing() if n]
+    return f"No equation holds `{late[0]}`: it shifts commands against measurements." if late else ""
+
+
+def _twins(name: str, runs: effect_runs.Runs) -> str:
+    near = runs.twins(name)
+    if not near:
+        return (
+            "None: no other effect changes the manoeuvres above alike (cosine of the two changes, the model's "
+            f"own coefficients fitted again, above {effect_runs.NEAR})."
+        )
+    rows = [(f"[`{n}`]({n}.md)", f"{c:.3f}") for n, c in near]
+    return (
+        "Effects that change what is measured alike on all the manoeuvres, after the model's own coefficients "
+        "are fitted again. At a cosine of 1 no log of these manoeuvres tells them apart.\n\n"
+        + table(("effect", "cosine"), rows)
+    )

@@ -1,0 +1,48 @@
+"""The gallery: every analysis and scenario with its picture and the line that makes it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from html import escape
+from pathlib import Path
+
+from generate import analyses
+from generate.pages import clean, write
+from generate.scenarios import first_picture
+from hovercontrol.commands.analyze import known_scripts
+from hovercontrol.scenarios import load_scenario, scenario_names
+
+
+def pages(into: Path) -> None:
+    """Write the one page of the gallery."""
+    clean(into)
+    reference = into.parent / "reference"
+    found = [
+        (f"analyses/{n}", f"analyses/{n}.png", f"hovercontrol analyze {n}", analyses.title(n))
+        for n in known_scripts()
+    ]
+    runs = [
+        (f"scenarios/{n}", f"scenarios/{first_picture(reference / 'scenarios', n)}", f"hovercontrol simulate {n}",
+         load_scenario(n).title)
+        for n in scenario_names()
+    ]  # fmt: skip
+    write(
+        into / "index.md",
+        "# Gallery",
+        "Each picture is made by the line below it; a click shows numbers, files and more pictures.",
+        "## Analyses",
+        _grid(found),
+        "## Scenarios",
+        _grid(runs),
+        "## Effects",
+        "What each effect does to a run is on [its page](../reference/effects.md).",
+    )
+
+
+def _grid(found: Iterable[tuple[str, str, str, str]]) -> str:
+    cards = [
+        f":::{{grid-item-card}} {escape(text)}\n:img-top: ../reference/{picture}\n:link: ../reference/{page}\n"
+        f":link-type: doc\n:class-card: picture\n`{line}`\n:::"
+        for page, picture, line, text in found
+    ]
+    return "::::{grid} 1 2 3 3\n:gutter: 3\n\n" + "\n\n".join(cards) + "\n::::"

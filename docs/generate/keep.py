@@ -1,0 +1,74 @@
+"""Pictures that the site keeps because they take minutes: ``python -m generate.keep`` (``make pictures``).
+
+Every analysis and every item of ``hovercontrol reproduce`` runs once; PNGs of few colours, findings and indexes
+go into docs/pictures.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+from PIL import Image
+
+from generate import analyses, evidence
+from hovercontrol.commands.analyze import known_scripts
+
+#: Width of a kept picture [pixel], and its colours.
+WIDE, COLOURS = 900, 64
+
+#: Items of which the site shows the picture; the others are numbers.
+SHOWN = {
+    "c17": ("fig 2", "fig 3", "fig 4", "fig 5", "fig 11", "fig 12", "fig 13", "fig 15"),
+    "k06": (
+        "fig 4.4",
+        "fig 6.7",
+        "fig 6.8",
+        "fig 6.9",
+        "fig 6.10",
+        "fig 6.12",
+        "fig 6.20",
+        "fig 6.24",
+        "fig 6.27",
+    ),
+}
+
+
+def main(out: Path) -> None:
+    """Run what is not in `out` yet, and keep its pictures."""
+    for name in known_scripts():
+        if not (out / name).is_dir():
+            _run("analyze", name, "--out", str(out / name))
+        keep(out / name / f"{name}.png", analyses.KEPT / f"{name}.png")
+        text = (out / name / f"{name}.txt").read_text(encoding="utf-8")
+        (analyses.KEPT / f"{name}.txt").write_text(text, encoding="utf-8")
+    for document, items in SHOWN.items():
+        folder = out / document
+        if not folder.is_dir():
+            _run("reproduce", document, "--out", str(folder))
+        index = (folder / "index.json").read_text(encoding="utf-8")
+        (evidence.KEPT / f"{document}.json").write_text(index + "\n", encoding="utf-8")
+        for item in items:
+            found = sorted((folder / f"{document}_{item}".replace(" ", "_")).glob("*.png"))
+            if found:
+                keep(found[0], evidence.KEPT / f"{document}-{item.replace(' ', '_')}.png")
+
+
+def keep(picture: Path, place: Path) -> None:
+    """Write a picture small: no wider than the page, few colours."""
+    with Image.open(picture) as found:
+        image = found.convert("RGB")
+    if image.width > WIDE:
+        image = image.resize((WIDE, round(image.height * WIDE / image.width)), Image.Resampling.LANCZOS)
+    image.quantize(COLOURS).save(place, optimize=True)
+
+
+def _run(*words: str) -> None:
+    done = subprocess.run([sys.executable, "-m", "hovercontrol", *words], check=False)
+    if done.returncode > 1:  # 1: done, and something differs
+        raise SystemExit(done.returncode)
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1] if len(sys.argv) > 1 else "out/pictures"))
