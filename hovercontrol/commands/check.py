@@ -54,7 +54,6 @@ def check(
     """
     from hovercontrol.log_check import check as find
     from hovercontrol.logs.gather import split_files
-    from hovercontrol.models.model import Model
 
     if not logs:
         raise InputError("check: expected one or more logs")
@@ -63,7 +62,7 @@ def check(
     given.refuse_twice("check", logs)
     known = given.subject("check", model, vehicle) if model or vehicle else None
     inputs = [s.name for s in known.plant(late=True).inputs] if known else []
-    moves = isinstance(known, Model)
+    moves = known is not None and known.is_craft
     read = given.reader(inputs, columns, bench, bench_fans, only_while, settle, motion=moves)
     with progress_bar("check", 1.0) as report:
         report(0.0, "reading logs")

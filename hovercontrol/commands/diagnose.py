@@ -69,7 +69,6 @@ def diagnose(
     from hovercontrol.discrepancy import diagnose as find
     from hovercontrol.discrepancy.report import gap_sentence, headline, remainder_sentence, write_report
     from hovercontrol.effects import effect_class
-    from hovercontrol.models.model import Model
 
     if not logs:
         raise InputError("diagnose: expected one or more logs")
@@ -81,7 +80,7 @@ def diagnose(
     for name in names or []:
         effect_class(name)
     inputs = [s.name for s in lacks.plant(late=True).inputs]
-    moves = isinstance(lacks, Model)
+    moves = lacks.is_craft
     read = given.reader(inputs, columns, bench, bench_fans, only_while, settle, frame, motion=moves)
     with progress_bar("diagnose", 1.0) as report:
         report(0.0, "reading logs")

@@ -19,8 +19,9 @@ from hovercontrol.discrepancy.search.confirm import Rival, Selection
 from hovercontrol.discrepancy.search.leads import Lead
 from hovercontrol.discrepancy.verdict import Verdict
 from hovercontrol.estimation.fit import Fit
-from hovercontrol.estimation.subject import Subject, motion_of
+from hovercontrol.estimation.subject import Subject
 from hovercontrol.io.files import write_folder
+from hovercontrol.models.base import quantity_of
 from hovercontrol.models.model import Model
 
 if TYPE_CHECKING:
@@ -265,7 +266,7 @@ def numbers_of(fit: Fit, names: Sequence[str]) -> tuple[Found, ...]:
         e = problem.model.effect(name)
         for key in e.numbers:
             parameter = e.parameter(key)
-            if parameter not in problem.names or (key == "width" and e.numbers[key].neutral != 0.0):
+            if parameter not in problem.names or parameter == e.friction_width():
                 continue
             j = problem.names.index(parameter)
             unit = problem.block.parameter(parameter).unit
@@ -279,14 +280,14 @@ def acts_in(fit: Fit, name: str) -> str:
     block = fit.problem.block
     e = fit.problem.model.effect(name)
     own = {block.parameter(e.parameter(k)).symbol for k in e.numbers}
-    motion = motion_of(fit.problem.model)
+    motion = fit.problem.model.motion
     rows = [
         f"{s.name}'"
         for s in block.states
         if s.name in motion and block.expand(block.derivatives[s.name]).free_symbols & own
     ]
     rows += [
-        o.name.replace("_measured", " as measured")
+        f"{quantity_of(o.name)[0]} as measured" if quantity_of(o.name)[1] else o.name
         for o in block.outputs
         if block.expand(block.output_expressions[o.name]).free_symbols & own
     ]

@@ -94,7 +94,10 @@ class Effect:
     ``order`` says which comes first of several effects that change commands or measurements; ``craft`` on
     which craft a search tries the effect (``"any"``, ``"rudder"`` with a propeller and a rudder, ``"fan"``);
     ``instead_of`` names an effect that is the same on another craft: a model has one of the two; ``signal``
-    is the input that the effect acts on, where it is one of a machine's own.
+    is the input that the effect acts on, where it is one of a machine's own; ``axis`` the velocity in
+    whose equation alone it acts. ``drives`` says that it turns its craft's actuators into accelerations,
+    ``turns_fans`` that it needs the fans' torque with their forces turned, ``shifts_time`` that it only says
+    how late commands or measurements are, which no log tells apart.
 
     A named subclass is known by its name everywhere; with ``register=False`` only to who holds the class.
 
@@ -113,6 +116,10 @@ class Effect:
     craft: ClassVar[str] = "any"
     signal: ClassVar[str] = ""
     instead_of: ClassVar[str] = ""
+    axis: ClassVar[str] = ""
+    drives: ClassVar[bool] = False
+    turns_fans: ClassVar[bool] = False
+    shifts_time: ClassVar[bool] = False
 
     def __init_subclass__(cls, *, register: bool = True, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
@@ -171,6 +178,15 @@ class Effect:
             Name of the class attribute: ``"value"``, ``"width"``.
         """
         return cls.name if number == "value" else f"{cls.name}_{number}"
+
+    @classmethod
+    def friction_width(cls) -> str:
+        """Return the parameter name of the width over which dry friction changes sign, ``""`` without one.
+
+        It regularises; a width at whose neutral value the effect is not there (a dead zone's) is none.
+        """
+        width = cls.numbers.get("width")
+        return cls.parameter("width") if width is not None and math.isnan(width.neutral) else ""
 
     def signals(self, owner: str, units: Mapping[str, str]) -> tuple[Signal, ...]:
         """Return the effect's numbers as parameter signals.

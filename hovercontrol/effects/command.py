@@ -15,6 +15,8 @@ from hovercontrol.effects.base import TINY, Coefficient, Effect, Shape
 
 
 class _Delay(Effect):
+    shifts_time = True
+
     def commands(self, c: Any, s: Any) -> dict[Signal, sp.Expr]:
         s.delay = c.seconds  # of all commands: becomes the plant's `delays`
         return {}

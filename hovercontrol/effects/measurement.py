@@ -66,6 +66,7 @@ class TimeOffset(Effect):
     """Measurements whose clock is late against the commands' clock."""
 
     name, source, order = "time_offset", "two clocks that were not set together", 4
+    shifts_time = True
     seconds = Shape("s", neutral=0.0, search=(-0.15, -0.06, -0.02, 0.02, 0.06, 0.15))
 
     def measured(self, c: Any, s: Any) -> None:

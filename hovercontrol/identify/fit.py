@@ -111,7 +111,7 @@ def identify(
     names = chosen(model, coefficients)
     if not logs:
         raise InputError("identification needs at least one log")
-    if isinstance(model, Model):
+    if subject_of(model).is_craft:
         refuse_slow_rows(logs)
     report(0.0, "reading what was measured")
     measured = measure_shared(model, logs, most_rows)
@@ -132,14 +132,15 @@ def measure_shared(model: Model | Block, logs: Sequence[Log | Measured], most_ro
     InputError
         As :func:`~hovercontrol.estimation.measure.measure`, or if a craft never moves.
     """
-    block = model.plant() if isinstance(model, Model) else model
+    subject = subject_of(model)
+    block = subject.plant()
     total = sum(len(log) for log in logs if isinstance(log, Log))
     found = []
     for log in logs:
         if not len(log.time):
             raise InputError(f"{log.name}: expected samples, found no rows")
-        if isinstance(model, Model) and isinstance(log, Log):
-            check_frame(model, log)
+        if isinstance(log, Log):
+            check_frame(subject, log)
         own = log if isinstance(log, Measured) else measure(block, log, _share(log, total, most_rows))
         refuse_still(own.name, own.channels, own.values)
         found.append(own)
@@ -186,7 +187,8 @@ def _fitted(
 
 def _identified(model: Model | Block, names: Sequence[str], data: Data, fit: Fit) -> Identified:
     problem = fit.problem
-    size = _sizes(model, fit)
+    nominal = subject_of(model).nominal_sizes()
+    size = np.maximum([nominal[name] for name in problem.names], np.abs(fit.p) / 4)
     S = information(fit)
     C = covariance(S, size, widening(fit))
     labels = [name.rpartition(".")[2] for name in names]
@@ -220,16 +222,6 @@ def _identified(model: Model | Block, names: Sequence[str], data: Data, fit: Fit
         converged=fit.converged,
         fit=fit,
     )
-
-
-def _sizes(model: Model | Block, fit: Fit) -> Array:
-    """Return the sizes against which standard errors are held, shape (P,)."""
-    problem = fit.problem
-    if isinstance(model, Model):
-        nominal = [abs(model.coefficients()[name]) or 1.0 for name in problem.names]
-    else:
-        nominal = [model.parameter(name).nominal for name in problem.names]
-    return np.maximum(nominal, np.abs(fit.p) / 4)
 
 
 def _coefficient(

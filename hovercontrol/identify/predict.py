@@ -275,8 +275,8 @@ def smoothed(model: Model | Block, log: Log | Measured) -> Fit:
     InputError
         As :func:`~hovercontrol.estimation.measure.measure`, if rows are too few, or the model runs away.
     """
-    block = model.plant() if isinstance(model, Model) else model
     subject = subject_of(model)
+    block = subject.plant()
     data = gather(subject, [log if isinstance(log, Measured) else measure(block, log)])
     problem = Problem(subject, data, ())
     with threadpool_limits(1, "blas"):

@@ -21,7 +21,7 @@ from hovercontrol.errors import InputError, did_you_mean, shown
 from hovercontrol.logs.log import POSE, Floats, Log
 
 if TYPE_CHECKING:
-    from hovercontrol.models.model import Model
+    from hovercontrol.models.base import EffectModel
 
 Complex = NDArray[np.complex128]
 
@@ -104,13 +104,14 @@ def in_z_up(log: Log, frame: str) -> Log:
 
 
 @checked
-def check_frame(model: Model, log: Log) -> None:
-    """Refuse a log that is mirrored, in north-east-down axes, or whose heading is turned round.
+def check_frame(model: EffectModel, log: Log) -> None:
+    """Refuse a log of a craft that is mirrored, in north-east-down axes, or whose heading is turned round.
 
     Parameters
     ----------
-    model : Model
-        Its effects say where commands push; their sizes do not matter.
+    model : Model or BlockModel
+        Its effects say where commands push; their sizes do not matter. The log of what is no craft has no
+        such frame and passes.
     log : Log
         With the model's inputs; where its frame was stated it is not looked at.
 
@@ -119,10 +120,12 @@ def check_frame(model: Model, log: Log) -> None:
     InputError
         If forces and motion agree clearly in other axes, and not in these.
     """
-    from hovercontrol.models.model import Model
+    from hovercontrol.models.base import EffectModel
 
-    if not isinstance(model, Model):
+    if not isinstance(model, EffectModel):
         raise InputError(f"check_frame: model: expected a Model, found {shown(model)}")
+    if not model.is_craft:
+        return
     inputs = {s.name for s in model.plant(late=True).inputs}
     if log.frame or not log.has(*inputs) or len(log) < FRAME.fewest:
         return
@@ -206,12 +209,12 @@ def _drifting(log: Log, times: Floats, window: float) -> tuple[Floats, ...]:
     return (along.real * along.imag,)
 
 
-def _push(model: Model, log: Log) -> tuple[Complex, Floats]:
+def _push(model: EffectModel, log: Log) -> tuple[Complex, Floats]:
     """Return where the commands push in the body frame, and their torque, of a craft at rest."""
     from hovercontrol.core.functions import numpy_functions
 
-    forces = tuple(e for e in model.effects if type(e).kind() == "force")
-    plant = replace(model, effects=forces).plant()
+    others = (e.name for e in model.effects if e.kind() != "force")
+    plant = model.without_effects(*others).plant()
     states = [s.name for s in plant.states]
     commands = np.array([np.nan_to_num(log[s.name]) for s in plant.inputs]).reshape(-1, len(log))
     rest = np.zeros((len(states), len(log)))

@@ -65,8 +65,9 @@ def test_twins_are_one_finding():
     (name,) = found.effects
     assert {name, *(r.name for r in found.rivals)} == {"input_delay", "time_offset"}
     assert all(r.same and r.instead_of == name and r.behind == 0.0 for r in found.rivals)
-    assert twins("input_delay", "time_offset") and not twins("input_delay", "input_delay")
-    assert not twins("input_delay", "thrust_lag")
+    assert twins(effect("input_delay", 0.1), effect("time_offset", 0.1))
+    assert not twins(effect("input_delay", 0.1), effect("input_delay", 0.1))
+    assert not twins(effect("input_delay", 0.1), effect("thrust_lag", 0.1))
 
 
 def test_nothing_is_named_where_blocks_do_not_agree():

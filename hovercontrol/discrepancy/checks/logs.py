@@ -20,7 +20,6 @@ from hovercontrol.estimation.subject import Subject, structure
 from hovercontrol.logs import Log
 from hovercontrol.logs.check import check_heading
 from hovercontrol.logs.frames import check_frame
-from hovercontrol.models.model import Model
 
 Array = NDArray[np.float64]
 
@@ -96,7 +95,7 @@ def check_logs(model: Subject, logs: Sequence[Log], holdout: Log | None = None) 
     warnings = []
     for log in every:
         _refuse_inputs(block, log)
-        warnings += _length(log, is_craft=isinstance(model, Model))
+        warnings += _length(log, is_craft=model.is_craft)
         channels = _channels(block, log)
         _refuse_dead(log, channels)
         _refuse_apart(log, channels, [s.name for s in block.inputs])
@@ -105,8 +104,7 @@ def check_logs(model: Subject, logs: Sequence[Log], holdout: Log | None = None) 
             known = np.isfinite(log["psi"])
             rate = log["r"][known] if log.has("r") and np.isfinite(log["r"][known]).all() else None
             check_heading(log.name, "psi", log.time[known], log["psi"][known], rate)
-        if isinstance(model, Model):
-            check_frame(model, log)
+        check_frame(model, log)
         warnings += _stuck(log, channels) + _cut_off(log, [s.name for s in block.inputs])
     _refuse_other_pace(every)
     refuse_duplicates(logs, holdout, _measured(block), [s.name for s in block.inputs])

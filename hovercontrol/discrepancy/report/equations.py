@@ -20,6 +20,7 @@ from hovercontrol.discrepancy.report.formatting import (
 )
 from hovercontrol.discrepancy.report.templates import Table, render, table
 from hovercontrol.estimation.subject import structure, timing
+from hovercontrol.models.base import quantity_of
 from hovercontrol.models.model import Model
 from hovercontrol.notebook.mathml import MathPrinter, symbol_markup
 
@@ -56,7 +57,7 @@ def equations(m: Context) -> str:
         _line(name, e, old.derivatives.get(name), new.name, dot=True) for name, e in new.derivatives.items()
     ]
     lines += [
-        _line(name, e, old.output_expressions.get(name.removesuffix("_measured")), new.name)
+        _line(name, e, old.output_expressions.get(quantity_of(name)[0]), new.name)
         for name, e in new.output_expressions.items()
         if name not in {s.name for s in (*new.states, *new.inputs)}
     ]
@@ -130,7 +131,7 @@ def coefficients(m: Context) -> str:
     found = d.selection.final
     problem, C = found.problem, found.covariance
     given, values, without = d.model.coefficients(), d.amended.coefficients(), d.refitted.coefficients()
-    widths = {e.parameter("width") for e in problem.model.effects if "width" in e.numbers}
+    widths = {e.friction_width() for e in problem.model.effects}
     shown = [(j, name) for j, name in enumerate(problem.names) if name not in widths]
     both = [n for _, n in shown if m.changed and n in without and n in given]
     bent = [n for n in both if _far(without[n], given[n]) and not _far(values[n], given[n])]

@@ -24,7 +24,6 @@ from hovercontrol.discrepancy.search.trial import (
     twins,
     why_not,
     with_times,
-    without_effects,
 )
 from hovercontrol.estimation.fit import Fit
 
@@ -119,7 +118,7 @@ def confirmed(
     swaps = 0
     while True:
         without = {
-            n: base if len(effects) == 1 else search.fit(final, without_effects(final.model, n))
+            n: base if len(effects) == 1 else search.fit(final, final.model.without_effects(n))
             for n in effects
         }
         own = {n: beside(final, without[n], n) for n in effects}
@@ -171,7 +170,7 @@ def _rivals(
         best = max((s.gain for s in others), default=0.0)
         tries = 0
         for s in others:
-            if twins(name, s.candidate.name):
+            if twins(final.problem.model.effect(name), s.candidate.trial):
                 rivals.append(Rival(s.candidate.name, name, 0.0, 0.0, final, True))
                 continue
             drags = same_axis_drag(s.candidate.trial, final.problem.model.effect(name))

@@ -111,7 +111,7 @@ def _unscored(search: Search, current: Fit, seen: Sequence[Scored], done: set[st
     for s in seen:
         e = s.candidate.trial
         shapes = [k for k, n in e.numbers.items() if isinstance(n, Shape) and n.of == "speed"]
-        if not shapes or getattr(e, "axis", "") not in axes or e.name in done:
+        if not shapes or e.axis not in axes or e.name in done:
             continue
         search.report(f"trying {e.name}")
         t = try_effect(search, current, sized(problem.model, s.effect))
@@ -144,7 +144,7 @@ def _add(search: Search, current: Fit, seen: Sequence[Scored]) -> list[Tried]:
     ]
     found: list[Tried] = []
     for e in [*starts, *drags]:
-        if any(twins(t.name, e.name) for t in found):
+        if any(twins(t.fit.model.effect(t.name), e) for t in found):
             continue
         if found and explained(found[0]) and not same_axis_drag(e, top.candidate.trial):
             share = next(s.gain for s in seen if s.candidate.name == e.name) / top.gain

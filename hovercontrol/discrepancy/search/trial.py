@@ -9,7 +9,6 @@ import numpy as np
 
 from hovercontrol.discrepancy.criteria import Criteria
 from hovercontrol.discrepancy.evidence.blocks import Blocks, agreement
-from hovercontrol.discrepancy.search.candidates import LATE
 from hovercontrol.discrepancy.search.score import Scored
 from hovercontrol.effects import Effect, Shape
 from hovercontrol.estimation.fit import CONVERGENCE, Fit, estimate, first_noise, refit
@@ -193,17 +192,12 @@ def explained(t: Tried) -> bool:
 
 def same_axis_drag(one: Effect, other: Effect) -> bool:
     """Whether two effects are drags along the same axis, which widths of friction blend."""
-    return getattr(one, "axis", None) == getattr(other, "axis", 0)
+    return one.axis == other.axis != ""
 
 
-def twins(one: str, other: str) -> bool:
+def twins(one: Effect, other: Effect) -> bool:
     """Whether two effects only say how late something is, which every log shows alike."""
-    return one != other and {one, other} <= LATE
-
-
-def without_effects(model: Subject, *names: str) -> Subject:
-    """Return a model less some of its effects, all else as it is."""
-    return replace(model, effects=tuple(e for e in model.effects if e.name not in names))
+    return one.name != other.name and one.shifts_time and other.shifts_time
 
 
 def beside(fit: Fit, less: Fit, name: str) -> Tried:
