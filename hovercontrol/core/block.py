@@ -22,30 +22,11 @@ from hovercontrol.core.boundary import checked
 from hovercontrol.core.checking import check
 from hovercontrol.core.expressions import Expressions
 from hovercontrol.core.signals import Signal
+from hovercontrol.core.ticks import Tick as Tick
 from hovercontrol.errors import InputError, did_you_mean
 
 Rows = Literal["derivatives", "outputs"]
 Columns = Literal["states", "inputs", "parameters"]
-
-
-@dataclass(frozen=True)
-class Tick:
-    """What happens at every multiple of a period in a hybrid Block.
-
-    Parameters
-    ----------
-    name : str
-        Of the sampled Block that it was.
-    period : float
-        [s]
-    updates : mapping of str to sympy.Expr
-        The states that it sets, each to its expression; all see the values before the tick, where an earlier
-        tick of the same instant has not set them.
-    """
-
-    name: str
-    period: float
-    updates: Expressions
 
 
 @checked

@@ -1,8 +1,7 @@
 """Wiring: Blocks are joined by signal name into one Block.
 
-An output drives every input of the same name; inputs that nothing drives become inputs of the whole. In the
-whole, states and parameters carry their Block's name in front (``plant.u``, ``plant.yaw_coulomb``); outputs
-and inputs keep their signal names.
+An output drives every input of the same name; inputs that nothing drives are the whole's. Its states and
+parameters carry their Block's name in front (``plant.u``, ``plant.yaw_coulomb``); outputs and inputs do not.
 
 Continuous and sampled Blocks, or sampled ones of different periods, give a hybrid Block: each output of a
 sampled Block becomes a state that holds it (``pilot.held_rudder``), and what the Block does at its ticks one

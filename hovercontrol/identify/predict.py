@@ -8,18 +8,17 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-import sympy as sp
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from hovercontrol.core.block import Block
-from hovercontrol.core.expressions import Expressions
 from hovercontrol.errors import InputError
 from hovercontrol.estimation.data import gather
 from hovercontrol.estimation.fit import Fit, estimate, first_noise
 from hovercontrol.estimation.measure import Array, Measured, measure
 from hovercontrol.estimation.prior import prior_of
 from hovercontrol.estimation.problem import Problem
+from hovercontrol.identify.coasting import coasting
 from hovercontrol.identify.subject import subject_of
 from hovercontrol.logs import Log, Span
 from hovercontrol.models.model import Model
@@ -289,32 +288,6 @@ def smoothed(model: Model | Block, log: Log | Measured) -> Fit:
             own = copy(found.problem)
             own.block = problem.block
             return replace(found, problem=own)
-
-
-def coasting(block: Block) -> Block:
-    """Return the Block in which every state stays, but those that follow from others by geometry alone.
-
-    Those are the states whose derivative holds neither a parameter nor an input: a pose moves on
-    with velocities that stay.
-
-    Examples
-    --------
-    >>> from hovercontrol.models.vehicles import hoverdemon
-    >>> print(coasting(hoverdemon().plant()).equations())
-    x' = u*cos(psi) - v*sin(psi)
-    y' = u*sin(psi) + v*cos(psi)
-    psi' = r
-    u' = 0
-    v' = 0
-    r' = 0
-    """
-    driven = {s.symbol for s in (*block.parameters, *block.inputs)}
-    return block.unchecked(
-        derivatives=Expressions(
-            (name, sp.Integer(0) if block.expand(e).free_symbols & driven else e)
-            for name, e in block.derivatives.items()
-        )
-    )
 
 
 def _path(fit: Fit, k: int) -> Array:

@@ -13,6 +13,7 @@ from hovercontrol.estimation.fit import Fit
 from hovercontrol.estimation.levels import unlike
 from hovercontrol.estimation.navigation import Navigated
 from hovercontrol.estimation.prediction import horizons, predict
+from hovercontrol.identify.coasting import coasting
 from hovercontrol.identify.excitation import (
     covariance,
     idle_inputs,
@@ -22,7 +23,6 @@ from hovercontrol.identify.excitation import (
     unexcited_directions,
     widening,
 )
-from hovercontrol.identify.predict import coasting
 
 
 @dataclass(frozen=True)
