@@ -145,5 +145,16 @@ class Signal:
         ----------
         **changes
             Fields by name.
+
+        Returns
+        -------
+        Signal
+
+        Examples
+        --------
+        >>> Signal("u", "m/s").replace(name="v").name
+        'v'
         """
         return dataclasses.replace(self, **changes)
+
+    but = replace  # its former name, in scripts
