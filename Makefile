@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo test check fuzz benchmarks docs pictures clean
+.PHONY: demo test test-all coverage mutations oldest check wheel fuzz benchmarks docs pictures clean
 .DELETE_ON_ERROR:
 
 demo: .venv/ready  ## the paper's Table I, coefficients from the sample log, what K06's model lacked
@@ -15,8 +15,17 @@ demo: .venv/ready  ## the paper's Table I, coefficients from the sample log, wha
 	@echo "Look at out/table1/tracking_error.png, out/identify/free_run_rudder_craft.png"
 	@echo "and, in a browser, out/diagnose/report.html"
 
-test: .venv/ready check  ## style, types, all tests
-	$(BIN)/python -m pytest -n 2 --dist worksteal
+PYTEST := $(BIN)/python -m pytest -n 2 --dist worksteal --durations=30 --durations-min=0.5
+
+test: .venv/ready check  ## style, types, all tests that are not marked slow; the slowest at the end
+	$(PYTEST) -m "not slow"
+
+test-all: .venv/ready check  ## the same and the slow ones
+	$(PYTEST)
+
+COVERED ?= 90
+coverage: .venv/ready  ## all tests, and which lines of the package none of them runs; fewer than 90 % that run fail
+	$(PYTEST) --cov --cov-report=term:skip-covered --cov-report=html:out/coverage --cov-fail-under=$(COVERED)
 
 check: .venv/ready
 	$(BIN)/ruff check .
@@ -26,6 +35,15 @@ check: .venv/ready
 FUZZ_SECONDS ?= 600
 fuzz: .venv/ready  ## hostile and clumsy inputs; each that breaks something is printed with its seed
 	$(BIN)/python -m tests.fuzz --seconds $(FUZZ_SECONDS) $(if $(FUZZ_SEED),--seed $(FUZZ_SEED))
+
+mutations: .venv/ready  ## one-line faults in a copy of the code: does make test notice each?
+	$(BIN)/python -m tests.mutations
+
+oldest: .venv/ready  ## the quick tests with the oldest versions that pyproject.toml allows
+	$(BIN)/python -m tests.packaging.oldest
+
+wheel: .venv/ready  ## wheel and sdist, installed in fresh environments; sizes and times
+	$(BIN)/python -m tests.packaging.install
 
 benchmarks: .venv/ready  ## every figure in the README, measured on this machine
 	$(BIN)/python -m benchmarks

@@ -7,56 +7,96 @@ from pathlib import Path
 import numpy as np
 import pyarrow
 import pyarrow.csv
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from hovercontrol.analysis.k06.trials import fly_trial
-from hovercontrol.analysis.k06.variable_pitch import PITCH_LAG, with_variable_pitch
+from hovercontrol.analysis.k06.variable_pitch import with_variable_pitch, without_brake
 from hovercontrol.analysis.output import Progress, save, script
+from hovercontrol.hardware.actuators import VariablePitch
 from hovercontrol.scenarios import load_scenario
 
-TRIALS = ("stop", "forward", "reverse", "turn", "heading-bangbang-rest", "heading-proportional-rest")
+Array = NDArray[np.float64]
+
+TRIALS = ("halt", "stop", "forward", "reverse", "turn", "heading-bangbang-rest", "heading-proportional-rest")
+FAN, FREE, PITCH = "reversing fan with its brake", "the same fan without the brake", "variable pitch"
+#: How each is made from a trial.
+PROPELLERS = {FAN: lambda trial: trial, FREE: without_brake, PITCH: with_variable_pitch}
 
 
 def main(
     out: Path, progress: Progress | None = None, *, runs: int = 8, trials: tuple[str, ...] = TRIALS
 ) -> list[Path]:
-    """Fly each trial with both propellers; compare the rms gap to the ideal loop, and headings."""
-    rows, findings = [], []
+    """Fly each trial with the propellers; compare the rms gap to the ideal loop, headings, and the halt."""
+    gaps: dict[str, dict[str, Array]] = {}
+    findings: list[str] = []
+    tracks: dict[str, tuple[Array, Array]] = {}
     for k, name in enumerate(trials):
         own = load_scenario(f"k06-real-{name}")
-        found = [fly_trial(s, runs=runs) for s in (own, with_variable_pitch(own))]
-        gaps = [np.sqrt(np.mean(c["gap"] ** 2, axis=1)) for _, c in found]
-        rows.append((name, *gaps))
-        text = f"{name}: gap to the ideal loop {gaps[0].mean():.3f} to {gaps[1].mean():.3f} m/s"
-        if "heading_error" in found[0][1]:
-            swings = [np.degrees(np.abs(c["heading_error"][:, t > t[-1] - 10]).max(axis=1)) for t, c in found]
-            first, second = (f"{swing.mean():.0f}" for swing in swings)
-            text += f"; largest heading error of the last 10 s {first} to {second} deg"
-        findings.append(text + ".")
+        found = {label: fly_trial(make(own), runs=runs) for label, make in PROPELLERS.items()}
+        gaps[name] = {label: np.sqrt(np.mean(c["gap"] ** 2, axis=1)) for label, (_, c) in found.items()}
+        findings.append(f"{name}: gap to the ideal loop {_each(gaps[name], '.3f')} m/s{_told(name, found)}.")
+        if name == "halt":
+            tracks = {label: (t, c["x"]) for label, (t, c) in found.items()}
         if progress:
             progress((k + 1) / len(trials))
+    made = VariablePitch()
     findings.append(
-        f"Means of {runs} seeds, K06's fan to a variable-pitch propeller: same force backward, no brake, "
-        f"pitch behind a lag of {PITCH_LAG:g} s (assumed)."
+        f"Means of {runs} seeds: {', '.join(PROPELLERS)}. The propeller gives {made.thrust:.2f} N either "
+        f"way, its pitch {made.lag:g} s behind (an assumption); the fan gives 0.97 N astern."
     )
-    figure = Figure(figsize=(8.0, 1.4 + 0.5 * len(rows)), layout="constrained")
-    axes = figure.subplots()
-    place = np.arange(len(rows))[::-1]
-    for which, label in enumerate(("reversing fan with its brake", "variable pitch")):
-        means, spread = (np.array([f(row[1 + which]) for row in rows]) for f in (np.mean, np.std))
-        axes.barh(place + 0.2 - 0.4 * which, means, 0.36, xerr=spread, color=f"C{which}", label=label)
-    axes.set_yticks(place, [row[0] for row in rows])
-    axes.set_xlabel("rms gap of the real to the ideal loop [m/s]")
-    axes.legend(frameon=False)
-    table = pyarrow.table(
-        {
-            "trial": [row[0] for row in rows],
-            "gap, fan [m/s]": [float(row[1].mean()) for row in rows],
-            "gap, variable pitch [m/s]": [float(row[2].mean()) for row in rows],
+    rows = [
+        {"trial": name, "propeller": label, "gap [m/s]": float(gap.mean())}
+        | ({"distance [m]": float(tracks[label][1].max(axis=1).mean())} if name == "halt" else {})
+        for name, labels in gaps.items()
+        for label, gap in labels.items()
+    ]
+    tables = {"k06_variable_pitch": lambda path: pyarrow.csv.write_csv(pyarrow.Table.from_pylist(rows), path)}
+    return save(out, "k06_variable_pitch", _figure(gaps, tracks), tables, findings)
+
+
+def _told(name: str, found: dict[str, tuple[Array, dict[str, Array]]]) -> str:
+    """Return what else a trial is about."""
+    if name == "halt":
+        distances = {label: c["x"].max(axis=1) for label, (_, c) in found.items()}
+        return f"; from 1.1 m/s it stands after {_each(distances, '.2f')} m"
+    if name.startswith("heading"):
+        swings = {
+            label: np.degrees(np.abs(c["heading_error"][:, t > t[-1] - 10]).max(axis=1))
+            for label, (t, c) in found.items()
         }
-    )
-    tables = {"k06_variable_pitch": lambda path: pyarrow.csv.write_csv(table, path)}
-    return save(out, "k06_variable_pitch", figure, tables, findings)
+        return f"; largest heading error of the last 10 s {_each(swings, '.0f')} deg"
+    return ""
+
+
+def _each(values: dict[str, Array], digits: str) -> str:
+    return ", ".join(f"{value.mean():{digits}}" for value in values.values())
+
+
+def _figure(gaps: dict[str, dict[str, Array]], tracks: dict[str, tuple[Array, Array]]) -> Figure:
+    figure = Figure(figsize=(11.0, 2.0 + 0.55 * len(gaps)), layout="constrained")
+    bars, halt = figure.subplots(1, 2, width_ratios=[1.3, 1.0]) if tracks else (figure.subplots(), None)
+    place = np.arange(len(gaps))[::-1]
+    for which, label in enumerate(PROPELLERS):
+        means, spread = (np.array([f(row[label]) for row in gaps.values()]) for f in (np.mean, np.std))
+        bars.barh(place + 0.27 * (1 - which), means, 0.25, xerr=spread, color=f"C{which}", label=label)
+    bars.set_yticks(place, list(gaps))
+    bars.set_xlabel("rms gap of the real to the ideal loop [m/s]")
+    if halt is not None:
+        _draw_halt(halt, tracks)
+    lines, labels = bars.get_legend_handles_labels()
+    figure.legend(lines, labels, loc="outside lower center", ncols=3, frameon=False)
+    return figure
+
+
+def _draw_halt(axes: Axes, tracks: dict[str, tuple[Array, Array]]) -> None:
+    for which, (time, x) in enumerate(tracks.values()):
+        axes.fill_between(time, x.min(axis=0), x.max(axis=0), color=f"C{which}", alpha=0.25, lw=0)
+        axes.plot(time, x.mean(axis=0), color=f"C{which}")
+    axes.set(xlabel="time [s]", ylabel="way run from 1.1 m/s [m]")
+    axes.set_title("halt", fontsize=11)
+    axes.grid(alpha=0.3)
 
 
 if __name__ == "__main__":

@@ -11,6 +11,7 @@ import hovercontrol
 from benchmarks import (
     autopilot,
     cluster,
+    cockpit,
     compiled,
     derive,
     discrepancy,
@@ -32,6 +33,7 @@ ALL = {
     "fused": fused,
     "compiled": compiled,
     "cluster": cluster,
+    "cockpit": cockpit,
     "do_step": do_step,
     "step": step,
     "fmu": fmu,

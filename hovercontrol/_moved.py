@@ -17,8 +17,7 @@ _INTO = {
     "controllers": "references",
 }
 _ANALYSIS = {
-    "c17": "experiment_design flights gains interconnection iss loops lyapunov normal_form table_two "
-    "zero_dynamics",
+    "c17": "experiment_design gains interconnection iss loops lyapunov normal_form table_two zero_dynamics",
     "common": "delayed_law directions excitation margins observability packet_loss polynomials regions "
     "stabilizability",
     "k06": "basins bench bench_blocks budget ins_monte_carlo law_regions reverse_error trials variable_pitch",
@@ -32,8 +31,10 @@ MOVED = {
         for package, names in _ANALYSIS.items()
         for name in names.split()
     },
+    "analysis.flights": "analysis.c17.reference_runs",
     "model_template": "models.template",
     "noise": "core.random_numbers",
+    "estimators.ins.runs": "simulation.sampled",
     "targets.numpy": "core.functions",
     "targets.runner": "simulation.runner",
     "fmi.imported": "fmi.importer.imported",

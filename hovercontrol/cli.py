@@ -1,6 +1,6 @@
-"""The command line; how each command ends is told in :mod:`hovercontrol.endings`.
+"""The command line; :mod:`hovercontrol.endings` has the exit statuses.
 
-Nothing is imported before Ctrl-C is listened to, but what listens.
+Only what handles signals is imported before Ctrl-C is handled.
 """
 
 from __future__ import annotations

@@ -22,9 +22,9 @@ DONE, FINDING, WRONG, FAULT = 0, 1, 2, 3
 
 #: What every status means; ``hovercontrol --help`` prints it.
 STATUSES = (
-    "Exit status: 0 done; 1 done, with a negative finding; 2 wrong input, or no way to write, said in one "
-    "line; 3 a fault of hovercontrol's; 130 stopped by Ctrl-C, 143 by SIGTERM. Results appear as a whole or "
-    "not at all."
+    "Exit status: 0 done; 1 done, with a negative finding; 2 wrong input or output not writable, with a "
+    "one-line message; 3 an internal error; 130 stopped by Ctrl-C, 143 by SIGTERM. Results are written "
+    "atomically."
 )
 
 #: Signals that stop a command, and its status then: 128 and the signal's number, as shells have it.
@@ -49,9 +49,9 @@ def run(command: Callable[[], object]) -> int:
     ----------
     command : callable
         Returns the status, or None for 0. An :class:`.InputError` and anything that the system refuses (a
-        full disk, a missing permission) are one line and 2, a signal is one line and 130 or 143, a reader of
-        the output that has left is 0 without a word, everything else one line and 3. Warnings are told at the
-        end of work that succeeds.
+        full disk, a missing permission) are one line and 2, a signal is one line and 130 or 143, a closed
+        pipe is 0 without a message, everything else one line and 3. Warnings are printed at the end of work
+        that succeeds.
     """
     files.placed.clear()
     files.kept.clear()
@@ -67,7 +67,7 @@ def run(command: Callable[[], object]) -> int:
             status = end.code if isinstance(end.code, int) and end.code != 1 else DONE
         if status in STOPS.values():  # the library of the command line knows one status for all signals
             return _stopped(STOPS[_asked[-1]] if _asked else status)
-        notices.tell()
+        notices.print_all()
         _flush()
         return status
     except InputError as error:
@@ -81,7 +81,7 @@ def run(command: Callable[[], object]) -> int:
         _drop_output()
         return _say(f"{error.filename or 'the output cannot be written'}: {files.reason(error)}", WRONG)
     except MemoryError:
-        return _say("this needs more memory than there is", WRONG)
+        return _say("not enough memory", WRONG)
     except Exception as error:  # a fault of ours: never a traceback at a user, never taken for a finding
         return _say(f"unexpected {type(error).__name__}: {error} (please report this)", FAULT)
     finally:
@@ -89,7 +89,7 @@ def run(command: Callable[[], object]) -> int:
 
 
 class _Notices:
-    """What is remarkable about the input, told when the work is done: a refusal is one line."""
+    """Warnings about the input, printed when the work is done."""
 
     def __init__(self) -> None:
         self.texts: list[str] = []
@@ -100,7 +100,7 @@ class _Notices:
         if issubclass(category, UserWarning) and text not in self.texts:
             self.texts.append(text)
 
-    def tell(self) -> None:
+    def print_all(self) -> None:
         """Print one line for each."""
         for text in self.texts:
             print(f"warning: {text}", file=sys.stderr)
@@ -126,14 +126,14 @@ def _stopped(status: int) -> int:
 
 def _farewell() -> str:
     if files.kept:
-        return f"stopped; what was done is kept in {files.kept[-1].name}: --resume goes on from there"
+        return f"stopped; results so far are kept in {files.kept[-1].name}; continue with --resume"
     if files.placed:
         return f"stopped; {files.placed[-1]} was written before"
     return "stopped; nothing was written"
 
 
 def _flush() -> None:
-    """Write out what was printed, as long as a failure can still be told."""
+    """Write out what was printed, while a failure can still be reported."""
     for stream in (sys.stdout, sys.stderr):
         if stream is not None:
             stream.flush()

@@ -1,4 +1,4 @@
-"""The one kind of error a user causes: wrong input, said in one line.
+"""The error for wrong input, with a one-line message.
 
 Everything the user can get wrong (a name, a unit, a row of a log) raises :class:`InputError`. The command
 line prints its text and ends with status 2; scripts catch it like any :class:`ValueError`.
@@ -15,7 +15,13 @@ LONGEST_LINE, LONGEST_NAME, MOST_NAMES = 1000, 100, 60
 
 
 class InputError(ValueError):
-    """What was expected, what was found and where, in one line: of whatever text, one line is made."""
+    r"""Wrong input: what was expected, what was found and where, in one line.
+
+    Examples
+    --------
+    >>> str(InputError("log.csv, row 3:\n  no number"))
+    'log.csv, row 3: no number'
+    """
 
     def __init__(self, text: object = "") -> None:
         super().__init__(one_line(text))

@@ -23,6 +23,17 @@ settings.register_profile(
 settings.load_profile("hovercraft")
 
 
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items):
+    """A test marked ``slow("loop", "mass")`` is slow for parameters with one of these in their ids."""
+    for item in items:
+        item.own_markers[:] = [
+            mark
+            for mark in item.own_markers
+            if mark.name != "slow" or not mark.args or any(part in item.name for part in mark.args)
+        ]
+
+
 @pytest.fixture
 def rng() -> np.random.Generator:
     return np.random.default_rng(20170917)

@@ -42,7 +42,7 @@ def _signals_as_before(monkeypatch):
         (raised(OSError(28, "No space left", "x.csv")), 2, "hovercontrol: x.csv: No space left\n"),
         (raised(BrokenPipeError()), 0, ""),
         (raised(SystemExit(1)), 0, ""),
-        (raised(MemoryError()), 2, "hovercontrol: this needs more memory than there is\n"),
+        (raised(MemoryError()), 2, "hovercontrol: not enough memory\n"),
         (raised(KeyboardInterrupt()), 130, STOPPED),
         (raised(KeyError("x")), 3, "hovercontrol: unexpected KeyError: 'x' (please report this)\n"),
     ],
@@ -127,6 +127,7 @@ def test_a_reader_who_leaves_is_no_finding(words):
     assert process.wait(20) == 0
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="needs a device that is full")
 def test_a_full_device_for_the_output_is_one_line():
     with open("/dev/full", "w") as full:

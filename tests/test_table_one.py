@@ -1,5 +1,7 @@
 """C17's Table I in small: one fused Block against python-control's wiring of separate blocks."""
 
+import shutil
+
 import control as ct
 import numpy as np
 import pytest
@@ -9,6 +11,8 @@ from hovercontrol.controllers.references import ellipse
 from hovercontrol.core.interconnect import interconnect
 from hovercontrol.estimators import kalman_bucy
 from hovercontrol.models.vehicles import c17_simulation
+from hovercontrol.scenarios import load_scenario
+from hovercontrol.scenarios.runner import loop_parts, phase_parameters
 from hovercontrol.simulation.trajectory import simulate
 
 DRAG = (
@@ -103,3 +107,24 @@ def test_halved_drag_moves_the_craft_off_its_path_and_the_estimates_bring_it_bac
     assert mean["adaptive"] < 0.1 * mean["half the drag"]
     found = run.outputs[labels.index("yaw_coulomb_hat"), -1]
     assert found == pytest.approx(0.83 / 2, abs=0.1)
+
+
+@pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler (cc) on this machine")
+def test_the_third_phase_is_the_same_compiled_and_not_unless_coulomb_friction_is_asked_for():
+    """Which friction is physical: see hovercontrol.core.friction.Friction."""
+    scenario = load_scenario("table1")
+    loop = interconnect([*loop_parts(scenario).values()], "loop")
+    default, sticks = loop.compile(), loop.compile(friction="events")
+    tight = {"rtol": 1e-9, "atol": 1e-12}
+    x, begin = np.array([s.start for s in loop.states]), 0.0
+    for phase in scenario.phases:
+        grid, params = np.linspace(begin, phase.until, 41), phase_parameters(scenario, phase)
+        start, x = x, default.simulate(grid, x0=x, params=params, **tight).states[:, -1]
+        begin = phase.until
+    python = simulate(loop, grid, x0=start, params=params, method="LSODA", **tight)
+    np.testing.assert_allclose(python.states[:6, -1], x[:6], rtol=0.0, atol=1e-6)
+    exact = sticks.simulate(grid, x0=start, params=params, **tight).states
+    assert np.abs(exact[:2, -1] - x[:2]).max() > 0.01  # [m]: it sticks and slips
+    velocities = exact[3:6, 1:]
+    assert (velocities == 0.0).any()
+    assert (python.states[3:6, 1:] != 0.0).all()

@@ -1,5 +1,6 @@
-"""Analyses of Blocks and of what logs can tell about them."""
+"""Analyses of Blocks: stability, observability, margins, regions."""
 
+from hovercontrol.analysis.c17.arm_region import arm_region
 from hovercontrol.analysis.c17.experiment_design import ExpectedErrors, ellipse_errors, expected_errors
 from hovercontrol.analysis.c17.gains import beta_region, gain_region
 from hovercontrol.analysis.c17.interconnection import clopper_pearson, region_of_attraction
@@ -13,7 +14,7 @@ from hovercontrol.analysis.c17.iss import (
 )
 from hovercontrol.analysis.c17.lyapunov import Decay, LyapunovFunction, decay, fastest_beta, lyapunov_function
 from hovercontrol.analysis.c17.normal_form import NormalForm, normal_form
-from hovercontrol.analysis.c17.zero_dynamics import ZeroDynamics, arm_region, predict, zero_dynamics
+from hovercontrol.analysis.c17.zero_dynamics import ZeroDynamics, predict, zero_dynamics
 from hovercontrol.analysis.common.directions import Direction
 from hovercontrol.analysis.common.excitation import Excitation, FunctionSet, excitation, signals_of
 from hovercontrol.analysis.common.margins import FrozenMargins, Margins, loop_margins, margins, margins_along

@@ -24,7 +24,7 @@ def save(
     tables: Mapping[str, Callable[[Path], object]],
     findings: Sequence[str],
 ) -> list[Path]:
-    """Write ``NAME.png``, ``NAME.svg``, ``NAME.txt`` and the tables; they appear whole or not at all.
+    """Write ``NAME.png``, ``NAME.svg``, ``NAME.txt`` and the tables; they are written atomically.
 
     Parameters
     ----------
@@ -77,13 +77,13 @@ def _script(main: Callable[..., list[Path]], description: str) -> None:
     parser.add_argument("--out", type=Path, default=Path("out"), help="folder for the results (default: out)")
     out = parser.parse_args().out
 
-    def tell(done: float) -> None:
+    def report(done: float) -> None:
         if sys.stderr.isatty():
             print(f"\r{100 * done:3.0f} %", end="\n" if done >= 1 else "", file=sys.stderr, flush=True)
 
     check_folder(out)
     with figure_style():
-        files = main(out, tell)
+        files = main(out, report)
     for file in files:
         if file.suffix == ".txt":
             print(file.read_text(encoding="utf-8"), end="")

@@ -11,7 +11,7 @@ from hovercontrol.core.signals import Signal
 
 
 def choice(name: str, description: str, ways: Mapping[Signal, tuple[sp.Expr | str, sp.Expr | str]]) -> Block:
-    """Return a Block that tells signals from one of two sources.
+    """Return a Block that selects signals from one of two sources.
 
     Parameters
     ----------
@@ -25,7 +25,7 @@ def choice(name: str, description: str, ways: Mapping[Signal, tuple[sp.Expr | st
     Returns
     -------
     Block
-        Without states and period: what it tells changes with what it is told. Parameter ``on``, 1 at first.
+        Without states and period: its outputs change with its inputs. Parameter ``on``, 1 at first.
 
     Examples
     --------
@@ -35,19 +35,19 @@ def choice(name: str, description: str, ways: Mapping[Signal, tuple[sp.Expr | st
     """
     on = Signal("on", "1", description, start=1.0, modes=("off", "on"))
     inputs: dict[str, Signal] = {}
-    told: dict[str, sp.Expr] = {}
+    expressions: dict[str, sp.Expr] = {}
     for signal, pair in ways.items():
         found = []
         for way in pair:
             e = sp.Symbol(way, real=True) if isinstance(way, str) else sp.sympify(way)
             for symbol in sorted(e.free_symbols, key=str):
-                inputs.setdefault(symbol.name, signal.but(name=symbol.name))
+                inputs.setdefault(symbol.name, signal.replace(name=symbol.name))
             found.append(e)
-        told[signal.name] = sp.Piecewise((found[0], on.symbol > 0), (found[1], True))
+        expressions[signal.name] = sp.Piecewise((found[0], on.symbol > 0), (found[1], True))
     return Block(
         name,
         inputs=tuple(inputs.values()),
         outputs=tuple(ways),
         parameters=(on,),
-        output_expressions=told,
+        output_expressions=expressions,
     )

@@ -75,12 +75,14 @@ def error_model(
     pulse = Signal("interval", "s", "from pulse to pulse", start=positive(f"{name}: interval", interval))
     noise = random_numbers(4, salt=name, seed=seed)
     since = Signal("since", "s", "time since the pulse")
-    last_since = since.but(name="last_since", description="time since the pulse, at the last tick", start=1e9)
+    last_since = since.replace(
+        name="last_since", description="time since the pulse, at the last tick", start=1e9
+    )
     biases = [
         Signal(f"bias_{key}", unit, "what is left of a bias")
         for key, unit in (("x", "m/s^2"), ("y", "m/s^2"), ("g", "rad/s"))
     ]
-    last = [b.but(name=f"last_{b.name}") for b in biases]
+    last = [b.replace(name=f"last_{b.name}") for b in biases]
     spreads = (sizes[0], sizes[0], sizes[1])
     definitions = dict(noise.definitions)
     definitions[since.name] = sp.Piecewise(
@@ -104,7 +106,7 @@ def error_model(
         states=(last_since, *last, *noise.states),
         inputs=MOTION,
         outputs=tuple(
-            s.but(name=f"{s.name}_hat", description=f"{s.description}, by the INS") for s in MOTION
+            s.replace(name=f"{s.name}_hat", description=f"{s.description}, by the INS") for s in MOTION
         ),
         parameters=(*sizes, pulse, step, *noise.parameters),
         derivatives={

@@ -33,7 +33,7 @@ def nearest_heading(guidance: Block) -> Block:
         return guidance
     psi = MOTION[2]
     off = psi.symbol - HEADING_REF.symbol
-    told = psi.but(name="psi_nearest", description="heading less whole turns")
+    told = psi.replace(name="psi_nearest", description="heading less whole turns")
     turns = Block(
         "whole_turns",
         inputs=(psi, HEADING_REF),

@@ -33,7 +33,7 @@ SWITCHES: dict[str, tuple[str, ...]] = {
     "tables": ("tables.on", "calibration.on"),
     "uplink_delay": ("uplink_delay.on",),
     "update_20ms": ("update_20ms.on",),
-    "brake": ("speed_controller.brake",),
+    "brake": ("speed_controller.brake", "pitch_servo.lag"),
 }
 
 
@@ -68,7 +68,8 @@ class Imperfections:
     update_20ms : bool, optional
         Servo and speed controller take commands every 20 ms.
     brake : bool, optional
-        The speed controller brakes for 150 ms from reverse to forward.
+        The speed controller brakes for 150 ms from reverse to forward; of a variable-pitch propeller, the lag
+        of its pitch.
 
     Examples
     --------
@@ -93,6 +94,11 @@ class Imperfections:
     def only(cls, *names: str) -> Imperfections:
         """Return those named and no other; without a name none.
 
+        Parameters
+        ----------
+        *names : str
+            Of :data:`SWITCHES`.
+
         Raises
         ------
         InputError
@@ -102,7 +108,13 @@ class Imperfections:
         return cls(**{name: name in names for name in SWITCHES})
 
     def without(self, *names: str) -> Imperfections:
-        """Return the same without those named; errors as for :meth:`only`."""
+        """Return the same without those named; errors as for :meth:`only`.
+
+        Parameters
+        ----------
+        *names : str
+            Of :data:`SWITCHES`.
+        """
         _check(names)
         return Imperfections.only(*(name for name in self.names if name not in names))
 

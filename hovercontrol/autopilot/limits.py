@@ -20,15 +20,28 @@ from hovercontrol.hardware.actuators.signals import DEGREE, FORCE_ANGLE_COMMAND,
 
 #: What a law asks for, before it is limited.
 WANTED = tuple(
-    s.but(name=s.name.replace("_command", "_wanted")) for s in (THRUST_COMMAND, FORCE_ANGLE_COMMAND)
+    s.replace(name=s.name.replace("_command", "_wanted")) for s in (THRUST_COMMAND, FORCE_ANGLE_COMMAND)
 )
 #: 1 where the table of fan or servo is left.
 OUTSIDE = tuple(Signal(f"{key}_outside", "1", "1 where the table is left") for key in ("thrust", "rudder"))
 
 
+def fan_ends(tables: tuple[FanTable, FanTable]) -> tuple[float, float]:
+    """Return the least and the largest force [N] of a fan with the rudder straight, by its tables.
+
+    Examples
+    --------
+    >>> [round(end, 2) for end in fan_ends(fan_tables())]
+    [-0.97, 2.0]
+    """
+    lookup, reverse = tables
+    least, most = (float(np.interp(0.0, reverse.rudder, reverse.values[:, k])) for k in (0, -1))
+    return max(float(lookup.columns[0]), least), min(float(lookup.columns[-1]), most)
+
+
 def actuator_limits(
+    ends: tuple[float, float] | None = None,
     *,
-    tables: tuple[FanTable, FanTable] | None = None,
     servo: ServoTable | None = None,
     name: str = "saturation",
 ) -> Block:
@@ -39,8 +52,8 @@ def actuator_limits(
 
     Parameters
     ----------
-    tables : tuple of two FanTable, optional
-        Speeds over forces, forces over speeds. Default: K06's stand-ins.
+    ends : tuple of 2 float, optional
+        Least and largest force [N]. Default: those of K06's fan, by :func:`fan_ends`.
     servo : ServoTable, optional
         Default: K06's stand-in.
     name : str, optional
@@ -56,13 +69,12 @@ def actuator_limits(
     >>> actuator_limits().to_numpy().outputs(0.0, (), [9.0, 1.5]).round(2).tolist()
     [2.0, 0.47]
     """
-    lookup, reverse = fan_tables() if tables is None else tables
-    least, most = (float(np.interp(0.0, reverse.rudder, reverse.values[:, k])) for k in (0, -1))
+    least, most = ends or fan_ends(fan_tables())
     angles = (servo_table() if servo is None else servo).angle * DEGREE
     sides = sorted(float(force_angle_of_rudder(a)) for a in (angles[0], angles[-1]))
     on = Signal("on", "1", "ends of fan and rudder", start=1.0, modes=("off", "on"))
-    ahead = Signal("ahead", "N", "largest force ahead", start=min(float(lookup.columns[-1]), most))
-    astern = Signal("astern", "N", "largest force astern", start=-max(float(lookup.columns[0]), least))
+    ahead = Signal("ahead", "N", "largest force ahead", start=most)
+    astern = Signal("astern", "N", "largest force astern", start=-least)
     right = Signal("angle_lowest", "rad", "least angle of the force", start=sides[0])
     left = Signal("angle_highest", "rad", "greatest angle of the force", start=sides[1])
     F, a = (s.symbol for s in WANTED)
@@ -104,7 +116,7 @@ def clip_counters(period: float, *, name: str = "clipping") -> Block:
     for key, want, command, outside in zip(("thrust", "rudder"), WANTED, commands, OUTSIDE, strict=True):
         text = "ticks so far at which more was wanted than it can do, and was clipped"
         counts.append(Signal(f"{key}_clipped", "1", text, lower=0.0))
-        last.append(counts[-1].but(name=f"last_{key}_clipped"))
+        last.append(counts[-1].replace(name=f"last_{key}_clipped"))
         cut = sp.Or(want.symbol < command.symbol, want.symbol > command.symbol, outside.symbol > 0)
         definitions[counts[-1].name] = last[-1].symbol + sp.Piecewise((1, cut), (0, True))
     return Block(

@@ -6,18 +6,21 @@ Sensors, links, actuators, craft.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 
 from hovercontrol.autopilot.choice import choice
 from hovercontrol.autopilot.imperfections import Imperfections
 from hovercontrol.autopilot.limits import lossy_tables
 from hovercontrol.autopilot.navigation import HATS, NAVIGATION, check_beacons, sampled_motion
-from hovercontrol.autopilot.sides import COMMANDS, after, board_side, held_side, pilot_side
+from hovercontrol.autopilot.sides import after, board_side, held_side, pilot_side, sent_commands
+from hovercontrol.autopilot.thrusters import reversing_fan, variable_pitch
 from hovercontrol.core.block import Block
 from hovercontrol.core.interconnect import interconnect
 from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.estimators.ins import K06_NOISE, InsNoise
 from hovercontrol.hardware.actuators import FanTable, ServoTable, servo_table, table_pair
+from hovercontrol.hardware.actuators.pitch import BLADE_PITCH, VariablePitch
 from hovercontrol.hardware.actuators.signals import TICK, UPDATE
 from hovercontrol.hardware.links import constant_delay, k06_downlink, k06_uplink
 from hovercontrol.hardware.sensors import Beacons, with_specific_force
@@ -38,6 +41,7 @@ def autopilot(
     beacons: Beacons | None = None,
     tables: FanTable | Sequence[FanTable] | None = None,
     servo: ServoTable | None = None,
+    propeller: VariablePitch | None = None,
     rudder_loss: float = 0.0,
     imperfections: Imperfections | None = None,
     seed: int = 1,
@@ -77,6 +81,8 @@ def autopilot(
     servo : ServoTable, optional
         Of the rudder, as measured: see :func:`~hovercontrol.hardware.actuators.read_servo_table`. Default:
         K06's stand-in.
+    propeller : VariablePitch, optional
+        A variable-pitch propeller in place of the fan; its ``rudder_loss`` is the one given here.
     rudder_loss : float, optional
         Share of the thrust that the stand-ins lose with the rudder at 35 degrees, beyond their cosine; it
         grows with the square of the angle. K06 says that the thrust falls, not how far.
@@ -92,7 +98,8 @@ def autopilot(
     Block
         Hybrid. Outputs the true motion ``x ... r``, the navigation's ``x_hat ... r_hat``, what the law is
         told ``u_seen`` ..., ``force_x, force_y``, the servo's and the fan's commands; ``thrust_clipped`` and
-        ``rudder_clipped``, the ticks so far at which the law wanted more than they can do; ``drive_mode``,
+        ``rudder_clipped``, the ticks so far at which the law wanted more than they can do; ``drive_mode``
+        or ``blade_pitch``,
         and what acts: ``thrust`` [N], ``rudder`` [rad]; with guidance its outputs.
 
     Raises
@@ -119,6 +126,7 @@ def autopilot(
         beacons=beacons,
         tables=tables,
         servo=servo,
+        propeller=propeller,
         rudder_loss=rudder_loss,
         imperfections=imperfections,
         seed=seed,
@@ -126,7 +134,8 @@ def autopilot(
     )
     pilot = next(part for part in parts if part.name == "pilot")
     shown = [*(s.name for s in MOTION), *HATS, *(s.name for s in (*pilot.inputs, *pilot.outputs))]
-    shown += ["drive_mode", "thrust", "rudder"]
+    board = next(part for part in parts if part.name == "board")
+    shown += [s.name for s in board.outputs if s.name in ("drive_mode", BLADE_PITCH.name, "thrust", "rudder")]
     return interconnect(parts, name, inputs=[], outputs=shown)
 
 
@@ -142,6 +151,7 @@ def autopilot_parts(
     beacons: Beacons | None = None,
     tables: FanTable | Sequence[FanTable] | None = None,
     servo: ServoTable | None = None,
+    propeller: VariablePitch | None = None,
     rudder_loss: float = 0.0,
     imperfections: Imperfections | None = None,
     seed: int = 1,
@@ -162,15 +172,23 @@ def autopilot_parts(
         )
     if beacons is not None:
         check_beacons("autopilot", beacons, navigation)
-    fan, servo = _tables(tables, servo, rudder_loss)
+    if propeller is None:
+        fan, servo = _tables(tables, servo, rudder_loss)
+        thruster = reversing_fan(fan, period)
+    else:
+        if tables is not None:
+            raise InputError("autopilot: tables are those of a fan, not of a variable-pitch propeller")
+        _, servo = _tables(None, servo, rudder_loss)
+        thruster = variable_pitch(replace(propeller, rudder_loss=rudder_loss), period)
+    commands = sent_commands(thruster)
     craft = (hoverdemon().plant() if plant is None else plant).with_values(start or {})
     make, rate = NAVIGATION[navigation]
     sensing = make({s.name: s.start for s in craft.states}, noise, seed, beacons)
     if navigation != "error_model":
         craft = with_specific_force(craft)
-    pilot = pilot_side(law, guidance, references, period, fan, servo)
+    pilot = pilot_side(law, guidance, references, period, thruster, servo)
     seen = [s for s in MOTION if f"{s.name}_seen" in {i.name for i in pilot.inputs}]
-    told = [s.but(name=f"{s.name}_told", description=f"{s.description}, sent to the law") for s in seen]
+    told = [s.replace(name=f"{s.name}_told", description=f"{s.description}, sent to the law") for s in seen]
     parts = [
         craft,
         *sensing,
@@ -180,18 +198,18 @@ def autopilot_parts(
         choice(
             "downlink_delay",
             "36 ms from the craft to the law",
-            {s.but(name=f"{s.name}_seen"): (f"{s.name}_told_received", f"{s.name}_told") for s in seen},
+            {s.replace(name=f"{s.name}_seen"): (f"{s.name}_told_received", f"{s.name}_told") for s in seen},
         ),
         pilot,
-        k06_uplink(COMMANDS),
-        constant_delay(COMMANDS, period, period, suffix="_next", name="base_tick"),
+        k06_uplink(commands),
+        constant_delay(commands, period, period, suffix="_next", name="base_tick"),
         choice(
             "uplink_delay",
             "40 ms from the law to the craft",
-            {after(s, "sent"): (f"{s.name}_received", f"{s.name}_next") for s in COMMANDS},
+            {after(s, "sent"): (f"{s.name}_received", f"{s.name}_next") for s in commands},
         ),
-        held_side(UPDATE),
-        board_side(period, fan[1], servo),
+        held_side(UPDATE, commands),
+        board_side(period, thruster, servo),
     ]
     there = imperfections or Imperfections()
     return [part.with_values(there.parameters(part)) for part in parts]
@@ -207,7 +225,9 @@ def _tables(
     if tables is None:
         return lossy_tables(rudder_loss), servo
     if rudder_loss:
-        raise InputError("autopilot: rudder_loss is one of the stand-in tables; measured ones have their own")
+        raise InputError(
+            "autopilot: rudder_loss is one of the stand-in tables; measured tables include their own"
+        )
     return table_pair(tables, "autopilot: tables"), servo
 
 
@@ -235,6 +255,6 @@ def _ins_update(seen: list[Signal]) -> Block:
     """Return the choice between the navigation's own ticks and its errors on the motion of any instant."""
     ways = {}
     for s in seen:
-        hat, sampled = (s.but(name=f"{s.name}_{end}").symbol for end in ("hat", "sampled"))
-        ways[s.but(name=f"{s.name}_told")] = (hat, s.symbol + hat - sampled)
-    return choice("ins_update", "navigation tells the motion at the IMU's ticks", ways)
+        hat, sampled = (s.replace(name=f"{s.name}_{end}").symbol for end in ("hat", "sampled"))
+        ways[s.replace(name=f"{s.name}_told")] = (hat, s.symbol + hat - sampled)
+    return choice("ins_update", "the navigation updates at the IMU's ticks", ways)

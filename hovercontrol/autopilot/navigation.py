@@ -1,4 +1,4 @@
-"""What tells the law how the craft moves: K06's error model, or its sensors and filters in full."""
+"""The navigation of a loop: K06's error model, or its sensors and filters in full."""
 
 from __future__ import annotations
 
@@ -176,7 +176,7 @@ def check_beacons(where: str, beacons: Beacons, navigation: str) -> None:
 
 def sampled_motion(period: float, name: str = "ins_sampling") -> Block:
     """Return the true motion as it was at the last tick of the navigation: ``x_sampled`` ..."""
-    told = tuple(s.but(name=f"{s.name}_sampled") for s in MOTION)
+    told = tuple(s.replace(name=f"{s.name}_sampled") for s in MOTION)
     return Block(
         name,
         inputs=MOTION,

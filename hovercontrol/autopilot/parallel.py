@@ -49,7 +49,7 @@ def beside_ideal(real: Block, ideal: Block, *, body: Body = HOVERDEMON_BODY, nam
     """
     mass = Signal("mass", "kg", "of the craft", start=body.mass, lower=0.0)
     inertia = Signal("inertia", "kg*m^2", "of the craft", start=body.inertia, lower=0.0)
-    other = [s.but(name=f"ideal_{s.name}") for s in _MOVING]
+    other = [s.replace(name=f"ideal_{s.name}") for s in _MOVING]
     apart = [s.symbol - o.symbol for s, o in zip(_MOVING, other, strict=True)]
     square = apart[0] ** 2 + apart[1] ** 2 + inertia.symbol / mass.symbol * apart[2] ** 2
     difference = Block(

@@ -5,31 +5,29 @@ Both have K06's tables and ideal ones, with a choice between them.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from hovercontrol.autopilot.choice import choice
 from hovercontrol.autopilot.limits import OUTSIDE, actuator_limits, clip_counters
+from hovercontrol.autopilot.thrusters import STRAIGHT, Thruster
 from hovercontrol.controllers.k06 import setpoints
 from hovercontrol.core.block import Block
 from hovercontrol.core.interconnect import interconnect, rename
 from hovercontrol.core.signals import Signal
 from hovercontrol.hardware.actuators import (
-    FanTable,
     ServoTable,
     force_command,
-    ideal_fan,
     ideal_servo,
     rudder_lookup,
     rudder_servo,
-    speed_controller,
-    thrust_force,
-    thrust_lookup,
 )
-from hovercontrol.hardware.actuators.signals import FAN_SPEED_COMMAND, FAN_SPEED_SET, SERVO_COMMAND
+from hovercontrol.hardware.actuators.signals import SERVO_COMMAND
 from hovercontrol.models.model import MOTION, RUDDER, THRUST
 
-#: What goes over the link to the craft.
-COMMANDS = (SERVO_COMMAND, FAN_SPEED_COMMAND)
+
+def sent_commands(thruster: Thruster) -> tuple[Signal, Signal]:
+    """Return what goes over the link to the craft."""
+    return SERVO_COMMAND, thruster.command
 
 
 def pilot_side(
@@ -37,7 +35,7 @@ def pilot_side(
     guidance: Block | None,
     references: Mapping[str, float] | None,
     period: float,
-    tables: tuple[FanTable, FanTable],
+    thruster: Thruster,
     servo: ServoTable,
 ) -> Block:
     """Return all that ticks with the law: guidance, law, dead zone, saturation, lookup tables.
@@ -46,8 +44,7 @@ def pilot_side(
     ----------
     law, guidance, references, period
         As for :func:`~hovercontrol.autopilot.autopilot`.
-    tables : tuple of two FanTable
-        Speeds over forces, forces over speeds.
+    thruster : Thruster
     servo : ServoTable
 
     Returns
@@ -60,53 +57,52 @@ def pilot_side(
     reference = setpoints(own, references)
     own = [*([reference] if reference.outputs else []), *own]
     wanted = {"thrust_command": "thrust_wanted", "force_angle_command": "force_angle_wanted"}
+    commands = sent_commands(thruster)
     lookups = []
-    for suffix, fan, own_servo, straight in _sets(tables[0], servo, 0):
-        ports = {s.name: f"{s.name}_by_table{suffix}" for s in (*COMMANDS, *OUTSIDE)}
+    for (suffix, own_servo, straight), thrust in zip(_servos(servo), thruster.lookups, strict=True):
+        ports = {s.name: f"{s.name}_by_table{suffix}" for s in (*commands, *OUTSIDE)}
         ports["rudder_angle_command"] = f"rudder_angle_command{suffix}"
         rudder = rudder_lookup(table=own_servo, period=0.0, name=f"rudder_lookup{suffix}", **straight)
-        thrust = thrust_lookup(table=fan, period=0.0, name=f"thrust_lookup{suffix}")
         lookups += [_renamed(rudder, ports), _renamed(thrust, ports)]
     counters = clip_counters(next((block.period for block in own if block.period), period))
     parts = [
         *own,
         rename(force_command(), wanted),
-        actuator_limits(tables=tables, servo=servo),
+        actuator_limits(thruster.ends, servo=servo),
         *lookups,
         choice(
             "tables",
             "lookup tables of servo and fan",
-            {s: (f"{s.name}_by_table", f"{s.name}_by_table_ideal") for s in (*COMMANDS, *OUTSIDE)},
+            {s: (f"{s.name}_by_table", f"{s.name}_by_table_ideal") for s in (*commands, *OUTSIDE)},
         ),
         counters,
     ]
     outputs = [s.name for block in own for s in block.outputs]
-    outputs += [s.name for s in (*COMMANDS, *counters.outputs)]
+    outputs += [s.name for s in (*commands, *counters.outputs)]
     whole = interconnect(parts, "pilot", outputs=outputs)
     moving = {s.name for s in MOTION}
     return rename(whole, {s.name: f"{s.name}_seen" for s in whole.inputs if s.name in moving})
 
 
-def board_side(period: float, table: FanTable, servo: ServoTable) -> Block:
-    """Return all that ticks on board: the servo, the speed controller, and the force that they make.
+def board_side(period: float, thruster: Thruster, servo: ServoTable) -> Block:
+    """Return all that ticks on board: the servo, the thruster's drive, and the force that they make.
 
     Parameters
     ----------
     period : float
         [s]
-    table : FanTable
-        Forces over speeds.
+    thruster : Thruster
     servo : ServoTable
 
     Returns
     -------
     Block
-        Inputs the commands as sent and as held for 20 ms; outputs ``thrust`` [N], ``rudder`` [rad],
-        ``fan_speed_set`` [rad/s] and ``drive_mode``.
+        Inputs the commands as sent and as held for 20 ms; outputs ``thrust`` [N], ``rudder`` [rad], and those
+        of the drive: of the fan ``fan_speed_set`` [rad/s] and ``drive_mode``, else ``blade_pitch`` [rad].
     """
     servos = []
     forces = []
-    for suffix, fan, own_servo, straight in _sets(table, servo, 1):
+    for (suffix, own_servo, _), force in zip(_servos(servo), thruster.forces, strict=True):
         ports = {
             "servo_command": "servo_command_taken",
             "rudder_angle": f"rudder_angle{suffix}",
@@ -116,61 +112,56 @@ def board_side(period: float, table: FanTable, servo: ServoTable) -> Block:
         }
         follows = rudder_servo(table=own_servo, period=period, name=f"rudder_servo{suffix}")
         servos.append(_renamed(follows, ports))
-        forces.append(_renamed(thrust_force(table=fan, name=f"thrust_force{suffix}", **straight), ports))
-    taken = [after(s, "taken") for s in COMMANDS]
+        forces.append(_renamed(force, ports))
+    commands = sent_commands(thruster)
+    taken = [after(s, "taken") for s in commands]
     parts = [
         choice(
             "update_20ms",
             "commands are taken every 20 ms",
-            {t: (f"{s.name}_held", f"{s.name}_sent") for t, s in zip(taken, COMMANDS, strict=True)},
+            {t: (f"{s.name}_held", f"{s.name}_sent") for t, s in zip(taken, commands, strict=True)},
         ),
         *servos,
-        rename(
-            speed_controller(update=0.0, period=period), {FAN_SPEED_COMMAND.name: "fan_speed_command_taken"}
-        ),
+        rename(thruster.drive, {thruster.command.name: f"{thruster.command.name}_taken"}),
         *forces,
         choice(
             "calibration",
             "force of servo and fan by their tables",
             {
-                THRUST.but(unit="N", description="force of the propeller"): (
+                THRUST.replace(unit="N", description="force of the propeller"): (
                     "thrust_by_table",
                     "thrust_by_table_ideal",
                 ),
-                RUDDER.but(description="angle of the force from the bow"): (
+                RUDDER.replace(description="angle of the force from the bow"): (
                     "rudder_by_table",
                     "rudder_by_table_ideal",
                 ),
             },
         ),
     ]
-    return interconnect(parts, "board", outputs=["drive_mode", FAN_SPEED_SET.name, "thrust", "rudder"])
+    drive = [s.name for s in reversed(thruster.drive.outputs)]
+    return interconnect(parts, "board", outputs=[*drive, "thrust", "rudder"])
 
 
-def held_side(period: float) -> Block:
+def held_side(period: float, commands: Sequence[Signal]) -> Block:
     """Return what takes the commands that have come over the link every 20 ms."""
     return Block(
         "update",
-        inputs=tuple(after(s, "sent") for s in COMMANDS),
-        outputs=tuple(after(s, "held") for s in COMMANDS),
-        output_expressions={f"{s.name}_held": after(s, "sent").symbol for s in COMMANDS},
+        inputs=tuple(after(s, "sent") for s in commands),
+        outputs=tuple(after(s, "held") for s in commands),
+        output_expressions={f"{s.name}_held": after(s, "sent").symbol for s in commands},
         period=period,
     )
 
 
-def _sets(
-    table: FanTable, servo: ServoTable, which: int
-) -> tuple[tuple[str, FanTable, ServoTable, dict[str, float]], ...]:
-    """Return K06's and ideal tables of one kind: suffix, fan, servo, and slope and offset of (4.3)."""
-    return (
-        ("", table, servo, {}),
-        ("_ideal", ideal_fan()[which], ideal_servo(), {"slope": -1.0, "offset": 0.0}),
-    )
+def _servos(servo: ServoTable) -> tuple[tuple[str, ServoTable, dict[str, float]], ...]:
+    """Return K06's and an ideal servo: suffix, table, and slope and offset of (4.3)."""
+    return ("", servo, {}), ("_ideal", ideal_servo(), STRAIGHT)
 
 
 def after(signal: Signal, end: str) -> Signal:
     """Return a signal as it is called behind a part of the loop."""
-    return signal.but(name=f"{signal.name}_{end}")
+    return signal.replace(name=f"{signal.name}_{end}")
 
 
 def _renamed(block: Block, ports: Mapping[str, str]) -> Block:

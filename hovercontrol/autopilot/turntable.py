@@ -22,7 +22,7 @@ ARM = 12 * 0.0254
 #: What the platform may be told to do.
 MOTIONS = ("constant", "square", "sine")
 
-_COMMAND = Signal("rate_command", "rad/s", "rate that the platform is told")
+_COMMAND = Signal("rate_command", "rad/s", "commanded rate of the platform")
 _GRAVITY = 9.80665
 
 
@@ -35,7 +35,7 @@ def bench_command(
     frequency: float = 5.0,
     name: str = "command",
 ) -> Block:
-    """Return what the platform is told: a constant rate, a square wave of the rate or a sine.
+    """Return the command of the platform: a constant rate, a square wave of the rate or a sine.
 
     Parameters
     ----------
@@ -160,7 +160,7 @@ def turntable(
     felt = gravity.symbol * sp.sin(lean.symbol)
     return Block(
         name,
-        states=(psi.but(start=0.0), r.but(start=number(f"{name}: rate", rate))),
+        states=(psi.replace(start=0.0), r.replace(start=number(f"{name}: rate", rate))),
         inputs=(_COMMAND,),
         outputs=(
             *MOTION,

@@ -1,7 +1,8 @@
 """The pilot in the loop: a craft and K06's laws in real time, flown from a page in the browser.
 
-Its page is what K06's pilot console [K06 fig B.1] was.
+Its page is what K06's pilot console [K06 fig B.1] was, its real loop what figure 5.2 shows.
 
-:class:`.loop.Loop` is the craft under a law, :class:`.pacer.Pacer` lets it run in real time, :mod:`.server`
-serves the page (K06 appendix B has such a console).
+:class:`.loop.Loop` is the ideal craft under a law, :class:`.real_loop.RealLoop` the same through ground
+station, link, navigation and actuators (:func:`.real_block.ground_station`, one hybrid Block); both take
+orders by :mod:`.orders`. :class:`.pacer.Pacer` lets a loop run in real time, :mod:`.server` serves the page.
 """

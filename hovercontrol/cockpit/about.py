@@ -6,15 +6,18 @@ import math
 from typing import Any
 
 from hovercontrol.cockpit.laws import full_stick
-from hovercontrol.cockpit.loop import Loop
+from hovercontrol.cockpit.orders import Flown
+from hovercontrol.cockpit.real_loop import flies_real
 from hovercontrol.core.signals import Signal
 from hovercontrol.models.vehicles import HOVERDEMON_BODY
 
 
-def about(loop: Loop) -> dict[str, Any]:
+def about(loop: Flown) -> dict[str, Any]:
     """Return what the page must know of a loop once: craft, laws, disturbances, with units and bounds."""
     return {
         "craft": loop.model.name,
+        "loop": loop.kind,
+        "real": flies_real(loop.model),
         "arm": _drawn_arm(loop),
         "fans": [{"name": f.name, "x": f.x, "y": f.y, "direction": f.direction} for f in loop.model.fans],
         "inputs": [{**_shown_signal(s), "full": full_stick(s)} for s in loop.inputs],
@@ -34,7 +37,7 @@ def about(loop: Loop) -> dict[str, Any]:
     }
 
 
-def _drawn_arm(loop: Loop) -> float:
+def _drawn_arm(loop: Flown) -> float:
     """Return the distance from the centre of mass to the stern that the craft is drawn with [m]."""
     if loop.model.fans:
         return 1.6 * max(abs(f.x) for f in loop.model.fans)

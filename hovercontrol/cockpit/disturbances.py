@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from hovercontrol.core.signals import Signal
@@ -96,6 +97,21 @@ DISTURBANCES: dict[str, Disturbance] = {
     ),
 }
 
+#: What is there in the real loop only; parameters with the keys that they have in the whole.
+REAL_DISTURBANCES: dict[str, Disturbance] = {
+    "packet_loss": Disturbance(
+        "Packets corrupted", (), (_knob("part", "1", 0.3, 0.0, 1.0, "uplink.loss", "downlink.loss"),)
+    ),
+    "platform_tilt": Disturbance(
+        "Tilted IMU platform",
+        (),
+        (
+            _knob("roll", "rad", math.radians(1), -math.radians(5), math.radians(5), "platform.roll"),
+            _knob("pitch", "rad", math.radians(2), -math.radians(5), math.radians(5), "platform.pitch"),
+        ),
+    ),
+}
+
 
 def possible(model: Model) -> dict[str, Disturbance]:
     """Return the disturbances that act on something that a craft has."""
@@ -118,6 +134,13 @@ def with_disturbances(model: Model) -> Model:
     """
     wanted = {name for d in possible(model).values() for name in d.effects} - {e.name for e in model.effects}
     return model.with_effects(_absent(name) for name in sorted(wanted))
+
+
+def note(switched_on: Iterable[str], drags: Iterable[float]) -> str:
+    """Return what the pilot should know of what acts on a craft with such drags, or ``""``."""
+    if {"wind", "gusts"} & set(switched_on) and not any(drags):
+        return "Wind and gusts act through air drag, of which this craft has none: switch it on, too."
+    return ""
 
 
 def _absent(name: str) -> Effect:

@@ -40,7 +40,7 @@ def gusts(*, period: float = 0.02, name: str = "gusts") -> Block:
     noise = random_numbers(2, salt=name)
     speed = Signal("speed", "m/s", "standard deviation", start=1.0, lower=0.0)
     ticks = Signal("ticks", "1", "in which a gust fades", start=1.0 / period, lower=1.0)
-    states = tuple(s.but(name=f"{s.name}_held") for s in GUST)
+    states = tuple(s.replace(name=f"{s.name}_held") for s in GUST)
     kept = sp.exp(-1 / ticks.symbol)
     fresh = speed.symbol * sp.sqrt(1 - kept**2)
     following = {s.name: kept * s.symbol + fresh * n for s, n in zip(states, noise.values, strict=True)}

@@ -52,11 +52,11 @@ class Choice:
     stick: bool = False
 
 
-_HEADING = HEADING_REF.but(description="wanted heading", lower=-math.pi, upper=math.pi)
+_HEADING = HEADING_REF.replace(description="wanted heading", lower=-math.pi, upper=math.pi)
 _GOAL = (
-    GOAL[0].but(lower=-20.0, upper=20.0),
-    GOAL[1].but(lower=-20.0, upper=20.0),
-    GOAL[2].but(lower=-math.pi, upper=math.pi),
+    GOAL[0].replace(lower=-20.0, upper=20.0),
+    GOAL[1].replace(lower=-20.0, upper=20.0),
+    GOAL[2].replace(lower=-math.pi, upper=math.pi),
 )
 
 #: Every choice by its key.
@@ -64,9 +64,9 @@ CHOICES: dict[str, Choice] = {
     "manual": Choice("Manual", stick=True),
     "motion": Choice("Stick sets motion", stick=True),
     "stop": Choice("Stop", "k06-stop"),
-    "forward": Choice("Forward", "k06-forward", (SURGE_REF.but(start=1.1, lower=0.0, upper=1.5),)),
-    "reverse": Choice("Reverse", "k06-reverse", (SURGE_REF.but(start=-0.76, lower=-1.0, upper=0.0),)),
-    "turn": Choice("Turn", "k06-turn", (YAW_RATE_REF.but(start=1.5, lower=-4.0, upper=4.0),)),
+    "forward": Choice("Forward", "k06-forward", (SURGE_REF.replace(start=1.1, lower=0.0, upper=1.5),)),
+    "reverse": Choice("Reverse", "k06-reverse", (SURGE_REF.replace(start=-0.76, lower=-1.0, upper=0.0),)),
+    "turn": Choice("Turn", "k06-turn", (YAW_RATE_REF.replace(start=1.5, lower=-4.0, upper=4.0),)),
     "goal": Choice("Goal", "k06-origin", _GOAL),
     "heading": Choice("Heading, bang-bang", "k06-heading-bangbang", (_HEADING,)),
     "heading_proportional": Choice("Heading, proportional", "k06-heading-proportional", (_HEADING,)),
@@ -101,17 +101,21 @@ def law(key: str, model: Model) -> Block:
     >>> [s.name for s in law("forward", vehicle("hoverdemon")).outputs]
     ['surge_ref', 'force_x', 'force_y', 'thrust', 'rudder']
     """
+    if key == "manual":
+        return manual(model)
+    actuation = force_to_command(dead_zone=DEAD_ZONE, reversing=True, name="actuation")
+    return interconnect([*force_parts(key), actuation], "law")
+
+
+def force_parts(key: str) -> list[Block]:
+    """Return the Blocks of a law that tell the force it asks for: references, guidance, controller."""
     from hovercontrol.scenarios import load_scenario
     from hovercontrol.scenarios.parts import loop_parts
 
-    choice = CHOICES[key]
-    if key == "manual":
-        return manual(model)
     if key == "motion":
         return stick_motion()
-    parts = loop_parts(load_scenario(choice.scenario))
-    parts["actuation"] = force_to_command(dead_zone=DEAD_ZONE, reversing=True)
-    return interconnect([block for role, block in parts.items() if role != "plant"], "law")
+    parts = loop_parts(load_scenario(CHOICES[key].scenario))
+    return [block for role, block in parts.items() if role not in ("plant", "actuation")]
 
 
 def manual(model: Model) -> Block:
@@ -146,22 +150,22 @@ def manual(model: Model) -> Block:
     )
 
 
-def stick_motion() -> Block:
-    """Return the law by which the stick tells velocity and turn rate, K06's pilot in the loop (chapter 7).
+def stick_motion() -> list[Block]:
+    """Return the parts of the law by which the stick tells velocity and turn rate.
 
-    The pilot plans the path, :func:`~hovercontrol.controllers.k06.both_ways` holds what is told, with the
-    gains of K06's trials. Astern it is told only once the craft goes ahead no more: until then it is stopped.
-    K06 has no law for turning while moving, and the ideal craft no such steady motion: told both, it slips.
+    It is K06's pilot in the loop (chapter 7): the pilot plans the path, and
+    :func:`~hovercontrol.controllers.k06.both_ways` holds what is told, with the gains of K06's
+    trials. Astern it is told only once the craft goes ahead no more: until then it is stopped. K06 has
+    no law for turning while moving, and the ideal craft no such steady motion: told both, it slips.
 
     Returns
     -------
-    Block
-        Inputs the stick, ``u, v, r``; outputs those of the law and the craft's commands.
+    list of Block
+        What the stick wishes, and the law.
 
     Examples
     --------
-    >>> law = stick_motion().to_numpy()
-    >>> [s.name for s in stick_motion().inputs]
+    >>> [s.name for s in interconnect(stick_motion()).inputs]
     ['stick_ahead', 'stick_right', 'u', 'v', 'r']
     """
     ahead, right = (s.symbol for s in STICK)
@@ -185,8 +189,7 @@ def stick_motion() -> Block:
             "yaw_rate_ref": -turning * right,
         },
     )
-    law = both_ways(k1=1.0, k2=4.0, reverse_k1=1.5, reverse_k2=1.0, alpha=1.44)
-    return interconnect([wish, law, force_to_command(dead_zone=DEAD_ZONE, reversing=True)], "law")
+    return [wish, both_ways(k1=1.0, k2=4.0, reverse_k1=1.5, reverse_k2=1.0, alpha=1.44)]
 
 
 def full_stick(command: Signal) -> float:

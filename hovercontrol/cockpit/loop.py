@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any
 
-from hovercontrol.cockpit.checks import checked_number, checked_numbers
-from hovercontrol.cockpit.disturbances import possible, with_disturbances
+from hovercontrol.cockpit.disturbances import note, possible, with_disturbances
 from hovercontrol.cockpit.gusts import GUST, gusts
 from hovercontrol.cockpit.laws import STICK, choices, energy, law
+from hovercontrol.cockpit.orders import Flown
 from hovercontrol.controllers.k06.heading import TICK
 from hovercontrol.core.functions import call_scalar, numpy_functions
-from hovercontrol.errors import InputError, did_you_mean, shown
+from hovercontrol.errors import InputError
 from hovercontrol.models.model import MOTION, Model
 from hovercontrol.simulation.hybrid import Ticking
 from hovercontrol.simulation.runge_kutta import rk4
@@ -20,35 +19,14 @@ from hovercontrol.simulation.runge_kutta import rk4
 _GUSTS = tuple(s.name for s in GUST)
 
 
-class Loop:
-    """A craft in the loop with what the pilot chose to fly it with; simulated time, no clock on the wall.
+class Loop(Flown):
+    """The ideal loop: commands take effect at once, the law sees what the model's sensors measure.
 
-    Commands take effect at once; the law sees the motion as sensors measure it and its commands are
-    held for the tick, limited to the bounds of the plant's inputs. Pacer and page know no more of it than
-    stands here, so that another simulation with these methods and attributes may take its place.
+    Its commands are held for the tick, limited to the bounds of the plant's inputs.
 
     Parameters
     ----------
     model : Model
-
-    Attributes
-    ----------
-    model : Model
-        With the effects that disturbances need.
-    inputs : tuple of Signal
-        The plant's.
-    choices : dict of str to Choice
-        What it can be flown with.
-    disturbances : dict of str to Disturbance
-        What can be switched on.
-    law : str
-        Key of the present choice.
-    references : dict of str to dict of str to float
-        What each law is told, by its key.
-    switched_on : dict of str to dict of str to float
-        The numbers of the disturbances that act.
-    stick : tuple of float
-        Forward, to the right.
 
     Raises
     ------
@@ -65,9 +43,10 @@ class Loop:
     0.32
     """
 
+    kind = "ideal"
+
     def __init__(self, model: Model) -> None:
-        self.choices, self.disturbances = choices(model), possible(model)
-        self.model = with_disturbances(model)
+        super().__init__(with_disturbances(model), choices(model), possible(model))
         plant = self.model.plant()
         self.inputs = plant.inputs
         self._plant = plant
@@ -83,9 +62,6 @@ class Loop:
         self._energy = Ticking(energy()) if len(self.choices) > 1 else None
         for block in self._blocks.values():
             Ticking(block)  # its functions are made now, not while the craft flies
-        self.references = {key: {s.name: s.start for s in c.references} for key, c in self.choices.items()}
-        self.switched_on: dict[str, dict[str, float]] = {}
-        self.law, self.stick = "manual", (0.0, 0.0)
         self.reset()
 
     def reset(self) -> None:
@@ -107,61 +83,6 @@ class Loop:
     def modes(self) -> dict[str, tuple[str, ...]]:
         """Return the names of the modes that the present law tells, by signal."""
         return {s.name: s.modes for s in self._blocks[self.law].outputs if s.modes}
-
-    def command(
-        self,
-        *,
-        law: str | None = None,
-        references: Mapping[str, Any] | None = None,
-        stick: tuple[Any, Any] | None = None,
-        disturbances: Mapping[str, Mapping[str, Any] | None] | None = None,
-    ) -> None:
-        """Tell the loop what the pilot wants from now on; all of it or, if wrong, nothing.
-
-        Parameters
-        ----------
-        law : str, optional
-            Key of one of the choices. The motion of the craft goes on as it is.
-        references : mapping of str to float, optional
-            Of that law, by name (``surge_ref``); SI units. A wanted heading is taken as the nearest turn.
-        stick : tuple of float, optional
-            Forward and to the right, -1 to 1; only the laws ``manual`` and ``motion`` look at it.
-        disturbances : mapping, optional
-            By key its numbers by name, or None to switch it off.
-
-        Raises
-        ------
-        InputError
-            If a name is unknown (the nearest is named) or a value is no number within its bounds.
-        """
-        key = self.law if law is None else str(law)
-        if key not in self.choices:
-            raise InputError(f"unknown law {shown(key)}{did_you_mean(key, self.choices)}")
-        known, before = self.choices[key].references, self.references[key]
-        told = checked_numbers(f"law {key}", known, before, references or {})
-        push = self.stick
-        if stick is not None:
-            push = (checked_number(STICK[0], stick[0]), checked_number(STICK[1], stick[1]))
-        acting = dict(self.switched_on)
-        for name, values in (disturbances or {}).items():
-            if name not in self.disturbances:
-                raise InputError(f"unknown disturbance {shown(name)}{did_you_mean(name, self.disturbances)}")
-            knobs = [knob.signal for knob in self.disturbances[name].knobs]
-            held = acting.pop(name, {s.name: s.start for s in knobs})
-            if values is not None:
-                acting[name] = checked_numbers(name, knobs, held, values)
-        if self._fresh:  # what was told at this instant is told anew
-            self._law.state, self._fresh = self._before, False
-        changed, self.law, self.stick = key != self.law, key, push
-        self.references[key] = told
-        if changed:
-            self._take_law()
-        elif references:
-            self._set_law()
-        if disturbances:
-            self.switched_on = acting
-            self._gusts.set_parameters({"gusts.speed": self._gust_speed()})
-            self._set_plant()
 
     def advance(self, until: float) -> None:
         """Let simulated time go on to `until` [s], a multiple of the tick.
@@ -202,13 +123,21 @@ class Loop:
 
     def notes(self) -> str:
         """Return what the pilot should know of the disturbances, or ``""``."""
-        blowing = {"wind", "gusts"} & set(self.switched_on)
-        drags = [self._values[self._places[f"plant.{axis}_linear_drag"]] for axis in ("surge", "sway")]
-        if blowing and not any(drags):
-            return "Wind and gusts act through air drag, of which this craft has none: switch it on, too."
-        return ""
+        drags = (self._values[self._places[f"plant.{axis}_linear_drag"]] for axis in ("surge", "sway"))
+        return note(self.switched_on, drags)
 
     # ---- inside --------------------------------------------------------------------------------------
+
+    def _obey(self, law: bool, references: bool, disturbances: bool, switched: Mapping[str, bool]) -> None:
+        if self._fresh:  # what was told at this instant is told anew
+            self._law.state, self._fresh = self._before, False
+        if law:
+            self._take_law()
+        elif references:
+            self._set_law()
+        if disturbances:
+            self._gusts.set_parameters({"gusts.speed": self._gust_speed()})
+            self._set_plant()
 
     def _outputs(self) -> dict[str, float]:
         held = [self._told.get(s.name, 0.0) for s in self.inputs]

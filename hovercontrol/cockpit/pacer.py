@@ -8,7 +8,7 @@ from collections import deque
 from collections.abc import Callable
 from typing import Any
 
-from hovercontrol.cockpit.loop import Loop
+from hovercontrol.cockpit.orders import Flown
 from hovercontrol.cockpit.recorder import LONGEST, Recorder
 from hovercontrol.errors import InputError
 
@@ -31,7 +31,7 @@ class Pacer:
 
     Parameters
     ----------
-    loop : Loop
+    loop : Flown
 
     Attributes
     ----------
@@ -44,7 +44,7 @@ class Pacer:
     anew, and ``factor`` says how much of real time is left.
     """
 
-    def __init__(self, loop: Loop) -> None:
+    def __init__(self, loop: Flown) -> None:
         self.loop = loop
         self.listeners: list[Callable[[], None]] = []
         self._lock = threading.Lock()
@@ -91,7 +91,7 @@ class Pacer:
                 self._release("The browser left: commands were set to zero.")
 
     def command(self, **orders: Any) -> None:
-        """Tell the loop what the pilot wants; see :meth:`Loop.command`."""
+        """Tell the loop what the pilot wants; see :meth:`.orders.Flown.command`."""
         with self._lock:
             self.loop.command(**orders)
             self._note = ""
@@ -114,11 +114,21 @@ class Pacer:
             self._begin()
             self._tell()
 
+    def fly(self, loop: Flown) -> None:
+        """Let another loop fly from its start, under the same law; a recording ends there."""
+        with self._lock:
+            self._end_recording()
+            loop.reset()
+            loop.command(law=self.loop.law if self.loop.law in loop.choices else "manual", stick=(0.0, 0.0))
+            self.loop, self._note = loop, ""
+            self._begin()
+            self._tell()
+
     def record(self, on: bool) -> None:
         """Begin a recording, or end it; :meth:`finished` has it then."""
         with self._lock:
             if on and self._recorder is None:
-                self._recorder = Recorder([s.name for s in self.loop.inputs])
+                self._recorder = Recorder([s.name for s in self.loop.inputs], self.loop.logged)
             elif not on:
                 self._end_recording()
             self._tell()
@@ -204,6 +214,8 @@ class Pacer:
         slow = factor is not None and factor < SLOW
         self._state = {
             "frame": self._frame,
+            "loop": loop.kind,
+            "switches": loop.switches,
             "signals": loop.signals(),
             "law": loop.law,
             "modes": loop.modes(),

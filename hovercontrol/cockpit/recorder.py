@@ -6,6 +6,7 @@ import os
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 
@@ -25,6 +26,8 @@ class Recorder:
     ----------
     inputs : sequence of str
         Names of the commands.
+    more : mapping of str to str, optional
+        Further columns and the signals that they are, as those are (``true_x`` is ``x``).
 
     Examples
     --------
@@ -36,13 +39,15 @@ class Recorder:
     ['x', 'y', 'psi', 'u', 'v', 'r', 'thrust']
     """
 
-    def __init__(self, inputs: Sequence[str]) -> None:
-        self.names = ("time", *POSE, *VELOCITY, *inputs)
+    def __init__(self, inputs: Sequence[str], more: Mapping[str, str] = MappingProxyType({})) -> None:
+        self.names = ("time", *POSE, *VELOCITY, *inputs, *more)
+        self._own, self._more = self.names[: -len(more) or None], tuple(more.values())
         self._rows: list[list[float]] = []
 
     def add(self, signals: Mapping[str, float]) -> None:
         """Keep a row; where a sensor sees a motion otherwise than it is, that is what a log has."""
-        self._rows.append([signals.get(f"{name}_measured", signals[name]) for name in self.names])
+        row = [signals.get(f"{name}_measured", signals[name]) for name in self._own]
+        self._rows.append([*row, *(signals[name] for name in self._more)])
 
     @property
     def seconds(self) -> float:

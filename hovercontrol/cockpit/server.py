@@ -19,6 +19,7 @@ from aiohttp import WSMsgType, web
 
 from hovercontrol.cockpit.about import about
 from hovercontrol.cockpit.guard import guard
+from hovercontrol.cockpit.loops import LOOPS, Loops
 from hovercontrol.cockpit.pacer import Pacer
 from hovercontrol.cockpit.shelf import Shelf
 from hovercontrol.errors import InputError, did_you_mean, one_line, shown
@@ -51,11 +52,12 @@ class Console:
     """
 
     def __init__(self, pacer: Pacer, folder: Path, replay: Path | None = None) -> None:
-        self.pacer, self.shelf = pacer, Shelf(folder, replay)
+        self.pacer, self.shelf, self.loops = pacer, Shelf(folder, replay), Loops(pacer)
         self.watchers: dict[web.WebSocketResponse, asyncio.Event] = {}
         self.pilot: web.WebSocketResponse | None = None
         self.saved: list[str] = []
         self._flown = False
+        self._switching: asyncio.Task[None] | None = None
 
     def application(self, token: str = "") -> web.Application:
         """Return the web application; see :func:`.guard.guard` for the token."""
@@ -112,7 +114,7 @@ class Console:
             self._give(talk)
         frames = asyncio.create_task(self._send_frames(talk))
         try:
-            await talk.send_json({"about": about(self.pacer.loop), "replay": self.shelf.replay is not None})
+            await talk.send_json(self._about())
             async for message in talk:
                 if message.type is WSMsgType.TEXT:
                     await self._hear(talk, message.data)
@@ -123,6 +125,9 @@ class Console:
                 self.pilot = None
                 self.pacer.left()
         return talk
+
+    def _about(self) -> dict[str, Any]:
+        return {"about": about(self.pacer.loop), "replay": self.shelf.replay is not None}
 
     async def _send_frames(self, talk: web.WebSocketResponse) -> None:
         sent, event = -1, self.watchers[talk]
@@ -158,12 +163,14 @@ class Console:
         if stick is not None and not (isinstance(stick, list) and len(stick) == 2):
             raise InputError(f"stick: expected two numbers, found {shown(stick)}")
         self.pacer.heard(tuple(stick) if stick else None)
-        orders = {"command": dict, "pause": bool, "record": bool, "reset": bool, "take": bool}
+        orders = {"command": dict, "loop": str, "pause": bool, "record": bool, "reset": bool, "take": bool}
         for key, value in message.items():
             if key not in orders:
                 raise InputError(f"unknown order {shown(key)}{did_you_mean(key, orders)}")
             if not isinstance(value, orders[key]):
                 raise InputError(f"{key}: expected {orders[key].__name__}, found {shown(value)}")
+        if "loop" in message:
+            self._switch(talk, message["loop"])
         if "command" in message:
             self._command(message["command"])
         if "pause" in message:
@@ -175,7 +182,7 @@ class Console:
             await self._save_finished()
 
     def _command(self, order: dict[str, Any]) -> None:
-        known = ("law", "references", "disturbances")
+        known = ("law", "references", "disturbances", "switches")
         for key in order:
             if key not in known:
                 raise InputError(f"command: unknown {shown(key)}{did_you_mean(key, known)}")
@@ -188,6 +195,35 @@ class Console:
                     f"disturbance {shown(key)}: expected an object or null, found {shown(values)}"
                 )
         self.pacer.command(**order)
+
+    def _switch(self, talk: web.WebSocketResponse, kind: str) -> None:
+        """Let another loop fly, as soon as it is built; every page is told anew what flies."""
+        if kind not in LOOPS:
+            raise InputError(f"unknown loop {shown(kind)}{did_you_mean(kind, LOOPS)}")
+        if self.loops.building:
+            raise InputError("another loop is being built: wait for it")
+        if kind != self.pacer.loop.kind:
+            self._switching = asyncio.create_task(self._fly(talk, kind))
+
+    async def _fly(self, talk: web.WebSocketResponse, kind: str) -> None:
+        paused = self.pacer.state["paused"]
+        try:
+            self.pacer.pause(True)
+            news = f"Building the {kind} loop: a few seconds, a minute the first time."
+            await talk.send_json({"news": news, "wait": True})
+            await self.loops.fly(kind)
+            await self._tell_all(self._about())
+            await self._tell_all({"news": f"The {kind} loop flies, from the start."})
+        except (InputError, RuntimeError) as error:
+            await self._tell_all({"error": one_line(error, 300)})
+        finally:
+            self.pacer.pause(paused)
+            await self._save_finished()
+
+    async def _tell_all(self, news: dict[str, Any]) -> None:
+        for talk in list(self.watchers):
+            with suppress(ConnectionError):
+                await talk.send_json(news)
 
     def _give(self, talk: web.WebSocketResponse) -> None:
         """Let this page be the pilot's; the first one of all starts time."""
@@ -205,9 +241,7 @@ class Console:
                 self.saved.append(news["saved"])
             except InputError as error:
                 news = {"error": str(error)}
-            for talk in list(self.watchers):
-                with suppress(ConnectionError):
-                    await talk.send_json(news)
+            await self._tell_all(news)
 
 
 def _json(content: Any) -> str:

@@ -27,15 +27,17 @@ FOLDERS = (_PACKAGE / "analyses", _PACKAGE.parent / "analyses")
 
 
 def analyze(
-    name: Annotated[str, typer.Argument(help="An analysis (--list shows them); budget is k06_budget.")] = "",
+    name: Annotated[
+        str, typer.Argument(help="An analysis (--list shows them); budget is short for k06_budget.")
+    ] = "",
     trial: Annotated[
-        str, typer.Argument(help="A trial, of analyses of such (budget k06-turn); else all of them.")
+        str, typer.Argument(help="One trial, for analyses of trials (budget k06-turn) (default: all).")
     ] = "",
     out: Out = None,
-    list_: Annotated[bool, typer.Option("--list", help="List the analyses and leave.")] = False,
+    list_: Annotated[bool, typer.Option("--list", help="List the analyses and exit.")] = False,
     json: given.Json = False,
 ) -> int:
-    """Run an analysis; write its picture (PNG, SVG), its table (CSV) and its findings in words."""
+    """Run an analysis; write its figure (PNG, SVG), its table (CSV) and its findings as text."""
     scripts = known_scripts()
     if list_:
         given.show_list({known: _title(path) for known, path in scripts.items()}, json)
@@ -46,14 +48,14 @@ def analyze(
     main = _main(scripts[name])
     about = {"trial": trial} if trial else {}
     if about and "trial" not in inspect.signature(main).parameters:
-        raise InputError(f"analyze: {name!r} is about no single trial, found {trial!r}")
+        raise InputError(f"analyze: {name!r} is not an analysis of single trials, found {trial!r}")
     out = out or Path("out") / name
     check_folder(out)
     with progress_bar(f"analyze {name}", 1.0) as report, figure_style():
         files = main(out, lambda part: report(part, ""), **about)
     texts = [file.read_text(encoding="utf-8").rstrip("\n") for file in files if file.suffix == ".txt"]
-    told = {"analysis": name, "title": _title(scripts[name]), "findings": "\n".join(texts).splitlines()}
-    given.show("\n".join(texts), files, out, told if json else None)
+    content = {"analysis": name, "title": _title(scripts[name]), "findings": "\n".join(texts).splitlines()}
+    given.show("\n".join(texts), files, out, content if json else None)
     return 0
 
 

@@ -1,4 +1,4 @@
-"""The commands put together."""
+"""The command line application: all commands."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ app = typer.Typer(
 @app.callback(invoke_without_command=True)
 def _root(
     context: typer.Context,
-    version: Annotated[bool, typer.Option("--version", help="Print the version and leave.")] = False,
+    version: Annotated[bool, typer.Option("--version", help="Print the version and exit.")] = False,
     completion: Annotated[
         str, typer.Option("--completion", metavar="SHELL", help="Print completion for bash, zsh or fish.")
     ] = "",

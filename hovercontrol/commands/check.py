@@ -1,4 +1,4 @@
-"""``hovercontrol check``: what is wrong with logs, and what they can show, before anything is fitted."""
+"""``hovercontrol check``: what is wrong with logs, and which coefficients they excite, before a fit."""
 
 from __future__ import annotations
 
@@ -32,7 +32,8 @@ def check(
         typer.Option("--model", help="Model file (TOML); or FILE.py:NAME, a BlockModel of your own."),
     ] = None,
     vehicle: Annotated[
-        str | None, typer.Option("--vehicle", help="Or one of the package's craft; with neither, no fit.")
+        str | None,
+        typer.Option("--vehicle", help="A built-in craft instead of --model; with neither, no trial fit."),
     ] = None,
     columns: given.Columns = "",
     bench: given.Bench = None,
@@ -41,19 +42,18 @@ def check(
     settle: given.Settle = 1.0,
     json: given.Json = False,
 ) -> int:
-    """Check logs before a fit: timing, noise, outliers, units, what they excite.
+    """Check logs before a fit: timing, noise, outliers, units, excitation.
 
-    Says for each log its rate, gaps, jitter and clock, for each column range, noise, resolution and
+    Reports for each log its rate, gaps, jitter and clock; for each column range, noise, resolution and
 
-    samples that stand alone; with a model also whether units, signs and clocks fit it and which
+    outliers; with a model also whether units, signs and clocks agree with it and which
 
-    coefficients a fit could show. Writes check.txt, check.json, check.png and check.svg.
+    coefficients a fit could estimate. Writes check.txt, check.json, check.png and check.svg.
 
-    Exit status 1 if a log cannot be used as it is, or a coefficient cannot be shown.
+    Exit status 1 if a log cannot be used as it is, or a coefficient cannot be estimated.
     """
     from hovercontrol.log_check import check as find
     from hovercontrol.logs.gather import split_files
-    from hovercontrol.models.model import Model
 
     if not logs:
         raise InputError("check: expected one or more logs")
@@ -62,7 +62,7 @@ def check(
     given.refuse_twice("check", logs)
     known = given.subject("check", model, vehicle) if model or vehicle else None
     inputs = [s.name for s in known.plant(late=True).inputs] if known else []
-    moves = isinstance(known, Model)
+    moves = known is not None and known.is_craft
     read = given.reader(inputs, columns, bench, bench_fans, only_while, settle, motion=moves)
     with progress_bar("check", 1.0) as report:
         report(0.0, "reading logs")

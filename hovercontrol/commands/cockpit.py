@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import secrets
+import sys
 import threading
 import webbrowser
 from contextlib import suppress
@@ -30,6 +31,9 @@ def cockpit(
     replay: Annotated[
         Path | None, typer.Option("--replay", help="Show this log (CSV or Parquet) first.")
     ] = None,
+    loop: Annotated[
+        str, typer.Option("--loop", help="ideal, or real: through link, navigation and actuators.")
+    ] = "ideal",
     port: Annotated[int, typer.Option(help="0 takes any free one.", min=0, max=65535)] = 8321,
     host: Annotated[
         str, typer.Option(help="Address to serve at; beyond this machine the page needs a token.")
@@ -41,6 +45,8 @@ def cockpit(
     The stick is the keyboard (arrows or WASD), a pad for mouse and touch, or a gamepad.
 
     K06's laws (stop, forward, reverse, turn, heading, goal) need a craft whose thrust is in newton.
+
+    The real loop flies through K06's ground station: radio link, navigation, actuators. The page switches.
 
     Wind, slopes and friction can be switched on. Recordings are logs for identify and diagnose.
 
@@ -54,24 +60,31 @@ def cockpit(
         if error.name != "aiohttp":
             raise
         raise InputError("cockpit: needs aiohttp: pip install 'hovercontrol[cockpit]'") from None
-    from hovercontrol.cockpit.loop import Loop
+    from hovercontrol.cockpit.loops import loop_of
     from hovercontrol.cockpit.pacer import Pacer
+    from hovercontrol.cockpit.real_loop import flies_real
 
     check_folder(out)
     if replay is not None:
         log_columns(replay)
     craft = given.craft("cockpit", model, vehicle or (None if model else "hoverdemon"))
     listening = listen(host, port)
-    loop = Loop(craft)
+    try:
+        if loop == "real" and flies_real(craft):
+            print("building the real loop: a few seconds, a minute the first time", file=sys.stderr)
+        flown = loop_of(loop, craft)
+    except InputError:
+        listening.close()
+        raise
     token = "" if is_loopback(host) else secrets.token_urlsafe(16)
     address = f"http://{_written(host)}:{listening.getsockname()[1]}/" + (f"?token={token}" if token else "")
 
     def ready() -> None:
-        print(f"{loop.model.name}: {address}  (Ctrl-C ends)", flush=True)
+        print(f"{flown.model.name}: {address}  (Ctrl-C ends)", flush=True)
         if open_:
             threading.Thread(target=webbrowser.open, args=(address,), daemon=True).start()
 
-    console = Console(Pacer(loop), out, replay)
+    console = Console(Pacer(flown), out, replay)
     with suppress(KeyboardInterrupt):  # where signals are exceptions
         asyncio.run(serve(console, listening, token, ready))
     wrote = f"wrote {', '.join(console.saved)} to {out}" if console.saved else "nothing was recorded"

@@ -30,15 +30,16 @@ def diagnose(
     model: Subject = None,
     vehicle: given.Vehicle = None,
     holdout: Annotated[
-        str | None, typer.Option(help="A log held out of the fit; a name that predicts it worse is dropped.")
+        str | None,
+        typer.Option(help="A log held out of the fit; an effect that predicts it worse is dropped."),
     ] = None,
     effects: Annotated[
-        str, typer.Option(help="Look for these effects only, separated by commas (else for all).")
+        str, typer.Option(help="Effects to look for, separated by commas (default: all).")
     ] = "",
-    max_effects: Annotated[int, typer.Option(help="Most effects that are added.", min=1)] = 3,
+    max_effects: Annotated[int, typer.Option(help="Largest number of effects to add.", min=1)] = 3,
     seed: Annotated[
         int,
-        typer.Option(help="Of the manoeuvres drawn at random, among which the next one is sought.", min=0),
+        typer.Option(help="Seed of the random manoeuvres among which the next experiment is chosen.", min=0),
     ] = 0,
     columns: given.Columns = "",
     bench: given.Bench = None,
@@ -49,26 +50,25 @@ def diagnose(
     allow_gaps: given.AllowGaps = False,
     json: given.Json = False,
 ) -> int:
-    """Find what a model lacks: what is missing, what it takes, what remains.
+    """Find which effects a model lacks, how much error each explains, and what remains.
 
-    An effect is named when three independent things agree: the likelihood
-    that it gains, the same size on disjoint blocks of the logs, and
+    An effect is named when three independent things agree: the likelihood that it gains, the same size on
+    disjoint blocks of the logs, and
     predictions of the held-out log.
 
     Verdicts: none (nothing is missing beyond noise), effect (named, nothing
     remains), partial (named, and something remains), ambiguous (one of
-    several readings), unexplained (nothing can be named; leads are told).
+    several effects), unexplained (none can be named; the nearest are listed).
 
     Writes report.html (for any browser), result.json and model.toml (a
-    craft's amended model); where another log would tell more,
-    next_experiment.csv holds the commands to drive.
+    craft's amended model); where another log would show more,
+    next_experiment.csv holds the commands to apply.
 
     Exit status 0 for none and effect; 1 for partial, ambiguous, unexplained.
     """
     from hovercontrol.discrepancy import diagnose as find
     from hovercontrol.discrepancy.report import gap_sentence, headline, remainder_sentence, write_report
     from hovercontrol.effects import effect_class
-    from hovercontrol.models.model import Model
 
     if not logs:
         raise InputError("diagnose: expected one or more logs")
@@ -80,7 +80,7 @@ def diagnose(
     for name in names or []:
         effect_class(name)
     inputs = [s.name for s in lacks.plant(late=True).inputs]
-    moves = isinstance(lacks, Model)
+    moves = lacks.is_craft
     read = given.reader(inputs, columns, bench, bench_fans, only_while, settle, frame, motion=moves)
     with progress_bar("diagnose", 1.0) as report:
         report(0.0, "reading logs")

@@ -25,19 +25,25 @@ def export(
         ),
     ] = "",
     out: Annotated[
-        Path | None, typer.Option("--out", "-o", help="The FMU to write (else out/NAME.fmu).")
+        Path | None, typer.Option("--out", "-o", help="The FMU to write (default: out/NAME.fmu).")
     ] = None,
-    fmi: Annotated[int, typer.Option(help="Version of FMI: 2 or 3.")] = 3,
+    fmi: Annotated[int, typer.Option(help="FMI version: 2 or 3.")] = 3,
     platforms: Annotated[
         str | None,
-        typer.Option(help="Names separated by commas, or all (else this machine's); others need ziglang."),
+        typer.Option(
+            help="Platform names separated by commas, or all (default: this machine's); others need ziglang."
+        ),
     ] = None,
     friction: Annotated[
         str, typer.Option(help="Dry friction: events (sticks at exactly zero velocity) or smooth.")
     ] = "events",
-    stop: Annotated[float | None, typer.Option(help="End of the default experiment, in seconds.")] = None,
-    step: Annotated[float | None, typer.Option(help="Its communication step, in seconds.")] = None,
-    list_: Annotated[bool, typer.Option("--list", help="List what can be exported and leave.")] = False,
+    stop: Annotated[
+        float | None, typer.Option(help="Stop time of the default experiment, in seconds.")
+    ] = None,
+    step: Annotated[
+        float | None, typer.Option(help="Communication step of the default experiment, in seconds.")
+    ] = None,
+    list_: Annotated[bool, typer.Option("--list", help="List what can be exported and exit.")] = False,
     json: given.Json = False,
 ) -> int:
     """Write an FMU (FMI 2.0 or 3.0, Model Exchange and Co-Simulation in one file)."""
@@ -77,7 +83,7 @@ def export(
     interface = Interface(chosen.block, friction)  # type: ignore[arg-type]
     kinds = (("input", "inputs"), ("parameter", "parameters"), ("state", "states"))
     if json:
-        told: dict[str, object] = {
+        content: dict[str, object] = {
             "name": chosen.block.name,
             "fmi": fmi,
             "platforms": [p.name for p in wanted],
@@ -87,7 +93,7 @@ def export(
                 for v in interface.variables
             ],
         }
-        given.show("", [path], path.parent, told)
+        given.show("", [path], path.parent, content)
         return 0
     counts = ", ".join(f"{len(interface.of(kind))} {word}" for kind, word in kinds)  # type: ignore[arg-type]
     print(

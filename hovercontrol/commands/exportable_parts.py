@@ -27,7 +27,7 @@ from hovercontrol.hardware.sensors.ranging import K06_UNITS
 from hovercontrol.models.model import RUDDER, THRUST
 
 #: What goes over a link that stands alone.
-_COMMANDS = (THRUST.but(unit="N", description="force of the propeller"), RUDDER)
+_COMMANDS = (THRUST.replace(unit="N", description="force of the propeller"), RUDDER)
 #: From message to message of K06's two ways [s].
 _WAYS = {"uplink": 0.02, "downlink": 0.006, "round_trip": 0.02}
 
@@ -68,6 +68,7 @@ PARTS: dict[str, Part] = {
     "speed_controller": Part(actuators.speed_controller),
     "motor": Part(actuators.fan_motor, {"lag": 0.1}, "here with a time constant of 0.1 s"),
     "thrust_force": Part(actuators.thrust_force),
+    "variable_pitch": Part(actuators.variable_pitch_propeller),
     "imu": Part(sensors.k06_imu),
     "gyro": Part(sensors.gyro_dynamics),
     "gyro_compensation": Part(sensors.gyro_compensation),

@@ -1,4 +1,4 @@
-"""What several commands are given: logs from files, and the craft they are of."""
+"""Options that several commands share: logs, and the craft they were recorded with."""
 
 from __future__ import annotations
 
@@ -18,7 +18,8 @@ if TYPE_CHECKING:
     from hovercontrol.models.model import Model
 
 Out = Annotated[
-    Path | None, typer.Option("--out", "-o", help="Folder for the results (else out/NAME); made if need be.")
+    Path | None,
+    typer.Option("--out", "-o", help="Folder for the results, created if missing (default: out/NAME)."),
 ]
 Logs = Annotated[
     list[str] | None,
@@ -26,27 +27,27 @@ Logs = Annotated[
 ]
 ModelFile = Annotated[Path | None, typer.Option("--model", help="Model file to start from.")]
 Vehicle = Annotated[
-    str | None, typer.Option("--vehicle", help="Or one of the package's craft (else c17_experiment).")
+    str | None,
+    typer.Option("--vehicle", help="A built-in craft instead of --model (default: c17_experiment)."),
 ]
-Columns = Annotated[str, typer.Option("--columns", help="Names in the files: time=stamp,x=pose.x")]
+Columns = Annotated[str, typer.Option("--columns", help="Column names in the files: time=stamp,x=pose.x")]
 Bench = Annotated[
     Path | None, typer.Option("--bench", help="Bench table: column pwm_NAME becomes the force of input NAME.")
 ]
-BenchFans = Annotated[
-    int, typer.Option("--bench-fans", help="Fans that pushed together on the bench.", min=1)
-]
+BenchFans = Annotated[int, typer.Option("--bench-fans", help="Fans that ran together on the bench.", min=1)]
 OnlyWhile = Annotated[str, typer.Option("--while", help="Use only rows where this holds: 'pwm_lift>1000'")]
-Settle = Annotated[float, typer.Option("--settle", help="Seconds to leave out where that begins.", min=0.0)]
+Settle = Annotated[
+    float,
+    typer.Option("--settle", help="Seconds to leave out after the --while condition becomes true.", min=0.0),
+]
 Frame = Annotated[
     str,
     typer.Option(
         "--frame",
-        help="The logs' axes: ned is converted (x, y, psi, v, r); z-up or enu is as here, not looked at.",
+        help="Axes of the logs: ned is converted (x, y, psi, v, r); z-up or enu: no conversion, no check.",
     ),
 ]
-Json = Annotated[
-    bool, typer.Option("--json", help="Print the result as JSON, and nothing else, on standard output.")
-]
+Json = Annotated[bool, typer.Option("--json", help="Print only the result, as JSON, on standard output.")]
 #: Gaps are always bridged; scripts may still ask for it.
 AllowGaps = Annotated[bool, typer.Option("--allow-gaps", hidden=True)]
 
@@ -95,8 +96,8 @@ def show(text: str, files: Sequence[Path], out: Path, result: object = None) -> 
     if result is not None:
         from hovercontrol.io.plain_json import json_text, plain
 
-        told = {**plain(result), "files": [str(out / f.name) for f in files]}
-        sys.stdout.write(json_text(told))
+        content = {**plain(result), "files": [str(out / f.name) for f in files]}
+        sys.stdout.write(json_text(content))
         return
     if text:
         print(text)
@@ -115,7 +116,7 @@ def show_list(titles: Mapping[str, str], json: bool) -> None:
 
 
 def refuse_twice(command: str, names: Sequence[str]) -> None:
-    """Refuse logs of which two are the same file, under whatever spelling."""
+    """Refuse the same file given twice, also by different paths."""
     from hovercontrol.logs.gather import split_files
 
     given: dict[Path, str] = {}
@@ -124,7 +125,7 @@ def refuse_twice(command: str, names: Sequence[str]) -> None:
         if measured in given:
             known = "" if given[measured] == name else f" (as {given[measured]})"
             raise InputError(
-                f"{command}: {name} is given twice{known}; a hold-out log must take no part in the fit"
+                f"{command}: {name} is given twice{known}; a held-out log must not be in the fit"
             )
         given[measured] = name
 

@@ -24,10 +24,13 @@ def identify(
     model: given.ModelFile = None,
     vehicle: given.Vehicle = None,
     holdout: Annotated[
-        list[str] | None, typer.Option(help="A log that takes no part in the fit; may be repeated.")
+        list[str] | None, typer.Option(help="A log held out of the fit; may be repeated.")
     ] = None,
     coefficients: Annotated[
-        str, typer.Option(help="Only these, separated by commas; the others keep their value.")
+        str,
+        typer.Option(
+            help="Coefficients to fit, separated by commas; the others keep their values (default: all)."
+        ),
     ] = "",
     columns: given.Columns = "",
     bench: given.Bench = None,
@@ -41,15 +44,15 @@ def identify(
     ] = False,
     json: given.Json = False,
 ) -> int:
-    """Estimate a model's coefficients from logs, with standard errors and what the logs leave open.
+    """Estimate a model's coefficients from logs, with standard errors; list those not excited by the logs.
 
     Writes model.toml, coefficients.csv, prediction.csv and rejected.csv,
 
-    and for each log a picture of the free-running simulation over the measurement.
+    and for each log a figure of the free-running simulation with the measurement.
 
     Exit status 1 if a coefficient is not excited by the logs, or a body velocity of a held-out log is
 
-    predicted worse 1 s ahead than by saying that it stays as it is.
+    predicted worse 1 s ahead than by assuming that it stays constant.
     """
     from hovercontrol.identify.study import Study
     from hovercontrol.samples import sample_path

@@ -9,13 +9,13 @@ from typing import Annotated
 import typer
 
 from hovercontrol.errors import InputError
-from hovercontrol.io.files import check_folder, write_whole
+from hovercontrol.io.files import check_folder, write_atomically
 
 EXAMPLE = "Example: hovercontrol new craft.toml --kind fan"
 
 
 def new(
-    file: Annotated[Path, typer.Argument(help="The file to write: .toml, of an own Block .py.")],
+    file: Annotated[Path, typer.Argument(help="The file to write: .toml, or .py with --kind block.")],
     kind: Annotated[
         str,
         typer.Option(
@@ -24,7 +24,7 @@ def new(
         ),
     ] = "",
 ) -> int:
-    """Write a commented model file that simulates and diagnoses as it stands, to change into your own."""
+    """Write a commented model file to start from; it can be simulated and diagnosed as it is."""
     from hovercontrol.models.template import template
 
     chosen = kind or ("block" if file.suffix == ".py" else "rudder")
@@ -34,8 +34,8 @@ def new(
     if file.suffix != wanted:
         raise InputError(f"new: a file of kind {chosen} ends in {wanted}, found {file.name!r}")
     if file.exists():
-        raise InputError(f"new: {file} is already there; it is left as it is")
+        raise InputError(f"new: {file} exists already and is not overwritten")
     check_folder(file.parent)
-    write_whole(file, lambda temporary: temporary.write_text(text, encoding="utf-8"))
-    print(f"wrote {file}: the comments in it say what to change and what to do with it")
+    write_atomically(file, lambda temporary: temporary.write_text(text, encoding="utf-8"))
+    print(f"wrote {file}: its comments say what to change and how to use it")
     return 0

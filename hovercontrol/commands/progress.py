@@ -1,4 +1,4 @@
-"""How far long work is, on standard error."""
+"""Progress of long work, on standard error."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 
-class Tell(Protocol):
-    """What long work calls to say how far it is, and with what it is busy."""
+class Report(Protocol):
+    """The function that long work calls to report its progress and current step."""
 
     def __call__(self, done: float, what: str = "", /) -> None: ...  # noqa: D102
 
 
 @contextmanager
-def progress_bar(text: str, total: float) -> Iterator[Tell]:
-    """Show on standard error how far the work is; yields a function that is told.
+def progress_bar(text: str, total: float) -> Iterator[Report]:
+    """Show progress on standard error; yields the function that reports it.
 
-    A terminal sees a bar, which leaves if the work ends in an error; a pipe gets one line at the end.
+    A terminal shows a bar, removed if the work fails; a pipe gets one line at the end.
     """
     console = Console(stderr=True)
     if not console.is_terminal:
@@ -34,11 +34,11 @@ def progress_bar(text: str, total: float) -> Iterator[Tell]:
     with Progress(*parts, TimeElapsedColumn(), console=console) as bar:
         task = bar.add_task(text, total=total)
 
-        def tell(done: float, what: str = "") -> None:
+        def report(done: float, what: str = "") -> None:
             bar.update(task, completed=done, description=f"{text}: {what}" if what else text)
 
         try:
-            yield tell
+            yield report
         except BaseException:
             bar.live.transient = True
             raise

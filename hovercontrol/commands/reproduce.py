@@ -17,17 +17,17 @@ EXAMPLE = 'Example: hovercontrol reproduce c17 --only "table 2" --only "fig 15" 
 
 
 def reproduce(
-    document: Annotated[str, typer.Argument(help="c17 or k06; else both.")] = "",
+    document: Annotated[str, typer.Argument(help="c17 or k06 (default: both).")] = "",
     only: Annotated[
         list[str] | None, typer.Option("--only", help='An item ("table 2", "fig 6.23"); may be repeated.')
     ] = None,
     out: Out = None,
-    list_: Annotated[bool, typer.Option("--list", help="List the items and leave.")] = False,
+    list_: Annotated[bool, typer.Option("--list", help="List the items and exit.")] = False,
     json: given.Json = False,
 ) -> int:
-    """Rebuild the tables and figures of C17 and K06; write an index with what they print, ours, a verdict.
+    """Rebuild the tables and figures of C17 and K06; write an index of printed value, own value and verdict.
 
-    The index is of the items of this run. Exit status 1 if an item differs from what is printed.
+    The index lists the items of this run. Exit status 1 if an item differs from the printed value.
     """
     from hovercontrol.reproduce import chosen_items
     from hovercontrol.reproduce import reproduce as rebuild

@@ -15,7 +15,7 @@ def schema(
 ) -> int:
     """Print the JSON Schema of result.json, of model files or of scenario files.
 
-    Editors complete and check TOML by it: put '#:schema model.schema.json' in the first line of the file.
+    Editors complete and check TOML with it: put '#:schema model.schema.json' in the first line of the file.
     """
     from hovercontrol.io.plain_json import json_text
     from hovercontrol.schema import schema as made

@@ -26,7 +26,7 @@ def simulate(
         str, typer.Argument(help="A scenario's name (--list shows them) or a TOML file.")
     ] = "",
     out: Out = None,
-    list_: Annotated[bool, typer.Option("--list", help="List the scenarios and leave.")] = False,
+    list_: Annotated[bool, typer.Option("--list", help="List the scenarios and exit.")] = False,
     json: given.Json = False,
 ) -> int:
     """Run a scenario; write its log, a table of its figures of merit, and pictures.

@@ -1,4 +1,4 @@
-"""``hovercontrol sweep``: fly a scenario over a range of its numbers."""
+"""``hovercontrol sweep``: run a scenario over a range of its parameters."""
 
 from __future__ import annotations
 
@@ -28,29 +28,31 @@ def sweep(
     vary: Annotated[
         list[str] | None,
         typer.Option(
-            "--vary", metavar="KEY=FROM:TO:POINTS", help="A parameter or start value; twice: a map."
+            "--vary",
+            metavar="KEY=FROM:TO:POINTS",
+            help="A parameter or start value; give it twice for a map.",
         ),
     ] = None,
-    of: Annotated[str, typer.Option("--of", help="The signal asked about (else error_x or u).")] = "",
+    of: Annotated[str, typer.Option("--of", help="The signal to evaluate (default: error_x or u).")] = "",
     figure: Annotated[
-        str, typer.Option("--figure", help="final, maximum, minimum, rms or settling, in the last phase.")
+        str, typer.Option("--figure", help="final, maximum, minimum, rms or settling, of the last phase.")
     ] = "rms",
     out: Out = None,
     resume: Annotated[
-        bool, typer.Option("--resume", help="Go on where the same sweep was stopped, from OUT.partial.")
+        bool, typer.Option("--resume", help="Continue the same sweep from OUT.partial.")
     ] = False,
     json: given.Json = False,
 ) -> int:
-    """Fly a scenario at every point of a range or a grid; write a table and a picture.
+    """Run a scenario at every point of a range or a grid; write a table and a picture.
 
-    Results are kept in OUT.partial as they come: a sweep that was stopped, or
+    Results are kept in OUT.partial as they are computed: a stopped sweep is
 
-    killed, goes on from there with --resume, to the same bits.
+    continued with --resume, and gives the same bits.
 
-    Exit status 1 if some runs fail; the others are there.
+    Exit status 1 if some runs fail; the others are written.
     """
     from hovercontrol.scenarios import load_scenario
-    from hovercontrol.scenarios.varied import vary as fly
+    from hovercontrol.scenarios.varied import vary as run
 
     ranges = dict(_range(text) for text in vary or [])
     if len(ranges) != len(vary or []) or not ranges:
@@ -62,14 +64,14 @@ def sweep(
     if not resume:
         shutil.rmtree(partial, ignore_errors=True)
     with _kept(partial), progress_bar(f"sweep {loaded.name}", 1.0) as report:
-        found = fly(loaded, ranges, of, figure, progress=lambda done: report(done), checkpoint=partial)
+        found = run(loaded, ranges, of, figure, progress=lambda done: report(done), checkpoint=partial)
         written = found.save(out)
     values = found.values.ravel()
     if json:
         axes = [{"key": a.name, "unit": a.unit, "values": a.values} for a in found.axes]
         failed = [str(f) for f in found.result.failures]
-        told = {"of": found.of, "figure": figure, "unit": found.unit, "axes": axes, "values": found.values}
-        given.show("", written, out, {"scenario": loaded.name, **told, "failures": failed})
+        content = {"of": found.of, "figure": figure, "unit": found.unit, "axes": axes, "values": found.values}
+        given.show("", written, out, {"scenario": loaded.name, **content, "failures": failed})
         return 1 if failed else 0
     if np.isfinite(values).any():
         for word, k in (("smallest", np.nanargmin(values)), ("largest", np.nanargmax(values))):

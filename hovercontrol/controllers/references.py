@@ -70,11 +70,17 @@ def ellipse(
         Angular rate [rad/s], negative for clockwise.
     phase : float, optional
         Angle at t = 0 [rad].
+    name : str, optional
 
     Raises
     ------
     InputError
         If a value is no number, a semi-axis is not positive or the rate is zero.
+
+    Examples
+    --------
+    >>> [s.name for s in ellipse(1.5, 2.5, rate=-1.0).outputs]
+    ['x_ref', 'y_ref', 'vx_ref', 'vy_ref', 'ax_ref', 'ay_ref']
     """
     _positive(semi_x=semi_x, semi_y=semi_y)
     _nonzero(rate=rate)
@@ -91,12 +97,32 @@ def ellipse(
 
 @checked
 def circle(radius: float, rate: float = 1.0, phase: float = 0.0, name: str = "reference") -> Block:
-    """Return a circle about the origin: radius [m], angular rate [rad/s], angle at t = 0 [rad].
+    """Return a circle about the origin.
+
+    Parameters
+    ----------
+    radius : float
+        [m]
+    rate : float, optional
+        Angular rate [rad/s], negative for clockwise.
+    phase : float, optional
+        Angle at t = 0 [rad].
+    name : str, optional
 
     Raises
     ------
     InputError
         If a value is no number, the radius is not positive or the rate is zero.
+
+    Examples
+    --------
+    >>> print(circle(2.0, rate=0.25).equations())
+    x_ref = radius*cos(phase + rate*t)
+    y_ref = radius*sin(phase + rate*t)
+    vx_ref = -radius*rate*sin(phase + rate*t)
+    vy_ref = radius*rate*cos(phase + rate*t)
+    ax_ref = -radius*rate**2*cos(phase + rate*t)
+    ay_ref = -radius*rate**2*sin(phase + rate*t)
     """
     _positive(radius=radius)
     _nonzero(rate=rate)
@@ -114,12 +140,26 @@ def circle(radius: float, rate: float = 1.0, phase: float = 0.0, name: str = "re
 def line(
     velocity: tuple[float, float], start: tuple[float, float] = (0.0, 0.0), name: str = "reference"
 ) -> Block:
-    """Return a straight line at constant velocity [m/s] from a start point [m].
+    """Return a straight line at constant velocity.
+
+    Parameters
+    ----------
+    velocity : tuple of 2 float
+        Along x and y [m/s].
+    start : tuple of 2 float, optional
+        Where it is at t = 0 [m].
+    name : str, optional
 
     Raises
     ------
     InputError
         If velocity or start are not two numbers, or the velocity is zero.
+
+    Examples
+    --------
+    >>> path = line((0.5, 0.0), start=(0.0, 1.0))
+    >>> path.to_numpy().outputs(2.0, [], [])[:2].tolist()
+    [1.0, 1.0]
     """
     speed_x, speed_y = _pair("velocity", velocity)
     start_x, start_y = _pair("start", start)
@@ -144,11 +184,18 @@ def figure_eight(length: float, width: float, rate: float = 1.0, name: str = "re
         Its extent along x and y [m].
     rate : float, optional
         Angular rate w of the long axis [rad/s].
+    name : str, optional
 
     Raises
     ------
     InputError
         If a value is no number, an extent is not positive or the rate is zero.
+
+    Examples
+    --------
+    >>> eight = figure_eight(4.0, 2.0)
+    >>> eight.to_numpy().outputs(0.0, [], [])[:2].tolist()  # it begins in the middle
+    [0.0, 0.0]
     """
     _positive(length=length, width=width)
     _nonzero(rate=rate)
@@ -171,11 +218,18 @@ def waypoints(points: ArrayLike, times: ArrayLike, name: str = "reference") -> B
         Points [m], n >= 2.
     times : array_like, shape (n,)
         When each is passed [s], increasing.
+    name : str, optional
 
     Raises
     ------
     InputError
         If a value is no number, shapes differ, there are fewer than two points, or times do not increase.
+
+    Examples
+    --------
+    >>> path = waypoints([[0.0, 0.0], [2.0, 1.0]], [0.0, 4.0])
+    >>> path.to_numpy().outputs(4.0, [], [])[:2].round(9).tolist()
+    [2.0, 1.0]
     """
     knots, path = _array("times", times), _array("points", points)
     if path.ndim != 2 or path.shape[1:] != (2,) or len(path) < 2 or knots.shape != (len(path),):

@@ -171,7 +171,7 @@ def _affine_dynamics(model: Model, name: str) -> tuple[dict[str, sp.Expr], _Thru
     for state in model.own_states(name, s):
         raise InputError(
             f"controller: model {model.name!r} has friction with the state {state.name!r}, which no "
-            "controller knows: leave the effect out of the controller's model"
+            f"controller has: leave the effect out of the controller's model"
         )
     total = model.accelerations(name, s)
     gain = sp.Matrix([[sp.diff(total[axis], a) for a in vector] for axis in ("u", "v", "r")])
@@ -214,7 +214,7 @@ def _adaptation(
                 f"controller: {coefficient!r} enters B and stays at its prior value, so that B keeps its "
                 "inverse (C17 Theorem 5)"
             )
-        estimate = own.but(name=f"{coefficient}_hat", lower=-sp.oo, upper=sp.oo)
+        estimate = own.replace(name=f"{coefficient}_hat", lower=-sp.oo, upper=sp.oo)
         estimates.append(estimate)
         blended[own.symbol] = own.symbol + share.symbol * (estimate.symbol - own.symbol)
     return estimates, blended, [share] if estimates else []

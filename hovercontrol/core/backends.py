@@ -1,4 +1,4 @@
-"""What others make of a Block, by name: the Block offers it, and knows nothing of who does it.
+"""Backends of a Block by name; a Block imports none of them.
 
 The package registers its backends when it is imported; each is imported when it is first asked for.
 """
@@ -13,7 +13,7 @@ _PLACES: dict[str, tuple[str, str]] = {}
 
 
 def register(name: str, module: str, function: str) -> None:
-    """Say where a backend is.
+    """Register the module of a backend.
 
     Parameters
     ----------

@@ -9,56 +9,29 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import sympy as sp
-from numpy.typing import ArrayLike
 
 from hovercontrol.core.backends import backend
+from hovercontrol.core.block_backends import Backends
 from hovercontrol.core.boundary import checked
 from hovercontrol.core.checking import check
 from hovercontrol.core.expressions import Expressions
 from hovercontrol.core.signals import Signal
+from hovercontrol.core.ticks import Tick as Tick
 from hovercontrol.errors import InputError, did_you_mean
-
-if TYPE_CHECKING:
-    import control
-
-    from hovercontrol.core.functions import NumpyFunctions
-    from hovercontrol.simulation.runner import BlockRunner
-    from hovercontrol.targets.compiled import CompiledBlock
 
 Rows = Literal["derivatives", "outputs"]
 Columns = Literal["states", "inputs", "parameters"]
 
 
-@dataclass(frozen=True)
-class Tick:
-    """What happens at every multiple of a period in a hybrid Block.
-
-    Parameters
-    ----------
-    name : str
-        Of the sampled Block that it was.
-    period : float
-        [s]
-    updates : mapping of str to sympy.Expr
-        The states that it sets, each to its expression; all see the values before the tick, where an earlier
-        tick of the same instant has not set them.
-    """
-
-    name: str
-    period: float
-    updates: Expressions
-
-
 @checked
 @dataclass(frozen=True)
-class Block:
+class Block(Backends):
     """A dynamic system: named signals and their expressions.
 
     Parameters
@@ -162,6 +135,11 @@ class Block:
             What it has not.
         hybrid : bool, optional
             Whether a hybrid Block has it.
+
+        Raises
+        ------
+        InputError
+            If the Block is sampled, or hybrid where that does not go.
         """
         if self.period:
             raise InputError(
@@ -191,6 +169,11 @@ class Block:
         ----------
         face : str
             What needs each input at the instant at which it acts.
+
+        Raises
+        ------
+        InputError
+            If an input acts late.
         """
         for name in self.delays:
             raise InputError(
@@ -218,7 +201,7 @@ class Block:
         return every[name]
 
     def parameter_key(self, name: str) -> str:
-        """Return the key of a parameter in ``params``, unique among Blocks: ``plant.yaw_coulomb``."""
+        """Return the key in ``params`` of the parameter `name`, unique among Blocks: ``plant.thrust``."""
         return name if "." in name else f"{self.name}.{name}"
 
     @cached_property
@@ -282,7 +265,7 @@ class Block:
             left[name if name in own else keys.get(name, keys[short[0]] if len(short) == 1 else name)] = value
 
         def changed(signals: tuple[Signal, ...]) -> tuple[Signal, ...]:
-            return tuple(s.but(start=left.pop(s.name)) if s.name in left else s for s in signals)
+            return tuple(s.replace(start=left.pop(s.name)) if s.name in left else s for s in signals)
 
         new = {kind: changed(getattr(self, kind)) for kind in ("states", "inputs", "parameters")}
         if left:
@@ -292,7 +275,7 @@ class Block:
 
     @checked
     def parameter(self, name: str) -> Signal:
-        """Return a parameter by its key (``plant.yaw_coulomb``) or, where that is unique, its last part.
+        """Return a parameter; `name` is its key (``plant.yaw_coulomb``) or, where unique, its last part.
 
         Raises
         ------
@@ -317,7 +300,7 @@ class Block:
     def with_parameter_names(self, names: Mapping[str, str]) -> Block:
         """Return the Block with other names for some parameters, old to new."""
         swap = {sp.Symbol(a, real=True): sp.Symbol(b, real=True) for a, b in names.items()}
-        parameters = tuple(p.but(name=names.get(p.name, p.name)) for p in self.parameters)
+        parameters = tuple(p.replace(name=names.get(p.name, p.name)) for p in self.parameters)
         return replace(self, parameters=parameters, **self.swapped(swap))
 
     @cached_property
@@ -369,14 +352,6 @@ class Block:
         entries = partial_derivatives(self, rows, names)
         return sp.ImmutableMatrix(*shape, lambda i, j: self.expand(entries.get((i, j), sp.S.Zero)))
 
-    def equations(self, form: Literal["text", "latex"] = "text") -> str:
-        """Return the equations, one line each: definitions, derivatives, then computed outputs."""
-        from hovercontrol.core.equations import latex_equations, text_equations
-
-        if form not in ("text", "latex"):
-            raise InputError(f"equations come as 'text' or 'latex', not {form!r}")
-        return text_equations(self) if form == "text" else latex_equations(self)
-
     @cached_property
     def content_hash(self) -> str:
         """A hexadecimal digest of all that the Block says; the same in every process."""
@@ -392,7 +367,7 @@ class Block:
         return {f.name: getattr(self, f.name) for f in fields(self)}
 
     def swapped(self, swap: Mapping[sp.Expr, sp.Expr]) -> dict[str, Any]:
-        """Return all groups of expressions, one thing put for another, as fields of a new Block."""
+        """Return all groups of expressions as fields of a new Block, the values of `swap` for its keys."""
 
         def group(expressions: Mapping[str, sp.Expr]) -> Expressions:
             return Expressions((name, e.xreplace(swap)) for name, e in expressions.items())
@@ -404,148 +379,8 @@ class Block:
         return fields_ | {"ticks": tuple(replace(tick, updates=group(tick.updates)) for tick in self.ticks)}
 
     def unchecked(self, **changes: Any) -> Block:
-        """Return a copy with changed fields that are not checked, for code that derives Blocks."""
+        """Return a copy with `changes` of fields that are not checked, for code that derives Blocks."""
         block = object.__new__(Block)
         for f in fields(Block):
             object.__setattr__(block, f.name, changes.get(f.name, getattr(self, f.name)))
         return block
-
-    def _repr_html_(self) -> str:
-        return str(backend("html")(self))
-
-    # ---- its faces -----------------------------------------------------------------------------------
-
-    def to_numpy(self) -> NumpyFunctions:
-        """Return the Block as NumPy functions (:mod:`hovercontrol.core.functions`).
-
-        Raises
-        ------
-        InputError
-            If inputs act late: no function of a point knows their past.
-        """
-        from hovercontrol.core.functions import numpy_functions
-
-        return numpy_functions(self)
-
-    def start(
-        self,
-        x0: ArrayLike | Mapping[str, float] | None = None,
-        params: Mapping[str, float] | None = None,
-        *,
-        inputs: Sequence[float] | Mapping[str, float] | float | None = None,
-        time: float = 0.0,
-        rtol: float = 1e-6,
-        atol: float = 1e-9,
-    ) -> BlockRunner:
-        """Start a run that goes step by step, on plain Python floats; ``block.compile().start()`` is faster.
-
-        Parameters
-        ----------
-        x0 : array_like, shape (n_states,), or mapping by name, optional
-            Initial state over the states' start values.
-        params : mapping, optional
-            Parameter values by key, over the defaults.
-        inputs : sequence of float, or mapping by name, optional
-            Before the first step, over the inputs' start values.
-        time : float, optional
-            To start at [s].
-        rtol, atol : float, optional
-            Relative and absolute tolerance of the solver.
-
-        Returns
-        -------
-        BlockRunner
-            With ``step(inputs, dt)``, ``set``, ``state``, ``outputs``, ``time``, ``save`` and ``restore``
-            (:class:`hovercontrol.simulation.runner.Runner`).
-
-        Raises
-        ------
-        InputError
-            If a name, a shape or a value is wrong.
-
-        Examples
-        --------
-        >>> v, k = Signal("v", "m/s", start=1.0), Signal("k", "1/s", start=2.0)
-        >>> run = Block("decay", [v], [], [v], [k], {"v": -k.symbol * v.symbol}).start()
-        >>> run.step(None, 0.5).round(5).tolist(), run.time
-        ([0.36788], 0.5)
-        >>> begin = run.save()
-        >>> run.set(params={"decay.k": 0.0})
-        >>> run.step(None, 0.5).round(5).tolist()
-        [0.36788]
-        >>> run.restore(begin)
-        >>> run.step(None, 0.5).round(5).tolist()
-        [0.13534]
-        """
-        run: BlockRunner = backend("start")(self, x0, params, inputs=inputs, time=time, rtol=rtol, atol=atol)
-        return run
-
-    def to_control(
-        self, name: str | None = None, *, step: float | None = None, pade: int | None = None
-    ) -> control.NonlinearIOSystem:
-        """Return the Block as one python-control system (:mod:`hovercontrol.targets.control`).
-
-        A sampled Block becomes a discrete-time system of its period, a hybrid one of `step` [s]. Inputs that
-        act late are held in shift registers of `step`, or approximated by Pade's fraction of order `pade`.
-        """
-        return backend("control")(self, name, step=step, pade=pade)
-
-    def compile(self, *, friction: Literal["events", "smooth"] = "events") -> CompiledBlock:
-        """Return the Block as machine code, for fast simulation and sweeps over many runs.
-
-        Parameters
-        ----------
-        friction : {"events", "smooth"}, optional
-            Dry friction that sticks at exactly zero velocity, its events located; or smoothed over its width,
-            as the other faces compute it.
-        """
-        compiled: CompiledBlock = backend("compile")(self.in_continuous_time, friction=friction)
-        return compiled
-
-    def to_fmu(
-        self,
-        path: str | Path,
-        *,
-        version: Literal[2, 3] = 3,
-        platforms: str | Iterable[str] | None = None,
-        friction: Literal["events", "smooth"] = "events",
-        step: float | None = None,
-        stop: float | None = None,
-        rtol: float = 1e-6,
-        atol: float = 1e-9,
-        progress: Callable[[float], None] | None = None,
-    ) -> Path:
-        """Write the Block as an FMU, Model Exchange and Co-Simulation in one file.
-
-        A sampled Block becomes one whose outputs hold. Arguments, result and errors are those of
-        :func:`hovercontrol.fmi.exporter.export.export_fmu`.
-        """
-        written: Path = backend("fmu")(
-            self,
-            path,
-            version=version,
-            platforms=platforms,
-            friction=friction,
-            step=step,
-            stop=stop,
-            rtol=rtol,
-            atol=atol,
-            progress=progress,
-        )
-        return written
-
-    def linearize(
-        self, x: ArrayLike, u: ArrayLike = (), params: Mapping[str, float] | None = None, t: float = 0.0
-    ) -> control.StateSpace:
-        """Return the exact linearisation at a point as a python-control state-space system.
-
-        Parameters
-        ----------
-        x : array_like, shape (n_states,)
-        u : array_like, shape (n_inputs,)
-        params : mapping, optional
-            Parameter values by key, over the defaults.
-        t : float, optional
-            Time [s].
-        """
-        return self.to_control().linearize(x, u, t=t, params=params)

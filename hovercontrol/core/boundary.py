@@ -1,4 +1,4 @@
-"""What comes in from a user's script: a public function that stumbles over an argument says over which.
+"""Checks of arguments from a user's script: an error names the argument.
 
 What a function checks itself is said in its own words. Where it stumbles over a type nobody thought of, one
 helper looks at what the annotations expect; a call that is right costs nothing.
@@ -34,7 +34,7 @@ _ARRAY = frozenset(typing.get_args(npt.ArrayLike))
 
 
 def checked(thing: Thing) -> Thing:
-    """Have a public function, or a class's constructor, say over which argument it stumbles.
+    """Make a public function, or a class's constructor, name the wrong argument in its error.
 
     Parameters
     ----------
@@ -105,7 +105,7 @@ def _hints(function: Callable[..., Any], signature: inspect.Signature) -> dict[s
 
 
 def fits(value: Any, hint: Any) -> bool:
-    """Tell whether a value is what an annotation says, or can be made so without a guess."""
+    """Return whether a value is what an annotation says, or can be made so without a guess."""
     origin, inner = typing.get_origin(hint), typing.get_args(hint)
     if hint in (Any, object, inspect.Parameter.empty) or isinstance(hint, TypeVar | str):
         return True
@@ -182,7 +182,7 @@ _WORDS = {float: "a number", int: "a whole number", bool: "true or false", str: 
 
 
 def described(hint: Any) -> str:
-    """Return how an error line names what an annotation says.
+    """Return the type of an annotation as error lines name it.
 
     Examples
     --------

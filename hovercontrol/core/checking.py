@@ -1,4 +1,4 @@
-"""What must hold of a Block: names, symbols, units; completed where the Block may leave something out.
+"""Checks of a Block: names, symbols, units; completed where the Block may leave something out.
 
 Called once, when a Block is made; each function sets what it sorts or completes.
 """

@@ -61,26 +61,26 @@ def constant_delay(
     step = fixed("period", period, "from tick to tick")
     chains = [
         [
-            s.but(name=f"{s.name}_stage{k}", description=f"{s.name}, {k} ticks old")
+            s.replace(name=f"{s.name}_stage{k}", description=f"{s.name}, {k} ticks old")
             for k in range(1, stages + 1)
         ]
         for s in signals
     ]
     ticks = Signal(f"{name}_ticks", "1", "ticks so far, at most as many as there are stages")
-    following, told = {ticks.name: sp.Min(ticks.symbol + 1, stages)}, {}
+    following, values = {ticks.name: sp.Min(ticks.symbol + 1, stages)}, {}
     for s, chain in zip(signals, chains, strict=True):
         line = [s, *chain]
         following |= {late.name: early.symbol for early, late in zip(line, chain, strict=False)}
-        told[s.name + suffix] = line[-1].symbol
+        values[s.name + suffix] = line[-1].symbol
     age = Signal(f"{name}_age", "s", "age of the values received")
     return Block(
         name,
         states=(ticks, *(stage for chain in chains for stage in chain)),
         inputs=signals,
-        outputs=(*(s.but(name=s.name + suffix) for s in signals), age),
+        outputs=(*(s.replace(name=s.name + suffix) for s in signals), age),
         parameters=(step,),
         derivatives=following,
-        output_expressions={**told, age.name: ticks.symbol * step.symbol},
+        output_expressions={**values, age.name: ticks.symbol * step.symbol},
         period=period,
     )
 

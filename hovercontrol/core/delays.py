@@ -1,4 +1,4 @@
-"""Inputs that act late: what each face makes of a Block's ``delays``.
+"""Inputs that act late: what each backend makes of a Block's ``delays``.
 
 A pure delay remembers all that was sent within it, which no derivative can say. Where inputs are held
 samples it is exact all the same: a delayed step is a step, only later (:func:`arrivals`). So simulations do

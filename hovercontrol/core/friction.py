@@ -7,6 +7,7 @@ can stick. A sgn anywhere else (a controller that cancels friction, a regressor)
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import sympy as sp
 
@@ -14,6 +15,19 @@ from hovercontrol.core.block import Block
 from hovercontrol.core.expressions import Expressions
 from hovercontrol.core.sgn import sgn
 from hovercontrol.errors import InputError
+
+#: How a backend computes dry friction, ``sgn(v, w)`` in the derivative of v itself.
+#:
+#: "smooth" is the Block as it is written, tanh(v/w): what NumPy, python-control, ``simulate`` and ``compile``
+#: compute, so that all agree, and what estimators, Jacobians and fits see. Below its width w the friction is
+#: viscous: a body at rest creeps and never holds still.
+#:
+#: "events" is Coulomb's law: at rest the friction balances the other forces, up to its level, and a body
+#: sticks until they exceed it. It is nearer to a craft that stands; but a controller that cancels friction by
+#: a smooth sgn does not cancel this one near rest: in the third phase of C17's Table I the craft then sticks
+#: and slips, centimetres from its reference. ``compile`` takes it as an option; an FMU has it unless told
+#: otherwise, for importers find its events.
+Friction = Literal["events", "smooth"]
 
 
 @dataclass(frozen=True)

@@ -1,8 +1,7 @@
 """Wiring: Blocks are joined by signal name into one Block.
 
-An output drives every input of the same name; inputs that nothing drives become inputs of the whole. In the
-whole, states and parameters carry their Block's name in front (``plant.u``, ``plant.yaw_coulomb``); outputs
-and inputs keep their signal names.
+An output drives every input of the same name; inputs that nothing drives are the whole's. Its states and
+parameters carry their Block's name in front (``plant.u``, ``plant.yaw_coulomb``); outputs and inputs do not.
 
 Continuous and sampled Blocks, or sampled ones of different periods, give a hybrid Block: each output of a
 sampled Block becomes a state that holds it (``pilot.held_rudder``), and what the Block does at its ticks one
@@ -57,7 +56,7 @@ def rename(block: Block, signals: Mapping[str, str]) -> Block:
     }
 
     def renamed(group: Iterable[Signal]) -> list[Signal]:
-        return [s.but(name=signals.get(s.name, s.name)) for s in group]
+        return [s.replace(name=signals.get(s.name, s.name)) for s in group]
 
     outputs = [(signals.get(name, name), e.xreplace(swap)) for name, e in block.output_expressions.items()]
     return replace(
@@ -78,6 +77,12 @@ def prefix(block: Block, name: str) -> Block:
 
     This is how two craft of one kind live in one system: wire each craft with its controller, then prefix
     the whole (``prefix(interconnect([plant, controller]), "left")``). Parameter keys begin with ``name.``.
+
+    Parameters
+    ----------
+    block : Block
+    name : str
+        An identifier.
 
     Examples
     --------
@@ -118,7 +123,7 @@ def interconnect(
     ----------
     blocks : sequence of Block
         With different names; their order does not matter. Where sampled Blocks tick at one instant, each sees
-        what the others tell at that instant.
+        the others' outputs at that instant.
     name : str, optional
         Name of the whole.
     inputs : sequence of str, optional
@@ -126,7 +131,7 @@ def interconnect(
     outputs : sequence of str, optional
         Which outputs the whole shows (default: all).
     hybrid : bool, optional
-        Make a hybrid Block of sampled ones that tick together, too: it has faces in continuous time.
+        Make a hybrid Block of sampled ones that tick together, too: it has backends in continuous time.
 
     Returns
     -------
@@ -234,7 +239,7 @@ def _in_order(
     drivers: Mapping[str, tuple[Block, Signal]],
     ticks: Mapping[str, Sequence[Tick]],
 ) -> list[Tick]:
-    """Return all ticks in order; what a Block tells and its next states are one tick where they can be."""
+    """Return all ticks in order; a Block's outputs and its next states are one tick where they can be."""
     first: list[Tick] = []
     last: list[Tick] = []
     for block, late in tick_order(blocks, {name: driver for name, (driver, _) in drivers.items()}):
@@ -279,17 +284,17 @@ def _part(block: Block, hybrid: bool) -> _Part:
             s.symbol: sp.Symbol(f"{block.name}.{s.name}" if _is_local(block, s) else s.name, real=True)
             for s in local
         },
-        tuple(s.but(name=f"{block.name}.held_{s.name}") for s in holds),
+        tuple(s.replace(name=f"{block.name}.held_{s.name}") for s in holds),
     )
 
 
 def _is_local(block: Block, signal: Signal) -> bool:
-    """Tell whether a signal gets the Block's name in front; a parameter that carries one keeps its key."""
+    """Return whether a signal gets the Block's name in front; a parameter that carries one keeps its key."""
     return not (signal in block.parameters and "." in signal.name)
 
 
 def _moved(part: _Part, signal: Signal) -> Signal:
-    return signal.but(name=part.own[signal.symbol].name)
+    return signal.replace(name=part.own[signal.symbol].name)
 
 
 def _refuse_clashes(blocks: Sequence[Block]) -> None:

@@ -1,4 +1,4 @@
-"""Lookup tables as SymPy expressions that every face prints: an entry by its number, and interpolation.
+"""Lookup tables as SymPy expressions that every backend prints: an entry by its number, and interpolation.
 
 A table of two axes is printed as an array, once for each corner of a cell. Measured on K06's
 14 x 161 entries:

@@ -1,6 +1,6 @@
 """Straight-line programs: a Block's expressions as assignments in order, common parts computed once.
 
-Every face that prints code (plain Python, NumPy, C) prints the same program.
+Every backend that prints code (plain Python, NumPy, C) prints the same program.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Random numbers as equations of a sampled Block, so that every face draws the same ones from a seed.
+"""Random numbers as equations of a sampled Block, so that every backend draws the same ones from a seed.
 
 The generator is L'Ecuyer's MRG32k3a ("Good parameters and implementations for combined multiple recursive
 random number generators", Operations Research 47, 1999): two recurrences of three numbers below 2^32, all of
@@ -81,7 +81,7 @@ def random_numbers(
 
     Examples
     --------
-    A Block that tells two numbers a second.
+    A Block that draws two numbers a second.
 
     >>> from hovercontrol.core.block import Block
     >>> from hovercontrol.simulation.hybrid import Ticking

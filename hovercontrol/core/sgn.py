@@ -1,7 +1,7 @@
 """The sign of a velocity in dry friction, and its regularised form.
 
-``sgn(v, w)`` stays unevaluated in a Block's expressions, so that each face may choose: the NumPy and
-python-control faces compute ``tanh(v/w)``, a runtime with events may treat it as set-valued at v = 0.
+``sgn(v, w)`` stays unevaluated in a Block's expressions, so that each backend may choose: the NumPy and
+python-control backends compute ``tanh(v/w)``, a runtime with events may treat it as set-valued at v = 0.
 """
 
 from __future__ import annotations
@@ -34,7 +34,13 @@ class sgn(sp.Function):  # noqa: N801  (reads as in the papers)
         return True
 
     def fdiff(self, argindex: int = 1) -> Any:
-        """Return the derivative of the regularised form."""
+        """Return the derivative of the regularised form.
+
+        Parameters
+        ----------
+        argindex : int, optional
+            1, the velocity, or 2, the width.
+        """
         v, w = self.args
         slope = (1 - sgn(v, w) ** 2) / w
         return slope if argindex == 1 else -slope * v / w

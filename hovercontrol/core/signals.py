@@ -1,10 +1,11 @@
-"""Signals: the named quantities of a Block, with all that a person or a tool needs to know of them."""
+"""Signals: the named quantities of a Block, with unit, bounds and description."""
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import re
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import sympy as sp
@@ -137,6 +138,12 @@ class Signal:
         """Exponents of the SI base units."""
         return dimension(self.unit)
 
-    def but(self, **changes: Any) -> Signal:
-        """Return a copy with some fields changed."""
-        return replace(self, **changes)
+    def replace(self, **changes: Any) -> Signal:
+        """Return a copy with some fields changed.
+
+        Parameters
+        ----------
+        **changes
+            Fields by name.
+        """
+        return dataclasses.replace(self, **changes)

@@ -5,8 +5,10 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from fractions import Fraction
 
+from hovercontrol.core.expressions import Expressions
 from hovercontrol.errors import InputError
 
 #: Finest fraction of a second: counts of it stay exact in double precision for two and a half hours.
@@ -14,6 +16,26 @@ FINEST = 10**12
 
 #: Relative; a tick this near to a time is at that time: grids are computed with rounding, ticks are exact.
 ROOM = 8 * sys.float_info.epsilon
+
+
+@dataclass(frozen=True)
+class Tick:
+    """What happens at every multiple of a period in a hybrid Block.
+
+    Parameters
+    ----------
+    name : str
+        Of the sampled Block that it was.
+    period : float
+        [s]
+    updates : mapping of str to sympy.Expr
+        The states that it sets, each to its expression; all see the values before the tick, where an earlier
+        tick of the same instant has not set them.
+    """
+
+    name: str
+    period: float
+    updates: Expressions
 
 
 class Clock:
@@ -100,7 +122,7 @@ class Schedule:
         self.time = self._first()
 
     def is_due(self, time: float) -> bool:
-        """Tell whether a tick is due at a time, or was before."""
+        """Return whether a tick is due at a time, or was before."""
         return self.time <= time + ROOM * abs(time)
 
     def take(self, time: float) -> list[int]:

@@ -28,7 +28,7 @@ Dimension = tuple[sp.Rational, ...]
 DIMENSIONLESS: Dimension = (sp.Integer(0),) * len(BASE)
 
 
-#: Functions of plain numbers that every face can compute.
+#: Functions of plain numbers that every backend can compute.
 KNOWN_FUNCTIONS = (
     sp.sin, sp.cos, sp.tan, sp.asin, sp.acos, sp.atan, sp.sinh, sp.cosh, sp.tanh, sp.exp, sp.log,
     sp.floor, sp.ceiling, sp.Heaviside,
@@ -36,7 +36,18 @@ KNOWN_FUNCTIONS = (
 
 
 class UnitError(InputError):
-    """Two quantities of different dimension meet in one expression."""
+    """Two quantities of different dimension meet in one expression.
+
+    Examples
+    --------
+    >>> import hovercontrol as hc
+    >>> u, t = hc.Signal("u", "m/s"), hc.Signal("t1", "s")
+    >>> try:
+    ...     hc.Block("sum", [], [u, t], [hc.Signal("y")], output_expressions={"y": u.symbol + t.symbol})
+    ... except UnitError as error:
+    ...     print(error)
+    block 'sum': y: units do not fit in 't1 + u': 't1' is in s, 'u' is in m/s
+    """
 
 
 def dimension(unit: str) -> Dimension:
@@ -105,7 +116,7 @@ def conversion_factor(unit: str, target: str) -> float:
 
 @lru_cache(maxsize=4096)
 def is_plain_si(unit: str) -> bool:
-    """Tell whether a unit is built from SI units without a factor: ``N`` is, ``deg`` and ``km`` are not.
+    """Return whether a unit is built from SI units without a factor: ``N`` is, ``deg`` and ``km`` are not.
 
     Examples
     --------
@@ -221,7 +232,7 @@ class DimensionChecker:
         if isinstance(e, sp.Function):
             names = ", ".join(sorted(f.__name__ for f in KNOWN_FUNCTIONS))
             raise UnitError(
-                f"the function {e.func} in '{e}' cannot be computed by every face; known: {names}"
+                f"the function {e.func} in '{e}' cannot be computed by every backend; known: {names}"
             )
         raise UnitError(f"the unit of {e} cannot be derived ({type(e).__name__})")
 

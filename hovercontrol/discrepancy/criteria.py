@@ -1,4 +1,4 @@
-"""What evidence is asked for: every threshold of the discrepancy workflow, with its reason."""
+"""The evidence required: thresholds of the discrepancy workflow, with reasons."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ class Criteria:
         coefficient: at one third a further block has the same sign with 99.9 %. A real cause is invariant, a
         stand-in is not (Peters, Buehlmann, Meinshausen, J. R. Stat. Soc. B 78 (2016)).
     blocks : int
-        Fewest blocks that must tell a coefficient for their scatter to be judged.
+        Fewest blocks with information on a coefficient for their scatter to be judged.
     apart : float
-        A rival no more than this behind (odds of e^6) cannot be told apart.
+        A rival no more than this behind (odds of e^6) is not distinguished.
     apart_t : float
         Nor one behind by less than so many standard errors of the difference over blocks (Vuong,
         Econometrica 57 (1989)): at two, 2.5 % of true ones are.

@@ -1,4 +1,4 @@
-"""Find where model and measurement disagree, name the missing effect, add it, show the gap shrink."""
+"""Find where model and measurement disagree, name the missing effect, add it, and show the smaller error."""
 
 from __future__ import annotations
 
@@ -37,11 +37,11 @@ def diagnose(
     seed: int = 0,
     progress: Callable[[float, str], None] | None = None,
 ) -> Diagnosis:
-    """Find what a model lacks, how much of the gap that closes, and what remains.
+    """Find which effects a model lacks, how much of the error they explain, and what remains.
 
     An effect is named when three independent things agree: the likelihood that it gains with random forces
     allowed for, the same size on disjoint blocks of the logs, and better predictions of the held-out log.
-    What remains beside it takes no name away: it is measured, and the verdict is ``"partial"``
+    A remainder does not withdraw a name: it is measured, and the verdict is ``"partial"``
     (:func:`.verdict.verdict_of`).
 
     Parameters
@@ -55,7 +55,7 @@ def diagnose(
     names : sequence of str, optional
         Effects to consider; default: the whole catalogue.
     max_effects : int, optional
-        Most effects that are added.
+        Largest number of effects to add.
     seed : int, optional
         Of the manoeuvres drawn at random among those from which the next experiment is chosen: all that is
         random here.
@@ -106,30 +106,30 @@ def _diagnosed(
     names: Sequence[str] | None,
     max_effects: int,
     seed: int,
-    tell: Callable[[float, str], None],
+    report: Callable[[float, str], None],
 ) -> Diagnosis:
-    tell(0.0, "reading what was measured")
+    report(0.0, "reading what was measured")
     warnings = check_logs(model, logs, holdout)
     data = gather(model, logs)
-    tell(0.05, "fitting the model as it is")
+    report(0.05, "fitting the model as it is")
     base = base_fit(model, data)
     warnings += check_fitted(base)
     done = [0]
 
     def said(what: str) -> None:
         done[0] += 1
-        tell(0.1 + 0.7 * (1 - 0.85 ** done[0]), what)
+        report(0.1 + 0.7 * (1 - 0.85 ** done[0]), what)
 
-    selection = select(base, model, names=names, max_effects=max_effects, tell=said)
-    tell(0.82, "predicting the held-out log")
+    selection = select(base, model, names=names, max_effects=max_effects, report=said)
+    report(0.82, "predicting the held-out log")
     held = held_out(selection, gather(model, [holdout]) if holdout is not None else None)
     selection = held.selection
-    tell(0.92, "measuring what remains")
+    report(0.92, "measuring what remains")
     final = selection.final
     remains = remainders(base, final)
     verdict = verdict_of(selection, remains)
     effects = numbers_of(final, selection.effects)
-    tell(0.96, "looking for the next experiment")
+    report(0.96, "looking for the next experiment")
     experiment, advice = next_experiment(selection, effects, seed)
     missing = missing_forces(base)
     train_before = gap(base)
@@ -160,7 +160,7 @@ def _diagnosed(
         experiment=experiment,
         advice=advice,
     )
-    tell(1.0, "done")
+    report(1.0, "done")
     return found
 
 

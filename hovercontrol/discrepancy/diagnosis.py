@@ -1,4 +1,4 @@
-"""What came of a search: the verdict, the effects that are named, the evidence, and what remains."""
+"""The result of a diagnosis: the verdict, the effects that are named, the evidence, and what remains."""
 
 from __future__ import annotations
 
@@ -19,8 +19,9 @@ from hovercontrol.discrepancy.search.confirm import Rival, Selection
 from hovercontrol.discrepancy.search.leads import Lead
 from hovercontrol.discrepancy.verdict import Verdict
 from hovercontrol.estimation.fit import Fit
-from hovercontrol.estimation.subject import Subject, motion_of
+from hovercontrol.estimation.subject import Subject
 from hovercontrol.io.files import write_folder
+from hovercontrol.models.base import quantity_of
 from hovercontrol.models.model import Model
 
 if TYPE_CHECKING:
@@ -40,6 +41,11 @@ class Found:
     value, std : float
         Estimate and its standard error.
     unit : str
+
+    Examples
+    --------
+    >>> Found("slope", "slope_x", "u' v'", 0.2, 0.003, "m/s^2").parameter
+    'slope_x'
     """
 
     effect: str
@@ -65,13 +71,13 @@ class Diagnosis:
     effects : tuple of Found
         Numbers of the effects that are named.
     rivals : tuple of Rival
-        Effects that these logs cannot tell from named ones.
+        Effects that these logs do not distinguish from named ones.
     evidence : dict of str to Evidence
         By named effect.
     remainders : tuple of Remainder
         By equation on which forces act.
     leads : tuple of Lead
-        Candidates that came nearest and are not named, with the reason.
+        Nearest candidatesest and are not named, with the reason.
     model, amended, refitted : Model or BlockModel
         As given; with the named effects and all coefficients fitted; as given, its coefficients fitted.
     before, after : Gap or None
@@ -94,9 +100,20 @@ class Diagnosis:
         Rows of the training logs of which a sample was left out.
     warnings : tuple of str
     experiment : Experiment or None
-        What to drive next, where that would settle an ambiguous case or tell a coefficient better.
+        Next experiment, where that would settle an ambiguous case or tell a coefficient better.
     advice : str
         That in one sentence, or why there is no such experiment; empty where none is wanted.
+
+    Examples
+    --------
+    >>> import hovercontrol as hc
+    >>> from hovercontrol.discrepancy import diagnose
+    >>> from hovercontrol.logs import read_log
+    >>> from hovercontrol.samples import sample_path
+    >>> log = read_log(sample_path()).between(0.0, 15.0)
+    >>> found = diagnose(hc.vehicle("c17_experiment"), [log], names=["slope"])
+    >>> found.verdict, found.model.name, found.rows_dropped
+    ('none', 'c17_experiment', 0)
     """
 
     verdict: Verdict
@@ -201,7 +218,13 @@ class Diagnosis:
         return diagnosis_figure(self)
 
     def save(self, folder: str | Path) -> list[Path]:
-        """Write ``result.json``, ``model.toml`` and, where there is one, ``next_experiment.csv``."""
+        """Write ``result.json``, ``model.toml`` and, where there is one, ``next_experiment.csv``.
+
+        Parameters
+        ----------
+        folder : path
+            Made if it is not there.
+        """
         from hovercontrol.models.modelfile import save_model
 
         text = json.dumps(_finite(self.result()), indent=2, allow_nan=False, default=float) + "\n"
@@ -217,9 +240,9 @@ class Diagnosis:
 
 
 def reason_of(rival: Rival) -> str:
-    """Return why a rival cannot be told from a named effect."""
+    """Return why a rival is not distinguished from a named effect."""
     if rival.same:
-        return f"the same as {rival.instead_of} in every log: one finding, two readings"
+        return f"equivalent to {rival.instead_of} in every log"
     return (
         f"instead of {rival.instead_of}: behind by {rival.behind:.1f} in twice the log likelihood, "
         f"{rival.t:.1f} standard errors over blocks"
@@ -243,7 +266,7 @@ def numbers_of(fit: Fit, names: Sequence[str]) -> tuple[Found, ...]:
         e = problem.model.effect(name)
         for key in e.numbers:
             parameter = e.parameter(key)
-            if parameter not in problem.names or (key == "width" and e.numbers[key].neutral != 0.0):
+            if parameter not in problem.names or parameter == e.friction_width():
                 continue
             j = problem.names.index(parameter)
             unit = problem.block.parameter(parameter).unit
@@ -257,14 +280,14 @@ def acts_in(fit: Fit, name: str) -> str:
     block = fit.problem.block
     e = fit.problem.model.effect(name)
     own = {block.parameter(e.parameter(k)).symbol for k in e.numbers}
-    motion = motion_of(fit.problem.model)
+    motion = fit.problem.model.motion
     rows = [
         f"{s.name}'"
         for s in block.states
         if s.name in motion and block.expand(block.derivatives[s.name]).free_symbols & own
     ]
     rows += [
-        o.name.replace("_measured", " as measured")
+        f"{quantity_of(o.name)[0]} as measured" if quantity_of(o.name)[1] else o.name
         for o in block.outputs
         if block.expand(block.output_expressions[o.name]).free_symbols & own
     ]

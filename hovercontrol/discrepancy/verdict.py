@@ -1,4 +1,4 @@
-"""What a search and its remainders amount to."""
+"""The verdict from a search and its remainders."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ Verdict = Literal["effect", "none", "ambiguous", "partial", "unexplained"]
 
 
 def verdict_of(selection: Selection, remainders: Sequence[Remainder]) -> Verdict:
-    """Return the verdict: a remainder takes no name away.
+    """Return the verdict; a remainder does not withdraw a name.
 
     ========== ==================================================================================
     none       nothing is missing
     effect     named, and nothing remains beyond noise
     partial    named, and something remains that no known effect explains
-    ambiguous  one of several readings
+    ambiguous  one of several effects
     unexplained something is missing, nothing can be named
     ========== ==================================================================================
     """

@@ -17,7 +17,13 @@ for _module in pkgutil.iter_modules(__path__):
 
 
 def effect_names() -> list[str]:
-    """Return the names of all known effects, sorted."""
+    """Return the names of all known effects, sorted.
+
+    Examples
+    --------
+    >>> len(effect_names()) > 50, "yaw_coulomb" in effect_names()
+    (True, True)
+    """
     return sorted(Effect.known)
 
 
@@ -29,6 +35,11 @@ def effect_class(name: str) -> type[Effect]:
     ------
     InputError
         If no effect has that name; the nearest one is in the text.
+
+    Examples
+    --------
+    >>> effect_class("yaw_coulomb").source
+    'C17 (10), c5 = d_r0/J'
     """
     if name not in Effect.known:
         raise InputError(f"unknown effect {name!r}{did_you_mean(name, Effect.known)}")
@@ -44,7 +55,7 @@ def effect(name: str, value: float | None = None, **values: Any) -> Effect:
     name : str
         As in the model file, ``"yaw_coulomb"``.
     value : float, optional
-        The effect's coefficient.
+        The effect's coefficient, in its unit.
     **values : float
         Its other numbers (``width=0.02``).
 

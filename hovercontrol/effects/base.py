@@ -35,6 +35,12 @@ class Coefficient:
         Value where none is given; without it the value is required.
     neutral : float, optional
         The value at which the effect is not there; none (NaN) for a number that does not scale it.
+
+    Examples
+    --------
+    >>> c = Coefficient("1/s", lower=0.0)
+    >>> c.lower, c.upper, c.default
+    (0.0, inf, None)
     """
 
     unit: str
@@ -57,6 +63,14 @@ class Shape(Coefficient):
         mean square), the length of the log, the time between its rows.
     fixed : bool, optional
         Whether a fit leaves it as given: a scale, or a constant of the regularisation.
+    unit, lower, upper, default, neutral
+        As for :class:`Coefficient`.
+
+    Examples
+    --------
+    >>> width = Shape("m/s", lower=TINY, default=0.01)
+    >>> width.default, width.neutral
+    (0.01, nan)
     """
 
     neutral: float = math.nan
@@ -80,7 +94,10 @@ class Effect:
     ``order`` says which comes first of several effects that change commands or measurements; ``craft`` on
     which craft a search tries the effect (``"any"``, ``"rudder"`` with a propeller and a rudder, ``"fan"``);
     ``instead_of`` names an effect that is the same on another craft: a model has one of the two; ``signal``
-    is the input that the effect acts on, where it is one of a machine's own.
+    is the input that the effect acts on, where it is one of a machine's own; ``axis`` the velocity in
+    whose equation alone it acts. ``drives`` says that it turns its craft's actuators into accelerations,
+    ``turns_fans`` that it needs the fans' torque with their forces turned, ``shifts_time`` that it only says
+    how late commands or measurements are, which no log tells apart.
 
     A named subclass is known by its name everywhere; with ``register=False`` only to who holds the class.
 
@@ -99,6 +116,10 @@ class Effect:
     craft: ClassVar[str] = "any"
     signal: ClassVar[str] = ""
     instead_of: ClassVar[str] = ""
+    axis: ClassVar[str] = ""
+    drives: ClassVar[bool] = False
+    turns_fans: ClassVar[bool] = False
+    shifts_time: ClassVar[bool] = False
 
     def __init_subclass__(cls, *, register: bool = True, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
@@ -149,8 +170,23 @@ class Effect:
 
     @classmethod
     def parameter(cls, number: str) -> str:
-        """Return the plant's parameter name of one of the effect's numbers."""
+        """Return the plant's parameter name of one of the effect's numbers.
+
+        Parameters
+        ----------
+        number : str
+            Name of the class attribute: ``"value"``, ``"width"``.
+        """
         return cls.name if number == "value" else f"{cls.name}_{number}"
+
+    @classmethod
+    def friction_width(cls) -> str:
+        """Return the parameter name of the width over which dry friction changes sign, ``""`` without one.
+
+        It regularises; a width at whose neutral value the effect is not there (a dead zone's) is none.
+        """
+        width = cls.numbers.get("width")
+        return cls.parameter("width") if width is not None and math.isnan(width.neutral) else ""
 
     def signals(self, owner: str, units: Mapping[str, str]) -> tuple[Signal, ...]:
         """Return the effect's numbers as parameter signals.
@@ -177,7 +213,13 @@ class Effect:
         )
 
     def symbols(self, owner: str) -> SimpleNamespace:
-        """Return the symbols of the effect's numbers in a Block, by number."""
+        """Return the symbols of the effect's numbers in a Block, by number.
+
+        Parameters
+        ----------
+        owner : str
+            Name of the Block.
+        """
         names = {k: f"{owner}.{self.parameter(k)}" for k in self.numbers}
         return SimpleNamespace(**{k: sp.Symbol(name, real=True) for k, name in names.items()})
 
@@ -199,14 +241,25 @@ class Effect:
         -------
         dict of str to sympy.Expr
             Keys ``"u"``, ``"v"``, ``"r"``; accelerations [m/s^2, m/s^2, rad/s^2].
+
+        Raises
+        ------
+        TypeError
+            If the class says nothing of what it does.
         """
         hooks = ("motion", "commands", "measured", "factors")
         if all(getattr(type(self), hook) is getattr(Effect, hook) for hook in hooks):
-            raise TypeError(f"{type(self).__name__} does not say what it adds: define terms()")
+            raise TypeError(f"{type(self).__name__} does not define terms()")
         return {}
 
     def motion(self, c: Any, s: Any) -> None:
-        """Change what other effects see of the motion, in place: ``s.air_u`` in a wind, ``s.thrust_x``."""
+        """Change what other effects see of the motion, in place: ``s.air_u`` in a wind, ``s.thrust_x``.
+
+        Parameters
+        ----------
+        c, s : namespace
+            As for :meth:`terms`.
+        """
 
     def commands(self, c: Any, s: Any) -> dict[Signal, sp.Expr]:
         """Change the commands on their way to the forces, in place.
@@ -242,10 +295,24 @@ class Effect:
         return {}
 
     def measured(self, c: Any, s: Any) -> None:
-        """Change what is measured, in place: ``s.x, s.y, s.psi, s.u, s.v, s.r``; ``s.true`` is the motion."""
+        """Change what is measured, in place: ``s.x, s.y, s.psi, s.u, s.v, s.r``; ``s.true`` is the motion.
+
+        Parameters
+        ----------
+        c : namespace
+            Symbols of the effect's own numbers.
+        s : namespace
+            Symbols of what is measured.
+        """
 
     def factors(self, c: Any, s: Any) -> dict[str, sp.Expr]:
-        """Return factors on other effects' coefficients, by effect name."""
+        """Return factors on other effects' coefficients, by effect name.
+
+        Parameters
+        ----------
+        c, s : namespace
+            As for :meth:`terms`.
+        """
         return {}
 
     @classmethod

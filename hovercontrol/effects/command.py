@@ -15,6 +15,8 @@ from hovercontrol.effects.base import TINY, Coefficient, Effect, Shape
 
 
 class _Delay(Effect):
+    shifts_time = True
+
     def commands(self, c: Any, s: Any) -> dict[Signal, sp.Expr]:
         s.delay = c.seconds  # of all commands: becomes the plant's `delays`
         return {}
@@ -143,7 +145,7 @@ class ReverseThrustLoss(Effect):
 
 
 class RudderOffset(Effect):
-    """A rudder that stands beside its command by a fixed angle."""
+    """A rudder with a constant offset from its command."""
 
     name, source, order, craft = "rudder_offset", "misadjusted linkage", 10, "rudder"
     value = Coefficient("rad")

@@ -25,7 +25,7 @@ class Drag(Effect):
 
     def law(self, c: Any, w: sp.Expr) -> sp.Expr:
         """Return the drag per coefficient at velocity `w`."""
-        raise TypeError(f"{type(self).__name__} does not say its law")
+        raise TypeError(f"{type(self).__name__} does not define its law")
 
 
 class _Coulomb(Drag):

@@ -1,4 +1,4 @@
-"""What lies between the motion and a log: biases, scales, and where and when a sensor looks."""
+"""Measurement effects: biases, scales, and where and when a sensor looks."""
 
 from __future__ import annotations
 
@@ -66,6 +66,7 @@ class TimeOffset(Effect):
     """Measurements whose clock is late against the commands' clock."""
 
     name, source, order = "time_offset", "two clocks that were not set together", 4
+    shifts_time = True
     seconds = Shape("s", neutral=0.0, search=(-0.15, -0.06, -0.02, 0.02, 0.06, 0.15))
 
     def measured(self, c: Any, s: Any) -> None:

@@ -15,6 +15,7 @@ class Thrust(Effect):
     """Force of the propeller, turned by the rudder: c T cos(theta) in surge, c T sin(theta) in sway."""
 
     name, source, craft = "thrust", "C17 (9), c7 = b_T/m", "rudder"
+    drives = True
     value = Coefficient("m/s^2/{thrust}", lower=0.0)
 
     def terms(self, c: Any, s: Any) -> dict[str, sp.Expr]:
@@ -25,6 +26,7 @@ class RudderTorque(Effect):
     """Torque of the rudder's side force on its arm: -c T sin(theta) in yaw [K06 eq 2.9]."""
 
     name, source, craft = "rudder_torque", "C17 (10), c8 = a b_T/J", "rudder"
+    drives = True
     value = Coefficient("rad/s^2/{thrust}")
 
     def terms(self, c: Any, s: Any) -> dict[str, sp.Expr]:
@@ -68,6 +70,7 @@ class FanForce(Effect):
     """Sum of the fans' forces, each in its direction, per mass."""
 
     name, source, craft = "fan_force", "Newton; c = 1/m times the fans' effectiveness", "fan"
+    drives = True
     value = Coefficient("m/s^2/N", lower=0.0)
 
     def terms(self, c: Any, s: Any) -> dict[str, sp.Expr]:
@@ -78,6 +81,7 @@ class FanTorque(Effect):
     """Sum of the fans' torques about the centre of mass, per inertia."""
 
     name, source, craft = "fan_torque", "Euler; c = 1/J times the fans' effectiveness", "fan"
+    drives = True
     value = Coefficient("rad/s^2/(N*m)", lower=0.0)
 
     def terms(self, c: Any, s: Any) -> dict[str, sp.Expr]:
@@ -88,6 +92,7 @@ class FanMisalignment(Effect):
     """Fans that all push turned by one angle from where they should, each at its own place."""
 
     name, source, craft = "fan_misalignment", "rotation of a force about its own point of attack", "fan"
+    turns_fans = True
     value = Shape("rad", lower=-math.pi / 2, upper=math.pi / 2, neutral=0.0, search=(0.05,))
 
     def motion(self, c: Any, s: Any) -> None:

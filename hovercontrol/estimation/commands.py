@@ -22,8 +22,25 @@ from hovercontrol.targets.follow import follow
 
 Array = NDArray[np.float64]
 
-#: A step so many times as long as usual lacks a row.
-MISSING = 1.5
+
+@dataclass(frozen=True)
+class ArrivalCriteria:
+    """When rows of a log are missing.
+
+    No published source: set by hand, exercised by tests/estimation/test_commands.py.
+
+    Attributes
+    ----------
+    missing : float
+        Time step, relative to the usual one, from which on a row is missing.
+    """
+
+    missing: float = 1.5
+
+
+#: The values in use.
+ARRIVALS = ArrivalCriteria()
+
 
 #: Steps that laws which are not linear take from row to row.
 STEPS = 2
@@ -103,7 +120,7 @@ def command_times(log: Measured) -> tuple[Array, Array]:
     usual = float(np.median(np.diff(log.time[seen]))) if seen.sum() > 1 else 0.0
     step = np.diff(log.time)
     changed = (np.diff(log.inputs, axis=1) != 0).any(axis=0)
-    late = step > MISSING * usual
+    late = step > ARRIVALS.missing * usual
     unsure = np.flatnonzero(changed & np.asarray(seen)[1:] & late)
     time[unsure + 1] -= 0.5 * step[unsure]
     std[unsure + 1] = step[unsure] / math.sqrt(12.0)

@@ -34,20 +34,41 @@ GATES = 8
 #: Times at most that samples are left out of a fit that has settled, and passes in which levels then move.
 ROUNDS, AGAIN = 12, 4
 
-#: Change of the cost by halved sub-steps that does not matter: an effect must bring ten times as much.
-FINE = 2.0
+
+@dataclass(frozen=True)
+class Convergence:
+    """When a fit has converged.
+
+    Costs are minus twice the log likelihood. No published source: set by hand, exercised by
+    tests/estimation/test_fit.py; an effect must gain 20 to be named (:class:`.Criteria`).
+
+    Attributes
+    ----------
+    fine : float
+        Largest change of the cost by halved sub-steps.
+    settled : float
+        Largest change of the cost in a pass while noise levels move.
+    stopped : float
+        Largest change of the cost in a pass under fixed noise levels.
+    enough : int
+        Passes after which a path that alternates between stick and slip counts as converged.
+    """
+
+    fine: float = 2.0
+    settled: float = 1.0
+    stopped: float = 0.05
+    enough: int = 3
+
+
+#: The values in use.
+CONVERGENCE = Convergence()
+
 
 #: Factors by which correlation times are tried, the largest and the smallest.
 COARSEST, FINEST = 2.0, 1.2
 
 #: Passes of a refit before levels of noise move.
 HOLD = 2
-
-#: Change of minus twice the log likelihood at which a fit has settled, moving and still.
-SETTLED, STOPPED = 1.0, 0.05
-
-#: Passes after which a path that flips between two sides of a kink (stick or slip) is taken as settled.
-ENOUGH = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -262,7 +283,7 @@ class _Iteration:
     def _moving(self, now: Pass) -> Pass:
         """Return the first pass whose levels and correlation times of noise stay."""
         while True:
-            there = self._little_changes(now, SETTLED)
+            there = self._little_changes(now, CONVERGENCE.settled)
             while there and self.times and self.factor > FINEST:  # not before all factors were tried
                 there = not self._timed(now)
             if (there and self.k > self.hold) or self.k >= self.most + self.hold:
@@ -279,17 +300,19 @@ class _Iteration:
         while True:
             if now.cost < best[0]:
                 best = now.cost, now.p, now.path
-            there = self._little_changes(now, STOPPED if count < ENOUGH else 2.0 * SETTLED)
+            there = self._little_changes(
+                now, CONVERGENCE.stopped if count < CONVERGENCE.enough else 2.0 * CONVERGENCE.settled
+            )
             if there or count >= STILL:
                 break
             now = self.onward(now, half=self.change < 0)  # to and fro about a kink of dry friction
             count += 1
-        if best[0] < now.cost - STOPPED:
+        if best[0] < now.cost - CONVERGENCE.stopped:
             now = run_pass(self.problem, self.noise, self.prior, *best[1:], self.frozen)
         return now, there
 
     def _little_changes(self, now: Pass, enough: float) -> bool:
-        return bool(abs(self.change) < enough and now.predicted < SETTLED)
+        return bool(abs(self.change) < enough and now.predicted < CONVERGENCE.settled)
 
     def _timed(self, now: Pass) -> bool:
         """Try correlation times by a factor; tell whether they moved. The next factor is smaller if not."""
@@ -362,7 +385,7 @@ def fine_enough(fit: Fit) -> Fit:
         linear = finer.linearise(fit.path, fit.p, unknowns=False)
         filtered = run_filter(augment(finer, linear, fit.noise, unknowns=False))
         before, cost = cost, float((filtered.white**2).sum() + filtered.log_det.sum())
-        if abs(cost - before) < FINE:
+        if abs(cost - before) < CONVERGENCE.fine:
             break
         problem = finer
     if problem is fit.problem:

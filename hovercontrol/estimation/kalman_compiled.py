@@ -18,7 +18,7 @@ from hovercontrol.targets.shoot import pool, threads
 
 Array = NDArray[np.float64]
 
-#: Blocks that are worth a thread.
+#: Fewest blocks for a thread.
 SHARE = 4
 
 _ARRAYS = (

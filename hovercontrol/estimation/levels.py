@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,8 +16,28 @@ Array = NDArray[np.float64]
 #: Standard error of a noise level from the median of n third differences, times the root of n.
 LEVEL = 1.65
 
-#: How many times another log's a level must be to count as another, and how many standard errors beyond.
-UNLIKE, SURE = 1.25, 4.0
+
+@dataclass(frozen=True)
+class LevelCriteria:
+    """When the noise of two logs differs.
+
+    No published source: set by hand, exercised by tests/estimation/test_noise.py and
+    tests/discrepancy/test_levels.py.
+
+    Attributes
+    ----------
+    unlike : float
+        Ratio of noise levels from which on each log has its own.
+    sure : float
+        Standard errors by which they must differ as well.
+    """
+
+    unlike: float = 1.25
+    sure: float = 4.0
+
+
+#: The values in use.
+LEVELS = LevelCriteria()
 
 
 def noise_levels(logs: Sequence[Measured], channels: Sequence[str]) -> Array:
@@ -66,7 +87,7 @@ def noise_scales(logs: Sequence[Measured], channels: Sequence[str], noise: Array
         if len(known) < 2:
             continue
         (_, least, one), (_, most, other) = (f(known, key=lambda k: k[1]) for f in (min, max))
-        if np.log(most / least) > max(np.log(UNLIKE), SURE * np.hypot(one, other)):
+        if np.log(most / least) > max(np.log(LEVELS.unlike), LEVELS.sure * np.hypot(one, other)):
             for i, level, _ in known:
                 scales[i, c] = level / noise[c]
     return scales
@@ -101,7 +122,7 @@ def _level(log: Measured, channel: str) -> tuple[float, float]:
 
 
 def _even(time: Array) -> NDArray[np.bool_]:
-    """Tell which four rows in a row follow each other evenly: across a missing row motion enters."""
+    """Return which four rows in a row follow each other evenly: across a missing row motion enters."""
     step = np.diff(time)
     if step.size < 3:
         return np.zeros(0, dtype=bool)

@@ -23,11 +23,28 @@ Mask = NDArray[np.bool_]
 #: Rows of one log that are used at most; more tell little new and cost memory.
 MOST_ROWS = 60_000
 
-#: A command may lie outside its bounds by this part of the larger bound.
-MARGIN = 0.05
 
-#: Changes of this part of a value (or of 1) are rounding.
-ROUNDING = 1e-14
+@dataclass(frozen=True)
+class InputLimits:
+    """What is accepted of the inputs and channels of a log.
+
+    No published source: set by hand, exercised by tests/estimation/test_measure.py.
+
+    Attributes
+    ----------
+    margin : float
+        Part of the larger bound by which a command may exceed its bounds.
+    rounding : float
+        Changes smaller than this part of a value (or of 1) are rounding.
+    """
+
+    margin: float = 0.05
+    rounding: float = 1e-14
+
+
+#: The values in use.
+INPUTS = InputLimits()
+
 
 #: Into how many stretches, spread over it, a longer log is cut.
 STRETCHES = 10
@@ -42,9 +59,9 @@ class Measured:
     name : str
         Of the log.
     time : ndarray, shape (n,)
-        Seconds on the log's clock.
+        On the log's clock [s].
     origin : float
-        Time of the log's first row; the Block's time counts from there.
+        Time of the log's first row [s]; the Block's time counts from there.
     inputs : ndarray, shape (n_inputs, n)
         In the order of the Block.
     channels : tuple of str
@@ -61,6 +78,16 @@ class Measured:
         Samples that the smoother left out: when, how many and why.
     rows_total : int
         Rows of the log, of which a very long one keeps only some stretches.
+
+    Examples
+    --------
+    >>> import hovercontrol as hc
+    >>> t = 0.02 * np.arange(200)
+    >>> one, none = np.ones(200), np.zeros(200)
+    >>> log = Log("turn", t, {"u": one, "v": none, "r": one, "thrust": one, "rudder": none})
+    >>> seen = measure(hc.vehicle("c17_simulation").plant(), log)
+    >>> seen.channels, seen.values.shape, seen.segments
+    (('u', 'v', 'r'), (3, 200), ((0, 200),))
     """
 
     name: str
@@ -162,11 +189,11 @@ def refuse_still(name: str, channels: Sequence[str], rows: Sequence[Array] | Arr
 def steps(row: Array) -> Array:
     """Return the sizes of all changes from row to row but those by rounding."""
     sizes = np.abs(np.diff(row))
-    return sizes[sizes > ROUNDING * max(1.0, float(np.abs(row).max(initial=0.0)))]
+    return sizes[sizes > INPUTS.rounding * max(1.0, float(np.abs(row).max(initial=0.0)))]
 
 
 def _check_input(log: Log, signal: Signal) -> None:
-    """Raise if a command is not finite, or farther outside the signal's bounds than ``MARGIN``."""
+    """Raise if a command is not finite, or farther outside the signal's bounds than ``INPUTS.margin``."""
     values = log[signal.name]
     bad = np.flatnonzero(~np.isfinite(values))
     if bad.size:
@@ -175,7 +202,7 @@ def _check_input(log: Log, signal: Signal) -> None:
     largest = float(np.abs(bounds[np.isfinite(bounds)]).max(initial=0.0))
     outside = np.maximum(values - signal.upper, signal.lower - values)
     worst = int(outside.argmax()) if outside.size else 0
-    if not outside.size or outside[worst] <= MARGIN * largest + 1e-9 * signal.nominal:
+    if not outside.size or outside[worst] <= INPUTS.margin * largest + 1e-9 * signal.nominal:
         return
     unit = "" if signal.unit == "1" else f" {signal.unit}"
     if np.isfinite(bounds).all():
@@ -185,7 +212,7 @@ def _check_input(log: Log, signal: Signal) -> None:
     else:
         wanted = f"at least {signal.lower:.4g}{unit}"
     size = float(np.abs(values).max())
-    turned = math.radians(size) <= (1 + MARGIN) * largest and size > 3 * largest
+    turned = math.radians(size) <= (1 + INPUTS.margin) * largest and size > 3 * largest
     hint = "; is it in degrees?" if signal.unit == "rad" and (turned or size > 2 * math.pi) else ""
     raise InputError(
         f"{log.name}: column {signal.name!r}: expected {wanted}, found {values[worst]:.4g} at "

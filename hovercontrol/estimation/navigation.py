@@ -22,11 +22,35 @@ from hovercontrol.logs import POSE, VELOCITY, Log
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
-#: Robust standard deviations by which a correction moves a position beyond what the velocities say.
-JUMP = 8.0
 
-#: Steps of a position's resolution that are no correction.
-RESOLVED = 3.0
+@dataclass(frozen=True)
+class NavigationCriteria:
+    """When a log is taken as the output of an inertial navigation with corrections.
+
+    No published source: set by hand on simulated logs of K06's navigation, exercised by
+    tests/discrepancy/test_navigation.py.
+
+    Attributes
+    ----------
+    jump : float
+        Size of a correction in robust standard deviations of position minus integrated velocity.
+    resolved : float
+        Smallest size of a correction in steps of the position's resolution.
+    least : int
+        Smallest number of corrections.
+    most : float
+        Largest part of the rows that are corrections.
+    """
+
+    jump: float = 8.0
+    resolved: float = 3.0
+    least: int = 5
+    most: float = 0.2
+
+
+#: The values in use.
+NAVIGATION = NavigationCriteria()
+
 
 #: Rows to either side of a correction whose medians differ by it.
 BESIDE = 5
@@ -34,8 +58,6 @@ BESIDE = 5
 #: Times that spikes are looked for: large ones hide small ones.
 ROUNDS = 5
 
-#: Corrections that make a navigation, and the largest part of the rows that may be some.
-LEAST, MOST = 5, 0.2
 
 #: How far a median of sizes is from the standard deviation of normal numbers.
 NORMAL = 0.6745
@@ -154,14 +176,16 @@ def corrections(log: Log) -> Indices:
     longer = np.maximum(step / float(np.median(step)), 1.0)  # velocities may change where rows are missing
     apart = [steps(row[np.isfinite(row)]) for row in log.stack("x", "y").T]
     finest = np.array([[sizes.min() if sizes.size else 0.0] for sizes in apart])  # their resolution
-    least = np.maximum(JUMP * np.maximum(level, 1e-12), RESOLVED * finest)
+    least = np.maximum(NAVIGATION.jump * np.maximum(level, 1e-12), NAVIGATION.resolved * finest)
     least = least * longer + np.abs(np.diff(speed)) * step  # a velocity that jumps tells when only to a row
     far = known & (np.abs(moved) > least).any(axis=0)
     found = []
     for row in np.flatnonzero(far) + 1:
         before, after = carried[:, max(row - BESIDE, 0) : row], carried[:, row : row + BESIDE]
         stayed = np.median(after, axis=1) - np.median(before, axis=1)
-        if (np.abs(stayed) > np.maximum(0.5 * np.abs(moved[:, row - 1]), JUMP * level[:, 0])).any():
+        if (
+            np.abs(stayed) > np.maximum(0.5 * np.abs(moved[:, row - 1]), NAVIGATION.jump * level[:, 0])
+        ).any():
             found.append(int(row))
     return np.array(found, dtype=np.intp)
 
@@ -179,7 +203,7 @@ def measure_navigated(block: Block, log: Log, most_rows: int = MOST_ROWS) -> Nav
     if not {"psi", "u", "v"} <= {s.name for s in (*block.states, *block.outputs)}:
         return None
     at = corrections(log)
-    if not LEAST <= at.size <= MOST * len(log):
+    if not NAVIGATION.least <= at.size <= NAVIGATION.most * len(log):
         return None
     speed = without_spikes(over_ground(log))
     moved = np.diff(log.stack("x", "y"), axis=0)[at - 1]

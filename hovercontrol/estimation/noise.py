@@ -114,18 +114,45 @@ def augment(
 #: so many times as far.
 FARTHEST, ONWARD = 100.0, 2.5
 
-#: Logarithm of such a ratio from which on it is far.
-FAR = 0.5
 
-#: Fall of the cost from which on another correlation time is taken.
-WORTH_A_STEP = 0.5
+@dataclass(frozen=True)
+class NoiseCriteria:
+    """Limits of noise levels and their steps.
 
-#: Missing acceleration below these parts of what is seen is none, or its correlation time does not matter.
-NONE, SMALL = 1e-5, 1e-3
+    No published source: set by hand, exercised by tests/estimation/test_noise.py.
 
-#: Measurement noise is no less than these parts of what third differences show and of a channel's range:
-#: without any a filter is singular.
-LEAST, TINY = 0.01, 1e-6
+    Attributes
+    ----------
+    averaging : float
+        Averaging time of a missing acceleration, which over a single row is mostly noise [s].
+    averaging_rows : int
+        The same in rows, for slowly sampled logs; the longer counts.
+    far : float
+        Logarithm of a variance's ratio to its likeliest value from which on its steps are extended.
+    gain : float
+        Fall of the cost from which on another correlation time is taken.
+    none : float
+        Process noise relative to the acceleration below which it is zero.
+    small : float
+        Process noise relative to the acceleration below which its correlation time is not fitted.
+    least : float
+        Smallest measurement noise relative to the level of third differences.
+    tiny : float
+        Smallest measurement noise relative to a channel's range: the filter is singular without noise.
+    """
+
+    averaging: float = 0.2
+    averaging_rows: int = 5
+    far: float = 0.5
+    gain: float = 0.5
+    none: float = 1e-5
+    small: float = 1e-3
+    least: float = 0.01
+    tiny: float = 1e-6
+
+
+#: The values in use.
+NOISE = NoiseCriteria()
 
 
 def moved(
@@ -177,11 +204,13 @@ def moved(
     limit = np.log(FARTHEST)
     step = np.clip(ratio, -limit, limit)
     if before.size:
-        far = (before * step > 0) & (np.abs(step) > FAR)
+        far = (before * step > 0) & (np.abs(step) > NOISE.far)
         step = np.where(far, np.clip(ONWARD * step, -limit, limit), step)
     process = noise.process * np.exp(0.5 * step[C:])
-    process = np.where(process < NONE * problem.accelerations, 0.0, process)
-    least = np.maximum(LEAST * problem.data.noise, TINY * np.nanstd(problem.rows.values, axis=(0, 1)))
+    process = np.where(process < NOISE.none * problem.accelerations, 0.0, process)
+    least = np.maximum(
+        NOISE.least * problem.data.noise, NOISE.tiny * np.nanstd(problem.rows.values, axis=(0, 1))
+    )
     measured = np.maximum(noise.measured * np.exp(0.5 * step[:C]), least)
     return replace(noise, measured=measured, process=process), step
 
@@ -215,6 +244,11 @@ def _gamma(problem: Problem, A: Array) -> Array:
     return gamma
 
 
+def averaging_time(problem: Problem) -> float:
+    """Return the averaging time of missing accelerations [s]."""
+    return max(NOISE.averaging, NOISE.averaging_rows * problem.shortest)
+
+
 def averaged(noise: Noise, over: float) -> Array:
     """Return the root mean square of each missing acceleration's mean over some time [s], shape (q,)."""
     s = over / noise.seconds
@@ -228,7 +262,7 @@ def timed(problem: Problem, linear: Linear, noise: Noise, factor: float) -> tupl
     """
     least, most = problem.shortest, problem.longest
     tries, places = [noise], []
-    for j in np.flatnonzero(noise.process > SMALL * problem.accelerations).tolist():
+    for j in np.flatnonzero(noise.process > NOISE.small * problem.accelerations).tolist():
         for times in (1.0 / factor, factor):
             new = float(np.clip(noise.seconds[j] * times, least, most))
             for power in (-0.5, 0.5):
@@ -250,6 +284,6 @@ def timed(problem: Problem, linear: Linear, noise: Noise, factor: float) -> tupl
     for j in sorted(set(places)):
         own = [1 + k for k, place in enumerate(places) if place == j]
         best = min(own, key=lambda k: costs[k])
-        if costs[best] < costs[0] - WORTH_A_STEP:
+        if costs[best] < costs[0] - NOISE.gain:
             seconds[j], process[j], moved_on = tries[best].seconds[j], tries[best].process[j], True
     return replace(noise, seconds=seconds, process=process), moved_on

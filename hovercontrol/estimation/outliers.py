@@ -6,6 +6,8 @@ deviation), against how far samples about it are off: where motion is fast all a
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d, median_filter
@@ -13,16 +15,37 @@ from scipy.ndimage import maximum_filter1d, median_filter
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-#: How many times its kind's standard deviation an outlier is off. Among a million normal samples none is 6
-#: off; real noise has heavier tails: on clean motion-capture logs of 10,000 rows the farthest is 14.8 off.
-STANDS_OUT = 16.0
 
-#: Below this part of its own standard deviation nothing is usual: a log without noise has no outliers.
-LEAST = 0.2
+@dataclass(frozen=True)
+class OutlierCriteria:
+    """When a sample is an outlier.
 
-#: Rows about a sample of which half tell its kind, and rows of which one at a time is taken: its
-#: neighbours may be off because of it.
-ABOUT, ALONE = 51, 7
+    Of a million normal samples none is 6 standard deviations off; real noise has heavier tails: on clean
+    motion-capture logs of 10,000 rows the largest is 14.8. Other values: no published source, exercised
+    by tests/discrepancy/test_outliers.py.
+
+    Attributes
+    ----------
+    stands_out : float
+        Size of an outlier in standard deviations of the residuals about it.
+    least : float
+        Smallest standard deviation of the residuals about it, relative to their own: a log without noise
+        has no outliers.
+    about : int
+        Rows about a sample from which that standard deviation is estimated.
+    alone : int
+        Rows of which only one is removed at a time, as it may disturb its neighbours.
+    """
+
+    stands_out: float = 16.0
+    least: float = 0.2
+    about: int = 51
+    alone: int = 7
+
+
+#: The values in use.
+OUTLIERS = OutlierCriteria()
+
 
 #: Three in four, and half of normal samples are less than so many standard deviations off. (Of outliers and
 #: what they spoil about them there may be one in ten of all, and more of some.)
@@ -49,13 +72,13 @@ def outliers(left: Array, seen: Mask) -> Mask:
         if not own.any():
             continue
         z = np.where(own, off[..., c], 0.0)
-        usual = max(LEAST, float(np.quantile(z[own], 0.75)) / THREE_IN_FOUR)
-        suspect = z > STANDS_OUT * usual
+        usual = max(OUTLIERS.least, float(np.quantile(z[own], 0.75)) / THREE_IN_FOUR)
+        suspect = z > OUTLIERS.stands_out * usual
         if not suspect.any():
             continue
         columns = np.flatnonzero(suspect.any(axis=0))
         filled = np.where(own[:, columns], z[:, columns], np.median(z[own]))
-        about = median_filter(filled, size=(ABOUT, 1), mode="mirror") / HALF
-        peak = z[:, columns] == maximum_filter1d(z[:, columns], ALONE, axis=0)
-        found[:, columns, c] = suspect[:, columns] & peak & (z[:, columns] > STANDS_OUT * about)
+        about = median_filter(filled, size=(OUTLIERS.about, 1), mode="mirror") / HALF
+        peak = z[:, columns] == maximum_filter1d(z[:, columns], OUTLIERS.alone, axis=0)
+        found[:, columns, c] = suspect[:, columns] & peak & (z[:, columns] > OUTLIERS.stands_out * about)
     return found

@@ -12,13 +12,30 @@ from hovercontrol.estimation.subject import Subject
 
 Array = NDArray[np.float64]
 
-#: Standard deviation of the logarithm of a shape of the model (a width of friction): one that no log tells
-#: stays where it is.
-SHAPES = 1.5
 
-#: Standard deviation of a coefficient about the model's value, in parts of that value; or, if that is more,
-#: in parts of what would make its term alone as large as all accelerations seen.
-COEFFICIENTS, ALONE = 0.3, 0.1
+@dataclass(frozen=True)
+class PriorWidths:
+    """Standard deviations of the prior about the values of the model.
+
+    No published source: set by hand, exercised by tests/estimation/test_fit.py.
+
+    Attributes
+    ----------
+    shapes : float
+        Of the logarithm of a shape parameter, such as the width of friction.
+    coefficients : float
+        Of a coefficient, relative to its value.
+    alone : float
+        Or, if larger, relative to the coefficient whose term alone has the measured acceleration.
+    """
+
+    shapes: float = 1.5
+    coefficients: float = 0.3
+    alone: float = 0.1
+
+
+#: The values in use.
+PRIOR = PriorWidths()
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,9 +76,9 @@ def prior_of(problem: Problem, model: Subject) -> Prior:
     alone = problem.sizes_alone()
     for j, name in enumerate(problem.names):
         if name in linear:
-            precision[j] = 1.0 / max(COEFFICIENTS * abs(centre[j]), ALONE * alone[j]) ** 2
+            precision[j] = 1.0 / max(PRIOR.coefficients * abs(centre[j]), PRIOR.alone * alone[j]) ** 2
         elif name in own and problem.log_scale[j]:
-            precision[j] = 1.0 / SHAPES**2
+            precision[j] = 1.0 / PRIOR.shapes**2
         elif name in own:
             precision[j] = 1.0 / max(abs(centre[j]), 1e-3) ** 2
     return Prior(z, precision)

@@ -11,10 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hovercontrol.core.block import Block
-from hovercontrol.effects import Shape
 from hovercontrol.estimation.commands import Arrival, command_times, input_states
 from hovercontrol.estimation.data import Data
-from hovercontrol.estimation.subject import Subject, motion_of, same_widths, structure, timing, unknowns
+from hovercontrol.estimation.subject import Subject, structure, timing
+from hovercontrol.estimation.unknowns import Unknowns
+from hovercontrol.models.base import shown_by
 from hovercontrol.targets.shoot import shoot
 
 Array = NDArray[np.float64]
@@ -27,9 +28,6 @@ FEW, MOST = 4, 64
 
 #: Relative size of the perturbations of one-sided differences.
 NUDGE = 1e-6
-
-#: Narrowest friction [m/s, rad/s] that a fit tells from a jump, and the widest in parts of the speed.
-NARROWEST, WIDEST = 5e-4, 0.3
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,10 +57,8 @@ class Linear:
     jolt: Array | None = None
 
 
-class Problem:
+class Problem(Unknowns):
     """A model, the logs as its Block sees them, and its unknowns.
-
-    Unknowns that scale something (widths, times, speeds: shapes above zero) are sought by their logarithm.
 
     Parameters
     ----------
@@ -70,14 +66,10 @@ class Problem:
         Whose values the unknowns start from.
     data : Data
     names : sequence of str, optional
-        Unknowns; default: :func:`unknowns`.
+        Unknowns; default: all.
 
     Attributes
     ----------
-    names : tuple of str
-    start, lower, upper : ndarray, shape (P,)
-        In the unknowns' own units.
-    log_scale : ndarray of bool, shape (P,)
     free : tuple of int
         States that are estimated: all but those that follow from the commands alone.
     driven : tuple of int
@@ -93,40 +85,15 @@ class Problem:
         self.guess = np.stack(
             [self.rows.guess.get(s.name, np.full(shape, s.start)) for s in self.block.states], axis=-1
         )
-        self.names = tuple(unknowns(model) if names is None else names)
-        values = model.coefficients()
-        signals = [self.block.parameter(name) for name in self.names]
+        paths = {state.name: self.guess[..., i] for i, state in enumerate(self.block.states)}
+        super().__init__(model, self.block, paths, names)
         keys = [p.name for p in self.block.parameters]
-        same = {one: other for one, other in same_widths(model).items() if other in self.names}
-        self.same = same
-        self._at = [
-            [
-                keys.index(self.block.parameter(n).name)
-                for n in (name, *(o for o, f in same.items() if f == name))
-            ]
-            for name in self.names
-        ]
-        self.lower = np.array([s.lower for s in signals])
-        self.upper = np.array([s.upper for s in signals])
-        self.start = np.array([values[name] for name in self.names])
-        shapes = {
-            e.parameter(k): n for e in model.effects for k, n in e.numbers.items() if isinstance(n, Shape)
-        }
-        self.log_scale = np.array(
-            [name in shapes and shapes[name].lower > 0.0 for name in self.names], dtype=bool
-        )
-        self._bound_widths()
-        self.start = np.clip(self.start, self.lower, self.upper)
-        self.size = np.array([abs(v) or 1.0 for v in self.start])
-        self._every = [
-            values.get(key.rpartition(".")[2], s) for key, s in self.block.default_parameters.items()
-        ]
         self._timing = [keys.index(name) if name else None for name in timing(model)]
-        self.known = input_states(self.block, motion_of(model))
+        self.known = input_states(self.block, model.motion)
         self.free = tuple(i for i in range(len(self.block.states)) if i not in self.known)
         self.driven = tuple(j for j, i in enumerate(self.free) if self._is_driven(i))
         clocks = [command_times(m) for m in self.logs]
-        motion = motion_of(model)
+        motion = model.motion
         self.arrivals = [
             Arrival(self.block, t - m.origin, m.inputs, motion)
             for m, (t, _) in zip(self.logs, clocks, strict=True)
@@ -139,9 +106,9 @@ class Problem:
         ]
         outputs, names_ = [s.name for s in self.block.outputs], [s.name for s in self.block.states]
         self._picked = [
-            (outputs.index(f"{c}_measured"), False)
-            if f"{c}_measured" in outputs
-            else ((names_.index(c), True) if c in names_ else (outputs.index(c), False))
+            (names_.index(c), True)
+            if c in names_ and shown_by(outputs, c) == c
+            else (outputs.index(shown_by(outputs, c)), False)
             for c in self.rows.channels
         ]
         self._outputs = self.block.to_numpy().array_outputs
@@ -170,7 +137,7 @@ class Problem:
     def _is_driven(self, i: int) -> bool:
         """Whether a force acts on a state: its derivative holds a parameter or an input of the Block."""
         name = self.block.states[i].name
-        if name not in motion_of(self.model):
+        if name not in self.model.motion:
             return False  # bristles of a friction follow from the motion
         own = {s.symbol for s in (*self.block.parameters, *self.block.inputs)}
         own |= {self.block.states[k].symbol for k in self.known}
@@ -183,19 +150,6 @@ class Problem:
         acting: set[str] = set().union(*({str(s) for s in law} for law in laws))
         acting |= {name for name in timing(self.model) if name}
         return [j for j, name in enumerate(self.names) if self.block.parameter(name).name in acting]
-
-    def _bound_widths(self) -> None:
-        """Let no dry friction grow as wide as the motion is fast: it would be a linear drag."""
-        axes = [s.name for s in self.block.states]
-        for e in self.model.effects:
-            axis, name = getattr(e, "axis", ""), e.parameter("width")
-            if "width" not in e.numbers or axis not in axes or name not in self.names:
-                continue
-            squares = self.guess[..., axes.index(axis)] ** 2
-            j = self.names.index(name)
-            widest = WIDEST * np.sqrt(np.mean(squares**2) / max(float(np.mean(squares)), 1e-300))
-            self.lower[j] = max(self.lower[j], NARROWEST)
-            self.upper[j] = max(min(self.upper[j], widest), self.start[j], self.lower[j])
 
     def without(self, samples: NDArray[np.bool_]) -> Problem:
         """Return the problem less some samples, shape (K, W, C)."""
@@ -212,34 +166,6 @@ class Problem:
             if s.name in other:
                 found[..., i] = path[..., other.index(s.name)]
         return found
-
-    # ---- unknowns -----------------------------------------------------------------------------------------
-
-    def inside(self, p: Array) -> Array:
-        """Return unknowns in the coordinates in which they are sought."""
-        return np.where(self.log_scale, np.log(np.where(self.log_scale, p, 1.0)), p)
-
-    def outside(self, z: Array) -> Array:
-        """Return unknowns in their own units, within their bounds."""
-        p = np.where(self.log_scale, np.exp(np.where(self.log_scale, z, 0.0)), z)
-        return np.asarray(np.clip(p, self.lower, self.upper))
-
-    def slope(self, p: Array) -> Array:
-        """Return the derivative of unknowns by the coordinates in which they are sought."""
-        return np.where(self.log_scale, p, 1.0)
-
-    def parameters(self, p: Array) -> list[float]:
-        """Return every parameter of the Block, the unknowns as in `p`."""
-        every = list(self._every)
-        for places, value in zip(self._at, p.tolist(), strict=True):
-            for at in places:
-                every[at] = value
-        return every
-
-    def coefficients(self, p: Array) -> dict[str, float]:
-        """Return the unknowns and what is the same as one, by name."""
-        found = dict(zip(self.names, p.tolist(), strict=True))
-        return {**found, **{one: found[other] for one, other in self.same.items()}}
 
     # ---- simulation ----------------------------------------------------------------------------------------
 

@@ -18,23 +18,48 @@ from hovercontrol.estimation.measure import Measured
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
-#: Blocks that all logs are cut into, at least (their scatter is judged) and at most (more tell no more).
-LEAST_BLOCKS, MOST_BLOCKS = 8, 24
 
-#: Length of a block [s], and its rows on a machine that is logged slowly: long enough to tell coefficients.
-SECONDS, ROWS = 2.5, 30
+@dataclass(frozen=True)
+class Blocking:
+    """How logs are cut into blocks.
 
-#: Rows of a stretch that is filtered in one piece, at least: its unknown first states cost information.
-STRETCH = 240
+    No published source: set by hand, exercised by tests/estimation/test_rows.py.
 
-#: Fewest rows of a block.
-FEWEST = 12
+    Attributes
+    ----------
+    least_blocks : int
+        Smallest number of blocks of all logs together: their scatter is estimated.
+    most_blocks : int
+        Largest number of blocks.
+    seconds : float
+        Length of a block [s].
+    rows : int
+        Length of a block of a slowly sampled log in rows.
+    stretch : int
+        Smallest number of rows that are filtered in one piece, since the first state is unknown.
+    fewest : int
+        Smallest number of rows of a block.
+    long_step : float
+        Time step, relative to the usual one, from which on rows without a measurement are inserted.
+    longest_gap : float
+        Gap that ends a block [s].
+    gap_steps : float
+        The same in usual time steps; both must be exceeded.
+    """
 
-#: A step longer than so many usual ones is filled with rows without a measurement.
-LONG_STEP = 2.5
+    least_blocks: int = 8
+    most_blocks: int = 24
+    seconds: float = 2.5
+    rows: int = 30
+    stretch: int = 240
+    fewest: int = 12
+    long_step: float = 2.5
+    longest_gap: float = 2.0
+    gap_steps: float = 20.0
 
-#: A gap of more seconds or, if that is longer, of more usual steps ends a block: the craft was elsewhere.
-LONGEST_GAP, GAP_STEPS = 2.0, 20.0
+
+#: The values in use.
+BLOCKING = Blocking()
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,20 +126,20 @@ def arrange(
     """
     pieces = [(i, a, b) for i, log in enumerate(logs) for a, b in _pieces(log)]
     total = sum(logs[i].time[b - 1] - logs[i].time[a] for i, a, b in pieces)
-    count = min(total / SECONDS, sum(b - a for _, a, b in pieces) / ROWS)
-    blocks = int(np.clip(round(count), LEAST_BLOCKS, MOST_BLOCKS))
+    count = min(total / BLOCKING.seconds, sum(b - a for _, a, b in pieces) / BLOCKING.rows)
+    blocks = int(np.clip(round(count), BLOCKING.least_blocks, BLOCKING.most_blocks))
     grids: list[tuple[int, Array, Indices]] = []
     block: list[int] = []
     block_log: list[int] = []
     for i, a, b in pieces:
         time, at = _grid(logs[i], a, b)
         share = (time[-1] - time[0]) / max(total, 1e-300)
-        own = int(np.clip(round(blocks * share), 1, max(time.size // FEWEST, 1)))
+        own = int(np.clip(round(blocks * share), 1, max(time.size // BLOCKING.fewest, 1)))
         edges = np.searchsorted(time, np.linspace(time[0], time[-1], own + 1)[1:-1])
         for block_time, block_at in zip(np.split(time, edges), np.split(at, edges), strict=True):
             if block_time.size < 2:
                 continue
-            parts = max(1, block_time.size // STRETCH)
+            parts = max(1, block_time.size // BLOCKING.stretch)
             for t, rows in zip(
                 np.array_split(block_time, parts), np.array_split(block_at, parts), strict=True
             ):
@@ -123,7 +148,7 @@ def arrange(
             block_log.append(i)
     if not grids:
         said = ", ".join(log.name for log in logs)
-        raise InputError(f"{said}: too few rows: no stretch of {FEWEST} follows on")
+        raise InputError(f"{said}: too few rows: no stretch of {BLOCKING.fewest} follows on")
     K, W = max(t.size for _, t, _ in grids), len(grids)
     times, places = np.empty((K, W)), np.full((K, W), -1, dtype=np.intp)
     values = np.full((K, W, len(channels)), np.nan)
@@ -151,9 +176,9 @@ def _pieces(log: Measured) -> list[tuple[int, int]]:
     if seen.size < 2:
         return []
     step = np.diff(log.time[seen])
-    far = step > max(LONGEST_GAP, GAP_STEPS * float(np.median(step)))
+    far = step > max(BLOCKING.longest_gap, BLOCKING.gap_steps * float(np.median(step)))
     parts = np.split(seen, np.flatnonzero(far) + 1)
-    return [(int(p[0]), int(p[-1]) + 1) for p in parts if p.size >= FEWEST]
+    return [(int(p[0]), int(p[-1]) + 1) for p in parts if p.size >= BLOCKING.fewest]
 
 
 def _grid(log: Measured, first: int, stop: int) -> tuple[Array, Indices]:
@@ -163,7 +188,7 @@ def _grid(log: Measured, first: int, stop: int) -> tuple[Array, Indices]:
     usual = float(np.median(step))
     times, rows = [time[:1]], [np.array([first], dtype=np.intp)]
     for k, dt in enumerate(step.tolist()):
-        if dt > LONG_STEP * usual:
+        if dt > BLOCKING.long_step * usual:
             extra = time[k] + dt * np.arange(1, round(dt / usual)) / round(dt / usual)
             times.append(extra)
             rows.append(np.full(extra.size, -1, dtype=np.intp))

@@ -2,27 +2,48 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-#: Standard deviations by which a residual stands out from both sides, and in steps from row to row there.
-STANDS_OUT, STEPS = 5.5, 4.0
 
-#: Rows to either side with which a sample is compared.
-BESIDE = 3
+@dataclass(frozen=True)
+class SpikeCriteria:
+    """When samples are a spike: off the rows before and after alike.
 
-#: How far sides may lie apart, in parts of how far the sample stands out.
-APART = 0.5
+    No published source: set by hand on recorded logs, exercised by tests/discrepancy/test_outliers.py.
 
-#: How far, in those parts, one, two and three samples side by side that may be wrong alike stand out from the
-#: nearest rows: the more, the more they are like a peak.
-SHARP = (0.5, 0.5, 0.75)
+    Attributes
+    ----------
+    stands_out : float
+        Distance of a residual from both sides in standard deviations.
+    steps : float
+        The same in steps from row to row there.
+    beside : int
+        Rows to either side that are compared.
+    apart : float
+        Largest distance between the two sides, relative to the distance of the sample.
+    sharp : tuple
+        Distance of one, two or three samples from the nearest rows, relative to their distance from the
+        sides.
+    lonely : float
+        Factor for samples with rows on one side only.
+    """
 
-#: How much farther it must stand out where there is one side only.
-LONELY = 2.0
+    stands_out: float = 5.5
+    steps: float = 4.0
+    beside: int = 3
+    apart: float = 0.5
+    sharp: tuple[float, float, float] = (0.5, 0.5, 0.75)
+    lonely: float = 2.0
+
+
+#: The values in use.
+SPIKES = SpikeCriteria()
 
 
 def stand_out(z: Array, seen: Mask) -> Mask:
@@ -45,7 +66,7 @@ def stand_out(z: Array, seen: Mask) -> Mask:
     order = np.argsort(~np.isfinite(rows), axis=1, kind="stable")  # rows that are seen side by side, in front
     rows = np.take_along_axis(rows, order, axis=1)
     found = np.zeros(rows.shape, dtype=np.bool_)
-    for width in range(1, len(SHARP) + 1):
+    for width in range(1, len(SPIKES.sharp) + 1):
         first = _alone(rows, width)
         for k in range(width):
             found[:, k : rows.shape[1] - width + 1 + k] |= first
@@ -57,10 +78,14 @@ def stand_out(z: Array, seen: Mask) -> Mask:
 def _alone(rows: Array, width: int) -> Mask:
     """Return at which rows as many as `width` begin that stand out together, (W, K + 1 - width, C)."""
     W, K, C = rows.shape
-    edge = np.full((W, BESIDE, C), np.nan)
+    edge = np.full((W, SPIKES.beside, C), np.nan)
     padded = np.concatenate([edge, rows, edge], axis=1)
-    at = [padded[:, k : k + K - width + 1] for k in range(2 * BESIDE + width)]
-    before, own, after = np.stack(at[:BESIDE][::-1]), np.stack(at[BESIDE:-BESIDE]), np.stack(at[-BESIDE:])
+    at = [padded[:, k : k + K - width + 1] for k in range(2 * SPIKES.beside + width)]
+    before, own, after = (
+        np.stack(at[: SPIKES.beside][::-1]),
+        np.stack(at[SPIKES.beside : -SPIKES.beside]),
+        np.stack(at[-SPIKES.beside :]),
+    )
     left, right = _ranked(before, 0.5), _ranked(after, 0.5)
     none, no_more = np.isnan(left), np.isnan(right)
     one = none | no_more  # at the end of a stretch there is one side only: it must be whole, and tell more
@@ -70,12 +95,12 @@ def _alone(rows: Array, width: int) -> Mask:
     far = (up * (own - middle)).min(axis=0)
     least = far - 0.5 * np.abs(left - right)  # from the nearer side
     highest = np.fmax(up * before[0], up * after[0])
-    sharp = (up * own).min(axis=0) - highest > SHARP[width - 1] * least
+    sharp = (up * own).min(axis=0) - highest > SPIKES.sharp[width - 1] * least
     changes = np.abs(np.concatenate([np.diff(before, axis=0), np.diff(after, axis=0)]))
     step = np.nan_to_num(np.where(one, _ranked(changes, 1.0), _ranked(changes, 1 / 3)))
-    clear = (far > STANDS_OUT * np.where(one, LONELY, 1.0)) & (least > STEPS * step)
+    clear = (far > SPIKES.stands_out * np.where(one, SPIKES.lonely, 1.0)) & (least > SPIKES.steps * step)
     whole = ~one | np.isfinite(np.where(none, after, before)).all(axis=0)
-    return np.asarray(clear & sharp & whole & (np.abs(left - right) < APART * least))
+    return np.asarray(clear & sharp & whole & (np.abs(left - right) < SPIKES.apart * least))
 
 
 def _ranked(rows: Array, part: float) -> Array:

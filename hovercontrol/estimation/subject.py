@@ -5,7 +5,7 @@ from __future__ import annotations
 from hovercontrol.core.block import Block
 from hovercontrol.effects import Shape
 from hovercontrol.models.blockmodel import BlockModel
-from hovercontrol.models.model import MOTION, Model
+from hovercontrol.models.model import Model
 
 #: What can be diagnosed.
 Subject = Model | BlockModel
@@ -21,11 +21,6 @@ def structure(model: Subject) -> Block:
             _STRUCTURES.clear()
         _STRUCTURES[key] = model.plant(late=True)
     return _STRUCTURES[key]
-
-
-def motion_of(model: Subject) -> tuple[str, ...]:
-    """Return the states that a model has without any effect: no part of the commands' way."""
-    return tuple(s.name for s in (MOTION if isinstance(model, Model) else model.block.states))
 
 
 _TIMINGS: dict[tuple[object, ...], tuple[str, str]] = {}
@@ -75,9 +70,9 @@ def same_widths(model: Subject) -> dict[str, str]:
     first: dict[str, str] = {}
     found: dict[str, str] = {}
     for e in model.effects:
-        axis, name = getattr(e, "axis", None), e.parameter("width") if "width" in e.numbers else None
-        if axis and name and axis in first:
-            found[name] = first[axis]
-        elif axis and name:
-            first[axis] = name
+        name = e.friction_width()
+        if name and e.axis in first:
+            found[name] = first[e.axis]
+        elif name and e.axis:
+            first[e.axis] = name
     return found

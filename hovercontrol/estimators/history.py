@@ -32,6 +32,13 @@ class CoefficientHistory:
     coefficients, std : dict of str to ndarray, shape (n,)
         Estimate and its standard deviation, by name.
     units : dict of str to str
+
+    Examples
+    --------
+    >>> t = np.array([0.0, 1.0])
+    >>> history = CoefficientHistory(t, {"k": 1.0 + t}, {"k": 0.1 + 0 * t}, {"k": "1/s"})
+    >>> history.coefficients["k"].tolist()
+    [1.0, 2.0]
     """
 
     time: Array

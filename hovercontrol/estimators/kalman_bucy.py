@@ -78,7 +78,7 @@ def kalman_bucy(
     p_start = diagonal("P0", P0, size)
 
     xhat = [
-        s.but(name=f"xhat[{i}]", description=f"estimate of {s.name}", lower=-np.inf, upper=np.inf)
+        s.replace(name=f"xhat[{i}]", description=f"estimate of {s.name}", lower=-np.inf, upper=np.inf)
         for i, s in enumerate(xi)
     ]
     P = {
@@ -130,7 +130,7 @@ def kalman_bucy(
         states=(*xhat, *P.values()),
         inputs=(*measured, *(s for s in block.inputs if s.symbol in used)),
         outputs=tuple(
-            c.but(name=f"{short}_hat", description=f"estimate of {short}", lower=-np.inf, upper=np.inf)
+            c.replace(name=f"{short}_hat", description=f"estimate of {short}", lower=-np.inf, upper=np.inf)
             for c, short in zip(model.coefficients, model.names, strict=True)
         ),
         parameters=(*Rs, *Qs, *(p for p in block.parameters if p.symbol in used)),

@@ -35,6 +35,13 @@ class Regression:
         Length n.
     G : sympy.ImmutableMatrix
         Shape (n, m).
+
+    Examples
+    --------
+    >>> import hovercontrol as hc
+    >>> found = regression(hc.vehicle("c17_simulation").plant(), ["surge_linear_drag"])
+    >>> found.names, found.G
+    (('surge_linear_drag',), Matrix([[-u]]))
     """
 
     block: Block
@@ -80,7 +87,7 @@ def regression(block: Block, coefficients: Sequence[str] | None = None) -> Regre
     parameters = {p.name: p for p in block.parameters}
     for name in names:
         if names.count(name) > 1:
-            raise InputError(f"block {block.name!r}: the coefficient {name!r} is asked for twice")
+            raise InputError(f"block {block.name!r}: the coefficient {name!r} is given twice")
     entries = {k: block.expand(e) for k, e in partial_derivatives(block, "derivatives", names).items()}
     symbols = [parameters[name].symbol for name in names]
     for (i, j), e in sorted(entries.items(), key=lambda item: item[0]):

@@ -80,7 +80,15 @@ class Regressors:
         return table
 
     def series(self, t: Array, signals: Mapping[str, ArrayLike]) -> Array:
-        """Return ``[h G]`` over times [s], shape (n, 1 + m, len(t)); errors as :meth:`columns`."""
+        """Return ``[h G]`` over times [s], shape (n, 1 + m, len(t)); errors as :meth:`columns`.
+
+        Parameters
+        ----------
+        t : ndarray, shape (k,)
+            Times [s].
+        signals : mapping of str to array_like
+            States and inputs by name, each shape (k,) or a number.
+        """
         table = np.zeros((self._shape[0] * self._shape[1], len(t)))
         table[self._places] = self._functions.outputs(t, (), self.columns(t, signals))
         return table.reshape(*self._shape, len(t))

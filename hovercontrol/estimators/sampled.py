@@ -1,9 +1,7 @@
 """The estimator of C17 (sections III, V) for samples: a discrete Kalman filter on its regressors.
 
-Between two samples ``x[k+1] = x[k] + dt (h + G c)``, with h and G the mean of their values at both
-ends (the states are measured there, the inputs are held), and ``c[k+1] = c[k]``. Intensities mean
-what they mean in :func:`~hovercontrol.estimators.kalman_bucy.kalman_bucy`, to which this filter
-tends as dt goes to zero.
+Its step is that of :mod:`.sampled_step`. Intensities mean what they mean in
+:func:`~hovercontrol.estimators.kalman_bucy.kalman_bucy`, to which this filter tends as dt goes to zero.
 """
 
 from __future__ import annotations
@@ -19,8 +17,10 @@ from hovercontrol.errors import InputError
 from hovercontrol.estimators.kalman_bucy import diagonal
 from hovercontrol.estimators.regression import regression
 from hovercontrol.estimators.regressors import Regressors
+from hovercontrol.estimators.sampled_step import Plain, begun, corrected, predicted
 
 Array = NDArray[np.float64]
+_PLAIN = Plain()
 
 
 class SampledEstimator:
@@ -89,7 +89,7 @@ class SampledEstimator:
         self.measured, self.inputs = self._regressors.measured, self._regressors.inputs
         self._own = [self.measured.index(s.name) for s in model.states]
         self._n = n
-        self._Rd = np.diag(diagonal("R", R, n, positive=True)) / self.dt
+        self._Rd = np.array(diagonal("R", R, n, positive=True)) / self.dt
         self._Q = np.diag(diagonal("Q", Q, n + m))
         self.covariance: Array = np.diag(diagonal("P0", P0, n + m))
         self._xi = np.array([0.0] * n + [c.start for c in model.coefficients])
@@ -100,7 +100,6 @@ class SampledEstimator:
             self._xi[:n] = x0
         self._expected = x0 is not None
         self._before: list[float] | None = None
-        self._F, self._unit = np.eye(n + m), np.eye(n + m)
 
     @property
     def coefficients(self) -> dict[str, float]:
@@ -152,21 +151,24 @@ class SampledEstimator:
         n, own = self._n, np.array([y[i] for i in self._own])
         if self._before is not None:
             f = self._regressors
-            table = 0.5 * (f.at(t - step, self._before + u) + f.at(t, y + u))
-            self._F[:n, n:] = step * table[:, 1:]
-            self._xi = self._F @ self._xi
-            self._xi[:n] += step * table[:, 0]
-            self.covariance = self._F @ self.covariance @ self._F.T + step * self._Q
-        if self._before is not None or self._expected:
-            self._correct(own)
+            ends = f.at(t - step, self._before + u), f.at(t, y + u)
+            x, P = predicted(self._xi, self.covariance, *ends, self._Q, step, _PLAIN)
+            x, P = corrected(x, P, own, self._Rd, _PLAIN)
+        elif self._expected:
+            x, P = corrected(self._xi, self.covariance, own, self._Rd, _PLAIN)
         else:
-            self._xi[:n] = own
-            self.covariance[:n, :n] = self._Rd
-        self._before = y
+            x, P = begun(self._xi, self.covariance, own, self._Rd)
+        self._xi, self.covariance, self._before = x, 0.5 * (P + P.T), y
         return self._xi[n:].copy()
 
     def pause(self, seconds: float) -> None:
-        """Bridge a gap [s]: the states are forgotten, the coefficients' variance grows."""
+        """Bridge a gap [s]: the states are forgotten, the coefficients' variance grows.
+
+        Parameters
+        ----------
+        seconds : float
+            Length of the gap [s].
+        """
         n, P = self._n, self.covariance
         P[:n, n:], P[n:, :n] = 0.0, 0.0
         P[n:, n:] += seconds * self._Q[n:, n:]
@@ -182,13 +184,3 @@ class SampledEstimator:
                 raise InputError(f"estimator: {', '.join(bad)} not finite at t = {t:.6g} s")
         if not 0 < dt < math.inf:
             raise InputError(f"estimator: dt must be positive, found {dt!r} at t = {t:.6g} s")
-
-    def _correct(self, y: Array) -> None:
-        """Measure the states: Joseph's form, which keeps the covariance positive semi-definite."""
-        n, P = self._n, self.covariance
-        gain = np.linalg.solve(P[:n, :n] + self._Rd, P[:n]).T
-        self._xi = self._xi + gain @ (y - self._xi[:n])
-        keep = self._unit.copy()
-        keep[:, :n] -= gain
-        P = keep @ P @ keep.T + gain @ self._Rd @ gain.T
-        self.covariance = 0.5 * (P + P.T)

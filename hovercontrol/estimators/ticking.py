@@ -1,13 +1,13 @@
 """The sampled estimator as a Block: C17's estimator as it runs beside a controller, switched on at some time.
 
-The filter is that of :class:`~hovercontrol.estimators.sampled.SampledEstimator`; here its equations are a
-Block's, so that it compiles, exports and sweeps with the loop.
+Its step is that of :mod:`.sampled_step`, as equations, so that it compiles, exports and sweeps with the loop.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
 import sympy as sp
 from numpy.typing import ArrayLike
 
@@ -17,6 +17,7 @@ from hovercontrol.errors import InputError
 from hovercontrol.estimators.ins.kalman import Equations, Estimate, remember
 from hovercontrol.estimators.kalman_bucy import diagonal
 from hovercontrol.estimators.regression import Regression, regression
+from hovercontrol.estimators.sampled_step import Values, begun, corrected, predicted
 from hovercontrol.io.tables import number, positive
 
 
@@ -83,7 +84,7 @@ def sampled_estimator(
     xi = [*model.states, *model.coefficients]
     step = Signal("period", "s", "of the samples, fixed", start=tick, lower=tick, upper=tick)
     since = Signal("start", "s", "when the estimator is switched on", start=float(start))
-    begun = Signal("begun", "1", "1 once a sample was taken in", lower=0.0, upper=1.0)
+    started = Signal("begun", "1", "1 once a sample was taken in", lower=0.0, upper=1.0)
     noise = [
         Signal(f"R[{i},{i}]", f"({s.unit})^2*s", f"noise intensity of {s.name}", start=r, lower=0.0)
         for i, (s, r) in enumerate(zip(model.states, diagonal("R", R, n, positive=True), strict=True))
@@ -96,13 +97,21 @@ def sampled_estimator(
     used = set().union(*(e.free_symbols for e in (*model.h, *model.G))) - {time}
     measured = [s for s in block.states if s.symbol in used or s in model.states]
     held = [s for s in block.inputs if s.symbol in used]
-    before = {s.symbol: s.but(name=f"{s.name}_before") for s in (*measured, *held)}
+    before = {s.symbol: s.replace(name=f"{s.name}_before") for s in (*measured, *held)}
     on, first = (sp.Symbol(key, real=True) for key in ("switched_on", "first_sample"))
     write = Equations()
+    names = _Named(write)
     write.definitions[on.name] = sp.Piecewise((1, time >= since.symbol), (0, True))
-    write.definitions[first.name] = on * (1 - begun.symbol)
-    new = _updated(model, memory.estimate, write, before, [s.symbol for s in noise], drift, step.symbol)
-    taken = _first(model, memory.estimate, [s.symbol / step.symbol for s in noise])
+    write.definitions[first.name] = on * (1 - started.symbol)
+    x, P = _objects(memory.estimate.x), _objects(memory.estimate.P)
+    sample = np.array([s.symbol for s in model.states], dtype=object)
+    R = np.array([s.symbol / step.symbol for s in noise], dtype=object)
+    Q = np.array(sp.diag(*(s.symbol for s in drift)), dtype=object)
+    after = predicted(x, P, *_ends(model, names, before, step.symbol), Q, step.symbol, names)
+    new, taken = (
+        Estimate(sp.Matrix(x), sp.Matrix(P))
+        for x, P in (corrected(*after, sample, R, names), begun(x, P, sample, R))
+    )
     next_values = {
         s.name: sp.Piecewise((fresh, first > 0), (e, on > 0), (s.symbol, True))
         for s, e, fresh in zip(
@@ -121,15 +130,15 @@ def sampled_estimator(
     parameters = [p for p in model.block.parameters if p.symbol in used and p not in model.coefficients]
     return Block(
         name,
-        states=(begun, *memory.states, *before.values()),
+        states=(started, *memory.states, *before.values()),
         inputs=(*measured, *held),
         outputs=tuple(
-            c.but(name=f"{short}_hat", description=f"estimate of {short}", lower=-sp.oo, upper=sp.oo)
+            c.replace(name=f"{short}_hat", description=f"estimate of {short}", lower=-sp.oo, upper=sp.oo)
             for c, short in zip(model.coefficients, model.names, strict=True)
         ),
         parameters=(step, since, *noise, *drift, *parameters),
         derivatives={
-            "begun": sp.Max(begun.symbol, on),
+            "begun": sp.Max(started.symbol, on),
             **next_values,
             **{old.name: now for now, old in before.items()},
         },
@@ -139,48 +148,40 @@ def sampled_estimator(
     )
 
 
-def _updated(
-    model: Regression,
-    last: Estimate,
-    write: Equations,
-    before: dict[sp.Symbol, Signal],
-    R: list[sp.Symbol],
-    Q: list[Signal],
-    step: sp.Symbol,
-) -> Estimate:
-    """Write one step: h and G as the mean of both ends, with the inputs that held in between."""
-    n, m = model.G.shape
+class _Named:
+    """Gives the entries of arrays names among a Block's definitions."""
+
+    def __init__(self, write: Equations) -> None:
+        self._define = write.define
+
+    def matrix(self, name: str, values: Values) -> Values:
+        """Name the entries."""
+        named = np.empty_like(values)
+        for place, e in np.ndenumerate(values):
+            named[place] = self._define(f"{name}[{','.join(map(str, place))}]", e)
+        return named
+
+    def symmetric(self, name: str, values: Values) -> Values:
+        """Name the upper triangle."""
+        named = values.copy()
+        for i, j in zip(*np.triu_indices(len(values)), strict=True):
+            named[i, j] = named[j, i] = self._define(f"{name}[{i},{j}]", values[i, j])
+        return named
+
+
+def _ends(
+    model: Regression, names: _Named, before: dict[sp.Symbol, Signal], step: sp.Symbol
+) -> tuple[Values, Values]:
+    """Return ``[h G]`` at the last sample and now, both with the inputs that held in between."""
     inputs = {s.symbol for s in model.block.inputs}
     early = {now: old.symbol for now, old in before.items()}
     late = {now: old for now, old in early.items() if now in inputs} | {time: time}
     early |= {time: time - step}
-
-    def mean(key: str, place: str, e: sp.Expr) -> sp.Expr:
-        was = write.define(f"{key}_before{place}", e.xreplace(early))
-        now = write.define(f"{key}_now{place}", e.xreplace(late))
-        return write.define(f"{key}{place}", step * (was + now) / 2) if e != 0 else sp.S.Zero
-
-    h = [mean("h", f"[{i}]", e) for i, e in enumerate(model.h)]
-    G = sp.Matrix(n, m, lambda i, j: mean("G", f"[{i},{j}]", model.G[i, j]))
-    F = sp.eye(n + m)
-    F[:n, n:] = G
-    x = F * last.x + sp.Matrix([*h, *([0] * m)])
-    found = write.predict("predicted", x, F, last.P, sp.diag(*(s.symbol * step for s in Q)))
-    for i, s in enumerate(model.states):
-        H = sp.zeros(1, n + m)
-        H[i] = 1
-        found = write.correct(s.name, found, H, s.symbol - found.x[i], R[i] / step, sp.S.One)
-    return found
+    table = sp.Matrix([[h, *model.G.row(i)] for i, h in enumerate(model.h)])
+    was, now = (_objects(table.xreplace(places)) for places in (early, late))
+    return names.matrix("before", was), names.matrix("now", now)
 
 
-def _first(model: Regression, last: Estimate, R: list[sp.Expr]) -> Estimate:
-    """Return what the first sample leaves: its own states, the coefficients and variances as they were."""
-    n, m = model.G.shape
-    x = sp.Matrix([*(s.symbol for s in model.states), *last.x[n:, 0]])
-
-    def entry(i: int, j: int) -> sp.Expr:
-        if max(i, j) < n:
-            return R[i] if i == j else sp.S.Zero
-        return sp.S.Zero if min(i, j) < n else last.P[i, j]
-
-    return Estimate(x, sp.Matrix(n + m, n + m, entry))
+def _objects(matrix: sp.Matrix) -> Values:
+    """Return a matrix as an array of expressions, a column as one of a single axis."""
+    return np.array(matrix.tolist() if matrix.cols > 1 else list(matrix), dtype=object)

@@ -9,6 +9,7 @@ does not carry an estimate four standard errors away).
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import sympy as sp
@@ -23,27 +24,43 @@ from hovercontrol.estimation.passes import inverse, products
 
 Array = NDArray[np.float64]
 
-#: A component of a direction is named when it is at least this part of the largest.
-NAMED = 0.1
 
-#: A state is at rest where it is within so many standard errors of zero.
-RESTING = 3.0
+@dataclass(frozen=True)
+class ExcitationCriteria:
+    """When a log excites a coefficient.
 
-#: Standard errors of more than this many sizes are called infinite.
-NO_INFORMATION = 1e5
+    No published source: set by hand, exercised by tests/identify/test_fit.py.
+
+    Attributes
+    ----------
+    named : float
+        Smallest component of a direction that is named, relative to the largest.
+    resting : float
+        Standard errors within which a state is at rest.
+    no_information : float
+        Standard error, relative to the size of the coefficient, above which it is infinite.
+    """
+
+    named: float = 0.1
+    resting: float = 3.0
+    no_information: float = 1e5
+
+
+#: The values in use.
+EXCITATION = ExcitationCriteria()
 
 
 def information(fit: Fit) -> Array:
     """Return what the logs alone say of the coefficients, in their own units, shape (P, P).
 
     States that are at rest but for noise are taken to be at rest: on a velocity that is fitted to noise drag
-    seems to act, and the log would seem to tell it.
+    seems to act, and the log would seem to excite it.
     """
     problem, path = fit.problem, fit.path.copy()
     n = len(problem.free)
     std = np.sqrt(np.maximum(np.diagonal(fit.covariance_of_path, axis1=2, axis2=3)[..., :n], 0.0))
     free = path[..., list(problem.free)]
-    path[..., list(problem.free)] = np.where(np.abs(free) < RESTING * std, 0.0, free)
+    path[..., list(problem.free)] = np.where(np.abs(free) < EXCITATION.resting * std, 0.0, free)
     system = augment(problem, problem.linearise(path, fit.p), fit.noise)
     slope = problem.slope(fit.p)
     S = products(run_filter(system).white)[:, 1:, 1:].sum(axis=0)
@@ -63,7 +80,7 @@ def covariance(S: Array, size: Array, widen: Array) -> Array:
         Factors of the standard errors.
     """
     values, vectors = np.linalg.eigh(S * np.outer(size, size))
-    values = np.maximum(values, max(1e-14 * values[-1], NO_INFORMATION**-3))
+    values = np.maximum(values, max(1e-14 * values[-1], EXCITATION.no_information**-3))
     C = (vectors / values) @ vectors.T * np.outer(size, size)
     return np.asarray(C * np.outer(widen, widen))
 
@@ -95,7 +112,7 @@ def named_directions(directions: Array, size: Array, names: Sequence[str]) -> tu
     for v in directions.T:
         lead = int(np.abs(v).argmax())
         steps = v * size / (v[lead] * size[lead])
-        large = np.abs(v) >= NAMED * abs(v[lead])
+        large = np.abs(v) >= EXCITATION.named * abs(v[lead])
         named.append({n: float(s) for n, s, use in zip(names, steps, large, strict=True) if use})
     return tuple(named)
 
@@ -136,7 +153,7 @@ def reason(
             part = 0.1 * size
             steps = [f"{k} {abs(part * s):.2g} {'higher' if s > 0 else 'lower'}" for k, s in others.items()]
             return (
-                f"hardly to be told from {', '.join(others)}: with it {part:.2g} higher and "
+                f"hardly distinguishable from {', '.join(others)}: with it {part:.2g} higher and "
                 f"{', '.join(steps)} the logs would look much the same"
             )
     return f"its standard error is above its size of {size:.3g} {unit}"

@@ -8,6 +8,7 @@ it nor takes them for surer than they are, and the size of that noise says how m
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -18,10 +19,11 @@ from hovercontrol.errors import InputError
 from hovercontrol.estimation.data import Data, gather
 from hovercontrol.estimation.fit import Fit, estimate, first_noise
 from hovercontrol.estimation.measure import MOST_ROWS, Array, Measured, measure, refuse_still
+from hovercontrol.estimation.noise import averaging_time
 from hovercontrol.estimation.prior import prior_of
 from hovercontrol.estimation.problem import Problem
 from hovercontrol.identify.excitation import (
-    NO_INFORMATION,
+    EXCITATION,
     covariance,
     idle_inputs,
     information,
@@ -31,15 +33,31 @@ from hovercontrol.identify.excitation import (
     widening,
 )
 from hovercontrol.identify.predict import prediction
-from hovercontrol.identify.remaining import averaging_time, remaining
+from hovercontrol.identify.remaining import remaining
 from hovercontrol.identify.result import Fitted, Identified
 from hovercontrol.identify.subject import chosen, subject_of
 from hovercontrol.logs import Log
 from hovercontrol.logs.frames import check_frame
 from hovercontrol.models.model import Model
 
-#: Rows of a craft's log that are farther apart [s] are in other units of time, or tell nothing.
-SLOWEST = 1.0
+
+@dataclass(frozen=True)
+class SamplingLimits:
+    """What sampling a log must have.
+
+    No published source: set by hand, exercised by tests/identify/test_fit.py.
+
+    Attributes
+    ----------
+    slowest : float
+        Largest time step of a craft's log [s]; a larger one means another unit of time.
+    """
+
+    slowest: float = 1.0
+
+
+#: The values in use.
+SAMPLING = SamplingLimits()
 
 
 @checked
@@ -89,19 +107,19 @@ def identify(
     >>> round(found["k"].value, 4)
     0.7
     """
-    tell = progress or (lambda part, what: None)
+    report = progress or (lambda part, what: None)
     names = chosen(model, coefficients)
     if not logs:
         raise InputError("identification needs at least one log")
-    if isinstance(model, Model):
+    if subject_of(model).is_craft:
         refuse_slow_rows(logs)
-    tell(0.0, "reading what was measured")
+    report(0.0, "reading what was measured")
     measured = measure_shared(model, logs, most_rows)
     with threadpool_limits(1, "blas"):  # its threads would wait for each other at many small matrices
         data = gather(subject_of(model), measured)
-        fit = _fitted(model, data, names, tell)
+        fit = _fitted(model, data, names, report)
         found = _identified(model, names, data, fit)
-    tell(1.0, "done")
+    report(1.0, "done")
     return found
 
 
@@ -114,14 +132,15 @@ def measure_shared(model: Model | Block, logs: Sequence[Log | Measured], most_ro
     InputError
         As :func:`~hovercontrol.estimation.measure.measure`, or if a craft never moves.
     """
-    block = model.plant() if isinstance(model, Model) else model
+    subject = subject_of(model)
+    block = subject.plant()
     total = sum(len(log) for log in logs if isinstance(log, Log))
     found = []
     for log in logs:
         if not len(log.time):
             raise InputError(f"{log.name}: expected samples, found no rows")
-        if isinstance(model, Model) and isinstance(log, Log):
-            check_frame(model, log)
+        if isinstance(log, Log):
+            check_frame(subject, log)
         own = log if isinstance(log, Measured) else measure(block, log, _share(log, total, most_rows))
         refuse_still(own.name, own.channels, own.values)
         found.append(own)
@@ -142,7 +161,7 @@ def refuse_slow_rows(logs: Sequence[Log | Measured]) -> None:
     """
     for log in logs:
         apart = float(np.median(np.diff(log.time))) if log.time.size > 1 else 0.0
-        if apart > SLOWEST:
+        if apart > SAMPLING.slowest:
             raise InputError(f"{log.name}: rows are {apart:g} s apart: is its time in seconds?")
 
 
@@ -150,7 +169,7 @@ def _fitted(
     model: Model | Block,
     data: Data,
     names: Sequence[str],
-    tell: Callable[[float, str], None],
+    report: Callable[[float, str], None],
 ) -> Fit:
     subject = subject_of(model)
     problem = Problem(subject, data, names)
@@ -158,7 +177,7 @@ def _fitted(
 
     def passed(_: str) -> None:
         passes[0] += 1
-        tell(1 - 1 / (1 + passes[0] / 8), "fitting")
+        report(1 - 1 / (1 + passes[0] / 8), "fitting")
 
     try:
         return estimate(problem, prior_of(problem, subject), first_noise(problem), gate=True, trace=passed)
@@ -168,7 +187,8 @@ def _fitted(
 
 def _identified(model: Model | Block, names: Sequence[str], data: Data, fit: Fit) -> Identified:
     problem = fit.problem
-    size = _sizes(model, fit)
+    nominal = subject_of(model).nominal_sizes()
+    size = np.maximum([nominal[name] for name in problem.names], np.abs(fit.p) / 4)
     S = information(fit)
     C = covariance(S, size, widening(fit))
     labels = [name.rpartition(".")[2] for name in names]
@@ -189,7 +209,7 @@ def _identified(model: Model | Block, names: Sequence[str], data: Data, fit: Fit
         covariance=C,
         unexcited=directions,
         remaining=remaining(fit),
-        ahead=prediction(fit, averaging_time(fit)).share,
+        ahead=prediction(fit, averaging_time(fit.problem)).share,
         units={c: problem.block.signal(c).unit for c in channels},
         residual=dict(zip(channels, fit.noise.measured.tolist(), strict=True)),
         noise=dict(zip(channels, data.noise.tolist(), strict=True)),
@@ -202,16 +222,6 @@ def _identified(model: Model | Block, names: Sequence[str], data: Data, fit: Fit
         converged=fit.converged,
         fit=fit,
     )
-
-
-def _sizes(model: Model | Block, fit: Fit) -> Array:
-    """Return the sizes against which standard errors are held, shape (P,)."""
-    problem = fit.problem
-    if isinstance(model, Model):
-        nominal = [abs(model.coefficients()[name]) or 1.0 for name in problem.names]
-    else:
-        nominal = [model.parameter(name).nominal for name in problem.names]
-    return np.maximum(nominal, np.abs(fit.p) / 4)
 
 
 def _coefficient(
@@ -232,5 +242,11 @@ def _coefficient(
     idle = idle_inputs(problem.block, signal.name, moving)
     why = reason(label, std, size[j], alone[j], directions, signal.unit, idle)
     return Fitted(
-        label, value, std if std < NO_INFORMATION * size[j] else np.inf, signal.unit, start, bound, why
+        label,
+        value,
+        std if std < EXCITATION.no_information * size[j] else np.inf,
+        signal.unit,
+        start,
+        bound,
+        why,
     )

@@ -27,12 +27,24 @@ def plot_free_run(run: FreeRun, *, held_out: bool = False) -> Figure:
     ----------
     run : FreeRun
     held_out : bool, optional
-        Say in the title that the log took no part in the fit.
+        Say in the title that the log was held out of the fit.
 
     Returns
     -------
     matplotlib.figure.Figure
         Not attached to a screen; ``figure.savefig("run.png")`` writes it.
+
+    Examples
+    --------
+    >>> import hovercontrol as hc
+    >>> import numpy as np
+    >>> from hovercontrol.identify import free_run
+    >>> v, k = hc.Signal("v", "m/s"), hc.Signal("k", "1/s", start=1.0)
+    >>> decay = hc.Block("decay", [v], [], [v], [k], {"v": -k.symbol * v.symbol})
+    >>> t = np.linspace(0, 2, 21)
+    >>> figure = plot_free_run(free_run(decay, hc.logs.Log("demo", t, {"v": np.exp(-t)})))
+    >>> len(figure.axes)
+    1
     """
     known = [c for pair in zip(POSE, VELOCITY, strict=True) for c in pair]
     planar = set(known) <= set(run.channels)

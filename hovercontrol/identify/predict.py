@@ -8,18 +8,17 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-import sympy as sp
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from hovercontrol.core.block import Block
-from hovercontrol.core.expressions import Expressions
 from hovercontrol.errors import InputError
 from hovercontrol.estimation.data import gather
 from hovercontrol.estimation.fit import Fit, estimate, first_noise
 from hovercontrol.estimation.measure import Array, Measured, measure
 from hovercontrol.estimation.prior import prior_of
 from hovercontrol.estimation.problem import Problem
+from hovercontrol.identify.coasting import coasting
 from hovercontrol.identify.subject import subject_of
 from hovercontrol.logs import Log, Span
 from hovercontrol.models.model import Model
@@ -55,6 +54,16 @@ class FreeRun:
         Root mean square error of each channel in its unit, and over the root mean square of the
         channel about its mean (which says something of velocities, nothing of a heading that
         winds up); infinite where the simulation runs away.
+
+    Examples
+    --------
+    >>> import hovercontrol as hc
+    >>> v, k = hc.Signal("v", "m/s"), hc.Signal("k", "1/s", start=1.0)
+    >>> decay = Block("decay", [v], [], [v], [k], {"v": -k.symbol * v.symbol})
+    >>> t = np.linspace(0, 2, 21)
+    >>> found = free_run(decay, Log("demo", t, {"v": np.exp(-t)}))
+    >>> found.channels, found.simulated.shape
+    (('v',), (1, 21))
     """
 
     model: str
@@ -92,6 +101,16 @@ class Prediction:
     trivial, share : mapping
         Of each channel: the error, likewise, of the trivial prediction from the same starts, that
         velocities stay as they are and the pose moves on with them; the model's error over it.
+
+    Examples
+    --------
+    >>> import hovercontrol as hc
+    >>> v, k = hc.Signal("v", "m/s"), hc.Signal("k", "1/s", start=1.0)
+    >>> decay = Block("decay", [v], [], [v], [k], {"v": -k.symbol * v.symbol})
+    >>> t = np.linspace(0, 2, 21)
+    >>> found = window_prediction(decay, Log("demo", t, {"v": np.exp(-t)}), horizon=0.5)
+    >>> found.horizon, found.starts, dict(found.units)
+    (0.5, 16, {'v': 'm/s'})
     """
 
     horizon: float
@@ -193,6 +212,15 @@ def window_prediction(model: Model | Block, log: Log | Measured, horizon: float 
     InputError
         As :func:`~hovercontrol.estimation.measure.measure`, or if the log is shorter than the
         horizon.
+
+    Examples
+    --------
+    >>> import hovercontrol as hc
+    >>> v, k = hc.Signal("v", "m/s"), hc.Signal("k", "1/s", start=1.0)
+    >>> decay = Block("decay", [v], [], [v], [k], {"v": -k.symbol * v.symbol})
+    >>> t = np.linspace(0, 2, 21)
+    >>> window_prediction(decay, Log("demo", t, {"v": np.exp(-t)}), horizon=0.5).rms["v"] < 1e-6
+    True
     """
     return prediction(smoothed(model, log), horizon)
 
@@ -246,8 +274,8 @@ def smoothed(model: Model | Block, log: Log | Measured) -> Fit:
     InputError
         As :func:`~hovercontrol.estimation.measure.measure`, if rows are too few, or the model runs away.
     """
-    block = model.plant() if isinstance(model, Model) else model
     subject = subject_of(model)
+    block = subject.plant()
     data = gather(subject, [log if isinstance(log, Measured) else measure(block, log)])
     problem = Problem(subject, data, ())
     with threadpool_limits(1, "blas"):
@@ -260,32 +288,6 @@ def smoothed(model: Model | Block, log: Log | Measured) -> Fit:
             own = copy(found.problem)
             own.block = problem.block
             return replace(found, problem=own)
-
-
-def coasting(block: Block) -> Block:
-    """Return the Block in which every state stays, but those that follow from others by geometry alone.
-
-    Those are the states whose derivative holds neither a parameter nor an input: a pose moves on
-    with velocities that stay.
-
-    Examples
-    --------
-    >>> from hovercontrol.models.vehicles import hoverdemon
-    >>> print(coasting(hoverdemon().plant()).equations())
-    x' = u*cos(psi) - v*sin(psi)
-    y' = u*sin(psi) + v*cos(psi)
-    psi' = r
-    u' = 0
-    v' = 0
-    r' = 0
-    """
-    driven = {s.symbol for s in (*block.parameters, *block.inputs)}
-    return block.unchecked(
-        derivatives=Expressions(
-            (name, sp.Integer(0) if block.expand(e).free_symbols & driven else e)
-            for name, e in block.derivatives.items()
-        )
-    )
 
 
 def _path(fit: Fit, k: int) -> Array:

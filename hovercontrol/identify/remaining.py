@@ -6,23 +6,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hovercontrol.estimation.fit import Fit
-from hovercontrol.estimation.noise import averaged
+from hovercontrol.estimation.noise import averaged, averaging_time
 from hovercontrol.identify.result import Remaining
 
 Array = NDArray[np.float64]
 
-#: Time over which accelerations are averaged [s], in rows at least: noise makes any over a single row.
-OVER, ROWS = 0.2, 5
-
-
-def averaging_time(fit: Fit) -> float:
-    """Return over how many seconds accelerations are averaged."""
-    return max(OVER, ROWS * fit.problem.shortest)
-
 
 def remaining(fit: Fit) -> tuple[Remaining, ...]:
     """Return the process noise of each equation on which forces act, as an acceleration."""
-    problem, over = fit.problem, averaging_time(fit)
+    problem, over = fit.problem, averaging_time(fit.problem)
     found, free = [], _forceless(fit)
     for j, rms in zip(problem.driven, averaged(fit.noise, over).tolist(), strict=True):
         i = problem.free[j]

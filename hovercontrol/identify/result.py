@@ -14,17 +14,36 @@ from numpy.typing import NDArray
 from hovercontrol.core.block import Block
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.estimation.fit import Fit
-from hovercontrol.io.files import write_whole
+from hovercontrol.io.files import write_atomically
 from hovercontrol.models.model import Model
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-#: Parts of the accelerations seen that remain where a model explains little, and where it explains nothing.
-LITTLE, NOTHING = 0.3, 0.7
 
-#: Errors of predictions over those of the trivial one from which on they are no better.
-BETTER = 0.95
+@dataclass(frozen=True)
+class MisfitCriteria:
+    """When a fitted model explains its logs badly.
+
+    No published source: set by hand, exercised by tests/identify/test_fit.py.
+
+    Attributes
+    ----------
+    little : float
+        Process noise relative to the acceleration from which on the model explains little.
+    nothing : float
+        The same from which on it does not predict the motion.
+    better : float
+        Prediction error relative to that of constant velocities from which on it is no better.
+    """
+
+    little: float = 0.3
+    nothing: float = 0.7
+    better: float = 0.95
+
+
+#: The values in use.
+MISFIT = MisfitCriteria()
 
 
 @dataclass(frozen=True)
@@ -44,6 +63,12 @@ class Fitted:
         error is then that without the bound: how far inside the truth may well lie.
     reason : str
         Why the log does not excite it; empty if it does.
+
+    Examples
+    --------
+    >>> drag = Fitted("surge_linear_drag", value=0.41, std=0.02, unit="1/s", start=0.3)
+    >>> drag.excited
+    True
     """
 
     name: str
@@ -56,7 +81,7 @@ class Fitted:
 
     @property
     def excited(self) -> bool:
-        """Whether the log tells its value."""
+        """Whether the log excites it."""
         return not self.reason
 
 
@@ -75,6 +100,11 @@ class Remaining:
         [s]
     unit : str
         Of both.
+
+    Examples
+    --------
+    >>> Remaining("u'", rms=0.02, seen=0.5, over=0.5, unit="m/s^2").share
+    0.04
     """
 
     equation: str
@@ -132,6 +162,19 @@ class Identified:
     converged : bool
     fit : Fit
         Path, levels of noise and information behind the coefficients.
+
+    Examples
+    --------
+    >>> import hovercontrol as hc
+    >>> import numpy as np
+    >>> from hovercontrol.identify import identify
+    >>> from hovercontrol.logs import Log
+    >>> v, k = hc.Signal("v", "m/s"), hc.Signal("k", "1/s", start=1.0)
+    >>> decay = Block("decay", [v], [], [v], [k], {"v": -k.symbol * v.symbol})
+    >>> t = np.linspace(0, 2, 101)
+    >>> found = identify(decay, [Log("demo", t, {"v": np.exp(-0.7 * t)})])
+    >>> found.converged, found.rows, found.covariance.shape
+    (True, 101, (1, 1))
     """
 
     model: Model | None
@@ -163,19 +206,19 @@ class Identified:
     @property
     def misfit(self) -> str:
         """What to make of a fit that leaves much unexplained; empty if it does not."""
-        poor = [r for r in self.remaining if r.share > LITTLE]
+        poor = [r for r in self.remaining if r.share > MISFIT.little]
         if not poor:
             return ""
         over = f"{poor[0].over:.2g} s"
-        told = ", ".join(f"{r.rms:.2g} of {r.seen:.2g} {r.unit} in {r.equation}" for r in poor)
-        remains = f"of the accelerations seen (means over {over}) there remain {told}"
-        blind = [r for r in poor if r.share > NOTHING and self._ahead(r) > BETTER]
+        sizes = ", ".join(f"{r.rms:.2g} of {r.seen:.2g} {r.unit} in {r.equation}" for r in poor)
+        remains = f"of the accelerations seen (means over {over}) there remain {sizes}"
+        blind = [r for r in poor if r.share > MISFIT.nothing and self._ahead(r) > MISFIT.better]
         if len(blind) == len(self.remaining):
-            said = f"this model predicts nothing: {remains}"
+            said = f"this model does not predict the motion: {remains}"
             said += f"; {over} ahead it is no better than that velocities stay"
         else:
             said = f"the model does not explain the logs: {remains}"
-            said += f"; it predicts nothing of {', '.join(r.state for r in blind)}" if blind else ""
+            said += f"; it does not predict {', '.join(r.state for r in blind)}" if blind else ""
         return f"{said}; something is missing or wrong in the model or the logs"
 
     def _ahead(self, remaining: Remaining) -> float:
@@ -205,7 +248,7 @@ class Identified:
         if equations:
             lines += ["", *aligned([("equation", "remains", "seen", "unit", "share"), *equations])]
         left = [f"{self.outliers} with an outlier"] if self.outliers else []
-        left += [f"{self.rejected} where no craft moves so"] if self.rejected else []
+        left += [f"{self.rejected} where no craft moves like this"] if self.rejected else []
         used = f"{self.rows} of {self.rows_total} rows of {', '.join(self.logs)}"
         used += f"; left out: {', '.join(left)}" if left else ""
         lines += ["", f"chi2/dof {self.chi2_per_dof:.3g}; {used}"]
@@ -227,7 +270,13 @@ class Identified:
         return identified_figure(self)
 
     def save_csv(self, path: str | Path) -> Path:
-        """Write the coefficients, one row each, all numbers in full."""
+        """Write the coefficients, one row each, all numbers in full.
+
+        Parameters
+        ----------
+        path : path
+            Of the CSV file.
+        """
 
         def write(temporary: Path) -> None:
             with temporary.open("w", newline="", encoding="utf-8") as stream:
@@ -235,7 +284,7 @@ class Identified:
                 out.writeheader()
                 out.writerows({**asdict(f), "excited": f.excited} for f in self.coefficients)
 
-        return write_whole(path, write)
+        return write_atomically(path, write)
 
 
 def aligned(rows: Sequence[tuple[str, ...]]) -> list[str]:

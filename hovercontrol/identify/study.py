@@ -1,4 +1,4 @@
-"""One identification from start to end: fit, predict, tell, draw. What ``hovercontrol identify`` does."""
+"""One identification from start to end: fit, predict, write, draw; what ``hovercontrol identify`` does."""
 
 from __future__ import annotations
 
@@ -22,10 +22,27 @@ from hovercontrol.models.modelfile import save_model
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-#: How far ahead predictions are judged [s].
-HORIZON = 1.0
 
-#: How many rejected spans of a log are told; the file has them all.
+@dataclass(frozen=True)
+class StudyCriteria:
+    """How predictions are judged.
+
+    No published source: set by hand, exercised by tests/identify/test_study.py.
+
+    Attributes
+    ----------
+    horizon : float
+        Prediction horizon [s].
+    """
+
+    horizon: float = 1.0
+
+
+#: The values in use.
+JUDGEMENT = StudyCriteria()
+
+
+#: Largest number of rejected spans listed for a log; the file has them all.
 SHOWN = 6
 
 
@@ -85,9 +102,9 @@ class Study:
         InputError
             As :func:`~hovercontrol.identify.fit.identify`, or if a name is taken twice.
         """
-        tell = progress or (lambda part, what: None)
+        report = progress or (lambda part, what: None)
         refuse_slow_rows([*training, *holdout])
-        tell(0.0, "reading what was measured")
+        report(0.0, "reading what was measured")
         measured: list[Measured] = measure_shared(model, training, MOST_ROWS)
         for log in holdout:
             measured += measure_shared(model, [log], MOST_ROWS)
@@ -95,17 +112,17 @@ class Study:
             model,
             measured[: len(training)],
             coefficients,
-            progress=lambda part, what: tell(0.2 + 0.6 * part, what),
+            progress=lambda part, what: report(0.2 + 0.6 * part, what),
         )
         assert found.model is not None
         labels = _labels([m.name for m in measured])
         judged = []
         for k, (label, data) in enumerate(zip(labels, measured, strict=True)):
-            tell(0.8 + 0.2 * k / len(measured), f"predicting {label}")
+            report(0.8 + 0.2 * k / len(measured), f"predicting {label}")
             held_out = k >= len(training)
             fit, own = (smoothed(found.model, data), 0) if held_out else (found.fit, k)
             run = run_of(model.name, fit, own)
-            judged.append(Judged(label, held_out, prediction(fit, HORIZON, own), run))
+            judged.append(Judged(label, held_out, prediction(fit, JUDGEMENT.horizon, own), run))
         return cls(found, tuple(judged))
 
     @property
@@ -145,8 +162,8 @@ class Study:
         lines = [
             self.found.table(),
             "",
-            f"rms error {HORIZON:g} s ahead, beside that of the trivial prediction: velocities stay as they "
-            "are, the pose moves on with them",
+            f"rms error {JUDGEMENT.horizon:g} s ahead, beside that of the trivial prediction (constant body "
+            "velocities)",
             *aligned(rows),
         ]
         lines += [
@@ -154,7 +171,7 @@ class Study:
             for j in self.judged
             if j.worse
         ]
-        lines += ["", "left out because no craft moves so"]
+        lines += ["", "rejected because no craft moves like this"]
         for j in self.judged:
             spans = [f"{s.start:.2f}-{s.stop:.2f} s ({s.rows} rows, {s.reason})" for s in j.run.rejected]
             more = [f"and {len(spans) - SHOWN} more in rejected.csv"] if len(spans) > SHOWN else []
@@ -164,7 +181,7 @@ class Study:
     def save(self, folder: str | Path) -> list[Path]:
         """Write model.toml, coefficients.csv, prediction.csv, rejected.csv and free_run_LOG.png.
 
-        They appear whole or not at all; pictures of an earlier run's logs are removed. Returns the
+        They are written atomically; pictures of an earlier run's logs are removed. Returns the
         files.
         """
 
@@ -173,7 +190,7 @@ class Study:
             save_model(self.found.model, temporary / "model.toml")
             self.found.save_csv(temporary / "coefficients.csv")
             ahead = [
-                [j.label, j.holdout, c, p.units[c], HORIZON, p.rms[c], p.trivial[c], p.share[c]]
+                [j.label, j.holdout, c, p.units[c], JUDGEMENT.horizon, p.rms[c], p.trivial[c], p.share[c]]
                 for j in self.judged
                 for p in [j.prediction]
                 for c in p.rms
@@ -199,7 +216,7 @@ def _table(path: Path, heading: list[str], rows: Sequence[Sequence[object]]) -> 
 
 
 def _labels(names: Sequence[str]) -> list[str]:
-    """Return file names without suffix, told apart by a number where two logs share one."""
+    """Return file names without suffix, numbered where two logs share one."""
     stems = [Path(name).stem for name in names]
     labels = [f"{s}_{stems[:k].count(s) + 1}" if stems.count(s) > 1 else s for k, s in enumerate(stems)]
     shared = sorted({s for s in labels if labels.count(s) > 1})

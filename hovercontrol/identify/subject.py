@@ -30,6 +30,14 @@ class PlainBlock(BlockModel):
         """Return every parameter's value by its full name."""
         return {p.name: p.start for p in self.block.parameters}
 
+    def coefficient_name(self, name: str) -> str:
+        """Return the full name of a parameter."""
+        return self.block.parameter(name).name
+
+    def nominal_sizes(self) -> dict[str, float]:
+        """Return the parameters' nominal sizes."""
+        return {p.name: p.nominal for p in self.block.parameters}
+
 
 def subject_of(model: Model | Block) -> Subject:
     """Return what the estimation engine takes for a model or a Block."""
@@ -58,10 +66,7 @@ def chosen(model: Model | Block, names: Sequence[str] | None) -> tuple[str, ...]
         for name in names:
             if name.rpartition(".")[2] not in known:
                 raise InputError(f"{model.name!r} has no coefficient {name!r}{did_you_mean(name, known)}")
-        found = [
-            name.rpartition(".")[2] if isinstance(model, Model) else model.parameter(name).name
-            for name in names
-        ]
+        found = [subject.coefficient_name(name) for name in names]
         twice = [name for name, own in zip(names, found, strict=True) if found.count(own) > 1]
         if twice:
             raise InputError(f"coefficient {twice[0]!r} is named twice")

@@ -1,4 +1,4 @@
-"""The one writer: files and folders of results that appear as a whole or not at all; and what may be read.
+"""Write files and folders of results atomically, and check paths before reading or writing.
 
 What is being written has a name of its own, ``.writing-HOST-PROCESS-...``, until it is complete. A run that
 was killed leaves that behind; the next that writes beside it clears it.
@@ -42,7 +42,7 @@ def reason(error: BaseException) -> str:
 
 
 def readable(path: str | Path, wanted: str = "a file") -> Path:
-    """Return the path of a file, or say what is there instead.
+    """Return the path of a file, or raise if it is something else.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ def check_folder(folder: str | Path) -> None:
         raise InputError(f"{folder}: cannot write there: no permission for {there}")
 
 
-def write_whole(path: str | Path, write: Callable[[Path], object]) -> Path:
+def write_atomically(path: str | Path, write: Callable[[Path], object]) -> Path:
     """Let `write` fill a temporary file beside `path`, then put it in place in one step.
 
     Parameters
@@ -117,7 +117,7 @@ def write_whole(path: str | Path, write: Callable[[Path], object]) -> Path:
     Examples
     --------
     >>> with tempfile.TemporaryDirectory() as folder:
-    ...     write_whole(Path(folder) / "a.txt", lambda file: file.write_text("whole")).read_text()
+    ...     write_atomically(Path(folder) / "a.txt", lambda file: file.write_text("whole")).read_text()
     'whole'
     """
     target = write_quietly(path, write)
@@ -126,7 +126,7 @@ def write_whole(path: str | Path, write: Callable[[Path], object]) -> Path:
 
 
 def write_quietly(path: str | Path, write: Callable[[Path], object]) -> Path:
-    """Do as :func:`write_whole`, for what is no result (a cache): nobody is told of it."""
+    """Do as :func:`write_atomically`, for what is no result (a cache): it is not listed as written."""
     target = Path(path)
     with _refusals(target):
         target.parent.mkdir(parents=True, exist_ok=True)
@@ -263,7 +263,7 @@ def _is_part(target: Path) -> bool:
 
 
 def _exchangeable(target: Path) -> bool:
-    """Tell whether a folder may be replaced by another of its name."""
+    """Return whether a folder may be replaced by another of its name."""
     if not os.access(target.parent, os.W_OK | os.X_OK):
         return False
     if not target.exists():

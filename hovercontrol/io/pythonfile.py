@@ -14,7 +14,7 @@ from hovercontrol.io.files import readable
 
 
 def names_python(text: str) -> bool:
-    """Tell whether a text names something in a Python file.
+    """Return whether a text names something in a Python file.
 
     Examples
     --------

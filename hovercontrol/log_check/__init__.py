@@ -1,4 +1,4 @@
-"""What a log is worth before anything is fitted to it: timing, noise, outliers, units, what it excites."""
+"""Quality of a log before a fit: timing, noise, outliers, units, excitation."""
 
 from hovercontrol.log_check.check import Checked, check
 from hovercontrol.log_check.facts import Column, LogFacts, Timing, facts

@@ -1,4 +1,4 @@
-"""A check of logs beside a model of the craft: what is wrong, and what a fit could show."""
+"""A check of logs against a model: errors, warnings, and the coefficients that a fit could estimate."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from hovercontrol.models.model import Model
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-#: Rows that the trial fit uses at most: it asks what the logs can show, not for the last digit.
+#: Largest number of rows of the trial fit, which needs no high accuracy.
 MOST_ROWS = 12_000
 
 #: Other columns that are named.
@@ -42,13 +42,21 @@ class Checked:
     Attributes
     ----------
     logs : tuple of LogFacts
-        What each log says of itself.
+        Timing and columns of each log.
     errors, warnings : tuple of str
-        One line each: what must be mended before a fit, and what should be looked at.
+        One line each: what must be corrected before a fit, and what should be looked at.
     model : str
         Name of the model; empty without one.
     coefficients : tuple of Fitted
         What a trial fit says of each; empty without a model, or where an error forbids one.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> t = 0.02 * np.arange(200)
+    >>> found = check([Log("a.csv", t, {"x": np.sin(t), "y": 0.3 * t, "psi": 0 * t})])
+    >>> found.errors, len(found.logs)
+    ((), 1)
     """
 
     logs: tuple[LogFacts, ...]
@@ -59,7 +67,7 @@ class Checked:
 
     @property
     def negative(self) -> bool:
-        """Whether something must be mended, or a coefficient cannot be shown."""
+        """Whether something must be corrected, or a coefficient cannot be estimated."""
         return bool(self.errors) or not all(c.excited for c in self.coefficients)
 
     def text(self) -> str:
@@ -68,15 +76,18 @@ class Checked:
         for f in self.logs:
             timing = [line for t in f.timing for line in _timing_text(t, len(f.timing) > 1)]
             lines += [f.log.name, *(f"  {line}" for line in (*timing, *_column_table(f))), ""]
-        for heading, said in (("must be mended", self.errors), ("look at", self.warnings)):
+        for heading, said in (("must be corrected", self.errors), ("look at", self.warnings)):
             if said:
                 lines += [f"{heading}:", *(f"  {line}" for line in said), ""]
         if self.coefficients:
-            lines += [f"what a fit of {self.model} could show:", *_coefficient_table(self.coefficients)]
+            lines += [
+                f"coefficients that a fit of {self.model} could estimate:",
+                *_coefficient_table(self.coefficients),
+            ]
         elif self.model and not self.errors:
             lines += [f"{self.model} has no coefficient that a fit seeks"]
         if not (self.errors or self.warnings):
-            lines += ["", "nothing looks wrong"]
+            lines += ["", "no error found"]
         return "\n".join(lines).strip("\n").replace("\n\n\n", "\n\n")
 
     def to_json(self) -> dict[str, Any]:
@@ -118,7 +129,13 @@ class Checked:
         return checked_html(self)
 
     def save(self, folder: str | Path) -> list[Path]:
-        """Write check.txt, check.json and, of logs that can be read, check.png and check.svg."""
+        """Write check.txt, check.json and, of logs that can be read, check.png and check.svg.
+
+        Parameters
+        ----------
+        folder : path
+            Made if it is not there.
+        """
 
         def write(temporary: Path) -> None:
             (temporary / "check.txt").write_text(self.text() + "\n", encoding="utf-8")
@@ -146,7 +163,7 @@ def check(
     logs : sequence of Log
     model : Model or BlockModel, optional
         Of the craft; without one only what the logs say of themselves is checked.
-    files : sequence of mapping of str to ndarray, optional
+    files : sequence of mapping of str to ndarray, shape (n,), optional
         For each log the stamps [s] of the files it was joined from, by their names.
     unread : sequence of str, optional
         Why further logs could not be read, one line each; they count among the errors.
@@ -173,24 +190,24 @@ def check(
     """
     if not logs and not unread:
         raise InputError("check: expected one or more logs")
-    tell = progress or (lambda part, what: None)
+    report = progress or (lambda part, what: None)
     block = structure(model) if model is not None else None
     errors, warnings = list(unread), list[str]()
     found = []
     for k, log in enumerate(logs):
-        tell(0.4 * k / len(logs), f"looking at {log.name}")
+        report(0.4 * k / len(logs), f"looking at {log.name}")
         found.append(facts(log, *_roles(block), files[k] if files else None))
         warnings += found[-1].remarks
         if model is not None:
             _collect(partial(check_logs, model, [log]), errors, warnings)
     coefficients: tuple[Fitted, ...] = ()
     if model is not None and not errors:
-        tell(0.4, "comparing the logs")
+        report(0.4, "comparing the logs")
         if len(logs) > 1:
             _collect(lambda: check_logs(model, logs), errors, warnings)
         if not errors:
-            tell(0.5, "a trial fit")
-            coefficients = _shown(model, logs, errors, warnings, tell)
+            report(0.5, "a trial fit")
+            coefficients = _shown(model, logs, errors, warnings, report)
     return Checked(
         tuple(found), _once(errors), _once(warnings), model.name if model is not None else "", coefficients
     )
@@ -216,22 +233,22 @@ def _shown(
     logs: Sequence[Log],
     errors: list[str],
     warnings: list[str],
-    tell: Callable[[float, str], None],
+    report: Callable[[float, str], None],
 ) -> tuple[Fitted, ...]:
     subject = model if isinstance(model, Model) else model.plant()
     try:
         trial = identify(
-            subject, logs, most_rows=MOST_ROWS, progress=lambda part, what: tell(0.5 + 0.5 * part, what)
+            subject, logs, most_rows=MOST_ROWS, progress=lambda part, what: report(0.5 + 0.5 * part, what)
         )
     except InputError as error:
         errors.append(str(error))
         return ()
-    told: list[str] = []
-    _collect(lambda: check_fitted(trial.fit), errors, told)
-    warnings += [line for line in told if "cannot be known" not in line]  # the table says so
+    known: list[str] = []
+    _collect(lambda: check_fitted(trial.fit), errors, known)
+    warnings += [line for line in known if "are not excited" not in line]  # the table says so
     if trial.outliers:
         warnings.append(
-            f"{trial.outliers} of {trial.rows} rows stand alone beside the fitted model: left out of a fit"
+            f"{trial.outliers} of {trial.rows} rows are outliers of the fitted model: left out of a fit"
         )
     return trial.coefficients
 
@@ -243,7 +260,7 @@ def _once(lines: Sequence[str]) -> tuple[str, ...]:
 def _timing_text(t: Timing, named: bool) -> list[str]:
     name = f"{t.of}: " if named else ""
     lines = [f"{name}{t.rows} rows, {t.stop - t.start:.4g} s, {t.rate:.4g} measurements a second"]
-    kind = "a steady clock" if t.steady else "no steady clock behind the stamps"
+    kind = "a steady clock" if t.steady else "no steady sampling clock"
     jitter = f", stamps scatter by {1e3 * t.jitter:.3g} ms" if t.jitter > 1e-6 else ""
     late = f", at most {1e3 * t.worst_delay:.3g} ms late" if t.worst_delay > 1e-6 else ""
     lost = f", {t.lost} samples lost" if t.lost else ""
@@ -257,21 +274,21 @@ def _timing_text(t: Timing, named: bool) -> list[str]:
 
 def _column_table(f: LogFacts) -> list[str]:
     rows = [("column", "unit", "from", "to", "noise", "resolution", "outliers", "changes every")]
-    told = [c for c in f.columns if c.kind != "other"] or list(f.columns)
-    for c in told:
+    known = [c for c in f.columns if c.kind != "other"] or list(f.columns)
+    for c in known:
         every = f"{c.change_every:.3g} s" if c.change_every else ""
         span = (f"{c.low:.4g}", f"{c.high:.4g}", _number(c.noise), _number(c.resolution))
         rows.append((c.name, c.unit or "?", *span, _outliers(c), every))
     lines = list(aligned(rows))
-    rest = [c.name for c in f.columns if c not in told]
+    rest = [c.name for c in f.columns if c not in known]
     if rest:
         more = f" and {len(rest) - LISTED} more" if len(rest) > LISTED else ""
-        lines.append(f"not looked at: {', '.join(rest[:LISTED])}{more}")
+        lines.append(f"not checked: {', '.join(rest[:LISTED])}{more}")
     if f.rejected:
         spans = [f"{s.start:.2f}-{s.stop:.2f} s ({s.reason})" for s in f.rejected[:SHOWN]]
         more = f" and {len(f.rejected) - SHOWN} more" if len(f.rejected) > SHOWN else ""
         count = sum(s.rows for s in f.rejected)
-        lines.append(f"{count} poses that no craft passes: {', '.join(spans)}{more}")
+        lines.append(f"{count} poses that no craft can reach: {', '.join(spans)}{more}")
     return lines
 
 
@@ -305,4 +322,4 @@ def _verdict(c: Fitted) -> str:
     if not c.excited:
         return f"no: {c.reason}"
     part = c.std / abs(c.value) if c.value else math.inf
-    return f"yes, to {100 * part:.2g} %" if part < 1 else "yes: not told from zero"
+    return f"yes, to {100 * part:.2g} %" if part < 1 else "yes: not distinguished from zero"

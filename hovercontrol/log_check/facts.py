@@ -1,4 +1,4 @@
-"""What a log says of itself: when its rows are, and what is in each column."""
+"""Facts of a log without a model: timing of its rows, range and noise of its columns."""
 
 from __future__ import annotations
 
@@ -12,23 +12,39 @@ from numpy.typing import NDArray
 from hovercontrol.errors import InputError
 from hovercontrol.estimation.levels import noise_levels
 from hovercontrol.estimation.measure import Measured, steps
-from hovercontrol.estimation.navigation import LEAST, MOST, corrections
+from hovercontrol.estimation.navigation import NAVIGATION, corrections
 from hovercontrol.estimation.spikes import stand_out
 from hovercontrol.logs import POSE, Log, Span, fit_clock, smooth_pose
 from hovercontrol.logs.log import UNITS
 
 Array = NDArray[np.float64]
 
-#: Speeds [m/s] that no hovercraft of this kind reaches: positions in millimetres show them at once.
-FASTEST = 30.0
 
-#: Over how long a speed is taken [s].
-OVER = 0.4
+@dataclass(frozen=True)
+class SpeedCriteria:
+    """When speeds of a log show wrong units.
+
+    No published source: set by hand, exercised by tests/log_check/test_check.py.
+
+    Attributes
+    ----------
+    fastest : float
+        Speed that no hovercraft of this kind reaches [m/s]; positions in millimetres exceed it at once.
+    over : float
+        Time over which a speed is taken [s].
+    """
+
+    fastest: float = 30.0
+    over: float = 0.4
+
+
+#: The values in use.
+SPEEDS = SpeedCriteria()
 
 
 @dataclass(frozen=True)
 class Timing:
-    """When the rows of a log, or of one of the files it came from, are.
+    """Timing of the rows of a log, or of one of its files.
 
     Attributes
     ----------
@@ -49,6 +65,13 @@ class Timing:
         Samples of the steady clock that are not there.
     gaps : tuple of (float, float)
         Spans [s] without rows, longer than 0.25 s and five usual steps.
+
+    Examples
+    --------
+    >>> t = 0.02 * np.arange(200)
+    >>> timing = facts(Log("a.csv", t, {"x": np.sin(t), "y": 0.3 * t, "psi": 0 * t})).timing[0]
+    >>> timing.rows, round(timing.stop, 2)
+    (200, 3.98)
     """
 
     of: str
@@ -70,7 +93,7 @@ class Column:
     Attributes
     ----------
     name, unit : str
-        The unit is empty where neither the model nor the name tells it.
+        The unit is empty where neither the model nor the name has it.
     kind : str
         ``"measured"``, ``"command"`` or ``"other"``.
     missing : int
@@ -83,9 +106,16 @@ class Column:
     resolution : float or None
         Smallest change from row to row; None where nothing changes.
     outliers : tuple of float
-        Times [s] of samples that stand alone.
+        Times of outliers [s].
     change_every : float or None
         Usual time from one change of a command to the next [s].
+
+    Examples
+    --------
+    >>> t = 0.02 * np.arange(200)
+    >>> column = facts(Log("a.csv", t, {"x": np.sin(t), "y": 0.3 * t, "psi": 0 * t})).columns[0]
+    >>> column.name, column.unit, column.kind
+    ('x', 'm', 'measured')
     """
 
     name: str
@@ -102,7 +132,7 @@ class Column:
 
 @dataclass(frozen=True, eq=False)
 class LogFacts:
-    """What a log says of itself.
+    """Facts of a log without a model.
 
     Attributes
     ----------
@@ -111,9 +141,16 @@ class LogFacts:
         Of the file with the measurements, then of that with the commands, where there is one.
     columns : tuple of Column
     rejected : tuple of Span
-        Poses that no craft passes: flips and jumps of a marker body.
+        Poses that no craft can reach: flips and jumps of a marker body.
     remarks : tuple of str
-        What looks wrong without a model, one line each.
+        Warnings that need no model, one line each.
+
+    Examples
+    --------
+    >>> t = 0.02 * np.arange(200)
+    >>> found = facts(Log("a.csv", t, {"x": np.sin(t), "y": 0.3 * t, "psi": 0 * t}))
+    >>> [c.name for c in found.columns], found.rejected
+    (['x', 'y', 'psi'], ())
     """
 
     log: Log
@@ -129,7 +166,7 @@ def facts(
     units: Mapping[str, str] | None = None,
     files: Mapping[str, Array] | None = None,
 ) -> LogFacts:
-    """Return what a log says of itself.
+    """Return the facts of a log.
 
     Parameters
     ----------
@@ -138,7 +175,7 @@ def facts(
         Columns that are commands.
     units : mapping, optional
         Units of columns, over those of pose and body velocities.
-    files : mapping of str to ndarray, optional
+    files : mapping of str to ndarray, shape (n,), optional
         Stamps [s] of the files that the log was joined from, as they are written there.
 
     Returns
@@ -161,7 +198,7 @@ def facts(
         name for name, kind in kinds.items() if kind == "other"
     ]
     corrected = corrections(log)
-    navigated = LEAST <= corrected.size <= MOST * len(log)
+    navigated = NAVIGATION.least <= corrected.size <= NAVIGATION.most * len(log)
     rejected = _rejected(log) if log.has(*POSE) and not navigated else ()
     columns = tuple(
         _column(log, name, known.get(name, ""), kind, name in measured, rejected)
@@ -177,7 +214,7 @@ def facts(
         apart = float(np.median(np.diff(log.time[corrected])))
         remarks.append(
             f"{log.name}: its position jumps {corrected.size} times, usually after {apart:.3g} s, and stays "
-            "there: written by a navigation that is corrected by fixes; in between its velocities drift"
+            f"there: output of a navigation with position fixes; between fixes its velocities drift"
         )
     return LogFacts(log, tuple(timing), columns, rejected, tuple(remarks))
 
@@ -201,7 +238,7 @@ def _column(log: Log, name: str, unit: str, kind: str, measured: bool, rejected:
     outliers: tuple[float, ...] = ()
     if measured and known.sum() > 3 and sizes.size:
         rows = Log(log.name, log.time[known], {name: row[known]})
-        for span in rejected:  # what is known to be wrong tells no noise
+        for span in rejected:  # wrong samples are no measure of noise
             rows = rows.select((rows.time < span.start) | (rows.time > span.stop))
         noise, outliers = _noise(rows, name)
     every = None
@@ -216,7 +253,7 @@ def _column(log: Log, name: str, unit: str, kind: str, measured: bool, rejected:
 
 
 def _noise(log: Log, name: str) -> tuple[float | None, tuple[float, ...]]:
-    """Return the noise of a column, and when samples stand alone in it."""
+    """Return the noise of a column and the times of its outliers."""
     row, n = log[name], len(log)
     if name == "psi":
         row = np.unwrap(row)
@@ -246,22 +283,22 @@ def _rejected(log: Log) -> tuple[Span, ...]:
 
 
 def _remarks(log: Log, columns: Sequence[Column]) -> list[str]:
-    """Say what looks wrong without a model: motion that is faster than any craft's."""
+    """Return warnings that need no model: motion faster than any craft's."""
     said = []
     if log.has("x", "y"):
         known = np.isfinite(log.stack("x", "y")).all(axis=1)
         time, x, y = log.time[known], log["x"][known], log["y"][known]
-        every = max(1, round(OVER / float(np.median(np.diff(time))))) if time.size > 1 else 1
+        every = max(1, round(SPEEDS.over / float(np.median(np.diff(time))))) if time.size > 1 else 1
         if time.size > 2 * every:
             way = np.hypot(np.diff(x[::every]), np.diff(y[::every])) / np.diff(time[::every])
             fast = float(np.quantile(way, 0.9))
-            if fast > FASTEST:
+            if fast > SPEEDS.fastest:
                 said.append(
                     f"{log.name}: the position moves at {fast:.3g} m/s: is it in millimetres or centimetres? "
                     "Give metres"
                 )
     for c in columns:
-        if c.unit == "m/s" and c.high - c.low > 2 * FASTEST:
+        if c.unit == "m/s" and c.high - c.low > 2 * SPEEDS.fastest:
             said.append(
                 f"{log.name}: column {c.name!r} runs from {c.low:.4g} to {c.high:.4g} m/s: is it in mm/s "
                 "or cm/s?"

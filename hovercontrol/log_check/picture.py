@@ -16,7 +16,7 @@ from hovercontrol.log_check.facts import Column, LogFacts
 if TYPE_CHECKING:
     from hovercontrol.log_check.check import Checked
 
-#: Colours that the colour-blind tell apart (Okabe and Ito); shapes and hatching say the same.
+#: Colours for the colour-blind (Okabe and Ito); shapes and hatching say the same.
 MEASURED, COMMAND, WRONG, GAP = "#0072B2", "#009E73", "#D55E00", "0.85"
 
 COLOURS = {"measured": MEASURED, "command": COMMAND, "other": "0.4"}
@@ -63,8 +63,8 @@ def draw(checked: Checked) -> Figure:
 
 def _drawn(columns: Sequence[Column]) -> list[Column]:
     """Return the columns to draw: what was measured and commanded; others only where there is neither."""
-    told = [c for c in columns if c.kind != "other"]
-    return (told or list(columns))[:MOST_COLUMNS]
+    known = [c for c in columns if c.kind != "other"]
+    return (known or list(columns))[:MOST_COLUMNS]
 
 
 def _column(axis: Axes, facts: LogFacts, column: Column) -> None:
@@ -86,7 +86,7 @@ def _column(axis: Axes, facts: LogFacts, column: Column) -> None:
                 color=WRONG,
                 alpha=0.3,
                 lw=0.6,
-                label="left out: no craft moves so" if k == 0 else None,
+                label="rejected: no craft moves like this" if k == 0 else None,
             )
     if column.outliers:
         at = np.searchsorted(log.time, column.outliers)

@@ -1,8 +1,9 @@
-"""What a log must satisfy before anything is computed from it; each check names the line or the span."""
+"""Checks of a log before anything is computed from it; each names the line or the interval."""
 
 from __future__ import annotations
 
 import warnings
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -10,24 +11,39 @@ from hovercontrol.errors import InputError, shown
 from hovercontrol.logs.log import Floats, Log
 from hovercontrol.logs.source import Source
 
-FASTEST_TURN = 60.0
-"""Mean turning speed [rad/s] that no hovercraft keeps up, but a heading in degrees shows easily."""
+
+@dataclass(frozen=True)
+class PlausibleLimits:
+    """Values that no log of a hovercraft has.
+
+    No published source: set by hand, exercised by tests/logs/test_read.py.
+
+    Attributes
+    ----------
+    turn : float
+        Largest mean turn rate [rad/s]; a heading in degrees exceeds it easily.
+    value : float
+        Largest size of any value.
+    """
+
+    turn: float = 60.0
+    value: float = 1e20
 
 
-LARGEST = 1e20
-"""Farthest from zero that a number of a log may be, whatever its unit: clocks count nanoseconds at most."""
+#: The values in use.
+PLAUSIBLE = PlausibleLimits()
 
 
 def check_finite(file: str, source: Source, column: str, values: Floats) -> None:
     """Raise if a value is missing, NaN, infinite or huge; ``column`` is its name in the file."""
-    bad = np.flatnonzero(~(np.abs(values) <= LARGEST))
+    bad = np.flatnonzero(~(np.abs(values) <= PLAUSIBLE.value))
     if not bad.size:
         return
     if bad.size == values.size and np.isnan(values).all():
         raise InputError(f"{file}: column {column!r} is empty: NaN in all {values.size} rows")
     where, text = source.place(int(bad[0]), column)
     more = f" ({bad.size} such rows)" if bad.size > 1 else ""
-    wanted = f"a number up to {LARGEST:g}" if np.isfinite(values[bad[0]]) else "a finite number"
+    wanted = f"a number up to {PLAUSIBLE.value:g}" if np.isfinite(values[bad[0]]) else "a finite number"
     raise InputError(f"{file}: {where}, column {column!r}: expected {wanted}, found {shown(text)}{more}")
 
 
@@ -65,7 +81,7 @@ def check_gaps(log: Log) -> None:
 def check_heading(file: str, column: str, time: Floats, psi: Floats, r: Floats | None) -> None:
     """Raise if a heading is clearly in degrees; ``column`` is its name in the file.
 
-    Clearly means: it jumps by a full circle of 360, or turns at ``FASTEST_TURN`` on average, or
+    Clearly means: it jumps by a full circle of 360, or turns at ``PLAUSIBLE.turn`` on average, or
     turns some 57 times as fast as the yaw rate ``r`` [rad/s] of the same log says. Where it turns
     as fast as that says, both are in degrees.
     """
@@ -73,7 +89,7 @@ def check_heading(file: str, column: str, time: Floats, psi: Floats, r: Floats |
     if not steps.size:
         return
     wrapped = bool(np.ptp(psi) <= 360.0 and np.any(steps > 300.0) and np.median(steps) < 60.0)
-    whirling = bool(steps.sum() > FASTEST_TURN * (time[-1] - time[0]) and not wrapped)
+    whirling = bool(steps.sum() > PLAUSIBLE.turn * (time[-1] - time[0]) and not wrapped)
     ratio, turned = 1.0, np.zeros(1)
     if r is not None and np.abs(r).max() > 0.0:
         turned = np.abs(r[1:] + r[:-1]) / 2 * np.diff(time)

@@ -1,4 +1,4 @@
-"""The steady sampling clock behind jittered time stamps.
+"""The steady sampling clock of jittered time stamps.
 
 A motion-capture system samples at a fixed rate, but a log written over a network stamps each
 sample when it arrives: several at once, then none for 0.2 s. Velocities from such stamps are
@@ -18,23 +18,45 @@ from scipy.ndimage import minimum_filter1d
 
 from hovercontrol.logs.log import POSE, VELOCITY, Floats, Log, gap_rows
 
-WINDOW = 50
-"""Samples within which at least one arrives without delay."""
 
-PUNCTUAL = 0.7
-"""Share of stamps within a quarter period of the clock, below which there is none (chance: 0.5)."""
+@dataclass(frozen=True)
+class ClockCriteria:
+    """When the stamps of a log are late copies of a steady clock.
 
-EXACT = 1e-6
-"""Of a period: stamps that are this near to the clock are kept as they are."""
+    No published source: set by hand on recorded logs, exercised by tests/logs/test_smooth.py and
+    tests/logs/test_real.py.
 
-FEWEST = 20
-"""Stamps from which a clock is fitted."""
+    Attributes
+    ----------
+    window : int
+        Samples of which at least one arrives without delay.
+    punctual : float
+        Part of the stamps within a quarter period of the clock below which there is none (by chance:
+        0.5).
+    exact : float
+        Stamps this close to the clock are kept, in periods.
+    fewest : int
+        Smallest number of stamps for a clock.
+    rougher : float
+        Largest roughness of the samples on the clock, relative to that on the stamps.
+    one_sided : float
+        Upper tail of the delays, relative to the lower one, from which on they are delays of arrival.
+    in_phase : float
+        Part of the stamps that must lie within half a period of the clock for the phase to count frames.
+    """
 
-ROUGHER = 1.02
-"""The samples may be so many times as rough on the clock as on the stamps."""
+    window: int = 50
+    punctual: float = 0.7
+    exact: float = 1e-6
+    fewest: int = 20
+    rougher: float = 1.02
+    one_sided: float = 1.5
+    in_phase: float = 0.99
 
-ONE_SIDED = 1.5
-"""Delays whose upper tail is so many times as long as the lower one are delays of arrival."""
+
+#: The values in use.
+CLOCK = ClockCriteria()
+
 
 SPAN = 16
 """Samples over which the stamps must stay in phase at first; then over ever longer spans."""
@@ -44,9 +66,6 @@ FINER = 8
 
 MOST_PHASES = 20_000
 """Stamps whose phase is looked at."""
-
-IN_PHASE = 0.99
-"""Share of stamps that must lie within half a period of the clock for the phase to count frames."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,6 +84,12 @@ class Clock:
         Frames that never arrived.
     worst_delay : float
         Longest time from sampling to stamp [s], beyond the constant part.
+
+    Examples
+    --------
+    >>> clock = fit_clock(0.02 * np.arange(100))
+    >>> clock.steady, round(clock.period, 4)
+    (True, 0.02)
     """
 
     time: Floats
@@ -77,8 +102,8 @@ class Clock:
 def fit_clock(arrival: Floats, samples: Floats | None = None) -> Clock:
     """Fit a steady sampling clock to the time stamps of a log.
 
-    The stamps are kept where they are exact, and where they are truly irregular: fewer than ``FEWEST``
-    of them, too few ``PUNCTUAL``, or samples that are smoother on the stamps than on the clock.
+    The stamps are kept where they are exact, and where they are truly irregular: fewer than ``CLOCK.fewest``
+    of them, too few ``CLOCK.punctual``, or samples that are smoother on the stamps than on the clock.
 
     The clock's zero is the mean of the stamps where these scatter alike to both sides, as a jittering
     time stamp does, and their lower envelope (the fiftieth part that comes first) where their scatter
@@ -92,6 +117,10 @@ def fit_clock(arrival: Floats, samples: Floats | None = None) -> Clock:
     samples : ndarray (n, k), optional
         What was sampled; NaN where nothing was.
 
+    Returns
+    -------
+    Clock
+
     Examples
     --------
     >>> jitter = 1e-3 * np.sin(np.arange(100.0) ** 2)
@@ -102,15 +131,15 @@ def fit_clock(arrival: Floats, samples: Floats | None = None) -> Clock:
     steps = np.diff(arrival)
     period = float(np.median(steps)) if steps.size else 0.0
     as_stamped = Clock(arrival, False, period, 0, 0.0)
-    if arrival.size < FEWEST:
+    if arrival.size < CLOCK.fewest:
         return as_stamped
     found = _in_phase(arrival, period) or _in_envelope(arrival, period)
     time, period, lost = found
     delay = arrival - time
-    if np.abs(delay).max() < EXACT * period:
+    if np.abs(delay).max() < CLOCK.exact * period:
         return Clock(arrival, True, period, lost, 0.0)
     punctual = np.abs(delay) < 0.25 * period
-    if np.mean(punctual) < PUNCTUAL or not np.all(np.diff(time) > 0):
+    if np.mean(punctual) < CLOCK.punctual or not np.all(np.diff(time) > 0):
         return as_stamped
     if samples is not None and _rougher(time, arrival, samples):
         return as_stamped
@@ -181,7 +210,7 @@ def _in_phase(arrival: Floats, period: float) -> tuple[Floats, float, int] | Non
         frame = np.rint((arrival - line[1]) / line[0]) - order
         frame = np.minimum.accumulate(frame[::-1])[::-1] + order  # a late stamp is before the next
         near = np.abs(arrival - np.polyval(line, frame)) < 0.5 * line[0]
-        if near.mean() < IN_PHASE:
+        if near.mean() < CLOCK.in_phase:
             return None
         line = np.polyfit(frame[near], arrival[near], 1)
     return np.polyval(line, frame), float(line[0]), int(frame[-1] - frame[0]) - (arrival.size - 1)
@@ -228,21 +257,21 @@ def _in_envelope(arrival: Floats, period: float) -> tuple[Floats, float, int]:
 def _zero(delay: Floats) -> float:
     """Return the delay that counts as none: the mean of a scatter alike to both sides, else its lower end."""
     low, middle, high = np.quantile(delay, [0.05, 0.5, 0.95])
-    if high - middle > ONE_SIDED * (middle - low):
+    if high - middle > CLOCK.one_sided * (middle - low):
         return float(np.quantile(delay, 0.02))
     return float(delay.mean())
 
 
 def _rougher(time: Floats, stamps: Floats, samples: Floats) -> bool:
-    """Tell whether samples are rougher on a clock than on the stamps, over all channels that move."""
+    """Return whether samples are rougher on a clock than on the stamps, over all channels that move."""
     ratios = []
     for row in samples.T:
         seen = np.isfinite(row)
-        if np.count_nonzero(seen) >= FEWEST:
+        if np.count_nonzero(seen) >= CLOCK.fewest:
             on, as_stamped = (_roughness(t[seen], row[seen]) for t in (time, stamps))
             if min(on, as_stamped) > 0:
                 ratios.append(np.log(on / as_stamped))
-    return bool(ratios and np.exp(np.mean(ratios)) > ROUGHER)
+    return bool(ratios and np.exp(np.mean(ratios)) > CLOCK.rougher)
 
 
 def _roughness(time: Floats, row: Floats) -> float:
@@ -255,10 +284,10 @@ def _roughness(time: Floats, row: Floats) -> float:
 def _frames(arrival: Floats, period: float) -> Floats:
     """Return the frame number of each arrival, counting the lost frames."""
     late = arrival - arrival[0] - period * np.arange(arrival.size)
-    # Least delay among a sample and the next WINDOW: steps up by whole periods where frames were
+    # Least delay among a sample and the next CLOCK.window: steps up by whole periods where frames were
     # lost.
-    padded = np.append(late, np.full(WINDOW, np.inf))
-    floor = minimum_filter1d(padded, WINDOW + 1, origin=-(WINDOW // 2))[: late.size]
+    padded = np.append(late, np.full(CLOCK.window, np.inf))
+    floor = minimum_filter1d(padded, CLOCK.window + 1, origin=-(CLOCK.window // 2))[: late.size]
     lost = np.concatenate([[0.0], np.cumsum(np.rint(np.diff(floor) / period))])
     lost = np.minimum.accumulate(lost[::-1])[::-1]  # a frame number never falls behind
     frames: Floats = np.arange(arrival.size) + lost - lost[0]

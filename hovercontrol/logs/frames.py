@@ -1,4 +1,4 @@
-"""Axes of a log: another frame's are converted, those that cannot be right are recognised.
+"""Axes of a log: conversion from other frames, and checks against the commands.
 
 Here x, y and psi are right-handed with z up: psi turns from x to y, v points to the left, r is positive to
 the left. Trackers also write north-east-down (NED): x north, y east, psi clockwise from north, v to the
@@ -10,7 +10,7 @@ fans push it, and turns the way their torque does.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,7 +21,7 @@ from hovercontrol.errors import InputError, did_you_mean, shown
 from hovercontrol.logs.log import POSE, Floats, Log
 
 if TYPE_CHECKING:
-    from hovercontrol.models.model import Model
+    from hovercontrol.models.base import EffectModel
 
 Complex = NDArray[np.complex128]
 
@@ -31,14 +31,42 @@ FRAMES = ("z-up", "enu", "ned")
 #: Windows [s] over which motion is looked at, and delays [s] at which it may follow commands.
 WINDOWS, LAGS = (0.2, 0.6), np.arange(0.0, 0.65, 0.05)
 
-#: A correlation that says something: this large, so many standard errors, so many times its rival's.
-LEAST, ERRORS, CLEARLY = 0.25, 4.0, 2.5
 
-#: The same of torque, and the part of it that the other sign may reach at another delay.
-LEAST_TORQUE, OTHER_SIGN = 0.5, 0.6
+@dataclass(frozen=True)
+class FrameCriteria:
+    """When the axes or the sign of a log's columns are wrong.
 
-#: Seconds after which motion is independent of itself; samples below which nothing is said.
-INDEPENDENT, FEWEST = 0.5, 10
+    No published source: set by hand, exercised by tests/logs/test_frames.py.
+
+    Attributes
+    ----------
+    least : float
+        Smallest correlation that is significant.
+    errors : float
+        Standard errors that it must exceed.
+    clearly : float
+        Its ratio to the rival's.
+    least_torque : float
+        Smallest correlation of a torque.
+    other_sign : float
+        Largest part of it that the other sign may reach at another delay.
+    independent : float
+        Time after which motion counts as independent of itself [s].
+    fewest : int
+        Smallest number of independent samples.
+    """
+
+    least: float = 0.25
+    errors: float = 4.0
+    clearly: float = 2.5
+    least_torque: float = 0.5
+    other_sign: float = 0.6
+    independent: float = 0.5
+    fewest: int = 10
+
+
+#: The values in use.
+FRAME = FrameCriteria()
 
 
 @checked
@@ -76,13 +104,14 @@ def in_z_up(log: Log, frame: str) -> Log:
 
 
 @checked
-def check_frame(model: Model, log: Log) -> None:
-    """Refuse a log that is mirrored, in north-east-down axes, or whose heading is turned round.
+def check_frame(model: EffectModel, log: Log) -> None:
+    """Refuse a log of a craft that is mirrored, in north-east-down axes, or whose heading is turned round.
 
     Parameters
     ----------
-    model : Model
-        Its effects say where commands push; their sizes do not matter.
+    model : Model or BlockModel
+        Its effects say where commands push; their sizes do not matter. The log of what is no craft has no
+        such frame and passes.
     log : Log
         With the model's inputs; where its frame was stated it is not looked at.
 
@@ -91,16 +120,18 @@ def check_frame(model: Model, log: Log) -> None:
     InputError
         If forces and motion agree clearly in other axes, and not in these.
     """
-    from hovercontrol.models.model import Model
+    from hovercontrol.models.base import EffectModel
 
-    if not isinstance(model, Model):
+    if not isinstance(model, EffectModel):
         raise InputError(f"check_frame: model: expected a Model, found {shown(model)}")
+    if not model.is_craft:
+        return
     inputs = {s.name for s in model.plant(late=True).inputs}
-    if log.frame or not log.has(*inputs) or len(log) < FEWEST:
+    if log.frame or not log.has(*inputs) or len(log) < FRAME.fewest:
         return
     push, torque = _push(model, log)
     grids = [(np.arange(log.time[0] + w, log.time[-1] - w, w / 2), w) for w in WINDOWS]
-    if (log.time[-1] - log.time[0]) / INDEPENDENT < FEWEST:
+    if (log.time[-1] - log.time[0]) / FRAME.independent < FRAME.fewest:
         return
     found = [_alignment(log, push, *grid) for grid in grids] if log.has(*POSE) else []
     for sound, mirrored in found:
@@ -127,25 +158,26 @@ def _alignment(log: Log, push: Complex, times: Floats, window: float) -> tuple[c
 
 def _enough(log: Log, least: float) -> float:
     """Return the smallest correlation that says something of a log so long."""
-    return max(least, ERRORS / float(np.sqrt((log.time[-1] - log.time[0]) / INDEPENDENT)))
+    return max(least, FRAME.errors / float(np.sqrt((log.time[-1] - log.time[0]) / FRAME.independent)))
 
 
 def _refuse_mirrored(log: Log, sound: complex, mirrored: complex) -> None:
-    if abs(mirrored) > max(_enough(log, LEAST), CLEARLY * abs(sound)):
+    if abs(mirrored) > max(_enough(log, FRAME.least), FRAME.clearly * abs(sound)):
         raise InputError(
-            f"{log.name}: the log is mirrored: it accelerates where its commands push only if x, y or psi "
-            f"changes its sign (correlation {abs(mirrored):.2f}, as it is {abs(sound):.2f}); expected psi to "
-            "turn from x to y; --frame z-up takes it as it is"
+            f"{log.name}: the log is mirrored: its acceleration agrees with its commands only if x, y or "
+            f"psi changes sign (correlation {abs(mirrored):.2f}, as it is {abs(sound):.2f}); expected psi to "
+            "turn from x to y; --frame z-up skips this check"
         )
 
 
 def _refuse_turned(log: Log, sound: complex, mirrored: complex) -> None:
     angle = float(np.degrees(np.angle(sound)))
-    if abs(sound) > max(_enough(log, LEAST), CLEARLY * abs(mirrored)) and abs(angle) > 90.0:
+    if abs(sound) > max(_enough(log, FRAME.least), FRAME.clearly * abs(mirrored)) and abs(angle) > 90.0:
         raise InputError(
             f"{log.name}: column 'psi': expected the heading of the bow, but the craft accelerates "
-            f"{abs(angle):.0f} degrees from where its commands push: is psi turned, or a command's sign? "
-            "--frame z-up takes it as it is"
+            f"{abs(angle):.0f} degrees from where its commands push: is psi rotated, or the sign of a "
+            f"command wrong? "
+            "--frame z-up skips this check"
         )
 
 
@@ -158,11 +190,11 @@ def _check_torque(log: Log, torque: Floats, times: Floats, window: float) -> Non
     # drags, and what a hull that drifts does: its Munk moment may outdo the torque of the commands
     others = (rate, np.sign(rate), *_drifting(log, times, window))
     found = [float(_along(_held(log, torque, times - lag, window), change, *others).real) for lag in LAGS]
-    if -min(found) > _enough(log, LEAST_TORQUE) and max(found) < -OTHER_SIGN * min(found):
+    if -min(found) > _enough(log, FRAME.least_torque) and max(found) < -FRAME.other_sign * min(found):
         raise InputError(
             f"{log.name}: the craft turns against the torque of its commands (correlation "
             f"{min(found):.2f}): is the log in north-east-down axes? --frame ned converts it; or is the "
-            "rudder's sign, or the fans' places, the other way round? --frame z-up takes it as it is"
+            f"sign of the rudder, or of the fans' places, wrong? --frame z-up skips this check"
         )
 
 
@@ -177,12 +209,12 @@ def _drifting(log: Log, times: Floats, window: float) -> tuple[Floats, ...]:
     return (along.real * along.imag,)
 
 
-def _push(model: Model, log: Log) -> tuple[Complex, Floats]:
+def _push(model: EffectModel, log: Log) -> tuple[Complex, Floats]:
     """Return where the commands push in the body frame, and their torque, of a craft at rest."""
     from hovercontrol.core.functions import numpy_functions
 
-    forces = tuple(e for e in model.effects if type(e).kind() == "force")
-    plant = replace(model, effects=forces).plant()
+    others = (e.name for e in model.effects if e.kind() != "force")
+    plant = model.without_effects(*others).plant()
     states = [s.name for s in plant.states]
     commands = np.array([np.nan_to_num(log[s.name]) for s in plant.inputs]).reshape(-1, len(log))
     rest = np.zeros((len(states), len(log)))
@@ -225,7 +257,7 @@ def _differences(values: NDArray[np.inexact], window: float) -> tuple[Complex, C
 def _along(cause: NDArray[np.inexact], effect: NDArray[np.inexact], *others: NDArray[np.inexact]) -> complex:
     """Return the correlation of cause and effect, less what others and a constant explain, with its angle."""
     known = np.isfinite(cause) & np.isfinite(effect) & np.all(np.isfinite(others), axis=0)
-    if known.sum() < FEWEST:
+    if known.sum() < FRAME.fewest:
         return 0j
     design = np.column_stack([*(o[known] for o in others), np.ones(known.sum())])
     both = np.column_stack([cause[known], effect[known]])

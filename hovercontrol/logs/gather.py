@@ -1,4 +1,4 @@
-"""One run of a craft from the files it was recorded in: poses, commands, bench table, what counts."""
+"""One run of a craft from its files: poses, commands, bench table, rows to use."""
 
 from __future__ import annotations
 
@@ -26,7 +26,15 @@ _COMPARE = {">": operator.gt, ">=": operator.ge, "<": operator.lt, "<=": operato
 
 @dataclass(frozen=True)
 class Condition:
-    """A comparison of one column with a number, as a user writes it: ``pwm_lift > 1000``."""
+    """A comparison of one column with a number, as a user writes it: ``pwm_lift > 1000``.
+
+    Parameters
+    ----------
+    column : str
+    comparison : {">", ">=", "<", "<="}
+    value : float
+        In the column's unit.
+    """
 
     column: str
     comparison: str
@@ -35,6 +43,11 @@ class Condition:
     @classmethod
     def parse(cls, text: str) -> Condition:
         """Read a condition.
+
+        Parameters
+        ----------
+        text : str
+            ``"pwm_lift > 1000"``; the number in the column's unit.
 
         Raises
         ------
@@ -64,7 +77,7 @@ def gather(
     settle: float = 0.0,
     motion: bool = True,
 ) -> Log:
-    """Return one run as one log.
+    r"""Return one run as one log.
 
     Rows may be missing: a warning counts the gaps.
 
@@ -95,6 +108,17 @@ def gather(
     InputError
         As :func:`read_log` and :func:`join_logs`; or if an input is missing, nothing is left, or the gaps
         are longer than what is left.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     file = Path(folder) / "run.csv"
+    ...     rows = [f"{0.02 * k},0,0,0,1" for k in range(50)]
+    ...     _ = file.write_text("\n".join(["stamp,u,v,r,thrust", *rows]))
+    ...     len(gather(str(file), ["thrust"], columns={"time": "stamp"}))
+    50
     """
     wanted = [f"{PULSE}{name}" if bench else name for name in inputs]
     paths = split_files(files)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -10,8 +11,24 @@ from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.logs.clock import steady
 from hovercontrol.logs.log import Floats, Log
 
-SAME = 0.01
-"""Of a sampling period: a command this near to a sample comes with it."""
+
+@dataclass(frozen=True)
+class JoinCriteria:
+    """When a command belongs to a sample.
+
+    No published source: set by hand, exercised by tests/logs/test_gather.py.
+
+    Attributes
+    ----------
+    same : float
+        Largest distance of a command from a sample, in sampling periods.
+    """
+
+    same: float = 0.01
+
+
+#: The values in use.
+JOINING = JoinCriteria()
 
 
 def join_logs(
@@ -74,7 +91,7 @@ def join_logs(
             f"{pose.time[0]:g} to {pose.time[-1]:g} s against "
             f"{commands.time[0]:g} to {commands.time[-1]:g} s"
         )
-    near = SAME * float(np.median(np.diff(kept.time))) if len(kept) > 1 else 0.0
+    near = JOINING.same * float(np.median(np.diff(kept.time))) if len(kept) > 1 else 0.0
     own = _changes(commands, idle)
     own = own[(own > kept.time[0]) & (own < kept.time[-1])]
     behind = np.searchsorted(kept.time, own)

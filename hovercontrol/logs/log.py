@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError, did_you_mean, shown
-from hovercontrol.io.files import write_whole
+from hovercontrol.io.files import write_atomically
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -104,7 +104,12 @@ class Log:
 
     @checked
     def has(self, *names: str) -> bool:
-        """Tell whether every one of these columns is there."""
+        """Return whether every one of these columns is there.
+
+        Parameters
+        ----------
+        *names : str
+        """
         return all(name in self.columns for name in names)
 
     @checked
@@ -127,6 +132,15 @@ class Log:
     @checked
     def select(self, rows: Mask | NDArray[np.intp] | slice) -> Log:
         """Return the log of some rows (a mask, indices or a slice).
+
+        Parameters
+        ----------
+        rows : ndarray of bool, shape (n,), ndarray of int, or slice
+
+        Raises
+        ------
+        InputError
+            If there are no such rows.
 
         Examples
         --------
@@ -185,7 +199,12 @@ class Log:
 
     @checked
     def save(self, path: str | Path) -> None:
-        """Write CSV, or Parquet where the suffix says so; the file appears whole or not at all.
+        """Write CSV, or Parquet where the suffix says so; the file is written atomically.
+
+        Parameters
+        ----------
+        path : path
+            Ends in ``.parquet`` for Parquet; else CSV.
 
         Raises
         ------
@@ -207,7 +226,7 @@ class Log:
         table = pa.table({"time": self.time, **self.columns})
         parquet = target.suffix.lower() in PARQUET
         write = pyarrow.parquet.write_table if parquet else pyarrow.csv.write_csv
-        write_whole(target, lambda temporary: write(table, temporary))
+        write_atomically(target, lambda temporary: write(table, temporary))
 
 
 def gap_rows(time: Floats) -> NDArray[np.intp]:

@@ -1,4 +1,4 @@
-"""Reading a log from a CSV or Parquet file, and saying in one line what is wrong with it.
+"""Reading a log from a CSV or Parquet file, with errors of one line.
 
 Files are read in pieces, so memory stays near the size of the numbers that are kept.
 """

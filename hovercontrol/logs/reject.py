@@ -1,4 +1,4 @@
-"""Telling motion from a lost marker body: the best chain of pieces that one craft could follow.
+"""Rejection of samples that are no motion: the best chain of pieces that one craft could follow.
 
 The pose is cut into pieces at every step that the neighbouring steps do not explain. A piece follows
 another at a cost: how far constant speed misses the other's start, over what pushes, impacts and noise
@@ -18,50 +18,68 @@ from scipy.ndimage import median_filter
 
 from hovercontrol.logs.log import Floats, Mask
 
-USUAL = 12.0 * 1.4826
-"""A step may miss the neighbouring ones by so many medians of what steps miss: twelve standard deviations."""
 
-SPARE = 7
-"""Steps over whose median the speed is taken: two wrong samples in a row spoil three."""
+@dataclass(frozen=True)
+class RejectionCriteria:
+    """When samples of a pose are no motion of a craft.
 
-UNEVEN = 4.0
-"""Where the craft moves fast steps may scatter by so many times what is usual in the log."""
+    No published source: set by hand on recorded logs, exercised by tests/logs/test_smooth.py and
+    tests/logs/test_real.py.
 
-NEIGHBOURS = 51
-"""Samples over which the local scatter of steps is taken."""
+    Attributes
+    ----------
+    usual : float
+        Largest deviation of a step from its neighbours, in median deviations: twelve standard deviations.
+    spare : int
+        Steps of whose median the speed is taken: two wrong samples in a row spoil three.
+    uneven : float
+        Factor by which steps of fast motion may scatter more than usual in the log.
+    neighbours : int
+        Samples from which the local scatter of steps is estimated.
+    pushed : float
+        Largest sustained acceleration relative to the 90 % quantile of the log.
+    stops : float
+        Time in which a craft that lands loses the log's highest speed [s].
+    bump : float
+        Largest change of speed between two samples, in a collision, relative to the log's highest speed.
+    farthest_turn : float
+        Largest deviation of the heading from a constant rate over a loss of sight [rad]; a flip is pi.
+    farthest_time : float
+        Largest deviation of the position from constant speed over a loss of sight, as time at the log's
+        highest speed [s].
+    forget : float
+        Loss of sight after which the craft may be anywhere [s].
+    speed_span : float
+        Time over which the speed at the end of a piece is taken, or four steps [s].
+    longest : float
+        Longest piece, so that part of a wrong one can be rejected [s].
+    look_back : int
+        Earlier pieces tried as predecessors.
+    at_once : float
+        Steps within which a link may be rougher than that: a shift between two samples.
+    roughness : float
+        Cost, in samples, of a link at the largest deviation that is explained; it grows with the square.
+    """
 
-PUSHED = 4.0
-"""Largest sustained acceleration over the one that nine tenths of the log stay below."""
+    usual: float = 12.0 * 1.4826
+    spare: int = 7
+    uneven: float = 4.0
+    neighbours: int = 51
+    pushed: float = 4.0
+    stops: float = 0.2
+    bump: float = 1.0 / 3.0
+    farthest_turn: float = 2.0
+    farthest_time: float = 1.0
+    forget: float = 2.0
+    speed_span: float = 0.08
+    longest: float = 1.0
+    look_back: int = 100
+    at_once: float = 1.5
+    roughness: float = 3.0
 
-STOPS = 0.2
-"""A craft that lands loses the log's highest speed within this time [s]."""
 
-BUMP = 1.0 / 3.0
-"""Largest change of speed between two samples, by hitting a wall, over the log's highest speed."""
-
-FARTHEST_TURN = 2.0
-"""Largest departure of the heading from a constant rate over a loss of sight [rad]; a flip is pi."""
-
-FARTHEST_TIME = 1.0
-"""Largest departure from constant speed over a loss of sight: the log's highest speed for so long [s]."""
-
-FORGET = 2.0
-"""After this long [s] without sight the craft may be anywhere."""
-
-SPEED_SPAN = 0.08
-"""Time [s] over which the speed at the end of a piece is taken, or four steps."""
-
-LONGEST = 1.0
-"""Pieces are cut at this length [s], so that part of a wrong one can be left out."""
-
-LOOK_BACK = 100
-"""Earlier pieces tried as predecessors."""
-
-ROUGHNESS = 3.0
-"""Samples that a link at the edge of the explained costs; twice as far costs four times as much."""
-
-AT_ONCE = 1.5
-"""Within so many steps a link may be rougher than what is explained: a shift between two samples."""
+#: The values in use.
+REJECTION = RejectionCriteria()
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,14 +126,14 @@ class Limits:
         usual, fastest = np.quantile(change, 0.9, axis=0), np.quantile(np.abs(speed), 0.99, axis=0)
         for row in (usual, fastest):
             row[:2] = row[:2].max()  # the craft turns
-        noise = USUAL * np.median(surprise, axis=0) + 1e-6
-        around = USUAL * median_filter(surprise, size=(NEIGHBOURS, 1), mode="nearest")
+        noise = REJECTION.usual * np.median(surprise, axis=0) + 1e-6
+        around = REJECTION.usual * median_filter(surprise, size=(REJECTION.neighbours, 1), mode="nearest")
         return cls(
             noise,
-            np.clip(around, noise, UNEVEN * noise),
-            np.maximum(PUSHED * usual, fastest / STOPS),
-            BUMP * fastest,
-            np.append(FARTHEST_TIME * fastest[:2], FARTHEST_TURN),
+            np.clip(around, noise, REJECTION.uneven * noise),
+            np.maximum(REJECTION.pushed * usual, fastest / REJECTION.stops),
+            REJECTION.bump * fastest,
+            np.append(REJECTION.farthest_time * fastest[:2], REJECTION.farthest_turn),
         )
 
 
@@ -161,11 +179,11 @@ def follow(time: Floats, pose: Floats) -> tuple[Mask, Floats]:
     steps = np.diff(pose, axis=0)
     steps[:, 2] = wrap(steps[:, 2])
     dt = np.diff(time)[:, None]
-    speed = median_filter(steps / dt, size=(SPARE, 1), mode="nearest")
+    speed = median_filter(steps / dt, size=(REJECTION.spare, 1), mode="nearest")
     surprise = np.abs(steps - speed * dt)
     limits = Limits.of(time, speed, surprise)
     explained = limits.local + limits.impact * dt / 2
-    explained[:, 2] = np.minimum(explained[:, 2], FARTHEST_TURN / 2)
+    explained[:, 2] = np.minimum(explained[:, 2], REJECTION.farthest_turn / 2)
     smooth = np.all(surprise <= explained, axis=1)
     pieces = _cut(time, steps / dt, smooth)
     chain = _best_chain(time, pose, pieces, limits)
@@ -181,7 +199,7 @@ def follow(time: Floats, pose: Floats) -> tuple[Mask, Floats]:
             e = pieces.last[before]
             mean = (pieces.speed_out[before, 2] + pieces.speed_in[k, 2]) / 2
             blind = time[a] - time[e]
-            expected = straight[e, 2] + (mean * blind if blind < FORGET else 0.0)
+            expected = straight[e, 2] + (mean * blind if blind < REJECTION.forget else 0.0)
             start = expected + float(wrap(np.asarray(start - expected)))
         straight[a : b + 1, 2] = start + psi[a : b + 1] - psi[a]
         accepted[a : b + 1] = True
@@ -190,8 +208,8 @@ def follow(time: Floats, pose: Floats) -> tuple[Mask, Floats]:
 
 
 def _cut(time: Floats, rates: Floats, smooth: Mask) -> Pieces:
-    """Cut into pieces at steps that are not smooth and at whole multiples of ``LONGEST``."""
-    block = np.floor((time - time[0]) / LONGEST)
+    """Cut into pieces at steps that are not smooth and at whole multiples of ``REJECTION.longest``."""
+    block = np.floor((time - time[0]) / REJECTION.longest)
     cut = ~smooth | (np.diff(block) > 0)
     first = np.concatenate([[0], np.flatnonzero(cut) + 1])
     last = np.concatenate([first[1:] - 1, [time.size - 1]])
@@ -205,7 +223,7 @@ def _cut(time: Floats, rates: Floats, smooth: Mask) -> Pieces:
 
 def _reach(step: float) -> int:
     """Return over how many steps the speed at the end of a piece is taken."""
-    return max(4, int(np.rint(SPEED_SPAN / step)))
+    return max(4, int(np.rint(REJECTION.speed_span / step)))
 
 
 def _best_chain(time: Floats, pose: Floats, pieces: Pieces, limits: Limits) -> list[int]:
@@ -217,13 +235,13 @@ def _best_chain(time: Floats, pose: Floats, pieces: Pieces, limits: Limits) -> l
     score = (pieces.last - pieces.first + 1).astype(float)
     previous = np.full(score.size, -1)
     leader = np.zeros(score.size, dtype=np.intp)  # the best piece up to each
-    forgotten = np.searchsorted(end, start - FORGET, side="right") - 1
+    forgotten = np.searchsorted(end, start - REJECTION.forget, side="right") - 1
     for k in range(score.size):
         best, gain = -1, 0.0
         if forgotten[k] >= 0:
             best = int(leader[forgotten[k]])
             gain = score[best]
-        near = slice(max(0, k - LOOK_BACK), k)
+        near = slice(max(0, k - REJECTION.look_back), k)
         if k:
             blind = (start[k] - end[near])[:, None]
             into = np.where(pieces.single[k], pieces.speed_out[near], pieces.speed_in[k])
@@ -231,11 +249,11 @@ def _best_chain(time: Floats, pose: Floats, pieces: Pieces, limits: Limits) -> l
             missed = at_start[k] - at_end[near] - (into + out) / 2 * blind
             missed[:, 2] = wrap(missed[:, 2])
             pushed = np.minimum(limits.impact * blind + limits.push * blind**2 / 4, limits.farthest)
-            allowed = pushed + noise[k] * (1.0 + blind / SPEED_SPAN)
-            allowed[:, 2] = np.minimum(allowed[:, 2], FARTHEST_TURN)
+            allowed = pushed + noise[k] * (1.0 + blind / REJECTION.speed_span)
+            allowed[:, 2] = np.minimum(allowed[:, 2], REJECTION.farthest_turn)
             rough = np.max(np.abs(missed) / allowed, axis=1)
-            possible = (rough <= 1.0) | (blind[:, 0] <= AT_ONCE * step)
-            reached = np.where(possible, score[near] - ROUGHNESS * rough**2, -np.inf)
+            possible = (rough <= 1.0) | (blind[:, 0] <= REJECTION.at_once * step)
+            reached = np.where(possible, score[near] - REJECTION.roughness * rough**2, -np.inf)
             j = int(reached.argmax())
             if reached[j] > gain:
                 best, gain = near.start + j, reached[j]

@@ -1,4 +1,4 @@
-"""Velocities from tracked positions: a Kalman smoother that leaves out what is not motion.
+"""Velocities from tracked positions: a Kalman smoother that rejects samples that are no motion.
 
 Order of work: the steady clock behind the time stamps (:mod:`.clock`), the pieces of the pose that
 one craft could have passed (:mod:`.reject`), noise by maximum likelihood and smoothing
@@ -16,19 +16,34 @@ from hovercontrol.errors import InputError
 from hovercontrol.logs.clock import Clock, fit_clock, measured, moved
 from hovercontrol.logs.kalman import Estimate, fit_noise, run_filter, run_smoother
 from hovercontrol.logs.log import POSE, VELOCITY, Floats, Log, Mask
-from hovercontrol.logs.reject import FORGET, follow, wrap
+from hovercontrol.logs.reject import REJECTION, follow, wrap
 
-COASTING = 0.3
-"""Longest time [s] without an accepted sample over which velocities still count as measured."""
 
-STANDS_OUT = 120.0
-"""Squared distance, over the usual one around, at which a sample is an outlier.
+@dataclass(frozen=True)
+class SmoothingCriteria:
+    """When the smoother takes a sample as an outlier, and a velocity as measured.
 
-The noise of a marker body that moves is uneven; in clean runs one sample in ten thousand reaches 90.
-"""
+    Of samples of clean recorded runs one in ten thousand reaches 90, as the noise of a moving marker body
+    is uneven; other values: no published source, exercised by tests/logs/test_smooth.py.
 
-AROUND = 51
-"""Samples around one by which its distance is judged."""
+    Attributes
+    ----------
+    coasting : float
+        Longest time without an accepted sample over which velocities count as measured [s].
+    stands_out : float
+        Squared distance of an outlier relative to the usual one about it.
+    around : int
+        Samples about one from which the usual distance is estimated.
+    """
+
+    coasting: float = 0.3
+    stands_out: float = 120.0
+    around: int = 51
+
+
+#: The values in use.
+SMOOTHING = SmoothingCriteria()
+
 
 MOST_ROWS = 500_000
 """Rows that are smoothed at once; more would take gigabytes."""
@@ -55,6 +70,11 @@ class Span:
         How many.
     reason : str
         "heading flip", "heading jump", "position jump" or "outlier".
+
+    Examples
+    --------
+    >>> Span(1.0, 1.04, 3, "heading flip").rows
+    3
     """
 
     start: float
@@ -79,7 +99,7 @@ class Smoothed:
     accepted : ndarray (n,) of bool
         Samples that were used; false in rows without a pose.
     valid : ndarray (n,) of bool
-        Rows less than ``COASTING`` away from sight; elsewhere the motion is only guessed.
+        Rows less than ``SMOOTHING.coasting`` away from sight; elsewhere the motion is only guessed.
     rejected : tuple of Span
         Samples that were not used; rows without a pose do not count.
     noise_std : tuple of float
@@ -88,6 +108,13 @@ class Smoothed:
         Process noise of x, y [m^2/s^5] and psi [rad^2/s^5].
     clock : Clock
         What was found about the time stamps.
+
+    Examples
+    --------
+    >>> t = 0.02 * np.arange(200)
+    >>> found = smooth_pose(Log("turn", t, {"x": np.sin(t), "y": 1 - np.cos(t), "psi": t}))
+    >>> found.velocity.shape, bool(found.accepted.all())
+    ((200, 3), True)
     """
 
     log: Log
@@ -202,7 +229,7 @@ def _restarts(time: Floats, accepted: Mask) -> Mask:
     """Return the rows that start afresh: the first, and the first after a long loss of sight."""
     rows = np.flatnonzero(accepted)
     restart = np.zeros(time.size, dtype=bool)
-    restart[rows[1:][np.diff(time[rows]) > FORGET]] = True
+    restart[rows[1:][np.diff(time[rows]) > REJECTION.forget]] = True
     restart[0] = True
     return restart
 
@@ -239,10 +266,12 @@ def _drop_outliers(
         variance = np.maximum(noise - estimate.covariance[:, :, 0, 0], 1e-3 * noise)
         distance = ((z[rows] - estimate.mean[:, :, 0]) ** 2 / variance).sum(axis=1) * kept[rows]
         # 2.37, 6.25: median and nine tenths of chi squared with three channels
-        middle = median_filter(distance, size=AROUND) / 2.37
-        usual = np.maximum(np.maximum(middle, percentile_filter(distance, 90, size=AROUND) / 6.25), 1.0)
+        middle = median_filter(distance, size=SMOOTHING.around) / 2.37
+        usual = np.maximum(
+            np.maximum(middle, percentile_filter(distance, 90, size=SMOOTHING.around) / 6.25), 1.0
+        )
         peak = distance == maximum_filter1d(distance, 7)
-        out = rows[peak & (distance > STANDS_OUT * usual)]
+        out = rows[peak & (distance > SMOOTHING.stands_out * usual)]
         if not out.size:
             break
         kept[out] = False
@@ -254,13 +283,13 @@ def _drop_outliers(
 
 
 def _seen(time: Floats, accepted: Mask) -> Mask:
-    """Return the rows that are accepted or in a loss of sight no longer than ``COASTING``."""
+    """Return the rows that are accepted or in a loss of sight no longer than ``SMOOTHING.coasting``."""
     rows = np.flatnonzero(accepted)
     after = np.minimum(np.searchsorted(rows, np.arange(time.size)), rows.size - 1)
     before = np.maximum(np.searchsorted(rows, np.arange(time.size), side="right") - 1, 0)
     loss = time[rows[after]] - time[rows[before]]
     inside = (time >= time[rows[0]]) & (time <= time[rows[-1]])
-    seen: Mask = accepted | (inside & (loss <= COASTING))
+    seen: Mask = accepted | (inside & (loss <= SMOOTHING.coasting))
     return seen
 
 

@@ -1,4 +1,4 @@
-"""A file of columns, read in pieces: its header, its numbers, and where in it a value stands."""
+"""A file of columns, read in pieces: its header, its numbers, and the place of a value in it."""
 
 from __future__ import annotations
 
@@ -207,7 +207,7 @@ class ParquetSource:
 
 
 def is_number(kind: pa.DataType) -> bool:
-    """Tell whether an Arrow type is an integer, a float or a decimal."""
+    """Return whether an Arrow type is an integer, a float or a decimal."""
     kinds = (pa.types.is_integer, pa.types.is_floating, pa.types.is_decimal)
     return any(check(kind) for check in kinds)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterable, Mapping
+from collections.abc import Hashable, Mapping
 from dataclasses import dataclass, field, replace
 from types import SimpleNamespace
 from typing import Any
@@ -15,14 +15,14 @@ from hovercontrol.core.block import Block
 from hovercontrol.core.derivatives import linear_parameters
 from hovercontrol.core.expressions import Expressions
 from hovercontrol.core.signals import Signal, time
-from hovercontrol.effects import Effect, Shape, effect_class
+from hovercontrol.effects import Effect, effect_class
 from hovercontrol.effects.generic import generic_effects
 from hovercontrol.errors import InputError, did_you_mean
-from hovercontrol.models.model import delays_of
+from hovercontrol.models.base import EffectModel, as_measured, delays_of
 
 
 @dataclass(frozen=True)
-class BlockModel:
+class BlockModel(EffectModel):
     """A Block and the effects added to it.
 
     What effects see (``s`` in ``terms(c, s)``) are the Block's states and inputs by name, and ``time``; what
@@ -80,10 +80,7 @@ class BlockModel:
             for name in self.catalogue:
                 self.effect_class(name)
         self.block.need_prompt_inputs("a model")
-        names = [e.name for e in self.effects]
-        for name in names:
-            if names.count(name) > 1:
-                raise InputError(f"model {self.name!r}: the effect {name!r} stands twice")
+        self._refuse_twice()
 
     def _repr_html_(self) -> str:
         from hovercontrol.notebook.systems import blockmodel_html
@@ -96,9 +93,9 @@ class BlockModel:
         return self.block.name
 
     @property
-    def fans(self) -> tuple[()]:
-        """None: a Block's inputs are its own."""
-        return ()
+    def motion(self) -> tuple[str, ...]:
+        """The Block's own states."""
+        return tuple(s.name for s in self.block.states)
 
     @property
     def signature(self) -> tuple[Hashable, ...]:
@@ -135,67 +132,50 @@ class BlockModel:
             raise InputError(f"unknown effect {name!r}{did_you_mean(name, [*Effect.known, *generic])}")
         return generic.get(name) or effect_class(name)
 
-    def effect(self, name: str) -> Effect:
-        """Return the effect of that name.
-
-        Raises
-        ------
-        InputError
-            If the model has none; the nearest is named.
-        """
-        for e in self.effects:
-            if e.name == name:
-                return e
-        hint = did_you_mean(name, [e.name for e in self.effects])
-        raise InputError(f"model {self.name!r} has no effect {name!r}{hint}")
-
-    def with_effects(self, effects: Iterable[Effect]) -> BlockModel:
-        """Return the model with these effects added, or put in place of those of the same name."""
-        new = {e.name: e for e in self.effects} | {e.name: e for e in effects}
-        return replace(self, effects=tuple(new.values()))
-
     def linear_coefficients(self) -> tuple[str, ...]:
         """Return the names of all coefficients: those in which the Block is linear, and the effects'."""
         own = tuple(name.rpartition(".")[2] for name in linear_parameters(self.block))
-        added = (
-            e.parameter(k) for e in self.effects for k, n in e.numbers.items() if not isinstance(n, Shape)
-        )
-        return (*own, *added)
+        return (*own, *self._linear_in_effects())
 
     def coefficients(self) -> dict[str, float]:
         """Return every coefficient's value, and every number of every effect."""
         own = {
             name.rpartition(".")[2]: self.block.signal(name).start for name in linear_parameters(self.block)
         }
-        return own | {e.parameter(k): v for e in self.effects for k, v in e.values.items()}
+        return own | self._effect_coefficients()
 
     def with_coefficients(self, values: Mapping[str, float]) -> BlockModel:
         """Return the model with other numbers.
+
+        Parameters
+        ----------
+        values : mapping of str to float
+            In the units of the coefficients.
 
         Raises
         ------
         InputError
             If a name is unknown or a value out of bounds.
         """
-        known = self.coefficients()
-        for name in values:
-            if name not in known:
-                raise InputError(
-                    f"model {self.name!r} has no coefficient {name!r}{did_you_mean(name, known)}"
-                )
-        changed = [
-            type(e)(**{k: values.get(e.parameter(k), v) for k, v in e.values.items()}) for e in self.effects
-        ]
-        added = {e.parameter(k) for e in self.effects for k in e.values}
+        self._refuse_unknown(values)
+        added = self._effect_coefficients()
         own = {name: value for name, value in values.items() if name not in added}
-        return replace(self, block=self.block.with_values(own), effects=tuple(changed))
+        effects = self._renumbered_effects(values)
+        return replace(self, block=self.block.with_values(own), effects=effects)
 
     def input_units(self) -> dict[str, str]:
         """Return the unit of each input."""
         return {s.name: s.unit for s in self.block.inputs}
 
     def input_size(self, cls: type[Effect], inputs: Mapping[str, ArrayLike]) -> float:
-        """Return the largest size of what an input effect acts on: its own input, or all; as of a Model."""
+        """Return the largest size of what an input effect acts on: its own input, or all; as of a Model.
+
+        Parameters
+        ----------
+        cls : type of Effect
+        inputs : mapping of str to array_like, shape (n,)
+            By name, in their units.
+        """
         names = [cls.signal] if cls.signal else [s.name for s in self.block.inputs]
         sizes = (float(np.abs(inputs[name]).max(initial=0.0)) for name in names if name in inputs)
         return max(sizes, default=0.0)
@@ -207,7 +187,13 @@ class BlockModel:
         return {"thrust": shared.pop(), **units} if len(shared) == 1 else units
 
     def timing(self, owner: str = "") -> tuple[str, str]:
-        """Return the parameters that say how late inputs act and how late measurements are, or ``""``."""
+        """Return the parameters that say how late inputs act and how late measurements are, or ``""``.
+
+        Parameters
+        ----------
+        owner : str, optional
+            Name of the Block.
+        """
         _, way = self._way()
         return str(way.delay or ""), str(self._seen().late or "")
 
@@ -234,6 +220,11 @@ class BlockModel:
 
     def plant(self, *, late: bool = False) -> Block:
         """Return the Block with the effects; as of a :class:`~hovercontrol.models.model.Model`.
+
+        Parameters
+        ----------
+        late : bool, optional
+            Whether the caller shifts inputs and clock itself (:meth:`timing`): a Block without delays.
 
         Raises
         ------
@@ -265,7 +256,7 @@ class BlockModel:
             for s in block.outputs
             if getattr(seen, s.name) != getattr(seen.true, s.name)
         }
-        measured = {s.but(name=f"{s.name}_measured"): e for s, e in changed.items()}
+        measured = {as_measured(s): e for s, e in changed.items()}
         return Block(
             block.name,
             states=(*block.states, *own),

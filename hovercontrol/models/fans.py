@@ -199,39 +199,75 @@ class Fan:
         )
 
     def force(self, owner: str) -> sp.Expr:
-        """Return the force [N] of the command, before any effect that acts on it."""
+        """Return the force [N] of the command, before any effect that acts on it.
+
+        Parameters
+        ----------
+        owner : str
+            Name of the Block.
+        """
         force: sp.Expr = self.command().symbol
         if self.curve is not None:
             force = self.curve.force(force, self._curve_parameters(owner))
         return force if self.gain is None else self.gain_signal(owner).symbol * force
 
     def forces(self, command: ArrayLike) -> NDArray[np.float64]:
-        """Return the forces [N] of commands, same shape; the numbers of :meth:`force`."""
+        """Return the forces [N] of commands, same shape; the numbers of :meth:`force`.
+
+        Parameters
+        ----------
+        command : array_like, any shape
+            In the unit of the fan's command.
+        """
         found = np.asarray(command, dtype=float)
         if self.curve is not None:
             found = self.curve.forces_at(found)
         return found if self.gain is None else self.gain * found
 
     def lever_arm(self, owner: str) -> Signal:
-        """Return the plant's parameter: torque about the centre of mass per force."""
+        """Return the plant's parameter: torque about the centre of mass per force.
+
+        Parameters
+        ----------
+        owner : str
+            Name of the Block.
+        """
         arm = self.x * math.sin(self.direction) - self.y * math.cos(self.direction)
         text = f"lever arm of the fan {self.name}"
         return Signal(f"{owner}.{self.name}_arm", "m", text, start=arm, nominal=abs(arm) or 1.0)
 
     def cross_arm(self, owner: str) -> Signal:
-        """Return the plant's parameter: torque per force that is turned by 90 degrees to the left."""
+        """Return the plant's parameter: torque per force that is turned by 90 degrees to the left.
+
+        Parameters
+        ----------
+        owner : str
+            Name of the Block.
+        """
         arm = self.x * math.cos(self.direction) + self.y * math.sin(self.direction)
         text = f"lever arm of the fan {self.name}, its force turned by 90 degrees"
         return Signal(f"{owner}.{self.name}_cross_arm", "m", text, start=arm, nominal=abs(arm) or 1.0)
 
     def gain_signal(self, owner: str) -> Signal:
-        """Return the plant's parameter: what the force is multiplied by."""
+        """Return the plant's parameter: what the force is multiplied by.
+
+        Parameters
+        ----------
+        owner : str
+            Name of the Block.
+        """
         start = 1.0 if self.gain is None else self.gain
         text = f"gain of the fan {self.name}"
         return Signal(f"{owner}.{self.name}_gain", "1", text, start=start, lower=0.0)
 
     def parameters(self, owner: str) -> tuple[Signal, ...]:
-        """Return the plant's parameters of this fan: lever arm, static curve, gain."""
+        """Return the plant's parameters of this fan: lever arm, static curve, gain.
+
+        Parameters
+        ----------
+        owner : str
+            Name of the Block.
+        """
         gain = () if self.gain is None else (self.gain_signal(owner),)
         return (self.lever_arm(owner), *self._curve_parameters(owner), *gain)
 

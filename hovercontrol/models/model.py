@@ -9,7 +9,7 @@ import math
 from collections.abc import Hashable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import sympy as sp
@@ -18,8 +18,9 @@ from numpy.typing import ArrayLike
 from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
 from hovercontrol.core.signals import Signal, time
-from hovercontrol.effects import Effect, Shape, effect_class, effect_names
-from hovercontrol.errors import InputError, did_you_mean
+from hovercontrol.effects import Effect, effect_class, effect_names
+from hovercontrol.errors import InputError
+from hovercontrol.models.base import EffectModel, as_measured, delays_of
 from hovercontrol.models.fans import Fan as Fan
 
 #: The six states of every plant [C17 eq 8] [K06 eq 2.2, 2.5].
@@ -39,7 +40,7 @@ RUDDER = Signal("rudder", "rad", "rudder angle", nominal=0.5)
 
 @checked
 @dataclass(frozen=True)
-class Model:
+class Model(EffectModel):
     """A craft: its name, its effects, and where its commands enter.
 
     Parameters
@@ -66,6 +67,8 @@ class Model:
     r' = 0
     """
 
+    is_craft: ClassVar[bool] = True
+
     name: str
     effects: tuple[Effect, ...] = ()
     thrust: Signal = THRUST
@@ -75,10 +78,8 @@ class Model:
     def __post_init__(self) -> None:
         object.__setattr__(self, "effects", tuple(self.effects))
         object.__setattr__(self, "fans", tuple(self.fans))
+        self._refuse_twice()
         names = [e.name for e in self.effects]
-        for name in names:
-            if names.count(name) > 1:
-                raise InputError(f"model {self.name!r}: the effect {name!r} stands twice")
         inputs = [THRUST.name, RUDDER.name, *(f.name for f in self.fans)]
         for name in inputs:
             if inputs.count(name) > 1 or name in {s.name for s in MOTION}:
@@ -96,6 +97,11 @@ class Model:
                 )
 
     @property
+    def motion(self) -> tuple[str, ...]:
+        """Pose and body velocities."""
+        return tuple(s.name for s in MOTION)
+
+    @property
     def signature(self) -> tuple[Hashable, ...]:
         """What the plant's equations depend on: all but the numbers."""
         fans = tuple(f if f.gain is None else replace(f, gain=1.0) for f in self.fans)
@@ -106,21 +112,6 @@ class Model:
 
         return model_html(self)
 
-    @checked
-    def effect(self, name: str) -> Effect:
-        """Return the effect of that name.
-
-        Raises
-        ------
-        InputError
-            If the model has none; the nearest is named.
-        """
-        for effect in self.effects:
-            if effect.name == name:
-                return effect
-        hint = did_you_mean(name, [e.name for e in self.effects])
-        raise InputError(f"model {self.name!r} has no effect {name!r}{hint}")
-
     def accepts(self, cls: type[Effect]) -> bool:
         """Tell whether an effect may be missing: the craft has what it acts on.
 
@@ -130,10 +121,10 @@ class Model:
         names = {e.name for e in self.effects}
         if cls.instead_of in names:
             return False
-        has_rudder = bool(names & {"thrust", "rudder_torque"})
-        uses_fans = bool(names & {"fan_force", "fan_torque"})
+        driven = {e.craft for e in self.effects if e.drives}
+        has_rudder, uses_fans = "rudder" in driven, "fan" in driven
         if cls.craft == "fan":
-            return uses_fans or (bool(self.fans) and cls.name in ("fan_force", "fan_torque"))
+            return uses_fans or (bool(self.fans) and cls.drives)
         if cls.craft == "rudder":
             return has_rudder
         return cls.kind() != "input" or has_rudder or uses_fans
@@ -151,39 +142,30 @@ class Model:
         known = (effect_class(name) for name in effect_names() if name not in have)
         return tuple(cls for cls in known if self.accepts(cls))
 
-    @checked
-    def with_effects(self, effects: Iterable[Effect]) -> Model:
-        """Return the model with these effects added, or put in place of those of the same name."""
-        new = {e.name: e for e in self.effects} | {e.name: e for e in effects}
-        return replace(self, effects=tuple(new.values()))
-
     def coefficients(self) -> dict[str, float]:
         """Return every number of every effect, and fans' gains where given, by parameter name."""
         gains = {f"{f.name}_gain": f.gain for f in self.fans if f.gain is not None}
-        return {e.parameter(k): v for e in self.effects for k, v in e.values.items()} | gains
+        return self._effect_coefficients() | gains
 
     @checked
     def with_coefficients(self, values: Mapping[str, float]) -> Model:
         """Return the model with other numbers, by parameter name (``yaw_coulomb``, ``yaw_coulomb_width``).
+
+        Parameters
+        ----------
+        values : mapping of str to float
+            In the units of the coefficients.
 
         Raises
         ------
         InputError
             If a name is unknown or a value out of bounds.
         """
-        known = self.coefficients()
-        for name in values:
-            if name not in known:
-                raise InputError(
-                    f"model {self.name!r} has no coefficient {name!r}{did_you_mean(name, known)}"
-                )
-        changed = [
-            type(e)(**{k: values.get(e.parameter(k), v) for k, v in e.values.items()}) for e in self.effects
-        ]
+        self._refuse_unknown(values)
         fans = (
             f if f.gain is None else replace(f, gain=values.get(f"{f.name}_gain", f.gain)) for f in self.fans
         )
-        return replace(self, effects=tuple(changed), fans=tuple(fans))
+        return replace(self, effects=self._renumbered_effects(values), fans=tuple(fans))
 
     def input_units(self) -> dict[str, str]:
         """Return the unit of each command."""
@@ -212,10 +194,16 @@ class Model:
         return max((float(np.abs(a).max(initial=0.0)) for a in acting), default=0.0)
 
     def parameters(self, owner: str = "plant") -> tuple[Signal, ...]:
-        """Return the numbers of all effects, and what places and drives fans, as parameters of a Block."""
+        """Return the numbers of all effects, and what places and drives fans, as parameters of a Block.
+
+        Parameters
+        ----------
+        owner : str, optional
+            Name of the Block.
+        """
         effects = tuple(s for e in self.effects for s in e.signals(owner, self.units_seen_by(type(e))))
         fans = tuple(p for f in self.fans for p in f.parameters(owner))
-        turned = any(e.name == "fan_misalignment" for e in self.effects)
+        turned = any(e.turns_fans for e in self.effects)
         return effects + fans + (tuple(f.cross_arm(owner) for f in self.fans) if turned else ())
 
     def linear_coefficients(self) -> tuple[str, ...]:
@@ -223,10 +211,7 @@ class Model:
 
         Given gains of fans are among them; each is known only against the gains that all fans share.
         """
-        effects = (
-            e.parameter(k) for e in self.effects for k, n in e.numbers.items() if not isinstance(n, Shape)
-        )
-        return (*effects, *(f"{f.name}_gain" for f in self.fans if f.gain is not None))
+        return (*self._linear_in_effects(), *(f"{f.name}_gain" for f in self.fans if f.gain is not None))
 
     def accelerations(self, owner: str, motion: SimpleNamespace) -> dict[str, sp.Expr]:
         """Return the sum of all effects' terms, by equation ``u``, ``v``, ``r``.
@@ -237,6 +222,11 @@ class Model:
             Name of the Block whose parameters the numbers are.
         motion : namespace
             As :func:`motion_symbols` gives it, or with other expressions in its place.
+
+        Raises
+        ------
+        InputError
+            If an effect's terms are no dict of these equations.
         """
         total = dict.fromkeys(("u", "v", "r"), sp.S.Zero)
         seen = self._motion_seen(owner, motion)
@@ -298,6 +288,11 @@ class Model:
         """Return what sensors see of the motion where it is not the motion itself, by ``u, v, r``...
 
         Expressions in the plant's states and parameters; empty if the model has no measurement effect.
+
+        Parameters
+        ----------
+        owner : str, optional
+            Name of the Block.
         """
         seen = self._seen(owner)
         every = {s.name: getattr(seen, s.name) for s in MOTION}
@@ -308,6 +303,11 @@ class Model:
 
         No equation of the plant holds them: its inputs act late (:attr:`Block.delays`), and those who read
         logs shift them.
+
+        Parameters
+        ----------
+        owner : str, optional
+            Name of the Block.
         """
         s = motion_symbols(self.fans, owner)
         delay = self._command_way(owner, s)[1].delay
@@ -343,7 +343,8 @@ class Model:
         force = self.accelerations(name, s)
         states = lags | self.own_states(name, s)
         used = set().union(*(f.free_symbols for f in (*force.values(), *states.values())))
-        seen = {measured(channel): e for channel, e in self.measurements(name).items()}
+        changed = self.measurements(name)
+        seen = {as_measured(s): changed[s.name] for s in MOTION if s.name in changed}
         commands = (self.thrust, self.rudder, *(f.command() for f in self.fans))
         inputs = tuple(c for c in commands if c.symbol in used)
         return Block(
@@ -364,41 +365,6 @@ class Model:
                 **{state.name: slope for state, slope in states.items()},
             },
         )
-
-
-def delays_of(
-    timing: tuple[str, str], inputs: Iterable[Signal], values: Mapping[str, float]
-) -> dict[str, sp.Expr]:
-    """Return how late commands act on what is measured: their own delay and that of the measurements' clock.
-
-    Parameters
-    ----------
-    timing : tuple of str
-        As of :meth:`Model.timing`.
-    inputs : iterable of Signal
-    values : mapping
-        Of the coefficients, as :meth:`Model.coefficients`.
-
-    Raises
-    ------
-    InputError
-        If it is negative.
-    """
-    names = [name for name in timing if name]
-    total = sum(values[name.rpartition(".")[2]] for name in names)
-    if total < 0:
-        raise InputError(
-            f"{' + '.join(names)} = {total:g} s: measurements that are early see commands before they are "
-            "sent, which cannot be simulated; shift the log's commands and leave the effect out"
-        )
-    delay = sp.Add(*(sp.Symbol(name, real=True) for name in names))
-    return {s.name: delay for s in inputs} if names else {}
-
-
-def measured(channel: str) -> Signal:
-    """Return the output of a plant that says what a sensor sees of a part of the motion."""
-    signal = next(s for s in MOTION if s.name == channel)
-    return signal.but(name=f"{channel}_measured", description=f"{signal.description}, as measured")
 
 
 def motion_symbols(fans: Iterable[Fan] = (), owner: str = "plant") -> SimpleNamespace:
@@ -424,5 +390,6 @@ def _add_forces(s: SimpleNamespace, fans: Iterable[Fan], owner: str, forces: Map
 
 
 def _exact(value: float) -> sp.Number:
-    """0 and +-1 for a fan along an axis, whose direction a file gives to six digits."""
-    return sp.Integer(round(value)) if abs(value - round(value)) < 1e-6 else sp.Float(value)
+    """0 and +-1 for a fan along an axis: a file gives its direction to six digits, and so 1 to twelve."""
+    near = round(value)
+    return sp.Integer(near) if abs(value - near) < (1e-12 if near else 1e-6) else sp.Float(value)

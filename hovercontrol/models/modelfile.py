@@ -33,7 +33,7 @@ from hovercontrol.core.units import UnitError, conversion_factor
 from hovercontrol.effects import Effect, effect, effect_class
 from hovercontrol.effects.base import resolved_unit
 from hovercontrol.errors import InputError, shown
-from hovercontrol.io.files import write_whole
+from hovercontrol.io.files import write_atomically
 from hovercontrol.io.tables import check_keys, number, read_toml, table, text
 from hovercontrol.models.fans import BenchCurve, Fan, Polynomial
 from hovercontrol.models.model import RUDDER, THRUST, Model
@@ -41,7 +41,7 @@ from hovercontrol.models.model import RUDDER, THRUST, Model
 
 @checked
 def load_model(path: str | Path) -> Model:
-    """Read a model file.
+    r"""Read a model file.
 
     Parameters
     ----------
@@ -56,6 +56,15 @@ def load_model(path: str | Path) -> Model:
     InputError
         If a section, an effect or a key is unknown (the nearest is named), a unit does not fit, or a
         number is missing or out of bounds; the line names file and key.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     file = Path(folder) / "craft.toml"
+    ...     _ = file.write_text('[plant]\nname = "craft"\n[effects]\nyaw_coulomb = 0.83\n')
+    ...     load_model(file).coefficients()
+    {'yaw_coulomb': 0.83, 'yaw_coulomb_width': 0.01}
     """
     content = read_toml(path)
     try:
@@ -96,9 +105,17 @@ def save_model(model: Model, path: str | Path) -> Path:
     Returns
     -------
     Path
+
+    Examples
+    --------
+    >>> import tempfile, hovercontrol as hc
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     file = save_model(hc.vehicle("hoverdemon"), Path(folder) / "craft.toml")
+    ...     load_model(file) == hc.vehicle("hoverdemon")
+    True
     """
     text = model_text(model)
-    return write_whole(path, lambda temporary: temporary.write_text(text, encoding="utf-8"))
+    return write_atomically(path, lambda temporary: temporary.write_text(text, encoding="utf-8"))
 
 
 def model_text(model: Model) -> str:
@@ -167,7 +184,7 @@ def _input(default: Signal, value: Any) -> Signal:
     for key in ("unit", "description"):
         text(f"inputs.{default.name}.{key}", given.get(key, ""))
     nearest = min(max(default.start, given.get("lower", default.lower)), given.get("upper", default.upper))
-    return default.but(start=nearest, **given)
+    return default.replace(start=nearest, **given)
 
 
 def _fan(name: str, value: Any) -> Fan:

@@ -80,8 +80,8 @@ def c17_experiment() -> Model:
     return Model(
         "c17_experiment",
         _c17_effects(3.66),
-        thrust=THRUST.but(unit="A", upper=6.1, lower=0.0, description="thrust command, motor current"),
-        rudder=RUDDER.but(lower=-math.radians(26), upper=math.radians(26)),
+        thrust=THRUST.replace(unit="A", upper=6.1, lower=0.0, description="thrust command, motor current"),
+        rudder=RUDDER.replace(lower=-math.radians(26), upper=math.radians(26)),
     )
 
 
@@ -94,7 +94,7 @@ def hoverdemon() -> Model:
     return Model(
         "hoverdemon",
         (effect("thrust", 1 / body.mass), effect("rudder_torque", body.arm / body.inertia)),
-        thrust=THRUST.but(unit="N", description="force of the propeller"),
+        thrust=THRUST.replace(unit="N", description="force of the propeller"),
     )
 
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from hovercontrol.logs import Log
     from hovercontrol.targets.sweep import SweepResult
 
-#: Colours that the colour-blind tell apart (Okabe and Ito).
+#: Colours for the colour-blind (Okabe and Ito).
 BLUE, ORANGE, GREY = "#0072B2", "#D55E00", "0.55"
 
 
@@ -60,7 +60,7 @@ def identified_figure(found: Identified) -> Figure:
                 label=None if "now" in labels else "identified, two standard errors",
             )  # fmt: skip
         elif "open" not in labels:
-            axis.plot([], [], "s", mfc="none", color=ORANGE, label="the logs do not tell it")
+            axis.plot([], [], "s", mfc="none", color=ORANGE, label="not excited by the logs")
         if not known:
             axis.plot(c.value / size, k, "s", mfc="none", color=ORANGE)
         axis.plot(c.start / size, k, "|", color="0.2", ms=14, label=None if k else "before")

@@ -174,7 +174,7 @@ def checked_html(found: Checked) -> str:
         "Log check",
         found.model,
         "",
-        lines(*(f"must be mended: {e}" for e in found.errors), *(f"look at: {w}" for w in found.warnings)),
+        lines(*(f"must be corrected: {e}" for e in found.errors), *(f"look at: {w}" for w in found.warnings)),
         table(("log", "file", "rows", "per second", "jitter [ms]", "gaps", "lost"), logs),
         table(("log", "column", "unit", "from", "to", "noise", "outliers", "over time"), columns),
         table(("coefficient", "estimate", "std. error", "unit", "shown"), shown),

@@ -38,6 +38,11 @@ class Printed:
     unit : str, optional
     fitted : str, optional
         What of ours was chosen so that the value comes out; then the number tests nothing.
+
+    Examples
+    --------
+    >>> Printed("error", "0.02 m", low=0.015, high=0.025, unit="m").high
+    0.025
     """
 
     name: str
@@ -48,7 +53,7 @@ class Printed:
     fitted: str = ""
 
     def agrees(self, value: float) -> bool:
-        """Tell whether a measured value lies in the range."""
+        """Return whether a measured value lies in the range."""
         return self.low <= value <= self.high
 
     @property
@@ -67,6 +72,15 @@ def about(
 ) -> Printed:
     """Return a printed value with the tolerance that its digits or its wording leave.
 
+    Parameters
+    ----------
+    name : str
+        Of the measured value.
+    value, tolerance : float
+        What is printed, and how far off ours may be.
+    unit, text, fitted : str, optional
+        As for :class:`Printed`; default text ``"VALUE UNIT"``.
+
     Examples
     --------
     >>> about("error", 0.6, 0.03, "m", text="around 60 cm").expected
@@ -77,12 +91,42 @@ def about(
 
 
 def at_most(name: str, value: float, unit: str = "", *, text: str = "", fitted: str = "") -> Printed:
-    """Return a printed upper bound."""
+    """Return a printed upper bound.
+
+    Parameters
+    ----------
+    name : str
+        Of the measured value.
+    value : float
+        The bound.
+    unit, text, fitted : str, optional
+        As for :class:`Printed`; default text ``"at most VALUE UNIT"``.
+
+    Examples
+    --------
+    >>> at_most("error", 0.1, "m").text
+    'at most 0.1 m'
+    """
     return Printed(name, text or f"at most {value:g} {unit}".strip(), -math.inf, value, unit, fitted)
 
 
 def at_least(name: str, value: float, unit: str = "", *, text: str = "", fitted: str = "") -> Printed:
-    """Return a printed lower bound."""
+    """Return a printed lower bound.
+
+    Parameters
+    ----------
+    name : str
+        Of the measured value.
+    value : float
+        The bound.
+    unit, text, fitted : str, optional
+        As for :class:`Printed`; default text ``"at least VALUE UNIT"``.
+
+    Examples
+    --------
+    >>> at_least("speed", 0.5, "m/s").text
+    'at least 0.5 m/s'
+    """
     return Printed(name, text or f"at least {value:g} {unit}".strip(), value, math.inf, unit, fitted)
 
 
@@ -108,6 +152,13 @@ class Item:
         What the document does not print of what the item takes.
     why : str, optional
         What is known about the cause where ours differs.
+    units : callable, optional
+        Returns the units of measured values by name, where neither their names nor `printed` tell them.
+
+    Examples
+    --------
+    >>> Item("c17", "table", "1", "tracking errors", lambda folder: {"error": 0.0}).number
+    '1'
     """
 
     document: str
@@ -118,6 +169,7 @@ class Item:
     printed: tuple[Printed, ...] = ()
     lacks: str = ""
     why: str = ""
+    units: Callable[[], Mapping[str, str]] = dict
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
@@ -142,13 +194,19 @@ class Outcome:
     ----------
     item : Item
     values : mapping of str to float
-        Measured.
+        Measured, in the units of what is printed.
     files : tuple of str, optional
         Relative to the folder of the index.
     seconds : float, optional
-        What it took.
+        What it took [s].
     failure : str, optional
         Why nothing came of it.
+
+    Examples
+    --------
+    >>> item = Item("c17", "table", "1", "errors", lambda folder: {}, (at_most("error", 0.1, "m"),))
+    >>> Outcome(item, {"error": 0.02}).verdict, Outcome(item, {"error": 0.2}).verdict
+    ('agrees', 'differs')
     """
 
     item: Item

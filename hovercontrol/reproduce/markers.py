@@ -35,6 +35,11 @@ class Numbered:
         In our words.
     without_code : str
         Why no code stands for it; empty where code does.
+
+    Examples
+    --------
+    >>> Numbered("c17", "eq", "14a", "what u tells").without_code
+    ''
     """
 
     document: str
@@ -51,7 +56,13 @@ class Numbered:
 
 @dataclass(frozen=True)
 class Place:
-    """A marker in the code: ``file`` from the project's folder on, ``line`` from 1 on."""
+    """A marker in the code: ``file`` from the project's folder on, ``line`` from 1 on.
+
+    Examples
+    --------
+    >>> Place("hovercontrol/effects/drag.py", 54).line
+    54
+    """
 
     file: str
     line: int
@@ -62,6 +73,11 @@ class Place:
 
 def numbered_items(document: str) -> list[Numbered]:
     """Return every numbered item of a document (``c17`` or ``k06``), in the order of its list.
+
+    Raises
+    ------
+    InputError
+        If there is no list of that document.
 
     Examples
     --------
@@ -76,7 +92,13 @@ def numbered_items(document: str) -> list[Numbered]:
 
 
 def places() -> dict[tuple[str, str, str], list[Place]]:
-    """Return all markers of the package and its analyses: places by document, kind and number."""
+    """Return all markers of the package and its analyses: places by document, kind and number.
+
+    Examples
+    --------
+    >>> ("c17", "eq", "14a") in places()
+    True
+    """
     found: dict[tuple[str, str, str], list[Place]] = {}
     for shown, path in _sources():
         for line, text in enumerate(path.read_text(encoding="utf-8").splitlines(), start=1):

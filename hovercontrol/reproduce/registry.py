@@ -17,6 +17,11 @@ def all_items(document: str = "") -> list[Item]:
     ------
     InputError
         If the document is unknown.
+
+    Examples
+    --------
+    >>> all_items("c17")[0].document
+    'c17'
     """
     if document and document not in DOCUMENTS:
         raise InputError(f"reproduce: unknown document {document!r}{did_you_mean(document, DOCUMENTS)}")
@@ -40,6 +45,11 @@ def chosen_items(document: str = "", only: Sequence[str] = ()) -> list[Item]:
     ------
     InputError
         If the document or a name is unknown; the nearest is named.
+
+    Examples
+    --------
+    >>> [item.title for item in chosen_items("c17", ["table 1"])]
+    ['simulation in three phases: tracking error']
     """
     items = all_items(document)
     if not only:

@@ -36,6 +36,14 @@ def reproduce(
     ------
     InputError
         If there is nothing to rebuild, or the folder cannot be written.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> item = Item("c17", "table", "1", "errors", lambda folder: {"error": 0.02})
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     [outcome.values for outcome in reproduce([item], folder)]
+    [{'error': 0.02}]
     """
     if not items:
         raise InputError("reproduce: nothing to rebuild")
@@ -62,7 +70,7 @@ def _rebuilt(item: Item, target: Path) -> Outcome:
 
     try:
         files = write_folder(target / item.folder, write)
-    except Exception as error:  # one item that fails is told in the index; the others are rebuilt
+    except Exception as error:  # a failure of one item is in the index; the others are rebuilt
         text = f"{type(error).__name__}: {error}"
         return Outcome(item, seconds=time.perf_counter() - begin, failure=text)
     names = tuple(f"{item.folder}/{file.name}" for file in files)

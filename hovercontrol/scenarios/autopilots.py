@@ -1,4 +1,4 @@
-"""The section ``[autopilot]`` of a scenario: what it may say, and what it makes."""
+"""The section ``[autopilot]`` of a scenario."""
 
 from __future__ import annotations
 
@@ -10,16 +10,25 @@ from hovercontrol.autopilot import SWITCHES, Imperfections
 from hovercontrol.autopilot.navigation import NAVIGATION, check_beacons
 from hovercontrol.core.random_numbers import LARGEST_SEED
 from hovercontrol.errors import InputError, did_you_mean
-from hovercontrol.hardware.actuators import FanTable, read_fan_table, read_servo_table, table_pair
+from hovercontrol.hardware.actuators import (
+    FanTable,
+    VariablePitch,
+    read_fan_table,
+    read_servo_table,
+    table_pair,
+)
 from hovercontrol.hardware.sensors import Beacons
 from hovercontrol.io.tables import number
 from hovercontrol.scenarios.definition import Autopilot
 
+#: What may push the craft: K06's reversing fan, or the variable-pitch propeller that it wishes for.
+PROPELLERS = ("reversing_fan", "variable_pitch")
 #: Keys and what they hold.
 KEYS: dict[str, type] = {
     "navigation": str,
     "fan_table": object,
     "servo_table": str,
+    "propeller": str,
     "beacons": object,
     "rudder_loss": float,
     "seed": int,
@@ -58,12 +67,22 @@ def autopilot_section(folder: Path, section: Mapping[str, Any]) -> Autopilot:
         given["tables"] = _fan_tables(folder, given.pop("fan_table"))
         if given.get("rudder_loss"):
             raise InputError("autopilot.rudder_loss is one of the stand-in tables, not of fan_table")
+    if "propeller" in given:
+        given["propeller"] = _propeller(given["propeller"])
+        if given["propeller"] and "tables" in given:
+            raise InputError("autopilot.fan_table is that of a fan, not of a variable-pitch propeller")
     if "servo_table" in given:
         given["servo"] = read_servo_table(folder / given.pop("servo_table"))
     if "beacons" in given:
         given["beacons"] = _beacons(given["beacons"])
         check_beacons("autopilot", given["beacons"], navigation)
     return Autopilot(**given, imperfections=Imperfections(**own))
+
+
+def _propeller(name: str) -> VariablePitch | None:
+    if name not in PROPELLERS:
+        raise InputError(f"autopilot.propeller: unknown {name!r}{did_you_mean(name, PROPELLERS)}")
+    return VariablePitch() if name == "variable_pitch" else None
 
 
 def _fan_tables(folder: Path, names: Any) -> tuple[FanTable, FanTable]:

@@ -1,4 +1,4 @@
-"""A scenario that is another one but for some keys: ``[scenario] base = "table2"``."""
+"""A scenario derived from another one: ``[scenario] base = "table2"``."""
 
 from __future__ import annotations
 

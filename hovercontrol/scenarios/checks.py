@@ -1,4 +1,4 @@
-"""What must fit together in a scenario before it runs: its length, its commands, its metrics' windows."""
+"""Checks of a scenario before it runs: its length, its commands, its metrics' windows."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ SAME_TIME = 1e-9
 
 
 def check_scenario(scenario: Scenario) -> None:
-    """Refuse a scenario that would run too long, command what the craft cannot do or measure nothing.
+    """Refuse a scenario that is too long, exceeds the craft's commands, or has an empty metric window.
 
     Raises
     ------
@@ -61,7 +61,7 @@ def _check_log(sampling: Sampling) -> None:
 
 
 def _check_law(scenario: Scenario) -> None:
-    """Refuse set points that no law takes, or that are out of bounds."""
+    """Refuse set points that no law has, or that are out of bounds."""
     inputs: dict[str, Signal] = {}
     if scenario.controller is not None and not scenario.tracks:
         parts = loop_parts(scenario)
@@ -70,7 +70,7 @@ def _check_law(scenario: Scenario) -> None:
         for name, value in phase.setpoints.items():
             if name not in inputs:
                 hint = did_you_mean(name, inputs)
-                raise InputError(f"phase {phase.name!r}: set: no law is told {name!r}{hint}")
+                raise InputError(f"phase {phase.name!r}: set: no law has the set point {name!r}{hint}")
             inputs[name].check(value, f"phase {phase.name!r}: set.{name}")
 
 

@@ -1,4 +1,4 @@
-"""A scenario: a craft, what it is told to do, and how the run is divided into phases."""
+"""A scenario: a craft, its references or commands, and the phases of the run."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from hovercontrol.autopilot import Imperfections
-from hovercontrol.hardware.actuators import FanTable, ServoTable
+from hovercontrol.hardware.actuators import FanTable, ServoTable, VariablePitch
 from hovercontrol.hardware.sensors import Beacons
 from hovercontrol.models.model import Model
 from hovercontrol.models.vehicles import HOVERDEMON_BODY, Body
@@ -16,7 +16,7 @@ from hovercontrol.models.vehicles import HOVERDEMON_BODY, Body
 
 @dataclass(frozen=True)
 class Phase:
-    """A stretch of the run with constant parameters.
+    """An interval of the run with constant parameters.
 
     Parameters
     ----------
@@ -28,7 +28,7 @@ class Phase:
     adaptation : float, optional
         Share of the estimates in the controller: 0 the model's values, 1 the estimates.
     setpoints : mapping, optional
-        What a law is told to hold, by the name of its input (``yaw_rate_ref``); else the start value.
+        Set points of a law, by the name of its input (``yaw_rate_ref``); else the start value.
     """
 
     name: str
@@ -108,13 +108,14 @@ class Sampling:
 
 @dataclass(frozen=True)
 class Autopilot:
-    """What stands between a law and the craft: see :func:`hovercontrol.autopilot.autopilot`.
+    """Sensors, links and actuators between a law and the craft: see :func:`hovercontrol.autopilot.autopilot`.
 
     Parameters
     ----------
     navigation : str, optional
     tables : tuple of two FanTable, optional
     servo : ServoTable, optional
+    propeller : VariablePitch, optional
     beacons : Beacons, optional
     rudder_loss : float, optional
     seed : int, optional
@@ -124,6 +125,7 @@ class Autopilot:
     navigation: str = "magnetometer"
     tables: tuple[FanTable, FanTable] | None = None
     servo: ServoTable | None = None
+    propeller: VariablePitch | None = None
     beacons: Beacons | None = None
     rudder_loss: float = 0.0
     seed: int = 1
@@ -132,13 +134,39 @@ class Autopilot:
 
 @dataclass(frozen=True)
 class Scenario:
-    """Everything a run needs; made by :func:`hovercontrol.scenarios.load_scenario`.
+    """A complete scenario; made by :func:`hovercontrol.scenarios.load_scenario`.
 
-    ``plant`` is the craft that moves, ``belief`` what the controller knows of it. Either a ``controller``
+    ``plant`` is the craft that moves, ``belief`` the controller's model of it. Either a ``controller``
     closes the loop, or ``commands`` are played (columns by name, each held until the next). The tracking
-    controller follows ``reference``; one of K06's laws is told set points by the phases, or by ``guidance``,
+    controller follows ``reference``; one of K06's laws gets set points from the phases, or by ``guidance``,
     and knows ``body``. With ``autopilot`` that law runs in the real loop, beside the ideal one. ``file`` is
     the path it was loaded from, if it is not one of the package's; errors name it.
+
+    Parameters
+    ----------
+    name, title, source : str
+        What it is called, what it shows, and where it comes from.
+    step : float
+        Between rows of the log [s].
+    plant, belief : Model
+    start : mapping of str to float
+        Initial states, over zero.
+    phases : tuple of Phase
+    reference, guidance, controller, estimator : mapping, optional
+        As in the file: a ``kind`` and its numbers.
+    actuation : mapping, optional
+    body : Body, optional
+    commands : mapping of str to tuple of float, optional
+    sampling : Sampling, optional
+    autopilot : Autopilot, optional
+    metrics : tuple of Metric, optional
+    file : str, optional
+
+    Examples
+    --------
+    >>> from hovercontrol.scenarios import load_scenario
+    >>> load_scenario("table1").title
+    'C17 Table I: simulated loop with estimator'
     """
 
     name: str

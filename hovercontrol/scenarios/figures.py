@@ -14,14 +14,14 @@ from hovercontrol.controllers.references import REFERENCES
 from hovercontrol.io.figure_style import figure_style
 from hovercontrol.scenarios.law_figures import law_figures
 from hovercontrol.scenarios.real_figures import comparison
-from hovercontrol.scenarios.sheet import in_time, mark_phases, own_loop, sheet, title
+from hovercontrol.scenarios.time_axes import in_time, mark_phases, own_loop, time_figure, title
 
 if TYPE_CHECKING:
     from hovercontrol.scenarios.result import Run
 
 Array = NDArray[np.float64]
 
-#: Coefficients that bear the name of something else: what a legend calls them.
+#: Legend names of coefficients that share the name of a signal.
 CALLED = {name: f"{name} coefficient" for name in ("thrust", "rudder_torque")}
 
 
@@ -97,7 +97,7 @@ def _lap(run: Run) -> float:
 
 
 def _tracking_error(run: Run, error: Array) -> Figure:
-    figure, (axes,) = sheet(run, "tracking error (distance of the control point from the reference)")
+    figure, (axes,) = time_figure(run, "tracking error (distance of the control point from the reference)")
     mark_phases(run, axes)
     in_time(run, axes, {"": error}, "distance [m]")
     axes.set_ylim(bottom=0.0)
@@ -106,7 +106,7 @@ def _tracking_error(run: Run, error: Array) -> Figure:
 
 
 def _velocities(run: Run) -> Figure:
-    figure, axes = sheet(run, f"body velocities{own_loop(run)}", 3, 6.0)
+    figure, axes = time_figure(run, f"body velocities{own_loop(run)}", 3, 6.0)
     units = {"u": "surge u [m/s]", "v": "sway v [m/s]", "r": "yaw rate r [rad/s]"}
     told = {"u": "surge_ref", "r": "yaw_rate_ref"}
     for k, (name, unit) in enumerate(units.items()):
@@ -124,7 +124,7 @@ def _velocities(run: Run) -> Figure:
 
 def _heading(run: Run) -> Figure:
     """Return heading and yaw rate over time [C17 fig 15]."""
-    figure, axes = sheet(run, f"heading and yaw rate{own_loop(run)}", 2, 4.6)
+    figure, axes = time_figure(run, f"heading and yaw rate{own_loop(run)}", 2, 4.6)
     true = {name: run.columns.get(f"true_{name}", run.columns[name]) for name in ("psi", "r")}
     for k, (name, factor, label) in enumerate(
         (("psi", math.degrees(1.0), "heading psi [deg]"), ("r", 1.0, "yaw rate r [rad/s]"))
@@ -148,7 +148,7 @@ def _families(run: Run) -> list[tuple[str, list[str]]]:
 
 def _estimates(run: Run) -> Figure:
     groups = _families(run)
-    figure, axes = sheet(run, "estimates (truth dashed)", len(groups), 1.0 + 1.7 * len(groups))
+    figure, axes = time_figure(run, "estimates (truth dashed)", len(groups), 1.0 + 1.7 * len(groups))
     estimates, truth = run.estimates(), run.truth()
     for k, (unit, names) in enumerate(groups):
         mark_phases(run, axes[k], named=k == 0)
@@ -161,7 +161,8 @@ def _estimates(run: Run) -> Figure:
 
 def _estimation_error(run: Run) -> Figure:
     groups = _families(run)
-    figure, axes = sheet(run, "estimation error (estimate - truth)", len(groups), 1.0 + 1.7 * len(groups))
+    height = 1.0 + 1.7 * len(groups)
+    figure, axes = time_figure(run, "estimation error (estimate - truth)", len(groups), height)
     estimates, truth = run.estimates(), run.truth()
     for k, (unit, names) in enumerate(groups):
         mark_phases(run, axes[k], named=k == 0)
@@ -172,7 +173,7 @@ def _estimation_error(run: Run) -> Figure:
 
 def _command(run: Run, name: str, unit: str) -> Figure:
     what = f"{name} command" if run.scenario.autopilot is None else f"{name} that acts{own_loop(run)}"
-    figure, (axes,) = sheet(run, what)
+    figure, (axes,) = time_figure(run, what)
     angle = unit == "rad"
     mark_phases(run, axes)
     factor = math.degrees(1.0) if angle else 1.0

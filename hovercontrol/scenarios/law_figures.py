@@ -1,4 +1,4 @@
-"""Pictures of a run under one of K06's laws: what it was told, what it did, which mode it was in."""
+"""Pictures of a run under one of K06's laws: set points, motion and modes."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from hovercontrol.core.signals import Signal
 from hovercontrol.scenarios.parts import loop_parts
-from hovercontrol.scenarios.sheet import in_time, mark_phases, own_loop, sheet
+from hovercontrol.scenarios.time_axes import in_time, mark_phases, own_loop, time_figure
 
 if TYPE_CHECKING:
     from hovercontrol.scenarios.result import Run
@@ -28,7 +28,7 @@ def law_figures(run: Run) -> dict[str, Figure]:
 
 
 def _forces(run: Run) -> Figure:
-    figure, (axes,) = sheet(run, f"forces that the law asks for{own_loop(run)}")
+    figure, (axes,) = time_figure(run, f"forces that the law asks for{own_loop(run)}")
     mark_phases(run, axes)
     curves = {"F_X": run.columns["force_x"], "F_Y": run.columns["force_y"]}
     in_time(run, axes, curves, "force [N]", ("-", "--"))
@@ -37,7 +37,7 @@ def _forces(run: Run) -> Figure:
 
 
 def _heading(run: Run) -> Figure:
-    figure, axes = sheet(run, "heading", 2, 4.6)
+    figure, axes = time_figure(run, "heading", 2, 4.6)
     degrees = {k: run.columns[k] * math.degrees(1.0) for k in ("psi", "heading_ref", "heading_error")}
     curves = {"heading": degrees["psi"], "wanted": degrees["heading_ref"]}
     for row in axes:
@@ -52,7 +52,7 @@ def _heading(run: Run) -> Figure:
 
 
 def _modes(run: Run, modes: list[Signal]) -> Figure:
-    figure, axes = sheet(
+    figure, axes = time_figure(
         run, f"modes of the hybrid controller{own_loop(run)}", len(modes), 1.2 + 1.5 * len(modes)
     )
     for row, signal in zip(axes, modes, strict=True):

@@ -44,7 +44,13 @@ from hovercontrol.scenarios.sections import (
 
 
 def scenario_names() -> list[str]:
-    """Return the names of the scenarios that come with the package."""
+    """Return the names of the scenarios that come with the package.
+
+    Examples
+    --------
+    >>> "table1" in scenario_names()
+    True
+    """
     folder = resources.files("hovercontrol.scenarios")
     return sorted(f.name.removesuffix(".toml") for f in folder.iterdir() if f.name.endswith(".toml"))
 
@@ -62,6 +68,12 @@ def load_scenario(name: str | Path) -> Scenario:
     ------
     InputError
         If there is no such scenario (the nearest is named) or the file has an error; the line names the key.
+
+    Examples
+    --------
+    >>> scenario = load_scenario("table1")
+    >>> scenario.step, [phase.until for phase in scenario.phases]
+    (0.01, [15.0, 30.0, 50.0])
     """
     own = str(name).endswith(".toml")
     path = Path(name) if own else _shipped(str(name))
@@ -110,7 +122,7 @@ def _scenario(path: Path, content: dict[str, Any]) -> Scenario:
     for section in ("reference", "estimator"):
         if section in content and law:
             raise InputError(
-                f"[{section}] is of no use to controller.kind = {content['controller']['kind']!r}"
+                f"[{section}] is not used by controller.kind = {content['controller']['kind']!r}"
             )
     for section in ("sampling", "actuation"):
         if section in content and "autopilot" in content:

@@ -1,4 +1,4 @@
-"""What a metric makes of a quantity over a window: one number."""
+"""Statistics of a quantity over a window."""
 
 from __future__ import annotations
 

@@ -38,7 +38,7 @@ LAWS: dict[str, Callable[..., Block]] = {
     "both_ways": both_ways,
 }
 
-#: What ``guidance.kind`` may be: sampled, tells a law its set points.
+#: Values of ``guidance.kind``: sampled Blocks that send set points to a law.
 GUIDANCE: dict[str, Callable[..., Block]] = {
     "heading_bang_bang": bang_bang_heading,
     "heading_proportional": proportional_heading,
@@ -51,6 +51,21 @@ def loop_parts(scenario: Scenario) -> dict[str, Block]:
 
     Roles are plant; for the tracking controller reference, controller, estimator; for one of K06's laws
     reference (its set points), guidance, controller, actuation.
+
+    Parameters
+    ----------
+    scenario : Scenario
+
+    Raises
+    ------
+    InputError
+        If parts do not fit together.
+
+    Examples
+    --------
+    >>> from hovercontrol.scenarios import load_scenario
+    >>> list(loop_parts(load_scenario("table1")))
+    ['plant', 'reference', 'controller', 'estimator']
     """
     parts = {"plant": scenario.plant.plant().with_values(scenario.start)}
     if scenario.controller is None:
@@ -74,12 +89,12 @@ def loop_parts(scenario: Scenario) -> dict[str, Block]:
 
 
 def _check_told(guidance: Block, law: Block, kind: str) -> None:
-    """Refuse guidance that may tell a law what is out of its bounds."""
+    """Refuse guidance whose output may be out of the bounds of a law."""
     takes = {s.name: s for s in law.inputs}
     for s in guidance.outputs:
         if s.name in takes and s.lower < takes[s.name].lower:
             raise InputError(
-                f"[guidance] may tell {s.name} down to {s.lower:g} {s.unit}, controller.kind = {kind!r} "
+                f"[guidance] may send {s.name} down to {s.lower:g} {s.unit}, controller.kind = {kind!r} "
                 f"takes {takes[s.name].lower:g} at least: both_ways takes both signs"
             )
 
@@ -102,7 +117,21 @@ def _tracking_parts(scenario: Scenario) -> dict[str, Block]:
 
 
 def phase_parameters(scenario: Scenario, phase: Phase) -> dict[str, float]:
-    """Return the parameters that hold in a phase, by key."""
+    """Return the parameters that hold in a phase, by key.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    phase : Phase
+        One of its phases.
+
+    Examples
+    --------
+    >>> from hovercontrol.scenarios import load_scenario
+    >>> scenario = load_scenario("table1")
+    >>> len(phase_parameters(scenario, scenario.phases[1]))
+    7
+    """
     own = scenario.plant.coefficients()
     params = {f"plant.{name}": factor * own[name] for name, factor in phase.scale.items()}
     if scenario.controller is not None and scenario.controller.get("adapt"):

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hovercontrol.core.block import Block
+from hovercontrol.core.friction import Friction
 from hovercontrol.scenarios.definition import Phase, Scenario
-from hovercontrol.targets.compiled import Friction
 
 Array = NDArray[np.float64]
 
@@ -21,7 +21,23 @@ EARLY = 1e-6
 
 
 def phase_grid(begin: float, end: float, step: float) -> Array:
-    """Return times from begin to end, both included, on multiples of the step."""
+    """Return times from begin to end, both included, on multiples of the step.
+
+    Parameters
+    ----------
+    begin, end, step : float
+        [s]
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        [s]
+
+    Examples
+    --------
+    >>> phase_grid(0.0, 0.5, 0.2).round(9).tolist()
+    [0.0, 0.2, 0.4, 0.5]
+    """
     first, last = int(np.floor(begin / step + SAME)) + 1, int(np.ceil(end / step - SAME))
     return np.array([begin, *(step * k for k in range(first, last)), end])
 
@@ -32,7 +48,7 @@ def through_phases(
     parameters: Callable[[Scenario, Phase], Mapping[str, float]],
     *,
     step: float | None = None,
-    friction: Friction = "events",
+    friction: Friction = "smooth",
     progress: Callable[[float], None] | None = None,
 ) -> dict[str, Array]:
     """Return time and outputs of a loop through a scenario's phases.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from hovercontrol.autopilot.limits import lossy_tables
 from hovercontrol.autopilot.loop import autopilot_parts
 from hovercontrol.core.block import Block
 from hovercontrol.core.interconnect import interconnect
-from hovercontrol.hardware.actuators import actuators
+from hovercontrol.hardware.actuators import actuators, pitch_lookup, pitch_servo, pitch_thrust
 from hovercontrol.models.model import MOTION
 from hovercontrol.scenarios.definition import Phase, Scenario
 from hovercontrol.scenarios.parts import phase_parameters
@@ -45,7 +46,13 @@ def real_parts(scenario: Scenario, parts: Mapping[str, Block]) -> dict[str, Bloc
     parts = _same_guidance(parts)
     joined = autopilot_parts(parts["controller"], **_arguments(scenario, parts))
     single = actuators(tables=given.tables or lossy_tables(given.rudder_loss), servo=given.servo)
-    return {block.name: block for block in (*single.sampled, single.body, *joined)}
+    blocks = [*single.sampled, single.body]
+    if given.propeller is not None:
+        made = replace(given.propeller, rudder_loss=given.rudder_loss)
+        fan = ("thrust_lookup", "speed_controller", "actuators")
+        blocks = [block for block in blocks if block.name not in fan]
+        blocks += [pitch_lookup(made), pitch_servo(lag=made.lag), pitch_thrust(made)]
+    return {block.name: block for block in (*blocks, *joined)}
 
 
 def _same_guidance(parts: Mapping[str, Block]) -> dict[str, Block]:
@@ -66,6 +73,7 @@ def _arguments(scenario: Scenario, parts: Mapping[str, Block]) -> dict[str, Any]
         "beacons": given.beacons,
         "tables": given.tables,
         "servo": given.servo,
+        "propeller": given.propeller,
         "rudder_loss": given.rudder_loss,
         "imperfections": given.imperfections,
         "seed": given.seed,

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from hovercontrol.scenarios.sheet import in_time, mark_phases, sheet
+from hovercontrol.scenarios.time_axes import in_time, mark_phases, time_figure
 
 if TYPE_CHECKING:
     from hovercontrol.scenarios.result import Run
@@ -28,7 +28,7 @@ def comparison(run: Run) -> Figure:
     if "heading_ref" in run.columns:
         rows["psi"] = "heading psi [deg]"
         told.pop("r")  # what guidance tells the law changes all the time
-    figure, axes = sheet(run, "the real and the ideal loop", len(rows), 1.0 + 1.9 * len(rows))
+    figure, axes = time_figure(run, "the real and the ideal loop", len(rows), 1.0 + 1.9 * len(rows))
     for k, (name, unit) in enumerate(rows.items()):
         factor = math.degrees(1.0) if unit.endswith("[deg]") else 1.0
         mark_phases(run, axes[k], named=k == 0)

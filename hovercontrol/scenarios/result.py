@@ -1,4 +1,4 @@
-"""What a scenario's run leaves: the log, the figures of merit, the pictures."""
+"""The result of a scenario: the log, the figures of merit, the pictures."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Measured:
-    """A metric and the value a run gave it."""
+    """A metric and its value."""
 
     metric: Metric
     value: float
@@ -47,6 +47,13 @@ class Run:
         [s]
     columns : mapping of str to ndarray (n,)
         Every signal by name.
+
+    Examples
+    --------
+    >>> from hovercontrol.scenarios import load_scenario, run_scenario
+    >>> run = run_scenario(load_scenario("k06-stop"))
+    >>> run.time.shape, sorted(run.columns)[:3]
+    ((1501,), ['force_x', 'force_y', 'psi'])
     """
 
     scenario: Scenario
@@ -111,6 +118,11 @@ class Run:
     def plot(self, name: str = "") -> Figure:
         """Return one of the run's pictures; the tracking error, or else the path, where none is named.
 
+        Parameters
+        ----------
+        name : str
+            Of one of the run's figures.
+
         Raises
         ------
         InputError
@@ -125,7 +137,7 @@ class Run:
         return drawn[chosen]
 
     def save(self, folder: str | Path) -> list[Path]:
-        """Write ``log.csv``, ``metrics.csv`` and the pictures; they appear whole or not at all.
+        """Write ``log.csv``, ``metrics.csv`` and the pictures; they are written atomically.
 
         Parameters
         ----------

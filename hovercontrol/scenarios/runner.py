@@ -40,6 +40,13 @@ def run_scenario(scenario: Scenario, progress: Progress | None = None) -> Run:
     ------
     InputError
         If the scenario's parts do not fit together, or the simulation fails; the line names the scenario.
+
+    Examples
+    --------
+    >>> from hovercontrol.scenarios import load_scenario
+    >>> run = run_scenario(load_scenario("k06-stop"))
+    >>> all(figure.met for figure in run.metrics())
+    True
     """
     try:
         check_scenario(scenario)

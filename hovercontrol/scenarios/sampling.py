@@ -1,6 +1,7 @@
-"""A scenario's loop as it runs on hardware, as Blocks: a sensor, a computer, commands sent and held.
+"""A scenario's sampled loop as Blocks: a sensor, a computer, commands sent and held.
 
-C17's experiment [C17 fig 10]: motion capture at 100 Hz tells the pose with noise, velocities are its backward
+C17's experiment [C17 fig 10]: motion capture at 100 Hz measures the pose with noise, velocities are its
+backward
 differences; at each sample one computer takes it in, reads the reference at that time and computes the
 commands; another sends the last of them to the craft every 22.5 ms, where they are held.
 """
@@ -49,7 +50,7 @@ def sampled_loop(scenario: Scenario, parts: Mapping[str, Block], name: str = "lo
         Outputs the true motion ``x ... r``, what is measured ``x_measured ... r_measured``, the commands that
         act; of a tracking loop also the reference, the true tracking error ``error_x, error_y`` and its
         distance ``tracking_error`` [m], the commands as computed (``thrust_wanted``; ``thrust_asked`` without
-        limits) and the estimates; of a law what its parts tell each other. Without a controller the commands
+        limits) and the estimates; of a law the signals between its parts. Without a controller the commands
         are its inputs.
 
     Examples
@@ -136,7 +137,7 @@ def _tracking(scenario: Scenario, parts: Mapping[str, Block]) -> list[Block]:
     wanted = {s.name: f"{s.name}_wanted" for s in commands}
     free = tracking_controller(scenario.belief, **{**scenario.controller, "limits": False})
     asked = {f"{s.name}_asked": free.output_expressions[s.name] for s in commands}
-    told = [s.but(name=f"{s.name}_asked", lower=-float("inf"), upper=float("inf")) for s in commands]
+    told = [s.replace(name=f"{s.name}_asked", lower=-float("inf"), upper=float("inf")) for s in commands]
     ahead = next(p for p in controller.parameters if p.name == "control_point")
     computing = [
         rename(
@@ -159,7 +160,7 @@ def _tracking(scenario: Scenario, parts: Mapping[str, Block]) -> list[Block]:
 
 
 def _watch(controller: Block, ahead: Signal) -> Block:
-    """Return what tells the true tracking error, by the controller's own equations for it."""
+    """Return a Block with the true tracking error, by the controller's own equations."""
     errors = {
         key: controller.definitions[key].xreplace({ahead.symbol: AHEAD.symbol})
         for key in ("error_x", "error_y")

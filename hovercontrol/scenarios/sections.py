@@ -1,4 +1,4 @@
-"""What a scenario file may say: its sections, their keys, and what each holds.
+"""The sections of a scenario file, their keys and types.
 
 The loader checks by these, and the JSON Schema of scenarios is made of them. ``object`` is a value with a
 rule of its own, ``list`` a list of names.

@@ -1,4 +1,4 @@
-"""A scenario flown many times: one or two of its numbers varied, the figures of its signals kept."""
+"""A scenario run many times: one or two of its numbers varied, the figures of its signals kept."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Varied:
     ----------
     scenario : Scenario
     axes : tuple of one or two Axis
-        What was varied; the first runs slowest.
+        What was varied; the first varies slowest.
     of, figure : str
         The signal and the figure that pictures show.
     unit : str
@@ -81,7 +81,7 @@ class Varied:
         return varied_html(self)
 
     def save(self, folder: str | Path) -> list[Path]:
-        """Write ``sweep.csv`` (all figures of all outputs), ``sweep.png`` and ``sweep.svg``; whole or not."""
+        """Write ``sweep.csv`` (all figures of all outputs), ``sweep.png`` and ``sweep.svg``, atomically."""
 
         def write(place: Path) -> None:
             import pyarrow.csv
@@ -105,7 +105,7 @@ def vary(
     progress: Callable[[float], None] | None = None,
     checkpoint: str | Path | None = None,
 ) -> Varied:
-    """Fly a scenario at every point of a grid, compiled and on all cores.
+    """Run a scenario at every point of a grid, compiled and on all cores.
 
     Parameters
     ----------
@@ -137,7 +137,7 @@ def vary(
     if scenario.commands is not None:
         raise InputError(f"{where}: only scenarios without [commands] are varied")
     if not 1 <= len(ranges) <= 2:
-        raise InputError(f"{where}: one or two numbers are varied, found {len(ranges)}")
+        raise InputError(f"{where}: expected one or two parameters to vary, found {len(ranges)}")
     if figure not in FIGURES:
         raise InputError(f"unknown figure {figure!r}{did_you_mean(figure, FIGURES)}: {', '.join(FIGURES)}")
     parts = loop_parts(scenario)

@@ -7,7 +7,13 @@ from hovercontrol.schema.parts import NUMBER, TEXT, Schema, array, between, docu
 
 
 def model_schema() -> Schema:
-    """Return the JSON Schema of model files; effects of a script's own are in it once they are defined."""
+    """Return the JSON Schema of model files; effects of a script's own are in it once they are defined.
+
+    Examples
+    --------
+    >>> sorted(model_schema()["properties"])
+    ['effects', 'fans', 'inputs', 'plant']
+    """
     sections = {
         "plant": table({"name": TEXT}, description="the craft"),
         "inputs": table(

@@ -133,6 +133,12 @@ class Result(TypedDict):
 
 
 def result_schema() -> Schema:
-    """Return the JSON Schema of ``result.json``."""
+    """Return the JSON Schema of ``result.json``.
+
+    Examples
+    --------
+    >>> result_schema()["properties"]["verdict"]["enum"]
+    ['effect', 'none', 'ambiguous', 'partial', 'unexplained']
+    """
     body = of_type(Result)
     return document("hovercontrol diagnosis", body.pop("description"), body)

@@ -21,7 +21,13 @@ _SIZE: Schema = {"anyOf": [NUMBER, array(NUMBER, 1)]}
 
 
 def scenario_schema() -> Schema:
-    """Return the JSON Schema of scenario files."""
+    """Return the JSON Schema of scenario files.
+
+    Examples
+    --------
+    >>> scenario_schema()["title"]
+    'hovercontrol scenario'
+    """
     sections = {
         "scenario": table({**_of(keys.HEAD), "step": POSITIVE}, ("step",)),
         "plant": _plant(),

@@ -1,4 +1,4 @@
-"""Blocks of any kind in time, in Python: integrated between ticks, stepped by a runner."""
+"""Simulation of Blocks in Python: integration between ticks, and runners for stepwise use."""
 
 from typing import TYPE_CHECKING, Any
 

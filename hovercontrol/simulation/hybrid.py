@@ -1,6 +1,6 @@
-"""A hybrid Block in time: integrated between ticks, which are exactly on time.
+"""Simulation of a hybrid Block: integration between ticks, which are exactly on time.
 
-At a tick a sampled Block sees the continuous outputs as they are and what the others tell at that instant,
+At a tick a sampled Block sees the continuous outputs as they are and the others' outputs at that instant,
 computes its own outputs, which are held until its next tick, and takes its states' next values.
 """
 
@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hovercontrol.core.block import Block
-from hovercontrol.core.functions import call_scalar, numpy_functions
 from hovercontrol.core.interconnect import interconnect
 from hovercontrol.errors import InputError
+from hovercontrol.simulation.sampled import Ticking as Ticking
 from hovercontrol.simulation.trajectory import initial_state, simulate, time_response
 
 if TYPE_CHECKING:
@@ -23,59 +23,6 @@ if TYPE_CHECKING:
 
 #: Most rows that a simulation returns.
 MAX_ROWS = 2_000_000
-
-
-class Ticking:
-    """A sampled Block while it runs.
-
-    Parameters
-    ----------
-    block : Block
-        Sampled, or without states.
-    params : mapping, optional
-        Parameter values by key, over the defaults.
-
-    Attributes
-    ----------
-    state : tuple of float
-        In the Block's order.
-
-    Examples
-    --------
-    >>> from hovercontrol.core.signals import Signal
-    >>> n = Signal("n")
-    >>> counter = Ticking(Block("counter", [n], [], [n], derivatives={"n": n.symbol + 1}, period=0.1))
-    >>> [counter.tick(0.1 * k, {})["n"] for k in range(3)]
-    [0.0, 1.0, 2.0]
-    """
-
-    def __init__(self, block: Block, params: Mapping[str, float] | None = None) -> None:
-        self.block = block
-        self.state = tuple(s.start for s in block.states)
-        self._values = block.parameter_values(params)
-        functions = numpy_functions(block)
-        self._next, self._outputs = (functions.scalar_pair(rows) for rows in ("derivatives", "outputs"))
-        self._inputs = [s.name for s in block.inputs]
-        self._names = [s.name for s in block.outputs]
-
-    def set_parameters(self, params: Mapping[str, float]) -> None:
-        """Let other parameter values hold from now on, by key, over the defaults."""
-        self._values = self.block.parameter_values(params)
-
-    def tick(self, time: float, signals: Mapping[str, float]) -> dict[str, float]:
-        """Return the outputs at a tick and take the next state.
-
-        Parameters
-        ----------
-        time : float
-            [s]
-        signals : mapping
-            At least the Block's inputs, by name.
-        """
-        seen = [signals[name] for name in self._inputs]
-        told = call_scalar(self._outputs, time, self.state, seen, self._values)
-        self.state = call_scalar(self._next, time, self.state, seen, self._values)
-        return dict(zip(self._names, told, strict=True))
 
 
 def simulate_hybrid(

@@ -1,11 +1,16 @@
-"""Runge-Kutta methods on plain floats: the classical one, and Dormand and Prince's with error control."""
+"""Runge-Kutta methods: the classical one, on floats and on arrays, and Dormand and Prince's on floats."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
 
 from hovercontrol.core.functions import FunctionPair, call_scalar
+
+Array = NDArray[np.float64]
 
 
 def rk4(
@@ -48,6 +53,41 @@ def rk4(
             for a, b1, b2, b3, b4 in zip(state, k1, k2, k3, k4, strict=True)
         ]
     return state
+
+
+def rk4_step(slope: Callable[[Array, Array], Array], t: Array, x: Array, h: Array) -> Array:
+    """Return states one step later, by the classical Runge-Kutta method; many systems at once.
+
+    The same operations in the same order as :func:`rk4`, which is faster for one system: Python's lists of
+    floats need no arrays.
+
+    Parameters
+    ----------
+    slope : callable
+        Of time and state; each result is an array of its own.
+    t, h : ndarray
+        Begin and length of the step [s], of shapes that go with `x`.
+    x : ndarray
+
+    Returns
+    -------
+    ndarray, of the shape of `x`
+
+    Examples
+    --------
+    >>> one = np.array([1.0])
+    >>> rk4_step(lambda t, x: -x, 0.0 * one, one, 0.1 * one).round(7)
+    array([0.9048375])
+    """
+    k1 = slope(t, x)
+    k2 = slope(t + 0.5 * h, x + (0.5 * h) * k1)
+    k3 = slope(t + 0.5 * h, x + (0.5 * h) * k2)
+    k4 = slope(t + h, x + h * k3)
+    k2 += k3  # in place: arrays of many windows are large
+    k2 *= 2.0
+    k2 += k1
+    k2 += k4
+    return x + (h / 6.0) * k2
 
 
 #: Coefficients of Dormand and Prince's pair (1980): nodes, stages, weights of the error.

@@ -1,4 +1,4 @@
-"""A run step by step: inputs in, outputs out, as hardware in the loop and learners need it.
+"""Stepwise simulation, inputs in and outputs out, for hardware in the loop and learning.
 
 ``block.start()`` runs on plain Python floats, ``block.compile().start()`` in machine code and
 :meth:`hovercontrol.fmi.importer.imported.FmuSystem.start` an FMU; the runner is used in the same way.
@@ -32,7 +32,7 @@ INPUT_NOT_FINITE = -1
 
 @dataclass(frozen=True)
 class Snapshot:
-    """All that a runner knew at one time; made by :meth:`Runner.save`. It may be pickled.
+    """The complete state of a runner; made by :meth:`Runner.save`. It may be pickled.
 
     Parameters
     ----------
@@ -343,9 +343,7 @@ class BlockRunner(Runner):
         block = self._block
         values = block.parameter_values({**self.params, **params})
         if self._late and delay_values(block, values) != delay_values(block, self._values):
-            raise InputError(
-                f"{self._label}: how late an input acts cannot change while something is under way"
-            )
+            raise InputError(f"{self._label}: the delay of an input cannot change while a command is delayed")
         places: dict[int, float] = {}
         if isinstance(state, Mapping):
             for name, value in state.items():

@@ -1,4 +1,4 @@
-"""A sweep's results kept as they come: a folder of Parquet files from which the same sweep goes on."""
+"""Checkpoints of a sweep: a folder of Parquet files from which the same sweep continues."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _KEY = b"hovercontrol.sweep"
 
 
 def fingerprint(ready: CompiledBlock, *rest: Any) -> str:
-    """Return what tells a sweep from any other: a digest of its Block, times, values and options."""
+    """Return what identifies a sweep: a digest of its Block, times, values and options."""
     parts = [ready.block.content_hash, ready.friction, *rest]
     return hashlib.sha256(json.dumps(parts, default=_plain).encode()).hexdigest()
 

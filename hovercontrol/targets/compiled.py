@@ -1,80 +1,68 @@
 """A Block compiled to machine code: fast simulation, and sweeps over thousands of runs on all cores.
 
-The generated C (:mod:`.c`) and the runtime in ``hovercontrol/fmu`` become a shared library
-(:mod:`.library`). Without a C compiler the same calls run on NumPy, slowly, with smoothed friction.
+The generated C (:mod:`.c`) and the runtime in ``fmu/`` become a shared library
+(:mod:`.library`). Without a C compiler the same calls run on NumPy (:mod:`.engines`), slowly, with smoothed
+friction.
 """
 
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
-from functools import cache, lru_cache
-from itertools import pairwise
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from hovercontrol.core.block import Block, Rows
 from hovercontrol.core.boundary import checked, fits
-from hovercontrol.core.delays import arrivals, arrivals_of_runs, undelayed
-from hovercontrol.core.functions import call_scalar, numpy_functions
-from hovercontrol.errors import InputError, did_you_mean, shown
+from hovercontrol.core.delays import arrivals, undelayed
+from hovercontrol.core.friction import Friction
+from hovercontrol.errors import InputError, shown
 from hovercontrol.simulation.python_runner import start_block
 from hovercontrol.simulation.reasons import REASONS
-from hovercontrol.simulation.runge_kutta import rk4
 from hovercontrol.simulation.runner import BlockRunner, Inputs
-from hovercontrol.simulation.ticking import Running
 from hovercontrol.simulation.trajectory import (
     checked_times,
     initial_state,
     input_rows,
-    simulate,
     time_response,
 )
-from hovercontrol.targets.compiler import NoCompilerError
+from hovercontrol.targets.engines import Engine, checked_solver, engine_of
 from hovercontrol.targets.executors import sweep_on
 from hovercontrol.targets.library import (
-    METHODS,
     Array,
     Library,
     Point,
     Solver,
-    check_point,
     states_and_inputs,
 )
 from hovercontrol.targets.native_runner import NativeEngine
 from hovercontrol.targets.sweep import (
-    FIGURES,
     Many,
     SweepResult,
-    in_threads,
-    number_of_runs,
     number_of_threads,
-    rows_by_state,
-    settling_bands,
-    values_of_runs,
 )
+from hovercontrol.targets.sweep_run import run_sweep
 
 if TYPE_CHECKING:
     import control
 
-Friction = Literal["events", "smooth"]
 Method = Literal["dormand-prince", "rk4"]
-Results = tuple[Array, Array, NDArray[np.intc]]
 
 
-def compile_block(block: Block, *, friction: Friction = "events") -> CompiledBlock:
+def compile_block(block: Block, *, friction: Friction = "smooth") -> CompiledBlock:
     """Return a Block compiled to machine code; ``block.compile()`` does the same.
 
     Parameters
     ----------
     block : Block
-    friction : {"events", "smooth"}, optional
-        Dry friction that sticks at exactly zero velocity, or smoothed over its width as in NumPy.
+    friction : {"smooth", "events"}, optional
+        Dry friction smoothed over its width, as in every backend, or Coulomb's law, which sticks at exactly
+        zero velocity; see :data:`hovercontrol.core.friction.Friction`.
 
     Raises
     ------
@@ -104,13 +92,13 @@ class CompiledBlock:
     friction : {"events", "smooth"}
     """
 
-    def __init__(self, block: Block, friction: Friction = "events") -> None:
+    def __init__(self, block: Block, friction: Friction = "smooth") -> None:
         if friction not in ("events", "smooth"):
             raise InputError(f"friction must be 'events' or 'smooth', found {friction!r}")
         self.block, self.friction = block, friction
         self._plain = undelayed(block)
-        self._engine = _engine(self._plain, friction, whole=False)
-        self._whole: Library | _Numpy | None = None
+        self._engine = engine_of(self._plain, friction, whole=False)
+        self._whole: Engine | None = None
         self._defaults = block.parameter_values()
         self._point = lru_cache(maxsize=16)(self._make_point)
 
@@ -122,10 +110,10 @@ class CompiledBlock:
         """Whether it runs as machine code; without a compiler NumPy does the work."""
         return isinstance(self._engine, Library)
 
-    def _engine_from(self, x: Array, lanes: bool = False) -> Library | _Numpy:
+    def _engine_from(self, x: Array, lanes: bool = False) -> Engine:
         """Return the engine for initial states: one that leaves out what rests at zero if it rests there."""
         whole = isinstance(self._engine, Library) and bool(x[..., self._engine.resting].any())
-        return _engine(self._plain, self.friction, whole, lanes) if whole or lanes else self._engine
+        return engine_of(self._plain, self.friction, whole, lanes) if whole or lanes else self._engine
 
     def derivatives(
         self, t: float, x: ArrayLike, u: ArrayLike = (), params: Mapping[str, float] | None = None
@@ -162,7 +150,7 @@ class CompiledBlock:
 
     def _make_point(self, rows: Rows, values: tuple[float, ...]) -> Point:
         self.block.need_prompt_inputs("a function of one instant")
-        return _engine(self.block, "smooth").point(rows, values)
+        return engine_of(self.block, "smooth").point(rows, values)
 
     def advance(
         self,
@@ -201,7 +189,8 @@ class CompiledBlock:
             raise InputError(f"expected a time from {shown(t)} s on, found {shown(until)}")
         x, u = states_and_inputs(self.block, x, u)
         values = self._defaults if params is None else self.block.parameter_values(params)
-        return self.advance_values(t, until, x, u, values, _solver("dormand-prince", None, rtol, atol))
+        solver = checked_solver("dormand-prince", None, rtol, atol)
+        return self.advance_values(t, until, x, u, values, solver)
 
     def advance_values(
         self, t: float, until: float, x: ArrayLike, u: ArrayLike, values: Sequence[float], solver: Solver
@@ -217,8 +206,8 @@ class CompiledBlock:
             )
         return states
 
-    def _look_for_whole(self) -> Library | _Numpy:
-        self._whole = _engine(self.block, self.friction)
+    def _look_for_whole(self) -> Engine:
+        self._whole = engine_of(self.block, self.friction)
         return self._whole
 
     def start(
@@ -237,9 +226,9 @@ class CompiledBlock:
         """
         if not self.native:
             return start_block(self.block, x0, params, inputs=inputs, time=time, rtol=rtol, atol=atol)
-        whole = _engine(self._plain, self.friction)
+        whole = engine_of(self._plain, self.friction)
         assert isinstance(whole, Library)
-        solver, n = _solver("dormand-prince", None, rtol, atol), len(self.block.outputs)
+        solver, n = checked_solver("dormand-prince", None, rtol, atol), len(self.block.outputs)
         return BlockRunner(
             self.block,
             lambda begin, states, held, values: NativeEngine(whole, solver, begin, states, held, values, n),
@@ -289,7 +278,7 @@ class CompiledBlock:
         u = input_rows(self.block, inputs, len(times))
         x = initial_state(self.block, x0)
         p = np.array(self.block.parameter_values(params))
-        solver = _solver(method, step, rtol, atol)
+        solver = checked_solver(method, step, rtol, atol)
         late = arrivals(self.block, times, u, p)
         run = self._engine_from(x).simulate(solver, late.times, late.inputs, x, p)
         status, reached, states, outputs = run
@@ -365,161 +354,11 @@ class CompiledBlock:
                     progress=progress, inputs=inputs, start=start, band=band, method=method, step=step,
                     rtol=rtol, atol=atol,
                 )  # fmt: skip
-        block = self.block
-        times = checked_times(time)
-        u = input_rows(block, inputs, len(times))
-        if x0 is not None and not isinstance(x0, Mapping):
-            x0 = rows_by_state(block, x0)
-        runs = number_of_runs({**(params or {}), **(x0 or {})})
-        keys = [block.parameter_key(s.name) for s in block.parameters]
-        starts = dict(zip((s.name for s in block.states), block.states, strict=True))
-        p, given_p = values_of_runs(
-            block, dict(zip(keys, block.parameters, strict=True)), params, runs, "parameter"
-        )
-        x, given_x = values_of_runs(block, starts, x0, runs, "state")
-        bands, solver = settling_bands(block, band), _solver(method, step, rtol, atol)
-        counted = int(np.searchsorted(times, start))
-        if counted == len(times):
-            raise InputError(f"start = {start:g} s is after the last time, {times[-1]:g} s")
-        since = (times[counted - 1] + times[counted]) / 2 - times[0] if counted else 0.0
-        figures, last, status = (
-            np.full((runs, len(block.outputs), len(FIGURES)), np.nan),
-            np.full((runs, len(block.states)), np.nan),
-            np.zeros(runs, dtype=np.intc),
-        )
-
-        groups = arrivals_of_runs(block, times, u, p)
-        order = np.concatenate([which for which, _ in groups])  # runs with the same delays side by side
-        if len(groups) > 1:
-            x, p = x[order], p[order]
-
-        def work(k: int) -> int:
-            part, late = parts[k]
-            results = figures[part], last[part], status[part]
-            engine.sweep(solver, late.times, late.inputs, x[part], p[part], since, bands, results)
-            return part.stop - part.start
-
-        engine = self._engine_from(x, lanes=method == "rk4" and not block.ticks)
-        size = max(1, runs // 256)  # not of the number of threads, so that results cannot depend on it
-        if isinstance(engine, Library):
-            size = engine.lanes * math.ceil(size / engine.lanes)
-        ends = np.cumsum([len(which) for which, _ in groups]).tolist()
-        parts = [
-            (slice(first, min(first + size, end)), late)
-            for end, (which, late) in zip(ends, groups, strict=True)
-            for first in range(end - len(which), end, size)
-        ]
-        in_threads(work, range(len(parts)), threads, progress)
-        if len(groups) > 1:
-            back = np.argsort(order)
-            figures, last, status = figures[back], last[back], status[back]
-        names = tuple(s.name for s in block.outputs)
-        each = {name: figures[:, :, k] for k, name in enumerate(FIGURES)}
-        return SweepResult(names, tuple(starts), given_p, given_x, **each, states_final=last, status=status)
-
-
-class _Numpy:
-    """What :class:`Library` does, without a compiler."""
-
-    def __init__(self, block: Block) -> None:
-        self.block = block
-        self.pair = numpy_functions(block).scalar_pair
-
-    def point(self, rows: Rows, values: tuple[float, ...]) -> Point:
-        pair = self.pair(rows)
-
-        def function(t: float, x: ArrayLike, u: ArrayLike = ()) -> Array:
-            check_point(self.block, x, u)
-            states, inputs = (np.asarray(a, dtype=float).tolist() for a in (x, u))
-            return np.array(call_scalar(pair, t, states, inputs, values), dtype=float)
-
-        return function
-
-    def advance(self, solver: Solver, t: float, until: float, x: Array, u: Array, p: Array) -> int:
-        if self.block.ticks:
-            run = Running(self.block, t, x.tolist(), u.tolist(), p.tolist())
-            run.advance(until, open_end=True)
-            x[:] = run.state
-            return 0
-        if until > t:
-            status, _, states, _ = self.simulate(
-                solver, np.array([t, until]), np.repeat(u[:, None], 2, axis=1), x, p
-            )
-            x[:] = states[-1]
-            return status
-        return 0
-
-    def simulate(
-        self, solver: Solver, times: Array, u: Array, x: Array, p: Array
-    ) -> tuple[int, float, Array, Array]:
-        params = dict(zip(self.block.default_parameters, p.tolist(), strict=True))
-        if solver.method == "dormand-prince" or self.block.ticks:
-            longest, rtol, atol = solver.step or math.inf, solver.rtol, solver.atol
-            r = simulate(self.block, times, u, x, params, rtol=rtol, atol=atol, max_step=longest)
-            return 0, times[-1], np.atleast_2d(r.states).T, np.atleast_2d(r.outputs).T
-        states = [x.tolist()]
-        for k, (t, until) in enumerate(pairwise(times.tolist())):
-            steps = math.ceil((until - t) / solver.step - 1e-9)
-            states.append(
-                rk4(self.pair("derivatives"), t, states[-1], u[:, k].tolist(), p.tolist(), until, steps)
-            )
-            if not np.isfinite(states[-1]).all():
-                return 2, t, np.array(states), np.empty((0, 0))
-        found = np.array(states).reshape(len(times), -1)
-        return 0, times[-1], found, numpy_functions(self.block).outputs(times, found.T, u, params).T
-
-    def sweep(
-        self,
-        solver: Solver,
-        times: Array,
-        u: Array,
-        x: Array,
-        p: Array,
-        since: float,
-        band: Array,
-        results: Results,
-    ) -> None:
-        figures, last, statuses = results
-        counted = times >= times[0] + since
-        t = times[counted]
-        for k in range(len(x)):
-            try:
-                statuses[k], _, states, outputs = self.simulate(solver, times, u, x[k], p[k])
-            except InputError as error:
-                statuses[k] = 2 if "not a number" in str(error) else 3
-            if statuses[k]:
-                continue
-            y, last[k] = outputs[counted], states[-1]
-            away = np.abs(y - y[-1]) > band
-            settled = [t[np.flatnonzero(a)[-1] + 1] if a.any() else t[0] for a in away.T]
-            rms = np.sqrt(np.trapezoid(y**2, t, axis=0) / (t[-1] - t[0])) if len(t) > 1 else np.abs(y[0])
-            figures[k] = np.transpose([y[-1], y.max(axis=0), y.min(axis=0), rms, settled])
-
-
-@lru_cache(maxsize=64)
-def _engine(block: Block, friction: Friction, whole: bool = True, lanes: bool = False) -> Library | _Numpy:
-    try:
-        return Library(block, friction, whole=whole, lanes=lanes)
-    except NoCompilerError as error:
-        _warn_once(str(error))
-        return _Numpy(block)
-
-
-@cache
-def _warn_once(reason: str) -> None:
-    warnings.warn(
-        f"{reason}: compiled Blocks run on NumPy, some thousand times slower and with smoothed friction; "
-        "install a C compiler or pip install 'hovercontrol[fmu]'",
-        stacklevel=5,
-    )
-
-
-def _solver(method: str, step: float | None, rtol: float, atol: float) -> Solver:
-    if method not in METHODS:
-        raise InputError(f"unknown method {method!r}{did_you_mean(str(method), METHODS)}")
-    if step is None and method == "rk4":
-        raise InputError("method 'rk4' needs a step, in seconds")
-    for name, value in (("step", step), ("rtol", rtol), ("atol", atol)):
-        if value is not None and not (fits(value, float) and 0 < value < math.inf):
-            raise InputError(f"{name} must be positive, found {shown(value)}")
-    return Solver(method, step if step and step < math.inf else 0.0, rtol, atol)
+        lanes = method == "rk4" and not self.block.ticks
+        return run_sweep(
+            self.block,
+            lambda x: self._engine_from(x, lanes),
+            checked_times(time),
+            checked_solver(method, step, rtol, atol),
+            params, x0, inputs, start, band, threads, progress,
+        )  # fmt: skip

@@ -41,6 +41,8 @@ VERSION_SECONDS, COMPILE_SECONDS = 20.0, 120.0
 
 _stalled: dict[tuple[str, ...], str] = {}
 _MACH = (b"\xcf\xfa\xed\xfe", b"\xca\xfe\xba\xbe")
+#: Packages whose code decides what a Block's generated text says; the text itself holds the Block.
+_GENERATORS = ("core", "targets")
 _MAGIC = {".so": (b"\x7fELF", *_MACH), ".dll": (b"MZ",), ".dylib": _MACH}  # how libraries begin
 _SUFFIX = ".dll" if os.name == "nt" else ".so"
 
@@ -274,11 +276,12 @@ def generated(block: Block, kind: str, make: Callable[[], str]) -> str:
 
 @cache
 def _generator() -> str:
-    """Return a digest of all code that a generated text depends on."""
+    """Return a digest of all code that a generated text depends on: that of Blocks, and that of backends."""
     digest = hashlib.sha256(f"{sp.__version__} {sys.version}".encode())
     package = Path(__file__).parents[1]
-    for file in sorted([*(package / "core").glob("*.py"), *(package / "targets").glob("*.py")]):
-        digest.update(file.read_bytes())
+    for folder in _GENERATORS:
+        for file in sorted((package / folder).rglob("*.py")):
+            digest.update(f"\0{file.relative_to(package).as_posix()}\0".encode() + file.read_bytes())
     return digest.hexdigest()
 
 

@@ -28,7 +28,7 @@ class _Params(dict[str, float]):
     """A parameter dict that knows it came from a system, not from a user's hand.
 
     ``control.interconnect`` copies each subsystem's ``params`` and adds those of all others; a key of another
-    system is then no mistake. The type survives that copy, so the two cases can be told apart.
+    system is then no mistake. The type survives that copy, so the two cases can be distinguished.
     """
 
     def copy(self) -> _Params:
@@ -36,7 +36,7 @@ class _Params(dict[str, float]):
 
 
 class BlockSystem(control.NonlinearIOSystem):
-    """The python-control face of a Block; made by ``block.to_control()``.
+    """The python-control system of a Block; made by ``block.to_control()``.
 
     Where a large Block is evaluated often, machine code takes over from Python, with the same numbers to
     rounding (:mod:`.points` says when); without a C compiler Python goes on.
@@ -170,7 +170,7 @@ class BlockSystem(control.NonlinearIOSystem):
 
 
 class HybridSystem(BlockSystem):
-    """The python-control face of a hybrid Block: a discrete-time system, exact between its steps.
+    """The python-control system of a hybrid Block: a discrete-time system, exact between its steps.
 
     From one step to the next the Block is integrated, and its ticks are taken when they are due, also those
     between two steps. Inputs hold from step to step.

@@ -115,14 +115,14 @@ def sweep_on(
         kept = Checkpoint(Path(checkpoint), fingerprint(ready, *work[1:]))
         kept.load(result)
         todo = [part for part in todo if (result.status[part] == WORKER_FAILED).any()]
-    told = _Told(runs - sum(part.stop - part.start for part in todo), progress)
-    failed = _run(executor, work, todo, result, kept, told)
+    counter = _Counter(runs - sum(part.stop - part.start for part in todo), progress)
+    failed = _run(executor, work, todo, result, kept, counter)
     if failed and len(failed) == len(todo):
         raise RuntimeError(f"all parts of the sweep failed, the first so: {failed[0][1]}")
     alone = [slice(k, k + 1) for part, _ in failed for k in range(part.start, part.stop)]
-    for part, text in _run(executor, work, alone, result, kept, told):
+    for part, text in _run(executor, work, alone, result, kept, counter):
         result.errors[part.start] = text
-        told.more(1)
+        counter.more(1)
     return result
 
 
@@ -179,8 +179,8 @@ class _Work(NamedTuple):
     x0: dict[str, Array]
 
 
-class _Told:
-    """The number of runs done, told to whoever asked for it."""
+class _Counter:
+    """The number of runs done, reported to the caller."""
 
     def __init__(self, done: int, progress: Callable[[int], None] | None) -> None:
         self.done, self._progress = 0, progress
@@ -230,7 +230,7 @@ def _run(
     parts: list[slice],
     result: SweepResult,
     kept: Checkpoint | None,
-    told: _Told,
+    counter: _Counter,
 ) -> list[tuple[slice, str]]:
     """Do the parts; return those that failed in their worker, with the reason."""
     failed: list[tuple[slice, str]] = []
@@ -253,12 +253,12 @@ def _run(
                 getattr(result, name)[part] = values
             if kept is not None:
                 kept.add(result, part)
-            told.more(part.stop - part.start)
+            counter.more(part.stop - part.start)
     except (BrokenExecutor, CancelledError) as error:
         where = "; the checkpoint keeps what was done" if kept is not None else ""
         reason = str(error) or type(error).__name__
         raise RuntimeError(
-            f"the executor broke after {told.done} of {len(work.x)} runs: {reason}{where}"
+            f"the executor broke after {counter.done} of {len(work.x)} runs: {reason}{where}"
         ) from error
     finally:  # Ctrl-C as well: what has not begun is not begun any more
         for future in futures:

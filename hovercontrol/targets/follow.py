@@ -9,7 +9,6 @@ import ctypes
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from functools import lru_cache, partial
-from importlib import resources
 
 import numpy as np
 import sympy as sp
@@ -20,10 +19,10 @@ from hovercontrol.core.sgn import regularise
 from hovercontrol.targets.background import loaded, ready
 from hovercontrol.targets.c import function_source
 from hovercontrol.targets.compiler import generated, load_library
+from hovercontrol.targets.runtime import FOLLOWING, runtime_files
 
 Array = NDArray[np.float64]
 
-_RUNTIME = ("hc_follow.c", "hc_follow.h")
 _EXPORTS = """
 #ifdef _WIN32
 #define EXPORT __declspec(dllexport)
@@ -136,8 +135,7 @@ def _source(block: Block, followers: tuple[int, ...]) -> str:
 @lru_cache(maxsize=500)
 def _build(block: Block, followers: tuple[int, ...]) -> Future[Callable[..., int]]:
     def load(build: bool) -> Callable[..., int]:
-        runtime = resources.files("hovercontrol") / "fmu"
-        files = {name: (runtime / name).read_text(encoding="utf-8") for name in _RUNTIME}
+        files = runtime_files(FOLLOWING)
         files["rates.c"] = generated(block, f"follow {followers}", partial(_source, block, followers))
         call = load_library(f"{block.name}_follow", files, build=build).block_follow
         call.argtypes = [ctypes.c_void_p, ctypes.c_long, ctypes.c_long]

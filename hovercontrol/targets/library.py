@@ -6,17 +6,19 @@ import ctypes
 import threading
 from collections.abc import Callable
 from functools import partial
-from importlib import resources
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hovercontrol.core.block import Block, Rows
+from hovercontrol.core.friction import Friction
 from hovercontrol.errors import InputError, shown
-from hovercontrol.targets.c import c_source, lanes_source
+from hovercontrol.targets.c import c_source
+from hovercontrol.targets.c_lanes import lanes_source
 from hovercontrol.targets.compiler import NotCachedError, generated, load_library
 from hovercontrol.targets.resting import without_resting_states
+from hovercontrol.targets.runtime import SIMULATION, runtime_files
 
 Array = NDArray[np.float64]
 Point = Callable[[float, ArrayLike, ArrayLike], Array]
@@ -25,9 +27,6 @@ Point = Callable[[float, ArrayLike, ArrayLike], Array]
 MAX_STEPS = 10_000_000
 NO_MEMORY = 1  # of hc_solver.h
 METHODS = ("dormand-prince", "rk4")  # in the order of hc_solver.h
-_RUNTIME = tuple(
-    f"hc_{name}.c" for name in ("solver", "events", "friction", "ticks", "simulate", "lanes", "runner")
-)
 _EXPORTS = """#include "hc_runner.h"
 #include "hc_simulate.h"
 #ifdef _WIN32
@@ -214,7 +213,7 @@ class Library:
     def __init__(
         self,
         block: Block,
-        friction: Literal["events", "smooth"],
+        friction: Friction,
         *,
         whole: bool = True,
         lanes: bool = False,
@@ -226,9 +225,7 @@ class Library:
         self._place = np.array(kept, dtype=np.intc)
         self.resting = np.delete(np.arange(len(block.states)), kept)
         self._part = _Part(len(block.states), self._place.ctypes.data)
-        runtime = resources.files("hovercontrol") / "fmu"
-        wanted = (f for f in runtime.iterdir() if f.name.endswith(".h") or f.name in _RUNTIME)
-        files = {f.name: f.read_text(encoding="utf-8") for f in wanted} | {"exports.c": _EXPORTS}
+        files = runtime_files(SIMULATION) | {"exports.c": _EXPORTS}
         texts = {"model.c": partial(c_source, partials=False)} | ({"lanes.c": lanes_source} if lanes else {})
         for name, make in texts.items():
             kind = f"{name} {friction} {whole}"

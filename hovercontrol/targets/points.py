@@ -22,7 +22,7 @@ from hovercontrol.targets.library import Library, Point
 
 Array = NDArray[np.float64]
 
-#: Python's bytecode (1 ns a byte) that is run before a library is worth loading, and worth building.
+#: Python's bytecode (1 ns a byte) above which a library is loaded, and above which it is built.
 LOAD_AFTER, BUILD_AFTER = 3e7, 1e9
 #: Less than this an evaluation is faster in Python.
 SMALL = 3000

@@ -11,23 +11,23 @@ import os
 from collections.abc import Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from functools import cache, lru_cache, partial
-from importlib import resources
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hovercontrol.core.block import Block
+from hovercontrol.simulation.runge_kutta import rk4_step
 from hovercontrol.targets.background import loaded, ready
-from hovercontrol.targets.c import lanes_source
+from hovercontrol.targets.c_lanes import lanes_source
 from hovercontrol.targets.compiler import NoCompilerError, generated, load_library
+from hovercontrol.targets.runtime import SHOOTING, runtime_files
 
 Array = NDArray[np.float64]
 
-#: Windows that are worth a thread.
+#: Fewest windows for a thread.
 SHARE = 32
 
-_RUNTIME = ("hc_shoot.c", "hc_shoot.h", "hc_lanes.h", "hc_lanes_math.h", "hc_model.h")
 _EXPORTS = """#include "hc_shoot.h"
 #ifdef _WIN32
 #define EXPORT __declspec(dllexport)
@@ -105,7 +105,7 @@ def _run(
 ) -> None:
     derivatives, p = block.to_numpy().array_derivatives, parameters[..., None]
 
-    def slope(t: Array, x: Array, u: Array) -> Array:
+    def slope(u: Array, t: Array, x: Array) -> Array:
         k = np.empty_like(x)
         for i, value in enumerate(derivatives(t, x, u, p)):
             k[i] = value
@@ -119,15 +119,7 @@ def _run(
                 u = inputs[:, piece, row]
                 for i, values in known.items():
                     x[i] = values[piece, row]
-                k1 = slope(begin, x, u)
-                k2 = slope(begin + 0.5 * h, x + (0.5 * h) * k1, u)
-                k3 = slope(begin + 0.5 * h, x + (0.5 * h) * k2, u)
-                k4 = slope(begin + h, x + h * k3, u)
-                k2 += k3
-                k2 *= 2.0
-                k2 += k1
-                k2 += k4
-                x = x + (h / 6.0) * k2
+                x = rk4_step(partial(slope, u), begin, x, h)
             states[row + 1] = x
 
 
@@ -182,9 +174,7 @@ def pool() -> ThreadPoolExecutor:
 @lru_cache(maxsize=500)
 def _build(block: Block) -> Future[_Compiled]:
     def load(build: bool) -> _Compiled:
-        runtime = resources.files("hovercontrol") / "fmu"
-        files = {name: (runtime / name).read_text(encoding="utf-8") for name in _RUNTIME}
-        files["exports.c"] = _EXPORTS
+        files = runtime_files(SHOOTING) | {"exports.c": _EXPORTS}
         lanes = partial(lanes_source, block, friction="smooth")
         files["lanes.c"] = generated(block, "lanes.c smooth True", lanes)
         return _Compiled(block, files, build=build)

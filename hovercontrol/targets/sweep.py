@@ -1,4 +1,4 @@
-"""Sweeps: what is asked of many runs, what they leave, and how they are spread over the cores."""
+"""Sweeps: definition, results and parallel execution of many runs."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from hovercontrol.core.block import Block
 from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError, did_you_mean
-from hovercontrol.io.files import write_whole
+from hovercontrol.io.files import write_atomically
 from hovercontrol.simulation.reasons import REASONS
 
 if TYPE_CHECKING:
@@ -41,6 +41,11 @@ class Axis:
         Increasing.
     label : str, optional
         What pictures call it; default the name.
+
+    Examples
+    --------
+    >>> Axis("k1", "1/s^2", np.linspace(1.0, 3.0, 3)).values.tolist()
+    [1.0, 2.0, 3.0]
     """
 
     name: str
@@ -164,7 +169,7 @@ class SweepResult:
         return pyarrow.table({name: values[runs] for name, values in columns.items()})
 
     def save(self, path: str | Path) -> Path:
-        """Write the table as CSV or Parquet by the suffix; the file appears whole or not at all."""
+        """Write the table as CSV or Parquet by the suffix; the file is written atomically."""
         import pyarrow.csv
         import pyarrow.parquet
 
@@ -172,7 +177,7 @@ class SweepResult:
         write = writers.get(Path(path).suffix.lower())
         if write is None:
             raise InputError(f"{path}: a sweep is saved as .csv or .parquet")
-        return write_whole(path, lambda temporary: write(self.to_table(), temporary))
+        return write_atomically(path, lambda temporary: write(self.to_table(), temporary))
 
 
 def rows_by_state(block: Block, x0: ArrayLike) -> Many:

@@ -40,6 +40,7 @@ def test_every_script_is_tried():
     assert {p.stem for p in FOLDER.glob("*_*.py")} >= set(SMALL)
 
 
+@pytest.mark.slow("c17_excitation", "c17_table2")
 @pytest.mark.parametrize("name", SMALL)
 def test_a_script_leaves_pictures_a_table_and_its_findings(name, tmp_path):
     told = []

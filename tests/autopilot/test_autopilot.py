@@ -13,7 +13,7 @@ from hovercontrol.autopilot.limits import actuator_limits, lossy_tables
 from hovercontrol.controllers.k06 import bang_bang_heading, force_to_command, setpoints, stop, turn
 from hovercontrol.core.interconnect import interconnect
 from hovercontrol.errors import InputError
-from hovercontrol.hardware.actuators import fan_force, fan_tables, read_servo_table, table_pair
+from hovercontrol.hardware.actuators import VariablePitch, fan_force, fan_tables, read_servo_table, table_pair
 from hovercontrol.hardware.sensors import Beacons, k06_beacons
 from hovercontrol.models.vehicles import hoverdemon
 from hovercontrol.simulation.hybrid import Ticking
@@ -66,6 +66,7 @@ def test_each_imperfection_alone_moves_the_craft_away_from_the_ideal_one(name):
 
 def test_every_switch_belongs_to_a_loop():
     known = {k for nav in ("error_model", "magnetometer") for k in loop(navigation=nav).default_parameters}
+    known |= set(autopilot(LAW, references=TOLD, propeller=VariablePitch()).default_parameters)
     assert {key for keys in SWITCHES.values() for key in keys} <= known
 
 
@@ -107,6 +108,7 @@ def test_tables_and_saturation_leave_no_more_force_than_the_calibration_has():
         assert np.abs(c["rudder"]).max() < math.radians(28.0)
 
 
+@pytest.mark.slow
 def test_the_gyro_is_too_slow_to_see_how_the_stop_trial_starts():
     """6.4 rad/s are 367 deg/s, K06's gyro ends at 300."""
     block = autopilot(stop(k1=1.0, k2=2.5), start={"r": 6.4}, navigation="magnetometer").compile()
@@ -189,6 +191,7 @@ def test_the_loop_counts_the_ticks_at_which_the_law_wants_too_much():
     assert fly(Imperfections.only("tables"), until=1.0)[1]["rudder_clipped"][-1] > 0
 
 
+@pytest.mark.slow
 def test_a_users_tables_are_those_of_the_loop():
     """A fan with half the force at every speed, given as both tables, or as either alone."""
     weak = fan_tables(lambda speed, rudder: 0.5 * fan_force(speed, rudder), name="weak")
@@ -220,6 +223,7 @@ def test_one_measured_table_gives_the_other():
     assert table_pair([reverse, lookup]) == (lookup, reverse)
 
 
+@pytest.mark.slow
 def test_a_users_servo_and_beacons_are_those_of_the_loop(tmp_path):
     file = tmp_path / "servo.csv"
     file.write_text("pulse_ms,angle_deg\n1.0,-10\n1.5,0\n2.0,10\n")

@@ -51,6 +51,8 @@ def test_wrong_input_is_refused_in_one_line(refused, tmp_path):
         (["--replay", "none.csv"], "there is no such file"),
         (["--replay", "velocities.csv"], "expected the pose x, y, psi"),
         (["--out", "file/flights"], "not a folder"),
+        (["--loop", "reel", "--port", "0"], "did you mean 'real'"),
+        (["--vehicle", "four_fan", "--loop", "real", "--port", "0"], "thrust is in newton"),
         (["--port", "99999"], "65535"),
         (["--port", "0", "--host", "no.such.host.invalid"], "no address of this machine"),
     ]:
@@ -88,6 +90,7 @@ def test_it_tells_its_address_serves_there_and_ends_when_told(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_beyond_this_machine_the_printed_address_has_a_token(tmp_path):
     own = started("--port", "0", "--host", "0.0.0.0", folder=tmp_path)
     try:

@@ -97,6 +97,7 @@ async def test_the_page_and_its_parts_are_served_and_load_nothing_from_elsewhere
         "panel.js",
         "gauges.js",
         "replay.js",
+        "station.js",
         "units.js",
     ):
         part = await client.get(f"/page/{name}")

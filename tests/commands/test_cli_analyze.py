@@ -12,6 +12,7 @@ def test_the_list_has_every_script_with_its_title(call):
     assert "c17_beta_region" in lines and all(lines.values())
 
 
+@pytest.mark.slow
 def test_an_analysis_leaves_its_files(call, tmp_path):
     done = call("analyze", "c17_beta_region", "--out", str(tmp_path))
     assert done.returncode == 0 and "(19) implies (18)" in done.stdout

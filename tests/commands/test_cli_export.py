@@ -87,6 +87,7 @@ def test_a_scenarios_loop_starts_as_its_first_phase(call, tmp_path):
     assert "first phase" in description.description
 
 
+@pytest.mark.slow
 def test_a_real_loop_flies_as_simulate_does(tmp_path):
     scenario = load_scenario("k06-real-turn")
     flown = run_scenario(scenario).columns
@@ -119,6 +120,7 @@ def test_every_scenario_with_an_autopilot_exports_its_real_loop(name, monkeypatc
     assert chosen.text.startswith("The autopilot's real loop beside the ideal one: ")
 
 
+@pytest.mark.slow
 def test_parts_of_a_scenarios_autopilot_are_those_of_its_file(tmp_path):
     text = REAL.replace("[autopilot]", "[autopilot]\nseed = 7\ngyro_range = false")
     (tmp_path / "mine.toml").write_text(text)
@@ -173,6 +175,7 @@ def test_a_users_blocks_and_models_become_fmus(call, tmp_path):
             choose(f"{tmp_path}/mine.py:{name}")
 
 
+@pytest.mark.slow  # the first build for Windows takes ziglang a minute
 def test_several_platforms_in_one_file(call, tmp_path):
     if importlib.util.find_spec("ziglang") is None:
         pytest.skip("ziglang (hovercontrol[fmu]) is not installed")

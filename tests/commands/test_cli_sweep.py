@@ -77,7 +77,7 @@ def test_a_sweep_that_was_stopped_goes_on_to_the_same_bits(call, tmp_path, monke
     with monkeypatch.context() as changed:
         changed.setattr(Checkpoint, "add", stopped)
         done = call(*words, "--out", "out", cwd=tmp_path)
-    said = "hovercontrol: stopped; what was done is kept in out.partial: --resume goes on from there\n"
+    said = "hovercontrol: stopped; results so far are kept in out.partial; continue with --resume\n"
     assert (done.returncode, done.stderr) == (130, said)
     assert [p.name for p in tmp_path.iterdir()] == ["out.partial"]
     done = call(*words[:3], "controller.k2=0.5:7:64", "--resume", "--out", "out", cwd=tmp_path)

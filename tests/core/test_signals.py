@@ -57,7 +57,7 @@ def test_numbers_that_make_no_sense_are_refused(change):
 
 def test_a_changed_copy_leaves_the_original_alone():
     u = Signal("u", "m/s")
-    assert u.but(start=2).start == 2.0
+    assert u.replace(start=2).start == 2.0
     assert u.start == 0.0
     assert u.dimension == dimension("m/s")
     with pytest.raises(AttributeError):

@@ -147,7 +147,7 @@ def test_a_model_that_predicts_nothing_is_said_to():
         changed(a, **{k: b[k] for k in ("thrust", "rudder")}) for a, b in zip(CASE.logs, other, strict=True)
     ]
     (said,) = predicts_nothing(base_fit(CASE.model, gather(CASE.model, logs)))
-    assert "the model predicts nothing: 0.2 s ahead" in said
+    assert "the model does not predict the motion: 0.2 s ahead" in said
     assert predicts_nothing(base_fit(CASE.model, gather(CASE.model, CASE.logs))) == []
 
 
@@ -164,7 +164,7 @@ def test_times_in_other_units_are_seen_between_logs():
 
 def test_a_hold_out_log_that_is_a_training_log_is_refused():
     again = Log("again", LOG.time + 100.0, dict(reversed(LOG.columns.items())))
-    with pytest.raises(InputError, match="again: the hold-out log is the training log log 1"):
+    with pytest.raises(InputError, match="again: the held-out log is the training log log 1"):
         check_logs(CASE.model, [OTHER, LOG], again)
 
 
@@ -180,12 +180,12 @@ def test_a_hold_out_log_that_overlaps_a_training_log_is_refused():
 def test_a_copy_is_known_though_rounded_later_and_with_fewer_columns(digits, left_out):
     columns = {k: np.array([float(f"{v:.{digits}g}") for v in row]) for k, row in LOG.columns.items()}
     copy = Log("copy", LOG.time + 1000.0, {k: v for k, v in columns.items() if k not in left_out})
-    with pytest.raises(InputError, match="copy: the hold-out log is the training log log 1"):
+    with pytest.raises(InputError, match="copy: the held-out log is the training log log 1"):
         check_logs(CASE.model, [OTHER, LOG], copy)
 
 
 def test_a_training_log_given_twice_is_refused():
-    with pytest.raises(InputError, match="again: it is the training log log 1: its rows would count twice"):
+    with pytest.raises(InputError, match="again: it is the training log log 1: its rows would be used twice"):
         check_logs(CASE.model, [LOG, OTHER, Log("again", LOG.time, LOG.columns)])
 
 
@@ -279,21 +279,21 @@ def test_positions_at_another_pace_are_warned_about():
 
 def test_a_short_log_is_warned_about():
     assert check_logs(CASE.model, [LOG.between(0.0, 5.0)])[0].startswith(
-        "log 1: 5 s without a break are little"
+        "log 1: 5 s without a break are short"
     )
 
 
 def test_what_cannot_be_known_is_named():
     resting = changed(rudder=np.zeros(len(LOG)))
     said = excitation(CASE.model, [resting])
-    assert any("rudder_torque cannot be known" in s and "rudder stays 0" in s for s in said)
+    assert any("rudder_torque are not excited" in s and "rudder stays 0" in s for s in said)
 
 
 def test_a_log_that_tells_nothing_is_refused():
     rng = np.random.default_rng(0)
     rest = {k: 1e-3 * rng.normal(size=len(LOG)) for k in ("x", "y", "psi", "u", "v", "r")}
     still = Log("still", LOG.time, {**rest, "thrust": 0 * LOG.time, "rudder": 0 * LOG.time})
-    with pytest.raises(InputError, match="still: no coefficient of the model can be known"):
+    with pytest.raises(InputError, match="still: it excites no coefficient of the model"):
         excitation(CASE.model, [still])
 
 

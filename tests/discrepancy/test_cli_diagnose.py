@@ -18,7 +18,7 @@ RUN = [sys.executable, "-m", "hovercontrol.cli", "diagnose"]
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """A model file, a training log and a hold-out log of a craft on a slope."""
+    """A model file, a training log and a held-out log of a craft on a slope."""
     folder = tmp_path_factory.mktemp("diagnose")
     case = make(11, ["slope"], Conditions(duration=12.0, logs=1))
     save_model(case.model, folder / "craft.toml")
@@ -98,6 +98,7 @@ def ends(found, tmp_path, monkeypatch, capsys):
     return code, capsys.readouterr().out.splitlines()
 
 
+@pytest.mark.slow("effect")
 @pytest.mark.parametrize(
     ("kind", "status", "first"),
     [
@@ -172,7 +173,7 @@ def bad(log, kind):
 @pytest.mark.parametrize(
     ("kind", "said"),
     [
-        ("copy", "bad.csv: the hold-out log is the training log a.csv"),
+        ("copy", "bad.csv: the held-out log is the training log a.csv"),
         ("short", "bad.csv: too short"),
         ("degrees", "bad.csv: column 'psi': expected a heading in rad"),
         ("both in degrees", "bad.csv: columns 'psi' and 'r': expected rad and rad/s"),

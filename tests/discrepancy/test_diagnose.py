@@ -15,6 +15,7 @@ def named(found):
     return sorted({e.effect for e in found.effects})
 
 
+@pytest.mark.slow("quadratic", "stribeck", "lag", "rudder_offset", "munk")
 @pytest.mark.parametrize(
     "names",
     [
@@ -44,6 +45,7 @@ def test_hidden_effects_are_named_and_close_the_gap(names):
         assert after <= 1.02 * found.before.nrmse[channel]
 
 
+@pytest.mark.slow
 def test_a_jump_is_found_with_its_time():
     case = make(100, ["parameter_jump"])
     found = diagnose(case.model, case.logs)
@@ -72,6 +74,7 @@ def test_late_commands_and_a_late_clock_are_one_finding_of_two_readings():
     assert found.rivals[0].same
 
 
+@pytest.mark.slow
 def test_measurements_ahead_of_the_commands_are_a_clock():
     case = make(3, ["time_offset"], SHORT)
     seconds = case.truth.effect("time_offset").values["seconds"]
@@ -81,6 +84,7 @@ def test_measurements_ahead_of_the_commands_are_a_clock():
     assert found.effects[0].value == pytest.approx(seconds, abs=2e-3)
 
 
+@pytest.mark.slow("oscillator", "mass")
 @pytest.mark.parametrize("kind", ["oscillator", "patch", "mass"])
 def test_what_no_effect_says_is_not_named(kind):
     case = outside(1, kind, Conditions(duration=40.0))
@@ -89,6 +93,7 @@ def test_what_no_effect_says_is_not_named(kind):
     assert found.effects == () and any(r.there for r in found.remainders)
 
 
+@pytest.mark.slow
 def test_gusts_are_no_effect_and_hide_none():
     case = make(14, ["slope"], Conditions(duration=40.0, gusts=True))
     found = diagnose(case.model, case.logs)
@@ -100,6 +105,7 @@ def test_gusts_are_no_effect_and_hide_none():
     assert found.verdict == "unexplained" and not found.effects
 
 
+@pytest.mark.slow
 def test_in_gusts_what_is_far_from_linear_is_found_by_a_fit():
     case = make(23, ["yaw_stribeck"], Conditions(duration=60.0, gusts=True))  # no score says so
     found = diagnose(case.model, case.logs)
@@ -112,6 +118,7 @@ def test_a_drag_held_by_its_bound_hides_no_other():
     assert (found.verdict, named(found)) == ("effect", ["yaw_stribeck"])
 
 
+@pytest.mark.slow
 def test_faulty_logs_say_what_clean_ones_say():
     case = make(1, ["slope"], Conditions(duration=25.0, faults=True))
     found = diagnose(case.model, case.logs, case.holdout)
@@ -119,6 +126,7 @@ def test_faulty_logs_say_what_clean_ones_say():
     assert found.rows_dropped > 0.03 * sum(len(log) for log in case.logs)
 
 
+@pytest.mark.slow
 def test_mild_laps_name_an_effect_too():
     case = make(16, ["munk_moment"], Conditions(duration=40.0, commands=mild))
     assert named(diagnose(case.model, case.logs)) == ["munk_moment"]
@@ -126,7 +134,7 @@ def test_mild_laps_name_an_effect_too():
 
 def test_the_hold_out_log_must_take_no_part():
     case = make(17, [], Conditions(duration=5.0, logs=1))
-    with pytest.raises(InputError, match="hold-out log is the training log"):
+    with pytest.raises(InputError, match="held-out log is the training log"):
         diagnose(case.model, case.logs, case.logs[0])
 
 

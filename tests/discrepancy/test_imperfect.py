@@ -15,6 +15,7 @@ def test_a_model_predicts_its_own_motion():
     assert misfit(truth, [motion], tuple(NOISE), NOISE) < 0.05
 
 
+@pytest.mark.slow("patch")
 @pytest.mark.parametrize("kind", DISTURBANCES)
 def test_a_disturbance_is_well_above_the_noise_and_every_log_meets_it(kind):
     case = Key("remainder", "", kind, "", 1).case()
@@ -46,6 +47,7 @@ def test_dirty_logs_lose_rows_and_their_stamps_are_off():
     assert 1e-3 < np.std(log.time - 0.01 * np.round(log.time / 0.01)) < 2.5e-3
 
 
+@pytest.mark.slow
 def test_the_fan_craft_turns_and_lags():
     case = Key("fans", lag_of_fans(), "patch", "", 0).case()
     log = case.logs[0]

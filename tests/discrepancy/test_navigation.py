@@ -42,7 +42,7 @@ def navigated(log, rng):
 
 
 def case_of(seed, names, **conditions):
-    """Return model, training logs and hold-out log of a case whose logs a navigation wrote."""
+    """Return model, training logs and held-out log of a case whose logs a navigation wrote."""
     case = make(seed, names, Conditions(duration=40.0, **conditions))
     rng = np.random.default_rng([seed, 2])
     return case.model, [navigated(log, rng) for log in case.logs], navigated(case.holdout, rng)
@@ -115,6 +115,7 @@ def test_drift_is_estimated_beside_the_motion():
         assert left < 0.5 * wrong
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["rudder_offset", "reverse_thrust_loss", "surge_quadratic_drag"])
 def test_effects_are_named_in_spite_of_drift(name):
     model, logs, holdout = case_of(6, [name])

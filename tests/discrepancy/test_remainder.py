@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from hovercontrol.discrepancy.diagnose import base_fit
-from hovercontrol.discrepancy.evidence.remainder import averaging_time, missing_forces, remainders
+from hovercontrol.discrepancy.evidence.remainder import missing_forces, remainders
 from hovercontrol.estimation.data import gather
+from hovercontrol.estimation.noise import averaging_time
 
 from .generator import GUST, GUST_SECONDS, Conditions, make
 
@@ -66,4 +67,4 @@ def test_missing_accelerations_lie_in_their_rows_with_a_band(gusts):
 
 def test_accelerations_are_averaged_over_rows_enough():
     case = make(73, [], Conditions(duration=30.0, dt=0.1, logs=1, noise=0.1))
-    assert averaging_time(base_fit(case.model, gather(case.model, case.logs))) == pytest.approx(0.5)
+    assert averaging_time(base_fit(case.model, gather(case.model, case.logs)).problem) == pytest.approx(0.5)

@@ -129,21 +129,22 @@ def test_a_remainder_is_told_beside_the_name(gusty, pages):
         assert r.rms > 0 and f"in {r.equation[0]}′" in said
     assert "(averaged over 0.2 s), that no known effect explains; it is largest in" in said
     _, text = read(pages["partial"])
-    assert "On the floor" in text and "explained" in text.partition("What remains Root")[2]
+    assert "By position" in text and "explained" in text.partition("What remains Root")[2]
 
 
 def test_two_readings_of_one_finding_are_no_doubt(late):
     said = headline(late.found)
     assert late.found.verdict == "effect"
     assert re.fullmatch(
-        r"Missing: input delay, \S+ ± \S+ s \(or time offset: every log shows both alike\)\.", said
+        r"Missing: input delay, \S+ ± \S+ s \(or time offset: both have the same effect on every log\)\.",
+        said,
     )
 
 
 def test_what_cannot_be_told_apart_is_named_together(windy, pages):
     assert windy.found.verdict == "ambiguous"
-    assert headline(windy.found).endswith("or else slope: these logs cannot tell which.")
-    assert "Cannot be told apart by these logs" in read(pages["ambiguous"])[1]
+    assert headline(windy.found).endswith("or else slope: these logs do not distinguish them.")
+    assert "Not distinguished by these logs" in read(pages["ambiguous"])[1]
 
 
 def test_what_is_unexplained_has_leads_and_no_name(patched, pages):
@@ -151,7 +152,7 @@ def test_what_is_unexplained_has_leads_and_no_name(patched, pages):
     assert d.verdict == "unexplained" and d.leads
     assert headline(d).startswith("Missing: something that no known effect explains; nearest come")
     _, text = read(pages["unexplained"])
-    assert "They are leads, not findings." in text and d.leads[0].reason in text
+    assert "They are hints, not findings." in text and d.leads[0].reason in text
     assert "the amended model" not in text.replace("the amended model still needs", "")
 
 
@@ -194,7 +195,7 @@ def test_coefficients_that_hide_what_is_missing_are_shown(sloping, pages, tmp_pa
 
 def test_blocks_that_tell_nothing_are_left_out_of_the_picture(sloping, pages):
     content = pages["effect"].read_text(encoding="utf-8")
-    picture = re.search(r'aria-label="slope, in parts of the whole">(.*?)</svg>', content)[1]
+    picture = re.search(r'aria-label="slope, relative to the size on all logs">(.*?)</svg>', content)[1]
     assert picture.count('<circle class="log0"') == sloping.found.evidence["slope"].blocks.n
 
 

@@ -12,9 +12,9 @@ from hovercontrol.discrepancy.report import pictures, write_report
 from hovercontrol.discrepancy.report.context import Context
 from hovercontrol.discrepancy.report.equations import equations
 from hovercontrol.discrepancy.report.free_run import FreeRun
-from hovercontrol.discrepancy.report.html import grid
 from hovercontrol.discrepancy.report.page import page as html
 from hovercontrol.discrepancy.report.svg import Plot, labelled
+from hovercontrol.discrepancy.report.templates import figures
 from hovercontrol.effects import effect
 from hovercontrol.models.model import Model
 
@@ -134,6 +134,21 @@ def test_on_a_phone_nothing_that_matters_is_cut(report):
 
 
 @browsed
+def test_on_paper_a_page_is_light_and_nothing_stays_folded(report):
+    async def look(page):
+        await page.call("Emulation.setEmulatedMedia", media="print")
+        await page.value("document.querySelectorAll('details').forEach(d => d.open = false)")
+        assert contrast(await page.value("getComputedStyle(document.body).color"), "rgb(255, 255, 255)") > 10
+        shown = await page.value(
+            "[...document.querySelectorAll('details > :not(summary)')].map(e => e.checkVisibility("
+            "{contentVisibilityAuto: true}) && e.getBoundingClientRect().height > 0)"
+        )
+        assert shown and all(shown)
+
+    looked_at(report, look, dark=True)
+
+
+@browsed
 def test_a_new_term_wider_than_a_phone_is_seen_whole(sloping, tmp_path):
     model = sloping.found.refitted
     added = [effect("wind", x=0.3, y=0.1), effect("slope", x=0.1)]
@@ -150,7 +165,7 @@ def test_labels_of_any_numbers_stand_apart_and_inside(tmp_path):
     ranges = [(1.7e9, 1.7e9 + 12), (-3e-7, 2e-7), (-1e-4, 1e-4), (-123456.0, 98765.0), (99.98, 100.03)]
     plots = [Plot(x, y, "error of the starboard wheel's speed over ground") for x in ranges for y in ranges]
     path = tmp_path / "plots.html"
-    path.write_text(html("plots", [grid(plot.svg("rad/s²", "m/s") for plot in plots)]), encoding="utf-8")
+    path.write_text(html("plots", [figures(plot.svg("rad/s²", "m/s") for plot in plots)]), encoding="utf-8")
 
     async def look(page):
         assert await page.value("document.querySelectorAll('svg text').length") > 25 * 6
@@ -209,7 +224,7 @@ def test_many_starts_are_not_marked():
 
 def test_the_legend_says_when_runs_start_afresh(report):
     text = report.read_text(encoding="utf-8")
-    assert re.search(r"about every \d+ s one starts afresh: there the line breaks", text)
+    assert re.search(r"about every \d+ s a new run starts: there the line breaks", text)
     assert '<span class="start">start of a run</span>' in text
 
 

@@ -1,4 +1,4 @@
-"""What a search and its remainders amount to."""
+"""The verdict from a search and its remainders."""
 
 from types import SimpleNamespace
 

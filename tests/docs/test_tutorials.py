@@ -28,6 +28,7 @@ def test_scripts_with_a_tutorial_are_shown_in_it():
         assert f"{{literalinclude}} {script.name}" in script.with_suffix(".md").read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_the_cable_of_a_users_own_machine_is_named_from_closed_loop_logs(tmp_path):
     script = TUTORIALS / "own_machine.py"
     done = subprocess.run(
@@ -78,6 +79,7 @@ def test_the_calibration_finds_what_its_benches_were_drawn_with(tmp_path):
     }
 
 
+@pytest.mark.slow
 def test_the_real_crafts_fans_lag(tmp_path):
     data = Path(os.environ.get("HOVERCONTROL_DATA", TUTORIALS.parents[2] / "shared" / "data")) / "holohover"
     if not (data / "h1_aligned.csv").exists():

@@ -56,6 +56,7 @@ def test_an_actuator_with_a_limited_rate_is_never_faster(name):
     assert np.abs(error).max() < 1.05 * 1.5 * (TAU + DT)
 
 
+@pytest.mark.slow("thrust")
 @pytest.mark.parametrize(
     ("name", "numbers"),
     [

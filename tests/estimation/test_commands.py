@@ -6,7 +6,6 @@ import pytest
 from hovercontrol.effects import effect
 from hovercontrol.estimation.commands import Arrival, command_times, input_states
 from hovercontrol.estimation.measure import measure
-from hovercontrol.estimation.subject import motion_of
 from hovercontrol.logs import Log
 from hovercontrol.models.vehicles import c17_simulation
 
@@ -17,7 +16,7 @@ COMMANDS = np.array([[1.0, 3.0, -2.0, 0.5], [0.0, 0.1, 0.2, 0.3]])
 def arrival(*effects):
     model = c17_simulation().with_effects(effects)
     block = model.plant()
-    return block, Arrival(block, TIME, COMMANDS, motion_of(model))
+    return block, Arrival(block, TIME, COMMANDS, model.motion)
 
 
 def test_means_are_integrals_of_held_values():
@@ -54,8 +53,8 @@ def test_a_lag_is_that_of_its_equation(delay):
 def test_states_that_follow_from_more_than_inputs_are_none():
     model = c17_simulation()
     lagging = model.with_effects([effect("thrust_lag", seconds=0.1), effect("rudder_lag", seconds=0.1)])
-    assert input_states(model.plant(), motion_of(model)) == ()
-    assert input_states(lagging.plant(), motion_of(model)) == (6, 7)
+    assert input_states(model.plant(), model.motion) == ()
+    assert input_states(lagging.plant(), model.motion) == (6, 7)
 
 
 def test_motion_is_no_part_of_the_commands_way(cart):

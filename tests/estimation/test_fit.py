@@ -138,7 +138,7 @@ def test_nothing_is_held_of_what_was_added():
 
 def test_unknowns_stay_within_their_bounds(fitted, cart, pushed_log):
     drag, gain = cart.parameters
-    narrow = replace(cart, parameters=(drag.but(start=0.3, upper=0.3), gain))
+    narrow = replace(cart, parameters=(drag.replace(start=0.3, upper=0.3), gain))
     fit = fitted(subject_of(narrow), [pushed_log()])
     assert fit.p[fit.problem.names.index("cart.drag")] == 0.3  # the truth is 0.6
     assert fit.movable.tolist() == [fit.problem.names.index("cart.gain")]

@@ -5,7 +5,7 @@ import pytest
 
 from hovercontrol.errors import InputError
 from hovercontrol.estimation.measure import measure
-from hovercontrol.estimation.rows import LEAST_BLOCKS, MOST_BLOCKS, STRETCH, arrange
+from hovercontrol.estimation.rows import BLOCKING, arrange
 from hovercontrol.logs import Log
 
 
@@ -35,7 +35,7 @@ def test_every_row_is_in_one_block_with_its_time_and_value(arranged):
         np.testing.assert_array_equal(rows.values[own][:, 0], log.values[0, at])
     assert (np.diff(rows.time, axis=0) >= 0.0).all()
     assert (rows.block_log[rows.block] == rows.log).all()
-    assert LEAST_BLOCKS <= len(rows.block_log) <= MOST_BLOCKS
+    assert BLOCKING.least_blocks <= len(rows.block_log) <= BLOCKING.most_blocks
     assert rows.seconds.std() < 0.2 * rows.seconds.mean()
 
 
@@ -68,7 +68,7 @@ def test_a_very_long_gap_ends_a_block(arranged):
 def test_long_blocks_are_filtered_in_stretches_side_by_side(arranged):
     _, rows = arranged(0.002 * np.arange(20_000))
     assert len(rows.block_log) < len(rows.log)
-    assert rows.time.shape[0] < 2 * STRETCH + 2
+    assert rows.time.shape[0] < 2 * BLOCKING.stretch + 2
     sums = rows.by_block(np.ones(len(rows.log)))
     assert sums.sum() == len(rows.log) and sums.shape == rows.block_log.shape
     assert rows.seconds.min() > 1.0

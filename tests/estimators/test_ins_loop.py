@@ -3,6 +3,7 @@
 from functools import cache
 
 import numpy as np
+import pytest
 import sympy as sp
 
 from hovercontrol.core.block import Block
@@ -73,6 +74,7 @@ def assert_right(found, variances, limits):
         assert np.mean(off**2 / found[variances[name]]) < 6, name  # within about its own deviation
 
 
+@pytest.mark.slow
 def test_raw_ranges_of_cricket_show_pose_and_heading():
     """Two units in turn, K06's cone-angle error, 45 degrees of hearing; 0.2 rad off at the start."""
     beacons = k06_beacons()
@@ -91,6 +93,7 @@ def test_raw_ranges_of_cricket_show_pose_and_heading():
     assert_right(found, variances, {"x": 0.03, "y": 0.03, "psi": 0.1})
 
 
+@pytest.mark.slow
 def test_cricket_aids_k06s_navigation():
     """Fixes of the first unit and the heading of two, once a second, as K06 flew; no latency here."""
     beacons = k06_beacons()

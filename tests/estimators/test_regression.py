@@ -68,7 +68,7 @@ def test_a_coefficient_behind_a_definition_is_found():
     ("names", "message"),
     [
         (["yaw_colomb"], "did you mean 'yaw_coulomb'"),
-        (["thrust", "plant.thrust"], "asked for twice"),
+        (["thrust", "plant.thrust"], "given twice"),
     ],
 )
 def test_wrong_names_are_refused(names, message):

@@ -41,7 +41,7 @@ VARIABLES = {
 TUNABLE = {"gain"}
 DEPENDS = {"z": "u", "echo": "mode", "off": "on", "w": "v", "sum": "byte gear"}
 TROUBLE = dict(
-    error=1, discard=2, crash=3, hang=4, exit=5, fatal=6, end=7, early=8, print=9, not_ready=10
+    error=1, discard=2, crash=3, hang=4, exit=5, fatal=6, end=7, early=8, print=9, not_ready=10, last=11
 )  # as in probe.c
 DEFAULT = ["u", "x", "z", "k", "gain", "trouble", "at", "x0", "stale", "strict", "follow"]
 

@@ -69,11 +69,12 @@ def table(block):
     return np.array(list(zip(TIMES, *SENT, strict=True)), dtype=types)
 
 
+@pytest.mark.slow("lag")
 @pytest.mark.parametrize("version", [2, 3])
 @pytest.mark.parametrize("name", BLOCKS)
 def test_co_simulation_gives_the_machine_codes_numbers(written, name, version):
     block = BLOCKS[name]
-    expected = block.compile().simulate(TIMES, SENT, **TIGHT)
+    expected = block.compile(friction="events").simulate(TIMES, SENT, **TIGHT)
     found = fmpy.simulate_fmu(
         str(written[name, version]), fmi_type="CoSimulation", input=table(block), stop_time=TIMES[-1],
         output_interval=STEP, relative_tolerance=1e-9,
@@ -89,7 +90,9 @@ def test_co_simulation_gives_the_machine_codes_numbers(written, name, version):
 def test_model_exchange_stops_at_every_arrival(written, name, version):
     """FMPy announces jumps of discrete inputs as events, and integrates by CVode."""
     block = BLOCKS[name]
-    expected = block.compile().simulate(TIMES, SENT if name == "craft" else [0 * TIMES, SENT[1]], **TIGHT)
+    expected = block.compile(friction="events").simulate(
+        TIMES, SENT if name == "craft" else [0 * TIMES, SENT[1]], **TIGHT
+    )
     given = table(block)
     if name == "lag":
         given["fast"] = 0.0  # which is continuous: FMPy would interpolate it

@@ -39,12 +39,14 @@ def names(path):
         return archive.namelist()
 
 
+@pytest.mark.slow("loop", "estimator", "waypoints")
 @pytest.mark.parametrize("version", [2, 3])
 @pytest.mark.parametrize("name", BLOCKS)
 def test_fmpy_finds_nothing_wrong_in_any_fmu(name, version):
     assert validate_fmu(str(exported(name, version))) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("version", [2, 3])
 def test_two_builds_in_two_folders_by_two_processes_are_the_same_bytes(version, tmp_path):
     code = "import hovercontrol, sys; hovercontrol.vehicle('four_fan').plant().to_fmu({}, version={})"
@@ -63,6 +65,7 @@ def test_two_builds_in_two_folders_by_two_processes_are_the_same_bytes(version, 
     assert len(found) == 1
 
 
+@pytest.mark.slow
 def test_two_processes_at_once_with_one_empty_cache_write_the_same_bytes(tmp_path):
     code = "import hovercontrol; hovercontrol.vehicle('hoverdemon').plant().to_fmu('{}.fmu')"
     own = {**os.environ, "HOVERCONTROL_CACHE": str(tmp_path / "cache")}

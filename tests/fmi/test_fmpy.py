@@ -99,7 +99,7 @@ def test_exact_friction_is_that_of_the_compiled_block(seed):
     block = BLOCKS["plant"]
     params, start, inputs = random_run(block, seed)
     inputs[:, 40:] = 0.0  # coast until everything sticks
-    response = block.compile().simulate(
+    response = block.compile(friction="events").simulate(
         GRID, np.column_stack([inputs, inputs[:, -1:]]), start, params, rtol=1e-11, atol=1e-13
     )
     expected = response.outputs.T
@@ -112,6 +112,7 @@ def test_exact_friction_is_that_of_the_compiled_block(seed):
             np.testing.assert_array_equal(found == 0.0, expected == 0.0)  # it sticks at exactly zero
 
 
+@pytest.mark.slow("ModelExchange")
 @pytest.mark.parametrize("version", [2, 3])
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_whole_loop_is_the_compiled_loop(version, kind):
@@ -146,6 +147,7 @@ def instance(name, friction="events"):
     return fmu, description
 
 
+@pytest.mark.slow("estimator")
 @pytest.mark.parametrize("name", BLOCKS)
 def test_every_listed_variable_reads_as_the_block_computes_it(name):
     """Value references of the description are those of the binary."""

@@ -55,11 +55,13 @@ def native(folder):
     return run(folder, "x86_64-linux", "x86_64-linux-gnu.2.17")
 
 
+@pytest.mark.slow
 def test_the_native_run_moves_and_sticks(native):
     last = native[:-3].reshape(-1, 6)
     assert abs(last[0, 3]) > 0.05 and (last[-1, 3:] == 0.0).any()
 
 
+@pytest.mark.slow
 def test_aarch64_linux_computes_the_same(folder, native):
     emulator = shutil.which("qemu-aarch64") or shutil.which("qemu-aarch64-static")
     if emulator is None or not (ARM / "lib").is_dir():
@@ -68,6 +70,7 @@ def test_aarch64_linux_computes_the_same(folder, native):
     np.testing.assert_allclose(found, native, rtol=1e-12, atol=1e-13)
 
 
+@pytest.mark.slow
 def test_windows_computes_the_same(folder, native, tmp_path):
     wine = shutil.which("wine64") or shutil.which("wine")
     if wine is None:

@@ -24,7 +24,7 @@ def fmu(request, tmp_path_factory):
 
 def test_its_steps_are_those_of_the_block(fmu):
     params = {"plant.yaw_coulomb": 0.4}
-    block = CRAFT.compile().start(params=params, inputs=[1.0, 0.0], time=2.0)
+    block = CRAFT.compile(friction="events").start(params=params, inputs=[1.0, 0.0], time=2.0)
     with fmu.start(None, params, inputs={"thrust": 1.0}, time=2.0) as run:
         assert run.input_labels == block.input_labels and run.output_labels == block.output_labels
         assert run.params["plant.yaw_coulomb"] == 0.4

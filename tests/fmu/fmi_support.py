@@ -25,6 +25,7 @@ from hovercontrol.fmi.exporter.sources import fmu_sources
 from hovercontrol.fmi.exporter.variables import Interface
 from hovercontrol.scenarios import load_scenario
 from hovercontrol.scenarios.runner import loop_parts
+from hovercontrol.targets.runtime import FMI
 
 from .support import RUNTIME
 
@@ -44,7 +45,7 @@ def driven() -> Block:
         Signal("width", "m/s"),
     )
     derivative = size.symbol * sp.sin(rate.symbol * time) - c.symbol * sgn(v.symbol, width.symbol)
-    return Block("driven", (v,), (), (v,), (c, size, rate, width.but(start=1e-3)), {"v": derivative})
+    return Block("driven", (v,), (), (v,), (c, size, rate, width.replace(start=1e-3)), {"v": derivative})
 
 
 def axes() -> Block:
@@ -390,23 +391,13 @@ def official_functions(version: int) -> set[str]:
 def check_official_headers(compiler: str, version: int, folder: Path) -> None:
     """The binding compiles with the standard's own types and prototypes for ours, and our types are those."""
     headers = Path(fmpy.__file__).parent / "c-code"
-    binding = RUNTIME / f"hc_fmi{version}.c"
+    bindings = [RUNTIME / name for name in FMI[version] if name.endswith(".c")]
     first = "fmi2TypesPlatform.h" if version == 2 else "fmi3PlatformTypes.h"
     official = [first, f"fmi{version}FunctionTypes.h", f"fmi{version}Functions.h"]
     included = [part for name in official for part in ("-include", headers / name)]
-    run(
-        [
-            compiler,
-            *STRICT,
-            *included,
-            f"-I{headers}",
-            f"-I{RUNTIME}",
-            "-c",
-            binding,
-            "-o",
-            folder / "binding.o",
-        ]
-    )
+    folders = [f"-I{headers}", f"-I{RUNTIME}"]
+    for binding in bindings:
+        run([compiler, *STRICT, *included, *folders, "-c", binding, "-o", folder / "binding.o"])
 
     names = set(re.findall(rf"\bfmi{version}[A-Z]\w*", (RUNTIME / f"hc_fmi{version}.h").read_text()))
     text = "".join((headers / name).read_text() for name in official)

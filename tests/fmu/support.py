@@ -12,13 +12,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-import hovercontrol
+from hovercontrol.targets.runtime import SIMULATION, runtime_folder
 
-RUNTIME = Path(hovercontrol.__file__).parent / "fmu"
+RUNTIME = runtime_folder()
 MODELS = Path(__file__).parent / "models"
-SOURCES = [
-    RUNTIME / f"hc_{part}.c" for part in ("solver", "events", "friction", "ticks", "simulate", "lanes")
-]
+SOURCES = [RUNTIME / name for name in SIMULATION if name.endswith(".c") and name != "hc_runner.c"]
 STRICT = ["-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror"]
 
 DORMAND_PRINCE, RK4 = 0, 1

@@ -18,6 +18,11 @@ VERSIONS = pytest.mark.parametrize("version", [2, 3])
 GRID = np.linspace(0.0, 20.0, 2001)
 
 
+def sticking(block):
+    """The compiled Block with the dry friction that its FMU has."""
+    return compile_block(block, friction="events")
+
+
 def march(instance, times):
     rows = [instance.states()]
     for begin, end in pairwise(times):
@@ -49,7 +54,7 @@ def test_co_simulation_is_the_compiled_simulation(fmu, version):
     built, times = fmu("axes", version), np.linspace(0.0, 5.0, 501)
     instance = built.open(CS).start(tolerance=1e-6)
     found = march(instance, times)
-    expected = compile_block(built.interface.block).simulate(times, rtol=1e-6, atol=1e-9).states.T
+    expected = sticking(built.interface.block).simulate(times, rtol=1e-6, atol=1e-9).states.T
     np.testing.assert_array_equal(found[:480], np.asarray(expected)[:480])
     instance.close()
 
@@ -63,7 +68,7 @@ def test_constant_inputs(fmu, version):
     instance.start(tolerance=1e-10)
     found = march(instance, times)
     inputs = np.tile([[3.0], [0.4]], 301)
-    expected = compile_block(block).simulate(times, inputs, rtol=1e-11, atol=1e-13).states.T
+    expected = sticking(block).simulate(times, inputs, rtol=1e-11, atol=1e-13).states.T
     assert np.abs(found - np.asarray(expected)).max() < 1e-8
     instance.close()
 
@@ -88,7 +93,7 @@ def test_inputs_that_jump_at_every_step(fmu, version, length, tolerance, gap):
         instance.step(times[k], times[k + 1] - times[k])
         rows.append(instance.states())
     found, options = np.array(rows), {"rtol": 1e-12, "atol": 1e-13, "x0": x0}
-    expected = compile_block(built.interface.block).simulate(times, u.T, **options).states.T
+    expected = sticking(built.interface.block).simulate(times, u.T, **options).states.T
     assert np.abs(found - expected).max() < gap
     assert ((found[:, [3, 5]] == 0.0) == (np.asarray(expected)[:, [3, 5]] == 0.0)).mean() > 0.99
     instance.close()
@@ -124,7 +129,7 @@ def test_conditions_on_time_are_not_smeared(fmu, version):
     found = march(instance, times)[:, 0]
     instance.close()
 
-    compiled = compile_block(fmu("follower", version).interface.block)
+    compiled = sticking(fmu("follower", version).interface.block)
     expected = compiled.simulate(times, np.zeros((1, 41)), rtol=1e-11, atol=1e-12).states[0]
     assert np.abs(found - expected).max() < 1e-8
 
@@ -224,7 +229,7 @@ def test_time_events_under_cvode(fmu, version):
     model = fmu("follower", version).open(ME)
     found, events = integrate(model, times, 1e-10)
     block = fmu("follower", version).interface.block
-    expected = compile_block(block).simulate(times, np.zeros((1, 41)), rtol=1e-11, atol=1e-12).states.T
+    expected = sticking(block).simulate(times, np.zeros((1, 41)), rtol=1e-11, atol=1e-12).states.T
     assert events == 2
     assert np.abs(found - expected).max() < 1e-6
     model.close()

@@ -7,11 +7,13 @@ import subprocess
 
 import pytest
 
+from hovercontrol.targets.runtime import DELAYS, FMI, INSTANCE
+
 from .fmi_support import BLOCKS, STRICT, run, write_sources
 from .support import MODELS, RUNTIME
 
 HERE = MODELS.parent
-BINDINGS = ["hc_component.c", "hc_fmi2.c", "hc_fmi3.c", "hc_delays.c"]
+BINDINGS = [name for name in (*INSTANCE, *FMI[2], *FMI[3], *DELAYS) if name.endswith(".c")]
 MEMORY = "-fsanitize=address,undefined,float-divide-by-zero -fno-sanitize-recover=all"
 COMPILERS = [name for name in ("gcc", "clang") if shutil.which(name)]
 
@@ -33,22 +35,24 @@ def drive(compiler, folder, version, name, flags, *arguments):
     if subprocess.run([str(c) for c in command], capture_output=True).returncode:
         pytest.skip(f"{compiler} cannot build with {flags} here")
     build = [compiler, *STRICT, "-D_POSIX_C_SOURCE=200809L", "-g", "-O1", *flags.split(), f"-I{folder}"]
-    build += ["-include", folder / "hc_names.h"]  # the driver calls the FMU's own symbols
     run([*build, *sources, HERE / f"fmi{version}_sanitised.c", "-o", program, "-lm", "-lpthread"])
     run([program, *arguments])
 
 
+@pytest.mark.slow("run", "misuse")
 @pytest.mark.parametrize("what", ["cycles", "run", "misuse"])
 def test_memory_of_fmi3(compiler, tmp_path, what):
     drive(compiler, tmp_path, 3, "plant", MEMORY, what)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["axes", "follower", "controller", "remembers"])
 def test_memory_of_other_models(compiler, tmp_path, name):
     for what in ("run", "misuse"):
         drive(compiler, tmp_path, 3, name, MEMORY, what)
 
 
+@pytest.mark.slow("remembers")
 @pytest.mark.parametrize("name", ["plant", "remembers"])
 def test_memory_of_fmi2(compiler, name, tmp_path):
     drive(compiler, tmp_path, 2, name, MEMORY)

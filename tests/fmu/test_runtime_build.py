@@ -11,7 +11,8 @@ from hovercontrol import interconnect
 from hovercontrol.controllers import tracking_controller
 from hovercontrol.controllers.references import circle
 from hovercontrol.models.vehicles import c17_simulation
-from hovercontrol.targets.c import c_source, lanes_source
+from hovercontrol.targets.c import c_source
+from hovercontrol.targets.c_lanes import lanes_source
 
 from .support import MODELS, OK, RUNTIME, SOURCES, STRICT, compile_c
 
@@ -51,6 +52,7 @@ def test_only_names_with_the_prefix_are_exported(compiler, tmp_path):
     assert all(name.startswith("hc_") for name in names)
 
 
+@pytest.mark.slow("linked", "smooth", "contradiction")
 @pytest.mark.parametrize("name", PARAMETERS)
 def test_sanitisers_find_nothing(compiler, name, tmp_path):
     lines = run_sanitised(compiler, [MODELS / f"{name}.c"], PARAMETERS[name], tmp_path)
@@ -58,6 +60,7 @@ def test_sanitisers_find_nothing(compiler, name, tmp_path):
         assert all(set(line.rsplit(" ", 1)[0]) <= {str(OK), " "} for line in lines), lines
 
 
+@pytest.mark.slow("True")
 @pytest.mark.parametrize("closed", [True, False])
 def test_sanitisers_find_nothing_in_lanes(compiler, closed, tmp_path):
     """C17's craft, generated, so that runs ride in lanes and get off at events, rows and jumps."""

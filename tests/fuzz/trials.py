@@ -208,7 +208,7 @@ def _fmu() -> bytes:
 
 
 def an_archive_is_read(rng: Random, folder: Path) -> int:
-    from hovercontrol.fmi.importer.imported import _open
+    from hovercontrol.fmi.importer.unpacked import open_source
 
     raw = _fmu()
     if rng.random() < 0.6:  # another model description in a sound archive
@@ -226,7 +226,7 @@ def an_archive_is_read(rng: Random, folder: Path) -> int:
     else:
         raw = mutate.data(rng, raw)
     (folder / "a.fmu").write_bytes(raw)
-    return call(lambda: _open(folder / "a.fmu"))
+    return call(lambda: open_source(folder / "a.fmu"))
 
 
 # ---- words of the command line -------------------------------------------------------------------------

@@ -73,7 +73,7 @@ def test_a_round_trip_takes_what_both_links_take():
     plant = Block("plant", [clock], [], [clock], derivatives={"clock": 1})
     down = empirical_delay([clock], bluetooth_delays("linksys_22.0_downlink"), 0.0065536, name="downlink")
     up = empirical_delay(
-        [clock.but(name="clock_received")], bluetooth_delays("linksys_22.0_uplink"), 0.02, name="uplink"
+        [clock.replace(name="clock_received")], bluetooth_delays("linksys_22.0_uplink"), 0.02, name="uplink"
     )
     run = simulate_hybrid(plant, [down, up], 1.5)
     late = (run.time - run.outputs[run.output_labels.index("clock_received_received")])[200:]

@@ -26,6 +26,7 @@ RUN = (
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", PARTS)
 def test_every_part_has_a_valid_description_and_says_what_it_is(name, tmp_path):
     part = PARTS[name]

@@ -222,7 +222,7 @@ def test_compensation_amplifies_noise_above_the_band():
 
 def test_plant_gyro_and_imu_run_together():
     plant = with_specific_force(hoverdemon().plant())
-    push = [p.but(name=f"{p.name}_set", start=v) for p, v in zip(plant.inputs, (0.26, 0.1), strict=True)]
+    push = [p.replace(name=f"{p.name}_set", start=v) for p, v in zip(plant.inputs, (0.26, 0.1), strict=True)]
     pilot = Block(
         "pilot",
         outputs=plant.inputs,

@@ -208,7 +208,7 @@ def test_the_side_is_a_parameter_of_a_solver_of_two_beacons_only():
     for side in (1.0, -1.0):
         told = two.to_numpy().outputs(0.0, (), [*rho, 1, 1], {"range_solver.side": side})
         assert told == pytest.approx([0.5, 0.7 * side, 0.0, 1.0], abs=1e-9)
-    with pytest.raises(InputError, match="of two beacons `side` tells the place"):
+    with pytest.raises(InputError, match="with two beacons `side` decides between"):
         range_solver(Beacons([(0, 0), (2, 0)], 2.0), previous=True)
     more = range_solver(k06_beacons(), side=-1)
     assert "side" not in [s.name for s in more.parameters]

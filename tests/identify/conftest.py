@@ -125,7 +125,7 @@ def cart_log(cart: Block) -> Callable[..., Log]:
         t = np.arange(0.0, seconds, 0.05)
         force = held(rng, t, 0.6, -1, 1)
         truth = {"cart.drag": drag, "cart.gain": gain}
-        free = replace(cart, parameters=tuple(p.but(lower=-np.inf) for p in cart.parameters))
+        free = replace(cart, parameters=tuple(p.replace(lower=-np.inf) for p in cart.parameters))
         p = simulate(free, t, {"F": force}, params=truth, rtol=1e-7).states[0]
         return Log(f"cart {seed}", t, {"p": p + noise * rng.standard_normal(t.size), "F": force})
 

@@ -294,11 +294,11 @@ def test_a_fit_that_does_not_explain_the_log_says_how_much_remains(rudder_log):
 def test_a_model_that_moves_by_the_commands_of_another_run_predicts_nothing(cart, cart_log, rudder_log):
     log, other = cart_log(1, seconds=60.0), cart_log(2, seconds=60.0)
     found = identify(cart, [log.with_columns({"F": other["F"]})])
-    assert "this model predicts nothing" in found.table(), found.table()
+    assert "this model does not predict the motion" in found.table(), found.table()
     assert "0.25 s ahead it is no better than that velocities stay" in found.misfit
     craft, turned = rudder_log(POSE, seconds=20), rudder_log(POSE, seconds=20, seed=2)
     found = identify(c17_experiment(), [craft.with_columns({"rudder": turned["rudder"]})])
-    assert "it predicts nothing of r; something is missing or wrong" in found.misfit
+    assert "it does not predict r; something is missing or wrong" in found.misfit
 
 
 def test_what_a_model_lacks_is_told_in_its_equation_and_does_not_bend_the_others(rudder_log):

@@ -1,4 +1,4 @@
-"""Files and folders of results appear whole or not at all, whatever happens meanwhile."""
+"""Files and folders of results are written atomically, whatever happens meanwhile."""
 
 import os
 import resource
@@ -9,11 +9,11 @@ import pytest
 
 from hovercontrol.errors import InputError
 from hovercontrol.io import files
-from hovercontrol.io.files import check_folder, readable, write_folder, write_whole
+from hovercontrol.io.files import check_folder, readable, write_atomically, write_folder
 
 
 def test_the_file_and_its_folder_appear(tmp_path):
-    path = write_whole(tmp_path / "new" / "model.toml", lambda p: p.write_text("[plant]\n"))
+    path = write_atomically(tmp_path / "new" / "model.toml", lambda p: p.write_text("[plant]\n"))
     assert path.read_text() == "[plant]\n"
     assert [p.name for p in path.parent.iterdir()] == ["model.toml"]
 
@@ -27,21 +27,21 @@ def test_a_failure_leaves_the_old_file_and_no_litter(tmp_path):
         raise OSError("disk full")
 
     with pytest.raises(InputError, match=r"model\.toml: cannot be written: disk full"):
-        write_whole(path, fail)
+        write_atomically(path, fail)
     assert path.read_text() == "old"
     assert [p.name for p in tmp_path.iterdir()] == ["model.toml"]
 
 
 def test_the_writer_sees_the_same_suffix(tmp_path):
     seen = []
-    write_whole(tmp_path / "log.csv", lambda p: seen.append(p.suffix))
+    write_atomically(tmp_path / "log.csv", lambda p: seen.append(p.suffix))
     assert seen == [".csv"]
 
 
 def test_permissions_follow_the_umask(tmp_path):
     old = os.umask(0o027)
     try:
-        path = write_whole(tmp_path / "model.toml", lambda p: p.write_text("x"))
+        path = write_atomically(tmp_path / "model.toml", lambda p: p.write_text("x"))
     finally:
         os.umask(old)
     assert path.stat().st_mode & 0o777 == 0o640
@@ -150,7 +150,7 @@ def test_a_killed_run_leaves_old_or_new_and_the_next_clears_up(tmp_path, as_one)
 def test_a_running_neighbour_is_left_alone(tmp_path):
     theirs = tmp_path / files._prefix().replace(str(os.getpid()), "1")
     theirs.mkdir()
-    write_whole(tmp_path / "a.txt", lambda path: path.write_text("1"))
+    write_atomically(tmp_path / "a.txt", lambda path: path.write_text("1"))
     assert theirs.exists()
 
 
@@ -184,6 +184,6 @@ def test_impossible_paths_are_one_line(circle, tmp_path):
                 call(path)
             assert "\n" not in str(error.value) and len(str(error.value)) < 400
     for path in (circle / "c", tmp_path / ("x" * 300), "a\0b"):
-        for write in (write_whole, write_folder):
+        for write in (write_atomically, write_folder):
             with pytest.raises(InputError, match="cannot be written"):
                 write(path, lambda place: None)

@@ -90,7 +90,7 @@ def test_wrong_units_are_findings_and_no_exceptions(log, change, line):
     assert found.negative and len(found.errors) == 1
     assert re.search(line, found.errors[0]), found.errors
     assert found.coefficients == () and len(found.logs) == 1
-    assert "must be mended" in found.text()
+    assert "must be corrected" in found.text()
 
 
 def test_what_the_commands_do_not_excite_is_told():
@@ -154,7 +154,7 @@ def test_the_sample_log_without_a_model(capsys, monkeypatch, tmp_path):
     monkeypatch.setattr(sys, "argv", ["hovercontrol", "check", str(sample_path())])
     with pytest.raises(SystemExit) as done:
         cli.main()
-    assert done.value.code == 0 and "nothing looks wrong" in capsys.readouterr().out
+    assert done.value.code == 0 and "no error found" in capsys.readouterr().out
 
 
 def test_a_log_of_a_navigation_is_told_from_one_with_wrong_poses():
@@ -163,4 +163,4 @@ def test_a_log_of_a_navigation_is_told_from_one_with_wrong_poses():
     still = {name: 1e-4 * rng.normal(size=t.size) for name in ("y", "psi", "v", "r")}
     moves = {"x": 0.5 * t + fixes + 1e-4 * rng.normal(size=t.size), "u": 0.5 + 1e-3 * rng.normal(size=t.size)}
     found = facts(Log("ins.csv", t, still | moves))
-    assert found.rejected == () and "written by a navigation" in found.remarks[0]
+    assert found.rejected == () and "output of a navigation" in found.remarks[0]

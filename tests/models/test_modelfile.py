@@ -50,12 +50,12 @@ def models(draw):
         chosen = {n: e for n, e in chosen.items() if not n.startswith("fan_")}
     chosen = {n: e for n, e in chosen.items() if e.instead_of not in chosen}
     upper = draw(st.floats(0.1, 100))
-    thrust = THRUST.but(
+    thrust = THRUST.replace(
         unit=draw(st.sampled_from(["1", "N", "A", "kg*m/s^2"])),
         upper=upper,
         description=draw(st.text(st.characters(codec="utf-8"), max_size=20)),
     )
-    rudder = RUDDER.but(lower=-upper, upper=upper) if draw(st.booleans()) else RUDDER
+    rudder = RUDDER.replace(lower=-upper, upper=upper) if draw(st.booleans()) else RUDDER
     return Model(
         draw(names | st.text(st.characters(codec="utf-8"), min_size=1, max_size=12)),
         list(chosen.values()),

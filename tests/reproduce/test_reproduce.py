@@ -48,7 +48,9 @@ def test_what_fails_is_told_and_the_others_are_rebuilt(tmp_path):
     assert first["failure"] == "ValueError: no sample" and "'f' was not measured" in third["failure"]
     assert second["printed"][0]["ours"] == 0.2 and second["files"] == ["c17_fig_3/e.csv"]
     page = (tmp_path / "index.html").read_text()
-    assert "&lt;drag&gt;" in page and "1 differs" in page and "failed" in page
+    assert "&lt;drag&gt;" in page and "1 differs" in page and "2 failed" in page
+    assert "Hovercraft Control With Dynamic Parameters Identification" in page and 'name="viewport"' in page
+    assert "hovercontrol reproduce c17 --only &quot;fig 3&quot;" in page
     assert (tmp_path / "c17_fig_3" / "e.csv").read_text() == "1"
 
 

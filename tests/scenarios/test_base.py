@@ -68,6 +68,7 @@ def test_where_the_sets_are_dependent_estimates_converge_to_wrong_constants():
     assert abs(run.estimates()["surge_coulomb"][-1] - 1.35) > 0.2
 
 
+@pytest.mark.slow
 def test_outliers_ask_for_more_thrust_than_there_is():
     run = run_scenario(load_scenario("table2-outliers"))
     later = run.time > 3.0

@@ -48,6 +48,7 @@ def swing(law, *names, all_but=()):
     return float(np.degrees(np.median(np.abs(c["heading_error"][:, t >= 15.0]).max(axis=1))))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("trial", [f"k06-real-heading-{law}{end}" for law in LAWS for end in ("", "-rest")])
 def test_its_bounds_hold_for_every_seed(trial):
     scenario, t, c = flown(trial, None, SEEDS)

@@ -49,6 +49,7 @@ def settled(times, met):
     return np.where(met.all(axis=1), 0.0, np.append(times, np.inf)[late])
 
 
+@pytest.mark.slow
 def test_the_real_loop_brings_the_craft_to_rest_in_about_10_s():
     t, c = flown("stop")
     real, ideal = (settled(t, np.abs(c[name]) < 0.3) for name in ("r", "ideal_r"))
@@ -68,6 +69,7 @@ def test_forward_flight_reaches_its_speed_in_about_5_s_and_swings_about_it():
     assert (np.diff(c["ideal_u"]) > 0).all()
 
 
+@pytest.mark.slow
 def test_reverse_flight_reaches_its_speed_in_about_5_s():
     t, c = flown("reverse")
     assert 4.0 < np.median(first(t, c["u"] <= -0.71)) < 6.0
@@ -95,6 +97,7 @@ def test_the_heading_trial_meets_its_figures(heading):
     assert [(m.metric.name, m.value) for m in heading.metrics() if not m.met] == []
 
 
+@pytest.mark.slow("bangbang")
 @pytest.mark.parametrize("law", ["bangbang", "proportional"])
 def test_from_rest_both_laws_come_within_the_pointing_tolerance(law):
     found = run_scenario(load_scenario(f"k06-real-heading-{law}-rest")).metrics()
@@ -122,6 +125,7 @@ def test_the_picture_shows_reference_real_and_ideal(heading):
 # ---- the budget ----------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_ins_noise_dominates_in_forward_flight_and_the_actuators_in_the_turn():
     forward = budget(load_scenario("k06-real-forward"), runs=8)
     assert forward.ranking()[0] == "ins_noise"
@@ -130,6 +134,7 @@ def test_ins_noise_dominates_in_forward_flight_and_the_actuators_in_the_turn():
     assert set(forward.alone) - set(forward.without) == {"gyro_dynamics"}
 
 
+@pytest.mark.slow
 def test_the_budget_of_one_trial_as_picture_table_and_words(tmp_path):
     spec = importlib.util.spec_from_file_location("k06_budget", SCRIPT)
     module = importlib.util.module_from_spec(spec)
@@ -174,6 +179,7 @@ def test_the_crafts_of_a_field_trial_and_its_hold_out_are_one(trial):
     assert one.autopilot.seed != other.autopilot.seed
 
 
+@pytest.mark.slow
 def test_with_yaw_friction_the_real_loop_turns_as_the_thesis_craft_did():
     found = run_scenario(load_scenario("k06-field-real-turn")).metrics()
     assert len(found) == 3 and [(m.metric.name, m.value) for m in found if not m.met] == []
@@ -184,6 +190,7 @@ def astern():
     return run_scenario(load_scenario("k06-field-reverse"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("trial", ["reverse", "lateral"])
 def test_a_field_trial_flies_ahead_astern_and_round_as_told_and_stops_between(trial, request):
     run = (
@@ -202,6 +209,7 @@ def test_a_field_trial_flies_ahead_astern_and_round_as_told_and_stops_between(tr
         begin = phase.until
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("trial", ["stop", "forward", "heading-bangbang", "heading-proportional"])
 def test_the_yaw_friction_of_figure_6_24_gives_what_the_other_field_trials_showed(trial):
     field = load_scenario(f"k06-field-{trial}")
@@ -213,6 +221,7 @@ def test_the_yaw_friction_of_figure_6_24_gives_what_the_other_field_trials_showe
         assert run.metrics()[0].value < settled(t, np.abs(c["r"]) < 0.3).min()
 
 
+@pytest.mark.slow
 def test_diagnose_names_the_loss_of_reverse_thrust_in_the_log_of_the_crafts_navigation(astern):
     scenario, early = astern.scenario, astern.time < 35.0
     log = Log("astern", astern.time[early], {key: column[early] for key, column in astern.columns.items()})
@@ -254,6 +263,7 @@ def test_a_user_switches_imperfections_off_in_the_file(tmp_path):
     assert found.imperfections == Imperfections().without("brake")
 
 
+@pytest.mark.slow
 def test_a_users_tables_and_beacons_come_from_files_beside_the_scenario(tmp_path):
     weak = fan_tables(lambda speed, rudder: 0.5 * fan_force(speed, rudder))
     weak[1].to_csv(tmp_path / "fan.csv")
@@ -272,6 +282,7 @@ def test_a_users_tables_and_beacons_come_from_files_beside_the_scenario(tmp_path
     assert beacons.positions[1] == (3.0, -1.0) and beacons.heights == (2.0, 2.0, 2.5)
 
 
+@pytest.mark.slow
 def test_simulate_says_how_often_commands_were_clipped(tmp_path, capsys):
     calm = GOOD.replace('kind = "turn"', 'kind = "stop"').replace("brake", "ins_noise = false\nbrake")
     for name, text, said in (("turn", GOOD + TURN, True), ("calm", calm, False)):
@@ -312,6 +323,11 @@ def test_simulate_says_how_often_commands_were_clipped(tmp_path, capsys):
         ("brake = false", "brake = 0.1", "autopilot.brake must be a bool, found 0.1"),
         ("brake = false", 'navigation = "criket"', "did you mean 'cricket'?"),
         ("brake = false", "seed = -1", "autopilot.seed must be between 0 and"),
+        (
+            "brake = false",
+            'propeller = "variable pitch"',
+            "unknown 'variable pitch'; did you mean 'variable_pitch'",
+        ),
         ("brake = false", "rudder_loss = 1.5", "autopilot.rudder_loss must be at least 0 and less than 1"),
         ("[autopilot]", "[sampling]\nmeasurement = 0.02\n[autopilot]", "[sampling] and [autopilot] exclude"),
     ],

@@ -182,16 +182,20 @@ def metric(of, more=""):
         ("k2 = 3.5", "", "controller: 'k2' is missing"),
         ("k2 = 3.5", "k2 = 3.5\nalpha = 1.0", "unknown key in controller 'alpha'"),
         ("k2 = 3.5", "k2 = 0.0", "controller: k2 must be positive, found 0"),
-        ("yaw_rate_ref", "yaw_rat_ref", "no law is told 'yaw_rat_ref'; did you mean 'yaw_rate_ref'?"),
-        ('"turn"', '"reverse"\nalpha = 1.44', "no law is told 'yaw_rate_ref'; known: surge_ref"),
+        (
+            "yaw_rate_ref",
+            "yaw_rat_ref",
+            "no law has the set point 'yaw_rat_ref'; did you mean 'yaw_rate_ref'?",
+        ),
+        ('"turn"', '"reverse"\nalpha = 1.44', "no law has the set point 'yaw_rate_ref'; known: surge_ref"),
         ("yaw_rate_ref = 3.0", 'yaw_rate_ref = "fast"', "phase 1.set.yaw_rate_ref must be a number"),
         ("[controller]", "[body]\nmass = 2.6\n[controller]", "body: 'inertia' is missing"),
         ("[controller]", "[body]\nmass = 0.0\ninertia = 1.0\narm = 1.0\n[controller]", "body: mass must be"),
-        ("[controller]", "[reference]\nkind = 'circle'\n[controller]", "[reference] is of no use to"),
+        ("[controller]", "[reference]\nkind = 'circle'\n[controller]", "[reference] is not used by"),
         ("[controller]", "[actuation]\ndead_zone = -0.1\n[controller]", "dead_zone must not be negative"),
         ("[controller]", "[guidance]\nkind = 'origin'\n[controller]", "[guidance] is sampled: it needs"),
         ("[controller]", GUIDED.replace("bang_bang", "bangbang"), "did you mean 'heading_bang_bang'?"),
-        ("[controller]", GUIDED, "no law is told 'yaw_rate_ref'; known: heading_ref"),
+        ("[controller]", GUIDED, "no law has the set point 'yaw_rate_ref'; known: heading_ref"),
         ("[plant]", "[plant]\neffects = { yaw_drag = 1.0 }", "unknown effect 'yaw_drag'"),
         ("until = 0.1", metric("yaw"), "metric 'm': unknown quantity 'yaw'"),
         ("until = 0.1", metric("tracking_error"), "tracking_error needs a [controller]"),
@@ -239,7 +243,7 @@ def test_guidance_that_drives_astern_wants_a_law_that_does(tmp_path):
         .replace('"turn"', '"drive"')
         .replace("yaw_rate_ref", "goal_x_ref")
     )
-    with pytest.raises(InputError, match=r"may tell surge_ref down to -0\.4 m/s, .* both_ways takes both"):
+    with pytest.raises(InputError, match=r"may send surge_ref down to -0\.4 m/s, .* both_ways takes both"):
         load_scenario(path)
 
 

@@ -76,6 +76,7 @@ def test_table2_velocities_are_backward_differences_of_the_noisy_pose(table2):
     assert c["u"][k] == pytest.approx(surge, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_a_sampled_run_repeats_with_its_seed_and_differs_with_another(table2):
     short = dataclasses.replace(load_scenario("table2"), phases=(Phase("short", 1.0),), metrics=())
     other = dataclasses.replace(short, sampling=dataclasses.replace(short.sampling, seed=2))
@@ -83,6 +84,7 @@ def test_a_sampled_run_repeats_with_its_seed_and_differs_with_another(table2):
     assert (a == b).all() and (a != c).any()
 
 
+@pytest.mark.slow
 def test_without_noise_and_with_fast_ticks_the_sampled_loop_is_the_continuous_one():
     base = load_scenario("table1")
     short = dataclasses.replace(base, phases=(Phase("short", 3.0),), metrics=(), step=0.01)

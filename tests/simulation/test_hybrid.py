@@ -25,9 +25,9 @@ CART = Block("cart", [v], [a], [v], derivatives={"v": a.symbol})
 def counter(period=0.1, name="counter", start=0.0):
     return Block(
         name,
-        [n.but(start=start)],
+        [n.replace(start=start)],
         [],
-        [n.but(name="count")],
+        [n.replace(name="count")],
         derivatives={"n": n.symbol + 1},
         output_expressions={"count": n.symbol},
         period=period,
@@ -45,11 +45,11 @@ def brake(period=0.25, k=2.0):
 
 
 def test_next_values_have_the_unit_of_their_state():
-    memory = Block("memory", [v.but(name="w")], [v], derivatives={"w": v.symbol}, period=0.1)
+    memory = Block("memory", [v.replace(name="w")], [v], derivatives={"w": v.symbol}, period=0.1)
     assert memory.equations() == "next w = v"
     assert "w^{+} &= v" in memory.equations("latex")
     with pytest.raises(UnitError, match="next w must be in m/s, but 'v/t' is in m/s"):
-        Block("memory", [v.but(name="w")], [v], derivatives={"w": v.symbol / time}, period=0.1)
+        Block("memory", [v.replace(name="w")], [v], derivatives={"w": v.symbol / time}, period=0.1)
 
 
 def test_a_mode_is_a_named_integer():
@@ -100,7 +100,11 @@ def test_hybrid_controllers_are_the_same_in_python_control(make, rng):
 
 def test_blocks_without_states_tick_with_sampled_ones_and_others_make_a_hybrid():
     double = Block(
-        "double", [], [n.but(name="count")], [n], output_expressions={"n": 2 * sp.Symbol("count", real=True)}
+        "double",
+        [],
+        [n.replace(name="count")],
+        [n],
+        output_expressions={"n": 2 * sp.Symbol("count", real=True)},
     )
     assert interconnect([counter(), double]).period == 0.1
     whole = interconnect([CART, counter(), brake()])
@@ -132,7 +136,7 @@ def test_between_ticks_the_plant_is_integrated_and_the_command_held():
 
 def test_ticks_of_several_periods_fall_exactly_on_their_multiples():
     slow = brake(period=0.3, k=1.0)
-    idle = Block("idle", [v.but(name="w")], [a], derivatives={"w": a.symbol})
+    idle = Block("idle", [v.replace(name="w")], [a], derivatives={"w": a.symbol})
     run = simulate_hybrid(
         interconnect([CART, idle]), [counter(0.0065536), slow], 1.0, x0={"cart.v": 1.0}, step=0.0065536
     )
@@ -144,8 +148,8 @@ def test_of_two_that_tick_together_one_sees_what_the_other_tells_whatever_their_
     echo = Block(
         "echo",
         [],
-        [n.but(name="count")],
-        [n.but(name="heard")],
+        [n.replace(name="count")],
+        [n.replace(name="heard")],
         output_expressions={"heard": sp.Symbol("count", real=True)},
         period=0.1,
     )

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from hovercontrol import Block, InputError, Signal, interconnect, time, vehicle
 from hovercontrol.core.random_numbers import random_numbers
 from hovercontrol.simulation.trajectory import simulate
+from hovercontrol.targets import engines
 from hovercontrol.targets.compiled import compile_block
 
 needs_cc = pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler (cc) on this machine")
@@ -39,7 +40,7 @@ def sensor(period=0.0065536):
     )
     seen = v.symbol + size.symbol * noise.values[0] + lever.symbol * push.symbol
     return Block(
-        "sensor", noise.states, [v, push], [SEEN], [*noise.parameters, size, lever.but(start=0.1)],
+        "sensor", noise.states, [v, push], [SEEN], [*noise.parameters, size, lever.replace(start=0.1)],
         noise.next_values, {"seen": seen}, noise.definitions, period=period,
     )  # fmt: skip
 
@@ -212,7 +213,7 @@ def test_a_parameter_that_is_set_is_that_of_a_new_run(engine):
         (lambda r: r.step([0.0], 0.0), "expected a step longer than 0 s, found 0.0"),
         (lambda r: r.set(state={"cart.w": 0.0}), "unknown state 'cart.w'; did you mean 'cart.v'"),
         (lambda r: r.set(state=[1.0]), "expected 2 initial states|expected 1 initial states|found 1"),
-        (lambda r: r.set(params={"cart.late": 0.5}), "how late an input acts cannot change"),
+        (lambda r: r.set(params={"cart.late": 0.5}), "the delay of an input cannot change"),
         (lambda r: r.restore(start(CRAFT, "python").save()), "snapshot is of block plant, not of block late"),
     ],
 )
@@ -238,14 +239,12 @@ def test_a_run_that_cannot_go_on_says_where_and_can_go_back(engine):
 
 
 def test_without_a_compiler_python_does_the_work(monkeypatch):
-    from hovercontrol.targets import compiled as module
-
     monkeypatch.setenv("CC", "/nowhere/cc")
-    module._engine.cache_clear()
-    module._warn_once.cache_clear()
+    engines.engine_of.cache_clear()
+    engines._warn_once.cache_clear()
     try:
         with pytest.warns(UserWarning, match="run on NumPy"):
             runner = HYBRID.compile().start()
         assert np.array_equal(runner.step([0.3], 0.1), HYBRID.start().step([0.3], 0.1))
     finally:
-        module._engine.cache_clear()
+        engines.engine_of.cache_clear()

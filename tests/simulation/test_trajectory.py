@@ -148,14 +148,14 @@ def test_wrong_arguments_are_refused_in_words(arguments, message):
 
 def test_a_motion_that_runs_away_names_the_time_it_did():
     k = Signal("k", "1/m", start=1.0)
-    runaway = Block("runaway", [V.but(start=1.0)], [], [V], [k], {"v": k.symbol * V.symbol**2})
+    runaway = Block("runaway", [V.replace(start=1.0)], [], [V], [k], {"v": k.symbol * V.symbol**2})
     with pytest.raises(InputError, match=r"'runaway': the simulation stops at t = (0\.9|1)"):
         simulate(runaway, [0, 0.5, 2.0])
 
 
 def test_a_derivative_that_is_no_number_is_an_error_and_not_a_result():
     k = Signal("k", "m^(1/2)/s^(3/2)", start=1.0)
-    rooted = Block("rooted", [V.but(start=-1.0)], [], [V], [k], {"v": k.symbol * sp.sqrt(V.symbol)})
+    rooted = Block("rooted", [V.replace(start=-1.0)], [], [V], [k], {"v": k.symbol * sp.sqrt(V.symbol)})
     with pytest.raises(InputError, match="stops at"):
         simulate(rooted, [0, 1.0])
 

@@ -4,22 +4,21 @@ import ctypes
 import shutil
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
 import sympy as sp
 
-import hovercontrol
 from hovercontrol import Block, Signal, interconnect, vehicle, waypoints
 from hovercontrol.core.friction import dry_frictions, with_modes
 from hovercontrol.scenarios import load_scenario
 from hovercontrol.scenarios.runner import loop_parts
 from hovercontrol.targets.c import c_source
+from hovercontrol.targets.runtime import runtime_folder
 
 CC = shutil.which("cc")
 needs_cc = pytest.mark.skipif(CC is None, reason="no C compiler (cc) on this machine")
-HEADERS = Path(hovercontrol.__file__).parent / "fmu"
+HEADERS = runtime_folder()
 STRICT = ["-std=c99", "-Wall", "-Wextra", "-Wshadow", "-Wconversion", "-Werror", "-pedantic"]
 
 PARTS = loop_parts(load_scenario("table1"))
@@ -79,6 +78,7 @@ def points(block, rng, n=20):
         yield rng.uniform(0, 3), rng.normal(0, 1, len(block.states)), rng.normal(0, 1, len(block.inputs)), p
 
 
+@pytest.mark.slow("loop")
 @needs_cc
 @pytest.mark.parametrize("name", BLOCKS)
 def test_smooth_c_is_numpy(name, tmp_path):
@@ -99,6 +99,7 @@ def test_smooth_c_is_numpy(name, tmp_path):
         np.testing.assert_allclose(compiled.partials(exact.shape, t, x, u, p), exact, rtol=1e-9, atol=1e-9)
 
 
+@pytest.mark.slow("loop")
 @needs_cc
 @pytest.mark.parametrize("name", ["plant", "loop"])
 def test_with_modes_slipping_is_a_plus_b_s_and_sticking_stands_still(name, tmp_path):

@@ -8,10 +8,11 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from hovercontrol import Block, Signal
-from hovercontrol.targets import compiler, library
+from hovercontrol.targets import compiler, library, runtime
 from hovercontrol.targets.c import c_source
 from hovercontrol.targets.compiler import (
     NoCompilerError,
@@ -20,7 +21,8 @@ from hovercontrol.targets.compiler import (
     find_compiler,
     load_library,
 )
-from hovercontrol.targets.library import Library
+from hovercontrol.targets.library import Library, Solver
+from hovercontrol.targets.runtime import SIMULATION, runtime_files, runtime_folder
 
 needs_cc = pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler (cc) on this machine")
 TWO = {
@@ -100,6 +102,64 @@ def test_a_warm_start_generates_nothing_unless_the_generator_changed(cache, monk
     assert Library(two, "events").point("derivatives", (2.0,))(0.0, [3.0]).tolist() == [-6.0]
 
 
+def test_whatever_goes_into_a_library_is_in_its_name():
+    """Each C file and header by name and content, the compiler, its version, the flags."""
+    files = runtime_files(SIMULATION) | {"model.c": "int one;"}
+    variants = [files]
+    for name, text in files.items():
+        others = {k: v for k, v in files.items() if k != name}
+        variants += [others, others | {name: text + "\n"}, others | {"x": text}]
+    made = {compiler._key(("cc",), ("-O3",), variant) for variant in variants}
+    made |= {compiler._key(("cc", "-m32"), ("-O3",), files), compiler._key(("cc",), ("-O2",), files)}
+    assert len(made) == 3 + 3 * len(files)
+    assert compiler._key(("cc",), ("-O3",), dict(reversed(files.items()))) in made
+
+
+@needs_cc
+@pytest.mark.parametrize(
+    ("name", "part", "changed"),
+    [
+        ("hc_methods.c", "35.0 / 384.0 * k1[i]", "36.0 / 384.0 * k1[i]"),
+        ("hc_numbers.h", "fabs(value) <= DBL_MAX", "fabs(value) < 0.0"),
+    ],
+)
+def test_a_changed_file_of_the_runtime_makes_a_new_library(cache, monkeypatch, tmp_path, name, part, changed):
+    v, k = Signal("v", start=1.0), Signal("k", "1/s", start=2.0)
+    two = Block("two", [v], [], [v], [k], {"v": -k.symbol * v.symbol})
+
+    def run():
+        times, solver = np.array([0.0, 1.0]), Solver("dormand-prince", 0.0, 1e-6, 1e-9)
+        status, _, states, _ = Library(two, "events").simulate(
+            solver, times, np.empty((0, 2)), np.ones(1), np.full(1, 2.0)
+        )
+        return status, states[-1, 0]
+
+    first = run()
+    assert first == (0, pytest.approx(np.exp(-2.0), rel=1e-5))
+    other = shutil.copytree(runtime_folder(), tmp_path / "fmu")
+    text = (other / name).read_text()
+    assert part in text
+    (other / name).write_text(text.replace(part, changed))
+    monkeypatch.setattr(runtime, "_PLACES", (other,))
+    assert run() != first
+    assert len(libraries(cache)) == 2
+    monkeypatch.undo()
+    monkeypatch.setenv("HOVERCONTROL_CACHE", str(cache.parent))
+    assert run() == first
+    assert len(libraries(cache)) == 2
+
+
+def test_all_code_that_writes_c_is_in_the_name_of_what_it_wrote():
+    code = (
+        "import sys, hovercontrol.targets.c_lanes, hovercontrol.targets.c_delays;"
+        "print(*(n for n in sys.modules if n.startswith('hovercontrol.')))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    packages = {name.split(".")[1] for name in done.stdout.split()}
+    harmless = {"errors", "io", "endings"}  # they write messages and files
+    assert set(compiler._GENERATORS) <= packages <= {*compiler._GENERATORS, *harmless}
+
+
 @needs_cc
 def test_a_library_that_may_not_be_built_is_not(cache):
     with pytest.raises(NotCachedError):
@@ -113,6 +173,7 @@ def test_the_processors_vectors_are_in_the_flags():
     assert ("-mavx2" in compiler.local_flags()) == (" avx2 " in Path("/proc/cpuinfo").read_text())
 
 
+@pytest.mark.slow
 @needs_cc
 def test_processes_that_build_at_once_all_succeed(cache):
     code = (
@@ -207,19 +268,19 @@ def test_a_new_version_of_the_compiler_builds_anew(cache, monkeypatch):
 def test_a_broken_compiler_leaves_the_work_to_numpy(tmp_path, monkeypatch, cache, work, said):
     from hovercontrol.core.block import Block
     from hovercontrol.core.signals import Signal
-    from hovercontrol.targets.compiled import _engine, _warn_once
+    from hovercontrol.targets.engines import _warn_once, engine_of
 
     script(tmp_path / "bin" / "cc", f'[ "$1" = --version ] && echo cc 1 && exit\n{work}')
     monkeypatch.setenv("CC", str(tmp_path / "bin" / "cc"))
     monkeypatch.setattr(compiler, "COMPILE_SECONDS", 0.3)
     monkeypatch.setattr(compiler, "_stalled", {})
-    _engine.cache_clear()
+    engine_of.cache_clear()
     _warn_once.cache_clear()
     v, k = Signal("v", "m/s", start=1.0), Signal("k", "1/s", start=1.0)
     with pytest.warns(UserWarning, match=said):
         decay = Block("decay", [v], [], [v], [k], {"v": -k.symbol * v.symbol}).compile()
         assert decay.simulate([0.0, 1.0]).outputs[0, -1] == pytest.approx(0.36788, abs=1e-5)
-    _engine.cache_clear()
+    engine_of.cache_clear()
 
 
 @pytest.mark.parametrize("text", ["gcc '", "'"])

@@ -82,6 +82,7 @@ def test_threads_and_processes_give_the_bits_of_one_machine(loop, pool, options)
         assert_same(sweep_on(executor, loop, GRID, **given(), **options), expected)
 
 
+@pytest.mark.slow
 def test_a_dask_cluster_gives_the_bits_of_one_machine_and_redoes_what_a_killed_worker_had(loop, dask):
     grid, seen = np.linspace(0.0, 20.0, 201), []
     expected = loop.sweep(grid, **given(1000))
@@ -258,6 +259,7 @@ def test_a_cluster_that_does_not_answer_is_refused_in_time():
         pass
 
 
+@pytest.mark.slow
 def test_a_cluster_without_workers_is_refused_in_time():
     distributed = pytest.importorskip("distributed")
     options = {"n_workers": 0, "host": "127.0.0.1", "dashboard_address": "127.0.0.1:0"}

@@ -3,19 +3,19 @@
 import platform
 import shutil
 import subprocess
-from pathlib import Path
 
 import numpy as np
 import pytest
 import sympy as sp
 
-import hovercontrol
 from hovercontrol import Block, Signal, interconnect, time, tracking_controller, waypoints
 from hovercontrol.core.sgn import sgn
 from hovercontrol.scenarios import load_scenario
 from hovercontrol.scenarios.runner import loop_parts
-from hovercontrol.targets.c import lanes_source
-from hovercontrol.targets.compiled import FIGURES, compile_block
+from hovercontrol.targets.c_lanes import lanes_source
+from hovercontrol.targets.compiled import compile_block
+from hovercontrol.targets.runtime import runtime_folder
+from hovercontrol.targets.sweep import FIGURES
 
 pytestmark = pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler (cc) on this machine")
 SCENARIO = load_scenario("table1")
@@ -83,7 +83,7 @@ def one_by_one(ready, runs, inputs=None, step=STEP, grid=GRID):
 
 
 def check(block, params, x0=None, inputs=None, rtol=1e-9, **options):
-    ready = compile_block(block)
+    ready = compile_block(block, friction="events")
     result = ready.sweep(GRID, params=params, x0=x0, inputs=inputs, method="rk4", step=STEP, **options)
     assert not result.status.any()
     names = [s.name for s in block.states]
@@ -101,7 +101,7 @@ def test_here_the_lanes_are_at_work():
     glibc, version = platform.libc_ver()
     if platform.machine() != "x86_64" or glibc != "glibc" or tuple(map(int, version.split("."))) < (2, 35):
         pytest.skip("vectors are used with gcc and glibc 2.35 or later on x86_64")
-    assert compile_block(loop())._engine_from(np.zeros(6), lanes=True).lanes == 8
+    assert compile_block(loop(), friction="events")._engine_from(np.zeros(6), lanes=True).lanes == 8
 
 
 @pytest.mark.parametrize("flags", [[], ["-fopenmp-simd", "-DHC_SIMD", "-mavx2", "-fno-trapping-math"]])
@@ -109,7 +109,7 @@ def test_here_the_lanes_are_at_work():
 def test_strict_warnings_find_nothing(tmp_path, flags, friction):
     if "-mavx2" in flags and platform.machine() != "x86_64":
         pytest.skip("vectors are used on x86_64")
-    sources = [Path(hovercontrol.__file__).parent / "fmu" / "hc_lanes.c"]
+    sources = [runtime_folder() / "hc_lanes.c"]
     for block in (loop(), rubbing(), functions()[0]):
         sources.append(tmp_path / f"{block.name}.c")
         sources[-1].write_text(lanes_source(block, friction=friction))
@@ -178,7 +178,7 @@ def test_a_run_gives_the_same_bits_in_every_lane_and_every_thread():
     drag = np.full(40, 0.7)
     drag[::7] = np.linspace(0.4, 1.0, 6)
     options = {"method": "rk4", "step": STEP}
-    ready = compile_block(loop())
+    ready = compile_block(loop(), friction="events")
     one, many = (
         ready.sweep(GRID, params={"plant.yaw_linear_drag": drag}, threads=k, **options) for k in (1, 5)
     )
@@ -189,7 +189,7 @@ def test_a_run_gives_the_same_bits_in_every_lane_and_every_thread():
 
 
 def test_a_grid_as_fine_as_the_steps_changes_nothing():
-    ready = compile_block(loop())
+    ready = compile_block(loop(), friction="events")
     drag = {"plant.yaw_linear_drag": np.linspace(0.4, 1.0, RUNS)}
     options = {"params": drag, "method": "rk4", "step": STEP}
     coarse, fine = (ready.sweep(np.linspace(0, 2, n), **options) for n in (11, 1001))

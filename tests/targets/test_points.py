@@ -96,6 +96,7 @@ def test_the_numbers_are_those_of_numpy_before_and_after(soon, rng):
     assert system.dynamics(0, x, [])[5] != system.dynamics(0, x, [], params={key: 3.0})[5]
 
 
+@pytest.mark.slow
 @needs_cc
 def test_a_simulation_is_the_same_and_so_is_one_inside_an_interconnection(soon, monkeypatch):
     before = ct.input_output_response(LOOP.to_control(), [0, 1e-9], 0, X, **TIGHT)  # changes over

@@ -98,6 +98,7 @@ def test_a_simulation_without_them_is_the_whole_ones():
     assert found.state_labels == whole.state_labels == NAMES
 
 
+@pytest.mark.slow
 @needs_cc
 def test_states_that_do_not_start_at_rest_move():
     ready = compile_block(LOOP, friction="smooth")

@@ -1,9 +1,9 @@
-"""Which reference shows which coefficient: the standard errors that an estimator has left after a flight.
+"""Which reference shows which coefficient: the standard errors that an estimator has left after a run.
 
 Along a motion the covariance of C17's estimator does not depend on what is measured, only on where the craft
-goes. So the doubt that a flight would leave of every coefficient is known before it is flown, and references
+goes. So the doubt that a run would leave of every coefficient is known before it is run, and references
 can be compared. The covariance is that of :func:`~hovercontrol.estimators.kalman_bucy`, which runs beside a
-loop that knows its coefficients. Without disturbances and with no knowledge before the flight it is the
+loop that knows its coefficients. Without disturbances and with no knowledge before the run it is the
 noise's intensity times the inverse of the observability Gramian, C17 (6).
 """
 
@@ -22,15 +22,15 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from hovercontrol.analysis.c17.flights import DOUBT, Flight
 from hovercontrol.analysis.c17.iss import DRAG
 from hovercontrol.analysis.c17.loops import on_reference
+from hovercontrol.analysis.c17.reference_runs import RUNS, ReferenceRuns
 from hovercontrol.analysis.common.regions import Region, mesh, positive_axis
 from hovercontrol.controllers.references import ellipse
 from hovercontrol.core.block import Block
 from hovercontrol.errors import InputError
 from hovercontrol.io.figure_style import COLOUR_MAP
-from hovercontrol.io.files import write_whole
+from hovercontrol.io.files import write_atomically
 from hovercontrol.io.tables import positive
 from hovercontrol.models.model import Model
 from hovercontrol.models.vehicles import c17_experiment, c17_simulation
@@ -46,7 +46,7 @@ MEASUREMENT_NOISE, DISTURBANCE = 1e-5, 1e-4
 
 @dataclass(frozen=True, eq=False)
 class ExpectedErrors:
-    """What flights along references tell of a craft's coefficients.
+    """Standard errors of a craft's coefficients after runs along references.
 
     Attributes
     ----------
@@ -55,14 +55,21 @@ class ExpectedErrors:
     coefficients : dict of str to str
         Units by name, length m.
     error : ndarray, shape (n, m)
-        Standard error after the flight, in the coefficient's unit; it was 1 before. NaN where the craft does
+        Standard error after the run, in the coefficient's unit; it was 1 before. NaN where the craft does
         not get on the reference.
     thrust, rudder : ndarray, shape (n, 2)
-        Least and largest command of the flight; rudder in rad.
+        Least and largest command of the run; rudder in rad.
     within_limits : ndarray of bool, shape (n,)
         Whether the actuators can give those.
     duration : float
-        Of a flight [s].
+        Of a run [s].
+
+    Examples
+    --------
+    >>> import hovercontrol as hc
+    >>> found = expected_errors({"circle": hc.circle(1.5)}, coefficients=["surge_linear_drag"])
+    >>> found.references, found.error.shape
+    (('circle',), (1, 1))
     """
 
     references: tuple[str, ...]
@@ -86,19 +93,30 @@ class ExpectedErrors:
         return pyarrow.table(columns)
 
     def save(self, path: str | Path) -> Path:
-        """Write the table as CSV; it appears whole or not at all."""
+        """Write the table as CSV; it is written atomically.
+
+        Parameters
+        ----------
+        path : path
+            Of the CSV file.
+        """
         import pyarrow.csv
 
-        return write_whole(path, lambda file: pyarrow.csv.write_csv(self.table(), file))
+        return write_atomically(path, lambda file: pyarrow.csv.write_csv(self.table(), file))
 
     def plot(self, axes: Axes | None = None) -> Figure:
         """Return a figure: a heat map of references over coefficients, with its numbers.
 
         References that the actuators cannot follow have a star.
+
+        Parameters
+        ----------
+        axes : matplotlib.axes.Axes, optional
+            Where to draw; default a figure of its own.
         """
         if axes is None:
             axes = Figure(figsize=(8.0, 1.5 + 0.4 * len(self.references)), layout="constrained").subplots()
-        scale = LogNorm(1e-3 * DOUBT, 0.1 * DOUBT, clip=True)
+        scale = LogNorm(1e-3 * RUNS.doubt, 0.1 * RUNS.doubt, clip=True)
         drawn = axes.imshow(self.error, cmap=f"{COLOUR_MAP}_r", norm=scale, aspect="auto")
         for (row, column), value in np.ndenumerate(self.error):
             text = f"{value:.2g}" if math.isfinite(value) else "off"
@@ -117,7 +135,7 @@ class ExpectedErrors:
         figure = axes.get_figure(root=True)
         assert isinstance(figure, Figure)
         figure.colorbar(
-            drawn, ax=axes, extend="both", label=f"standard error [SI], {DOUBT:g} before the flight"
+            drawn, ax=axes, extend="both", label=f"standard error [SI], {RUNS.doubt:g} before the run"
         )
         return figure
 
@@ -134,7 +152,7 @@ def expected_errors(
     executor: Executor | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> ExpectedErrors:
-    """Return the standard error that a flight along each reference leaves of each coefficient.
+    """Return the standard error that a run along each reference leaves of each coefficient.
 
     Parameters
     ----------
@@ -147,7 +165,7 @@ def expected_errors(
     actuators : Model, optional
         The craft whose bounds of thrust and rudder count; default C17's experiment.
     duration : float, optional
-        Of each flight, once the craft is on the reference [s]; default two laps of C17's ellipse.
+        Of each run, once the craft is on the reference [s]; default two laps of C17's ellipse.
     noise : float, optional
         Intensity of the noise of the measured velocities [(m/s)^2 s, (rad/s)^2 s]; default C17's R.
     disturbance : float, optional
@@ -181,18 +199,18 @@ def expected_errors(
     """
     if not references:
         raise InputError("references: expected one or more, found none")
-    flight = Flight(model or c17_simulation(), tuple(coefficients), duration, noise, disturbance)
-    flights = []
+    study = ReferenceRuns(model or c17_simulation(), tuple(coefficients), duration, noise, disturbance)
+    runs = []
     for done, reference in enumerate(references.values(), 1):
-        start = {name: [value] for name, value in on_reference(reference, flight.control_point).items()}
-        flight.refuse_large(reference, 1)
-        flights.append(flight.fly(reference, start, {}, executor=executor))
+        start = {name: [value] for name, value in on_reference(reference, study.control_point).items()}
+        study.refuse_large(reference, 1)
+        runs.append(study.run(reference, start, {}, executor=executor))
         if progress:
             progress(done)
-    error, commands = (np.vstack(rows) for rows in zip(*flights, strict=True))
+    error, commands = (np.vstack(rows) for rows in zip(*runs, strict=True))
     inside = _within(commands, actuators or c17_experiment())
     thrust, rudder = commands[:, :2], commands[:, 2:]
-    return ExpectedErrors(tuple(references), flight.units, error, thrust, rudder, inside, duration)
+    return ExpectedErrors(tuple(references), study.units, error, thrust, rudder, inside, duration)
 
 
 def ellipse_errors(
@@ -211,7 +229,7 @@ def ellipse_errors(
     checkpoint: str | Path | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> Region:
-    """Return what ellipses of all sizes, flown clockwise as C17's, leave in doubt.
+    """Return what ellipses of all sizes, run clockwise as C17's, leave in doubt.
 
     Parameters
     ----------
@@ -238,43 +256,47 @@ def ellipse_errors(
     ------
     InputError
         As for :func:`expected_errors`; if a range is none or the map is too large.
+
+    Examples
+    --------
+    >>> region = ellipse_errors((1.0, 2.0), (1.0, 2.0), points=2)
+    >>> list(region.maps)[:3]
+    ['within limits', 'worst', 'surge_coulomb']
     """
     positive("rate", rate)
     x, y = (
         positive_axis(name, "m", span, points, f"semi-axis along {name[-1]}")
         for name, span in (("semi_x", semi_x), ("semi_y", semi_y))
     )
-    flight = Flight(model or c17_simulation(), tuple(coefficients), duration, noise, disturbance)
+    study = ReferenceRuns(model or c17_simulation(), tuple(coefficients), duration, noise, disturbance)
     clockwise = (-rate, math.pi / 2)
     curve = ellipse(1.0, 1.0, *clockwise)
-    flight.refuse_large(curve, points**2)
+    study.refuse_large(curve, points**2)
     a, b = mesh(x, y)
-    begin = [
-        on_reference(ellipse(*axes, *clockwise), flight.control_point) for axes in zip(a, b, strict=True)
-    ]
+    begin = [on_reference(ellipse(*axes, *clockwise), study.control_point) for axes in zip(a, b, strict=True)]
     start = {name: np.array([s[name] for s in begin]) for name in begin[0]}
     params = {"reference.semi_x": a, "reference.semi_y": b}
-    error, commands = flight.fly(
+    error, commands = study.run(
         curve, start, params, executor=executor, checkpoint=checkpoint, progress=progress
     )
     maps: dict[str, NDArray[Any]] = {
         "within limits": _within(commands, actuators or c17_experiment()),
         "worst": error.max(axis=1),
-        **dict(zip(flight.units, error.T, strict=True)),
+        **dict(zip(study.units, error.T, strict=True)),
     }
     return Region(
         f"ellipses at {rate:g} rad/s, {duration:.3g} s",
         x,
         y,
         {name: values.reshape(points, points) for name, values in maps.items()},
-        units={"worst": "SI", **flight.units},
+        units={"worst": "SI", **study.units},
         labels={"within limits": "actuators can follow", "worst": "largest standard error"},
         marks={"C17 simulation": (1.5, 2.5)} if rate == 1.0 else {},
     )
 
 
 def _within(commands: Array, actuators: Model) -> NDArray[np.bool_]:
-    """Return which flights keep to the bounds of thrust and rudder; those off their reference do not."""
+    """Return which runs keep to the bounds of thrust and rudder; those off their reference do not."""
     lower = [actuators.thrust.lower, actuators.rudder.lower]
     upper = [actuators.thrust.upper, actuators.rudder.upper]
     kept = (commands[:, 0::2] >= lower) & (commands[:, 1::2] <= upper)

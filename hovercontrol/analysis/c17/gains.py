@@ -52,6 +52,12 @@ def beta_region(
     ------
     InputError
         If a gain is not positive or a range is none.
+
+    Examples
+    --------
+    >>> region = beta_region(points=20)
+    >>> sorted(region.maps), float(region.maps["admissible"].mean().round(2))
+    (['admissible', 'guaranteed'], 0.66)
     """
     k1 = positive("k1", k1)
     x = axis("k2", "1/s", k2, points, "velocity gain k2")
@@ -123,6 +129,12 @@ def gain_region(
     ------
     InputError
         If a gain is not positive, a range is none, or the map is too large.
+
+    Examples
+    --------
+    >>> region = gain_region((1.0, 3.0), (1.0, 3.0), points=2, duration=10.0)
+    >>> list(region.maps)
+    ['simulated', 'with limits', 'exact', 'guaranteed']
     """
     positive("duration", duration)
     positive("tolerance", tolerance)

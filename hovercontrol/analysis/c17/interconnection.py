@@ -115,6 +115,12 @@ def region_of_attraction(
     ------
     InputError
         If a range is none or negative, a count or time is not positive, or the sweep is too large.
+
+    Examples
+    --------
+    >>> region = region_of_attraction((0.0, 1.0), (0.0, 1.0), cells=2, runs=2)
+    >>> region.maps["in the end"].tolist()
+    [[1.0, 1.0], [1.0, 1.0]]
     """
     x = _cells("coefficient_error", "SI units", coefficient_error, cells, "initial max |c_i - c_hat_i|")
     y = _cells("tracking_error", "m", tracking_error, cells, "initial |z1|")

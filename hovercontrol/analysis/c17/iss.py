@@ -92,8 +92,12 @@ def peak_gain(k1: ArrayLike, k2: ArrayLike) -> Array:
 
     Parameters
     ----------
-    k1, k2 : array_like
+    k1, k2 : array_like, of shapes that broadcast
         Gains [1/s^2, 1/s], positive.
+
+    Returns
+    -------
+    ndarray, of their common shape
 
     Notes
     -----
@@ -118,6 +122,11 @@ def lyapunov_gain(k1: float, k2: float) -> float:
 
     From ``V' <= -2 rate V + (2 V)^(1/2) |d|`` and ``|z1|^2 <= 2 V/(k1 - beta^2)``:
     ``|z1| <= |d|/(rate (k1 - beta^2)^(1/2))``.
+
+    Parameters
+    ----------
+    k1, k2 : float
+        Gains [1/s^2, 1/s].
 
     Raises
     ------
@@ -151,6 +160,13 @@ class IssGain:
         Largest size of d [m/s^2] where each coefficient is wrong by 1 in its own unit, signs at their worst.
     exact, guaranteed : float
         Gain from d to z1 [s^2]: :func:`peak_gain` and :func:`lyapunov_gain`.
+
+    Examples
+    --------
+    >>> import hovercontrol as hc
+    >>> found = iss_gain(hc.vehicle("c17_simulation"), adapt=["surge_linear_drag"])
+    >>> found.units, round(found.regressor["surge_linear_drag"], 2)
+    (('1/s',), 2.27)
     """
 
     coefficients: tuple[str, ...]
@@ -161,7 +177,13 @@ class IssGain:
     guaranteed: float
 
     def error(self, coefficient_error: float) -> float:
-        """Return the bound of |z1| [m] where each coefficient is wrong by at most this, in its own unit."""
+        """Return the bound of |z1| [m] where each coefficient is wrong by at most this, in its own unit.
+
+        Parameters
+        ----------
+        coefficient_error : float
+            Largest error of a coefficient, in the coefficient's unit.
+        """
         return self.exact * self.together * coefficient_error
 
     def plot(self) -> Figure:
@@ -214,6 +236,13 @@ def iss_gain(
     ------
     InputError
         If a gain or the period is not positive, or as :func:`mismatch`.
+
+    Examples
+    --------
+    >>> import hovercontrol as hc
+    >>> found = iss_gain(hc.vehicle("c17_simulation"), adapt=["surge_linear_drag"])
+    >>> round(found.exact, 3), round(found.guaranteed, 3)
+    (0.545, 1.0)
     """
     positive("period", period)
     reference = c17_ellipse() if reference is None else reference
@@ -265,6 +294,12 @@ def simulated_errors(
     -------
     ndarray, shape (n, runs)
         Infinite where the craft spins away.
+
+    Examples
+    --------
+    >>> import hovercontrol as hc
+    >>> simulated_errors(hc.vehicle("c17_simulation"), [0.0, 0.1], runs=2, duration=5.0).shape
+    (2, 2)
     """
     each = np.repeat(np.asarray(sizes, dtype=float), runs)
     truth = np.array([model.coefficients()[name] for name in DRAG])

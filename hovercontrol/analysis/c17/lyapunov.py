@@ -74,7 +74,15 @@ class LyapunovFunction:
         return sp.factor(self.condition_18() ** 2 - self.condition_19() ** 2)
 
     def numbers(self, matrix: sp.Matrix, k1: Array, k2: Array, beta: Array) -> Array:
-        """Return A, P or Q at arrays of gains and beta of one shape, shape (..., 2, 2)."""
+        """Return A, P or Q at arrays of gains and beta of one shape, shape (..., 2, 2).
+
+        Parameters
+        ----------
+        matrix : sympy.Matrix, shape (2, 2)
+            A, P or Q.
+        k1, k2, beta : ndarray, of one shape
+            Gains [1/s^2, 1/s] and beta [1/s].
+        """
         entries = sp.lambdify((self.k1, self.k2, self.beta), list(matrix))(k1, k2, beta)
         full = [np.broadcast_to(np.asarray(e, dtype=float), k1.shape) for e in entries]
         return np.stack(full, axis=-1).reshape(*k1.shape, 2, 2)
@@ -163,6 +171,12 @@ class Decay:
     overshoot : ndarray
         Factor before the exponential: ``|z(t)| <= overshoot |z(0)| exp(-guaranteed t)``, with
         z = [k1^(1/2) z1, z2]; infinite where V is not definite.
+
+    Examples
+    --------
+    >>> found = decay(2.0, [1.0, 2.0], 0.5)
+    >>> found.guaranteed.round(3).tolist(), found.true.round(3).tolist()
+    ([0.5, 0.465], [0.5, 1.0])
     """
 
     k1: Array
@@ -185,8 +199,12 @@ def fastest_beta(k1: ArrayLike, k2: ArrayLike) -> Array:
 
     Parameters
     ----------
-    k1, k2 : array_like
+    k1, k2 : array_like, of shapes that broadcast
         Gains [1/s^2, 1/s], positive.
+
+    Returns
+    -------
+    ndarray, of their common shape
 
     Notes
     -----

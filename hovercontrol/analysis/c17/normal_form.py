@@ -52,6 +52,13 @@ class NormalForm:
         Time derivatives of ``psi`` and ``r``, likewise.
     velocities : dict of str to sympy.Expr
         ``u`` and ``v`` in the same coordinates.
+
+    Examples
+    --------
+    >>> import hovercontrol as hc
+    >>> form = normal_form(hc.vehicle("c17_simulation"))
+    >>> list(form.errors), list(form.rest)
+    (['error_x', 'error_y', 'error_rate_x', 'error_rate_y'], ['psi', 'r'])
     """
 
     errors: dict[str, sp.Expr]

@@ -163,12 +163,12 @@ def table_two(
     scenario = load_scenario("table2") if scenario is None else scenario
     seed = np.arange(1.0, seeds + 1.0)
     p, r, pn, hn, f = (np.asarray(v, dtype=float) for v in (P0, R, position_noise, heading_noise, factor))
-    tell = progress or (lambda done: None)
+    report = progress or (lambda done: None)
     printed = (scenario.estimator or {})["R"]
     given: dict[str, Array] = {"sensor.seed": seed}
     given |= {f"estimator.R[{i},{i}]": r[:, None] * v for i, v in enumerate(printed)}
     search = mean_errors(scenario, given | _variances(p[:, None, None], 3, 11))[..., 2]
-    tell(0.4)
+    report(0.4)
     noise = mean_errors(
         scenario,
         {
@@ -177,9 +177,9 @@ def table_two(
             "sensor.heading_noise": hn[:, None],
         },
     )
-    tell(0.7)
+    report(0.7)
     fitted = np.array([mean_errors(_with_drag(scenario, v), {"sensor.seed": seed})[..., :2] for v in f])
-    tell(0.8)
+    report(0.8)
     drag = list((scenario.controller or {})["adapt"])
     six = replace(scenario, estimator={**(scenario.estimator or {}), "estimate": drag})
     few = mean_errors(six, {"sensor.seed": seed} | _variances(p[:, None], 3, 9))[..., 2]

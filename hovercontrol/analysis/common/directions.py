@@ -55,7 +55,7 @@ class Direction:
 
     @property
     def parts(self) -> dict[str, float]:
-        """What is worth naming of ``change``, the leading coefficient first."""
+        """The main parts of ``change``, the leading coefficient first."""
         largest = max(abs(v) for v in self.normalised.values())
         main = [name for name, v in self.normalised.items() if abs(v) >= MINOR * largest]
         lead = next(name for name in main if self.change[name] == 1.0)

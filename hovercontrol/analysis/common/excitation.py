@@ -1,6 +1,6 @@
 """Are coefficients excited by a motion? The condition of C17 section V, sampled [C17 eq 14a, 14b, 14c].
 
-In ``x' = h + G c`` the coefficients can be told from the motion iff no direction d has ``G d = 0``
+In ``x' = h + G c`` the coefficients follow from the motion iff no direction d has ``G d = 0``
 at all times [C17 eq 7] [C17 lemma 2]. Row by row this is the linear independence of the functions
 that multiply the coefficients in one equation: for the hovercraft the sets (14a-c).
 
@@ -54,6 +54,14 @@ class FunctionSet:
         Coefficients whose function is zero all the time.
     directions : tuple of Direction
         The combinations that are zero; those of ``not_excited`` alone come first.
+
+    Examples
+    --------
+    >>> import hovercontrol as hc
+    >>> t = np.linspace(0.0, 1.0, 11)
+    >>> found = excitation(hc.vehicle("c17_simulation").plant(), t, {"u": 2.0 + 0 * t}, ["surge_coulomb"])
+    >>> found.joint.equation, found.joint.not_excited, found.joint.directions
+    ('all', (), ())
     """
 
     equation: str
@@ -79,7 +87,7 @@ class FunctionSet:
 
 @dataclass(frozen=True, eq=False)
 class Excitation:
-    """What a motion tells about coefficients.
+    """The excitation of coefficients by a motion.
 
     Attributes
     ----------
@@ -88,6 +96,14 @@ class Excitation:
     joint : FunctionSet
         All equations together: no d with G d = 0.
     tolerance : float
+
+    Examples
+    --------
+    >>> import hovercontrol as hc
+    >>> t = np.linspace(0.0, 1.0, 11)
+    >>> found = excitation(hc.vehicle("c17_simulation").plant(), t, {"u": 2.0 + 0 * t}, ["surge_coulomb"])
+    >>> found.observable, [s.equation for s in found.sets]
+    (True, ['u'])
     """
 
     sets: tuple[FunctionSet, ...]
@@ -96,7 +112,7 @@ class Excitation:
 
     @property
     def observable(self) -> bool:
-        """Whether the coefficients can be told from the motion."""
+        """Whether the motion excites all coefficients."""
         return self.joint.independent
 
     def sentence(self) -> str:
@@ -142,7 +158,7 @@ def excitation(
     *,
     tolerance: float = 1e-3,
 ) -> Excitation:
-    """Return what a motion tells about coefficients of a Block.
+    """Return the excitation of a Block's coefficients by a motion.
 
     Parameters
     ----------

@@ -70,6 +70,15 @@ class SlidingGramian:
         Rising.
     width : float
         Of a window [s].
+
+    Examples
+    --------
+    >>> import hovercontrol as hc
+    >>> t = np.linspace(0.0, 2.0, 101)
+    >>> craft = hc.vehicle("c17_simulation").plant()
+    >>> W = observability_gramian(craft, t, {"u": 1.0 + t}, ["surge_linear_drag"])
+    >>> W.sliding(1.0).eigenvalues.shape
+    (2, 11)
     """
 
     time: Array
@@ -112,6 +121,15 @@ class Gramian:
         Standard deviation that is left of each coefficient, in its unit, when every measured state
         has noise of intensity 1 (in ``sizes`` of the state, squared, times s) and nothing else is
         known; infinite where a hidden combination holds the coefficient.
+
+    Examples
+    --------
+    >>> import hovercontrol as hc
+    >>> t = np.linspace(0.0, 1.0, 101)
+    >>> craft = hc.vehicle("c17_simulation").plant()
+    >>> W = observability_gramian(craft, t, {"u": 1.0 + t}, ["surge_linear_drag"])
+    >>> W.observable, W.matrix.shape
+    (True, (2, 2))
     """
 
     window: tuple[float, float]
@@ -139,7 +157,7 @@ class Gramian:
         return math.isfinite(self.condition)
 
     def sentence(self) -> str:
-        """Return in words what the window tells least."""
+        """Return as text the direction that the window excites least."""
         where = f"between {self.window[0]:.4g} s and {self.window[1]:.4g} s"
         if self.hidden:
             changes = "; ".join(d.sentence() for d in self.hidden)

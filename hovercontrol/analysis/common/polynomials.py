@@ -8,7 +8,7 @@ import sympy as sp
 
 
 def unsolvable(equations: Sequence[sp.Expr], unknowns: Sequence[sp.Symbol], nonzero: sp.Symbol) -> bool:
-    """Tell whether equations, each to be zero, have provably no solution in which one unknown is not zero.
+    """Return whether equations, each to be zero, have provably no solution in which one unknown is not zero.
 
     Parameters
     ----------

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from hovercontrol.analysis.common.region_drawing import draw_region
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.io.figure_style import figure_style
-from hovercontrol.io.files import write_whole
+from hovercontrol.io.files import write_atomically
 from hovercontrol.io.tables import number
 from hovercontrol.targets.compiled import CompiledBlock
 from hovercontrol.targets.sweep import Axis as Axis
@@ -28,8 +28,28 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-#: A sweep that would need more is refused before it begins.
-MEMORY_LIMIT, TIME_LIMIT = 2 * 2**30, 3600.0
+
+@dataclass(frozen=True)
+class SweepLimits:
+    """What a sweep of a map may take; more is refused before it begins.
+
+    Set by hand: what a small machine has and a person waits for.
+
+    Attributes
+    ----------
+    memory : int
+        Memory [bytes].
+    time : float
+        Time on all cores [s].
+    """
+
+    memory: int = 2 * 2**30
+    time: float = 3600.0
+
+
+#: The values in use.
+SWEEP_LIMITS = SweepLimits()
+
 
 #: So many numbers are held for each point of a map, at least.
 NUMBERS = 20
@@ -49,6 +69,16 @@ LARGEST = 1e100
 
 def axis(name: str, unit: str, span: tuple[float, float], points: int, label: str = "") -> Axis:
     """Return an axis of equal steps.
+
+    Parameters
+    ----------
+    name, unit : str
+    span : tuple of float
+        First and last value, in the unit.
+    points : int
+        Two or more.
+    label : str, optional
+        What pictures call it; default the name.
 
     Raises
     ------
@@ -106,6 +136,13 @@ class Region:
         Curves to draw, each x and y, NaN where they are interrupted.
     marks : mapping of str to (float, float), optional
         Points to mark, such as the gains that a paper takes.
+
+    Examples
+    --------
+    >>> k1, k2 = Axis("k1", "1/s^2", np.array([1.0, 2.0])), Axis("k2", "1/s", np.array([1.0]))
+    >>> region = Region("stable gains", k1, k2, {"stable": np.array([[True, False]])})
+    >>> region.maps["stable"].shape
+    (1, 2)
     """
 
     title: str
@@ -129,7 +166,13 @@ class Region:
         return self.maps[name]
 
     def label(self, name: str) -> str:
-        """Return what a map is called, with its unit."""
+        """Return what a map is called, with its unit.
+
+        Parameters
+        ----------
+        name : str
+            Of the map.
+        """
         text = self.labels.get(name, name)
         return f"{text} [{self.units[name]}]" if name in self.units else text
 
@@ -156,10 +199,16 @@ class Region:
         return pyarrow.table(columns)
 
     def save(self, path: str | Path) -> Path:
-        """Write the table as CSV; it appears whole or not at all."""
+        """Write the table as CSV; it is written atomically.
+
+        Parameters
+        ----------
+        path : path
+            Of the CSV file.
+        """
         import pyarrow.csv
 
-        return write_whole(path, lambda file: pyarrow.csv.write_csv(self.table(), file))
+        return write_atomically(path, lambda file: pyarrow.csv.write_csv(self.table(), file))
 
     def plot(self, *names: str, axes: Axes | None = None) -> Figure:
         """Return a figure: regions as areas and outlines with words in them, a quantity in colours.
@@ -194,10 +243,10 @@ def mesh(x: Axis, y: Axis) -> tuple[Array, Array]:
     """
     points = len(x.values) * len(y.values)
     memory = 8.0 * NUMBERS * points
-    if memory > MEMORY_LIMIT:
+    if memory > SWEEP_LIMITS.memory:
         raise InputError(
             f"a map of {points:.3g} points would take {memory / 2**30:.3g} GiB of memory (the limit: "
-            f"{MEMORY_LIMIT / 2**30:g} GiB); take fewer points"
+            f"{SWEEP_LIMITS.memory / 2**30:g} GiB); take fewer points"
         )
     xs, ys = np.meshgrid(x.values, y.values)
     return xs.ravel(), ys.ravel()
@@ -248,11 +297,11 @@ def refuse_large(loop: CompiledBlock, runs: int, seconds_per_run: float) -> None
     block = loop.block
     numbers = len(block.parameters) + 2 * len(block.states) + 5 * len(block.outputs) + 4
     memory, seconds = 8.0 * numbers * runs, seconds_per_run * runs
-    if memory > MEMORY_LIMIT or seconds > TIME_LIMIT:
+    if memory > SWEEP_LIMITS.memory or seconds > SWEEP_LIMITS.time:
         raise InputError(
             f"block {block.name!r}: a sweep of {runs:.3g} runs would take {_hours(seconds)} and "
-            f"{memory / 2**30:.3g} GiB of memory (the limits: {_hours(TIME_LIMIT)}, "
-            f"{MEMORY_LIMIT / 2**30:g} GiB); take fewer points"
+            f"{memory / 2**30:.3g} GiB of memory (the limits: {_hours(SWEEP_LIMITS.time)}, "
+            f"{SWEEP_LIMITS.memory / 2**30:g} GiB); take fewer points"
         )
 
 

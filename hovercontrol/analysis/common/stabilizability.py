@@ -98,6 +98,14 @@ class Stabilizability:
     linearised : Linearised
     brockett : Brockett
     byrnes_isidori : ByrnesIsidori
+
+    Examples
+    --------
+    >>> import hovercontrol as hc
+    >>> from hovercontrol.controllers.k06 import force_driven
+    >>> found = stabilizability(force_driven(hc.vehicle("hoverdemon").plant()))
+    >>> found.linearised.rank, found.brockett.onto
+    (4, False)
     """
 
     block: str
@@ -143,7 +151,7 @@ class Stabilizability:
         answer = {
             "possible": f"A smooth static state feedback can hold {what}",
             "impossible": f"No smooth static state feedback can hold {what}",
-            "undecided": f"These tests do not tell whether a smooth static state feedback can hold {what}",
+            "undecided": f"These tests do not decide whether a smooth static state feedback can hold {what}",
         }[self.verdict]
         more = {"impossible": "; use one that switches or depends on time"}.get(self.verdict, "")
         return f"{answer}: {'; '.join(reasons)}{more}."

@@ -140,12 +140,12 @@ def sample_delay(
     following: dict[str, sp.Expr] = {}
     told: dict[str, sp.Expr] = {}
     for signal in signals:
-        line = [signal, *(signal.but(name=f"{signal.name}_{k}_ago") for k in range(1, most + 1))]
+        line = [signal, *(signal.replace(name=f"{signal.name}_{k}_ago") for k in range(1, most + 1))]
         states += line[1:]
         following |= {old.name: new.symbol for new, old in pairwise(line)}
         cases = [(s.symbol, late.symbol < k + sp.Rational(1, 2)) for k, s in enumerate(line[:-1])]
         told[f"{signal.name}_{ending}"] = sp.Piecewise(*cases, (line[-1].symbol, True))
-    outputs = tuple(signal.but(name=n) for signal, n in zip(signals, told, strict=True))
+    outputs = tuple(signal.replace(name=n) for signal, n in zip(signals, told, strict=True))
     return Block(name, tuple(states), tuple(signals), outputs, (late,), following, told, period=IMU_PERIOD)
 
 
@@ -216,7 +216,7 @@ def tachometer(*, noise: float = 0.0, name: str = "tachometer") -> Block:
 def _ranged() -> Block:
     """Return what gives Cricket the place to range: as it is, or as it was."""
     there, aged = MOTION[:3], Signal("aged", "1", "Cricket ranges a place as it was", modes=("off", "on"))
-    past, told = ([s.but(name=f"{s.name}_{end}") for s in there] for end in ("aged", "ranged"))
+    past, told = ([s.replace(name=f"{s.name}_{end}") for s in there] for end in ("aged", "ranged"))
     return Block(
         "ranged",
         inputs=(*there, *past),
@@ -252,7 +252,7 @@ def _aiding() -> Block:
         outputs=(
             Signal("heading_aid", "rad"),
             Signal("heading_aid_valid"),
-            *(a.but(name=name) for name, (a, _) in pairs.items()),
+            *(a.replace(name=name) for name, (a, _) in pairs.items()),
         ),
         parameters=(on, assisted),
         output_expressions={
@@ -268,7 +268,7 @@ def _errors() -> Block:
     """Return what compares the navigation with encoder and tachometer, as K06 did, at the IMU's ticks."""
     units = {"psi": "rad", "r": "rad/s", "x": "m", "y": "m", "v_x": "m/s", "v_y": "m/s"}
     hats = {n: Signal(f"{n}_hat", unit) for n, unit in units.items()}
-    x, y, psi = (s.but(start=0.0) for s in MOTION[:3])
+    x, y, psi = (s.replace(start=0.0) for s in MOTION[:3])
     read, rate = Signal("encoder_psi", "rad"), Signal("tachometer_rate", "rad/s")
     fresh = Signal("heading_fix_arrived")
     arm = Signal("arm", "m", "from the spin axis to the sensors", start=ARM, lower=0.0)

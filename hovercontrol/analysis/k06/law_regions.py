@@ -65,7 +65,7 @@ def delayed_force(seconds: float = ROUND_TRIP, order: int = 4) -> Block:
     Inputs ``sent_x, sent_y``, outputs ``force_x, force_y`` [N]; the delay is the parameter ``delay.seconds``.
     """
     late = Signal("seconds", "s", "delay of the force", start=seconds, lower=0.0)
-    sent = {force.name: force.but(name=f"sent_{way}") for way, force in (("x", FORCE_X), ("y", FORCE_Y))}
+    sent = {force.name: force.replace(name=f"sent_{way}") for way, force in (("x", FORCE_X), ("y", FORCE_Y))}
     pure = Block(
         "delay",
         inputs=tuple(sent.values()),
@@ -104,7 +104,7 @@ def law_loop(law: Block, *, delay: bool = False) -> Block:
         output_expressions={"distance": sp.sqrt((u - SURGE_REF.symbol) ** 2 + v**2 + (arm.symbol * r) ** 2)},
     )
     law = law.named("law")
-    law = law.unchecked(inputs=tuple(s.but(lower=-sp.oo, upper=sp.oo) for s in law.inputs))
+    law = law.unchecked(inputs=tuple(s.replace(lower=-sp.oo, upper=sp.oo) for s in law.inputs))
     parts = [force_craft(), reference, watch]
     if delay:
         law = rename(law, {"force_x": "sent_x", "force_y": "sent_y"})
@@ -176,6 +176,12 @@ def forward_region(
     ------
     InputError
         If a speed or gain is not positive, a range is none, or the map is too large.
+
+    Examples
+    --------
+    >>> region = forward_region((0.5, 1.0), (1.0, 20.0), points=2, duration=20.0)
+    >>> region.maps["theorem"].tolist()
+    [[False, False], [True, True]]
     """
     x = axis("speed", "m/s", speed, points, "wanted surge velocity u_ref")
     _refuse_sign("forward", x.values, 1)
@@ -237,6 +243,12 @@ def reverse_region(
     ------
     InputError
         If the law is asked to go forward, a gain is not positive, a range is none, or the map is too large.
+
+    Examples
+    --------
+    >>> region = reverse_region((-1.0, -0.5), (0.1, 2.0), points=2, duration=20.0)
+    >>> region.maps["theorem"].tolist()
+    [[False, False], [True, True]]
     """
     x = axis("speed", "m/s", speed, points, "wanted surge velocity u_ref")
     _refuse_sign("reverse", x.values, -1)

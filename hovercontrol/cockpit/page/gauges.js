@@ -45,7 +45,11 @@ export class Gauges {
   }
 
   show(signals) {
-    const seen = { ...signals, speed: Math.hypot(signals.u, signals.v) };
+    const seen = { ...signals };
+    for (const [name] of MOTION) { // in the real loop: what the ground station knows
+      if (`${name}_told_received` in signals) seen[name] = signals[`${name}_told_received`];
+    }
+    seen.speed = Math.hypot(seen.u, seen.v);
     for (const g of this.all) {
       g.root.hidden = ["distance", "energy"].includes(g.name) && !(g.name in seen);
       const raw = seen[g.name];

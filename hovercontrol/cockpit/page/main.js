@@ -3,6 +3,7 @@ import { Gauges } from "/page/gauges.js";
 import { CraftMap } from "/page/map.js";
 import { Panel } from "/page/panel.js";
 import { Replay } from "/page/replay.js";
+import { Station } from "/page/station.js";
 import { Stick } from "/page/stick.js";
 
 const at = (id) => document.getElementById(id);
@@ -22,6 +23,7 @@ const panel = new Panel(at("laws"), at("references"), at("disturbances"), (comma
   say(text);
   panel.show(state, true);
 });
+const station = new Station(at("station"), (command) => send({ command }));
 const replay = new Replay({ play: at("play"), seek: at("seek"), speed: at("speed") });
 const stick = new Stick(at("pad"), at("knob"), () => {
   if (state?.pilot && !byStick(state.law)) say(`The stick is off: ${title(state.law)} flies. Choose Manual.`, true);
@@ -57,6 +59,7 @@ function hear(message) {
     say(message.error);
     if (state) panel.show(state, true);
   }
+  if ("news" in message) say(message.news, true, message.wait ? 120 : 4);
   if ("saved" in message) {
     say(`Saved ${message.saved}, ${message.seconds.toFixed(1)} s.`, true);
     listLogs(message.saved);
@@ -68,6 +71,9 @@ function begin({ about, replay: given }) {
   map.about = about;
   if (!known) map.scale = 27 / about.arm;
   at("craft").textContent = about.craft;
+  document.body.dataset.loop = about.loop;
+  for (const button of at("loops").children) button.setAttribute("aria-pressed", button.value === about.loop);
+  at("loops").title = about.real ? "" : "The real loop needs a craft whose thrust is in newton.";
   gauges.build(about);
   panel.build(about);
   map.clearTrail();
@@ -113,6 +119,7 @@ function draw() {
   seen.drawn += 1;
   gauges.show(state.signals);
   panel.show(state);
+  station.show(state, map.about);
   at("time").textContent = state.signals.time.toFixed(1);
   at("pause").textContent = state.paused ? "Go on" : "Pause";
   const recording = state.recording !== null;
@@ -120,6 +127,7 @@ function draw() {
   at("record").textContent = recording ? `Stop recording (${state.recording.toFixed(0)} s)` : "Record";
   at("take").hidden = state.pilot;
   for (const id of ["pause", "reset", "record"]) at(id).disabled = !state.pilot;
+  for (const button of at("loops").children) button.disabled = !state.pilot || !map.about.real;
   at("stick-panel").classList.toggle("off", !byStick(state.law) || !state.pilot);
   at("mode").textContent = modeText();
   showStatus();
@@ -199,6 +207,7 @@ for (const id of ["logs", "speed"]) at(id).addEventListener("change", () => at(i
 at("pause").addEventListener("click", () => send({ pause: !state.paused }));
 at("reset").addEventListener("click", () => send({ reset: true }));
 at("record").addEventListener("click", () => send({ record: state.recording === null }));
+for (const button of at("loops").children) button.addEventListener("click", () => send({ loop: button.value }));
 at("take").addEventListener("click", () => send({ take: true }));
 at("nearer").addEventListener("click", () => map.zoom(1.25));
 at("farther").addEventListener("click", () => map.zoom(0.8));

@@ -113,6 +113,7 @@ export class CraftMap {
     this.line(path ?? this.trail, this.color.trail, 1.5);
     if (law === "goal" && "goal_x_ref" in signals) this.goal(signals);
     if ("heading_ref" in signals) this.heading(signals);
+    this.estimate(signals);
     this.craft(signals);
     this.wind(signals);
     this.drawn += 1;
@@ -126,6 +127,7 @@ export class CraftMap {
     const digits = Math.max(0, -Math.floor(Math.log10(step) + 1e-9));
     const [left, top] = this.toEarth(0, 0);
     const [right, bottom] = this.toEarth(...size);
+    const narrow = size[0] < 640; // the legend has two lines
     c.lineWidth = 1;
     c.font = "12px system-ui, sans-serif";
     const rule = (value, vertical) => {
@@ -138,14 +140,14 @@ export class CraftMap {
       c.fillStyle = color.soft;
       c.textAlign = vertical ? "center" : "left";
       if (vertical && px > 50 && px < size[0] - 60) c.fillText(text, px, size[1] - 6);
-      if (!vertical && py > 50 && py < size[1] - 26) c.fillText(text, 5, py - 3);
+      if (!vertical && py > (narrow ? 66 : 50) && py < size[1] - 26) c.fillText(text, 5, py - 3);
     };
     for (let k = Math.ceil(left / step); k * step <= right; k += 1) rule(k * step, true);
     for (let k = Math.ceil(bottom / step); k * step <= top; k += 1) rule(k * step, false);
     c.textAlign = "right";
     c.fillText("x in m", size[0] - 8, size[1] - 6);
     c.textAlign = "left";
-    c.fillText("y in m", 5, 42);
+    c.fillText("y in m", 5, narrow ? 58 : 42);
   }
 
   line(points, color, width) {
@@ -182,14 +184,8 @@ export class CraftMap {
     const cos = Math.cos(signals.psi);
     const sin = Math.sin(signals.psi);
     const place = (a, b) => this.toScreen(signals.x + cos * a - sin * b, signals.y + sin * a + cos * b);
-    const path = (...points) => {
-      c.beginPath();
-      points.forEach((p, k) => (k ? c.lineTo(...place(...p)) : c.moveTo(...place(...p))));
-    };
-    const bow = 1.25 * arm;
-    const half = 0.55 * arm;
-    path([bow, 0], [0.9 * arm, 0.6 * half], [0.5 * arm, half], [-arm, half], [-arm, -half], [0.5 * arm, -half], [0.9 * arm, -0.6 * half]);
-    c.closePath();
+    const path = this.pathOf(place);
+    this.hull(path, arm);
     c.fillStyle = color.hull;
     c.strokeStyle = color.ink;
     c.lineWidth = 1.5;
@@ -214,6 +210,32 @@ export class CraftMap {
     for (const fan of about?.fans ?? []) {
       force([fan.x, fan.y], fan.direction, (signals[fan.name] || 0) / full(fan.name), color.thrust);
     }
+  }
+
+  pathOf(place) {
+    return (...points) => {
+      this.context.beginPath();
+      points.forEach((p, k) => (k ? this.context.lineTo(...place(...p)) : this.context.moveTo(...place(...p))));
+    };
+  }
+
+  hull(path, arm) {
+    const half = 0.55 * arm;
+    path([1.25 * arm, 0], [0.9 * arm, 0.6 * half], [0.5 * arm, half], [-arm, half], [-arm, -half], [0.5 * arm, -half], [0.9 * arm, -0.6 * half]);
+    this.context.closePath();
+  }
+
+  // Where the ground station has the craft, in the real loop.
+  estimate({ x_told_received: x, y_told_received: y, psi_told_received: psi }) {
+    if (x === undefined) return;
+    const [cos, sin] = [Math.cos(psi), Math.sin(psi)];
+    this.hull(this.pathOf((a, b) => this.toScreen(x + cos * a - sin * b, y + sin * a + cos * b)), this.about?.arm ?? 0.2);
+    const c = this.context;
+    c.setLineDash([4, 4]);
+    c.strokeStyle = this.color.soft;
+    c.lineWidth = 1.5;
+    c.stroke();
+    c.setLineDash([]);
   }
 
   heading(signals) {

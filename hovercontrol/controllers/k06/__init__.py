@@ -1,4 +1,4 @@
-"""K06's controllers: laws on the body velocities, what tells them their references, and what they push with.
+"""K06's controllers: laws on the body velocities, their references, and the actuation.
 
 The laws (:mod:`.laws`) are continuous; the hybrid controllers of a heading (:mod:`.heading`) and of a pose
 (:mod:`.origin`) are sampled and tell a law its references; :func:`setpoints` tells constants and

@@ -57,7 +57,7 @@ def force_to_command(*, dead_zone: float = 0.0, reversing: bool = False, name: s
     return Block(
         name,
         inputs=(FORCE_X, FORCE_Y),
-        outputs=(THRUST.but(unit="N", description="force of the propeller"), RUDDER),
+        outputs=(THRUST.replace(unit="N", description="force of the propeller"), RUDDER),
         parameters=parameters,
         output_expressions={"thrust": thrust, "rudder": rudder},
     )

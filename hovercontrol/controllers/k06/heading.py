@@ -1,4 +1,4 @@
-"""K06's two hybrid controllers for a heading (section 2.3.3): they tell the turn law its yaw rate.
+"""K06's two hybrid controllers for a heading (section 2.3.3): they set the yaw rate of the turn law.
 
 No smooth static feedback holds a heading (K06 proposition 2.3.4). Both controllers switch between two modes:
 ``stop`` (the wanted yaw rate is zero: with it the turn law is the stop law) and ``turn``, which is entered
@@ -33,8 +33,8 @@ TICK = 0.001
 _SEEN = tuple(s for s in MOTION if s.name in ("psi", "u", "v", "r"))
 _PSI, _U, _V, _R = (s.symbol for s in _SEEN)
 _MODE = Signal("heading_mode", description="what the heading controller does", modes=("stop", "turn"))
-_LAST_MODE = _MODE.but(name="last_heading_mode", description="its mode at the last tick")
-_LAST_RATE = YAW_RATE_REF.but(name="last_yaw_rate", description="wanted yaw rate of the last tick")
+_LAST_MODE = _MODE.replace(name="last_heading_mode", description="its mode at the last tick")
+_LAST_RATE = YAW_RATE_REF.replace(name="last_yaw_rate", description="wanted yaw rate of the last tick")
 _ERROR = Signal("heading_error", "rad", "heading less wanted heading")
 _TURNING = sp.Eq(_LAST_MODE.symbol, _LAST_MODE.mode("turn"))
 
@@ -119,6 +119,11 @@ def proportional_heading(
     ------
     InputError
         If a number is not positive, or the margin not more than 1.
+
+    Examples
+    --------
+    >>> [s.name for s in proportional_heading(k=0.5).outputs]
+    ['yaw_rate_ref', 'heading_mode', 'heading_error']
     """
     gain = Signal("k", "1/s", "yaw rate per heading error", start=positive("guidance: k", k))
     if not 1 < margin < math.inf:
@@ -152,7 +157,7 @@ def _heading(
     m, J = (p.symbol for p in parameters if p.name in ("mass", "inertia"))
     energy = Signal("energy", "J", "kinetic energy")
     calm = Signal("entry_energy", "J", "kinetic energy below which a turn may begin")
-    rate = YAW_RATE_REF.but(name="wanted_yaw_rate")
+    rate = YAW_RATE_REF.replace(name="wanted_yaw_rate")
     may_turn = sp.Or(_TURNING, energy.symbol < calm.symbol)
     off = sp.Abs(_ERROR.symbol) > phi.symbol
     turns = sp.Eq(_MODE.symbol, _MODE.mode("turn"))

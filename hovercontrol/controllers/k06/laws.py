@@ -82,9 +82,15 @@ def forward(*, k1: float, k2: float, body: Body = HOVERDEMON_BODY, name: str = "
     ------
     InputError
         If a gain is not positive.
+
+    Examples
+    --------
+    >>> print(forward(k1=1.0, k2=20.0).equations())
+    force_x = -k1*(-surge_ref + u)
+    force_y = -k2*(-arm*r + v)
     """
     gains = _gains(body, k1=k1, k2=k2)
-    return _law(name, (SURGE_REF.but(lower=0.0),), gains, *_force(gains, SURGE_REF.symbol))
+    return _law(name, (SURGE_REF.replace(lower=0.0),), gains, *_force(gains, SURGE_REF.symbol))
 
 
 def forward_alternate(*, k1: float, body: Body = HOVERDEMON_BODY, name: str = "controller") -> Block:
@@ -108,10 +114,16 @@ def forward_alternate(*, k1: float, body: Body = HOVERDEMON_BODY, name: str = "c
     ------
     InputError
         If the gain is not positive.
+
+    Examples
+    --------
+    >>> print(forward_alternate(k1=1.0).equations())
+    force_x = -k1*(-surge_ref + u)
+    force_y = -mass*surge_ref*(-arm*r + v)/(2*arm)
     """
     K1, d = _gains(body, k1=k1)
     mass = Signal("mass", "kg", "mass of the craft", start=body.mass, lower=0.0)
-    ref = SURGE_REF.but(lower=0.0)
+    ref = SURGE_REF.replace(lower=0.0)
     K2 = mass.symbol * ref.symbol / (2 * d.symbol)
     force_x, force_y = -K1.symbol * (_U - ref.symbol), -K2 * (_V - d.symbol * _R)
     return _law(name, (ref,), (K1, d, mass), force_x, force_y)
@@ -143,11 +155,17 @@ def reverse(
     ------
     InputError
         If a gain is not positive.
+
+    Examples
+    --------
+    >>> print(reverse(k1=1.5, k2=1.0, alpha=0.8).equations())
+    force_x = -k1*(-surge_ref + u)
+    force_y = k2*(alpha*arm*r + v)
     """
     K1, K2, d = gains = _gains(body, k1=k1, k2=k2)
     positive("controller: alpha", alpha)
     weight = Signal("alpha", "1", "weight of the yaw rate", start=alpha, lower=0.0)
-    ref = SURGE_REF.but(upper=0.0)
+    ref = SURGE_REF.replace(upper=0.0)
     side = K2.symbol * (_V + weight.symbol * d.symbol * _R)
     return _law(name, (ref,), (*gains, weight), -K1.symbol * (_U - ref.symbol), side)
 
@@ -175,6 +193,12 @@ def turn(*, k1: float, k2: float, body: Body = HOVERDEMON_BODY, name: str = "con
     ------
     InputError
         If a gain is not positive.
+
+    Examples
+    --------
+    >>> print(turn(k1=0.5, k2=3.5).equations())
+    force_x = -k1*u
+    force_y = -k2*(-arm*(r - yaw_rate_ref) + v)
     """
     gains = _gains(body, k1=k1, k2=k2)
     return _law(name, (YAW_RATE_REF,), gains, *_force(gains, yaw_rate_ref=YAW_RATE_REF.symbol))
@@ -203,9 +227,15 @@ def drive(*, k1: float, k2: float, body: Body = HOVERDEMON_BODY, name: str = "co
     ------
     InputError
         If a gain is not positive.
+
+    Examples
+    --------
+    >>> print(drive(k1=1.0, k2=2.0).equations())
+    force_x = -k1*(-surge_ref + u)
+    force_y = -k2*(-arm*(r - yaw_rate_ref) + v)
     """
     gains = _gains(body, k1=k1, k2=k2)
-    ahead = SURGE_REF.but(lower=0.0)
+    ahead = SURGE_REF.replace(lower=0.0)
     return _law(name, (ahead, YAW_RATE_REF), gains, *_force(gains, SURGE_REF.symbol, YAW_RATE_REF.symbol))
 
 
@@ -254,7 +284,7 @@ def both_ways(
     ahead = drive(k1=k1, k2=k2, body=body)
     astern = reverse(k1=reverse_k1, k2=reverse_k2, alpha=alpha, body=body)
     own = {
-        s.name: s.but(name=f"reverse_{s.name}", description=f"{s.description}, astern")
+        s.name: s.replace(name=f"reverse_{s.name}", description=f"{s.description}, astern")
         for s in astern.parameters
         if s.name in ("k1", "k2")
     }

@@ -29,7 +29,7 @@ MODE = Signal(
     "mode", description="step of the pose controller", modes=("point", "drive", "halt", "orient", "rest")
 )
 
-_LAST = MODE.but(name="last_mode", description="its step at the last tick")
+_LAST = MODE.replace(name="last_mode", description="its step at the last tick")
 
 
 def origin(
@@ -157,7 +157,12 @@ def _steps(numbers: dict[str, tuple[float, str]], period: float, body: Body) -> 
         "steps",
         states=(_LAST,),
         inputs=(*MOTION, *GOAL),
-        outputs=(SURGE_REF.but(lower=-lowest), HEADING_REF, MODE, Signal("distance", "m", "from the goal")),
+        outputs=(
+            SURGE_REF.replace(lower=-lowest),
+            HEADING_REF,
+            MODE,
+            Signal("distance", "m", "from the goal"),
+        ),
         parameters=(*own.values(), mass, inertia),
         definitions={
             "distance": sp.sqrt((goal_x - x) ** 2 + (goal_y - y) ** 2),

@@ -1,4 +1,4 @@
-"""What a law is told to hold: constants, as a Block of parameters."""
+"""Set points of a law as a Block of constants."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from hovercontrol.errors import InputError, did_you_mean
 def setpoints(
     blocks: Iterable[Block], values: Mapping[str, float] | None = None, name: str = "reference"
 ) -> Block:
-    """Return a Block that tells others the references that none of them tells: their open ``..._ref`` inputs.
+    """Return a Block with the references that no other Block has as output: their open ``..._ref`` inputs.
 
     Parameters
     ----------
@@ -42,9 +42,9 @@ def setpoints(
     told = {s.name: s for b in every for s in b.inputs if s.name.endswith("_ref") and s.name not in driven}
     for key, value in (values or {}).items():
         if key not in told:
-            raise InputError(f"{name}: no law is told {key!r}{did_you_mean(key, told)}")
-        told[key] = told[key].but(start=told[key].check(value))
-    inner = {key: signal.but(name=f"{name}.{key}") for key, signal in told.items()}
+            raise InputError(f"{name}: no law has the set point {key!r}{did_you_mean(key, told)}")
+        told[key] = told[key].replace(start=told[key].check(value))
+    inner = {key: signal.replace(name=f"{name}.{key}") for key, signal in told.items()}
     return Block(
         name,
         outputs=tuple(told.values()),

@@ -1,4 +1,4 @@
-"""What logs and a first fit must satisfy before a model is diagnosed from them."""
+"""What logs and a first fit must satisfy before a diagnosis."""
 
 from hovercontrol.discrepancy.checks.excitation import check_fitted
 from hovercontrol.discrepancy.checks.logs import check_logs

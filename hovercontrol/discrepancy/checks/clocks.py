@@ -1,6 +1,8 @@
-"""Clocks, checked by what the columns of one log say of each other, and the model of them."""
+"""Clocks of one log, checked against each other and against the model."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,25 +15,68 @@ from hovercontrol.logs import VELOCITY, Log
 
 Array = NDArray[np.float64]
 
-#: Seconds over which motion is compared; how far commands are shifted, and in which steps [s].
-OVER, REACH, STEP = 0.4, 0.4, 0.02
 
-#: Length of the sections that are compared [s], how many at most and at least.
-SECTION, MOST, FEWEST = 4.0, 12, 5
+@dataclass(frozen=True)
+class ClockCriteria:
+    """When the clocks of one log disagree.
 
-#: Pose and velocities may disagree by this part, and by so many standard errors.
-SCALE, SURE = 0.03, 5.0
+    No published source: set by hand, exercised by tests/discrepancy/test_checks.py.
 
-#: Clocks may drift apart by so much [s]; more is told if chance makes it this rarely, and if shifting the
-#: commands back along the drift leaves no more than this part of the misfit: what else changes leaves it all.
-DRIFT, CHANCE, LEFT = 0.03, 1e-4, 0.9
+    Attributes
+    ----------
+    over : float
+        Time over which motion is compared [s].
+    reach : float
+        Largest shift of the commands that is tried [s].
+    step : float
+        Step of those shifts [s].
+    section : float
+        Length of the sections that are compared [s].
+    most : int
+        Largest number of sections.
+    fewest : int
+        Smallest number of sections for a drift.
+    scale : float
+        Relative difference of pose and velocities from which on there is a warning.
+    sure : float
+        Standard errors that this difference must exceed as well.
+    drift : float
+        Drift between commands and motion over a log from which on there is a warning [s].
+    chance : float
+        Largest p-value of such a drift.
+    left : float
+        Largest part of the misfit that remains once commands are shifted back along the drift; other
+        causes leave all of it.
+    refused_drift : float
+        Drift from which on the log is refused [s].
+    refused_chance : float
+        Largest p-value of a drift for which the log is refused.
+    refused_left : float
+        Largest part of the misfit that remains in a log that is refused.
+    """
 
-#: A log is refused from these on.
-TOO_MUCH, HARDLY, LITTLE = 0.1, 1e-5, 0.75
+    over: float = 0.4
+    reach: float = 0.4
+    step: float = 0.02
+    section: float = 4.0
+    most: int = 12
+    fewest: int = 5
+    scale: float = 0.03
+    sure: float = 5.0
+    drift: float = 0.03
+    chance: float = 1e-4
+    left: float = 0.9
+    refused_drift: float = 0.1
+    refused_chance: float = 1e-5
+    refused_left: float = 0.75
+
+
+#: The values in use.
+CLOCKS = ClockCriteria()
 
 
 def check_clocks(model: Subject, log: Log) -> list[str]:
-    """Return warnings of clocks that do not run alike, one line each.
+    """Return warnings of clocks with different rates, one line each.
 
     Parameters
     ----------
@@ -48,24 +93,24 @@ def check_clocks(model: Subject, log: Log) -> list[str]:
     found = scale(log)
     if found is not None:
         factor, std = found
-        if abs(factor - 1.0) > SCALE + SURE * std:
+        if abs(factor - 1.0) > CLOCKS.scale + CLOCKS.sure * std:
             said.append(
                 f"{log.name}: the position moves {factor:.3g} times as fast as the velocities say: another "
                 "clock, or another scale?"
             )
     drift, chance, left = command_drift(model, log) or (0.0, 1.0, 1.0)
-    if abs(drift) <= DRIFT or chance >= CHANCE or left >= LEFT:
+    if abs(drift) <= CLOCKS.drift or chance >= CLOCKS.chance or left >= CLOCKS.left:
         return said
     pace = 1.0 + drift / float(log.time[-1] - log.time[0])
     text = (
         f"{log.name}: commands and motion drift apart by {1e3 * drift:.0f} ms from its beginning to its end"
     )
-    if abs(drift) > TOO_MUCH and chance < HARDLY and left < LITTLE:
+    if abs(drift) > CLOCKS.refused_drift and chance < CLOCKS.refused_chance and left < CLOCKS.refused_left:
         raise InputError(
-            f"{text}: their clocks do not run alike; record both by one clock, or multiply the times of the "
-            f"commands by {pace:.4f} before the two are joined"
+            f"{text}: their clocks run at different rates; record both with one clock, or multiply the "
+            f"times of the commands by {pace:.4f} before the two are joined"
         )
-    return [*said, f"{text}: were two clocks joined?"]
+    return [*said, f"{text}: were columns of two clocks joined?"]
 
 
 def command_drift(model: Subject, log: Log) -> tuple[float, float, float] | None:
@@ -87,12 +132,12 @@ def command_drift(model: Subject, log: Log) -> tuple[float, float, float] | None
         Seconds; the chance of as much if there is none; the part of the misfit that is left with the commands
         shifted along the line, of that with the best one shift. None where the log does not tell.
     """
-    shifts = np.arange(-REACH, REACH + STEP / 2, STEP)
+    shifts = np.arange(-CLOCKS.reach, CLOCKS.reach + CLOCKS.step / 2, CLOCKS.step)
     found = _squares(model, log, shifts)
     if found is None:
         return None
     time, squares = found
-    count = int(np.clip((time[-1] - time[0]) / SECTION, 1, MOST))
+    count = int(np.clip((time[-1] - time[0]) / CLOCKS.section, 1, CLOCKS.most))
     section = np.minimum(count * np.arange(time.size) // time.size, count - 1)
     best = []
     for k in range(count):
@@ -100,7 +145,7 @@ def command_drift(model: Subject, log: Log) -> tuple[float, float, float] | None
         least = _least(shifts, squares[:, own].sum(axis=1))
         if least is not None:
             best.append((float(time[own].mean()), least))
-    if len(best) < FEWEST:
+    if len(best) < CLOCKS.fewest:
         return None
     at, late = np.array(best).T
     slope, middle = np.polyfit(at - at.mean(), late, 1)
@@ -108,7 +153,7 @@ def command_drift(model: Subject, log: Log) -> tuple[float, float, float] | None
     scatter = np.sqrt((rest**2).sum() / (len(best) - 2) / ((at - at.mean()) ** 2).sum())
     chance = 2.0 * student.sf(abs(slope) / max(float(scatter), 1e-12), len(best) - 2)
     line = middle + slope * (time - at.mean())
-    nearest = np.clip(np.rint((line - shifts[0]) / STEP).astype(int), 0, shifts.size - 1)
+    nearest = np.clip(np.rint((line - shifts[0]) / CLOCKS.step).astype(int), 0, shifts.size - 1)
     along = float(squares[nearest, np.arange(time.size)].sum())
     left = along / max(float(squares.sum(axis=1).min()), 1e-12)
     return float(slope) * float(time[-1] - time[0]), float(chance), left
@@ -122,7 +167,7 @@ def _squares(model: Subject, log: Log, shifts: Array) -> tuple[Array, Array] | N
         return None
     known = np.isfinite(log.stack(*VELOCITY, *inputs)).all(axis=1)
     time = log.time[known]
-    every = max(2, round(OVER / float(np.median(np.diff(log.time)))))
+    every = max(2, round(CLOCKS.over / float(np.median(np.diff(log.time)))))
     cuts = np.arange(0, time.size, every)
     if cuts.size < 10:
         return None
@@ -141,7 +186,7 @@ def _squares(model: Subject, log: Log, shifts: Array) -> tuple[Array, Array] | N
         lost[k] = np.diff(np.concatenate([np.zeros((len(rows), 1)), whole], axis=1)[:, cuts]) - grown
     size = np.median(np.abs(lost[shifts.size // 2]), axis=1)
     squares = (np.minimum(np.abs(lost) / np.maximum(size, 1e-9)[:, None], 6.0) ** 2).sum(axis=1)
-    usual = np.diff(time[cuts]) < 2.0 * OVER
+    usual = np.diff(time[cuts]) < 2.0 * CLOCKS.over
     return 0.5 * (time[cuts[1:]] + time[cuts[:-1]])[usual], squares[:, usual]
 
 

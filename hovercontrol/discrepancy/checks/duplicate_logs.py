@@ -1,4 +1,4 @@
-"""Logs that are one another, or part of it, under other names, other times, rounded or with other columns."""
+"""Logs that are copies of each other, whole or in part, even if shifted in time or rounded."""
 
 from __future__ import annotations
 
@@ -16,27 +16,55 @@ from hovercontrol.logs import Log
 
 Array = NDArray[np.float64]
 
-#: Rows are alike if no column differs by more than this part of its range: some four digits.
-ALIKE = 1e-3
 
-#: Rows one after the other that are alike at least; part of a log's rows that must be, and of those that were
-#: recorded at the same time.
-RUN, SHARED, MOST = 20, 0.02, 0.5
+@dataclass(frozen=True)
+class DuplicateCriteria:
+    """When two logs hold the same recording.
 
-#: A channel is the same if it differs by less than this part of its noise; another run's differs by 1.4.
-SAME = 0.5
+    No published source: set by hand, exercised by tests/discrepancy/test_checks.py. Noise of two runs
+    differs by sqrt(2) standard deviations in each channel, copies by rounding alone.
 
-#: Rows of a log that are looked for in the other, likely partners of each, and shifts of time that are tried.
-SOUGHT, PARTNERS, SHIFTS = 400, 3, 3
+    Attributes
+    ----------
+    alike : float
+        Rows are equal if no column differs by more than this part of its range: about four digits.
+    run : int
+        Smallest number of consecutive equal rows.
+    shared : float
+        Smallest part of a log's rows that must be equal.
+    most : float
+        Smallest part of the rows recorded at the same time that must be equal.
+    same : float
+        A channel is equal if it differs by less than this part of its noise.
+    sought : int
+        Largest number of rows that are looked for in the other log.
+    partners : int
+        Most likely partners tried for each of those rows.
+    shifts : int
+        Time shifts that are tried.
+    aside : float
+        Largest difference of the times of two equal rows, relative to the time step.
+    """
 
-#: Part of a step by which the times of two rows that are one may differ.
-ASIDE = 0.3
+    alike: float = 1e-3
+    run: int = 20
+    shared: float = 0.02
+    most: float = 0.5
+    same: float = 0.5
+    sought: int = 400
+    partners: int = 3
+    shifts: int = 3
+    aside: float = 0.3
+
+
+#: The values in use.
+DUPLICATES = DuplicateCriteria()
 
 
 def refuse_duplicates(
     logs: Sequence[Log], holdout: Log | None, channels: Sequence[str], inputs: Sequence[str]
 ) -> None:
-    """Refuse a hold-out log that is a training log or overlaps one, and training logs that count twice.
+    """Refuse a held-out log that overlaps a training log, and training logs that overlap each other.
 
     Parameters
     ----------
@@ -52,11 +80,11 @@ def refuse_duplicates(
         The line names both logs.
     """
     for one, other in combinations(logs, 2):
-        _refuse(one, other, channels, inputs, f"{other.name}: it", "its rows would count twice")
+        _refuse(one, other, channels, inputs, f"{other.name}: it", "its rows would be used twice")
     if holdout is not None:
         for one in logs:
-            what = f"{holdout.name}: the hold-out log"
-            _refuse(one, holdout, channels, inputs, what, "it must take no part")
+            what = f"{holdout.name}: the held-out log"
+            _refuse(one, holdout, channels, inputs, what, "it must not be in the fit")
 
 
 def _refuse(
@@ -93,12 +121,12 @@ def shared(one: Log, other: Log, channels: Sequence[str], inputs: Sequence[str])
     if not measured:
         return 0
     ours, rows = (_Moving.of(log, names, len(measured)) for log in (one, other))
-    if min(ours.time.size, rows.time.size) < RUN:
+    if min(ours.time.size, rows.time.size) < DUPLICATES.run:
         return 0
     size = np.maximum(np.ptp(ours.values, axis=0), np.ptp(rows.values, axis=0))
     size[size == 0.0] = 1.0
     count = max((_copied(ours, rows, shift, size) for shift in _shifts(ours, rows, size)), default=0)
-    if count <= SHARED * rows.time.size:
+    if count <= DUPLICATES.shared * rows.time.size:
         return 0
     return math.inf if count > 0.95 * max(ours.time.size, rows.time.size) else count
 
@@ -144,14 +172,16 @@ class _Moving:
 
 def _shifts(ours: _Moving, rows: _Moving, size: Array) -> list[float]:
     """Return by how much later the rows of a log may be those of another [s], the likeliest shift first."""
-    some = np.unique(np.linspace(0, rows.time.size - 1, SOUGHT).astype(int))
+    some = np.unique(np.linspace(0, rows.time.size - 1, DUPLICATES.sought).astype(int))
     tree = cKDTree(ours.values / size)
-    near, at = tree.query(rows.values[some] / size, k=PARTNERS, p=np.inf, distance_upper_bound=ALIKE)
+    near, at = tree.query(
+        rows.values[some] / size, k=DUPLICATES.partners, p=np.inf, distance_upper_bound=DUPLICATES.alike
+    )
     late = (rows.time[some][:, None] - ours.time[np.minimum(at, ours.time.size - 1)])[np.isfinite(near)]
     _, own, counts = np.unique(
         np.round(late / min(ours.step, rows.step)), return_inverse=True, return_counts=True
     )
-    best = np.argsort(-counts, kind="stable")[:SHIFTS]
+    best = np.argsort(-counts, kind="stable")[: DUPLICATES.shifts]
     return [float(np.median(late[own == k])) for k in best]
 
 
@@ -160,24 +190,24 @@ def _copied(ours: _Moving, rows: _Moving, shift: float, size: Array) -> int:
     time = rows.time - shift
     after = np.clip(np.searchsorted(ours.time, time), 1, ours.time.size - 1)
     at = np.where(time - ours.time[after - 1] < ours.time[after] - time, after - 1, after)
-    there = np.flatnonzero(np.abs(ours.time[at] - time) < ASIDE * min(ours.step, rows.step))
+    there = np.flatnonzero(np.abs(ours.time[at] - time) < DUPLICATES.aside * min(ours.step, rows.step))
     at = at[there]
     apart = np.abs(rows.values[there] - ours.values[at])
-    alike: NDArray[np.bool_] = np.all(apart <= ALIKE * size, axis=1)
+    alike: NDArray[np.bool_] = np.all(apart <= DUPLICATES.alike * size, axis=1)
     edges = np.flatnonzero(np.diff(np.concatenate([[0], alike.astype(int), [0]]))).reshape(-1, 2)
-    for a, b in edges[np.diff(edges, axis=1).ravel() < RUN]:
+    for a, b in edges[np.diff(edges, axis=1).ravel() < DUPLICATES.run]:
         alike[a:b] = False
-    if alike.sum() < MOST * there.size:
+    if alike.sum() < DUPLICATES.most * there.size:
         return 0
     same = other = 0
     for c in range(rows.third.shape[1]):
         changed = alike & (rows.changed[there, c] | ours.changed[at, c])
-        if changed.sum() < RUN:
+        if changed.sum() < DUPLICATES.run:
             continue
         third = np.abs(rows.third[there[changed], c])
         usual = np.minimum(third, 6.0 * float(np.median(third)))  # a heading may jump by a full turn
         noise = float(usual.mean()) / math.sqrt(20.0)  # of third differences over that of rows
-        if float(apart[changed, c].mean()) <= SAME * noise:
+        if float(apart[changed, c].mean()) <= DUPLICATES.same * noise:
             same += 1
         else:
             other += 1

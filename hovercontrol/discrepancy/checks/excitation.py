@@ -1,9 +1,9 @@
-"""What a first fit says of the logs: coefficients that they cannot tell, a model that predicts nothing."""
+"""Checks after a first fit: coefficients that the logs do not excite, a model that does not predict."""
 
 from __future__ import annotations
 
 from copy import copy
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from hovercontrol.estimation.fit import Fit
 from hovercontrol.estimation.levels import unlike
 from hovercontrol.estimation.navigation import Navigated
 from hovercontrol.estimation.prediction import horizons, predict
+from hovercontrol.identify.coasting import coasting
 from hovercontrol.identify.excitation import (
     covariance,
     idle_inputs,
@@ -22,18 +23,36 @@ from hovercontrol.identify.excitation import (
     unexcited_directions,
     widening,
 )
-from hovercontrol.identify.predict import coasting
 
-#: Part of the accelerations seen from which on process noise may be all there is.
-SWALLOWED = 0.3
 
-#: How far ahead such a model is asked to predict [s], and what its errors (their median over channels) must
-#: be of those of a craft whose velocities stay: drag along one axis is no merit.
-AHEAD, BETTER = 0.2, 0.9
+@dataclass(frozen=True)
+class ExcitationCriteria:
+    """When a first fit shows that a model does not predict its logs.
+
+    No published source: set by hand, exercised by tests/discrepancy/test_checks.py.
+
+    Attributes
+    ----------
+    swallowed : float
+        Process noise relative to the acceleration from which on the prediction is checked.
+    ahead : float
+        Prediction horizon of that check [s].
+    better : float
+        Largest prediction error relative to that of constant velocities, median over channels. Drag along
+        one axis alone reaches less.
+    """
+
+    swallowed: float = 0.3
+    ahead: float = 0.2
+    better: float = 0.9
+
+
+#: The values in use.
+EXCITATION = ExcitationCriteria()
 
 
 def check_fitted(base: Fit) -> list[str]:
-    """Refuse logs that tell nothing of a model, or are in other units; warn of what they do not tell.
+    """Refuse logs without information on a model, or in other units; warn of coefficients not excited.
 
     Parameters
     ----------
@@ -49,6 +68,16 @@ def check_fitted(base: Fit) -> list[str]:
     ------
     InputError
         If no coefficient can be known, or a command is in other units or of the other sign.
+
+    Examples
+    --------
+    >>> import hovercontrol as hc
+    >>> from hovercontrol.identify import identify
+    >>> from hovercontrol.logs import read_log
+    >>> from hovercontrol.samples import sample_path
+    >>> found = identify(hc.vehicle("c17_experiment"), [read_log(sample_path())])
+    >>> check_fitted(found.fit)
+    []
     """
     data = base.problem.data
     refuse_gains(base)
@@ -59,7 +88,7 @@ def check_fitted(base: Fit) -> list[str]:
 
 
 def check_excitation(base: Fit, predicts_nothing: bool = False) -> list[str]:
-    """Return which coefficients the logs say nothing of, one line each.
+    """Return which coefficients the logs do not excite, one line each.
 
     Parameters
     ----------
@@ -87,7 +116,7 @@ def check_excitation(base: Fit, predicts_nothing: bool = False) -> list[str]:
     if len(blind) == len(names) and not (predicts_nothing and any(moving)):
         logs = ", ".join(m.name for m in problem.logs)
         raise InputError(
-            f"{logs}: no coefficient of the model can be known from it: the craft or its commands hardly move"
+            f"{logs}: it excites no coefficient of the model: the craft or its commands hardly move"
         )
     directions = named_directions(unexcited_directions(C, size), size, names)
     used = [any(np.any(m.inputs[i] != 0.0) for m in problem.logs) for i in range(len(problem.block.inputs))]
@@ -96,7 +125,7 @@ def check_excitation(base: Fit, predicts_nothing: bool = False) -> list[str]:
         signal = problem.block.parameter(names[j])
         idle = idle_inputs(problem.block, signal.name, used)
         why = reason(names[j], std[j], size[j], alone[j], directions, signal.unit, idle)
-        said.append(f"{names[j]} cannot be known from these logs: {why}")
+        said.append(f"{names[j]} are not excited by these logs: {why}")
     return said
 
 
@@ -109,18 +138,19 @@ def predicts_nothing(base: Fit) -> list[str]:
         Of the given model.
     """
     problem = base.problem
-    if not problem.driven or np.any(base.noise.process < SWALLOWED * problem.accelerations):
+    if not problem.driven or np.any(base.noise.process < EXCITATION.swallowed * problem.accelerations):
         return []
-    horizon = horizons(base, (AHEAD,))[0]
+    horizon = horizons(base, (EXCITATION.ahead,))[0]
     still = copy(problem)
     still.block = coasting(problem.block)
     found, trivial = predict(base, horizon), predict(replace(base, problem=still), horizon)
     if found is None or trivial is None:
         return []
     ratios = [found.rms[c] / trivial.rms[c] for c in found.channels if trivial.rms[c] > 0.0]
-    if not ratios or float(np.median(ratios)) < BETTER:
+    if not ratios or float(np.median(ratios)) < EXCITATION.better:
         return []
     return [
-        f"the model predicts nothing: {horizon:.2g} s ahead it is hardly better than that velocities stay; "
+        f"the model does not predict the motion: {horizon:.2g} s ahead it is hardly better than that "
+        f"velocities stay; "
         "are model, commands and motion of the same craft and time?"
     ]

@@ -1,6 +1,8 @@
-"""Coefficients that come to lie far from the model's: inputs in other units, or of the other sign."""
+"""Fitted input gains far from the model's: inputs in other units, or of opposite sign."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -8,18 +10,40 @@ from hovercontrol.errors import InputError
 from hovercontrol.estimation.fit import Fit
 from hovercontrol.identify.excitation import inputs_beside
 
-#: By how much logs must want more (or less) of an input than the model has, what is its opposite, and how
-#: well they must know it (standard error, relative): no craft is so far from its model, but one in other
-#: units. What a model lacks may take nearly all of a gain, yet never so surely.
-FAR, OPPOSITE, KNOWN = 20.0, -0.5, 0.02
 
-#: A coefficient that does less than this part of what the most effective one beside an input does is a small
-#: effect of a model, which may be far off in any unit.
-SLIGHT = 0.1
+@dataclass(frozen=True)
+class InputGainCriteria:
+    """When the gain of an input differs from the model's so much that its unit or sign must be wrong.
+
+    No published source: set by hand, exercised by tests/discrepancy/test_checks.py. A missing effect may
+    reduce a gain to nearly nothing, but never with so small a standard error.
+
+    Attributes
+    ----------
+    far : float
+        Ratio of fitted gain to the model's gain, or its inverse, from which on the unit is taken as
+        wrong.
+    opposite : float
+        Ratio from which on, downwards, the sign is taken as wrong.
+    known : float
+        Largest relative standard error of the fitted gain.
+    slight : float
+        A coefficient with less than this part of the effect of the largest one at the same input is not
+        checked.
+    """
+
+    far: float = 20.0
+    opposite: float = -0.5
+    known: float = 0.02
+    slight: float = 0.1
+
+
+#: The values in use.
+INPUT_GAIN = InputGainCriteria()
 
 
 def refuse_gains(base: Fit) -> None:
-    """Refuse inputs that do a small part, or many times, or the opposite of what the model says.
+    """Refuse inputs whose fitted gain is far smaller, far larger or opposite to the model's.
 
     Parameters
     ----------
@@ -41,7 +65,7 @@ def refuse_gains(base: Fit) -> None:
     S = base.S.sum(axis=0)
     beside = {j: inputs_beside(problem.block, problem.block.parameter(problem.names[j]).name) for j in linear}
     does = {j: float(np.sqrt(S[j, j]) * abs(problem.start[j])) for j in linear if beside[j]}
-    main = [j for j, much in does.items() if much > SLIGHT * max(does.values())]
+    main = [j for j, much in does.items() if much > INPUT_GAIN.slight * max(does.values())]
     far = {j: beside[j] for j in main if _is_far(base.p[j], problem.start[j], std[j])}
     if not far:
         return
@@ -58,7 +82,7 @@ def refuse_gains(base: Fit) -> None:
 
 
 def _is_far(value: float, given: float, std: float) -> bool:
-    if given == 0.0 or std > KNOWN * abs(value):
+    if given == 0.0 or std > INPUT_GAIN.known * abs(value):
         return False
     times = value / given
-    return bool(times > FAR or abs(times) < 1.0 / FAR or times < OPPOSITE)
+    return bool(times > INPUT_GAIN.far or abs(times) < 1.0 / INPUT_GAIN.far or times < INPUT_GAIN.opposite)

@@ -1,8 +1,9 @@
-"""What logs must satisfy before a model is diagnosed from them: refused in one line, or warned about."""
+"""What logs must satisfy before a diagnosis: errors and warnings of one line."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -14,24 +15,50 @@ from hovercontrol.discrepancy.checks.duplicate_logs import refuse_duplicates
 from hovercontrol.discrepancy.checks.units import refuse_units
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.estimation.measure import steps
-from hovercontrol.estimation.rows import FEWEST
+from hovercontrol.estimation.rows import BLOCKING
 from hovercontrol.estimation.subject import Subject, structure
 from hovercontrol.logs import Log
 from hovercontrol.logs.check import check_heading
 from hovercontrol.logs.frames import check_frame
-from hovercontrol.models.model import Model
 
 Array = NDArray[np.float64]
 
-#: Shortest stretch without a break from which anything can be said, and from which on most can [s].
-SHORTEST, SHORT = 2.0, 10.0
 
-#: Seconds for which a sensor may say the same while others move, in rows at least.
-STUCK, STUCK_ROWS = 0.5, 10
+@dataclass(frozen=True)
+class LogCriteria:
+    """When a log is refused or a warning is given before a diagnosis.
 
-#: Part of the rows at its largest value, and visits there, that make a command look cut off; values below the
-#: last part of the largest are idle.
-CUT_OFF, VISITS, IDLE = 0.05, 3, 0.05
+    No published source: set by hand, exercised by tests/discrepancy/test_checks.py.
+
+    Attributes
+    ----------
+    shortest : float
+        Shortest interval without a gap for a diagnosis [s].
+    short : float
+        Interval without a gap below which there is a warning [s].
+    stuck : float
+        Time for which a sensor may be constant while others change [s].
+    stuck_rows : int
+        The same in rows; both must be exceeded.
+    cut_off : float
+        Part of the rows at the largest value from which on a command seems saturated.
+    visits : int
+        Number of times that such a command must reach this value.
+    idle : float
+        Values below this part of the largest are no saturation.
+    """
+
+    shortest: float = 2.0
+    short: float = 10.0
+    stuck: float = 0.5
+    stuck_rows: int = 10
+    cut_off: float = 0.05
+    visits: int = 3
+    idle: float = 0.05
+
+
+#: The values in use.
+LOG_QUALITY = LogCriteria()
 
 
 def check_logs(model: Subject, logs: Sequence[Log], holdout: Log | None = None) -> list[str]:
@@ -68,7 +95,7 @@ def check_logs(model: Subject, logs: Sequence[Log], holdout: Log | None = None) 
     warnings = []
     for log in every:
         _refuse_inputs(block, log)
-        warnings += _length(log, is_craft=isinstance(model, Model))
+        warnings += _length(log, is_craft=model.is_craft)
         channels = _channels(block, log)
         _refuse_dead(log, channels)
         _refuse_apart(log, channels, [s.name for s in block.inputs])
@@ -77,8 +104,7 @@ def check_logs(model: Subject, logs: Sequence[Log], holdout: Log | None = None) 
             known = np.isfinite(log["psi"])
             rate = log["r"][known] if log.has("r") and np.isfinite(log["r"][known]).all() else None
             check_heading(log.name, "psi", log.time[known], log["psi"][known], rate)
-        if isinstance(model, Model):
-            check_frame(model, log)
+        check_frame(model, log)
         warnings += _stuck(log, channels) + _cut_off(log, [s.name for s in block.inputs])
     _refuse_other_pace(every)
     refuse_duplicates(logs, holdout, _measured(block), [s.name for s in block.inputs])
@@ -120,20 +146,20 @@ def _length(log: Log, is_craft: bool) -> list[str]:
         [float(log.time[0]), *(t for gap in log.gaps for t in gap), float(log.time[-1])] if len(log) else []
     )
     longest = max((b - a for a, b in zip(edges[::2], edges[1::2], strict=True)), default=0.0)
-    if longest < SHORTEST:
+    if longest < LOG_QUALITY.shortest:
         raise InputError(
             f"{log.name}: too short: the longest stretch without a break is {longest:.3g} s, expected "
-            f"{SHORTEST:g} s or more"
+            f"{LOG_QUALITY.shortest:g} s or more"
         )
-    if len(log) < FEWEST:
-        raise InputError(f"{log.name}: too short: {len(log)} rows, expected {FEWEST} or more")
-    if longest < SHORT:
-        return [f"{log.name}: {longest:.3g} s without a break are little: effects may not show"]
+    if len(log) < BLOCKING.fewest:
+        raise InputError(f"{log.name}: too short: {len(log)} rows, expected {BLOCKING.fewest} or more")
+    if longest < LOG_QUALITY.short:
+        return [f"{log.name}: {longest:.3g} s without a break are short: effects may not be found"]
     return []
 
 
 def _refuse_dead(log: Log, channels: Sequence[str]) -> None:
-    """Refuse a channel without a number, or of one number while others move."""
+    """Refuse a channel that is empty, or constant while others change."""
     for c in channels:
         known = log[c][np.isfinite(log[c])]
         if not known.size:
@@ -145,7 +171,7 @@ def _refuse_dead(log: Log, channels: Sequence[str]) -> None:
 
 
 def _refuse_apart(log: Log, channels: Sequence[str], inputs: Sequence[str]) -> None:
-    """Refuse commands that are known at no time at which anything was measured."""
+    """Refuse commands whose times do not overlap those of the measurements."""
     measured = np.isfinite(np.array([log[c] for c in channels])).any(axis=0)
     for name in inputs:
         known = np.isfinite(log[name])
@@ -153,12 +179,12 @@ def _refuse_apart(log: Log, channels: Sequence[str], inputs: Sequence[str]) -> N
             one, other = (log.time[rows] for rows in (known, measured))
             raise InputError(
                 f"{log.name}: input {name!r} (from {one[0]:.6g} to {one[-1]:.6g} s) and motion (from "
-                f"{other[0]:.6g} to {other[-1]:.6g} s) are at no time known together: do their clocks agree?"
+                f"{other[0]:.6g} to {other[-1]:.6g} s) never overlap in time: do their clocks agree?"
             )
 
 
 def _stuck(log: Log, channels: Sequence[str]) -> list[str]:
-    """Warn of a sensor that says the same for a while and then goes on elsewhere."""
+    """Warn of a sensor that is constant for a while and then jumps."""
     said = []
     for c in channels:
         row = log[c]
@@ -170,7 +196,11 @@ def _stuck(log: Log, channels: Sequence[str]) -> list[str]:
             continue  # a signal without noise, or coarser than its noise, repeats by itself
         same = np.concatenate([[0], (np.diff(row) == 0.0).astype(int), [0]])
         edges = np.flatnonzero(np.diff(same)).reshape(-1, 2)
-        spans = [(a, b) for a, b in edges if b - a >= STUCK_ROWS and log.time[b] - log.time[a] >= STUCK]
+        spans = [
+            (a, b)
+            for a, b in edges
+            if b - a >= LOG_QUALITY.stuck_rows and log.time[b] - log.time[a] >= LOG_QUALITY.stuck
+        ]
         if spans:
             a, b = max(spans, key=lambda s: float(log.time[s[1]] - log.time[s[0]]))
             more = f", and {len(spans) - 1} times more" if len(spans) > 1 else ""
@@ -182,7 +212,7 @@ def _stuck(log: Log, channels: Sequence[str]) -> list[str]:
 
 
 def _cut_off(log: Log, inputs: Sequence[str]) -> list[str]:
-    """Warn of commands that come to one largest value again and again: what lies beyond is not in the log."""
+    """Warn of commands that reach one largest value again and again: they may be saturated."""
     said = []
     for name in inputs:
         row = log[name]
@@ -191,7 +221,11 @@ def _cut_off(log: Log, inputs: Sequence[str]) -> list[str]:
         for value in (float(row.max()), float(row.min())):
             at = row == value
             visits = int((np.diff(np.concatenate([[0], at.astype(int)])) == 1).sum())
-            if abs(value) > IDLE * float(np.abs(row).max()) and at.mean() > CUT_OFF and visits >= VISITS:
+            if (
+                abs(value) > LOG_QUALITY.idle * float(np.abs(row).max())
+                and at.mean() > LOG_QUALITY.cut_off
+                and visits >= LOG_QUALITY.visits
+            ):
                 said.append(
                     f"{log.name}: {name} is at its limit of {value:.4g} in {100 * at.mean():.0f} % of the "
                     "rows: saturated? An effect that acts beyond it cannot show"

@@ -1,9 +1,9 @@
-"""Units, checked by what the columns of one log say of each other, and the model of them."""
+"""Units of one log's columns, checked against each other and against the model."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,22 +20,45 @@ from hovercontrol.logs import POSE, VELOCITY, Log
 
 Array = NDArray[np.float64]
 
-#: Seconds over which motion is compared.
-OVER = 0.4
 
-#: Least way [m] that must be gone in one comparison.
-LEAST = 0.02
+@dataclass(frozen=True)
+class UnitCriteria:
+    """When a column seems to be in another unit.
 
-#: Part of the way that velocities explain with a heading in degrees, in radian, and by how much more than
-#: without any turn, if it is in degrees.
-FITS, FAILS, TURNS = 0.9, 0.5, 0.2
+    No published source: set by hand, exercised by tests/discrepancy/test_checks.py.
 
-#: A mean turning speed [rad/s] from which on it is asked whether it is in degrees, and how many times less
-#: misfit the model must leave then.
-BRISK, LESS = 2.0, 4.0
+    Attributes
+    ----------
+    over : float
+        Time over which motion is compared [s].
+    least : float
+        Smallest distance moved in one comparison [m].
+    fits : float
+        Part of the motion that velocities must explain with the heading read as degrees.
+    fails : float
+        Largest part that they may explain with the heading read as radian.
+    turns : float
+        Smallest gain over a constant heading, relative to what is unexplained with it.
+    brisk : float
+        Mean turn rate from which on degrees are suspected [rad/s].
+    less : float
+        Factor by which the misfit of the model must fall with angles read as degrees.
+    asked : int
+        Rows on which that is tested: those with the largest turn.
+    """
 
-#: Rows on which that is asked: those in which it turns most.
-ASKED = 600
+    over: float = 0.4
+    least: float = 0.02
+    fits: float = 0.9
+    fails: float = 0.5
+    turns: float = 0.2
+    brisk: float = 2.0
+    less: float = 4.0
+    asked: int = 600
+
+
+#: The values in use.
+UNITS = UnitCriteria()
 
 
 def refuse_units(model: Subject, log: Log) -> None:
@@ -138,7 +161,7 @@ def _refuse_degrees(model: Subject, log: Log) -> None:
 
 
 def _moved_in_degrees(log: Log) -> bool:
-    """Tell whether body velocities lead where the position goes if the heading is in degrees, only then."""
+    """Whether body velocities agree with the position only if the heading is in degrees."""
     explained = []
     for factor in (math.pi / 180, 1.0, 0.0):
         found = _ways(log, factor)
@@ -149,11 +172,13 @@ def _moved_in_degrees(log: Log) -> bool:
         rest = moved - columns @ part
         explained.append(1.0 - float(rest @ rest) / max(float(moved @ moved), 1e-300))
     degrees, radian, straight = explained
-    return degrees > FITS and radian < FAILS and degrees > straight + TURNS * (1.0 - straight)
+    return (
+        degrees > UNITS.fits and radian < UNITS.fails and degrees > straight + UNITS.turns * (1.0 - straight)
+    )
 
 
 def _modelled_in_degrees(model: Subject, log: Log, angles: list[str]) -> bool:
-    """Tell whether a craft that seems to whirl does what its model says if its angles are in degrees."""
+    """Whether a fast-turning log agrees far better with the model if its angles are in degrees."""
     moves = set(VELOCITY) <= {s.name for s in structure(model).states}
     if not (moves and angles and _whirls(log)):
         return False
@@ -162,16 +187,16 @@ def _modelled_in_degrees(model: Subject, log: Log, angles: list[str]) -> bool:
     as_said, in_degrees = (
         _misfit(model, Log(log.name, log.time, {**log.columns, **k})) for k in ({}, turned)
     )
-    return LESS * in_degrees < as_said
+    return UNITS.less * in_degrees < as_said
 
 
 def _busiest(log: Log, angle: str) -> Log:
     """Return the rows of a log in which an angle changes most."""
-    if len(log) <= ASKED:
+    if len(log) <= UNITS.asked:
         return log
     whole = np.concatenate([[0.0], np.nancumsum(np.abs(np.diff(log[angle])))])
-    first = int((whole[ASKED:] - whole[:-ASKED]).argmax())
-    return log.select(slice(first, first + ASKED))
+    first = int((whole[UNITS.asked :] - whole[: -UNITS.asked]).argmax())
+    return log.select(slice(first, first + UNITS.asked))
 
 
 def _misfit(model: Subject, log: Log) -> float:
@@ -189,15 +214,15 @@ def _misfit(model: Subject, log: Log) -> float:
 
 
 def _whirls(log: Log) -> bool:
-    """Tell whether a craft seems to turn fast: it may, but angles in degrees do."""
+    """Whether a craft seems to turn fast, as it does with angles in degrees."""
     if log.has("r"):
-        return float(np.nanmean(np.abs(log["r"]))) > BRISK
+        return float(np.nanmean(np.abs(log["r"]))) > UNITS.brisk
     psi = log["psi"][np.isfinite(log["psi"])]
     if psi.size < 3 or float(np.ptp(psi)) <= 1.05 * math.tau:  # one wrapped to half a turn is in rad
         return False
-    every = max(1, round(OVER / float(np.median(np.diff(log.time)))))
+    every = max(1, round(UNITS.over / float(np.median(np.diff(log.time)))))
     way = float(np.abs(np.diff(psi[::every])).sum())
-    return way > BRISK * float(log.time[-1] - log.time[0])
+    return way > UNITS.brisk * float(log.time[-1] - log.time[0])
 
 
 def _sums(log: Log, angle: str, rate: str) -> tuple[float, float]:
@@ -206,7 +231,7 @@ def _sums(log: Log, angle: str, rate: str) -> tuple[float, float]:
     time, values, rates = log.time[known], np.unwrap(log[angle][known]), log[rate][known]
     if time.size < 3:
         return 0.0, 0.0
-    every = max(1, round(OVER / float(np.median(np.diff(time)))))
+    every = max(1, round(UNITS.over / float(np.median(np.diff(time)))))
     whole = np.concatenate([[0.0], np.cumsum(0.5 * (rates[1:] + rates[:-1]) * np.diff(time))])
     return float(np.abs(np.diff(values[::every])).sum()), float(np.abs(np.diff(whole[::every])).sum())
 
@@ -229,10 +254,10 @@ def _ways(log: Log, factor: float) -> tuple[Array, Array] | None:
     whole = np.concatenate(
         [np.zeros((2, 1)), np.cumsum(0.5 * (rates[:, 1:] + rates[:, :-1]) * steps, axis=1)], axis=1
     )
-    every = max(1, round(OVER / float(np.median(steps))))
+    every = max(1, round(UNITS.over / float(np.median(steps))))
     said = np.diff(whole[:, ::every], axis=1).ravel()
     moved = np.diff(np.stack([x, y])[:, ::every], axis=1).ravel()
-    if float(np.abs(said).max()) < LEAST:
+    if float(np.abs(said).max()) < UNITS.least:
         return None
     arm = np.diff(np.stack([np.cos(psi), np.sin(psi)])[:, ::every], axis=1).ravel()
     return np.stack([said, arm], axis=1), moved

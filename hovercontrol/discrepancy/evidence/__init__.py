@@ -1,1 +1,1 @@
-"""What speaks for a named effect, and what remains."""
+"""Evidence for a named effect, and what remains."""

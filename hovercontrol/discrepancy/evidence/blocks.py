@@ -1,4 +1,4 @@
-"""Whether disjoint blocks of the logs agree on an effect's size: a real cause is the same everywhere."""
+"""An effect's size on disjoint blocks of the logs: a real cause has the same size everywhere."""
 
 from __future__ import annotations
 
@@ -24,20 +24,20 @@ class Blocks:
     Attributes
     ----------
     estimate, std : ndarray, shape (W,)
-        1 is as all blocks together say; infinite standard error where a block tells nothing.
+        1 is the estimate from all blocks; infinite standard error where a block has no information.
     log : ndarray of int, shape (W,)
         From which log each is.
     n : int
-        Blocks that tell something.
+        Blocks with information.
     same_sign : int
         Those of them with the sign of all.
     t : float
-        Size over its standard error by the scatter over blocks, of which at least `ENOUGH` have a say.
+        Size over its standard error from the scatter over blocks, weights shared by at least `BLOCKS.enough`.
     dof : float
         Blocks that count, less one: a few may carry all information.
     spread : float
-        Standard deviation from block to block beyond what noise explains, weighted as in `t`: blocks that
-        know much count for more.
+        Standard deviation from block to block beyond what noise explains, weighted as in `t`: blocks with
+        more information weigh more.
     """
 
     estimate: Array
@@ -55,12 +55,28 @@ class Blocks:
         return float(2.0 * stats.t.sf(abs(self.t), max(self.dof, 1e-3)))
 
 
-#: Blocks that must have a say: where fewer carry nearly all that logs tell, these count for less.
-ENOUGH = 8
+@dataclass(frozen=True)
+class BlockCriteria:
+    """How blocks of logs are weighted.
+
+    No published source: set by hand, exercised by tests/discrepancy/test_blocks.py.
+
+    Attributes
+    ----------
+    enough : int
+        Number of blocks that must share the weight: where fewer carry nearly all information, their
+        weight is capped.
+    """
+
+    enough: int = 8
+
+
+#: The values in use.
+BLOCKS = BlockCriteria()
 
 
 def capped(information: Array) -> Array:
-    """Return weights of blocks, no more than their information, that at least `ENOUGH` of them share.
+    """Return weights of blocks, no more than their information, that at least `BLOCKS.enough` of them share.
 
     Examples
     --------
@@ -70,22 +86,24 @@ def capped(information: Array) -> Array:
     (True, True)
     """
     low, high = 0.0, float(information.max(initial=0.0))
-    if np.count_nonzero(information) <= ENOUGH or _sharing(information) >= ENOUGH:
+    if np.count_nonzero(information) <= BLOCKS.enough or _sharing(information) >= BLOCKS.enough:
         return information
     for _ in range(60):
         middle = 0.5 * (low + high)
-        low, high = (middle, high) if _sharing(np.minimum(information, middle)) >= ENOUGH else (low, middle)
+        low, high = (
+            (middle, high) if _sharing(np.minimum(information, middle)) >= BLOCKS.enough else (low, middle)
+        )
     return np.asarray(np.minimum(information, high))
 
 
 def _sharing(weights: Array) -> float:
-    """Return how many blocks of equal weight these are worth."""
+    """Return the number of blocks of equal weight that these are equivalent to."""
     squares = float((weights**2).sum())
     return float(weights.sum()) ** 2 / squares if squares > 0 else 0.0
 
 
 def scatter(score: Array, information: Array, log: NDArray[np.intp]) -> Blocks:
-    """Return what blocks say of one number whose size on all is 1.
+    """Return estimates by block of one parameter whose size on all logs is 1.
 
     Parameters
     ----------

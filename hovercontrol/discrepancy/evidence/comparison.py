@@ -1,4 +1,4 @@
-"""Compare a model with logs: a short time ahead, free-running, and whether what remains is noise."""
+"""Compare a model with logs: short predictions, free simulation, and whether the residual is noise."""
 
 from __future__ import annotations
 
@@ -13,21 +13,37 @@ from hovercontrol.discrepancy.evidence.traces import Trace, simulated_traces
 from hovercontrol.discrepancy.evidence.whiteness import independence, innovations, past_commands, whiteness
 from hovercontrol.estimation.data import gather
 from hovercontrol.estimation.fit import Fit
+from hovercontrol.estimation.levels import LEVEL
 from hovercontrol.estimation.noise import Noise
 from hovercontrol.estimation.subject import Subject
 from hovercontrol.logs import Log
 
 Array = NDArray[np.float64]
 
-#: How far ahead models are judged [s].
-HORIZON = 1.0
 
-#: Chance at which all tests together find something where there is nothing.
-CHANCE = 1e-3
+@dataclass(frozen=True)
+class ComparisonCriteria:
+    """When a model and a log disagree.
 
-#: Standard error of a noise level from the median of n third differences, times the root of n; and how many
-#: of them what remains may be larger.
-LEVEL, BEYOND = 1.65, 4.0
+    No published source: set by hand, exercised by tests/discrepancy/test_compare.py.
+
+    Attributes
+    ----------
+    horizon : float
+        Prediction horizon [s].
+    chance : float
+        Probability of a false alarm of all tests together.
+    beyond : float
+        Standard errors of the noise level that the innovations may exceed it by.
+    """
+
+    horizon: float = 1.0
+    chance: float = 1e-3
+    beyond: float = 4.0
+
+
+#: The values in use.
+COMPARISON = ComparisonCriteria()
 
 
 @dataclass(frozen=True)
@@ -43,7 +59,7 @@ class Compared:
         Root mean square error of simulations of a second, each from its own smoothed start; and of one over
         the whole log, from its start alone. In that unit.
     remains : float
-        Size of what the rows before do not foretell, over that of noise: 1 if nothing is missing.
+        Size of the innovation over that of noise: 1 if nothing is missing.
     largest : float
         Of what noise may be taken for, its level being known no better.
     white, independent : float
@@ -83,7 +99,7 @@ class Comparison:
 
     def beyond(self, one: Compared) -> tuple[str, ...]:
         """Return what is wrong with what remains of a channel, in words; empty if it is noise."""
-        level = CHANCE / max(2 * len(self.channels), 1)
+        level = COMPARISON.chance / max(2 * len(self.channels), 1)
         larger = (f"{one.remains:.3g} times the noise",) if one.remains > one.largest else ()
         in_time = ("correlated in time",) if one.white < level else ()
         return (*larger, *in_time, *(("following the commands",) if one.independent < level else ()))
@@ -110,7 +126,7 @@ class Comparison:
 
 
 def compare(
-    model: Subject, logs: Sequence[Log], *, horizon: float = HORIZON, noise: Noise | None = None
+    model: Subject, logs: Sequence[Log], *, horizon: float = COMPARISON.horizon, noise: Noise | None = None
 ) -> Comparison:
     """Compare a model, its coefficients as they are, with logs.
 
@@ -147,7 +163,7 @@ def compare(
     return compared(fit, horizon, noise)
 
 
-def compared(fit: Fit, horizon: float = HORIZON, noise: Noise | None = None) -> Comparison:
+def compared(fit: Fit, horizon: float = COMPARISON.horizon, noise: Noise | None = None) -> Comparison:
     """Return the comparison of a fitted model.
 
     Parameters
@@ -181,7 +197,7 @@ def compared(fit: Fit, horizon: float = HORIZON, noise: Noise | None = None) -> 
                     ahead_rms[channel],
                     free_rms[channel],
                     float(np.sqrt(np.mean(known**2))) if known.size else np.nan,
-                    1.0 + BEYOND * LEVEL / np.sqrt(max(int(problem.seen[:, own, c].sum()), 1)),
+                    1.0 + COMPARISON.beyond * LEVEL / np.sqrt(max(int(problem.seen[:, own, c].sum()), 1)),
                     whiteness(mine),
                     independence(mine, past),
                 )

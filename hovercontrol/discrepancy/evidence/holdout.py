@@ -1,4 +1,4 @@
-"""Whether a model with an effect predicts logs better that no coefficient was fitted to."""
+"""Whether a model with an effect predicts held-out logs better."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ class Gap:
 
 
 def held_fit(model: Subject, data: Data, near: Fit | None = None) -> Fit:
-    """Return a model on logs that its coefficients do not follow: the path and the noise are fitted, no more.
+    """Return a model on held-out logs: the path and the noise are fitted, the coefficients are kept.
 
     Parameters
     ----------

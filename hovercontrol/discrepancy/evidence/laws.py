@@ -13,23 +13,49 @@ from hovercontrol.discrepancy.evidence.missing import Missing
 
 Array = NDArray[np.float64]
 
-#: Part of a force's mean square that a law must explain to be named, and by how much a law must explain more
-#: than a simpler one.
-MOST, SIMPLER = 0.75, 0.02
 
-#: Part of the rows in which a force must stand out of its band to be there, and part of its velocity's
-#: spread, per second, below which it is nothing to look at.
-THERE, SMALL = 0.01, 0.02
+@dataclass(frozen=True)
+class LawCriteria:
+    """When a missing force follows a simple law, and where it is said to act.
 
-#: Below this part of its root mean square a quantity counts as standing still; a change of a command by more
-#: than this part is a step, which counts as fresh for so long [s].
-STILL, STEP, FRESH = 0.1, 0.5, 0.3
+    No published source: set by hand, exercised by tests/discrepancy/test_laws.py.
+
+    Attributes
+    ----------
+    most : float
+        Smallest part of the force's mean square that a law must explain.
+    simpler : float
+        Part that it must explain in addition to a simpler law.
+    there : float
+        Part of the rows in which a force must lie outside its band.
+    small : float
+        Force relative to the spread of its velocity below which it is ignored [1/s].
+    still : float
+        A quantity below this part of its root mean square is near zero.
+    step : float
+        A command that changes by more than this part of its root mean square makes a step.
+    fresh : float
+        Time for which rows count as just after a step [s].
+    """
+
+    most: float = 0.75
+    simpler: float = 0.02
+    there: float = 0.01
+    small: float = 0.02
+    still: float = 0.1
+    step: float = 0.5
+    fresh: float = 0.3
+
+
+#: The values in use.
+LAWS = LawCriteria()
+
 
 #: Laws, simplest first: words, power of the quantity's unit, shape over the quantity and its size.
 _SHAPES: tuple[tuple[str, int, Callable[[Array, float], Array]], ...] = (
     ("constant: about {c}", 0, lambda x, size: np.ones_like(x)),
     ("in proportion to {x}: about {c} times {x}", 1, lambda x, size: x),
-    ("with the sign of {x}: about {c}", 0, lambda x, size: np.tanh(x / (STILL * size))),
+    ("with the sign of {x}: about {c}", 0, lambda x, size: np.tanh(x / (LAWS.still * size))),
     ("like {x}^2: about {c} times {x}^2", 2, lambda x, size: x**2),
     ("like {x} |{x}|: about {c} times {x} |{x}|", 2, lambda x, size: x * np.abs(x)),
 )
@@ -68,9 +94,9 @@ def law(forces: Sequence[Missing]) -> Law | None:
     forces : sequence of Missing
         Of one equation, log by log.
     """
-    found = [law for law in laws(forces) if law.explained > MOST]
+    found = [law for law in laws(forces) if law.explained > LAWS.most]
     most = max((law.explained for law in found), default=0.0)
-    return next((law for law in found if law.explained > most - SIMPLER), None)
+    return next((law for law in found if law.explained > most - LAWS.simpler), None)
 
 
 def laws(forces: Sequence[Missing]) -> list[Law]:
@@ -111,14 +137,14 @@ def _quotient(above: str, below: str, power: int) -> str:
 
 def is_there(force: Missing) -> bool:
     """Whether a force stands out of its band, and is large enough to look at."""
-    return force.share >= THERE and force.rms >= small(force)
+    return force.share >= LAWS.there and force.rms >= small(force)
 
 
 def small(force: Missing) -> float:
     """Return a force too small to care about: a part of how its velocity changes in a second."""
     own = next((q.values for q in force.over if f"{q.name}'" == force.equation), np.zeros(1))
     known = own[np.isfinite(own)]
-    return SMALL * float(known.std()) if known.size else 0.0
+    return LAWS.small * float(known.std()) if known.size else 0.0
 
 
 def worst(missing: Sequence[Missing]) -> Missing | None:
@@ -135,7 +161,7 @@ def regime(missing: Sequence[Missing]) -> str:
         Of all logs and equations.
     """
     first = worst(missing)
-    if first is None or first.share < THERE:
+    if first is None or first.share < LAWS.there:
         return "nowhere beyond the noise"
     said = []
     for equation in dict.fromkeys([first.equation, *(m.equation for m in missing)]):
@@ -170,15 +196,15 @@ def _conditions(same: Sequence[Missing]) -> list[tuple[str, NDArray[np.bool_]]]:
         name, values = quantity.name, np.concatenate([m.over[k].values for m in same])
         size = _size(values[np.isfinite(values)]) or 1.0
         found += [
-            (f"where {name} > 0", values > STILL * size),
-            (f"where {name} < 0", values < -STILL * size),
+            (f"where {name} > 0", values > LAWS.still * size),
+            (f"where {name} < 0", values < -LAWS.still * size),
             (f"where {name} is large", np.abs(values) > size),
         ]
         if quantity.is_command:
-            fresh = [_fresh(m.time, m.over[k].values, STEP * size) for m in same]
+            fresh = [_fresh(m.time, m.over[k].values, LAWS.step * size) for m in same]
             found.append((f"just after steps of {name}", np.concatenate(fresh)))
         else:
-            found.append((f"near standstill of {name}", np.abs(values) < STILL * size))
+            found.append((f"near standstill of {name}", np.abs(values) < LAWS.still * size))
     time = np.concatenate([(m.time - m.time[0]) / max(m.time[-1] - m.time[0], 1e-9) for m in same])
     return [*found, ("late in each log", time > 0.5), ("early in each log", time < 0.5)]
 
@@ -187,7 +213,7 @@ def _fresh(time: Array, command: Array, step: float) -> NDArray[np.bool_]:
     """Return in which rows a command stepped a moment ago."""
     at = time[1:][np.abs(np.diff(command)) > step]
     ago = time - np.concatenate([[-np.inf], at])[np.searchsorted(at, time, side="right")]
-    return np.asarray(ago < FRESH)
+    return np.asarray(ago < LAWS.fresh)
 
 
 def _size(values: Array) -> float:

@@ -1,4 +1,4 @@
-"""The force that a model lacks along each log, with its band, and where it is there."""
+"""The force that a model lacks along each log, with its band, and where it is significant."""
 
 from __future__ import annotations
 
@@ -10,9 +10,31 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-#: Standard errors beyond which the force is there, the shortest stretch [s] worth naming, and how far apart
-#: two are [s] that are named as one: a force that changes its sign is not there for a moment.
-SEEN, SHORTEST, APART = 3.0, 0.2, 0.5
+
+@dataclass(frozen=True)
+class MissingCriteria:
+    """When a missing force is significant.
+
+    No published source: three standard errors are exceeded by chance in 0.3 % of normal samples; the
+    times are set by hand, exercised by tests/discrepancy/test_remainder.py.
+
+    Attributes
+    ----------
+    seen : float
+        Standard errors that the force must exceed.
+    shortest : float
+        Shortest interval that is listed [s].
+    apart : float
+        Intervals closer than this are one: a force that changes sign is zero for a moment [s].
+    """
+
+    seen: float = 3.0
+    shortest: float = 0.2
+    apart: float = 0.5
+
+
+#: The values in use.
+MISSING = MissingCriteria()
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,12 +86,12 @@ class Missing:
     def segments(self) -> list[tuple[float, float]]:
         """Stretches in which the force is there beyond its band [s], those close together as one."""
         with np.errstate(invalid="ignore"):
-            there = np.abs(self.force) > SEEN * self.band
+            there = np.abs(self.force) > MISSING.seen * self.band
         edges = np.flatnonzero(np.diff(np.concatenate([[0], there.astype(int), [0]])))
         spans = [(float(self.time[a]), float(self.time[b - 1])) for a, b in edges.reshape(-1, 2)]
         joined: list[tuple[float, float]] = []
-        for begin, end in (s for s in spans if s[1] - s[0] >= SHORTEST):
-            if joined and begin - joined[-1][1] < APART:
+        for begin, end in (s for s in spans if s[1] - s[0] >= MISSING.shortest):
+            if joined and begin - joined[-1][1] < MISSING.apart:
                 begin = joined.pop()[0]
             joined.append((begin, end))
         return joined
@@ -78,7 +100,7 @@ class Missing:
     def share(self) -> float:
         """Part of the rows in which the force is there."""
         with np.errstate(invalid="ignore"):
-            return float(np.nanmean(np.abs(self.force) > SEEN * self.band))
+            return float(np.nanmean(np.abs(self.force) > MISSING.seen * self.band))
 
     @property
     def rms(self) -> float:

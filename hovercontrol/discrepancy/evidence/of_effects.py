@@ -1,4 +1,4 @@
-"""The three independent things that speak for a name: likelihood, blocks that agree, held-out predictions."""
+"""The three kinds of evidence for a name: likelihood, agreeing blocks, held-out predictions."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from hovercontrol.discrepancy.evidence.holdout import Horizons
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """What speaks for one named effect.
+    """The evidence for one named effect.
 
     Attributes
     ----------

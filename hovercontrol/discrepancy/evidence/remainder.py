@@ -11,16 +11,29 @@ from hovercontrol.discrepancy.criteria import CRITERIA, Criteria
 from hovercontrol.discrepancy.evidence.missing import Missing, Quantity, rate, running_mean
 from hovercontrol.estimation.fit import Fit, refit
 from hovercontrol.estimation.kalman import run_filter
-from hovercontrol.estimation.noise import Noise, augment, averaged
+from hovercontrol.estimation.noise import Noise, augment, averaged, averaging_time
 from hovercontrol.estimation.passes import inverse, products
 
 Array = NDArray[np.float64]
 
-#: Time over which a missing acceleration is averaged to be told [s], in rows at least.
-OVER, ROWS = 0.2, 5
 
-#: A gain so large needs no second fit to be believed.
-LARGE = 2000.0
+@dataclass(frozen=True)
+class RemainderCriteria:
+    """How a remainder is measured.
+
+    No published source: set by hand, exercised by tests/discrepancy/test_remainder.py.
+
+    Attributes
+    ----------
+    large : float
+        Gain of process noise from which on no second fit confirms it.
+    """
+
+    large: float = 2000.0
+
+
+#: The values in use.
+REMAINDER = RemainderCriteria()
 
 
 @dataclass(frozen=True)
@@ -66,7 +79,7 @@ def remainders(base: Fit, final: Fit, criteria: Criteria = CRITERIA) -> tuple[Re
         Of the given and of the amended model; the same if nothing was added.
     """
     problem = final.problem
-    over = averaging_time(final)
+    over = averaging_time(final.problem)
     before, after = averaged(base.noise, over), averaged(final.noise, over)
     found = []
     for j, i in enumerate(problem.driven):
@@ -98,7 +111,7 @@ def _gain(fit: Fit, j: int, criteria: Criteria) -> float:
     process[j] = 0.0
     silent = replace(fit.noise, process=process)
     gain = _cost(fit, silent) - _cost(fit, fit.noise)
-    if gain < criteria.remains or gain > LARGE:  # path and unknowns would follow
+    if gain < criteria.remains or gain > REMAINDER.large:  # path and unknowns would follow
         return gain
     without = refit(fit, problem, fit.prior, noise=silent, levels=False)
     return float(without.cost - fit.cost)
@@ -116,11 +129,11 @@ def _cost(fit: Fit, noise: Noise) -> float:
 def missing_forces(fit: Fit) -> tuple[Missing, ...]:
     """Return the smoothed missing accelerations of a fit by log and equation, averaged, with their bands.
 
-    Averaged over the time over which remainders are told; the band of a mean is that of an error as
+    Averaged over the averaging time of remainders; the band of a mean is that of an error as
     correlated in time as the acceleration itself.
     """
     problem = fit.problem
-    n, over = len(problem.free), averaging_time(fit)
+    n, over = len(problem.free), averaging_time(fit.problem)
     variance = np.diagonal(fit.covariance_of_path, axis1=2, axis2=3)[..., n:]
     s = over / fit.noise.seconds
     narrower = np.sqrt(np.maximum(2.0 * (s + np.expm1(-s)), 0.0)) / s
@@ -149,8 +162,3 @@ def missing_forces(fit: Fit) -> tuple[Missing, ...]:
             unit = rate(state.unit)
             found.append(Missing(log.name, f"{state.name}'", unit, log.time, force, band, depends, seen))
     return tuple(found)
-
-
-def averaging_time(fit: Fit) -> float:
-    """Return the time over which missing accelerations are averaged to be told [s]."""
-    return max(OVER, ROWS * fit.problem.shortest)

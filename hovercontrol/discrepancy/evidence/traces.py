@@ -13,7 +13,7 @@ from hovercontrol.discrepancy.evidence.missing import Missing
 from hovercontrol.discrepancy.evidence.remainder import missing_forces
 from hovercontrol.estimation.fit import Fit
 from hovercontrol.estimation.problem import STEP, Problem
-from hovercontrol.estimation.rows import GAP_STEPS, LONGEST_GAP
+from hovercontrol.estimation.rows import BLOCKING
 from hovercontrol.targets.shoot import shoot
 
 Array = NDArray[np.float64]
@@ -115,7 +115,7 @@ def runs_of(problem: Problem, k: int, seconds: float = np.inf) -> Iterator[tuple
     row = np.concatenate([np.arange(n) for n in lengths]).astype(np.intp)
     block = np.repeat(blocks, lengths)
     t = time[row, block]
-    far = max(LONGEST_GAP, GAP_STEPS * problem.shortest)
+    far = max(BLOCKING.longest_gap, BLOCKING.gap_steps * problem.shortest)
     begin = 0
     for j in range(1, t.size + 1):
         if j == t.size or t[j] - t[j - 1] > far or t[j] - t[begin] >= seconds - 0.5 * problem.shortest:

@@ -1,8 +1,9 @@
-"""What a model that lacks nothing leaves: independent numbers of variance one, which no command foretells."""
+"""Tests of the innovations: white, of variance one, independent of commands where nothing is missing."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,18 +15,35 @@ from hovercontrol.estimation.noise import augment
 
 Array = NDArray[np.float64]
 
-#: Rows apart at which innovations are compared.
-LAGS = 10
 
-#: How long past commands are that innovations are compared with [s].
-PAST = (0.0, 0.1, 0.2, 0.4, 0.8)
+@dataclass(frozen=True)
+class WhitenessCriteria:
+    """How innovations are tested for correlation.
 
-#: Standard deviations at which outliers are cut off.
-FAR = 4.0
+    The tests are of Ljung and Box, Biometrika 65 (1978); no published source for these values, exercised
+    by tests/discrepancy/test_compare.py.
+
+    Attributes
+    ----------
+    lags : int
+        Largest lag at which innovations are correlated [rows].
+    past : tuple
+        Delays at which they are correlated with commands [s].
+    far : float
+        Innovations are clipped at so many standard deviations.
+    """
+
+    lags: int = 10
+    past: tuple[float, float, float, float, float] = (0.0, 0.1, 0.2, 0.4, 0.8)
+    far: float = 4.0
+
+
+#: The values in use.
+WHITENESS = WhitenessCriteria()
 
 
 def innovations(fit: Fit) -> Array:
-    """Return each row against what the rows before it foretell, in standard deviations, shape (K, W, C).
+    """Return innovations (row minus prediction) in standard deviations, shape (K, W, C).
 
     Where a model and its noise are right they are independent, with variance one.
 
@@ -63,7 +81,7 @@ def whiteness(z: Array) -> float:
     values = np.where(there, z, 0.0)
     square = float((values**2).sum()) / max(int(there.sum()), 1)
     total, used = 0.0, 0
-    for lag in range(1, min(LAGS, z.shape[0] // 3) + 1):
+    for lag in range(1, min(WHITENESS.lags, z.shape[0] // 3) + 1):
         pairs = int((there[lag:] & there[:-lag]).sum())
         if pairs and square > 0:
             r = float((values[lag:] * values[:-lag]).sum()) / (pairs * square)
@@ -102,7 +120,7 @@ def past_commands(fit: Fit, log: int) -> list[Array]:
     problem = fit.problem
     m, at = problem.logs[log], problem.rows.at[:, problem.rows.log == log]
     step = float(np.median(np.diff(m.time)))
-    ago = sorted({max(1, round(seconds / step)) for seconds in PAST})
+    ago = sorted({max(1, round(seconds / step)) for seconds in WHITENESS.past})
     last = m.time.size - 1
     return [row[np.clip(at - back, 0, last)] for row in m.inputs for back in ago]
 
@@ -111,4 +129,4 @@ def _cut(z: Array) -> Array:
     """Return innovations with outliers cut off, so that a few of them do not decide."""
     known = np.abs(z[np.isfinite(z)])
     scale = float(np.median(known)) / 0.6745 if known.size else 1.0
-    return np.clip(z, -FAR * scale, FAR * scale)
+    return np.clip(z, -WHITENESS.far * scale, WHITENESS.far * scale)

@@ -1,1 +1,1 @@
-"""The next experiment: commands that set rivals apart, or tell more of a coefficient that is known badly."""
+"""The next experiment: commands that distinguish rivals, or reduce a large standard error."""

@@ -13,17 +13,33 @@ from hovercontrol.core.signals import Signal
 Array = NDArray[np.float64]
 Limits = Mapping[str, tuple[float, float]]
 
-#: Length of every manoeuvre [s].
-SECONDS = 20.0
 
-#: Manoeuvres drawn at random.
-DRAWN = 2
+@dataclass(frozen=True)
+class ManoeuvreLimits:
+    """Limits of proposed manoeuvres.
 
-#: Between these times each of their commands is held [s].
-HELD = (0.3, 3.0)
+    No published source: set by hand, exercised by tests/discrepancy/test_experiment.py.
 
-#: How much larger than what was driven a command of a proposal may be, where the model says what it stands.
-FARTHER = 2.0
+    Attributes
+    ----------
+    seconds : float
+        Length of every manoeuvre [s].
+    drawn : int
+        Number of random manoeuvres.
+    held : tuple
+        Shortest and longest time for which a random command is held [s].
+    farther : float
+        Largest command relative to the largest one in the logs, within the bounds of the model.
+    """
+
+    seconds: float = 20.0
+    drawn: int = 2
+    held: tuple[float, float] = (0.3, 3.0)
+    farther: float = 2.0
+
+
+#: The values in use.
+MANOEUVRES = ManoeuvreLimits()
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,9 +83,9 @@ def reach(signal: Signal, driven: Array) -> tuple[float, float]:
     """
     low, high = float(driven.min()), float(driven.max())
     if low < 0.0 and np.isfinite(signal.lower):
-        low = max(signal.lower, FARTHER * low)
+        low = max(signal.lower, MANOEUVRES.farther * low)
     if high > 0.0 and np.isfinite(signal.upper):
-        high = min(signal.upper, FARTHER * high)
+        high = min(signal.upper, MANOEUVRES.farther * high)
     return low, high
 
 
@@ -92,7 +108,7 @@ def family(limits: Limits, step: float, seed: int = 0) -> list[Manoeuvre]:
     >>> [m.name for m in family({"force": (-1.0, 1.0)}, 0.01)]
     ['steps', 'fast steps', 'coast-down', 'ramp', 'random 1', 'random 2']
     """
-    t = np.arange(0.0, SECONDS, step)
+    t = np.arange(0.0, MANOEUVRES.seconds, step)
     makers: list[tuple[str, str, Callable[[Array, Limits], dict[str, Array]]]] = [
         ("steps", "steps of all commands, held 1 to 2 s", lambda t, x: _steps(t, x, 1.5)),
         ("fast steps", "steps of all commands, held 0.3 to 0.6 s", lambda t, x: _steps(t, x, 0.45)),
@@ -108,8 +124,8 @@ def family(limits: Limits, step: float, seed: int = 0) -> list[Manoeuvre]:
             makers.append(("reverse", "ahead and astern by turns, the rudder amidships", _reverse))
     makers.append(("ramp", "slow ramps of all commands from one limit to the other", _ramp))
     rng = np.random.default_rng(seed)
-    for k in range(1, DRAWN + 1):
-        text = f"steps of all commands at random times ({k} of {DRAWN} drawn with seed {seed})"
+    for k in range(1, MANOEUVRES.drawn + 1):
+        text = f"steps of all commands at random times ({k} of {MANOEUVRES.drawn} drawn with seed {seed})"
         makers.append((f"random {k}", text, lambda t, x: _drawn(t, x, rng)))
     return [Manoeuvre(name, text, t, make(t, limits)) for name, text, make in makers]
 
@@ -128,8 +144,8 @@ def _drawn(t: Array, limits: Limits, rng: np.random.Generator) -> dict[str, Arra
     """Return stairs of random heights, held for random times: some are fast, some slow."""
     found = {}
     for name, (low, high) in limits.items():
-        count = int(t[-1] / HELD[0]) + 1
-        begin = np.cumsum(np.exp(rng.uniform(np.log(HELD[0]), np.log(HELD[1]), count)))
+        count = int(t[-1] / MANOEUVRES.held[0]) + 1
+        begin = np.cumsum(np.exp(rng.uniform(np.log(MANOEUVRES.held[0]), np.log(MANOEUVRES.held[1]), count)))
         found[name] = rng.uniform(low, high, count + 1)[np.searchsorted(begin, t, side="right")]
     return found
 
@@ -153,7 +169,7 @@ def _spin(t: Array, limits: Limits) -> dict[str, Array]:
 def _eight(t: Array, limits: Limits) -> dict[str, Array]:
     (low, high), (left, right) = limits["thrust"], limits["rudder"]
     wave = np.sin(2 * np.pi * t / 5.0)
-    speed = np.where(t < SECONDS / 2, 0.4, 0.9)
+    speed = np.where(t < MANOEUVRES.seconds / 2, 0.4, 0.9)
     rudder = 0.5 * (left + right) + 0.35 * (right - left) * wave
     return _rest(t, limits) | {"thrust": max(low, 0.0) + speed * (high - max(low, 0.0)), "rudder": rudder}
 
@@ -161,7 +177,7 @@ def _eight(t: Array, limits: Limits) -> dict[str, Array]:
 def _circle(t: Array, limits: Limits) -> dict[str, Array]:
     (low, high), (left, right) = limits["thrust"], limits["rudder"]
     stairs = np.array([0.3, 0.9, 0.5, 1.0, 0.2])[np.minimum((t // 4.0).astype(int), 4)]
-    side = np.where(t < SECONDS / 2, 0.5 * right, 0.5 * left)
+    side = np.where(t < MANOEUVRES.seconds / 2, 0.5 * right, 0.5 * left)
     return _rest(t, limits) | {"thrust": max(low, 0.0) + stairs * (high - max(low, 0.0)), "rudder": side}
 
 
@@ -173,7 +189,7 @@ def _reverse(t: Array, limits: Limits) -> dict[str, Array]:
 def _ramp(t: Array, limits: Limits) -> dict[str, Array]:
     found = {}
     for i, (name, (low, high)) in enumerate(limits.items()):
-        phase = (t / (SECONDS / (1.0 + i))) % 1.0
+        phase = (t / (MANOEUVRES.seconds / (1.0 + i))) % 1.0
         found[name] = low + (high - low) * np.abs(2.0 * phase - 1.0)
     return found
 

@@ -1,4 +1,4 @@
-"""A proposal of what to drive next."""
+"""A proposed experiment."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from hovercontrol.io.files import write_whole
+from hovercontrol.io.files import write_atomically
 
 Array = NDArray[np.float64]
 
@@ -28,7 +28,7 @@ class Experiment:
         [s].
     commands : dict of str to ndarray, shape (n,)
         By the plant's inputs, each held until the next row.
-    worth : float
+    benefit : float
         Expected fall of minus twice the log likelihood between the rivals; or the factor by which the
         standard error of a badly known coefficient falls.
     """
@@ -37,12 +37,12 @@ class Experiment:
     text: str
     time: Array
     commands: Mapping[str, Array]
-    worth: float
+    benefit: float
 
     def save(self, path: str | Path) -> Path:
         """Write the commands to a CSV file with the columns of a log."""
         rows = np.column_stack([self.time, *self.commands.values()])
         head = ",".join(["time", *self.commands])
-        return write_whole(
+        return write_atomically(
             Path(path), lambda p: np.savetxt(p, rows, delimiter=",", fmt="%.6g", header=head, comments="")
         )

@@ -1,4 +1,4 @@
-"""The next experiment: commands that set rivals apart, or tell more of a coefficient that is known badly.
+"""The next experiment: commands that distinguish rivals, or reduce a large standard error.
 
 Commands keep to what was driven in the logs; where the model bounds an input, to at most twice that within
 the bounds, and to no direction that was never driven.
@@ -12,7 +12,7 @@ instead of a continuum).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -36,15 +36,34 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-#: Fall of minus twice the log likelihood that settles a case, as an expectation.
-SETTLES = 40.0
 
-#: A coefficient of which the standard error is more than this part is known badly; a manoeuvre must lower it
-#: by the second.
-BADLY, SHARPER = 0.1, 1.5
+@dataclass(frozen=True)
+class ProposalCriteria:
+    """When a next experiment is proposed.
 
-#: Shortest step between two commands of a proposal [s].
-TICK = 0.02
+    No published source: set by hand, exercised by tests/discrepancy/test_experiment.py. The gain asked
+    for is twice the `least` of the criteria of a name.
+
+    Attributes
+    ----------
+    settles : float
+        Expected fall of minus twice the log likelihood between rivals.
+    badly : float
+        Relative standard error above which a coefficient is to be estimated better.
+    sharper : float
+        Factor by which a manoeuvre must reduce that standard error.
+    tick : float
+        Shortest time between two commands [s].
+    """
+
+    settles: float = 40.0
+    badly: float = 0.1
+    sharper: float = 1.5
+    tick: float = 0.02
+
+
+#: The values in use.
+PROPOSAL = ProposalCriteria()
 
 
 def next_experiment(
@@ -68,7 +87,11 @@ def next_experiment(
         return (None, found) if isinstance(found, str) else (found, found.text)
     if selection.rivals:
         return None, same_time((selection.rivals[0].instead_of, selection.rivals[0].name))
-    numbers = [n for n in effects if abs(n.std) > BADLY * abs(n.value) and n.parameter in final.problem.names]
+    numbers = [
+        n
+        for n in effects
+        if abs(n.std) > PROPOSAL.badly * abs(n.value) and n.parameter in final.problem.names
+    ]
     if not numbers:
         return None, ""
     worst = max(numbers, key=lambda n: abs(n.std) / max(abs(n.value), 1e-12))
@@ -77,7 +100,7 @@ def next_experiment(
 
 
 def separate(one: Fit, other: Fit, names: tuple[str, str], *, seed: int = 0) -> Experiment | str:
-    """Return the manoeuvre that best tells two models apart, or why none does.
+    """Return the manoeuvre that best distinguishes two models, or why none does.
 
     Parameters
     ----------
@@ -90,39 +113,40 @@ def separate(one: Fit, other: Fit, names: tuple[str, str], *, seed: int = 0) -> 
     """
     best: tuple[float, Manoeuvre, Data] | None = None
     for manoeuvre in _family(one, seed):
-        worth, runs = np.inf, None
+        benefit, runs = np.inf, None
         for truth, rival in ((one, other), (other, one)):
             seen = predicted(truth, manoeuvre)
             runs = runs or seen
             if not np.isfinite(seen.logs[0].values).all():
-                worth = 0.0
+                benefit = 0.0
                 break
-            worth = min(worth, _left(rival, seen))
-        if runs is not None and (best is None or worth > best[0]):
-            best = worth, manoeuvre, runs
+            benefit = min(benefit, _left(rival, seen))
+        if runs is not None and (best is None or benefit > best[0]):
+            best = benefit, manoeuvre, runs
     first, second = names
-    if best is None or best[0] < SETTLES:
-        found = f" ({best[0]:.2g} of the {SETTLES:g} needed, by {best[1].name})" if best else ""
-        return f"no manoeuvre within the limits of the commands tells {first} from {second}{found}"
-    worth, manoeuvre, seen = best
+    if best is None or best[0] < PROPOSAL.settles:
+        found = f" ({best[0]:.2g} of the {PROPOSAL.settles:g} needed, by {best[1].name})" if best else ""
+        return f"no manoeuvre within the limits of the commands distinguishes {first} from {second}{found}"
+    benefit, manoeuvre, seen = best
     text = (
-        f"Drive {manoeuvre.text}{_room(seen)}: {first} and {second} then differ by about {worth:.3g} "
-        f"in twice the log likelihood ({SETTLES:g} settle it)."
+        f"Drive {manoeuvre.text}{_room(seen)}: {first} and {second} then differ by about {benefit:.3g} "
+        f"in twice the log likelihood ({PROPOSAL.settles:g} settle it)."
     )
-    return Experiment(manoeuvre.name, text, manoeuvre.time, manoeuvre.commands, worth)
+    return Experiment(manoeuvre.name, text, manoeuvre.time, manoeuvre.commands, benefit)
 
 
 def same_time(names: tuple[str, str]) -> str:
-    """Return why nothing that is driven tells two effects apart that say how late something is."""
+    """Return why no manoeuvre distinguishes two effects that are both time shifts."""
     first, second = names
     return (
-        f"no log tells {first} from {second}: in each, commands that act late and measurements stamped late "
-        "are the same; one clock for commands and sensors would, or a sensor's delay measured by itself"
+        f"no log distinguishes {first} from {second}: a delay of the commands and late time stamps shift "
+        f"every log alike; use one clock for commands and sensors, or measure the delay of a sensor "
+        f"separately"
     )
 
 
 def sharpen(final: Fit, parameter: str, *, seed: int = 0) -> Experiment | None:
-    """Return the manoeuvre that tells most of a badly known coefficient; None if none does.
+    """Return the manoeuvre that most reduces a large standard error; None if none does.
 
     Parameters
     ----------
@@ -143,17 +167,17 @@ def sharpen(final: Fit, parameter: str, *, seed: int = 0) -> Experiment | None:
             continue
         _, S, _ = _added(final, seen)
         then = float(inverse(known + S)[j, j])
-        worth = float(np.sqrt(now / then)) if then > 0.0 else 0.0
-        if best is None or worth > best[0]:
-            best = worth, manoeuvre, seen
-    if best is None or best[0] < SHARPER:
+        benefit = float(np.sqrt(now / then)) if then > 0.0 else 0.0
+        if best is None or benefit > best[0]:
+            best = benefit, manoeuvre, seen
+    if best is None or best[0] < PROPOSAL.sharper:
         return None
-    worth, manoeuvre, seen = best
+    benefit, manoeuvre, seen = best
     text = (
         f"Drive {manoeuvre.text}{_room(seen)}: the standard error of {parameter} then falls by a factor of "
-        f"{worth:.2g}."
+        f"{benefit:.2g}."
     )
-    return Experiment(manoeuvre.name, text, manoeuvre.time, manoeuvre.commands, worth)
+    return Experiment(manoeuvre.name, text, manoeuvre.time, manoeuvre.commands, benefit)
 
 
 def predicted(fit: Fit, manoeuvre: Manoeuvre) -> Data:
@@ -188,7 +212,7 @@ def _family(fit: Fit, seed: int) -> Sequence[Manoeuvre]:
     logs, inputs = fit.problem.logs, fit.problem.block.inputs
     every = np.concatenate([m.inputs for m in logs], axis=1)
     limits = {s.name: reach(s, row) for s, row in zip(inputs, every, strict=True)}
-    return family(limits, max(float(np.median(np.diff(logs[0].time))), TICK), seed)
+    return family(limits, max(float(np.median(np.diff(logs[0].time))), PROPOSAL.tick), seed)
 
 
 def _information(fit: Fit) -> Array:
@@ -221,7 +245,7 @@ def _left(rival: Fit, seen: Data) -> float:
 
 
 def _room(seen: Data) -> str:
-    """Return in words how much floor a manoeuvre takes."""
+    """Return the floor area of a manoeuvre as text."""
     log = seen.logs[0]
     if not {"x", "y"} <= set(log.channels):
         return ""

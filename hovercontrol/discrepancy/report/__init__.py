@@ -16,7 +16,7 @@ from hovercontrol.discrepancy.report.others import others
 from hovercontrol.discrepancy.report.page import page
 from hovercontrol.discrepancy.report.remainder_section import remainder
 from hovercontrol.discrepancy.report.verdict import gap_sentence, headline, remainder_sentence, verdict
-from hovercontrol.io.files import write_whole
+from hovercontrol.io.files import write_atomically
 
 if TYPE_CHECKING:
     from hovercontrol.discrepancy.diagnosis import Diagnosis
@@ -39,6 +39,19 @@ def write_report(diagnosis: Diagnosis, path: str | Path, *, command: str = "") -
     -------
     Path
         Of the page, which is written atomically.
+
+    Examples
+    --------
+    >>> import hovercontrol as hc
+    >>> from hovercontrol.discrepancy import diagnose
+    >>> from hovercontrol.logs import read_log
+    >>> from hovercontrol.samples import sample_path
+    >>> log = read_log(sample_path()).between(0.0, 15.0)
+    >>> found = diagnose(hc.vehicle("c17_experiment"), [log], names=["slope"])
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write_report(found, Path(folder) / 'report.html').name
+    'report.html'
     """
     with threadpool_limits(1, "blas"):  # as in diagnose
         m = collect(diagnosis, command)
@@ -47,4 +60,4 @@ def write_report(diagnosis: Diagnosis, path: str | Path, *, command: str = "") -
             coefficients(m), appendix(m),
         ]  # fmt: skip
     text = page(headline(diagnosis), sections)
-    return write_whole(path, lambda target: target.write_text(text, encoding="utf-8"))
+    return write_atomically(path, lambda target: target.write_text(text, encoding="utf-8"))

@@ -1,8 +1,6 @@
-"""What was left out of the logs, warnings, the method, and how to make the report again."""
+"""What was left out of the logs, warnings, the method, and the command that makes the report."""
 
 from __future__ import annotations
-
-from html import escape
 
 import numpy as np
 
@@ -10,51 +8,56 @@ import hovercontrol
 from hovercontrol.discrepancy.criteria import CRITERIA
 from hovercontrol.discrepancy.report.context import Context
 from hovercontrol.discrepancy.report.formatting import listed
-from hovercontrol.discrepancy.report.html import folded, items, paragraph, table
+from hovercontrol.discrepancy.report.templates import Table, render, table
 from hovercontrol.estimation.fit import Fit
 
 #: Rejected stretches of a log that are listed.
 SHOWN = 6
 
-_METHOD = (
-    "The model is fitted with an unknown random acceleration in each equation (process noise) and the noise "
-    "of each sensor; path, coefficients (free about the given ones) and levels of noise are those of maximum "
-    "likelihood (iterated Kalman smoother). Each effect of the catalogue is scored, the best are fitted, and "
-    "a name is given when likelihood, disjoint blocks and held-out predictions agree. What remains is the "
-    "process noise that the amended model still needs. A remainder takes no name away."
-)
 
-
-def _asked() -> str:
+def _asked() -> Table:
     """Return the thresholds with their reasons."""
     c = CRITERIA
     rows = [
         (
             f"{c.least:g} + {c.each:g} a number",
-            "likelihood gained, at least: odds of e^10, and of e^2",
+            "least gain in twice the log likelihood, per effect and per parameter: odds of e¹⁰ and of e²",
         ),
-        (f"{100 * c.level:g} %", "chance of one false name among all candidates, by the scatter over blocks"),
-        (f"{100 * c.spread:g} %", "spread from block to block, at most: a further block has the same sign"),
-        (f"{c.apart:g}", "a rival no more than this behind cannot be told apart: odds of e^6"),
-        (f"{c.remains:g}", "gained by random forces in an equation, from which on something remains there"),
+        (
+            f"{100 * c.level:g} %",
+            "probability of one false name among all candidates, from the scatter over blocks",
+        ),
+        (f"{100 * c.spread:.0f} %", "largest spread between blocks: a further block has the same sign"),
+        (f"{c.apart:g}", "a rival less than this behind is not distinguished: odds of e⁶"),
+        (f"{c.remains:g}", "gain of random forces in an equation from which on something remains there"),
         (f"{c.worse:g}", "standard errors by which held-out errors may rise with a name"),
     ]
-    return folded("What is asked for", table(("threshold", "of what"), rows))
+    return table(("threshold", "of what"), rows)
 
 
 def appendix(m: Context) -> str:
     """Return the last sections of the page."""
     d = m.diagnosis
     rows = _logs(d.selection.base) + (_logs(d.held_before, " (held out)") if d.held_before else [])
-    head = ("log", "rows", "samples left out: they stand out", "left out by the reader: no craft moves so")
-    script = paragraph("Made by a script: hovercontrol.discrepancy.diagnose, then write_report.")
-    command = f"<pre>{escape(m.command)}</pre>" if m.command else script
-    dropped = f"{d.rows_dropped or 'No'} rows of the training logs have a sample that was left out."
-    version = paragraph(f"hovercontrol {hovercontrol.__version__}.", "small")
-    return (
-        f"<h2>The logs</h2>{items('Warnings', d.warnings, 'warn')}{paragraph(dropped)}{table(head, rows)}"
-        f"<h2>Method</h2>{paragraph(_METHOD)}{_asked()}"
-        f"<h2>To make this again</h2>{command}{version}"
+    head = ("log", "rows", "samples left out as outliers", "rejected on reading: no craft moves like this")
+    problem = d.selection.base.problem
+    seconds = sum(float(log.time[-1] - log.time[0]) for log in problem.logs)
+    return render(
+        "appendix.html",
+        warnings=d.warnings,
+        dropped=f"{d.rows_dropped} rows" if d.rows_dropped else "No rows",
+        logs=table(head, rows),
+        count="one log" if len(problem.logs) == 1 else f"{len(problem.logs)} logs",
+        rows=sum(log.rows_total for log in problem.logs),
+        seconds=f"{seconds:.3g}",
+        channels=listed(problem.rows.channels),
+        driven=[f"{problem.block.states[problem.free[i]].name}′" for i in problem.driven],
+        unknowns=len(problem.names),
+        candidates=d.selection.candidates,
+        held_out=m.held_out,
+        thresholds=_asked(),
+        version=hovercontrol.__version__,
+        command=m.command,
     )
 
 

@@ -1,4 +1,4 @@
-"""What all sections of a report draw from."""
+"""The data that all sections of a report use."""
 
 from __future__ import annotations
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from dataclasses import dataclass
 
 import sympy as sp
 
@@ -17,13 +18,31 @@ from hovercontrol.discrepancy.report.formatting import (
     prime,
     unit,
 )
-from hovercontrol.discrepancy.report.html import folded, paragraph, table
+from hovercontrol.discrepancy.report.templates import Table, render, table
 from hovercontrol.estimation.subject import structure, timing
+from hovercontrol.models.base import quantity_of
 from hovercontrol.models.model import Model
 from hovercontrol.notebook.mathml import MathPrinter, symbol_markup
 
-#: Factor beyond which a coefficient that was fitted without the named effects no longer means what it says.
-FAR = 2.0
+
+@dataclass(frozen=True)
+class CoefficientCriteria:
+    """When a coefficient fitted without the named effects is called biased.
+
+    No published source: set by hand.
+
+    Attributes
+    ----------
+    far : float
+        Ratio of the fitted value to the given one, or its inverse.
+    """
+
+    far: float = 2.0
+
+
+#: The values in use.
+COEFFICIENTS = CoefficientCriteria()
+
 
 #: Equations that are shown before the rest is folded away, and places in which an effect is said to act.
 SHOWN, PLACES = 4, 3
@@ -38,28 +57,26 @@ def equations(m: Context) -> str:
         _line(name, e, old.derivatives.get(name), new.name, dot=True) for name, e in new.derivatives.items()
     ]
     lines += [
-        _line(name, e, old.output_expressions.get(name.removesuffix("_measured")), new.name)
+        _line(name, e, old.output_expressions.get(quantity_of(name)[0]), new.name)
         for name, e in new.output_expressions.items()
         if name not in {s.name for s in (*new.states, *new.inputs)}
     ]
     clocks = [
-        paragraph(
-            f"No equation of the plant says {effect_words(n)}: {meaning(m.diagnosis.amended.effect(n))}"
-        )
+        f"No equation of the plant contains {effect_words(n)}: {meaning(m.diagnosis.amended.effect(n))}"
         for n in numbers_by_effect(m.diagnosis)
         if m.diagnosis.amended.effect(n).parameter("seconds") in _timing(m)
     ]
-    marked = "What is new is marked; c with a name below is a coefficient. " if any(lines) else ""
+    marked = "New terms are marked; c with a subscript is a coefficient. " if any(lines) else ""
     text, them = marked, "them, with " if marked else ""
     if isinstance(m.diagnosis.amended, Model):
         text += f"The file model.toml has {them}the coefficients found."
     lines = [line for line in lines if line]
-    rest = folded(f"{len(lines) - SHOWN} more equations", "".join(lines[SHOWN:])) if lines[SHOWN:] else ""
-    shown = f"{paragraph(text.strip())}{''.join(lines[:SHOWN])}{rest}"
-    return f"<h2>What was added</h2>{_added(m)}{shown}{''.join(clocks)}"
+    return render(
+        "equations.html", added=_added(m), text=text.strip(), lines=lines, shown=SHOWN, clocks=clocks
+    )
 
 
-def _added(m: Context) -> str:
+def _added(m: Context) -> Table:
     """Return the numbers of the named effects, with where they act and where the effect is from."""
     rows = [
         (
@@ -114,7 +131,7 @@ def coefficients(m: Context) -> str:
     found = d.selection.final
     problem, C = found.problem, found.covariance
     given, values, without = d.model.coefficients(), d.amended.coefficients(), d.refitted.coefficients()
-    widths = {e.parameter("width") for e in problem.model.effects if "width" in e.numbers}
+    widths = {e.friction_width() for e in problem.model.effects}
     shown = [(j, name) for j, name in enumerate(problem.names) if name not in widths]
     both = [n for _, n in shown if m.changed and n in without and n in given]
     bent = [n for n in both if _far(without[n], given[n]) and not _far(values[n], given[n])]
@@ -132,14 +149,15 @@ def coefficients(m: Context) -> str:
             [f"{n} ends at {minus(f'{without[n]:.2g}')}, given {minus(f'{given[n]:.2g}')}" for n in bent]
         )
         note += (
-            f" Fitted without {effects} (third column), {far}: coefficients bent so far hide what is missing."
+            f" Fitted without {effects} (third column), {far}: such biased coefficients hide the missing "
+            f"effect."
         )
-    note += " Widths of smoothed dry friction were fitted, too, and are left out here." if widths else ""
+    note += " Widths of smoothed dry friction were fitted too and are not listed." if widths else ""
     head = ("coefficient", "given", *([f"without {effects}"] if bent else []), "found", "unit")
     new = [e.parameter for e in d.effects]
-    return f"<h2>Coefficients</h2>{paragraph(note)}{table(head, rows, new)}"
+    return render("coefficients.html", note=note, coefficients=table(head, rows, new))
 
 
 def _far(value: float, given: float) -> bool:
     """Whether a coefficient is off by more than a factor."""
-    return given != 0.0 and not 1.0 / FAR < value / given < FAR
+    return given != 0.0 and not 1.0 / COEFFICIENTS.far < value / given < COEFFICIENTS.far

@@ -1,4 +1,4 @@
-"""Why a name is given: likelihood, the same size on disjoint blocks, better predictions."""
+"""Why an effect is named: likelihood, the same size on disjoint blocks, better predictions."""
 
 from __future__ import annotations
 
@@ -8,29 +8,22 @@ from hovercontrol.discrepancy.evidence.of_effects import Evidence
 from hovercontrol.discrepancy.report import pictures
 from hovercontrol.discrepancy.report.context import Context, numbers_by_effect
 from hovercontrol.discrepancy.report.formatting import effect_words, percent, rounded, unit
-from hovercontrol.discrepancy.report.html import folded, grid, legend, paragraph, table
-from hovercontrol.discrepancy.report.verdict import SURE, key_of, most_fallen
+from hovercontrol.discrepancy.report.templates import legend, render, table
+from hovercontrol.discrepancy.report.verdict import SIGNIFICANCE, key_of, most_fallen
 
-#: What is told of each name.
-MEASURES = ("likelihood gained", "blocks with its sign", "t over blocks", "spread", "held-out log")
+#: Rows of the evidence table.
+MEASURES = ("likelihood gained", "blocks of the same sign", "t over blocks", "spread", "held-out log")
 
 
 def evidence(m: Context) -> str:
-    """Return the section on the evidence for each name; nothing where none is given."""
+    """Return the section on the evidence for each named effect; empty without one."""
     d = m.diagnosis
     if not m.changed:
         return ""
     columns = [_column(d.evidence[name]) for name in numbers_by_effect(d)]
     rows = list(zip(MEASURES, *columns, strict=True))
     head = ("", *(effect_words(name) for name in numbers_by_effect(d)))
-    text = (
-        "Three independent things speak for a name. Likelihood gained: fall of twice the negative log "
-        "likelihood, with random forces allowed for. Blocks: the logs are cut into disjoint pieces, each of "
-        "which tells the size by itself; t is the size over its standard error by their scatter, spread what "
-        "they differ by beyond noise. Held-out log: in how many channels and horizons the error falls, and "
-        "rises, beyond chance, and the largest fall."
-    )
-    return f"<h2>Evidence</h2>{paragraph(text)}{table(head, rows)}{_blocks(m)}"
+    return render("evidence.html", measures=table(head, rows), **_blocks(m))
 
 
 def _column(e: Evidence) -> tuple[str, ...]:
@@ -44,8 +37,8 @@ def _held(e: Evidence) -> str:
     far = e.holdout.each
     if not far:
         return "none held out"
-    falls = sum(a.t >= SURE and a.after < a.before for a in far)
-    rises = sum(a.t <= -SURE and a.after > a.before for a in far)
+    falls = sum(a.t >= SIGNIFICANCE.sure and a.after < a.before for a in far)
+    rises = sum(a.t <= -SIGNIFICANCE.sure and a.after > a.before for a in far)
     best = most_fallen(far)
     most = ""
     if best:
@@ -54,8 +47,8 @@ def _held(e: Evidence) -> str:
     return f"{falls} of {len(far)} fall, {rises} rise{most}"
 
 
-def _blocks(m: Context) -> str:
-    """Return each effect's size block by block."""
+def _blocks(m: Context) -> dict[str, object]:
+    """Return each effect's size block by block, the colours of the logs, and whether one has no size."""
     d = m.diagnosis
     problem = d.selection.final.problem
     shown, logs = [], set[int]()
@@ -63,7 +56,10 @@ def _blocks(m: Context) -> str:
         blocks = d.evidence[name].blocks
         e = problem.model.effect(name)
         scaling = [n for n in numbers if not np.isnan(e.numbers[_key(n.effect, n.parameter)].neutral)]
-        title, scale = f"{effect_words(name)}, in parts of the whole", pictures.Scale(0.0, 1.0, "1")
+        title, scale = (
+            f"{effect_words(name)}, relative to the size on all logs",
+            pictures.Scale(0.0, 1.0, "1"),
+        )
         if len(scaling) == 1 and np.isfinite(blocks.std).any():
             one = scaling[0]
             neutral = e.numbers[_key(name, one.parameter)].neutral
@@ -74,13 +70,8 @@ def _blocks(m: Context) -> str:
         shown.append(pictures.blocks_of(title, blocks, scale))
         logs |= set(blocks.log[pictures.telling(blocks)].tolist())
     named = {f"log{k % pictures.COLOURS}": problem.logs[k].name for k in sorted(logs)}
-    text = (
-        "The size that each block tells, all else as the whole logs have it, with its standard error. The "
-        "line is the size on all. Blocks that tell nothing are left out. A real cause is everywhere the same."
-    )
-    if any(np.isnan(d.evidence[name].blocks.std).all() for name in d.evidence):
-        text += " Where no number scales an effect, the likelihood that it gains is shown, over the mean."
-    return f"<h3>Block by block</h3>{paragraph(text)}{legend(**named, whole='on all')}{grid(shown)}"
+    without_size = any(np.isnan(d.evidence[name].blocks.std).all() for name in d.evidence)
+    return {"blocks": shown, "logs": legend(**named, whole="on all"), "without_size": without_size}
 
 
 def _key(effect: str, parameter: str) -> str:
@@ -89,29 +80,21 @@ def _key(effect: str, parameter: str) -> str:
 
 
 def holdout(m: Context) -> str:
-    """Return errors over the horizon, in units."""
+    """Return the section with errors over the prediction horizon, in units."""
     if not m.ahead:
         return ""
+    rows = []
+    for a in sorted(m.ahead, key=lambda a: [b.channel for b in m.ahead].index(a.channel)):
+        figures = (f"{a.before:.3g} {unit(a.unit)}", f"{a.after:.3g} {unit(a.unit)}")
+        fall = percent(1.0 - a.after / a.before).replace("-", "−") if a.before > 0 else "–"
+        sure = f"{a.t:.1f}".replace("-", "−") if np.isfinite(a.t) else "–"
+        rows.append((a.channel, f"{a.horizon:.2g} s", *figures, fall, sure))
+    head = ("channel", "ahead", "given", "amended", "less by", "t")
     kinds = ("before", "after") if m.changed else ("before",)
-    text = (
-        f"Root mean square error on the {m.shown_on}, over how far ahead the models predict: each prediction "
-        "starts on the smoothed path and follows the commands alone. No coefficient was fitted to a held-out "
-        "log."
-    )
-    if m.changed:
-        rows = []
-        for a in m.ahead:
-            figures = (f"{a.before:.3g} {unit(a.unit)}", f"{a.after:.3g} {unit(a.unit)}")
-            fall = percent(1.0 - a.after / a.before).replace("-", "−") if a.before > 0 else "–"
-            sure = f"{a.t:.1f}".replace("-", "−") if np.isfinite(a.t) else "–"
-            rows.append((a.channel, f"{a.horizon:.2g} s", *figures, fall, sure))
-        head = ("channel", "ahead", "as it was", "amended", "less by", "t")
-        rows.sort(key=lambda row: [a.channel for a in m.ahead].index(row[0]))
-        numbers = folded("In numbers", table(head, rows))
-    else:
-        numbers = ""
-    return (
-        f"<h2>Predicting the {m.shown_on}</h2>{paragraph(text)}"
-        f"{legend(*kinds, whole='noise of the measurement')}"
-        f"{grid(pictures.horizons(m.ahead, m.changed, m.noise))}{numbers}"
+    return render(
+        "holdout.html",
+        shown_on=m.shown_on,
+        kinds=legend(*kinds, whole="noise of the measurement"),
+        horizons=pictures.horizons(m.ahead, m.changed, m.noise),
+        errors=table(head, rows) if m.changed else None,
     )

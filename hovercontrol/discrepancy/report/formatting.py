@@ -1,4 +1,4 @@
-"""Numbers, units and effects in words."""
+"""How a report writes numbers, units and effects."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A fitted model running free beside its logs: some seconds by the commands alone, then afresh."""
+"""Free runs of a fitted model beside its logs: each some seconds long, driven by the commands alone."""
 
 from __future__ import annotations
 

@@ -1,11 +1,11 @@
-"""Simulation beside measurement: runs of some seconds by the commands alone."""
+"""Simulation and measurement: runs of some seconds, driven by the commands alone."""
 
 from __future__ import annotations
 
 from hovercontrol.discrepancy.report import pictures
 from hovercontrol.discrepancy.report.context import Context
 from hovercontrol.discrepancy.report.free_run import free_run
-from hovercontrol.discrepancy.report.html import grid, legend, paragraph
+from hovercontrol.discrepancy.report.templates import legend, render
 
 #: How long a run may be [s]: the longest that keeps near the log; and least rows of one.
 SECONDS, ROWS = (10.0, 5.0, 2.0, 1.0), 10
@@ -22,11 +22,14 @@ def free_runs(m: Context) -> str:
     kinds = ("measured", "before", "after") if m.changed else ("measured", "before")
     begin, end = pictures.stretch(before)
     part = end - begin < before.time[-1] - before.time[0]
-    took = "held out of the fit" if m.held_out else "one of the training logs"
-    text = (
-        f"Log {before.log}, {took}. Each run starts on the smoothed path and gets the commands "
-        f"alone; about every {seconds:.2g} s one starts afresh: there the line breaks."
-    ) + (" Shown is the stretch in which the model as it was errs most." if part else "")
     plots = pictures.overlays(before, after, m.changed)
     ring = ("start",) if any('class="start' in plot for plot in plots) else ()
-    return f"<h2>Simulation beside measurement</h2>{paragraph(text)}{legend(*kinds, *ring)}{grid(plots)}"
+    return render(
+        "free_runs.html",
+        log=before.log,
+        held_out=m.held_out,
+        seconds=f"{seconds:.2g}",
+        part=part,
+        kinds=legend(*kinds, *ring),
+        plots=plots,
+    )

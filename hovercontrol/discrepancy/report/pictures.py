@@ -1,9 +1,8 @@
-"""The pictures of a report."""
+"""The figures of a report."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from html import escape
 from typing import NamedTuple
 
 import numpy as np
@@ -15,6 +14,7 @@ from hovercontrol.discrepancy.evidence.missing import Missing
 from hovercontrol.discrepancy.report.formatting import prime, small, times, unit
 from hovercontrol.discrepancy.report.free_run import FreeRun
 from hovercontrol.discrepancy.report.svg import Plot, bounds
+from hovercontrol.discrepancy.report.templates import render
 
 Array = NDArray[np.float64]
 
@@ -38,15 +38,8 @@ def error_bars(errors: Sequence[Ahead], changed: bool, noise: Mapping[str, float
         if changed:
             pair = (("before", a.before), ("after", a.after))
             bars = [(kind, value / longest, _size(value, a)) for kind, value in pair]
-        drawn = "".join(
-            f'<span class="bar"><i class="{kind}" style="--long:{part:.3f}"></i><b>{escape(text)}</b></span>'
-            for kind, part, text in bars
-        )
-        rows.append(
-            f'<div class="row"><span class="channel">{escape(a.channel)}</span>'
-            f'<span class="bars">{drawn}</span></div>'
-        )
-    return f'<div class="gap">{"".join(rows)}</div>'
+        rows.append((a.channel, bars))
+    return render("bars.html", rows=rows)
 
 
 def _size(value: float, a: Ahead) -> str:
@@ -72,7 +65,7 @@ def horizons(far: Sequence[Ahead], changed: bool, noise: Mapping[str, float]) ->
 
 
 class Scale(NamedTuple):
-    """How sizes in parts of the whole become a coefficient: ``zero + part * size``."""
+    """How sizes relative to the size on all logs become a coefficient: ``zero + part * size``."""
 
     zero: float
     size: float
@@ -82,7 +75,7 @@ class Scale(NamedTuple):
 def blocks_of(title: str, blocks: Blocks, scale: Scale) -> str:
     """Return an effect's size block by block, with its standard errors, a colour for each log.
 
-    Blocks that tell nothing are left out; the line is the size on all.
+    Blocks without information are left out; the line is the size on all logs.
     """
     shown = np.flatnonzero(telling(blocks))
     at = np.arange(1.0, len(blocks.estimate) + 1.0)
@@ -101,7 +94,7 @@ def blocks_of(title: str, blocks: Blocks, scale: Scale) -> str:
 
 
 def telling(blocks: Blocks) -> NDArray[np.bool_]:
-    """Return which blocks tell an effect's size: those with a twentieth of their share of the information."""
+    """Return which blocks have information on an effect's size: a twentieth of their share or more."""
     std = blocks.std
     if not np.isfinite(std).any():
         return np.isfinite(blocks.estimate)
@@ -171,7 +164,7 @@ def forces(
 
 
 def floor_map(title: str, x: Array, y: Array, force: Array, label: str, kind: str) -> str:
-    """Return where on the floor a force is large: its root mean square in cells; empty if too few rows tell.
+    """Return a map of a force's root mean square over cells of the floor; empty with too few rows.
 
     `x`, `y` and `force` are of all rows of all logs, `label` is the force's unit, `kind` its colour.
     """
@@ -200,8 +193,7 @@ def floor_map(title: str, x: Array, y: Array, force: Array, label: str, kind: st
     corners = np.array([[x0], [y0]]) + cell * places[:, drawn]
     plot.cells(corners[0], corners[1], cell, rms[drawn] / max(top, 1e-300), kind)
     picture = plot.svg("y [m]", "x [m]")
-    bar = f'<span class="shade {kind}"></span>'
-    return f'{picture}<p class="legend shades">0 {bar} {escape(small(top))} {escape(label)}</p>'
+    return render("floor_map.html", picture=picture, kind=kind, top=small(top), unit=label)
 
 
 def _bracketed(text: str) -> str:

@@ -1,9 +1,8 @@
-"""What remains: in which equation, how much, when and where on the floor."""
+"""The remainder: in which equation, how large, when and where on the floor."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from html import escape
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +14,7 @@ from hovercontrol.discrepancy.report.context import Context
 from hovercontrol.discrepancy.report.formatting import listed, percent, prime, unit
 from hovercontrol.discrepancy.report.formatting import small as digits
 from hovercontrol.discrepancy.report.free_run import on_rows
-from hovercontrol.discrepancy.report.html import folded, grid, legend, paragraph, table
+from hovercontrol.discrepancy.report.templates import Table, legend, render, table
 
 Array = NDArray[np.float64]
 
@@ -32,20 +31,19 @@ def remainder(m: Context) -> str:
     before, after, most = _by_log(was), _by_log(now), worst(now)
     first = next((k for k, forces in enumerate(after) if most in forces), 0)
     order = sorted(range(len(before)), key=lambda k: k != first)
-    parts = []
+    logs = []
     for k in order[:LOGS]:
         least = {f.equation: small(f) for f in before[k]}
-        plots = grid(pictures.forces(before[k], after[k], least, m.changed))
-        log = before[k][0].log
-        parts.append(folded(log, plots) if k != first else f"<h3>Over time, in {escape(log)}</h3>{plots}")
-    kinds = ("before", "after") if m.changed else ("before",)
-    how = (
-        "The acceleration that the model lacks, smoothed from the logs as an unknown addition to each "
-        f"equation and averaged over {d.remainders[0].over:.2g} s; the band is twice its standard error. "
-        "Marked at the foot: where it stands out of the band."
+        logs.append((before[k][0].log, pictures.forces(before[k], after[k], least, m.changed)))
+    return render(
+        "remainder.html",
+        changed=m.changed,
+        over=f"{d.remainders[0].over:.2g}",
+        sizes=_sizes(m, now),
+        maps=_maps(m, now),
+        kinds=legend("before", "after") if m.changed else legend("before"),
+        logs=logs,
     )
-    over_time = f"{paragraph(how)}{legend(*kinds)}{''.join(parts)}"
-    return f"<h2>What remains</h2>{_sizes(m, now)}{_maps(m, now)}{over_time}"
 
 
 def _by_log(forces: Sequence[Missing]) -> list[list[Missing]]:
@@ -54,7 +52,7 @@ def _by_log(forces: Sequence[Missing]) -> list[list[Missing]]:
     return [list(forces[k : k + count]) for k in range(0, len(forces), count)]
 
 
-def _sizes(m: Context, missing: Sequence[Missing]) -> str:
+def _sizes(m: Context, missing: Sequence[Missing]) -> Table:
     """Return what remains in each equation, and which part of what was missing is explained."""
     d = m.diagnosis
     rows = []
@@ -66,22 +64,18 @@ def _sizes(m: Context, missing: Sequence[Missing]) -> str:
         longest = max(same, key=lambda f: f.share, default=None)
         when = f"{longest.log}{stretches(longest.segments)}" if r.there and longest else ""
         rows.append((prime(r.equation), size, *([share] if m.changed else []), where, when))
-    over = d.remainders[0].over
     explained = ("explained",) if m.changed else ()
-    text = f"Root mean square of the missing acceleration, averaged over {over:.2g} s."
-    if m.changed:
-        text += " Explained: the part of its mean square that the named effects took."
-    return paragraph(text) + table(("equation", "remains", *explained, "largest", "when"), rows)
+    return table(("equation", "remains", *explained, "largest", "when"), rows)
 
 
-def _maps(m: Context, missing: Sequence[Missing]) -> str:
-    """Return where on the floor what remains is large."""
+def _maps(m: Context, missing: Sequence[Missing]) -> list[str]:
+    """Return maps of where on the floor the remainder is large."""
     d = m.diagnosis
     fit = d.selection.final
     problem = fit.problem
     names = [s.name for s in problem.block.states]
     if not {"x", "y"} <= set(names) or not any(r.there for r in d.remainders):
-        return ""
+        return []
     places = []
     for k, log in enumerate(problem.logs):
         time, path = on_rows(fit, fit.path[..., [names.index("x"), names.index("y")]], k)
@@ -98,13 +92,11 @@ def _maps(m: Context, missing: Sequence[Missing]) -> str:
         if r.equation in forces and r.there:
             title = f"in {prime(r.equation)}"
             plots.append(pictures.floor_map(title, x, y, forces[r.equation], unit(r.unit), kind))
-    shown = grid(plots)
-    text = "Root mean square of what remains, averaged likewise, by place; all training logs."
-    return f"<h3>On the floor</h3>{paragraph(text)}{shown}" if any(plots) else ""
+    return [plot for plot in plots if plot]
 
 
 def stretches(segments: Sequence[tuple[float, float]]) -> str:
-    """Return when a force is there: the longest stretches, and how many more there are.
+    """Return when a force is significant: the longest intervals, and how many more there are.
 
     Examples
     --------

@@ -1,9 +1,9 @@
-"""Both halves of the answer in plain sentences: what is missing, and what remains."""
+"""The two halves of the answer as sentences: what is missing, and what remains."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from html import escape
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from hovercontrol.discrepancy.evidence.holdout import Ahead, ahead
@@ -21,7 +21,7 @@ from hovercontrol.discrepancy.report.formatting import (
     times,
     unit,
 )
-from hovercontrol.discrepancy.report.html import legend, paragraph
+from hovercontrol.discrepancy.report.templates import legend, render
 from hovercontrol.effects import Effect
 
 if TYPE_CHECKING:
@@ -32,35 +32,69 @@ MEANS = {
     "none": "nothing is missing beyond noise",
     "effect": "named, and nothing remains beyond noise",
     "partial": "named, and something remains",
-    "ambiguous": "one of several readings",
-    "unexplained": "something is missing, and nothing can be named",
+    "ambiguous": "one of several effects",
+    "unexplained": "something is missing, no known effect explains it",
 }
 
-#: Standard errors by which an error must fall on the held-out log to be told as a fall, and leads that are
-#: told in a sentence.
-SURE, NEAREST = 2.0, 2
+
+@dataclass(frozen=True)
+class Significance:
+    """What the headline counts as a change.
+
+    Two standard errors are exceeded in one direction by chance in 2.3 % of normal samples.
+
+    Attributes
+    ----------
+    sure : float
+        Standard errors by which a held-out error must fall to be reported as a fall.
+    nearest : int
+        Nearest candidates named in the headline.
+    """
+
+    sure: float = 2.0
+    nearest: int = 2
+
+
+#: The values in use.
+SIGNIFICANCE = Significance()
 
 
 def headline(d: Diagnosis) -> str:
-    """Return what is missing as one plain sentence."""
+    """Return what is missing as one plain sentence.
+
+    Parameters
+    ----------
+    d : Diagnosis
+
+    Examples
+    --------
+    >>> import hovercontrol as hc
+    >>> from hovercontrol.discrepancy import diagnose
+    >>> from hovercontrol.logs import read_log
+    >>> from hovercontrol.samples import sample_path
+    >>> log = read_log(sample_path()).between(0.0, 15.0)
+    >>> found = diagnose(hc.vehicle("c17_experiment"), [log], names=["slope"])
+    >>> headline(found)
+    'Missing: nothing beyond noise.'
+    """
     if d.effects:
         said = [_named(d, name, numbers) for name, numbers in numbers_by_effect(d).items()]
         return f"Missing: {'; '.join(said)}."
     if d.verdict == "none":
         return "Missing: nothing beyond noise."
-    nearest = [effect_words(lead.name) for lead in d.leads[:NEAREST]]
+    nearest = [effect_words(lead.name) for lead in d.leads[: SIGNIFICANCE.nearest]]
     came = f"; nearest {'comes' if len(nearest) == 1 else 'come'} {listed(nearest)}" if nearest else ""
     return f"Missing: something that no known effect explains{came}."
 
 
 def _named(d: Diagnosis, name: str, numbers: Sequence[Found]) -> str:
-    """Return an effect with its numbers, other readings of it, and what cannot be told from it."""
+    """Return an effect with its parameters, equivalent effects and undistinguished rivals."""
     rivals = [r for r in d.rivals if r.instead_of == name]
     doubtful = listed([effect_words(r.name) for r in rivals if not r.same], "or")
     same = listed([effect_words(r.name) for r in rivals if r.same], "or")
     said = f"{effect_words(name)}, {numbers_of(numbers)}" if numbers else effect_words(name)
-    said += f" (or {same}: every log shows both alike)" if same else ""
-    return f"{said}, or else {doubtful}: these logs cannot tell which" if doubtful else said
+    said += f" (or {same}: both have the same effect on every log)" if same else ""
+    return f"{said}, or else {doubtful}: these logs do not distinguish them" if doubtful else said
 
 
 def numbers_of(numbers: Sequence[Found]) -> str:
@@ -76,7 +110,23 @@ def key_of(number: Found) -> str:
 
 
 def gap_sentence(d: Diagnosis) -> str:
-    """Return what the named effects take of the error on the held-out log, or how large that is."""
+    """Return which part of the held-out error the named effects explain, or how large that error is.
+
+    Parameters
+    ----------
+    d : Diagnosis
+
+    Examples
+    --------
+    >>> import hovercontrol as hc
+    >>> from hovercontrol.discrepancy import diagnose
+    >>> from hovercontrol.logs import read_log
+    >>> from hovercontrol.samples import sample_path
+    >>> log = read_log(sample_path()).between(0.0, 15.0)
+    >>> found = diagnose(hc.vehicle("c17_experiment"), [log], names=["slope"])
+    >>> gap_sentence(found).partition(";")[0]
+    'No log was held out'
+    """
     held = d.held_before is not None
     if not d.effects:
         return _error_of_noise(d)
@@ -85,7 +135,7 @@ def gap_sentence(d: Diagnosis) -> str:
     best = most_fallen(far)
     one = len(numbers_by_effect(d)) == 1
     if best is None:
-        return f"{where} no channel is predicted better beyond chance."
+        return f"{where} no channel is predicted significantly better."
     part = f"{percent(1.0 - best.after / best.before)} of the error of {best.channel}"
     figures = f"{small(best.before)} to {small(best.after)} {unit(best.unit)}".strip()
     who = "it takes" if one else "they take"
@@ -94,7 +144,7 @@ def gap_sentence(d: Diagnosis) -> str:
 
 def most_fallen(far: Sequence[Ahead]) -> Ahead | None:
     """Return the channel and horizon whose error falls most, of those that fall beyond chance."""
-    fallen = [a for a in far if a.t >= SURE and a.after < a.before]
+    fallen = [a for a in far if a.t >= SIGNIFICANCE.sure and a.after < a.before]
     return max(fallen, key=lambda a: 1.0 - a.after / a.before, default=None)
 
 
@@ -111,7 +161,23 @@ def _error_of_noise(d: Diagnosis) -> str:
 
 
 def remainder_sentence(d: Diagnosis) -> str:
-    """Return what remains, how much of it in which equation, and where."""
+    """Return what remains, how much of it in which equation, and where.
+
+    Parameters
+    ----------
+    d : Diagnosis
+
+    Examples
+    --------
+    >>> import hovercontrol as hc
+    >>> from hovercontrol.discrepancy import diagnose
+    >>> from hovercontrol.logs import read_log
+    >>> from hovercontrol.samples import sample_path
+    >>> log = read_log(sample_path()).between(0.0, 15.0)
+    >>> found = diagnose(hc.vehicle("c17_experiment"), [log], names=["slope"])
+    >>> remainder_sentence(found)
+    'What remains: nothing beyond noise.'
+    """
     left = [r for r in d.remainders if r.there]
     if not left:
         return "What remains: nothing beyond noise."
@@ -130,16 +196,19 @@ def verdict(m: Context) -> str:
     if d.verdict == "none":
         said.append(
             "With its coefficients fitted again, the model explains these logs down to the noise of their "
-            "measurements. An effect that these logs do not excite would not show."
+            "measurements. An effect that these logs do not excite would not be seen."
         )
-    title = escape(headline(d)).replace(" ± ", "\u00a0±\u00a0")
-    note = paragraph("± is one standard error.", "small") if d.effects else ""
-    words = (
-        f"{paragraph(f'Verdict: {d.verdict} – {MEANS[d.verdict]}', 'kicker')}<h1>{title}</h1>"
-        f"{paragraph(gap_sentence(d), 'lead')}{paragraph(remainder_sentence(d), 'lead')}{note}"
-        f"{''.join(map(paragraph, said))}"
+    return render(
+        "verdict.html",
+        verdict=d.verdict,
+        meaning=MEANS[d.verdict],
+        headline=headline(d),
+        gap=gap_sentence(d),
+        remainder=remainder_sentence(d),
+        named=bool(d.effects),
+        explained=said,
+        **_bars(m),
     )
-    return f'<div class="top"><div>{words}</div><div>{_bars(m)}</div></div>'
 
 
 def _explained(e: Effect) -> str:
@@ -148,17 +217,14 @@ def _explained(e: Effect) -> str:
     return text if text.startswith(f"{name}:") else f"{name}: {text}"
 
 
-def _bars(m: Context) -> str:
-    """Return bars of each channel's error some time ahead."""
+def _bars(m: Context) -> dict[str, object]:
+    """Return bars of each channel's error some time ahead, with their title and legend."""
+    kinds = legend("before", "after") if m.changed else legend("before")
     if not m.ahead:
-        return ""
+        return {"bars": "", "bars_title": "", "kinds": kinds}
     best = most_fallen(m.ahead) if m.changed else None
     horizon = best.horizon if best else min((a.horizon for a in m.ahead), key=lambda h: abs(h - 1.0))
-    shown = [a for a in m.ahead if a.horizon == horizon]
-    note = "Predictions from many rows of the smoothed path, by the commands alone; root mean square."
-    kinds = ("before", "after") if m.changed else ("before",)
+    bars = pictures.error_bars([a for a in m.ahead if a.horizon == horizon], m.changed, m.noise)
     alone = "" if m.changed else ", in multiples of the noise"
-    return (
-        f"<h2>Error {horizon:.2g} s ahead on the {m.shown_on}{alone}</h2>"
-        f"{pictures.error_bars(shown, m.changed, m.noise)}{legend(*kinds)}{paragraph(note, 'small')}"
-    )
+    title = f"Error {horizon:.2g} s ahead on the {m.shown_on}{alone}"
+    return {"bars": bars, "bars_title": title, "kinds": kinds}

@@ -10,21 +10,35 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hovercontrol.effects import Effect, Shape, effect_class
+from hovercontrol.effects import Effect, Shape
 from hovercontrol.errors import InputError
 from hovercontrol.estimation.fit import Fit
 from hovercontrol.estimation.subject import Subject, structure
 
 Array = NDArray[np.float64]
 
-#: Effects that shift commands against measurements: no log tells them apart.
-LATE = {"input_delay", "time_offset", "fan_delay"}
 
-#: Size of the trial of a number that enters linearly; in units of its own, the answer being linear.
-TRIAL = 1e-2
+@dataclass(frozen=True)
+class CandidateCriteria:
+    """How candidates are tried.
 
-#: Parts of a trial beyond which its linear answer is no guide to a shape: a larger trial would score better.
-BELIEVED = (0.1, 1.3)
+    No published source: set by hand, exercised by tests/discrepancy/test_score.py.
+
+    Attributes
+    ----------
+    trial : float
+        Trial value of a parameter that enters linearly, in its unit; the result does not depend on it.
+    believed : tuple
+        Smallest and largest amplitude, relative to the trial's, for which its linear response holds for a
+        shape.
+    """
+
+    trial: float = 1e-2
+    believed: tuple[float, float] = (0.1, 1.3)
+
+
+#: The values in use.
+CANDIDATES = CandidateCriteria()
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,13 +66,13 @@ class Candidate:
         for key, part in zip(self.amplitudes, parts, strict=True):
             number = cls.numbers[key]
             if isinstance(number, Shape) and number.lower >= 0.0:  # a linear answer says little far off
-                part = float(np.clip(part, *BELIEVED))
+                part = float(np.clip(part, *CANDIDATES.believed))
             value = number.neutral + part * (values[key] - number.neutral)
             values[key] = float(np.clip(value, number.lower, number.upper))
         return cls(**values)
 
     def allowed(self, parts: Sequence[float]) -> bool:
-        """Tell whether those amplitudes are within their bounds: a drag does not push."""
+        """Return whether those amplitudes are within their bounds: a drag does not push."""
         if not self.amplitudes:
             return bool(0.3 < parts[0] < 3.0)
         for key, part in zip(self.amplitudes, parts, strict=True):
@@ -72,11 +86,9 @@ class Candidate:
 def catalogue(model: Subject, names: Sequence[str] | None = None) -> list[type[Effect]]:
     """Return the classes of the effects that a model may lack: of the names given, or all that it accepts."""
     have = {e.name for e in model.effects}
-    if have & LATE:  # another one would be the same once more
-        have |= LATE
-    own = getattr(model, "effect_class", effect_class)
-    found = model.candidates() if names is None else [own(name) for name in names]
-    return [cls for cls in found if cls.name not in have]
+    shifted = any(e.shifts_time for e in model.effects)  # another one would be the same once more
+    found = model.candidates() if names is None else [model.effect_class(name) for name in names]
+    return [cls for cls in found if cls.name not in have and not (shifted and cls.shifts_time)]
 
 
 def candidates(fit: Fit, names: Sequence[str] | None = None) -> list[Candidate]:
@@ -99,9 +111,10 @@ def candidates(fit: Fit, names: Sequence[str] | None = None) -> list[Candidate]:
                 grid.append([(key, part * scale) for part in number.search])
             elif isinstance(number, Shape):
                 default = number.default if number.default is not None else 0.01
-                grid.append([(key, _width(fit, cls, default) if key == "width" else default)])
+                is_width = cls.parameter(key) == cls.friction_width()
+                grid.append([(key, _width(fit, cls, default) if is_width else default)])
             else:
-                grid.append([(key, number.neutral + TRIAL)])
+                grid.append([(key, number.neutral + CANDIDATES.trial)])
         trials = [cls(**dict(values)) for values in itertools.product(*grid)]
         if _fits(fit.problem.model, trials[0]):
             found += [Candidate(cls.name, trial, amplitudes) for trial in trials]
@@ -132,15 +145,15 @@ def _scale(fit: Fit, cls: type[Effect], of: str, scales: Mapping[str, float]) ->
             )
             or 1.0
         )
-    return scales.get(f"speed_{getattr(cls, 'axis', '')}" if of == "speed" else of, 1.0)
+    return scales.get(f"speed_{cls.axis}" if of == "speed" else of, 1.0)
 
 
 def _width(fit: Fit, cls: type[Effect], default: float) -> float:
     """Return the width of friction along the effect's axis, as found for the model's own."""
-    axis, problem = getattr(cls, "axis", ""), fit.problem
+    problem = fit.problem
     for e in problem.model.effects:
-        if getattr(e, "axis", None) == axis and e.parameter("width") in problem.names:
-            return float(fit.p[problem.names.index(e.parameter("width"))])
+        if e.axis and e.axis == cls.axis and e.friction_width() in problem.names:
+            return float(fit.p[problem.names.index(e.friction_width())])
     return default
 
 

@@ -13,18 +13,17 @@ from hovercontrol.discrepancy.search.candidates import candidates
 from hovercontrol.discrepancy.search.leads import Lead
 from hovercontrol.discrepancy.search.score import Scores
 from hovercontrol.discrepancy.search.trial import (
-    NEAR,
+    TRIALS,
     Search,
     Tried,
     beside,
     explained,
     passes,
-    same_axis,
+    same_axis_drag,
     try_effect,
     twins,
     why_not,
     with_times,
-    without_effects,
 )
 from hovercontrol.estimation.fit import Fit
 
@@ -34,7 +33,7 @@ ROUNDS = 2
 
 @dataclass(frozen=True, eq=False)
 class Rival:
-    """An effect that the logs cannot tell from a named one.
+    """An effect that the logs do not distinguish from a named one.
 
     Attributes
     ----------
@@ -119,7 +118,7 @@ def confirmed(
     swaps = 0
     while True:
         without = {
-            n: base if len(effects) == 1 else search.fit(final, without_effects(final.model, n))
+            n: base if len(effects) == 1 else search.fit(final, final.model.without_effects(n))
             for n in effects
         }
         own = {n: beside(final, without[n], n) for n in effects}
@@ -171,21 +170,21 @@ def _rivals(
         best = max((s.gain for s in others), default=0.0)
         tries = 0
         for s in others:
-            if twins(name, s.candidate.name):
+            if twins(final.problem.model.effect(name), s.candidate.trial):
                 rivals.append(Rival(s.candidate.name, name, 0.0, 0.0, final, True))
                 continue
-            kin = same_axis(s.candidate.trial, final.problem.model.effect(name))
-            share = criteria.share if kin or not explained(mine) else criteria.alike
+            drags = same_axis_drag(s.candidate.trial, final.problem.model.effect(name))
+            share = criteria.share if drags or not explained(mine) else criteria.alike
             if s.gain <= max(share * max(best, 0.0), criteria.least) or tries >= criteria.tries:
                 continue
             tries += 1
             known = first.get(s.candidate.name) if len(own) == 1 else None
             if known is None:
-                search.tell(f"trying {s.candidate.name} in place of {name}")
+                search.report(f"trying {s.candidate.name} in place of {name}")
             t = known or try_effect(search, less, s.effect, s)
             if t is None or not passes(t, selection.candidates, criteria):
                 continue
-            if _behind(t, mine, criteria) < NEAR:
+            if _behind(t, mine, criteria) < TRIALS.near:
                 t = with_times(search, t)
             behind = _behind(t, mine, criteria)
             d = t.fit.block_costs - final.block_costs

@@ -118,7 +118,8 @@ def _with_other(selection: Selection, name: str, other: Tried) -> Selection:
     reason = f"{other.name} predicts the held-out log better"
     lead = Lead(name, selection.gains[name], selection.blocks[name].t, reason)
     names = {n: other.name if n == name else n for n in selection.effects}
-    late = [t for of, t in selection.alternatives if of == name and twins(t.name, other.name)]
+    mine = other.fit.model.effect(other.name)
+    late = [t for of, t in selection.alternatives if of == name and twins(t.fit.model.effect(t.name), mine)]
     return replace(
         selection,
         final=other.fit,

@@ -1,4 +1,4 @@
-"""Candidates that came near and are not named, each with the reason why not."""
+"""Nearest candidates and are not named, each with the reason why not."""
 
 from __future__ import annotations
 
@@ -55,11 +55,11 @@ def leads(
     criteria : Criteria
     """
     found = [lead for lead in dropped if lead.name not in named]
-    told = {*named, *(lead.name for lead in found)}
+    listed = {*named, *(lead.name for lead in found)}
     left = final.noise.process > criteria.negligible * final.problem.accelerations
-    nearest = 3 if np.any(left) and not named else 0  # are told however little they gain
+    nearest = 3 if np.any(left) and not named else 0  # are listed however little they gain
     for s in seen:
-        if s.candidate.name in told or (s.gain < criteria.least and len(found) >= nearest):
+        if s.candidate.name in listed or (s.gain < criteria.least and len(found) >= nearest):
             continue
         t = tried.get(s.candidate.name)
         if t is not None:

@@ -21,7 +21,8 @@ from hovercontrol.estimation.fit import Fit
 from hovercontrol.estimation.kalman import run_filter
 from hovercontrol.estimation.noise import augment
 from hovercontrol.estimation.passes import inverse, products
-from hovercontrol.estimation.subject import Subject, motion_of, structure, timing
+from hovercontrol.estimation.subject import Subject, structure, timing
+from hovercontrol.models.base import shown_by
 from hovercontrol.targets.follow import follow
 
 Array = NDArray[np.float64]
@@ -273,7 +274,7 @@ class _Along:
     def _commands(self, model: Subject, block: Block, every: list[float]) -> tuple[Array, dict[int, Array]]:
         problem = self.problem
         same = timing(model) == timing(problem.model)
-        motion = motion_of(model)
+        motion = model.motion
         known = input_states(block, motion)
         if (
             same
@@ -312,7 +313,6 @@ class _Along:
         old = [s.name for s in problem.block.outputs]
         found = np.zeros(problem.rows.values.shape)
         for c, channel in enumerate(problem.rows.channels):
-            after_name = f"{channel}_measured" if f"{channel}_measured" in new else channel
-            before_name = f"{channel}_measured" if f"{channel}_measured" in old else channel
-            found[..., c] = after[new.index(after_name)] - before[old.index(before_name)]
+            seen, was = new.index(shown_by(new, channel)), old.index(shown_by(old, channel))
+            found[..., c] = after[seen] - before[was]
         return np.where(problem.seen, found, 0.0)

@@ -11,13 +11,13 @@ from hovercontrol.discrepancy.search.confirm import Selection, confirmed
 from hovercontrol.discrepancy.search.leads import leads
 from hovercontrol.discrepancy.search.score import Scored, Scores, at_its_time
 from hovercontrol.discrepancy.search.trial import (
-    NEAR,
+    TRIALS,
     Search,
     Tried,
     begun_again,
     explained,
     passes,
-    same_axis,
+    same_axis_drag,
     sized,
     try_effect,
     twins,
@@ -35,7 +35,7 @@ def select(
     names: Sequence[str] | None = None,
     max_effects: int = 3,
     criteria: Criteria = CRITERIA,
-    tell: Callable[[str], None] = lambda what: None,
+    report: Callable[[str], None] = lambda what: None,
 ) -> Selection:
     """Return which effects a fitted model lacks.
 
@@ -49,10 +49,10 @@ def select(
         Effects to consider; default: the whole catalogue.
     max_effects : int, optional
     criteria : Criteria, optional
-    tell : callable, optional
+    report : callable, optional
         Called with what is being tried.
     """
-    search = Search(model, names, criteria, tell)
+    search = Search(model, names, criteria, report)
     current = base
     first: list[Tried] = []
     effects: list[str] = []
@@ -67,7 +67,7 @@ def select(
         return confirmed(search, found, first, safe) if effects else found
 
     while True:
-        tell("scoring the catalogue")
+        report("scoring the catalogue")
         seen = Scores(current, candidates(current, names)).best()
         if len(effects) >= max_effects:
             break
@@ -111,9 +111,9 @@ def _unscored(search: Search, current: Fit, seen: Sequence[Scored], done: set[st
     for s in seen:
         e = s.candidate.trial
         shapes = [k for k, n in e.numbers.items() if isinstance(n, Shape) and n.of == "speed"]
-        if not shapes or getattr(e, "axis", "") not in axes or e.name in done:
+        if not shapes or e.axis not in axes or e.name in done:
             continue
-        search.tell(f"trying {e.name}")
+        search.report(f"trying {e.name}")
         t = try_effect(search, current, sized(problem.model, s.effect))
         found += [t] if t else []
     return found
@@ -123,7 +123,7 @@ def _likeliest(search: Search, good: Sequence[Tried]) -> Tried:
     """Return the likeliest of effects that may be named, each with correlation times of its own."""
     each = search.criteria.each
     least = min(t.fit.cost + each * t.numbers for t in good)
-    near = [with_times(search, t) for t in good if t.fit.cost + each * t.numbers < least + NEAR]
+    near = [with_times(search, t) for t in good if t.fit.cost + each * t.numbers < least + TRIALS.near]
     return min(near, key=lambda t: t.fit.cost + each * t.numbers)
 
 
@@ -137,20 +137,20 @@ def _add(search: Search, current: Fit, seen: Sequence[Scored]) -> list[Tried]:
     near = [s for s in worthy if s is top or s.gain > criteria.share * top.gain]
     starts = [at_its_time(current, s).effect for s in near[: criteria.tries]]
     names = {e.name for e in starts}
-    kin = [
+    drags = [
         sized(model, s.effect)
         for s in seen
-        if same_axis(s.candidate.trial, top.candidate.trial) and s.candidate.name not in names
+        if same_axis_drag(s.candidate.trial, top.candidate.trial) and s.candidate.name not in names
     ]
     found: list[Tried] = []
-    for e in [*starts, *kin]:
-        if any(twins(t.name, e.name) for t in found):
+    for e in [*starts, *drags]:
+        if any(twins(t.fit.model.effect(t.name), e) for t in found):
             continue
-        if found and explained(found[0]) and not same_axis(e, top.candidate.trial):
+        if found and explained(found[0]) and not same_axis_drag(e, top.candidate.trial):
             share = next(s.gain for s in seen if s.candidate.name == e.name) / top.gain
             if share < criteria.alike:
                 continue
-        search.tell(f"trying {e.name}")
+        search.report(f"trying {e.name}")
         promised = next((s for s in seen if s.candidate.name == e.name), None)
         t = try_effect(search, current, e, promised)
         found += [t] if t else []

@@ -9,19 +9,34 @@ import numpy as np
 
 from hovercontrol.discrepancy.criteria import Criteria
 from hovercontrol.discrepancy.evidence.blocks import Blocks, agreement
-from hovercontrol.discrepancy.search.candidates import LATE
 from hovercontrol.discrepancy.search.score import Scored
 from hovercontrol.effects import Effect, Shape
-from hovercontrol.estimation.fit import SETTLED, Fit, estimate, first_noise, refit
+from hovercontrol.estimation.fit import CONVERGENCE, Fit, estimate, first_noise, refit
 from hovercontrol.estimation.prior import prior_of
 from hovercontrol.estimation.problem import Problem
 from hovercontrol.estimation.subject import Subject
 
-#: Part of what a score promised that a fit must gain to be believed.
-HALF = 0.5
 
-#: Differences of cost that correlation times of process noise may make: nearer fits get their own.
-NEAR = 300.0
+@dataclass(frozen=True)
+class TrialCriteria:
+    """When the fit of one more effect is repeated.
+
+    No published source: set by hand, exercised by tests/discrepancy/test_select.py.
+
+    Attributes
+    ----------
+    half : float
+        Part of the gain predicted by the score that a fit must reach; else it is started again.
+    near : float
+        Difference of cost below which both fits get correlation times of their own.
+    """
+
+    half: float = 0.5
+    near: float = 300.0
+
+
+#: The values in use.
+TRIALS = TrialCriteria()
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +68,7 @@ class Search:
     model: Subject
     names: Sequence[str] | None
     criteria: Criteria
-    tell: Callable[[str], None]
+    report: Callable[[str], None]
 
     def fit(self, near: Fit, model: Subject, times: bool = False) -> Fit:
         """Fit a model from where another ended; correlation times of process noise stay unless asked."""
@@ -66,7 +81,7 @@ class Search:
 
 
 def passes(t: Tried, looked_at: int, criteria: Criteria) -> bool:
-    """Tell whether an effect brings what is asked for: gain, agreement of blocks, one size everywhere."""
+    """Return whether an effect brings what is asked for: gain, agreement of blocks, one size everywhere."""
     return not why_not(t, looked_at, criteria)
 
 
@@ -95,11 +110,11 @@ def try_effect(search: Search, current: Fit, e: Effect, scored: Scored | None = 
     first = _added(search, current, e)
     done = [first] if first else []
     gain = current.cost - first.cost if first else -np.inf
-    if scored is not None and scored.allowed and gain < HALF * scored.gain:
+    if scored is not None and scored.allowed and gain < TRIALS.half * scored.gain:
         given = as_given(search, current)
         for start in dict.fromkeys([e, *_trials(scored)]):
             fit = _added(search, current, start, given)
-            found_again = fit is not None and any(abs(fit.cost - f.cost) < SETTLED for f in done)
+            found_again = fit is not None and any(abs(fit.cost - f.cost) < CONVERGENCE.settled for f in done)
             done += [fit] if fit else []
             if found_again:
                 break
@@ -162,7 +177,7 @@ def sized(model: Subject, e: Effect) -> Effect:
 
     Near standstill dry friction hides what a drag would score: the model's own takes its place.
     """
-    own = [o for o in model.effects if same_axis(o, e) and "value" in o.numbers and "value" in e.numbers]
+    own = [o for o in model.effects if same_axis_drag(o, e) and "value" in o.numbers and "value" in e.numbers]
     alike = [o for o in own if o.numbers["value"].unit == e.numbers["value"].unit]
     if not alike:
         return e
@@ -175,19 +190,14 @@ def explained(t: Tried) -> bool:
     return bool(np.all(t.fit.noise.process <= 0.02 * t.fit.problem.accelerations))
 
 
-def same_axis(one: Effect, other: Effect) -> bool:
+def same_axis_drag(one: Effect, other: Effect) -> bool:
     """Whether two effects are drags along the same axis, which widths of friction blend."""
-    return getattr(one, "axis", None) == getattr(other, "axis", 0)
+    return one.axis == other.axis != ""
 
 
-def twins(one: str, other: str) -> bool:
+def twins(one: Effect, other: Effect) -> bool:
     """Whether two effects only say how late something is, which every log shows alike."""
-    return one != other and {one, other} <= LATE
-
-
-def without_effects(model: Subject, *names: str) -> Subject:
-    """Return a model less some of its effects, all else as it is."""
-    return replace(model, effects=tuple(e for e in model.effects if e.name not in names))
+    return one.name != other.name and one.shifts_time and other.shifts_time
 
 
 def beside(fit: Fit, less: Fit, name: str) -> Tried:

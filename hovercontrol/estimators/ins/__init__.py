@@ -1,9 +1,10 @@
-"""Aided inertial navigation: K06's (chapter 3, section 5.4.5), and what K06 wished for.
+"""Aided inertial navigation: K06's (chapter 3, section 5.4.5) and the extensions that it proposes.
 
 :func:`ins_mechanisation` integrates the IMU. :func:`heading_filter` and :func:`velocity_position_filter`
 estimate its errors; :func:`aided_ins` is the three joined. :func:`coupled_filter` needs no heading aid,
-:func:`range_filter` takes raw ranges. All are sampled Blocks. :func:`run_ins` runs one over a log,
-:func:`simulate_runs` many at once, and :func:`consistency` tells whether its covariance is honest.
+:func:`range_filter` takes raw ranges. All are sampled Blocks; :func:`range_particles`, the particle filter on
+raw ranges, has the same ports. :func:`run_ins` runs one over a log, :func:`simulate_runs` many at once, and
+:func:`consistency` tells whether its covariance is honest.
 """
 
 from hovercontrol.estimators.ins.aided import aided_ins
@@ -13,14 +14,15 @@ from hovercontrol.estimators.ins.heading import heading_filter
 from hovercontrol.estimators.ins.imu import IMU_PERIOD
 from hovercontrol.estimators.ins.mechanisation import ins_mechanisation
 from hovercontrol.estimators.ins.noise import K06_NOISE, InsNoise, SensorErrors, noise_from_sensors
+from hovercontrol.estimators.ins.particles import ParticleFilter, range_particles
 from hovercontrol.estimators.ins.ranges import range_arrivals, range_filter
 from hovercontrol.estimators.ins.run import run_ins
-from hovercontrol.estimators.ins.runs import simulate_runs
 from hovercontrol.estimators.ins.velocity_position import velocity_position_filter
+from hovercontrol.simulation.sampled import simulate_runs
 
 __all__ = [
     "ins_mechanisation", "heading_filter", "velocity_position_filter", "aided_ins",
-    "coupled_filter", "range_filter", "range_arrivals",
+    "coupled_filter", "range_filter", "range_arrivals", "range_particles", "ParticleFilter",
     "InsNoise", "K06_NOISE", "SensorErrors", "noise_from_sensors", "IMU_PERIOD",
     "run_ins", "simulate_runs", "Consistency", "consistency",
 ]  # fmt: skip

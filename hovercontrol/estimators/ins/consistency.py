@@ -1,4 +1,4 @@
-"""Whether a filter's errors are as large as it says: NEES and NIS and their chi-square bands.
+"""Consistency of a filter's errors with its covariance: NEES and NIS and their chi-square bands.
 
 Bar-Shalom, Li and Kirubarajan, "Estimation with Applications to Tracking and Navigation", section 5.4.
 """
@@ -37,6 +37,13 @@ class Consistency:
         Sum over a run of ``innovation^2 / variance``, divided by how many there were; empty if none given.
     nis_band : ndarray, shape (2, runs)
         Of each.
+
+    Examples
+    --------
+    >>> rng = np.random.default_rng(1)
+    >>> found = consistency(rng.normal(size=(1, 50, 40)), np.ones((1, 1, 50, 40)))
+    >>> found.nees.shape, found.level
+    ((50, 40), 0.95)
     """
 
     level: float

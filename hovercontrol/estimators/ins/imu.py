@@ -20,7 +20,7 @@ FIX_Y = Signal("fix_y", "m", "y measured by an aid")
 
 
 def valid(aid: str) -> Signal:
-    """Return the signal that tells whether an aid has measured at this tick."""
+    """Return the signal that is 1 where an aid has a measurement at this tick."""
     return Signal(f"{aid}_valid", "1", "1 at a tick with a new measurement, else 0", lower=0.0, upper=1.0)
 
 

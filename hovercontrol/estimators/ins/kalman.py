@@ -154,7 +154,7 @@ class Memory:
     def outputs(self) -> tuple[Signal, ...]:
         """Return the covariance as outputs ``P[i,j]``."""
         return tuple(
-            s.but(
+            s.replace(
                 name=s.name.removeprefix("last_"), description=s.description.removesuffix(" of the last tick")
             )
             for s in self.covariance
@@ -186,7 +186,7 @@ def remember(x: str, P: str, quantities: Sequence[Signal], variances: Sequence[f
     """
     n = len(quantities)
     values = tuple(
-        s.but(name=f"last_{x}[{i}]", description=f"estimate of {s.description} of the last tick")
+        s.replace(name=f"last_{x}[{i}]", description=f"estimate of {s.description} of the last tick")
         for i, s in enumerate(quantities)
     )
     covariance = {

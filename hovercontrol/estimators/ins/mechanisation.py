@@ -16,7 +16,9 @@ from hovercontrol.io.tables import positive
 
 PSI_HAT = Signal("psi_hat", "rad", "heading, estimated; not wrapped")
 STARTED = Signal("started", "1", "0 at the first tick, then 1", upper=1.0, lower=0.0)
-HELD_IMU = tuple(s.but(name=f"last_{s.name}", description=f"{s.description}, at the last tick") for s in IMU)
+HELD_IMU = tuple(
+    s.replace(name=f"last_{s.name}", description=f"{s.description}, at the last tick") for s in IMU
+)
 
 
 def ins_mechanisation(
@@ -74,7 +76,7 @@ def ins_mechanisation(
         Signal("y_ins", "m", "position, integrated twice", start=y),
     )
     states = tuple(
-        s.but(name=f"last_{s.name}", description=f"{s.description}; at the last tick") for s in outputs
+        s.replace(name=f"last_{s.name}", description=f"{s.description}; at the last tick") for s in outputs
     )
     force = tuple(
         Signal(f"last_force_{axis}", "m/s^2", f"specific force along {axis}, at the last tick")
@@ -94,7 +96,7 @@ def ins_mechanisation(
         name,
         states=(*states, HELD_IMU[2], *force, STARTED),
         inputs=(*IMU, PSI_HAT) if aided else IMU,
-        outputs=tuple(s.but(start=0.0) for s in outputs),
+        outputs=tuple(s.replace(start=0.0) for s in outputs),
         parameters=(dt,),
         derivatives={
             **{s.name: e for s, e in zip(states, now, strict=True)},

@@ -14,7 +14,14 @@ import sympy as sp
 from hovercontrol.core.block import Block
 from hovercontrol.core.signals import Signal
 from hovercontrol.estimators.ins.imu import HEADING_AID, IMU, YAW_RATE, to_navigation, valid
-from hovercontrol.estimators.ins.kalman import Equations, Estimate, remember, variance_parameters, wrapped
+from hovercontrol.estimators.ins.kalman import (
+    Equations,
+    Estimate,
+    Memory,
+    remember,
+    variance_parameters,
+    wrapped,
+)
 from hovercontrol.estimators.ins.mechanisation import (
     HELD_IMU,
     PSI_HAT,
@@ -45,8 +52,8 @@ _PUSH = tuple(
     Signal(f"push_{axis}", "m/s^2", f"specific force along {axis}, averaged over the last second")
     for axis in "xy"
 )
-_X = sp.Matrix([sp.Symbol(f"{s.name}_", real=True) for s in QUANTITIES])
-PSI, VELOCITY, POSITION = _X[0], _X[1:3, 0], _X[3:5, 0]
+ESTIMATE = sp.Matrix([sp.Symbol(f"{s.name}_", real=True) for s in QUANTITIES])
+PSI, VELOCITY, POSITION = ESTIMATE[0], ESTIMATE[1:3, 0], ESTIMATE[3:5, 0]
 
 
 @dataclass(frozen=True)
@@ -58,7 +65,7 @@ class Aid:
     signal : Signal
         The input.
     valid : Signal
-        The input that tells when it is measured.
+        The input that is 1 when it is measured.
     expected : sympy.Expr
         Of :data:`PSI`, :data:`POSITION`, the symbols of `extra` quantities and the parameters.
     variance : Signal
@@ -98,7 +105,7 @@ def navigation_filter(
     inputs: Sequence[Signal] = (),
     definitions: Mapping[str, sp.Expr] | None = None,
 ) -> Block:
-    """Return the filter; the public ones say what is measured.
+    """Return the filter for given measurements.
 
     Parameters
     ----------
@@ -121,20 +128,14 @@ def navigation_filter(
     x, y, psi = finite(f"{name}: pose", pose, 3)
     start = [psi, *finite(f"{name}: velocity", velocity, 2), x, y]
     quantities = (*QUANTITIES, *extra)
-    symbols = sp.Matrix([*_X, *(s.symbol for s in extra)])
+    symbols = sp.Matrix([*ESTIMATE, *(s.symbol for s in extra)])
     dt, elapsed, equations = clock(name, period)
-    variances = [noise.P1[0], *noise.P2[:4], noise.P1[1], *noise.P2[4:], *extra_variances]
-    memory = remember(
-        "xhat",
-        "P",
-        [s.but(start=v) for s, v in zip(quantities, [*start, *[0.0] * 9], strict=False)],
-        variances,
-    )
+    memory = remembered(quantities, start, noise, extra_variances)
     units = [QUANTITIES[i].unit for i in (0, 1, 2, 5, 6, 7)]
-    Q = variance_parameters("Q", units, [noise.Q1[0], *noise.Q2[:2], noise.Q1[1], *noise.Q2[2:]])
+    Q = variance_parameters("Q", units, added_variances(noise))
 
     w = sp.Matrix([sp.Dummy(real=True) for _ in Q])
-    moved = sp.Matrix([*_moved(elapsed, w), *(s.symbol for s in extra)])
+    moved = sp.Matrix([*moved_by(elapsed, w), *(s.symbol for s in extra)])
     calm = dict.fromkeys(w, 0)
     here = dict(zip(symbols, memory.estimate.x, strict=True))
     G = moved.jacobian(w).subs(calm).xreplace(here)
@@ -153,19 +154,14 @@ def navigation_filter(
     for aid in aids:
         new = _corrected(equations, new, aid, symbols, 1 if aid.shows_heading else excited)
 
-    told = motion_outputs(new.x[0], new.x[1:3, 0], new.x[3:5, 0], new.x[6:8, 0])
-    extras = tuple(s.but(name=f"{s.name}_hat", description=f"{s.description}, estimated") for s in extra)
+    told, values = told_of(new.x, extra)
     measured = dict.fromkeys(signal for aid in aids for signal in (aid.signal, aid.valid))
     return Block(
         name,
         states=(*memory.states, *HELD_IMU, *_PUSH, STARTED),
         inputs=(*IMU, *measured, *inputs),
         outputs=(
-            PSI_HAT,
-            Signal("r_hat", "rad/s", "yaw rate, estimated"),
-            Signal("gyro_bias_hat", "rad/s", "bias of the gyro, estimated"),
-            *MOTION_OUTPUTS,
-            *extras,
+            *told,
             *innovation_outputs(tuple(aid.signal for aid in aids)),
             *memory.outputs(),
         ),
@@ -177,11 +173,7 @@ def navigation_filter(
             STARTED.name: 1,
         },
         output_expressions={
-            "psi_hat": new.x[0],
-            "r_hat": YAW_RATE.symbol - new.x[5],
-            "gyro_bias_hat": new.x[5],
-            **told,
-            **{s.name: e for s, e in zip(extras, new.x[8:, 0], strict=True)},
+            **values,
             **memory.output_values(new),
         },
         definitions={**(definitions or {}), **equations.definitions},
@@ -189,9 +181,41 @@ def navigation_filter(
     )
 
 
-def _moved(elapsed: sp.Expr, w: sp.Matrix) -> sp.Matrix:
+def remembered(
+    quantities: Sequence[Signal], start: Sequence[float], noise: InsNoise, extra: Sequence[float]
+) -> Memory:
+    """Return what is kept from tick to tick; it starts at psi, v_x, v_y, x, y and zero biases."""
+    started = [s.replace(start=v) for s, v in zip(quantities, [*start, *[0.0] * 9], strict=False)]
+    return remember("xhat", "P", started, [noise.P1[0], *noise.P2[:4], noise.P1[1], *noise.P2[4:], *extra])
+
+
+def added_variances(noise: InsNoise) -> list[float]:
+    """Return the variances that a tick adds: to heading, velocity forward and sideways, and the biases."""
+    return [noise.Q1[0], *noise.Q2[:2], noise.Q1[1], *noise.Q2[2:]]
+
+
+def told_of(x: sp.Matrix, extra: Sequence[Signal]) -> tuple[tuple[Signal, ...], dict[str, sp.Expr]]:
+    """Return the outputs that tell an estimate, and their expressions."""
+    extras = tuple(s.replace(name=f"{s.name}_hat", description=f"{s.description}, estimated") for s in extra)
+    outputs = (
+        PSI_HAT,
+        Signal("r_hat", "rad/s", "yaw rate, estimated"),
+        Signal("gyro_bias_hat", "rad/s", "bias of the gyro, estimated"),
+        *MOTION_OUTPUTS,
+        *extras,
+    )
+    return outputs, {
+        "psi_hat": x[0],
+        "r_hat": YAW_RATE.symbol - x[5],
+        "gyro_bias_hat": x[5],
+        **motion_outputs(x[0], x[1:3, 0], x[3:5, 0], x[6:8, 0]),
+        **{s.name: e for s, e in zip(extras, x[8:, 0], strict=True)},
+    }
+
+
+def moved_by(elapsed: sp.Expr, w: sp.Matrix) -> sp.Matrix:
     """Return the estimate a tick later by (3.42), w being the noise that K06's discrete model adds."""
-    b_g, b_a = _X[5], _X[6:8, 0]
+    b_g, b_a = ESTIMATE[5], ESTIMATE[6:8, 0]
     before, now = (sp.Matrix([s.symbol for s in group]) for group in (HELD_IMU, IMU))
     psi = integrated_heading(PSI, before[2] - b_g, now[2] - b_g, elapsed)
     f0 = to_navigation(PSI, before[0:2, 0] - b_a)

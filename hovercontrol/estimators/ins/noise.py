@@ -1,4 +1,4 @@
-"""How noisy the filters take their sensors to be: K06's printed matrices, and such as follow from sensors.
+"""Noise matrices of the filters: K06's printed matrices, and such as follow from sensors.
 
 K06's printed Q1 and Q2 [K06 eq 5.4, 5.5] are, as its section 3.3.3.6 says, variances of the sensors' samples:
 sqrt(4.9e-4) rad/s = 1.27 deg/s. Its discrete model (5.4.5) adds that noise to the heading *itself* at each
@@ -94,6 +94,11 @@ class SensorErrors:
     ------
     InputError
         If one is negative, or zero where a filter needs it positive.
+
+    Examples
+    --------
+    >>> SensorErrors(fix=0.05).fix
+    0.05
     """
 
     gyro_noise: float = math.radians(0.5)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import sympy as sp
 
@@ -80,9 +81,66 @@ def range_filter(
     >>> [s.name for s in block.inputs[3:]]
     ['range_1', 'range_1_valid', 'range_2', 'range_2_valid', 'range_3', 'range_3_valid']
     """
+    noise = noise or noise_from_sensors(period=positive(f"{name}: period", period))
+    measured = measured_ranges(
+        name,
+        beacons,
+        units,
+        cone=cone,
+        heading=heading,
+        range_noise=range_noise,
+        range_bias=range_bias,
+        noise=noise,
+    )
+    return navigation_filter(
+        name,
+        measured.aids,
+        measured.parameters,
+        noise=noise,
+        pose=pose,
+        velocity=velocity,
+        period=period,
+        excitation=excitation,
+        extra=measured.bias,
+        extra_variances=[range_bias**2] * len(measured.bias),
+        inputs=measured.inputs,
+        definitions=measured.definitions,
+    )
+
+
+class RangeAids(NamedTuple):
+    """What raw ranges are, for any filter.
+
+    Attributes
+    ----------
+    aids : tuple of Aid
+    parameters, bias, inputs : tuple of Signal
+        Of the aids; of all ranges, one or none; beside the aids' own, one or none.
+    definitions : dict of str to sympy.Expr
+        That the aids' expressions use.
+    """
+
+    aids: tuple[Aid, ...]
+    parameters: tuple[Signal, ...]
+    bias: tuple[Signal, ...]
+    inputs: tuple[Signal, ...]
+    definitions: dict[str, sp.Expr]
+
+
+def measured_ranges(
+    name: str,
+    beacons: Beacons,
+    units: Sequence[Sequence[float]],
+    *,
+    cone: tuple[float, float] | None,
+    heading: bool,
+    range_noise: float,
+    range_bias: float,
+    noise: InsNoise,
+) -> RangeAids:
+    """Return the ranges' equations (5.6), (5.7); arguments and errors as for :func:`range_filter`."""
     if not isinstance(beacons, Beacons):
         raise InputError(f"{name}: beacons must be Beacons, found {beacons!r:.60}")
-    noise = noise or noise_from_sensors(period=positive(f"{name}: period", period))
     arms = [finite(f"{name}: units, number {k}", pair, 2) for k, pair in enumerate(units, 1)]
     if not arms:
         raise InputError(f"{name}: units: expected at least one pair of coordinates [m], found none")
@@ -105,19 +163,12 @@ def range_filter(
             true /= cone_ratio(_cone_angle(away, height.symbol))
         expected = true + sum(s.symbol for s in bias)
         aids.append(Aid(signal, valid(signal.name), expected, R, shows_heading=len(arms) > 1))
-    return navigation_filter(
-        name,
-        aids,
-        [*(s for place in places for s in place), *(s for m in mounts for s in m), *coefficients],
-        noise=noise,
-        pose=pose,
-        velocity=velocity,
-        period=period,
-        excitation=excitation,
-        extra=bias,
-        extra_variances=[range_bias**2] * len(bias),
-        inputs=[RANGE_UNIT] if len(arms) > 1 else [],
-        definitions=definitions,
+    return RangeAids(
+        tuple(aids),
+        (*(s for place in places for s in place), *(s for m in mounts for s in m), *coefficients),
+        bias,
+        (RANGE_UNIT,) if len(arms) > 1 else (),
+        definitions,
     )
 
 
@@ -158,7 +209,7 @@ def range_arrivals(count: int, *, period: float = IMU_PERIOD, name: str = "range
     new = Signal("range_valid", "1", "1 while there are new ranges")
     heard = [Signal(f"range_{k}_heard", "1", "1 where the beacon was heard") for k in range(1, count + 1)]
     last_new, last_unit = (
-        s.but(name=f"last_{s.name}", description=f"{s.description}, at the last tick")
+        s.replace(name=f"last_{s.name}", description=f"{s.description}, at the last tick")
         for s in (new, RANGE_UNIT)
     )
     other = sp.Or(last_new.symbol <= 0, sp.Ne(RANGE_UNIT.symbol, last_unit.symbol))

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from hovercontrol.core.block import Block
 from hovercontrol.core.functions import call_scalar
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.estimators.ins.imu import IMU
+from hovercontrol.estimators.ins.particles import ParticleFilter
 from hovercontrol.estimators.ins.ranges import RANGE_UNIT
-from hovercontrol.estimators.ins.runs import one_tick
 from hovercontrol.io.tables import positive
+from hovercontrol.simulation.sampled import one_tick
 from hovercontrol.simulation.trajectory import time_response
 
 if TYPE_CHECKING:
@@ -27,7 +28,7 @@ _ROWS = 1000
 
 
 def run_ins(
-    block: Block,
+    block: Block | ParticleFilter,
     imu: Mapping[str, Any],
     aids: Sequence[Mapping[str, Any]] = (),
     *,
@@ -41,9 +42,9 @@ def run_ins(
 
     Parameters
     ----------
-    block : Block
-        As :func:`aided_ins`, :func:`coupled_filter`, :func:`range_filter` or :func:`ins_mechanisation` give
-        it.
+    block : Block or ParticleFilter
+        As :func:`aided_ins`, :func:`coupled_filter`, :func:`range_filter`, :func:`range_particles` or
+        :func:`ins_mechanisation` give it.
     imu : mapping of str to array_like, shape (rows,), or DataFrame
         ``time`` [s], ``acceleration_x``, ``acceleration_y`` [m/s^2], ``yaw_rate`` [rad/s].
     aids : sequence of mappings or DataFrames, optional
@@ -52,7 +53,7 @@ def run_ins(
         that row. A row counts at the first row of the IMU that is not earlier; of two that fall together, the
         later.
     params : mapping, optional
-        Parameter values by key.
+        Parameter values by key; a particle filter takes its own where it is made.
     max_gap : float, optional
         Longest time between rows of the IMU [s] (default: 1.5 periods of the block).
     progress : callable, optional
@@ -94,22 +95,43 @@ def run_ins(
     for number, aid in enumerate(aids):
         _place(block, f"aids[{number}]", aid, time, columns, gap)
     given = np.array([columns[name] for name in known]).T
-    step = one_tick(block, [s.name for s in block.outputs])
     told = len(block.outputs)
-    state = [s.start for s in block.states]
-    outputs, states = np.empty((told, len(time))), np.empty((len(state), len(time)))
-    values = _by_time(block, params)
+    outputs, states = np.empty((told, len(time))), np.empty((len(block.states), len(time)))
+    tick = _ticker(block, params)
     spans = np.diff(time, prepend=time[0] - block.period)
     for k, (now, u, span) in enumerate(zip(time.tolist(), given.tolist(), spans.tolist(), strict=True)):
-        states[:, k] = state
-        found = call_scalar(step, now, state, u, values(span))
-        outputs[:, k], state = found[:told], list(found[told:])
+        states[:, k], outputs[:, k] = tick(now, span, u)
         if progress is not None and (k + 1) % _ROWS == 0:
             progress((k + 1) / len(time))
-    return time_response(block, time, outputs, states, given.T)
+    return time_response(cast(Block, block), time, outputs, states, given.T)
 
 
-def _check_ports(block: Block, params: Mapping[str, float] | None) -> None:
+def _ticker(
+    block: Block | ParticleFilter, params: Mapping[str, float] | None
+) -> Callable[[float, float, list[float]], tuple[ArrayLike, ArrayLike]]:
+    """Return a function of time, span and inputs: the states before a tick, and its outputs."""
+    wanted = [s.name for s in block.outputs]
+    state = [s.start for s in block.states]
+    if isinstance(block, ParticleFilter):
+        particles, first = block.start(), state
+        period = block.period
+        return lambda now, span, u: (
+            first,
+            particles.tick(np.array(u)[:, None], _regular(span, period), wanted)[:, 0],
+        )
+    step, values = one_tick(block, wanted), _by_time(block, params)
+
+    def tick(now: float, span: float, u: list[float]) -> tuple[ArrayLike, ArrayLike]:
+        nonlocal state
+        before = state
+        found = call_scalar(step, now, state, u, values(span))
+        state = list(found[len(wanted) :])
+        return before, found[: len(wanted)]
+
+    return tick
+
+
+def _check_ports(block: Block | ParticleFilter, params: Mapping[str, float] | None) -> None:
     if not block.period:
         raise InputError(f"run_ins: block {block.name!r} is not sampled: expected a navigation filter")
     for signal in block.inputs:
@@ -121,11 +143,14 @@ def _check_ports(block: Block, params: Mapping[str, float] | None) -> None:
                 f"run_ins: input {signal.name!r} of block {block.name!r} is neither of the IMU nor of an "
                 "aid: join the parts by interconnect first"
             )
-    block.parameter_values(params)
+    if isinstance(block, Block):
+        block.parameter_values(params)
+    elif params:
+        raise InputError(f"block {block.name!r}: a particle filter's values are given where it is made")
 
 
-def _valid_input(block: Block, name: str) -> str | None:
-    """Return the input that tells that `name` was measured: ``fix_valid`` of ``fix_x``."""
+def _valid_input(block: Block | ParticleFilter, name: str) -> str | None:
+    """Return the input that is 1 when `name` was measured: ``fix_valid`` of ``fix_x``."""
     known = [s.name for s in block.inputs]
     wanted = (f"{name}_valid", f"{name.rpartition('_')[0]}_valid")
     return next((w for w in wanted if w in known), None)
@@ -172,7 +197,12 @@ def _column(where: str, table: Mapping[str, Any], name: str, rows: int | None, *
 
 
 def _place(
-    block: Block, where: str, aid: Mapping[str, Any], time: Array, columns: dict[str, Array], gap: float
+    block: Block | ParticleFilter,
+    where: str,
+    aid: Mapping[str, Any],
+    time: Array,
+    columns: dict[str, Array],
+    gap: float,
 ) -> None:
     """Put an aid's rows into the columns of the inputs, at the ticks where they count."""
     when = _times(where, aid)
@@ -205,6 +235,11 @@ def _place(
             columns[name][at[there]] = values[there]
 
 
+def _regular(span: float, period: float) -> float:
+    """Return the time between two rows, less the rounding of a regular log."""
+    return period if abs(span - period) < 1e-6 * period else span
+
+
 def _by_time(block: Block, params: Mapping[str, float] | None) -> Callable[[float], tuple[float, ...]]:
     """Return the parameter values for a time between rows: dt, and noise in proportion to it."""
     base = block.parameter_values(params)
@@ -214,7 +249,7 @@ def _by_time(block: Block, params: Mapping[str, float] | None) -> Callable[[floa
     known: dict[float, tuple[float, ...]] = {}
 
     def values(span: float) -> tuple[float, ...]:
-        span = block.period if abs(span - block.period) < 1e-6 * block.period else span
+        span = _regular(span, block.period)
         if span not in known:
             row = list(base)
             for k in clocks:

@@ -36,7 +36,7 @@ _INS = (
     Signal("x_ins", "m", "position, integrated twice"),
     Signal("y_ins", "m", "position, integrated twice"),
 )
-_LAST_HEADING = PSI_HAT.but(name="last_psi_hat", description="heading, estimated at the last tick")
+_LAST_HEADING = PSI_HAT.replace(name="last_psi_hat", description="heading, estimated at the last tick")
 
 #: What a navigation filter tells of the motion besides the heading.
 MOTION_OUTPUTS = (

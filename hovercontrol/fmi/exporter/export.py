@@ -15,6 +15,7 @@ import numpy as np
 
 from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
+from hovercontrol.core.friction import Friction
 from hovercontrol.errors import InputError
 from hovercontrol.fmi.exporter.binaries import build_binary, chosen_platforms, folder_of
 from hovercontrol.fmi.exporter.description import Experiment, model_description, xml_bytes
@@ -22,8 +23,8 @@ from hovercontrol.fmi.exporter.documentation import documentation
 from hovercontrol.fmi.exporter.package import packed
 from hovercontrol.fmi.exporter.sources import Version, fmu_sources, token_of
 from hovercontrol.fmi.exporter.terminals import terminals
-from hovercontrol.fmi.exporter.variables import Friction, Interface
-from hovercontrol.io.files import check_folder, write_whole
+from hovercontrol.fmi.exporter.variables import Interface
+from hovercontrol.io.files import check_folder, write_atomically
 from hovercontrol.targets.compiler import cached_text
 
 #: Rows of the reference trajectory at most.
@@ -59,7 +60,8 @@ def export_fmu(
     platforms : str or iterable of str, optional
         Names or ``"all"``, see :data:`hovercontrol.fmi.exporter.binaries.PLATFORMS`; default: this machine's.
     friction : {"events", "smooth"}, optional
-        Dry friction that sticks at exactly zero velocity, or smoothed over its width.
+        Dry friction that sticks at exactly zero velocity, or smoothed over its width; the latter gives the
+        numbers of :func:`hovercontrol.simulate`, see :data:`hovercontrol.core.friction.Friction`.
     step, stop : float, optional
         Communication step and end of the default experiment [s]; default 0.01 and 10.
     rtol, atol : float, optional
@@ -79,6 +81,15 @@ def export_fmu(
     ------
     InputError
         If an argument is wrong, the folder cannot be written, or there is no compiler for a platform.
+
+    Examples
+    --------
+    >>> import tempfile, zipfile
+    >>> import hovercontrol as hc
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     file = export_fmu(hc.circle(1.0), Path(folder) / "circle.fmu")
+    ...     "modelDescription.xml" in zipfile.ZipFile(file).namelist()
+    True
     """
     target = Path(path)
     if target.suffix != ".fmu":
@@ -100,7 +111,7 @@ def export_fmu(
         files[f"binaries/{folder_of(p, version)}/{interface.identifier}{p.suffix}"] = binary
         report(0.1 + 0.8 * k / len(wanted))
     content = packed(files | _content(interface, version, sources, experiment, atol, description))
-    return write_whole(target, lambda temporary: temporary.write_bytes(content))
+    return write_atomically(target, lambda temporary: temporary.write_bytes(content))
 
 
 #: Most communication steps of a default experiment.

@@ -1,4 +1,4 @@
-"""Which variable depends on which, and how: the ModelStructure of an FMU, from the equations alone.
+"""Dependencies between variables: the ModelStructure of an FMU, from the equations alone.
 
 A known v enters an unknown as ``c v`` with a factor of numbers (constant), of tunable parameters (tunable),
 of friction modes besides (discrete), or otherwise (dependent). What is found can be said too weakly, never

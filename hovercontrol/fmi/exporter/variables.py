@@ -1,7 +1,7 @@
 """The variables of an FMU: one table from which descriptions, C tables and documentation are made.
 
 Value references are the same in FMI 2 and 3, in this order: time; states; derivatives; inputs; parameters;
-outputs; event indicators; friction modes (``hc_component.c`` counts them the same way). States that ticks set
+outputs; event indicators; friction modes (``hc_instance.h`` counts them the same way). States that ticks set
 come last among the states and have no derivative, though a reference is kept for one.
 """
 
@@ -16,12 +16,11 @@ from itertools import chain, count
 from typing import Literal
 
 from hovercontrol.core.block import Block
-from hovercontrol.core.friction import DryFriction, dry_frictions
+from hovercontrol.core.friction import DryFriction, Friction, dry_frictions
 from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError
 from hovercontrol.fmi.exporter.units import Unit, fmi_unit
 
-Friction = Literal["events", "smooth"]
 Kind = Literal["time", "state", "derivative", "input", "parameter", "output", "event", "mode"]
 
 

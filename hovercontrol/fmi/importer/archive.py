@@ -8,6 +8,7 @@ stops at the first document type declaration, so that no entity is ever expanded
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import io
 import os
 import re
@@ -18,7 +19,7 @@ import zipfile
 import zlib
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import IO, NamedTuple
+from typing import NamedTuple
 from xml.parsers import expat
 
 from hovercontrol.errors import InputError
@@ -62,7 +63,11 @@ class Archive:
     def __init__(self, path: Path, file: zipfile.ZipFile, size: int, limits: Limits) -> None:
         self.path, self._file, self._limits = path, file, limits
         self._left = min(limits.total, limits.ratio * size + MIB)  # bytes that may still come out
-        self._entries = {info.filename: info for info in _checked(path, file.infolist(), size, limits)}
+        self._entries: dict[str, zipfile.ZipInfo] = {}
+        for info in _checked(path, file.infolist(), size, limits):
+            first = self._entries.setdefault(info.filename, info)
+            if first is not info and not info.is_dir() and self._digest(first) != self._digest(info):
+                raise InputError(f"{path}: entry {info.filename!r} is there twice, with different content")
 
     @property
     def names(self) -> list[str]:
@@ -78,7 +83,7 @@ class Archive:
             If it is not there, is larger or is broken.
         """
         out = io.BytesIO()
-        self._copy(name, out, limit)
+        self._copy(self._entry(name), out.write, limit)
         return out.getvalue()
 
     def unpack(self, folder: Path, wanted: Callable[[str], bool]) -> None:
@@ -93,13 +98,21 @@ class Archive:
             target = folder / name  # _checked made sure that this stays below the folder
             target.parent.mkdir(parents=True, exist_ok=True)
             with open(target, "xb") as out:
-                self._copy(name, out, self._limits.total)
+                self._copy(self._entry(name), out.write, self._limits.total)
 
-    def _copy(self, name: str, out: IO[bytes], limit: int) -> None:
+    def _entry(self, name: str) -> zipfile.ZipInfo:
         info = self._entries.get(name)
         if info is None:
             raise InputError(f"{self.path}: no FMU, it holds no {name}")
-        written = 0
+        return info
+
+    def _digest(self, info: zipfile.ZipInfo) -> bytes:
+        content = hashlib.sha256()
+        self._copy(info, content.update, self._limits.total)
+        return content.digest()
+
+    def _copy(self, info: zipfile.ZipInfo, write: Callable[[bytes], object], limit: int) -> None:
+        name, written = info.filename, 0
         try:
             with self._file.open(info) as source:
                 while data := source.read(_CHUNK):
@@ -107,7 +120,7 @@ class Archive:
                     self._left -= len(data)
                     if written > limit or self._left < 0:
                         raise InputError(f"{self.path}: entry {name!r} unpacks to more than an FMU may hold")
-                    out.write(data)
+                    write(data)
         except InputError:
             raise
         except (zipfile.BadZipFile, zlib.error, EOFError, RuntimeError, ValueError) as error:
@@ -167,7 +180,10 @@ class _Bounded(io.FileIO):
 def _checked(
     path: Path, infos: list[zipfile.ZipInfo], size: int, limits: Limits
 ) -> Iterator[zipfile.ZipInfo]:
-    """Yield the entries; raise at the first that an FMU may not have."""
+    """Yield the entries; raise at the first that an FMU may not have.
+
+    Some writers put a file in twice: one of the same name, size and checksum as the first passes.
+    """
     if len(infos) > limits.entries:
         raise InputError(f"{path} holds {len(infos)} entries; an FMU may hold {limits.entries}")
     total = sum(info.file_size for info in infos)
@@ -177,6 +193,7 @@ def _checked(
         raise InputError(f"{path} would unpack to {total} bytes, more than {limits.ratio} times its size")
     files: dict[str, str] = {}
     folders: dict[str, str] = {}
+    alike: dict[str, tuple[int, int]] = {}
     for info in infos:
         if reason := _fault(info, limits):
             raise InputError(f"{path}: entry {info.orig_filename!r} {reason}")
@@ -186,6 +203,8 @@ def _checked(
             key = _folded(name)
             is_file = last and not info.is_dir()
             other = files.get(key) or (folders.get(key) if is_file else None)
+            if is_file and name in alike and alike[name] == (info.file_size, info.CRC):
+                continue
             if other is None and not is_file and folders.setdefault(key, name) != name:
                 other = folders[key]
             if other is not None:
@@ -193,9 +212,11 @@ def _checked(
                     f"{path}: entry {info.filename!r} would fall on {other!r} (case and form set aside)"
                 )
             if is_file:
-                files[key] = name
+                files[key], alike[name] = name, (info.file_size, info.CRC)
     ends = 0
-    for info in sorted(infos, key=lambda info: info.header_offset):
+    for info in sorted(
+        {(i.header_offset, i.filename): i for i in infos}.values(), key=lambda i: i.header_offset
+    ):
         if info.header_offset < ends:
             raise InputError(f"{path}: entry {info.filename!r} shares its bytes with another")
         ends = info.header_offset + 30 + info.compress_size

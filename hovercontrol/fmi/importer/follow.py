@@ -6,13 +6,15 @@ names the point that one step with these inputs leads to. No step is done before
 end: python-control calls ``f`` at the last instant of a response too, and that step may be one too many.
 
 Whoever goes back to an earlier point gets it: by the FMU's own saved state where it can save one, else by a
-new run with the same inputs. A number that names no point is refused.
+new run with the same inputs. A number that names no point is refused. Where the FMU ends a run, the points
+after its end keep its last outputs.
 """
 
 from __future__ import annotations
 
 import contextlib
 import hashlib
+import warnings
 from collections import OrderedDict
 from collections.abc import Iterator
 
@@ -20,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hovercontrol.errors import InputError
-from hovercontrol.fmi.importer.instance import Engine, FmuError
+from hovercontrol.fmi.importer.instance import Engine, FmuError, RunEnded
 
 Array = NDArray[np.float64]
 Parameters = tuple[float | None, ...]
@@ -36,6 +38,7 @@ class Point:
 
     __slots__ = (
         "count",
+        "ended",
         "handle",
         "history",
         "inputs",
@@ -58,6 +61,7 @@ class Point:
         self.values: Array | None = None  # outputs on arrival, with the inputs that led here
         self.seen: dict[bytes, Array] = {}  # outputs with other inputs
         self.handle: int | None = None  # the FMU's saved state
+        self.ended: RunEnded | None = None  # how the FMU ended the run, on the way here or before
 
 
 class Follower:
@@ -85,6 +89,7 @@ class Follower:
         self._held: OrderedDict[bytes, Point] = OrderedDict()
         self._position: Point | None = None
         self._closed = False
+        self.ended: float | None = None  # when the FMU ended the run computed last [s]
 
     def outputs(self, token: float, time: float, parameters: Parameters, inputs: Array) -> Array:
         """Return the outputs at a point with these inputs."""
@@ -92,7 +97,8 @@ class Follower:
         if point.values is None:
             self._reach(point)
         assert point.values is not None
-        if not self._direct or np.array_equal(inputs, point.inputs):
+        self._note(point.ended)
+        if not self._direct or point.ended is not None or np.array_equal(inputs, point.inputs):
             return point.values.copy()
         key = inputs.tobytes()
         found = point.seen.get(key)
@@ -174,10 +180,15 @@ class Follower:
         """Bring the FMU to a point: from where it is, from a saved state, or from the start."""
         ahead: list[Point] = []
         base = point
-        while base is not self._position and base.handle is None and base.parent is not None:
+        while (
+            base is not self._position
+            and base.handle is None
+            and base.ended is None
+            and base.parent is not None
+        ):
             ahead.append(base)
             base = base.parent
-        if base is not self._position:
+        if base is not self._position and base.ended is None:
             self._save()
             if base.handle is not None:
                 with self._fmu(f"at t = {self._time(base):.9g} s"):
@@ -185,16 +196,34 @@ class Follower:
             else:
                 self._forget()  # saved states belong to the instance that ends here
                 with self._fmu(f"at the start of a run, t = {base.start:.9g} s"):
-                    values = self._engine.start(base.start, base.parameters, base.inputs.tolist())
-                base.values = np.array(values)
+                    first = self._engine.start(base.start, base.parameters, base.inputs.tolist())
+                base.values = np.array(first)
             self._position = base
         for following in reversed(ahead):
+            if base.ended is not None:
+                following.values, following.ended = base.values, base.ended
+                base = following
+                continue
             self._save()
             time = self._time(following) - self._step
+            values: list[float] | None
             with self._fmu(f"in the step from t = {time:.9g} s"):
-                values = self._engine.step(time, self._step, following.inputs.tolist())
-            following.values = np.array(values)
-            self._position = following
+                try:
+                    values = self._engine.step(time, self._step, following.inputs.tolist())
+                except RunEnded as end:
+                    following.ended, values = end, end.values
+            following.values = base.values if values is None else np.array(values)
+            if following.ended is None:
+                self._position = following
+            else:
+                self._forget()
+            base = following
+
+    def _note(self, end: RunEnded | None) -> None:
+        """Say once in a run that the FMU ended it."""
+        before, self.ended = self.ended, None if end is None else end.time
+        if end is not None and before is None:
+            warnings.warn(f"{self._label} {end}; its outputs stay as they were then", stacklevel=2)
 
     def _save(self) -> None:
         """Save the state the FMU is about to leave, where somebody may come back for it."""

@@ -7,29 +7,30 @@ from __future__ import annotations
 
 import contextlib
 import copy
-import hashlib
 import math
-import shutil
-import tempfile
 import warnings
 import weakref
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, NoReturn, Self
 
 import control
-import fmpy  # type: ignore[import-untyped]
 import numpy as np
 from numpy.typing import NDArray
 
 from hovercontrol.core.boundary import checked
-from hovercontrol.errors import InputError, did_you_mean
-from hovercontrol.fmi.importer.archive import LIMITS, Archive, check_xml, open_archive
+from hovercontrol.errors import InputError
 from hovercontrol.fmi.importer.follow import Follower, Parameters
 from hovercontrol.fmi.importer.instance import Engine, FmuError, Instance
-from hovercontrol.fmi.importer.interface import REALS, WHOLE, Interface, read_interface
+from hovercontrol.fmi.importer.interface import REALS, Interface
+from hovercontrol.fmi.importer.unpacked import Source, Unpacked, digest_of, open_source
+from hovercontrol.fmi.importer.values import (
+    checked_name,
+    checked_step,
+    own_parameters,
+    parameter_key,
+)
 from hovercontrol.fmi.importer.worker import Remote
 from hovercontrol.simulation.runner import Inputs
 from hovercontrol.targets.control import _Params
@@ -38,7 +39,6 @@ if TYPE_CHECKING:
     from hovercontrol.fmi.importer.runner import FmuRunner
 
 Array = NDArray[np.float64]
-_DESCRIPTION = "modelDescription.xml"
 
 
 @checked
@@ -64,7 +64,8 @@ def load(
         The ``.fmu`` file.
     step : float, optional
         Communication step and ``dt`` [s] (default: the FMU's DefaultExperiment, else its
-        fixedInternalStepSize).
+        fixedInternalStepSize; where it states neither, a thousandth of the experiment's duration or
+        10 ms, with a warning).
     name : str, optional
         System name, without dots (default: the FMU's model identifier).
     params : mapping of str to float, optional
@@ -88,7 +89,8 @@ def load(
     Warns
     -----
     UserWarning
-        If inputs or outputs are left out because they are no numbers (String, Binary, Clock) or clocked.
+        If inputs or outputs are left out because they are no numbers (String, Binary, Clock) or clocked, or
+        the FMU states no step.
 
     Examples
     --------
@@ -96,16 +98,16 @@ def load(
     >>> loop = control.interconnect([plant, controller], outputs=["psi"])  # doctest: +SKIP
     """
     path = Path(path)
-    source = _open(path)
+    source = open_source(path)
     try:
         interface = source.interface
         if interface.left_out:
             text = ", ".join(interface.left_out)
             warnings.warn(f"{path}: left out, being no plain numbers: {text}", stacklevel=2)
-        dt = _step(path, interface, step)
+        dt = checked_step(path, interface, step)
         if not isinstance(timeout, (int, float)) or not 0 < timeout < math.inf:
             raise InputError(f"{path}: timeout [s] must be a positive number, found {timeout!r}")
-        system = FmuSystem(source, dt, _name(interface, name), params, isolated, timeout)
+        system = FmuSystem(source, dt, checked_name(interface, name), params, isolated, timeout)
     except BaseException:
         source.unpacked.release()
         raise
@@ -113,40 +115,13 @@ def load(
     return system
 
 
-class Unpacked:
-    """The temporary folder of an FMU; removed when the last system that runs from it is closed."""
-
-    def __init__(self) -> None:
-        self.folder = Path(tempfile.mkdtemp(prefix="hovercontrol-fmu-"))
-        self._users = 1
-
-    def hold(self) -> None:
-        """Count one more user."""
-        self._users += 1
-
-    def release(self) -> None:
-        """Count one user less."""
-        self._users -= 1
-        if self._users == 0:
-            shutil.rmtree(self.folder, ignore_errors=True)
-
-
-@dataclass(frozen=True)
-class Source:
-    """An FMU that has been checked and unpacked."""
-
-    path: Path
-    digest: str
-    interface: Interface
-    unpacked: Unpacked
-
-
 class FmuSystem(control.NonlinearIOSystem):
     """An FMU as a python-control system with ``dt`` = its communication step; made by :func:`load`.
 
     Inputs and outputs are the FMU's, by their names and in their order; arrays are spread, ``name[1]``,
     ``name[2]``, ``name[1,2]``, counted from 1 as in FMI, the last index fastest. Integers, enumerations and
-    booleans (0, 1) are numbers too; another number for them is refused. python-control reads a dot as
+    booleans (0, 1) are numbers too; another number for them is refused. python-control gives 0 to inputs that
+    nobody connects: an enumeration without an item 0 has its start value then. python-control reads a dot as
     "system.signal", so that a signal ``body.u`` is connected as ``("plant", "body.u")``, or renamed first by
     python-control's own ``update_names``.
 
@@ -161,6 +136,9 @@ class FmuSystem(control.NonlinearIOSystem):
     on inputs at the same instant (by the FMU's ModelStructure, see ``feedthrough``) is read before inputs are
     set. For the others the new inputs are set and the outputs read without a step between. FMI lets an FMU
     answer then with the values of its last step: a delay by one step, which no importer can see.
+
+    An FMU may end a run (terminateSimulation). The response is returned with what there is: a warning tells
+    the time, which `ended` keeps, and the outputs stay as they were then.
 
     Parameter keys carry the system's name (``plant.mass``), as those of a Block do, since
     ``control.interconnect`` shares equal keys among all systems. They are set where a run starts.
@@ -178,6 +156,8 @@ class FmuSystem(control.NonlinearIOSystem):
     params : dict of str to float
         The parameters with their values.
     path : Path
+    ended : float or None
+        When the FMU ended the run that was computed last [s]; None where it did not.
     """
 
     def __init__(
@@ -194,22 +174,14 @@ class FmuSystem(control.NonlinearIOSystem):
         self._prefix = name
         # By position: each parameter's key, its variable and its value in the FMU.
         elements = [(x, v, s) for v in face.parameters for x, s in zip(v.labels, v.start, strict=True)]
-        self._keys = {_key(name, label): (v, start) for label, v, start in elements}
+        self._keys = {parameter_key(name, label): (v, start) for label, v, start in elements}
         if len(self._keys) < len(elements):  # the FMU has both "k" and "plant.k"
             self._keys = {f"{name}.{label}": (v, start) for label, v, start in elements}
         defaults = {key: value for key, (_, value) in self._keys.items()}
         defaults |= self._checked(params or {}, pushed=False)
         inputs, outputs = ([label for v in vs for label in v.labels] for vs in (face.inputs, face.outputs))
-        super().__init__(
-            self._updates,
-            self._results,
-            params=_Params(defaults),
-            inputs=len(inputs),
-            outputs=len(outputs),
-            states=["step"],
-            name=name,
-            dt=step,
-        )
+        sizes = {"inputs": len(inputs), "outputs": len(outputs), "states": ["step"]}
+        super().__init__(self._updates, self._results, params=_Params(defaults), name=name, dt=step, **sizes)
         # Set past python-control's check, which takes no dots.
         self.input_index = {label: i for i, label in enumerate(inputs)}
         self.output_index = {label: i for i, label in enumerate(outputs)}
@@ -224,8 +196,10 @@ class FmuSystem(control.NonlinearIOSystem):
             for v in face.outputs
             for label in v.labels
         }
-        kinds = [(label, v.kind) for v in face.inputs for label in v.labels]
-        self._whole = [(n, label, kind) for n, (label, kind) in enumerate(kinds) if kind not in REALS]
+        spread_inputs = [(label, v) for v in face.inputs for label in v.labels]
+        self._whole = [(n, label, v) for n, (label, v) in enumerate(spread_inputs) if v.kind not in REALS]
+        starts = [s for v in face.inputs for s in (v.start or (0.0,) * len(v.labels))]
+        self._never_zero = [(n, starts[n]) for n, _, v in self._whole if v.items and 0 not in dict(v.items)]
         self._values = self.values_in_order(defaults)
         self._start(step)
 
@@ -293,6 +267,11 @@ class FmuSystem(control.NonlinearIOSystem):
         return FmuRunner(self, self._engine(), values, inputs, time)
 
     @property
+    def ended(self) -> float | None:
+        """When the FMU ended the run that was computed last [s]; None where it did not."""
+        return self._follower.ended
+
+    @property
     def interface(self) -> Interface:
         """What the FMU says of itself."""
         return self._source.interface
@@ -326,13 +305,8 @@ class FmuSystem(control.NonlinearIOSystem):
         return copy.deepcopy(self)  # two systems cannot share one instance
 
     def __reduce__(self) -> tuple[Any, ...]:
-        arguments = {
-            "step": self.dt,
-            "name": self._prefix,
-            "params": dict(self.params),
-            "isolated": self._isolated,
-            "timeout": self._timeout,
-        }
+        arguments = {"step": self.dt, "name": self._prefix, "params": dict(self.params)}
+        arguments |= {"isolated": self._isolated, "timeout": self._timeout}
         return _again, (self.path.absolute(), self._source.digest, arguments, self._names())
 
     def _names(self) -> tuple[str, dict[str, int], dict[str, int]]:
@@ -367,16 +341,7 @@ class FmuSystem(control.NonlinearIOSystem):
         self._values = self.values_in_order(self._current_params)
 
     def _checked(self, params: Mapping[str, float], pushed: bool) -> dict[str, float]:
-        """Return the own parameters among those given, by key; refuse what can only be a mistake."""
-        own: dict[str, float] = {}
-        for given, value in params.items():
-            key = given if given in self._keys or pushed else f"{self._prefix}.{given}"
-            if key in self._keys:
-                own[key] = _number(value, self._keys[key][0].kind, f"FMU {self._prefix!r}: parameter {key!r}")
-            elif not pushed or given.split(".")[0] == self._prefix:
-                hint = did_you_mean(given if "." in given else key, self._keys)
-                raise InputError(f"FMU {self._prefix!r}: unknown parameter {given!r}{hint}")
-        return own
+        return own_parameters(params, self._keys, self._prefix, self.interface, pushed)
 
     def values_in_order(self, values: Mapping[str, float]) -> Parameters:
         """Return the values in the FMU's order, None where the FMU has that value anyway."""
@@ -394,17 +359,25 @@ class FmuSystem(control.NonlinearIOSystem):
             n = int(np.flatnonzero(~np.isfinite(inputs))[0])
             label = self.input_labels[n]
             raise InputError(f"FMU {self.name!r}: input {label!r} is {inputs[n]} at t = {t:.9g} s")
-        for n, label, kind in self._whole:
-            inputs[n] = _number(inputs[n], kind, f"FMU {self.name!r}: input {label!r} at t = {t:.9g} s")
+        for n, label, v in self._whole:
+            inputs[n] = v.number(inputs[n], f"FMU {self.name!r}: input {label!r} at t = {t:.9g} s")
         return inputs + 0.0  # no negative zero: equal inputs are equal bytes
+
+    def _connected(self, t: float, u: Any) -> Array:
+        """Return inputs as :meth:`checked_inputs`; a 0 that cannot be meant is nobody's."""
+        inputs = np.array(u, dtype=float).reshape(-1)
+        for n, start in self._never_zero:
+            if n < inputs.size and inputs[n] == 0.0:
+                inputs[n] = start
+        return self.checked_inputs(t, inputs)
 
     def _rhs(self, t: float, x: Any, u: Any) -> Array:
         token = float(np.asarray(x, dtype=float).reshape(-1)[0])
-        return np.array([self._follower.advance(token, float(t), self._values, self.checked_inputs(t, u))])
+        return np.array([self._follower.advance(token, float(t), self._values, self._connected(t, u))])
 
     def _out(self, t: float, x: Any, u: Any) -> Array:
         token = float(np.asarray(x, dtype=float).reshape(-1)[0])
-        return self._follower.outputs(token, float(t), self._values, self.checked_inputs(t, u))
+        return self._follower.outputs(token, float(t), self._values, self._connected(t, u))
 
     def _updates(self, t: float, x: Any, u: Any, params: Mapping[str, float]) -> Array:
         with self._with(params):
@@ -427,7 +400,7 @@ class FmuSystem(control.NonlinearIOSystem):
 def _again(path: Path, digest: str, arguments: dict[str, Any], names: Any) -> FmuSystem:
     """Load an FMU once more, for a system that was pickled."""
     try:
-        found = _digest(path)
+        found = digest_of(path)
     except OSError as error:
         raise InputError(f"{path} of a pickled FMU cannot be read: {error.strerror}") from None
     if found != digest:
@@ -440,84 +413,3 @@ def _again(path: Path, digest: str, arguments: dict[str, Any], names: Any) -> Fm
 def _release(follower: Follower, unpacked: Unpacked) -> None:
     follower.close()
     unpacked.release()
-
-
-def _open(path: Path) -> Source:
-    """Check and unpack an FMU; nothing of it has run afterwards."""
-    with open_archive(path) as archive:
-        data = archive.read(_DESCRIPTION, LIMITS.description)
-        header = check_xml(data, f"{path}: {_DESCRIPTION}")
-        unpacked = Unpacked()
-        try:
-            file = unpacked.folder / _DESCRIPTION
-            file.write_bytes(data)
-            interface = read_interface(file, header, str(path))
-            binaries = _binaries(archive, interface)
-            archive.unpack(unpacked.folder, lambda name: name.startswith((binaries, "resources/")))
-            (unpacked.folder / "resources").mkdir(exist_ok=True)
-            return Source(path, _digest(path), interface, unpacked)
-        except BaseException:
-            unpacked.release()
-            raise
-
-
-def _binaries(archive: Archive, interface: Interface) -> str:
-    """Return the folder of this platform's binary; raise if the FMU has none."""
-    platform = fmpy.platform if interface.fmi == 2 else fmpy.platform_tuple
-    folder = f"binaries/{platform}/"
-    if f"{folder}{interface.identifier}{fmpy.sharedLibraryExtension}" not in archive.names:
-        parts = (name.split("/") for name in archive.names)
-        others = sorted({p[1] for p in parts if p[0] == "binaries" and len(p) > 2})
-        has = f"those it has: {', '.join(others)}" if others else "it has none at all"
-        wanted = f"{folder}{interface.identifier}{fmpy.sharedLibraryExtension}"
-        raise InputError(f"{archive.path} has no binary for this platform ({wanted}); {has}")
-    return folder
-
-
-def _digest(path: Path) -> str:
-    with open(path, "rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
-
-
-def _step(path: Path, interface: Interface, step: float | None) -> float:
-    if step is None:
-        step = interface.step
-        if step is None:
-            raise InputError(f"{path} states no step size; give one: load({path.name!r}, step=...) [s]")
-    if isinstance(step, bool) or not isinstance(step, (int, float)) or not 0 < step < math.inf:
-        raise InputError(f"{path}: step [s] must be a positive number, found {step!r}")
-    fixed = interface.fixed_step
-    if fixed and abs(step / fixed - max(round(step / fixed), 1)) > 1e-6:
-        raise InputError(f"{path}: step must be a multiple of the FMU's own {fixed:g} s, found {step:g} s")
-    return float(step)
-
-
-def _name(interface: Interface, name: str | None) -> str:
-    if name is None:
-        return interface.identifier
-    if not isinstance(name, str) or not name or "." in name:
-        raise InputError(f"a system's name is a word without dots, found {name!r}")
-    return name
-
-
-def _key(name: str, label: str) -> str:
-    """Return the key of a parameter: its name in the FMU, after the system's unless it begins so."""
-    return label if label.startswith(f"{name}.") else f"{name}.{label}"
-
-
-def _number(value: Any, kind: str, where: str) -> float:
-    """Return a value as the number its type can take; raise if it cannot."""
-    try:
-        number = float(value)
-    except (TypeError, ValueError):
-        raise InputError(f"{where}: expected a number, found {value!r}") from None
-    if not math.isfinite(number):
-        raise InputError(f"{where}: expected a finite number, found {number}")
-    if kind in REALS:
-        return number
-    least, most = WHOLE[kind]
-    whole = round(number)
-    if abs(number - whole) > 1e-9 * max(1.0, abs(number)) or not least <= whole <= most:
-        what = "0 or 1" if kind == "Boolean" else f"a whole number from {least} to {most}"
-        raise InputError(f"{where}: expected {what}, found {number:.9g}")
-    return float(whole)

@@ -32,6 +32,14 @@ class FmuError(Exception):
     """An FMU refused a call, ended the run, or is gone; the text is one line."""
 
 
+class RunEnded(FmuError):  # noqa: N818 - an end is no error
+    """The FMU wants no further step: the run ends at `time` [s] with these outputs (None: not to be had)."""
+
+    def __init__(self, text: str, time: float, values: list[float] | None) -> None:
+        super().__init__(text)
+        self.time, self.values = time, values
+
+
 class Engine(Protocol):
     """What a system needs of a running FMU, in this process or in another."""
 
@@ -42,7 +50,7 @@ class Engine(Protocol):
         """Set the inputs and read the outputs; no time passes."""
 
     def step(self, time: float, step: float, inputs: Sequence[float]) -> list[float]:
-        """Let time pass with these inputs and return the outputs at its end."""
+        """Let time pass with these inputs and return the outputs then; raise RunEnded if it is the last."""
 
     def save(self) -> int:
         """Keep the present state and return its handle."""
@@ -170,7 +178,7 @@ class Instance:
             else:
                 _event, ended, early, reached = self._fmu.doStep(time, step, final)
                 if ended:
-                    raise FmuError(f"it ended the run at t = {reached:.9g} s{self._words()}")
+                    raise self._ended(reached)
                 if early:  # never allowed; without the flag many FMUs leave the time reached unset
                     raise FmuError(f"it returned early from the step, at t = {reached:.9g} s{self._words()}")
             return self._read()
@@ -186,12 +194,19 @@ class Instance:
                 reached = self._fmu.getRealStatus(fmi2.fmi2LastSuccessfulTime)
                 ended = self._fmu.getBooleanStatus(fmi2.fmi2Terminated)
                 if ended:
-                    raise FmuError(f"it ended the run at t = {reached:.9g} s{self._words()}") from None
+                    raise self._ended(reached) from None
                 if time < reached < time + step:
                     raise FmuError(
                         f"it returned early from the step, at t = {reached:.9g} s{self._words()}"
                     ) from None
             raise
+
+    def _ended(self, reached: float) -> RunEnded:
+        words = self._words(silent="")
+        values = None
+        with contextlib.suppress(FMICallException):  # FMI allows to read; not every FMU answers any more
+            values = self._read()
+        return RunEnded(f"ended the run at t = {reached:.9g} s{words}", reached, values)
 
     def save(self) -> int:
         """Keep the present state, see :class:`Engine`."""
@@ -293,11 +308,11 @@ class Instance:
         except Exception as error:
             raise FmuError(f"{' '.join(str(error).split())}{self._words()}") from None
 
-    def _words(self) -> str:
+    def _words(self, silent: str = "; it says nothing") -> str:
         """Return what the FMU said last, its errors first."""
         grave = [text for status, text in self._log if status >= 2]
         words = grave or [text for _, text in self._log]
-        return f"; it says: {words[-1]}" if words else "; it says nothing"
+        return f"; it says: {words[-1]}" if words else silent
 
     def _release_token(self) -> None:
         if self._holds_token:

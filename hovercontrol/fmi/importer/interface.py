@@ -30,6 +30,8 @@ WHOLE |= {"Integer": WHOLE["Int32"], "Boolean": (0, 1)}
 REALS = ("Real", "Float32", "Float64")
 #: Elements of all signals and parameters together; more is no control system.
 MOST_ELEMENTS = 100_000
+#: Items of an enumeration that an error line names.
+MOST_ITEMS = 8
 
 
 @dataclass(frozen=True)
@@ -42,6 +44,8 @@ class Variable:
         One per element in FMI's order (the last index runs fastest): ``name``, ``name[1]``, ``name[2,1]``.
     kind : str
         The type whose functions get and set it: ``Real``, ``Integer``, ``Boolean`` (FMI 2), ``Float64``, ...
+    items : tuple of (int, str)
+        Of an enumeration, values and names; empty for all else.
     """
 
     name: str
@@ -51,6 +55,34 @@ class Variable:
     start: tuple[float, ...]
     unit: str
     description: str
+    items: tuple[tuple[int, str], ...] = ()
+
+    def number(self, value: Any, where: str) -> float:
+        """Return a value as the number this variable can take.
+
+        Raises
+        ------
+        InputError
+            If it cannot; the line begins with `where`.
+        """
+        try:
+            number = float(value)
+        except (TypeError, ValueError):
+            raise InputError(f"{where}: expected a number, found {value!r}") from None
+        if not math.isfinite(number):
+            raise InputError(f"{where}: expected a finite number, found {number}")
+        if self.kind in REALS:
+            return number
+        least, most = WHOLE[self.kind]
+        whole = round(number)
+        fits = abs(number - whole) <= 1e-9 * max(1.0, abs(number)) and least <= whole <= most
+        if fits and (not self.items or whole in dict(self.items)):
+            return float(whole)
+        what = "0 or 1" if self.kind == "Boolean" else f"a whole number from {least} to {most}"
+        if self.items:
+            shown = [f"{n} ({name})" for n, name in self.items[:MOST_ITEMS]]
+            what = f"one of {', '.join(shown)}{', ...' if len(self.items) > MOST_ITEMS else ''}"
+        raise InputError(f"{where}: expected {what}, found {number:.9g}")
 
 
 @dataclass(frozen=True)
@@ -61,11 +93,13 @@ class Interface:
     identifier: str
     token: str
     step: float | None
+    duration: float | None  # of the default experiment
     tolerance: float | None
     fixed_step: float | None  # the internal one, where the communication step must be a multiple of it
     inputs: tuple[Variable, ...]
     outputs: tuple[Variable, ...]
     parameters: tuple[Variable, ...]
+    structural: dict[str, str]  # structural parameters with their start values, which they keep
     feedthrough: dict[str, tuple[str, ...]]
     has_states: bool  # can get and set its state
     once_per_process: bool
@@ -140,11 +174,15 @@ def _interface(described: Any, fmi: int, where: str) -> Interface:
         identifier=part.modelIdentifier,
         token=described.guid or "",
         step=step,
+        duration=_duration(experiment),
         tolerance=tolerance,
         fixed_step=None if part.canHandleVariableCommunicationStepSize else internal,
         inputs=inputs,
         outputs=outputs,
         parameters=parameters,
+        structural={
+            v.name: v.start or "" for v in described.modelVariables if v.causality == "structuralParameter"
+        },
         feedthrough=_feedthrough(described, inputs, outputs),
         has_states=part.canGetAndSetFMUstate,
         once_per_process=part.canBeInstantiatedOnlyOncePerProcess,
@@ -182,8 +220,16 @@ def _variable(variable: Any, fmi: int, where: str) -> Variable:
         )
     unit = variable.unit or (variable.declaredType.unit if variable.declaredType else None)
     description = variable.description or ""
+    listed = variable.declaredType.items if variable.type == "Enumeration" else ()
     return Variable(
-        variable.name, variable.valueReference, kind, tuple(labels), tuple(start), unit or "", description
+        variable.name,
+        variable.valueReference,
+        kind,
+        tuple(labels),
+        tuple(start),
+        unit or "",
+        description,
+        tuple((int(item.value), item.name) for item in listed),
     )
 
 
@@ -206,6 +252,13 @@ def _feedthrough(
         if unknown.variable is not None and unknown.dependencies is not None
     }
     return {v.name: stated.get(v.name, everything) for v in outputs}
+
+
+def _duration(experiment: Any) -> float | None:
+    """Return how long the default experiment lasts, where it says."""
+    if not experiment or experiment.stopTime is None:
+        return None
+    return _positive(float(experiment.stopTime) - float(experiment.startTime or 0.0))
 
 
 def _positive(text: str | float | None) -> float | None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import uuid
+import warnings
 import weakref
 from collections.abc import Iterator, Mapping
 from types import TracebackType
@@ -13,11 +14,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hovercontrol.errors import InputError
-from hovercontrol.fmi.importer.instance import Engine, FmuError
+from hovercontrol.fmi.importer.instance import Engine, FmuError, RunEnded
 from hovercontrol.simulation.runner import Inputs, Runner, Snapshot
 
 if TYPE_CHECKING:
-    from hovercontrol.fmi.importer.imported import FmuSystem, Unpacked
+    from hovercontrol.fmi.importer.imported import FmuSystem
+    from hovercontrol.fmi.importer.unpacked import Unpacked
 
 Array = NDArray[np.float64]
 
@@ -34,7 +36,15 @@ class FmuRunner(Runner):
         All parameters by key.
     inputs, time
         As for :meth:`FmuSystem.start`.
+
+    Attributes
+    ----------
+    ended : float or None
+        When the FMU ended the run [s]. The step that meets the end returns the last outputs, with a warning,
+        and `time` stands there; a further step is refused.
     """
+
+    ended: float | None
 
     def __init__(
         self,
@@ -54,6 +64,7 @@ class FmuRunner(Runner):
         self._end = weakref.finalize(self, _release, engine, system.unpacked)
         starts = [s for v in face.inputs for s in (v.start or (0.0,) * len(v.labels))]
         super().__init__(f"FMU {system.name!r}", starts, time)
+        self.ended = None
         if inputs is not None:
             self._sent = self._packed(inputs)
         self._sent = system.checked_inputs(self.time, np.frombuffer(self._sent)).tobytes()
@@ -61,6 +72,19 @@ class FmuRunner(Runner):
             values = engine.start(self.time, system.values_in_order(params), self._listed())
         self._y = np.array(values)
         self._advance = self._advance_fmu
+
+    def step(self, inputs: Inputs | None, dt: float) -> Array:
+        """Hold inputs for a time and return the outputs at its end; see :meth:`Runner.step`.
+
+        Raises
+        ------
+        InputError
+            If an input or `dt` is wrong, or the FMU refuses, or has ended the run before.
+        """
+        y = super().step(inputs, dt)
+        if self.ended is not None:
+            self.time, self._rest = self.ended, 0.0
+        return y
 
     @property
     def state(self) -> Array:
@@ -86,17 +110,19 @@ class FmuRunner(Runner):
             raise InputError(f"{self._label}: it cannot save its state (canGetAndSetFMUState)")
         with self._fmu(f"at t = {self.time:.9g} s, saving its state"):
             handle = self._engine.save()
-        snapshot = Snapshot(self.time, self._of(), (self._rest, self._sent, self._y.copy(), handle))
+        snapshot = Snapshot(
+            self.time, self._of(), (self._rest, self._sent, self._y.copy(), self.ended, handle)
+        )
         weakref.finalize(snapshot, _drop, weakref.ref(self), handle)
         return snapshot
 
     def restore(self, snapshot: Snapshot) -> None:
         """Go back to where a snapshot of this runner was taken; see :meth:`Runner.restore`."""
         self._check(snapshot, self._of())
-        self._rest, self._sent, y, handle = snapshot.data
+        self._rest, self._sent, y, ended, handle = snapshot.data
         with self._fmu(f"going back to t = {snapshot.time:.9g} s"):
             self._engine.restore(handle)
-        self.time, self._y = snapshot.time, y.copy()
+        self.time, self._y, self.ended = snapshot.time, y.copy(), ended
 
     def close(self) -> None:
         """Free the FMU's instance; may be called twice."""
@@ -114,6 +140,8 @@ class FmuRunner(Runner):
         return "FMU", self._system.name, self._token
 
     def _advance_fmu(self, until: float, sent: bytes) -> int:
+        if self.ended is not None:
+            raise InputError(f"{self._label} ended the run at t = {self.ended:.9g} s; no step can follow")
         checked = self._system.checked_inputs(self.time, np.frombuffer(sent))
         self._sent = checked.tobytes()
         if until == self.time:
@@ -127,7 +155,12 @@ class FmuRunner(Runner):
                 f"{self._label}: a step must be a multiple of the FMU's own {fixed:g} s, found {length:g} s"
             )
         with self._fmu(f"in the step from t = {self.time:.9g} s"):
-            self._y = np.array(self._engine.step(self.time, length, self._listed()))
+            try:
+                self._y = np.array(self._engine.step(self.time, length, self._listed()))
+            except RunEnded as end:
+                self._y = self._y if end.values is None else np.array(end.values)
+                self.ended = end.time
+                warnings.warn(f"{self._label} {end}; these are its last outputs", stacklevel=4)
         return 0
 
     def _jump(self, params: Mapping[str, float], state: Mapping[str, float] | ArrayLike | None) -> None:

@@ -19,7 +19,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import IO, Any
 
-from hovercontrol.fmi.importer.instance import FmuError, Instance
+from hovercontrol.fmi.importer.instance import FmuError, Instance, RunEnded
 from hovercontrol.fmi.importer.interface import Interface, Variable
 
 #: Time for the child to load Python and the FMU, and to free it [s].
@@ -123,6 +123,8 @@ class Remote:
         except BaseException:  # an interrupt: the answer to this call must not be taken for the next one's
             self._end(child)
             raise
+        if "ended" in answer:
+            raise RunEnded(*answer["ended"])
         if "fault" in answer:
             raise FmuError(str(answer["fault"]))
         return answer["result"]
@@ -181,6 +183,8 @@ def main() -> None:
                 reply = {"fault": "no FMU is open"}
             else:
                 reply = {"result": getattr(engine, name)(*arguments)}
+        except RunEnded as end:
+            reply = {"ended": [str(end), end.time, end.values]}
         except FmuError as fault:
             reply = {"fault": str(fault)}
         if name == "close":

@@ -1,9 +1,10 @@
-"""K06's actuators: what lies between the force a law asks for and the force the craft gets.
+"""K06's actuators: from the force that a law commands to the force on the craft.
 
 In the order of the signals: :func:`force_command` (dead zone, polar coordinates), :func:`rudder_lookup` and
 :func:`thrust_lookup` (calibration tables), then, where they act, :func:`rudder_servo`,
 :func:`speed_controller`, :func:`fan_motor` and :func:`thrust_force`, whose outputs the plant takes. Each is a
 Block and stands alone; :func:`actuators` returns all of them for a loop.
+:func:`variable_pitch_propeller` is what K06 wishes for in place of fan and speed controller.
 """
 
 from hovercontrol.hardware.actuators.chain import Actuators, actuators
@@ -20,6 +21,14 @@ from hovercontrol.hardware.actuators.k06 import (
     servo_table,
 )
 from hovercontrol.hardware.actuators.measured import read_servo_table, table_pair, with_reverse
+from hovercontrol.hardware.actuators.pitch import (
+    VariablePitch,
+    blade_element,
+    pitch_lookup,
+    pitch_servo,
+    pitch_thrust,
+    variable_pitch_propeller,
+)
 from hovercontrol.hardware.actuators.regulator import battery_fan, speed_regulator
 from hovercontrol.hardware.actuators.rudder import rudder_lookup, rudder_servo
 from hovercontrol.hardware.actuators.speed import fan_motor, speed_controller
@@ -38,6 +47,12 @@ __all__ = [
     "speed_controller",
     "fan_motor",
     "thrust_force",
+    "VariablePitch",
+    "variable_pitch_propeller",
+    "pitch_lookup",
+    "pitch_servo",
+    "pitch_thrust",
+    "blade_element",
     "FanTable",
     "ServoTable",
     "read_fan_table",

@@ -29,6 +29,11 @@ class Actuators:
         The servo and the speed controller; outputs ``rudder_angle``, ``fan_speed_set``.
     body : Block
         Motor and force; outputs ``thrust``, ``rudder``, which the plant takes.
+
+    Examples
+    --------
+    >>> [block.name for block in actuators().board]
+    ['rudder_servo', 'speed_controller']
     """
 
     pilot: tuple[Block, ...]
@@ -41,7 +46,7 @@ class Actuators:
         return (*self.pilot, *self.board)
 
     def moving(self, plant: Block) -> Block:
-        """Return the plant with motor and force before it: its inputs are what the actuators on board say."""
+        """Return the plant behind motor and force: its inputs are the outputs of the actuators on board."""
         return interconnect([plant, self.body], plant.name)
 
 

@@ -1,4 +1,4 @@
-"""From the force a law asks for to the size and the angle of a force the actuators can be told."""
+"""From the force that a law commands to the magnitude and angle for the actuators."""
 
 from __future__ import annotations
 

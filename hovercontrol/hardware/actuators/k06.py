@@ -40,6 +40,13 @@ SPEED_STEP = 250.0
 def rudder_of_force_angle(angle: Any, slope: Any = RUDDER_SLOPE, offset: Any = RUDDER_OFFSET) -> Any:
     """Return the rudder angle [rad] that turns the force to an angle from the bow [rad], by (4.3).
 
+    Parameters
+    ----------
+    angle : float, array or sympy.Expr
+        Of the force from the bow [rad].
+    slope, offset : float or sympy.Expr, optional
+        Of the regression (4.3) [1, rad].
+
     Examples
     --------
     >>> phi = 14.6  # K06 table 4.2, trial 1: rudder at -20 degrees
@@ -50,7 +57,20 @@ def rudder_of_force_angle(angle: Any, slope: Any = RUDDER_SLOPE, offset: Any = R
 
 
 def force_angle_of_rudder(rudder: Any, slope: Any = RUDDER_SLOPE, offset: Any = RUDDER_OFFSET) -> Any:
-    """Return the angle of the force from the bow [rad] at a rudder angle [rad], the inverse of (4.3)."""
+    """Return the angle of the force from the bow [rad] at a rudder angle [rad], the inverse of (4.3).
+
+    Parameters
+    ----------
+    rudder : float, array or sympy.Expr
+        Rudder angle [rad].
+    slope, offset : float or sympy.Expr, optional
+        Of the regression (4.3) [1, rad].
+
+    Examples
+    --------
+    >>> round(force_angle_of_rudder(rudder_of_force_angle(0.3)), 6)
+    0.3
+    """
     return (offset - rudder) / slope
 
 
@@ -65,7 +85,16 @@ def forward_thrust(speed: ArrayLike, rudder: ArrayLike = 0.0) -> Floats:
     speed : array_like
         [RPM]
     rudder : array_like, optional
-        [degree]
+        [degree], of a shape that broadcasts with it.
+
+    Returns
+    -------
+    ndarray, of their common shape
+
+    Examples
+    --------
+    >>> forward_thrust([5_000.0, 10_000.0]).tolist()
+    [0.3625, 1.45]
     """
     n = np.asarray(speed, dtype=float) / 1e4
     return np.asarray(THRUST_AT_10000 * n**2 * np.cos(np.asarray(rudder, dtype=float) * DEGREE))
@@ -76,6 +105,15 @@ def reverse_ratio(speed: ArrayLike) -> Floats:
 
     Below 4000 RPM the cubic itself is negative.
 
+    Parameters
+    ----------
+    speed : array_like, any shape
+        [RPM]
+
+    Returns
+    -------
+    ndarray, of the same shape
+
     Examples
     --------
     >>> reverse_ratio([1000, 6000, 12000]).round(3).tolist()
@@ -85,7 +123,22 @@ def reverse_ratio(speed: ArrayLike) -> Floats:
 
 
 def fan_force(speed: ArrayLike, rudder: ArrayLike = 0.0) -> Floats:
-    """Return the force [N] of the fan at a speed [RPM], negative in reverse, and a rudder angle [degree]."""
+    """Return the force [N] of the fan at a speed [RPM], negative in reverse, and a rudder angle [degree].
+
+    Parameters
+    ----------
+    speed, rudder : array_like, of shapes that broadcast
+        [RPM], [degree]
+
+    Returns
+    -------
+    ndarray, of their common shape
+
+    Examples
+    --------
+    >>> fan_force([10_000.0, -10_000.0]).round(3).tolist()
+    [1.45, -0.624]
+    """
     n = np.asarray(speed, dtype=float)
     return np.where(n < 0, -reverse_ratio(n), 1.0) * forward_thrust(n, rudder)
 
@@ -151,6 +204,11 @@ def servo_table() -> ServoTable:
 
     K06 stepped the servo like this and found a curve that is "nonlinear", between -40 and 40 degrees. Here it
     is that of a rod between two arms: the sine of the servo's angle, which is 60 degrees at the ends.
+
+    Examples
+    --------
+    >>> servo_table().pulse[[0, -1]].tolist(), servo_table().angle[[0, -1]].round(6).tolist()
+    ([1.0, 2.0], [-38.0, 38.0])
     """
     pulse = np.round(np.linspace(1.0, 2.0, 21), 2)
     angle = 38.0 * np.sin(np.radians(120.0 * (pulse - 1.5))) / np.sin(np.radians(60.0))
@@ -168,6 +226,12 @@ def ideal_fan(force: float = 20.0, angle: float = 180.0) -> tuple[FanTable, FanT
         Largest force [N], at 12 000 RPM.
     angle : float, optional
         Largest rudder angle [degree].
+
+    Examples
+    --------
+    >>> forward, reverse = ideal_fan()
+    >>> forward.values.shape, reverse.values.shape
+    ((2, 2), (2, 2))
     """
     rows, n, f = (-angle, angle), HIGHEST_SPEED, force
     return (
@@ -177,5 +241,11 @@ def ideal_fan(force: float = 20.0, angle: float = 180.0) -> tuple[FanTable, FanT
 
 
 def ideal_servo(angle: float = 180.0) -> ServoTable:
-    """Return a servo's table without imperfection: angle in proportion to pulse, up to `angle` [degree]."""
+    """Return a servo's table without imperfection: angle in proportion to pulse, up to `angle` [degree].
+
+    Examples
+    --------
+    >>> float(ideal_servo(90.0).angle[-1])
+    90.0
+    """
     return ServoTable("ideal", (1.0, 2.0), (-angle, angle))  # type: ignore[arg-type]

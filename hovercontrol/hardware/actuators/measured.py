@@ -146,17 +146,30 @@ def _forces(row: Floats, forces: Floats) -> tuple[Floats, Floats]:
 
 
 def read_servo_table(path: str | Path) -> ServoTable:
-    """Read a servo's table that a user measured in place of the stand-in.
+    r"""Read a servo's table that a user measured in place of the stand-in.
 
     Parameters
     ----------
     path : path
         CSV: a row ``pulse_ms,angle_deg``, then widths of the pulse [ms] and rudder angles [degree].
 
+    Returns
+    -------
+    ServoTable
+
     Raises
     ------
     InputError
         If the file is not there or not such a table; the line names file and row.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     file = Path(folder) / "servo.csv"
+    ...     _ = file.write_text("pulse_ms,angle_deg\n1.0,-40\n1.5,0\n2.0,40\n")
+    ...     read_servo_table(file).angle.tolist()
+    [-40.0, 0.0, 40.0]
     """
     file = Path(path)
     try:

@@ -42,7 +42,7 @@ def regression_signals(slope: float, offset: float, name: str) -> tuple[Signal, 
 
 
 def clipped(outside: sp.Basic, name: str) -> tuple[Signal, sp.Expr]:
-    """Return an output that tells whether a lookup is clipped, and its expression."""
+    """Return an output that is 1 where a lookup is clipped, and its expression."""
     told = Signal(f"{name}_outside", "1", "1 where the table is left and its border taken", lower=0.0)
     return told, sp.Piecewise((1, outside), (0, True))
 
@@ -173,7 +173,7 @@ def rudder_servo(
     )
     step = Signal("update", "s", "time between two pulses", start=period, lower=0.0)
     neutral = float(np.interp(SERVO_COMMAND.start / MILLISECOND, known.pulse, known.angle)) * DEGREE
-    last = RUDDER_ANGLE.but(name="last_rudder_angle", description="its angle so far", start=neutral)
+    last = RUDDER_ANGLE.replace(name="last_rudder_angle", description="its angle so far", start=neutral)
     aim = Signal("aim", "rad", "angle of the pulse")
     most = rate.symbol * step.symbol
     turned = last.symbol + sp.Max(-most, sp.Min(most, aim.symbol - last.symbol))

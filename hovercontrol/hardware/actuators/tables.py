@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hovercontrol.errors import InputError
-from hovercontrol.io.files import write_whole
+from hovercontrol.io.files import write_atomically
 
 Floats = NDArray[np.float64]
 
@@ -122,11 +122,11 @@ class FanTable:
                     for angle, row in zip(self.rudder, self.values, strict=True)
                 )
 
-        return write_whole(path, write)
+        return write_atomically(path, write)
 
 
 def read_fan_table(path: str | Path) -> FanTable:
-    """Read a table that a user measured in place of the stand-in.
+    r"""Read a table that a user measured in place of the stand-in.
 
     Parameters
     ----------
@@ -134,11 +134,24 @@ def read_fan_table(path: str | Path) -> FanTable:
         CSV. The first cell is ``rudder_deg/force_N`` (entries in RPM) or ``rudder_deg/speed_rpm`` (entries in
         N); the rest of its row is that axis, the rest of its column the rudder angles [degree].
 
+    Returns
+    -------
+    FanTable
+
     Raises
     ------
     InputError
         If the file is not there, a cell is no number, a row is too short or too long, or the table is not
         regular or falls along a row; the line names file, row and column.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     file = Path(folder) / "fan.csv"
+    ...     _ = file.write_text("rudder_deg/force_N,0,1\n-40,0,9000\n40,0,9000\n")
+    ...     read_fan_table(file).values.tolist()
+    [[0.0, 9000.0], [0.0, 9000.0]]
     """
     file = Path(path)
     try:

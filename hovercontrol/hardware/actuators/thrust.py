@@ -154,8 +154,8 @@ def thrust_force(
         name,
         inputs=(FAN_SPEED, RUDDER_ANGLE),
         outputs=(
-            THRUST.but(unit="N", description="force of the propeller"),
-            RUDDER.but(description="angle of the force from the bow"),
+            THRUST.replace(unit="N", description="force of the propeller"),
+            RUDDER.replace(description="angle of the force from the bow"),
         ),
         parameters=parameters,
         definitions={"table_row": row, "table_column": column},

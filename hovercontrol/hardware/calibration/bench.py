@@ -41,6 +41,16 @@ class FanCalibration:
         Cubic of reverse by forward thrust.
     lookup, reverse : FanTable
         Speeds [RPM] over forces, and forces [N] over speeds.
+
+    Examples
+    --------
+    >>> from hovercontrol.hardware.actuators import fan_force
+    >>> speeds = np.array([-9e3, -8e3, -7e3, -6e3, -5e3, 5e3, 6e3, 7e3, 8e3, 9e3])
+    >>> rudder, speed = np.meshgrid([-40.0, 0.0, 40.0], speeds)
+    >>> keep = (speed > 0) | (rudder == 0)
+    >>> found = thrust_table_from_bench(rudder[keep], speed[keep], fan_force(speed[keep], rudder[keep]))
+    >>> found.ratio.names
+    ('c3', 'c2', 'c1', 'c0')
     """
 
     thrust: dict[float, Fit]
@@ -94,7 +104,7 @@ class FanCalibration:
 
 
 def read_fan_bench(path: str | Path) -> tuple[Floats, Floats, Floats]:
-    """Read a bench's measurements.
+    r"""Read a bench's measurements.
 
     Parameters
     ----------
@@ -111,6 +121,16 @@ def read_fan_bench(path: str | Path) -> tuple[Floats, Floats, Floats]:
     ------
     InputError
         If the file is not there, a column is missing (the nearest is named) or a cell is no number.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     file = Path(folder) / "bench.csv"
+    ...     _ = file.write_text("rudder_deg,speed_rpm,force_N\n0,5000,0.36\n0,10000,1.45\n")
+    ...     rudder, speed, force = read_fan_bench(file)
+    >>> force.tolist()
+    [0.36, 1.45]
     """
     file = Path(path)
     source = open_source(file)
@@ -166,6 +186,16 @@ def thrust_table_from_bench(
     InputError
         If there are too few measurements at an angle or in reverse, forward thrust was not measured at rudder
         0, or a fitted force does not grow with the speed; the line says where.
+
+    Examples
+    --------
+    >>> from hovercontrol.hardware.actuators import fan_force
+    >>> speeds = np.array([-9e3, -8e3, -7e3, -6e3, -5e3, 5e3, 6e3, 7e3, 8e3, 9e3])
+    >>> rudder, speed = np.meshgrid([-40.0, 0.0, 40.0], speeds)
+    >>> keep = (speed > 0) | (rudder == 0)
+    >>> found = thrust_table_from_bench(rudder[keep], speed[keep], fan_force(speed[keep], rudder[keep]))
+    >>> sorted(found.thrust), found.lookup.values.shape
+    ([-40.0, 0.0, 40.0], (14, 161))
     """
     angle, n, f = measured(name, rudder, speed, force)
     ahead = n > 0

@@ -64,6 +64,13 @@ def fit_rudder(force_angle: ArrayLike, rudder: ArrayLike) -> Fit:
     ------
     InputError
         If shapes differ, a number is missing, or there are fewer than three measurements at two angles.
+
+    Examples
+    --------
+    >>> phi = np.array([-20.0, -10.0, 0.0, 10.0, 20.0])
+    >>> fit = fit_rudder(phi, -1.4 * phi + 0.5)
+    >>> fit.values.round(6).tolist(), fit.units
+    ([-1.4, 0.5], ('1', 'deg'))
     """
     axes = Axis("hovercraft angle", "deg"), Axis("rudder angle", "deg")
     return fit_polynomial("rudder angle", force_angle, rudder, axes, {"slope": "1", "offset": "deg"})
@@ -88,6 +95,12 @@ def fit_reverse_ratio(speed: ArrayLike, ratio: ArrayLike) -> Fit:
     ------
     InputError
         If shapes differ, a number is missing, or there are fewer than five measurements at four speeds.
+
+    Examples
+    --------
+    >>> speed = np.array([5e3, 6e3, 7e3, 8e3, 9e3])
+    >>> fit_reverse_ratio(speed, 0.1 + speed / 20e3).names
+    ('c3', 'c2', 'c1', 'c0')
     """
     axes = Axis("speed", "RPM"), Axis("reverse to forward thrust", "1")
     names = dict.fromkeys(("c3", "c2", "c1", "c0"), "1")
@@ -127,6 +140,12 @@ def fit_inertia(
     InputError
         If shapes differ, a number is missing, fewer than three measurements lie between the times, force or
         arm are zero, or the craft turned against its torque.
+
+    Examples
+    --------
+    >>> t = np.linspace(0.0, 1.0, 11)
+    >>> fit_inertia(t, -2.0 * t, side_force=0.5, arm=0.2).values.round(6).tolist()
+    [0.05, 0.0]
     """
     title = "inertia"
     t, r = measured(title, time, yaw_rate)

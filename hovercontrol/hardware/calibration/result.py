@@ -16,7 +16,13 @@ Floats = NDArray[np.float64]
 
 
 class Axis(NamedTuple):
-    """What a number on an axis is: its name and its unit."""
+    """What a number on an axis is: its name and its unit.
+
+    Examples
+    --------
+    >>> Axis("speed", "RPM").unit
+    'RPM'
+    """
 
     name: str
     unit: str
@@ -43,6 +49,13 @@ class Fit:
     values : ndarray (k,)
     covariance : ndarray (k, k)
         Of the coefficients, from the residuals: errors of equal size, independent of each other.
+
+    Examples
+    --------
+    >>> from hovercontrol.hardware.calibration import fit_rudder
+    >>> fit = fit_rudder([-20.0, 0.0, 20.0], [28.0, 0.5, -27.0])
+    >>> fit.names, fit.covariance.shape
+    (('slope', 'offset'), (2, 2))
     """
 
     title: str

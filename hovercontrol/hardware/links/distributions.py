@@ -1,7 +1,7 @@
 """Distributions of delays that a Block can draw from: their quantile functions are expressions.
 
 A delay is drawn by putting a random number between 0 and 1 into the quantile function (inverse transform
-sampling), so that function must be written with what every face can print.
+sampling), so that function must be written with what every backend can print.
 """
 
 from __future__ import annotations
@@ -21,7 +21,13 @@ from hovercontrol.io.tables import number, positive
 
 @runtime_checkable
 class Delays(Protocol):
-    """What a link must know of its delays; all in seconds."""
+    """The delays of a link; all in seconds.
+
+    Examples
+    --------
+    >>> isinstance(BoundedDelays(mean=0.05, sd=0.005, least=0.04, most=0.08), Delays)
+    True
+    """
 
     @property
     def mean(self) -> float:
@@ -50,6 +56,11 @@ class BoundedDelays:
     ----------
     mean, sd, least, most : float
         [s]
+
+    Attributes
+    ----------
+    shapes : tuple of float
+        a and b.
 
     Raises
     ------

@@ -137,7 +137,7 @@ class MeasuredDelays:
 
 
 def read_delays(path: str | Path, column: str = "delay", *, scale: float = 1.0) -> MeasuredDelays:
-    """Return the delays in one column of a CSV or Parquet file.
+    r"""Return the delays in one column of a CSV or Parquet file.
 
     Parameters
     ----------
@@ -152,6 +152,15 @@ def read_delays(path: str | Path, column: str = "delay", *, scale: float = 1.0) 
     InputError
         If the file or the column is not there, a row holds no finite number or a negative one, or as for
         :class:`MeasuredDelays`; the line names the file.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     file = Path(folder) / "delays.csv"
+    ...     _ = file.write_text("\n".join(["delay", *(str(40 + k % 7) for k in range(50))]))
+    ...     round(read_delays(file, scale=1e-3).most, 6)
+    0.046
     """
     file, unit = Path(path), positive("scale", scale)
     source = open_source(file)

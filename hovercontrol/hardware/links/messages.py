@@ -25,7 +25,9 @@ NEVER = 2**50
 
 def received(signal: Signal, suffix: str) -> Signal:
     """Return a signal as it is called behind the link."""
-    return signal.but(name=signal.name + suffix, description=f"{signal.description or signal.name}, received")
+    return signal.replace(
+        name=signal.name + suffix, description=f"{signal.description or signal.name}, received"
+    )
 
 
 @dataclass
@@ -63,10 +65,14 @@ class MessageLink:
     every : fractions.Fraction
         Ticks from message to message, at least 1.
     transmission : Transmission
+    gate : Signal, optional
+        Input that lets messages go while it is positive.
     """
 
-    def __init__(self, name: str, every: Fraction, transmission: Transmission) -> None:
-        self.name, self.every = name, every
+    def __init__(
+        self, name: str, every: Fraction, transmission: Transmission, gate: Signal | None = None
+    ) -> None:
+        self.name, self.every, self.gate = name, every, gate
         self.states, self.following = list(transmission.states), dict(transmission.following)
         self.definitions, self.wait = Definitions(transmission.definitions), transmission.wait
         self.lost, self.longest = transmission.lost, transmission.longest
@@ -76,8 +82,8 @@ class MessageLink:
         self.following[self.now.name] = self.now + 1
         # Exact for any two periods: counted in fractions of a tick that divide both.
         due = self._state("due", "until the next message is sent, in fractions of a tick")
-        self.sending = due <= 0
-        again = sp.Piecewise((every.numerator, self.sending), (0, True))
+        self.sending = due <= 0 if gate is None else sp.And(due <= 0, gate.symbol > 0)
+        again = sp.Piecewise((every.numerator, due <= 0), (0, True))
         self.following[due.name] = due - every.denominator + again
 
     def _state(self, key: str, description: str, start: float = 0.0) -> sp.Symbol:
@@ -104,7 +110,7 @@ class MessageLink:
         """Return one thing of every message under way, the newest first, with what is sent now."""
         # The message k places on is floor(k every) ticks old or more; none that may still arrive falls out.
         count = math.ceil((self.longest + 1) / self.every)
-        places = [signal.but(name=f"{signal.name}_place{k}") for k in range(count)]
+        places = [signal.replace(name=f"{signal.name}_place{k}") for k in range(count)]
         self.states += places
         line = []
         for before, place in zip([entering, *(p.symbol for p in places)], places, strict=False):
@@ -115,7 +121,7 @@ class MessageLink:
 
     def newest(self, signal: Signal, line: Sequence[sp.Symbol], arrived: Sequence[sp.Expr]) -> sp.Symbol:
         """Return the newest that has arrived, or what was shown before; `signal` is that at the start."""
-        held = signal.but(name=f"{signal.name}_held")
+        held = signal.replace(name=f"{signal.name}_held")
         self.states.append(held)
         chain = (*zip(line, arrived, strict=True), (held.symbol, True))
         self.following[held.name] = self.definitions(f"{signal.name}_shown", sp.Piecewise(*chain))
@@ -148,7 +154,7 @@ class MessageLink:
         return Block(
             self.name,
             states=tuple(self.states),
-            inputs=tuple(signals),
+            inputs=(*signals, *([self.gate] if self.gate else [])),
             outputs=(*outputs, age, *counters),
             parameters=(*self.parameters, step),
             derivatives=self.following,

@@ -13,6 +13,7 @@ from hovercontrol.core.delay_line import not_negative, passed_through
 from hovercontrol.core.random_numbers import random_numbers
 from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError
+from hovercontrol.hardware.links.csma import Csma
 from hovercontrol.hardware.links.distributions import Delays
 from hovercontrol.hardware.links.messages import (
     MessageLink,
@@ -29,6 +30,7 @@ def empirical_delay(
     delays: Delays | float,
     period: float,
     *,
+    access: Csma | None = None,
     tick: float = TICK,
     seed: int = 1,
     suffix: str = "_received",
@@ -45,6 +47,9 @@ def empirical_delay(
         one delay for all [s]. They are rounded to whole ticks, as K06's are to milliseconds.
     period : float
         From message to message [s]: at the first tick from each multiple on, the inputs are sent as they are.
+    access : Csma, optional
+        How each message waits for a medium that others use, too, before its delay begins; those given up are
+        lost.
     tick : float, optional
         Period of the receiver and of the Block [s].
     seed : int, optional
@@ -63,7 +68,7 @@ def empirical_delay(
 
         Parameters: ``delay_scale`` (0: no delay, 1: all), ``in_order`` (1: the link keeps the order, as a
         serial line over Bluetooth does; a message then waits for the one before it) and, where delays
-        differ, ``jitter`` (0: all are the mean) and ``seed``.
+        differ, ``jitter`` (0: all are the mean) and ``seed``; of the medium access ``busy``.
 
     Raises
     ------
@@ -81,7 +86,7 @@ def empirical_delay(
     >>> 0.022 <= 0.001 * [row["thrust_received"] for row in seen].index(3.0) <= 0.09
     True
     """
-    return _link(name, signals, delays, period, tick, suffix, seed)
+    return _link(name, signals, delays, period, tick, suffix, seed, access=access)
 
 
 def lossy_link(
@@ -92,6 +97,8 @@ def lossy_link(
     retransmissions: int = 0,
     timeout: float = 0.0,
     delays: Delays | float = 0.0,
+    access: Csma | None = None,
+    gate: Signal | None = None,
     tick: float = TICK,
     seed: int = 1,
     suffix: str = "_received",
@@ -103,7 +110,7 @@ def lossy_link(
 
     Parameters
     ----------
-    signals, delays, period, tick, seed, suffix, name
+    signals, delays, period, access, tick, seed, suffix, name
         As for :func:`empirical_delay`; without `delays` what is not lost arrives at once.
     loss : float
         Probability that a transmission is lost, 0 to below 1.
@@ -111,6 +118,9 @@ def lossy_link(
         How often a message is sent again at most; then it is given up.
     timeout : float, optional
         From a lost transmission to the next [s]; positive if there are retransmissions.
+    gate : Signal, optional
+        A further input that switches the sender on, 1, or off, 0: messages due meanwhile are not sent, K06's
+        "TX Enb" (K06 figure 5.2).
 
     Returns
     -------
@@ -141,7 +151,7 @@ def lossy_link(
     if not_negative(f"{name}: timeout", timeout) == 0 and retransmissions:
         raise InputError(f"{name}: with retransmissions, timeout must be positive, found {timeout!r}")
     repeat = (float(loss), retransmissions, float(timeout))
-    return _link(name, signals, delays, period, tick, suffix, seed, repeat)
+    return _link(name, signals, delays, period, tick, suffix, seed, repeat, gate, access)
 
 
 def _link(
@@ -153,6 +163,8 @@ def _link(
     suffix: str,
     seed: int,
     repeat: tuple[float, int, float] | None = None,
+    gate: Signal | None = None,
+    access: Csma | None = None,
 ) -> Block:
     signals = passed_through(name, signals, suffix)
     positive(f"{name}: period", period)
@@ -160,27 +172,38 @@ def _link(
     every = Fraction(str(period)) / Fraction(str(tick))
     if every < 1:
         raise InputError(f"{name}: period {period:g} s must not be shorter than the tick, {tick:g} s")
-    transmission = _transmission(name, delays, tick, seed, repeat)
-    return MessageLink(name, every, transmission).block(signals, suffix, tick)
+    transmission = _transmission(name, delays, tick, seed, repeat, access)
+    return MessageLink(name, every, transmission, gate).block(signals, suffix, tick)
 
 
 def _transmission(
-    name: str, delays: Delays | float, tick: float, seed: int, repeat: tuple[float, int, float] | None
+    name: str,
+    delays: Delays | float,
+    tick: float,
+    seed: int,
+    repeat: tuple[float, int, float] | None,
+    access: Csma | None,
 ) -> Transmission:
     """Return how long a message takes, and whether it gets lost."""
     scale = Signal("delay_scale", "1", "share of the delays, 0: none", start=1.0, lower=0.0, upper=1.0)
-    parameters, drawn = [scale], repeat is not None
+    parameters, drawn = [scale], repeat is not None or access is not None
+    differ, waits = isinstance(delays, Delays), 2 * access.attempts if access else 0
+    noise = random_numbers(1 + differ + waits, salt=name, kind="uniform", seed=seed)
     if isinstance(delays, Delays):
         jitter = Signal("jitter", "1", "share of the spread about the mean", start=1.0, lower=0.0, upper=1.0)
         parameters.append(jitter)
-        noise = random_numbers(2, salt=name, kind="uniform", seed=seed)
         seconds = delays.mean + jitter.symbol * (delays.quantile(noise.values[1]) - delays.mean)
         longest, drawn = delays.most, True
     else:
-        noise = random_numbers(1, salt=name, kind="uniform", seed=seed)
         seconds = longest = not_negative(f"{name}: delay (or a distribution of delays)", delays)
+    lost: list[sp.Basic] = []
+    if access is not None:
+        use = Signal("busy", "1", "probability of a medium in use", access.busy, lower=0.0, upper=1.0)
+        parameters.append(use)
+        waited, given_up = access.drawn(noise.values[-waits:], use)
+        seconds, longest = seconds + waited, longest + access.most
+        lost.append(given_up)
     seconds = scale.symbol * seconds
-    lost = sp.false
     if repeat is not None:
         probability, retransmissions, timeout = repeat
         p = Signal("loss", "1", "probability that a transmission is lost", probability, lower=0.0, upper=1.0)
@@ -189,10 +212,10 @@ def _transmission(
         fails = [noise.values[0] < p.symbol**k for k in range(1, retransmissions + 2)]
         seconds += timeout * sp.Add(*(sp.Piecewise((1, f), (0, True)) for f in fails[:-1]))
         longest += timeout * retransmissions
-        lost = fails[-1]
+        lost.append(fails[-1])
     wait = sp.Symbol(f"{name}_wait", real=True)
     most = math.floor(longest / tick + 0.5 + 1e-6)  # rounded, it may not come out less than the wait itself
-    found = Transmission(wait, most, lost, parameters=parameters)
+    found = Transmission(wait, most, sp.Or(*lost), parameters=parameters)
     if drawn:
         found.states, found.following = list(noise.states), dict(noise.next_values)
         found.definitions, found.parameters = dict(noise.definitions), [*parameters, *noise.parameters]

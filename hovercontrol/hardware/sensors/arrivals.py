@@ -77,7 +77,7 @@ def arrivals(
 def ranges_by_unit(
     beacons: int, units: int = 2, *, period: float = IMU_TICK, name: str = "ranges_by_unit"
 ) -> Block:
-    """Return what tells the ranges of several units apart, for filters that take raw ranges.
+    """Return a Block that sorts ranges by unit, for filters that use raw ranges.
 
     Parameters
     ----------
@@ -107,7 +107,7 @@ def ranges_by_unit(
         if not isinstance(count, int) or count < 1:
             raise InputError(f"{name}: {what} must be a positive whole number, found {count!r}")
     ranges, heard = range_signals(beacons)
-    last = RANGE_UNIT.but(name="range_unit_last")
+    last = RANGE_UNIT.replace(name="range_unit_last")
     told: list[Signal] = []
     expressions: dict[str, sp.Expr] = {}
     for unit in range(1, units + 1):
@@ -116,7 +116,7 @@ def ranges_by_unit(
             for s in (RANGE_UNIT, last)
         )
         for rho, there in zip(ranges, heard, strict=True):
-            value = rho.but(name=f"unit_{unit}_{rho.name}", description=f"{rho.description}, unit {unit}")
+            value = rho.replace(name=f"unit_{unit}_{rho.name}", description=f"{rho.description}, unit {unit}")
             flag = Signal(f"{value.name}_arrived", "1", "1 at the tick at which it is new")
             told += [value, flag]
             expressions[value.name] = rho.symbol

@@ -106,7 +106,9 @@ def range_solver(
         raise InputError(f"{name}: side must be 1 or -1, found {side!r}")
     count = len(beacons.positions)
     if previous and count == 2:
-        raise InputError(f"{name}: of two beacons `side` tells the place, not the previous position")
+        raise InputError(
+            f"{name}: with two beacons `side` decides between the two solutions, not the previous position"
+        )
     ranges, heard = range_signals(count)
     places = beacons.signals()
     define = Definitions()
@@ -116,7 +118,7 @@ def range_solver(
         corrected.append(sp.Symbol(f"range_corrected_{k}", real=True))
     where = [tuple(s.symbol for s in place) for place in places]
     hears = [s.symbol for s in heard]
-    chosen = (_SIDE.but(start=float(side)),) if count == 2 else ()
+    chosen = (_SIDE.replace(start=float(side)),) if count == 2 else ()
     if chosen:
         both = define("both_heard", hears[0] * hears[1])
         x, y, solved = _circles(define, where, corrected, both, _SIDE.symbol)

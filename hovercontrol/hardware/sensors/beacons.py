@@ -25,8 +25,8 @@ class Beacons:
     Parameters
     ----------
     positions : sequence of (float, float)
-        Places over the floor, earth frame [m]: two different ones, or more that are not in a line. Two tell a
-        place and its mirror image beyond their line, see
+        Places over the floor, earth frame [m]: two different ones, or more that are not in a line. Two
+        determine a place and its mirror image beyond their line, see
         :func:`~hovercontrol.hardware.sensors.bancroft.range_solver`.
     heights : float or sequence of float
         Above the units that hear them [m].
@@ -80,6 +80,11 @@ def k06_beacons() -> Beacons:
     """Return four beacons on the corners of a square of 2.44 m, 2.7048 m up.
 
     The height is that of K06's table 5.2; K06 does not print where its beacons hang.
+
+    Examples
+    --------
+    >>> k06_beacons().positions[0]
+    (0.0, 0.0)
     """
     side = 2.44
     return Beacons([(0.0, 0.0), (side, 0.0), (side, side), (0.0, side)], 2.7048)

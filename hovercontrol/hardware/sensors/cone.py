@@ -87,6 +87,12 @@ def cone_correction(*, cone: tuple[float, float] = K06_CONE, name: str = "cone_c
     ------
     InputError
         If a coefficient is no finite number.
+
+    Examples
+    --------
+    >>> block = cone_correction()
+    >>> block.to_numpy().outputs(0.0, [], [3.0, 2.7]).round(3).tolist()
+    [2.982, 0.439]
     """
     measured = Signal("range", "m", "measured range", start=2.7, nominal=2.7)
     height = Signal("height", "m", "of the beacon above the unit", start=2.7, lower=1e-3, nominal=2.7)

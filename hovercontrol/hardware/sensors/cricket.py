@@ -41,6 +41,11 @@ def cricket_fixes(count: int = 2, *, slot: float = SLOT, name: str = "cricket_fi
     ------
     InputError
         If the slot is not positive or there are no units.
+
+    Examples
+    --------
+    >>> [s.name for s in cricket_fixes(1).outputs]
+    ['fix_x', 'fix_y', 'fix_bias', 'fix_valid']
     """
     if not isinstance(count, int) or count < 1:
         raise InputError(f"{name}: expected at least one unit, found {count!r}")
@@ -60,8 +65,8 @@ def cricket_fixes(count: int = 2, *, slot: float = SLOT, name: str = "cricket_fi
         for what, source in solved.items():
             if what == "bias" and k > 1:
                 continue
-            told = source.but(name=f"{label}_{what}", description=f"{source.description}, unit {k}")
-            held = told.but(name=f"{told.name}_held")
+            told = source.replace(name=f"{label}_{what}", description=f"{source.description}, unit {k}")
+            held = told.replace(name=f"{told.name}_held")
             definitions[told.name] = sp.Piecewise((source.symbol, valid.symbol > 0), (held.symbol, True))
             states.append(held)
             outputs.append(told)
@@ -80,9 +85,9 @@ def cricket_fixes(count: int = 2, *, slot: float = SLOT, name: str = "cricket_fi
 
 def _last_position(slot: float) -> Block:
     """Return the memory of what was solved last, whichever the unit: they are nearer than mirrored places."""
-    solved = tuple(s.but(name=s.name.replace("previous", "solved")) for s in PREVIOUS[:2])
+    solved = tuple(s.replace(name=s.name.replace("previous", "solved")) for s in PREVIOUS[:2])
     good = Signal("solved", "1", "1 where the ranges give a position")
-    held = [s.but(name=f"{s.name}_held") for s in PREVIOUS]
+    held = [s.replace(name=f"{s.name}_held") for s in PREVIOUS]
     new = [
         sp.Piecewise((s.symbol, good.symbol > 0), (h.symbol, True))
         for s, h in zip(solved, held, strict=False)
@@ -151,6 +156,13 @@ def cricket(
     ------
     InputError
         As of the parts.
+
+    Examples
+    --------
+    >>> from hovercontrol.hardware.sensors import k06_beacons
+    >>> block = cricket(k06_beacons())
+    >>> [s.name for s in block.outputs][:4]
+    ['range_1', 'range_2', 'range_3', 'range_4']
     """
     places = unit_places(units, slots)
     ranges = cricket_ranges(

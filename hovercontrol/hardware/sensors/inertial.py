@@ -128,7 +128,7 @@ def imu(
         told[channel] = limited(whole.symbol, limit.symbol)
         inputs.append(seen)
         states.append(drift)
-        outputs.append(Signal(channel, unit, "as the inertial sensors tell it"))
+        outputs.append(Signal(channel, unit, "as measured by the inertial sensors"))
     return Block(
         name,
         states=(*states, *noise.states),

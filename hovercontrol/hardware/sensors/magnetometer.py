@@ -132,7 +132,7 @@ def magnetometer(
         for place, value in zip(("xx", "yy", "xy"), soft_iron, strict=True)
     ]
     around = [
-        offset(f"disturbance_{axis}", "T", "field of what stands around, earth frame", name, value)
+        offset(f"disturbance_{axis}", "T", "field of objects around, earth frame", name, value)
         for axis, value in zip("xy", pair(f"{name}: disturbance", disturbance), strict=True)
     ]
     white = size("noise", "T", "standard deviation of each component", name, noise)

@@ -74,12 +74,12 @@ def mocap(
         for kind, unit, value in (("position", "m", position_step), ("heading", "rad", heading_step))
     }
     first = [
-        offset(f"first_{s.name}", s.unit, f"{s.description} told at the first tick", name, value)
+        offset(f"first_{s.name}", s.unit, f"{s.description} given at the first tick", name, value)
         for s, value in zip(MOTION[3:], first_velocity, strict=True)
     ]
     pose = MOTION[:3]
-    before = [s.but(name=f"{s.name}_before", description=f"{s.description}, last reading") for s in pose]
-    told = [s.but(name=f"{s.name}_measured") for s in MOTION]
+    before = [s.replace(name=f"{s.name}_before", description=f"{s.description}, last reading") for s in pose]
+    told = [s.replace(name=f"{s.name}_measured") for s in MOTION]
     definitions = dict(noise.definitions)
     for s, reading, n in zip(pose, told[:3], noise.values, strict=True):
         kind = "heading" if s.name == "psi" else "position"
@@ -162,7 +162,7 @@ def noisy_motion(
         name,
         states=noise.states,
         inputs=MOTION,
-        outputs=tuple(s.but(name=f"{s.name}_measured") for s in MOTION),
+        outputs=tuple(s.replace(name=f"{s.name}_measured") for s in MOTION),
         parameters=(*sigmas, *noise.parameters),
         derivatives=noise.next_values,
         output_expressions={

@@ -12,7 +12,7 @@ from hovercontrol.hardware.sensors._parts import offset, pair
 
 
 def with_specific_force(plant: Block, *, lever_arm: Sequence[float] | None = None) -> Block:
-    """Return a plant that also tells its specific force [K06 eq 3.9] and angular acceleration.
+    """Return a plant with outputs for its specific force [K06 eq 3.9] and angular acceleration.
 
     The specific force in the body's axes is ``(u' - v r, v' + u r)`` with the plant's own derivatives; the
     craft is level, so gravity has no part in it (K06 section 3.2). Away from the centre of mass

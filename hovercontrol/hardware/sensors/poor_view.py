@@ -98,7 +98,7 @@ def poor_view(
         name,
         states=(*noise.states, *pick.states),
         inputs=pose,
-        outputs=tuple(s.but(name=f"{s.name}_viewed") for s in pose),
+        outputs=tuple(s.replace(name=f"{s.name}_viewed") for s in pose),
         parameters=(*middle, around, position, heading, share, gross, *noise.parameters),
         derivatives={**noise.next_values, **pick.next_values},
         output_expressions=told,

@@ -150,8 +150,8 @@ def cricket_ranges(
         measured[f"range_{k}_heard"] = hears
     measured["range_unit"] = unit
     measured["range_valid"] = define("valid_now", sp.Max(*(measured[s.name] for s in heard)))
-    told = (*ranges, *(s.but(start=0.0) for s in heard), RANGE_UNIT, _VALID)
-    held = [s.but(name=f"{s.name}_held", description=f"{s.description}, a tick ago") for s in told]
+    told = (*ranges, *(s.replace(start=0.0) for s in heard), RANGE_UNIT, _VALID)
+    held = [s.replace(name=f"{s.name}_held", description=f"{s.description}, a tick ago") for s in told]
     return Block(
         name,
         states=(turn, *held, *drawn.states),

@@ -102,14 +102,14 @@ def two_unit_heading(
     parameters = [*mounts]
     moved = [fx, fy]
     if assisted:
-        late = switch("latency", "fixes are told one tick late", latency)
+        late = switch("latency", "fixes come one tick late", latency)
         parameters += [every, late]
         vx, vy, psi, r = (s.symbol for s in _INS)
         arm = turned(psi, x1, y1)
         for i, (axis, velocity) in enumerate(zip("xy", (vx - r * arm[1], vy + r * arm[0]), strict=True)):
             now = Signal(f"velocity_{axis}", "m/s", "of the first unit, by the INS")
-            last = now.but(name=f"velocity_{axis}_last")
-            before = now.but(name=f"velocity_{axis}_before")
+            last = now.replace(name=f"velocity_{axis}_last")
+            before = now.replace(name=f"velocity_{axis}_before")
             definitions[now.name] = velocity
             states += [last, before]
             following |= {last.name: now.symbol, before.name: last.symbol}

@@ -78,7 +78,7 @@ _SLAVE = (
 _WIRING = "the drawing in the text: here is what section 5.2 says is joined, not the wiring"
 
 ITEMS = [
-    Item("k06", "fig", "5.3", "Bluetooth protocol stack", fig_5_3, lacks="numbers: a diagram"),
+    Item("k06", "fig", "5.3", "Bluetooth protocol stack", fig_5_3, lacks="a diagram has no numbers"),
     Item(
         "k06",
         "fig",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -47,7 +47,7 @@ def medians(name: str) -> Mapping[str, float]:
 
 
 def table(name: str) -> Measure:
-    """Return what tells the initial velocities, reference and gains of a trial.
+    """Return the initial velocities, reference and gains of a trial.
 
     [K06 table 6.1, 6.2, 6.3, 6.4]
     """
@@ -83,6 +83,16 @@ def trial(*names: str) -> Measure:
         return values
 
     return measure
+
+
+def units(*names: str) -> Mapping[str, str]:
+    """Return the units of what :func:`trial` measures."""
+    found: dict[str, str] = {}
+    for name in names:
+        label = f"{name.partition('heading-')[2]}: " if len(names) > 1 else ""
+        found |= {f"{label}{m.name}": m.unit for m in load_scenario(name).metrics}
+        found[f"{label}heading error of the ideal loop"] = "rad"
+    return found
 
 
 def beside_simulation(field: str, simulated: str, *keys: str) -> Measure:
@@ -138,8 +148,14 @@ def fig_6_27(folder: Path) -> Mapping[str, float]:
     return values
 
 
+#: Of a trial's parameters; K06 prints none for the gains.
+_UNITS = {"u": "m/s", "v": "m/s", "r": "rad/s", "surge_ref": "m/s", "yaw_rate_ref": "rad/s"}
+
+
 def _table(number: str, law: str, printed: Mapping[str, float]) -> Item:
-    rows = tuple(about(key, value, 5e-3 * max(abs(value), 1.0)) for key, value in printed.items())
+    rows = tuple(
+        about(key, value, 5e-3 * max(abs(value), 1.0), _UNITS.get(key, "")) for key, value in printed.items()
+    )
     return Item("k06", "table", number, f"parameters of the {law} trial", table(f"k06-{law}"), rows)
 
 
@@ -168,6 +184,7 @@ ITEMS = [
             ),
         ),
         lacks=NOISE,
+        units=partial(units, "k06-real-stop"),
     ),
     _table("6.2", "forward", {"u": 0.0, "v": 0.0, "r": 0.0, "surge_ref": 1.1, "k1": 1.0, "k2": 4.0}),
     Item(
@@ -182,6 +199,7 @@ ITEMS = [
         ),
         lacks=NOISE,
         why=_STEADY,
+        units=partial(units, "k06-real-forward"),
     ),
     _table(
         "6.3",
@@ -200,6 +218,7 @@ ITEMS = [
         ),
         lacks=NOISE,
         why="one run of K06 against medians over seeds",
+        units=partial(units, "k06-real-reverse"),
     ),
     _table("6.4", "turn", {"u": 0.0, "v": 0.0, "r": 0.1, "yaw_rate_ref": 3.0, "k1": 0.5, "k2": 3.5}),
     Item(
@@ -210,6 +229,7 @@ ITEMS = [
         trial("k06-real-turn"),
         (about("yaw rate, mean", 3.0, 0.1, "rad/s", text="oscillates about 3 rad/s"),),
         lacks=NOISE,
+        units=partial(units, "k06-real-turn"),
     ),
     Item(
         "k06",
@@ -219,6 +239,7 @@ ITEMS = [
         trial("k06-real-heading-bangbang", "k06-real-heading-proportional"),
         (at_most(f"bangbang: {_OFF}", _DEGREE * 1.05, "rad", text="within the tolerance of 1 deg"),),
         lacks=NOISE + "; figures of the real loop's headings at their end",
+        units=partial(units, "k06-real-heading-bangbang", "k06-real-heading-proportional"),
     ),
     Item(
         "k06",
@@ -228,6 +249,7 @@ ITEMS = [
         trial("k06-real-heading-bangbang-rest", "k06-real-heading-proportional-rest"),
         (at_most(f"bangbang-rest: {_OFF}", _DEGREE * 1.05, "rad", text="within the tolerance of 1 deg"),),
         lacks=NOISE + "; figures of the real loop's headings at their end",
+        units=partial(units, "k06-real-heading-bangbang-rest", "k06-real-heading-proportional-rest"),
     ),
     Item(
         "k06",
@@ -314,6 +336,7 @@ ITEMS = [
         "bang-bang heading to 90 deg, real craft",
         trial("k06-field-heading-bangbang"),
         lacks=FIELD,
+        units=partial(units, "k06-field-heading-bangbang"),
     ),
     Item(
         "k06",
@@ -322,6 +345,7 @@ ITEMS = [
         "proportional heading to 90 deg, real craft",
         trial("k06-field-heading-proportional"),
         lacks=FIELD,
+        units=partial(units, "k06-field-heading-proportional"),
     ),
     Item("k06", "fig", "6.27", "both headings, real craft", fig_6_27, lacks=FIELD),
 ]

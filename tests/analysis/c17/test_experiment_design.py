@@ -10,10 +10,10 @@ from matplotlib.figure import Figure
 
 from hovercontrol import InputError, ellipse, figure_eight, kalman_bucy, waypoints
 from hovercontrol.analysis import ellipse_errors, expected_errors, observability_gramian, signals_of
-from hovercontrol.analysis.c17.flights import SETTLE
 from hovercontrol.analysis.c17.interconnection import ESTIMATOR
 from hovercontrol.analysis.c17.iss import DRAG
 from hovercontrol.analysis.c17.loops import c17_ellipse, on_reference, tracking_loop
+from hovercontrol.analysis.c17.reference_runs import RUNS
 from hovercontrol.models.vehicles import c17_experiment, c17_simulation
 
 CRAFT = c17_simulation()
@@ -33,13 +33,14 @@ def region():
 def motion(reference, seconds):
     """Return times and signals of the craft from when it is on the reference."""
     loop = tracking_loop(CRAFT, reference, outputs=["tracking_error", "thrust", "rudder"])
-    t = np.linspace(0.0, SETTLE + seconds, round(1000 * (SETTLE + seconds)) + 1)
+    t = np.linspace(0.0, RUNS.settle + seconds, round(1000 * (RUNS.settle + seconds)) + 1)
     ready, x0 = loop.compile(friction="smooth"), on_reference(reference, 0.2)
     signals = signals_of(ready.simulate(t, x0=x0, method="rk4", step=0.01))
-    on = t >= SETTLE
+    on = t >= RUNS.settle
     return t[on], {name.removeprefix("plant."): values[on] for name, values in signals.items()}
 
 
+@pytest.mark.slow
 def test_without_disturbances_the_covariance_is_the_inverse_of_the_gramian():
     noise = 1e-3
     found = expected_errors({"C17": c17_ellipse()}, duration=3.0, noise=noise, disturbance=0.0)
@@ -49,6 +50,7 @@ def test_without_disturbances_the_covariance_is_the_inverse_of_the_gramian():
     assert found.error[0] == pytest.approx(by_gramian, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_a_circle_shows_one_sum_of_friction_and_drag_in_each_direction(found):
     """After c + c' s is known, of two unknowns with variance 1, s^2/(1 + s^2) and 1/(1 + s^2) are left."""
     _, s = motion(ellipse(2.0, 2.0), 1.0)
@@ -58,6 +60,7 @@ def test_a_circle_shows_one_sum_of_friction_and_drag_in_each_direction(found):
         assert found.error[1, 2 * k : 2 * k + 2] == pytest.approx(left, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_on_c17s_ellipse_c3_and_c4_are_left_in_doubt_most(found):
     c17 = dict(zip(DRAG, found.error[0], strict=True))
     assert sorted(c17, key=c17.get)[-2:] == ["sway_linear_drag", "sway_coulomb"]
@@ -86,6 +89,7 @@ def test_the_estimator_of_c17_itself_finds_c3_and_c4_last():
     assert found[order[-2]] > found[order[-3]] + 1.0
 
 
+@pytest.mark.slow
 def test_more_time_and_less_noise_leave_less_doubt(found):
     short = expected_errors({"C17": c17_ellipse()}, duration=6.0)
     assert (found.error[0] < short.error[0]).all()
@@ -108,7 +112,7 @@ def test_limits_are_those_of_the_commands_that_the_reference_needs(found, region
     assert found.rudder[0] == pytest.approx([s["rudder"].min(), s["rudder"].max()], abs=1e-3)
     assert found.within_limits.all()
     weak = c17_experiment()
-    weak = type(weak)(weak.name, weak.effects, weak.thrust.but(upper=4.0), weak.rudder)
+    weak = type(weak)(weak.name, weak.effects, weak.thrust.replace(upper=4.0), weak.rudder)
     assert expected_errors(REFERENCES, actuators=weak, duration=6.0).within_limits.tolist() == [
         False,
         True,

@@ -35,6 +35,7 @@ def test_from_small_errors_every_loop_gets_to_the_reference(near):
     np.testing.assert_allclose(near.x.values, [1 / 6, 1 / 2, 5 / 6])
 
 
+@pytest.mark.slow
 def test_the_band_holds_the_share_and_limits_of_the_commands_cost_time(near):
     hard = region_of_attraction((0.0, 8.0), (0.0, 8.0), cells=2, runs=12, deadline=5.0)
     for region in (near, hard):

@@ -100,6 +100,7 @@ def test_the_beta_region_lies_under_both_bounds():
     assert np.isnan(region["guaranteed"][~by_hand]).all()
 
 
+@pytest.mark.slow
 def test_no_simulated_loop_contradicts_theorem_3_and_it_covers_nearly_all():
     region = gain_region(points=12)
     assert region.outside("guaranteed", "simulated") == []

@@ -19,6 +19,7 @@ SHORT = replace(
 )
 
 
+@pytest.mark.slow
 def test_the_means_are_those_of_single_runs_and_hang_on_what_is_given():
     given = {
         "sensor.seed": np.array([[1.0], [2.0]]),

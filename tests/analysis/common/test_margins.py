@@ -145,6 +145,7 @@ def test_the_phase_margin_is_where_the_loop_begins_to_grow():
     assert grows(blocks, lag(1.03 * seconds))
 
 
+@pytest.mark.slow
 def test_within_the_disk_nothing_grows_and_beyond_something_does():
     blocks = k06_loop(0.07754)
     disk = margins(blocks, "force_y", AHEAD).disk

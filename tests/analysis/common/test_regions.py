@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
+from hovercontrol.analysis.c17.arm_region import arm_region
 from hovercontrol.analysis.c17.experiment_design import ellipse_errors
 from hovercontrol.analysis.c17.gains import beta_region, gain_region
 from hovercontrol.analysis.c17.interconnection import region_of_attraction
-from hovercontrol.analysis.c17.zero_dynamics import arm_region
 from hovercontrol.analysis.common.regions import Region, axis, mesh, refuse_large, sweep_map
 from hovercontrol.analysis.k06.basins import turn_basins
 from hovercontrol.analysis.k06.law_regions import forward_region, reverse_region

@@ -133,6 +133,7 @@ def test_a_bench_run_with_sines_measures_the_gyro_and_its_compensation():
 # ---- table 6.6 --------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_compensation_helps_in_the_square_wave_as_in_table_6_6():
     found = k06.square_wave(seeds=4)
     for name, (with_it, without) in found.items():
@@ -205,6 +206,7 @@ def test_the_raw_heading_is_off_by_the_geometry_of_the_units(place):
 # ---- scripts ----------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow("k06_bench")
 @pytest.mark.parametrize(
     ("name", "small", "tables"),
     [("k06_gyro", {"points": 20}, 1), ("k06_bench", {"seeds": 2, "walks": 3}, 4)],

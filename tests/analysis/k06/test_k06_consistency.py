@@ -22,6 +22,7 @@ def left(tmp_path_factory):
     return {f.suffix: f for f in files}, told
 
 
+@pytest.mark.slow
 def test_it_leaves_a_picture_a_table_and_its_findings(left):
     files, told = left
     assert set(files) == {".png", ".svg", ".csv", ".txt"}
@@ -29,6 +30,7 @@ def test_it_leaves_a_picture_a_table_and_its_findings(left):
     assert told == sorted(told) and told[-1] == pytest.approx(1.0)
 
 
+@pytest.mark.slow
 def test_filters_are_consistent_with_their_sensors_but_not_with_the_printed_matrices(left):
     files, _ = left
     rows = pyarrow.csv.read_csv(files[".csv"]).to_pylist()

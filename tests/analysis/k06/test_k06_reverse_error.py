@@ -24,6 +24,7 @@ def test_less_reverse_thrust_leaves_no_steady_error_without_friction():
     assert run.states[3, -1] - -0.73 == pytest.approx(0.73 * np.exp(-0.7 * 1.5 / 2.6 * 20.0), rel=0.05)
 
 
+@pytest.mark.slow
 def test_a_dead_zone_leaves_an_error_astern_as_k06_saw():
     craft = {"nothing": SUSPECTS["nothing"], "dead zone": SUSPECTS["dead zone of the fan, 0.2 N"]}
     nothing, found = steady_errors(craft, runs=1)

@@ -9,14 +9,15 @@ import pytest
 
 from hovercontrol import InputError
 from hovercontrol.analysis.k06.reverse_error import SteadyError
+from hovercontrol.analysis.k06.trials import fly_trial
 from hovercontrol.analysis.k06.variable_pitch import with_variable_pitch
-from hovercontrol.autopilot.limits import lossy_tables
 from hovercontrol.scenarios import load_scenario
 
 FOLDER = Path(__file__).parents[3] / "analyses"
 SMALL = {"k06_turn_basins": {"points": 8}, "k06_margins": {"points": 4, "instants": 4}}
 
 
+@pytest.mark.slow("k06_margins")
 @pytest.mark.parametrize("name", SMALL)
 def test_a_script_leaves_pictures_tables_and_findings(name, tmp_path):
     told = []
@@ -44,17 +45,21 @@ def test_the_delays_script_says_from_when_on_the_other_law_is_unstable(tmp_path)
     assert "300 ms: the law without the delay is unstable from" in (tmp_path / "k06_delay.txt").read_text()
 
 
-def test_the_pitch_script_sets_both_propellers_side_by_side(tmp_path, monkeypatch):
+def test_the_pitch_script_sets_the_propellers_side_by_side(tmp_path, monkeypatch):
     module, time = load("k06_variable_pitch"), np.arange(0.0, 25.0, 0.1)
 
     def flown(scenario, runs):
-        size = 0.1 if scenario.autopilot.imperfections.brake else 0.2
-        return time, dict.fromkeys(("gap", "heading_error"), np.full((runs, len(time)), size))
+        own = scenario.autopilot
+        size = 0.1 if own.propeller else 0.2 if own.imperfections.brake else 0.3
+        return time, dict.fromkeys(("gap", "heading_error", "x"), np.full((runs, len(time)), size))
 
     monkeypatch.setattr(module, "fly_trial", flown)
-    module.main(tmp_path, trials=("heading-bangbang-rest",), runs=2)
+    module.main(tmp_path, trials=("halt", "heading-bangbang-rest"), runs=2)
     said = (tmp_path / "k06_variable_pitch.txt").read_text()
-    assert "0.100 to 0.200 m/s" in said and "6 to 11 deg" in said
+    assert "0.200, 0.300, 0.100 m/s; from 1.1 m/s it stands after 0.20, 0.30, 0.10 m" in said
+    assert "11, 17, 6 deg" in said
+    rows = pyarrow.csv.read_csv(tmp_path / "k06_variable_pitch.csv").to_pylist()
+    assert [row["distance [m]"] for row in rows[:3]] == [0.2, 0.3, 0.1] and len(rows) == 6
 
 
 def test_the_reverse_scripts_verdict_is_that_of_both_findings(tmp_path, monkeypatch):
@@ -68,14 +73,28 @@ def test_the_reverse_scripts_verdict_is_that_of_both_findings(tmp_path, monkeypa
     assert "Both as K06 saw them: zone." in (tmp_path / "k06_reverse_error.txt").read_text()
 
 
-def test_a_variable_pitch_propeller_pushes_both_ways_alike_and_never_brakes():
-    own = load_scenario("k06-real-stop")
-    changed = with_variable_pitch(own)
-    lookup, forces = changed.autopilot.tables
-    np.testing.assert_allclose(forces.values, -forces.values[:, ::-1], atol=1e-12)
-    np.testing.assert_allclose(lookup.values, -lookup.values[:, ::-1], atol=1.0)
-    ahead = lossy_tables(0.5)[1]
-    np.testing.assert_allclose(forces.values[:, 48:], ahead.values[:, 48:], atol=1e-12)
-    assert own.autopilot.imperfections.brake and not changed.autopilot.imperfections.brake
+def test_a_variable_pitch_propeller_halts_the_craft_in_less_way():
+    trials = [load_scenario(f"k06-real-halt{end}") for end in ("", "-pitch")]
+    changed = with_variable_pitch(trials[0])
+    assert changed.autopilot == trials[1].autopilot and not trials[0].autopilot.propeller
+    way, push = [], []
+    for trial in trials:
+        _, flown = fly_trial(trial, runs=3)
+        way.append(flown["x"].max(axis=1).mean())
+        push.append(flown["thrust"].min())
+    assert way[1] < 0.7 * way[0]
+    assert push == pytest.approx([-0.97, -2.09], abs=0.01)
     with pytest.raises(InputError, match="'k06-stop' is no trial of the real loop"):
         with_variable_pitch(load_scenario("k06-stop"))
+
+
+def test_the_particle_script_sets_both_filters_side_by_side(tmp_path):
+    files = load("k06_particles").main(tmp_path, runs=2, seconds=0.5, particles=200)
+    assert {f.suffix for f in files} == {".csv", ".png", ".svg", ".txt"}
+    table = pyarrow.csv.read_csv(tmp_path / "k06_particles.csv").to_pylist()
+    assert len(table) == 8 and {row["filter"] for row in table} == {
+        "extended Kalman filter",
+        "particle filter",
+    }
+    said = (tmp_path / "k06_particles.txt").read_text()
+    assert "two beacons, start unknown: extended Kalman filter" in said and "200 particles" in said

@@ -23,6 +23,7 @@ def script():
     return module
 
 
+@pytest.mark.slow
 def test_a_trial_as_picture_table_and_words(script, tmp_path):
     told = []
     files = script.main(tmp_path, told.append, trial="k06-forward", runs=4)
@@ -36,6 +37,7 @@ def test_a_trial_as_picture_table_and_words(script, tmp_path):
     assert "4 seeds" in (tmp_path / "k06_trials.txt").read_text()
 
 
+@pytest.mark.slow
 def test_its_values_are_those_of_single_runs():
     scenario = load_scenario("k06-real-turn")
     many = trial_metrics(scenario, runs=2)

@@ -65,6 +65,7 @@ def ahead():
     return forward_region(points=8, duration=80.0)
 
 
+@pytest.mark.slow
 def test_the_forward_theorem_holds_but_is_far_from_necessary_and_blind_to_delay(ahead):
     assert ahead.outside("theorem", "simulated") == []
     assert 0.4 < ahead.share("theorem", "simulated") < 0.8
@@ -73,6 +74,7 @@ def test_the_forward_theorem_holds_but_is_far_from_necessary_and_blind_to_delay(
     assert (ahead["linear delayed"] == ahead["delayed"]).mean() > 0.9
 
 
+@pytest.mark.slow
 def test_the_theorem_line_is_where_the_map_changes(ahead):
     (u, k2), _ = ahead.lines.values()
     assert k2 == pytest.approx(MASS * u / ARM)
@@ -80,6 +82,7 @@ def test_the_theorem_line_is_where_the_map_changes(ahead):
     assert (ahead["theorem"] == by_hand).all()
 
 
+@pytest.mark.slow
 def test_the_reverse_law_is_stable_where_its_local_theorem_says():
     region = reverse_region(points=6, duration=80.0)
     assert (region["theorem"] == region["linear"]).all()

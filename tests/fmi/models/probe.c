@@ -20,7 +20,7 @@ enum {
     K = 20, GAIN, TROUBLE, AT, X0, M, STALE = M + 4, STRICT, FOLLOW,
     SLOTS = 40
 };
-enum { NONE, ERROR, DISCARD, CRASH, HANG, EXIT, FATAL, END, EARLY, PRINT, NOT_READY };
+enum { NONE, ERROR, DISCARD, CRASH, HANG, EXIT, FATAL, END, EARLY, PRINT, NOT_READY, LAST };
 
 typedef struct {
     double slot[SLOTS];
@@ -145,7 +145,8 @@ static int step(Model *m, double t, double h, int *ended, double *reached)
     s[STEPS] += 1;
     m->time = t + h;
     compute(m);
-    return 0;
+    *ended = trouble == LAST;
+    return *ended ? 2 : 0;
 }
 
 static int read(Model *m, const unsigned *references, size_t n, double *values)

@@ -1,0 +1,131 @@
+/* Co-Simulation: the FMU's own solver integrates from one communication point to the next. */
+#include "hc_instance_internal.h"
+
+#define AHEAD 100.0              /* communication steps that the solver may be ahead: forces at rest are sampled */
+#define MAX_STEPS 10000000L      /* of the solver in one communication step, some seconds */
+
+static int check_step(hc_instance *c, double time, double length)
+{
+    const double end = time + length, room = 16.0 * DBL_EPSILON * fabs(end) + 1e-6 * length;
+    if (!hc_is_finite(length) || !(length > 0.0))
+        return hc_fail(c, "the step size is %g; it must be positive", length);
+    if (!(fabs(time - c->value[0]) <= room))
+        return hc_fail(c, "the step begins at time %.17g, but the FMU is at time %.17g", time, c->value[0]);
+    if (!(end > time) || !hc_is_finite(end))
+        return hc_fail(c, "a step of %g does not change the time %.17g", length, time);
+    if (c->stop_time < DBL_MAX && end > c->stop_time + room)
+        return hc_fail(c, "the step ends at time %.17g, after the stop time %.17g", end, c->stop_time);
+    return HC_DONE;
+}
+
+static int fail_step(hc_instance *c, int status)
+{
+    const char *reason = status == HC_NOT_FINITE       ? "a derivative or a force is not finite"
+                         : status == HC_STEP_TOO_SMALL ? "the tolerance cannot be met"
+                                                       : "too many steps";
+    c->value[0] = hc_solver_time(c->solver);
+    c->valid = 0;
+    hc_read_states(c);
+    return hc_fail(c, "the integration stopped at time %.17g: %s", c->value[0], reason);
+}
+
+/* The solver is past the event that ended its last step, or at the switch that did. */
+static void pass_event(hc_instance *c)
+{
+    const hc_solver *s = c->solver;
+    c->event = 0;
+    c->value[0] = s->t;
+    hc_log_modes(c, s->mode0, s->mode);
+    if (s->t >= s->next_switch)
+        hc_log_message(&c->log, HC_DONE, NULL, "a condition on time changes at time %.17g", s->t);
+}
+
+#if HC_DELAYS
+/* Let arrive what is due; the solver goes on with it. */
+static int pass_arrivals(hc_instance *c)
+{
+    if (!hc_delays_arrive(c->delays, c->solver->t))
+        return HC_OK;
+    c->event = 1;
+    return hc_solver_set(c->solver, c->solver->t, NULL, c->in, NULL);
+}
+
+/* `stop`, or when something arrives before; the end of the step where that is there. */
+static double stop_at_arrival(const hc_instance *c, double stop, double end)
+{
+    const double next = hc_delays_next(c->delays);
+    if (fabs(next - end) <= hc_room(end))
+        return end;
+    return next < stop ? next : stop;
+}
+#endif
+
+int hc_do_step(hc_instance *c, double time, double length, int *event, int *early)
+{
+    hc_solver *s = c->solver;
+    const double end = time + length;
+    double stop = end;
+    int status = HC_OK;
+    *event = *early = 0;
+    if (check_step(c, time, length) != HC_DONE)
+        return HC_ERROR;
+    c->earliest = -DBL_MAX;
+    c->latest = DBL_MAX;
+    if (!(c->changed && c->changed_before)) { /* values stay for a while: the solver need not stop at the end */
+        stop = end + AHEAD * length < c->stop_time ? end + AHEAD * length : c->stop_time;
+        stop = stop > end ? stop : end;
+    }
+    c->changed_before = c->changed;
+    if (c->changed) {
+        hc_read_states(c);
+        status = hc_tell_solver(c);
+        if (status != HC_OK)
+            return fail_step(c, status);
+    }
+    for (long steps = 0;; steps++) {
+#if HC_DELAYS
+        if (s->t <= end && (status = pass_arrivals(c)) != HC_OK)
+            return fail_step(c, status);
+#endif
+        if (c->event && s->t <= end) {
+            pass_event(c);
+            *event = c->event_mode_used && (c->early_return_allowed || s->t == end);
+            if (*event) {
+                *early = s->t < end;
+                if (s->t >= s->next_switch) /* which is not passed before the discrete states are updated */
+                    c->latest = s->t - hc_room(s->t);
+                c->valid = 0;
+                return HC_DONE;
+            }
+        }
+        if (s->t >= end)
+            break;
+        if (steps > MAX_STEPS)
+            return fail_step(c, HC_TOO_MANY_STEPS);
+        const long events = s->counts[HC_EVENTS];
+        if (hc_ticks_due(&s->ticks, end) && !hc_ticks_before(&s->ticks, end))
+            stop = end; /* ticks of that time see inputs that are set then */
+#if HC_DELAYS
+        status = hc_solver_step(s, stop_at_arrival(c, stop, end));
+#else
+        status = hc_solver_step(s, stop);
+#endif
+        c->event = s->counts[HC_EVENTS] != events || s->t >= s->next_switch;
+        if (status != HC_OK && s->t > end) { /* what failed may never come: begin the next step anew */
+            c->value[0] = end;
+            c->valid = 0;
+            hc_read_states(c);
+            c->changed = c->changed_before = 1;
+            c->event = 0;
+        } else if (status != HC_OK && stop > end) {
+            stop = end;
+            hc_solver_restart(s);
+        } else if (status != HC_OK) {
+            return fail_step(c, status);
+        }
+    }
+    c->value[0] = end;
+    if (!c->changed)
+        c->valid = 0;
+    return HC_DONE;
+}

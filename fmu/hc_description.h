@@ -1,0 +1,24 @@
+/* What the exporter says of a model beside its equations; every FMU defines `hc_description`.
+ *
+ * Order of `names`: states, inputs, parameters, outputs. Order of `start`, `lower`, `upper`: states, inputs, parameters.
+ * An array that would be empty may be NULL.
+ */
+#ifndef HC_DESCRIPTION_H
+#define HC_DESCRIPTION_H
+
+#include "hc_options.h"
+
+typedef struct {
+    const char *name;         /* model identifier */
+    const char *token;        /* instantiationToken of FMI 3, guid of FMI 2 */
+    const char *const *names; /* for messages */
+    const double *start;
+    const double *lower, *upper; /* -HUGE_VAL and HUGE_VAL where there is no bound */
+    const double *nominal;       /* of the states */
+    double rtol, atol;           /* of the Co-Simulation solver; atol is times nominal. An importer's tolerance
+                                    replaces rtol and scales atol with it. */
+} hc_description_type;
+
+extern const hc_description_type hc_description;
+
+#endif

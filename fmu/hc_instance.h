@@ -1,0 +1,172 @@
+/* Private to the runtime: one instance of an FMU, whichever the version of FMI. hc_fmi2.c and hc_fmi3.c give it the
+ * names and types of their standard.
+ *
+ * Value references, with n states, m inputs, q parameters, l outputs, k dry frictions:
+ *     0 time, n states, n derivatives, m inputs, q parameters, l outputs, k event indicators: real numbers;
+ *     then k friction modes: whole numbers.
+ * `value` holds the real numbers in this order.
+ *
+ * Functions that return int return a status; on HC_ERROR and HC_DISCARD the importer's logger got a message. After
+ * HC_ERROR the instance is in the state HC_FAILED: it can be read, reset, restored and freed.
+ */
+#ifndef HC_INSTANCE_H
+#define HC_INSTANCE_H
+
+#include <stddef.h>
+
+#include "hc_delays.h"
+#include "hc_description.h"
+#include "hc_solver.h"
+#include "hc_ticks.h"
+
+enum { HC_DONE = 0, HC_WARNING = 1, HC_DISCARD = 2, HC_ERROR = 3 }; /* as FMI 2 and FMI 3 number them */
+
+enum { HC_MODEL_EXCHANGE = 0, HC_CO_SIMULATION = 1 };
+
+enum {
+    HC_INSTANTIATED = 1,
+    HC_INITIALIZATION = 2,
+    HC_EVENT = 4,
+    HC_CONTINUOUS_TIME = 8,
+    HC_STEP = 16,
+    HC_TERMINATED = 32,
+    HC_FAILED = 64
+};
+
+/* Sets of them: what a call is allowed in. */
+enum {
+    INITIALIZED = HC_EVENT | HC_CONTINUOUS_TIME | HC_STEP,
+    ENDED = HC_TERMINATED | HC_FAILED,
+    ANY = HC_INSTANTIATED | HC_INITIALIZATION | INITIALIZED | ENDED,
+    COMPUTED = HC_INITIALIZATION | INITIALIZED | ENDED, /* where equations are active */
+    SETTABLE = HC_INSTANTIATED | HC_INITIALIZATION | INITIALIZED,
+    DISCRETE = HC_INSTANTIATED | HC_INITIALIZATION | HC_EVENT | HC_STEP
+};
+
+/* The importer's logger. A bit of `categories` is a status: 1 << HC_DONE is logEvents, and so on. */
+typedef struct hc_log_type {
+    int version; /* of FMI */
+    const char *instance;
+    void *environment;
+    void (*callback)(void); /* of the type that `emit` knows; NULL: nothing is logged */
+    void (*emit)(const struct hc_log_type *log, int status, const char *category, const char *message);
+    unsigned categories;
+} hc_log_type;
+
+typedef struct {
+    hc_log_type log;
+    int kind, event_mode_used, early_return_allowed;
+    unsigned state;       /* one bit */
+    const char *function; /* the call in hand, for messages */
+    char *name;
+
+    const hc_model_type *model;
+    double *value, *x, *dx, *u, *p, *y, *z; /* `value` as above, and where its parts begin */
+    double *in;            /* the inputs as the model sees them: u, where none acts late */
+    hc_delays *delays;     /* of those that do; NULL: none */
+    int *mode, *mode_before;
+    unsigned first[9]; /* value reference at which each kind of variable begins, and the end */
+    unsigned valid;    /* which parts of `value` agree with time, states, inputs, parameters and modes */
+    double *a, *b, *partial, *seed, *product; /* work space */
+
+    double earliest, latest, next_switch; /* the model is asked only for times in between, both included */
+    double start_time, stop_time;         /* DBL_MAX: none */
+    double rtol;
+    int updated; /* discrete states were updated in this Event Mode */
+
+    hc_ticks ticks;    /* Model Exchange only: the solver has its own */
+    hc_solver *solver; /* Co-Simulation only */
+    int changed;       /* values were set since the solver got them */
+    int changed_before; /* likewise at the last step */
+    int event;         /* the solver's last step ended at an event */
+    double *initial;   /* the state of a new instance */
+} hc_instance;
+
+/* States that move between ticks; those that are held come after them. */
+static inline size_t hc_n_continuous(const hc_instance *c)
+{
+    return (size_t)(c->model->n_states - c->model->n_held);
+}
+
+/* ---- life ---- */
+
+/* NULL, with a message, on a wrong token, an empty name, or no memory. */
+hc_instance *hc_instance_new(const hc_log_type *log, const char *function, int kind, const char *name,
+                               const char *token);
+void hc_instance_free(hc_instance *c);
+
+/* Every function begins with this: 0, with a message, where the call is not allowed now. */
+int hc_refuse_state(hc_instance *c, unsigned allowed);
+int hc_refuse_kind(hc_instance *c, int kind);
+static inline int hc_enter(hc_instance *c, const char *function, unsigned allowed)
+{
+    if (!c)
+        return 0;
+    c->function = function;
+    return (c->state & allowed) != 0 || hc_refuse_state(c, allowed);
+}
+static inline int hc_enter_kind(hc_instance *c, const char *function, unsigned allowed, int kind)
+{
+    return hc_enter(c, function, allowed) && (c->kind == kind || hc_refuse_kind(c, kind));
+}
+
+#if defined __GNUC__
+#define HC_FORMAT(text, values) __attribute__((format(printf, text, values)))
+#else
+#define HC_FORMAT(text, values)
+#endif
+int hc_fail(hc_instance *c, const char *format, ...) HC_FORMAT(2, 3);
+int hc_discard(hc_instance *c, const char *format, ...) HC_FORMAT(2, 3);
+int hc_not_supported(hc_instance *c, const char *what);
+/* Refuse a NULL where there are values to read or to write. */
+int hc_no_null(hc_instance *c, const void *pointer, const char *name, size_t n);
+/* `only`: the categories given are the only ones from now on (FMI 2); otherwise the others stay as they are (FMI 3). */
+int hc_set_logging(hc_instance *c, int on, int only, size_t n, const char *const categories[]);
+
+int hc_set_experiment(hc_instance *c, int has_tolerance, double tolerance, double start, int has_stop, double stop);
+int hc_exit_initialization(hc_instance *c);
+int hc_reset(hc_instance *c);
+
+/* ---- values ---- */
+
+int hc_get_reals(hc_instance *c, const unsigned *vr, size_t n, double *value);
+int hc_get_modes(hc_instance *c, const unsigned *vr, size_t n, int *value);
+int hc_set_reals(hc_instance *c, const unsigned *vr, size_t n, const double *value);
+/* For the types of which there is no variable, and to set modes: an error unless n is 0. */
+int hc_no_variable(hc_instance *c, const char *type, const unsigned *vr, size_t n);
+
+/* Products with the matrix of partial derivatives of derivatives and outputs by states, inputs and parameters:
+ * sensitivity = J seed, or (adjoint) J' seed. `n_seed`, `n_sensitivity` are as long as knowns and unknowns tell. */
+int hc_partial_derivatives(hc_instance *c, int adjoint, const unsigned *unknown, size_t n_unknown,
+                           const unsigned *known, size_t n_known, const double *seed, double *sensitivity);
+
+/* ---- Model Exchange ---- */
+
+enum { HC_STATES = 1, HC_DERIVATIVES = 2, HC_INPUTS = 3, HC_PARAMETERS = 4, HC_OUTPUTS = 5, HC_INDICATORS = 6 };
+
+int hc_set_time(hc_instance *c, double time);
+int hc_set_states(hc_instance *c, const double *x, size_t n);
+/* Copy one part of `value`, or the nominal sizes of the states. */
+int hc_get_part(hc_instance *c, int part, double *into, size_t n);
+int hc_get_nominals(hc_instance *c, double *into, size_t n);
+int hc_completed_step(hc_instance *c, int *enter_event_mode);
+int hc_enter_event_mode(hc_instance *c);
+/* `next` is DBL_MAX where there is no next event. */
+int hc_update_discrete_states(hc_instance *c, int *states_changed, double *next);
+int hc_leave_event_mode(hc_instance *c, unsigned state);
+
+/* ---- Co-Simulation ---- */
+
+/* On return the instance's time is the one that was reached. */
+int hc_do_step(hc_instance *c, double time, double length, int *event, int *early);
+
+/* ---- the whole state ---- */
+
+int hc_state_get(hc_instance *c, void **state);
+int hc_state_set(hc_instance *c, const void *state);
+int hc_state_free(hc_instance *c, void **state);
+int hc_state_size(hc_instance *c, const void *state, size_t *size);
+int hc_state_write(hc_instance *c, const void *state, unsigned char *bytes, size_t size);
+int hc_state_read(hc_instance *c, const unsigned char *bytes, size_t size, void **state);
+
+#endif

@@ -1,0 +1,82 @@
+/* Model Exchange: the importer integrates. */
+#include "hc_instance_internal.h"
+
+#include <string.h>
+
+int hc_set_time(hc_instance *c, double time)
+{
+    if (!hc_is_finite(time))
+        return hc_fail(c, "time is set to %s", time != time ? "NaN" : "an infinite value");
+    if (time != c->value[0]) {
+        c->value[0] = time;
+        hc_invalidate(c);
+    }
+    return HC_DONE;
+}
+
+static int check_length(hc_instance *c, const void *values, size_t n, size_t expected, const char *what)
+{
+    if (n != expected)
+        return hc_fail(c, "%zu values where there are %zu %s", n, expected, what);
+    return hc_no_null(c, values, what, n);
+}
+
+int hc_set_states(hc_instance *c, const double *x, size_t n)
+{
+    if (check_length(c, x, n, hc_n_continuous(c), "continuous states"))
+        return HC_ERROR;
+    for (size_t i = 0; i < n; i++)
+        if (!hc_is_finite(x[i]))
+            return hc_discard(c, "state %s is set to a value that is not finite", hc_description.names[i]);
+    memcpy(c->x, x, n * sizeof *x);
+    hc_invalidate(c);
+    return HC_DONE;
+}
+
+int hc_get_part(hc_instance *c, int part, double *into, size_t n)
+{
+    static const char *const words[] = {"", "continuous states", "derivatives", "", "", "", "event indicators"};
+    const unsigned first = c->first[part];
+    int status = HC_DONE;
+    const size_t held = part == HC_STATES || part == HC_DERIVATIVES ? (size_t)c->model->n_held : 0;
+    if (check_length(c, into, n, c->first[part + 1] - first - held, words[part]))
+        return HC_ERROR;
+    hc_evaluate(c, part);
+    for (unsigned i = 0; i < n && status == HC_DONE; i++)
+        status = hc_check_finite(c, first + i);
+    if (n > 0)
+        memcpy(into, c->value + first, n * sizeof *into);
+    return status;
+}
+
+int hc_get_nominals(hc_instance *c, double *into, size_t n)
+{
+    if (check_length(c, into, n, hc_n_continuous(c), "continuous states"))
+        return HC_ERROR;
+    if (n > 0)
+        memcpy(into, hc_description.nominal, n * sizeof *into);
+    return HC_DONE;
+}
+
+int hc_completed_step(hc_instance *c, int *enter_event_mode)
+{
+    *enter_event_mode = 0;
+    for (int k = 0; k < c->model->n_friction; k++)
+        if (c->mode[k] == 0 && !hc_is_at_rest(c, k)) /* the importer moved what sticks */
+            *enter_event_mode = 1;
+#if HC_DELAYS
+    if (hc_delays_send_prompt(c->delays, c->u))
+        *enter_event_mode = 1;
+#endif
+    return HC_DONE;
+}
+
+int hc_enter_event_mode(hc_instance *c)
+{
+    if (c->kind == HC_CO_SIMULATION && !c->event_mode_used)
+        return hc_fail(c, "the instance was made with eventModeUsed = false");
+    hc_read_states(c);
+    c->state = HC_EVENT;
+    c->updated = 0;
+    return HC_DONE;
+}

@@ -1,0 +1,89 @@
+"""What makes the thrust of the real loop: K06's reversing fan, or a variable-pitch propeller in its place."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from hovercontrol.autopilot.limits import fan_ends
+from hovercontrol.core.block import Block
+from hovercontrol.core.signals import Signal
+from hovercontrol.hardware.actuators import FanTable, ideal_fan, speed_controller, thrust_force, thrust_lookup
+from hovercontrol.hardware.actuators.pitch import (
+    PITCH_COMMAND,
+    VariablePitch,
+    pitch_lookup,
+    pitch_servo,
+    pitch_thrust,
+)
+from hovercontrol.hardware.actuators.signals import FAN_SPEED_COMMAND
+
+#: Slope and offset of (4.3) of an ideal rudder.
+STRAIGHT = {"slope": -1.0, "offset": 0.0}
+
+
+@dataclass(frozen=True)
+class Thruster:
+    """A thruster by its parts, each of the two sides of the link with an ideal one beside it.
+
+    Attributes
+    ----------
+    command : Signal
+        What goes over the link.
+    ends : tuple of 2 float
+        Least and largest force that it is asked for [N].
+    lookups : tuple of 2 Block
+        The command for a force, as it is and ideal; without states.
+    drive : Block
+        What follows the command on board; sampled.
+    forces : tuple of 2 Block
+        The force it makes then, as it is and ideal; without states.
+    """
+
+    command: Signal
+    ends: tuple[float, float]
+    lookups: tuple[Block, Block]
+    drive: Block
+    forces: tuple[Block, Block]
+
+
+def reversing_fan(tables: tuple[FanTable, FanTable], period: float) -> Thruster:
+    """Return K06's: tables of the fan, and the speed controller that brakes.
+
+    Parameters
+    ----------
+    tables : tuple of two FanTable
+        Speeds over forces, forces over speeds.
+    period : float
+        Base tick [s].
+    """
+    lookup, reverse = tables
+    ideal = ideal_fan()
+    return Thruster(
+        FAN_SPEED_COMMAND,
+        fan_ends(tables),
+        (
+            thrust_lookup(table=lookup, period=0.0),
+            thrust_lookup(table=ideal[0], period=0.0, name="thrust_lookup_ideal"),
+        ),
+        speed_controller(update=0.0, period=period),
+        (thrust_force(table=reverse), thrust_force(table=ideal[1], name="thrust_force_ideal", **STRAIGHT)),
+    )
+
+
+def variable_pitch(propeller: VariablePitch, period: float) -> Thruster:
+    """Return a variable-pitch propeller.
+
+    Parameters
+    ----------
+    propeller : VariablePitch
+    period : float
+        Base tick [s].
+    """
+    ideal = replace(propeller, thrust=20.0, inflow=0.0, rudder_loss=0.0, ideal=True)
+    return Thruster(
+        PITCH_COMMAND,
+        (-propeller.thrust, propeller.thrust),
+        (pitch_lookup(propeller), pitch_lookup(ideal, name="pitch_lookup_ideal")),
+        pitch_servo(lag=propeller.lag, period=period),
+        (pitch_thrust(propeller), pitch_thrust(ideal, name="pitch_thrust_ideal", **STRAIGHT)),
+    )

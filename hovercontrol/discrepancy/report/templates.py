@@ -1,0 +1,95 @@
+"""The templates of the report (Jinja2), and what is put into them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+from functools import cache
+from pathlib import Path
+from typing import NamedTuple
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from markupsafe import Markup, escape
+
+#: Characters from which on a name may break at its underscores.
+LONG = 12
+
+LEGEND = {
+    "measured": "measured",
+    "before": "the given model, its coefficients fitted again",
+    "after": "the amended model",
+    "start": "start of a run",
+}
+
+
+class Table(NamedTuple):
+    """A table of text: headings, rows, and first cells of rows that are marked as new."""
+
+    head: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    new: Sequence[str] = ()
+
+
+def table(head: Sequence[str], rows: Iterable[Sequence[str]], new: Sequence[str] = ()) -> Table:
+    """Return a table without empty columns.
+
+    Examples
+    --------
+    >>> table(["name", "unit"], [["a", ""], ["b", ""]])
+    Table(head=['name'], rows=[('a',), ('b',)], new=())
+    """
+    rows = [tuple(row) for row in rows]
+    kept = [k for k in range(len(head)) if k == 0 or any(row[k] for row in rows)]
+    return Table([head[k] for k in kept], [tuple(row[k] for k in kept) for row in rows], new)
+
+
+def legend(*kinds: str, **others: str) -> dict[str, str]:
+    """Return which colour is what; `others` have words of their own."""
+    return {**{k: LEGEND[k] for k in kinds}, **others}
+
+
+def render(name: str, **values: object) -> Markup:
+    """Return a template filled in; text is escaped, what is marked as HTML is not.
+
+    Parameters
+    ----------
+    name : str
+        Of a file in ``templates``.
+    **values : object
+        What the template names; one that is missing is an error.
+
+    Examples
+    --------
+    >>> print(render("floor_map.html", picture="<svg/>", kind="after", top="1.0", unit="m/s²"))
+    <svg/><p class="legend shades">0 <span class="shade after"></span> 1.0 m/s²</p>
+    """
+    return Markup(_environment().get_template(name).render(values))
+
+
+def figures(pictures: Iterable[str]) -> Markup:
+    """Return pictures side by side, as many as fit."""
+    return Markup(_environment().get_template("parts.html").module.figures(list(pictures)))  # type: ignore[attr-defined]
+
+
+@cache
+def _environment() -> Environment:
+    made = Environment(
+        loader=FileSystemLoader(Path(__file__).parent / "templates", encoding="utf-8"),
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        undefined=StrictUndefined,
+    )
+    made.filters |= {"tied": _tied, "breakable": _breakable}
+    return made
+
+
+def _breakable(cell: str) -> Markup:
+    """Return a name that may break at its underscores if it is long."""
+    name = escape(cell)
+    return Markup(name.replace("_", Markup("_<wbr/>"))) if len(cell) > LONG else name
+
+
+def _tied(cell: str) -> str:
+    """Return text in which no line breaks about ±, before a percent sign, or behind a sign."""
+    return re.sub(r" (?=[%±])|(?<=[<±]) ", "\u00a0", cell)

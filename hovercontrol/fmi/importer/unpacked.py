@@ -1,0 +1,83 @@
+"""An FMU checked and unpacked into a temporary folder, before anything of it runs."""
+
+from __future__ import annotations
+
+import hashlib
+import shutil
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+import fmpy  # type: ignore[import-untyped]
+
+from hovercontrol.errors import InputError
+from hovercontrol.fmi.importer.archive import LIMITS, Archive, check_xml, open_archive
+from hovercontrol.fmi.importer.interface import Interface, read_interface
+
+_DESCRIPTION = "modelDescription.xml"
+
+
+class Unpacked:
+    """The temporary folder of an FMU; removed when the last system that runs from it is closed."""
+
+    def __init__(self) -> None:
+        self.folder = Path(tempfile.mkdtemp(prefix="hovercontrol-fmu-"))
+        self._users = 1
+
+    def hold(self) -> None:
+        """Count one more user."""
+        self._users += 1
+
+    def release(self) -> None:
+        """Count one user less."""
+        self._users -= 1
+        if self._users == 0:
+            shutil.rmtree(self.folder, ignore_errors=True)
+
+
+@dataclass(frozen=True)
+class Source:
+    """An FMU that has been checked and unpacked."""
+
+    path: Path
+    digest: str
+    interface: Interface
+    unpacked: Unpacked
+
+
+def open_source(path: Path) -> Source:
+    """Check and unpack an FMU; nothing of it has run afterwards."""
+    with open_archive(path) as archive:
+        data = archive.read(_DESCRIPTION, LIMITS.description)
+        header = check_xml(data, f"{path}: {_DESCRIPTION}")
+        unpacked = Unpacked()
+        try:
+            file = unpacked.folder / _DESCRIPTION
+            file.write_bytes(data)
+            interface = read_interface(file, header, str(path))
+            binaries = _binaries(archive, interface)
+            archive.unpack(unpacked.folder, lambda name: name.startswith((binaries, "resources/")))
+            (unpacked.folder / "resources").mkdir(exist_ok=True)
+            return Source(path, digest_of(path), interface, unpacked)
+        except BaseException:
+            unpacked.release()
+            raise
+
+
+def _binaries(archive: Archive, interface: Interface) -> str:
+    """Return the folder of this platform's binary; raise if the FMU has none."""
+    platform = fmpy.platform if interface.fmi == 2 else fmpy.platform_tuple
+    folder = f"binaries/{platform}/"
+    if f"{folder}{interface.identifier}{fmpy.sharedLibraryExtension}" not in archive.names:
+        parts = (name.split("/") for name in archive.names)
+        others = sorted({p[1] for p in parts if p[0] == "binaries" and len(p) > 2})
+        has = f"those it has: {', '.join(others)}" if others else "it has none at all"
+        wanted = f"{folder}{interface.identifier}{fmpy.sharedLibraryExtension}"
+        raise InputError(f"{archive.path} has no binary for this platform ({wanted}); {has}")
+    return folder
+
+
+def digest_of(path: Path) -> str:
+    """Return the SHA-256 of a file's bytes."""
+    with open(path, "rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()

@@ -1,0 +1,334 @@
+"""A variable-pitch propeller, which K06 wishes for (chapter 7): constant speed, blades that a servo turns.
+
+It pushes both ways alike and needs no reversing speed controller, whose delay K06 calls problematic.
+
+Blade-element momentum theory of a propeller that stands still (Leishman, "Principles of Helicopter
+Aerodynamics", section 3.3) gives the blades' pitch at three quarters of the radius as ``6 C_T / (sigma a) +
+3/2 sqrt(C_T / 2)``: a part in proportion to the thrust, and the inflow's. So with p the share of the full
+pitch and f that of the full thrust, ``p = (1 - i) f + i sqrt(f)``, i being the inflow's share at full thrust.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import sympy as sp
+
+from hovercontrol.core.block import Block
+from hovercontrol.core.interconnect import interconnect, rename
+from hovercontrol.core.signals import Signal
+from hovercontrol.errors import InputError
+from hovercontrol.hardware.actuators.k06 import (
+    HIGHEST_SPEED,
+    RUDDER_OFFSET,
+    RUDDER_SLOPE,
+    force_angle_of_rudder,
+    forward_thrust,
+)
+from hovercontrol.hardware.actuators.rudder import clipped, regression_signals
+from hovercontrol.hardware.actuators.signals import (
+    DEGREE,
+    RUDDER_ANGLE,
+    RUDDER_ANGLE_COMMAND,
+    THRUST_COMMAND,
+    UPDATE,
+    not_negative,
+)
+from hovercontrol.io.tables import number, positive
+from hovercontrol.models.model import RUDDER, THRUST
+
+PITCH_COMMAND = Signal("pitch_command", "rad", "wanted pitch of the blades, negative astern", nominal=0.1)
+BLADE_PITCH = Signal("blade_pitch", "rad", "pitch of the blades, negative astern", nominal=0.1)
+
+
+@dataclass(frozen=True)
+class VariablePitch:
+    """What a variable-pitch propeller is like; the defaults are a stand-in for K06's craft, nobody built one.
+
+    Parameters
+    ----------
+    thrust : float, optional
+        At full pitch, either way [N]. Default: K06's fan at its 12 000 RPM.
+    pitch : float, optional
+        Full pitch [rad]. Default: blade-element theory for K06's two blades of 7 in diameter (section 4.2),
+        15 mm wide, at 12 000 RPM.
+    inflow : float, optional
+        Share of the full pitch that the inflow takes, by the same; 0: thrust in proportion to pitch.
+    lag : float, optional
+        Time constant of the pitch's servo [s]; 0: it follows at once. The default is an assumption.
+    rudder_loss : float, optional
+        Share of the thrust lost with the rudder at 35 degrees, beyond the cosine, as of the fan.
+    ideal : bool, optional
+        Without what the rudder takes.
+
+    Raises
+    ------
+    InputError
+        If thrust or pitch is not positive, the lag negative or a share not at least 0 and less than 1.
+
+    Examples
+    --------
+    >>> round(VariablePitch(lag=0.0).thrust, 3)
+    2.088
+    """
+
+    thrust: float = float(forward_thrust(HIGHEST_SPEED))
+    pitch: float = 0.135
+    inflow: float = 0.6
+    lag: float = 0.05
+    rudder_loss: float = 0.0
+    ideal: bool = False
+
+    def __post_init__(self) -> None:
+        for key in ("thrust", "pitch"):
+            positive(f"variable pitch: {key}", getattr(self, key))
+        not_negative("variable pitch: lag", self.lag)
+        for key in ("inflow", "rudder_loss"):
+            if not 0 <= number(f"variable pitch: {key}", getattr(self, key)) < 1:
+                raise InputError(
+                    f"variable pitch: {key} must be at least 0 and less than 1, found {getattr(self, key)!r}"
+                )
+
+    def signals(self) -> tuple[Signal, Signal, Signal, Signal]:
+        """Return full thrust, full pitch, the inflow's share and the rudder's loss as parameters."""
+        return (
+            Signal("full_thrust", "N", "at full pitch, either way", start=self.thrust, lower=0.0),
+            Signal(
+                "full_pitch", "rad", "largest pitch, either way", start=self.pitch, lower=0.0, nominal=0.1
+            ),
+            Signal(
+                "inflow", "1", "share of it that the inflow takes", start=self.inflow, lower=0.0, upper=1.0
+            ),
+            Signal(
+                "rudder_loss", "1", "share lost at 35 degrees", start=self.rudder_loss, lower=0.0, upper=1.0
+            ),
+        )
+
+    def left(self, rudder: Any, loss: Any) -> Any:
+        """Return the share of the thrust that `rudder` [rad] leaves; `loss` is that at 35 degrees."""
+        return sp.S.One if self.ideal else sp.cos(rudder) * (1 - loss * (rudder / (35 * DEGREE)) ** 2)
+
+
+def pitch_lookup(propeller: VariablePitch | None = None, *, name: str = "pitch_lookup") -> Block:
+    """Return the pitch for a wanted thrust at a rudder angle; beyond full pitch it is full pitch.
+
+    Parameters
+    ----------
+    propeller : VariablePitch, optional
+    name : str, optional
+
+    Returns
+    -------
+    Block
+        Without states. Inputs ``thrust_command`` [N], ``rudder_angle_command`` [rad]; outputs
+        ``pitch_command`` [rad] and ``thrust_outside``, 1 where more is wanted than full pitch gives.
+
+    Examples
+    --------
+    >>> pitch, outside = pitch_lookup().to_numpy().outputs(0.0, (), [-2.088, 0.0])
+    >>> round(float(pitch), 6), float(outside)
+    (-0.135, 0.0)
+    """
+    made = propeller or VariablePitch()
+    parameters = made.signals()
+    full, most, inflow, loss = (p.symbol for p in parameters)
+    F = THRUST_COMMAND.symbol
+    share = Signal("share", "1", "of the full thrust that is there")
+    wanted = F / (full * made.left(RUDDER_ANGLE_COMMAND.symbol, loss))
+    size = sp.Min(sp.Abs(share.symbol), 1)
+    turned = most * ((1 - inflow) * size + inflow * sp.sqrt(size))
+    flag, outside = clipped(sp.Abs(share.symbol) > 1 + 1e-9, "thrust")
+    return Block(
+        name,
+        inputs=(THRUST_COMMAND, RUDDER_ANGLE_COMMAND),
+        outputs=(PITCH_COMMAND, flag),
+        parameters=parameters,
+        definitions={share.name: wanted},
+        definition_signals=(share,),
+        output_expressions={
+            PITCH_COMMAND.name: sp.Piecewise((-turned, F < 0), (turned, True)),
+            flag.name: outside,
+        },
+    )
+
+
+def pitch_servo(*, lag: float = 0.05, period: float = UPDATE, name: str = "pitch_servo") -> Block:
+    """Return the servo that turns the blades: it takes a command at each tick and nears it with a lag.
+
+    Parameters
+    ----------
+    lag : float, optional
+        Time constant [s]; 0: it is there at once.
+    period : float, optional
+        [s]
+    name : str, optional
+
+    Returns
+    -------
+    Block
+        Sampled. Input ``pitch_command`` [rad]; output ``blade_pitch`` [rad].
+
+    Raises
+    ------
+    InputError
+        If the lag is negative or the period not positive.
+
+    Examples
+    --------
+    >>> from hovercontrol.simulation.hybrid import Ticking
+    >>> servo = Ticking(pitch_servo(lag=0.02))
+    >>> [round(servo.tick(0.02 * k, {"pitch_command": 0.1})["blade_pitch"], 4) for k in range(3)]
+    [0.0632, 0.0865, 0.095]
+    """
+    positive(f"{name}: period", period)
+    late = Signal(
+        "lag", "s", "time constant", start=not_negative(f"{name}: lag", lag), lower=0.0, nominal=0.1
+    )
+    step = Signal("update", "s", "time between two commands", start=period, lower=0.0)
+    last = BLADE_PITCH.replace(name="last_blade_pitch", description="their pitch so far")
+    kept = sp.exp(-step.symbol / sp.Max(late.symbol, step.symbol / 1000))
+    return Block(
+        name,
+        states=(last,),
+        inputs=(PITCH_COMMAND,),
+        outputs=(BLADE_PITCH,),
+        parameters=(late, step),
+        definitions={BLADE_PITCH.name: PITCH_COMMAND.symbol + kept * (last.symbol - PITCH_COMMAND.symbol)},
+        definition_signals=(BLADE_PITCH,),
+        derivatives={last.name: BLADE_PITCH.symbol},
+        period=period,
+    )
+
+
+def pitch_thrust(
+    propeller: VariablePitch | None = None,
+    *,
+    slope: float = RUDDER_SLOPE,
+    offset: float = RUDDER_OFFSET,
+    name: str = "pitch_thrust",
+) -> Block:
+    """Return the force that blades and rudder make: the theory backwards, and (4.3) backwards.
+
+    Parameters
+    ----------
+    propeller : VariablePitch, optional
+    slope, offset : float, optional
+        Of (4.3), as for :func:`~hovercontrol.hardware.actuators.rudder_lookup`.
+    name : str, optional
+
+    Returns
+    -------
+    Block
+        Without states. Inputs ``blade_pitch``, ``rudder_angle`` [rad]; outputs ``thrust`` [N], negative
+        astern, and ``rudder`` [rad], the angle of the force from the bow.
+
+    Raises
+    ------
+    InputError
+        If the slope is zero.
+
+    Examples
+    --------
+    >>> pitch_thrust().to_numpy().outputs(0.0, (), [-0.135, 0.0]).round(3).tolist()
+    [-2.088, -0.007]
+    """
+    made = propeller or VariablePitch()
+    parameters = (*regression_signals(slope, offset, name), *made.signals())
+    K, b, full, most, inflow, loss = (p.symbol for p in parameters)
+    pitch = BLADE_PITCH.symbol
+    share = Signal("share", "1", "of the full pitch")
+    p, straight = share.symbol, 1 - inflow
+    root = 2 * p / (inflow + sp.sqrt(inflow**2 + 4 * straight * p))  # of (1 - i) s^2 + i s = p
+    root = sp.Piecewise((root, p > 0), (0, True))
+    size = full * made.left(RUDDER_ANGLE.symbol, loss) * root**2
+    return Block(
+        name,
+        inputs=(BLADE_PITCH, RUDDER_ANGLE),
+        outputs=(
+            THRUST.replace(unit="N", description="force of the propeller"),
+            RUDDER.replace(description="angle of the force from the bow"),
+        ),
+        parameters=parameters,
+        definitions={share.name: sp.Min(sp.Abs(pitch) / most, 1)},
+        definition_signals=(share,),
+        output_expressions={
+            "thrust": sp.Piecewise((-size, pitch < 0), (size, True)),
+            "rudder": force_angle_of_rudder(RUDDER_ANGLE.symbol, K, b),
+        },
+    )
+
+
+def variable_pitch_propeller(
+    propeller: VariablePitch | None = None, *, period: float = UPDATE, name: str = "variable_pitch"
+) -> Block:
+    """Return the whole variable-pitch propeller: pitch for a wanted thrust, servo, blades.
+
+    Parameters
+    ----------
+    propeller : VariablePitch, optional
+    period : float, optional
+        At which the servo takes commands [s].
+    name : str, optional
+
+    Returns
+    -------
+    Block
+        Hybrid. Inputs ``thrust_command`` [N], ``rudder_angle`` [rad]; outputs ``thrust`` [N], ``rudder``
+        [rad], ``blade_pitch`` [rad] and ``thrust_outside``.
+
+    Raises
+    ------
+    InputError
+        If the period is not positive.
+
+    Examples
+    --------
+    >>> block = variable_pitch_propeller()
+    >>> run = block.start(inputs={"thrust_command": -1.0})
+    >>> [round(float(run.step(None, 0.1)[0]), 2) for _ in range(4)]
+    [-0.86, -0.98, -1.0, -1.0]
+    """
+    made = propeller or VariablePitch()
+    lookup = rename(pitch_lookup(made), {RUDDER_ANGLE_COMMAND.name: RUDDER_ANGLE.name})
+    parts = [lookup, pitch_servo(lag=made.lag, period=period), pitch_thrust(made)]
+    return interconnect(parts, name, outputs=["thrust", "rudder", BLADE_PITCH.name, "thrust_outside"])
+
+
+def blade_element(
+    thrust: float, radius: float, speed: float, chord: float, *, blades: int = 2, air: float = 1.2
+) -> tuple[float, float]:
+    """Return full pitch [rad] and the inflow's share of it, by blade-element momentum theory.
+
+    Parameters
+    ----------
+    thrust : float
+        [N]
+    radius, chord : float
+        Of the blades [m].
+    speed : float
+        [rad/s]
+    blades : int, optional
+    air : float, optional
+        Density [kg/m^3].
+
+    Raises
+    ------
+    InputError
+        If one is not positive.
+
+    Examples
+    --------
+    >>> pitch, inflow = blade_element(2.088, 0.0889, 1256.6, 0.015)  # 7 in, 12 000 RPM
+    >>> round(pitch, 3), round(inflow, 2)
+    (0.135, 0.59)
+    """
+    given = {"thrust": thrust, "radius": radius, "speed": speed, "chord": chord, "air": air, "blades": blades}
+    for key, value in given.items():
+        positive(f"blade_element: {key}", value)
+    coefficient = thrust / (air * math.pi * radius**2 * (speed * radius) ** 2)
+    solidity = blades * chord / (math.pi * radius)
+    inflow = 1.5 * math.sqrt(coefficient / 2)
+    pitch = 6 * coefficient / (solidity * 5.7) + inflow  # 5.7 per rad: lift slope of a thin blade
+    return pitch, inflow / pitch

@@ -1,0 +1,80 @@
+"""What a craft does whose commands have stopped coming."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import sympy as sp
+
+from hovercontrol.core.block import Block
+from hovercontrol.core.delay_line import passed_through
+from hovercontrol.core.signals import Signal
+from hovercontrol.io.tables import positive
+
+
+def failsafe(
+    signals: Sequence[Signal],
+    age: str,
+    *,
+    timeout: float = 0.4,
+    incoming: str = "_heard",
+    suffix: str = "_received",
+    name: str = "failsafe",
+) -> Block:
+    """Return what passes commands on while they are fresh, and else the signals' start values: at rest.
+
+    K06's craft has a safety pilot's receiver besides its link (section 5.2); K06 prints no waiting time.
+
+    Parameters
+    ----------
+    signals : sequence of Signal
+        Commands; their start values are those at rest.
+    age : str
+        Name of the link's output that tells how old the commands are [s].
+    timeout : float, optional
+        Age from which on they count as lost [s]; a parameter.
+    incoming, suffix : str, optional
+        Of the names before it and behind it.
+    name : str, optional
+
+    Returns
+    -------
+    Block
+        Without states. Inputs the commands as they come and their age; outputs the commands to be obeyed and
+        ``<name>_on``, 1 where they are those at rest. What is not zero at rest is a parameter.
+
+    Raises
+    ------
+    InputError
+        If the timeout is not positive, or there are no signals or two of one name.
+
+    Examples
+    --------
+    >>> block = failsafe([Signal("thrust", "N")], "link_age")
+    >>> [block.to_numpy().outputs(0.0, (), [1.5, old]).tolist() for old in (0.1, 0.5)]
+    [[1.5, 0.0], [0.0, 1.0]]
+    """
+    signals = passed_through(name, signals, suffix)
+    old = Signal(age, "s", "how old the commands are")
+    longest = Signal(
+        "timeout", "s", "age of lost commands", start=positive(f"{name}: timeout", timeout), lower=0.0
+    )
+    fresh = old.symbol < longest.symbol
+    on = Signal(f"{name}_on", "1", "1 where commands are those at rest", lower=0.0, upper=1.0)
+    heard = [s.replace(name=s.name + incoming) for s in signals]
+    rest = {
+        s.name: s.replace(name=f"rest_{s.name}", description=f"{s.name} at rest") for s in signals if s.start
+    }
+    told: dict[str, sp.Expr] = {
+        s.name + suffix: sp.Piecewise(
+            (h.symbol, fresh), (rest[s.name].symbol if s.start else sp.S.Zero, True)
+        )
+        for s, h in zip(signals, heard, strict=True)
+    }
+    return Block(
+        name,
+        inputs=(*heard, old),
+        outputs=(*(s.replace(name=s.name + suffix) for s in signals), on),
+        parameters=(longest, *rest.values()),
+        output_expressions={**told, on.name: sp.Piecewise((0, fresh), (1, True))},
+    )

@@ -1,0 +1,34 @@
+"""A Block whose states stay as they are: what a model is held against that says nothing."""
+
+from __future__ import annotations
+
+import sympy as sp
+
+from hovercontrol.core.block import Block
+from hovercontrol.core.expressions import Expressions
+
+
+def coasting(block: Block) -> Block:
+    """Return the Block in which every state stays, but those that follow from others by geometry alone.
+
+    Those are the states whose derivative holds neither a parameter nor an input: a pose moves on
+    with velocities that stay.
+
+    Examples
+    --------
+    >>> from hovercontrol.models.vehicles import hoverdemon
+    >>> print(coasting(hoverdemon().plant()).equations())
+    x' = u*cos(psi) - v*sin(psi)
+    y' = u*sin(psi) + v*cos(psi)
+    psi' = r
+    u' = 0
+    v' = 0
+    r' = 0
+    """
+    driven = {s.symbol for s in (*block.parameters, *block.inputs)}
+    return block.unchecked(
+        derivatives=Expressions(
+            (name, sp.Integer(0) if block.expand(e).free_symbols & driven else e)
+            for name, e in block.derivatives.items()
+        )
+    )

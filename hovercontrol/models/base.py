@@ -1,0 +1,217 @@
+"""What every model can be asked, whatever it is made of: a craft's effects, or a Block with effects added."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Collection, Hashable, Iterable, Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, ClassVar, Self, cast
+
+import sympy as sp
+from numpy.typing import ArrayLike
+
+from hovercontrol.core.block import Block
+from hovercontrol.core.boundary import checked
+from hovercontrol.core.signals import Signal
+from hovercontrol.effects import Effect, Shape, effect_class
+from hovercontrol.errors import InputError, did_you_mean
+
+#: What the output is called that shows a quantity as its sensor sees it, behind the quantity's name.
+_MEASURED = "_measured"
+
+
+class EffectModel(ABC):
+    """A list of effects and the plant that they make; what estimation and the search for effects work on.
+
+    Attributes
+    ----------
+    is_craft : bool
+        Whether it moves in the plane, with pose and body velocities: its logs have a frame.
+    """
+
+    is_craft: ClassVar[bool] = False
+
+    if TYPE_CHECKING:
+
+        @property
+        def name(self) -> str:
+            """What files and errors call it."""
+
+        @property
+        def effects(self) -> tuple[Effect, ...]:
+            """Those that it has."""
+
+    @property
+    @abstractmethod
+    def signature(self) -> tuple[Hashable, ...]:
+        """What the plant's equations depend on: all but the numbers."""
+
+    @property
+    @abstractmethod
+    def motion(self) -> tuple[str, ...]:
+        """The states that it has without any effect: no part of the commands' way."""
+
+    @abstractmethod
+    def accepts(self, cls: type[Effect]) -> bool:
+        """Tell whether an effect may be missing."""
+
+    @abstractmethod
+    def candidates(self) -> tuple[type[Effect], ...]:
+        """Return the effects that may be missing and that the model does not have yet."""
+
+    @abstractmethod
+    def coefficients(self) -> dict[str, float]:
+        """Return every number, by parameter name."""
+
+    @abstractmethod
+    def with_coefficients(self, values: Mapping[str, float]) -> Self:
+        """Return the model with other numbers, by parameter name."""
+
+    @abstractmethod
+    def linear_coefficients(self) -> tuple[str, ...]:
+        """Return the parameter names of what an estimator may estimate: no shapes."""
+
+    @abstractmethod
+    def input_units(self) -> dict[str, str]:
+        """Return the unit of each input."""
+
+    @abstractmethod
+    def input_size(self, cls: type[Effect], inputs: Mapping[str, ArrayLike]) -> float:
+        """Return the largest size of what an input effect acts on."""
+
+    @abstractmethod
+    def timing(self) -> tuple[str, str]:
+        """Return the parameters that say how late inputs act and how late measurements are, or ``""``."""
+
+    @abstractmethod
+    def plant(self, *, late: bool = False) -> Block:
+        """Return the plant; without delays if the caller shifts commands and clock (`late`)."""
+
+    # ---- the same for all ----------------------------------------------------------------------------
+
+    def effect_class(self, name: str) -> type[Effect]:
+        """Return the class of an effect by its name.
+
+        Raises
+        ------
+        InputError
+            If no effect has that name; the nearest one is in the text.
+        """
+        return effect_class(name)
+
+    @checked
+    def effect(self, name: str) -> Effect:
+        """Return the effect of that name.
+
+        Raises
+        ------
+        InputError
+            If the model has none; the nearest is named.
+        """
+        for effect in self.effects:
+            if effect.name == name:
+                return effect
+        hint = did_you_mean(name, [e.name for e in self.effects])
+        raise InputError(f"model {self.name!r} has no effect {name!r}{hint}")
+
+    @checked
+    def with_effects(self, effects: Iterable[Effect]) -> Self:
+        """Return the model with these effects added, or put in place of those of the same name."""
+        new = {e.name: e for e in self.effects} | {e.name: e for e in effects}
+        return cast(Self, replace(cast(Any, self), effects=tuple(new.values())))
+
+    def without_effects(self, *names: str) -> Self:
+        """Return the model less some of its effects, all else as it is."""
+        left = tuple(e for e in self.effects if e.name not in names)
+        return cast(Self, replace(cast(Any, self), effects=left))
+
+    def coefficient_name(self, name: str) -> str:
+        """Return the name of a coefficient, given with or without the plant's name in front."""
+        return name.rpartition(".")[2]
+
+    def nominal_sizes(self) -> dict[str, float]:
+        """Return the size against which an error of each coefficient is held."""
+        return {name: abs(value) or 1.0 for name, value in self.coefficients().items()}
+
+    def _refuse_twice(self) -> None:
+        names = [e.name for e in self.effects]
+        for name in names:
+            if names.count(name) > 1:
+                raise InputError(f"model {self.name!r}: the effect {name!r} stands twice")
+
+    def _refuse_unknown(self, names: Iterable[str]) -> None:
+        known = self.coefficients()
+        for name in names:
+            if name not in known:
+                raise InputError(
+                    f"model {self.name!r} has no coefficient {name!r}{did_you_mean(name, known)}"
+                )
+
+    def _effect_coefficients(self) -> dict[str, float]:
+        return {e.parameter(k): v for e in self.effects for k, v in e.values.items()}
+
+    def _linear_in_effects(self) -> tuple[str, ...]:
+        numbers = ((e.parameter(k), n) for e in self.effects for k, n in e.numbers.items())
+        return tuple(name for name, n in numbers if not isinstance(n, Shape))
+
+    def _renumbered_effects(self, values: Mapping[str, float]) -> tuple[Effect, ...]:
+        return tuple(
+            type(e)(**{k: values.get(e.parameter(k), v) for k, v in e.values.items()}) for e in self.effects
+        )
+
+
+def as_measured(signal: Signal) -> Signal:
+    """Return the output of a plant that says what a sensor sees of a quantity."""
+    return signal.replace(name=signal.name + _MEASURED, description=f"{signal.description}, as measured")
+
+
+def shown_by(outputs: Collection[str], channel: str) -> str:
+    """Return the output that shows a channel: as measured, where a sensor sees something else than there is.
+
+    Examples
+    --------
+    >>> shown_by(["u", "r", "r_measured"], "r"), shown_by(["u", "r", "r_measured"], "u")
+    ('r_measured', 'u')
+    """
+    measured = channel + _MEASURED
+    return measured if measured in outputs else channel
+
+
+def quantity_of(output: str) -> tuple[str, bool]:
+    """Return what an output shows, and whether as its sensor sees it.
+
+    Examples
+    --------
+    >>> quantity_of("r_measured"), quantity_of("u")
+    (('r', True), ('u', False))
+    """
+    return output.removesuffix(_MEASURED), output.endswith(_MEASURED)
+
+
+def delays_of(
+    timing: tuple[str, str], inputs: Iterable[Signal], values: Mapping[str, float]
+) -> dict[str, sp.Expr]:
+    """Return how late commands act on what is measured: their own delay and that of the measurements' clock.
+
+    Parameters
+    ----------
+    timing : tuple of str
+        As of :meth:`EffectModel.timing`.
+    inputs : iterable of Signal
+    values : mapping
+        Of the coefficients, as :meth:`EffectModel.coefficients`.
+
+    Raises
+    ------
+    InputError
+        If it is negative.
+    """
+    names = [name for name in timing if name]
+    total = sum(values[name.rpartition(".")[2]] for name in names)
+    if total < 0:
+        raise InputError(
+            f"{' + '.join(names)} = {total:g} s: measurements that are early see commands before they are "
+            "sent, which cannot be simulated; shift the log's commands and leave the effect out"
+        )
+    delay = sp.Add(*(sp.Symbol(name, real=True) for name in names))
+    return {s.name: delay for s in inputs} if names else {}

@@ -1,0 +1,81 @@
+"""The C runtime of compiled Blocks and FMUs: where it lies, and which of its files a program needs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+_SOLVER = (
+    *("hc_names.h", "hc_options.h", "hc_numbers.h", "hc_model.h", "hc_rk4.h", "hc_steps.h"),
+    *("hc_solver.h", "hc_solver_internal.h", "hc_solver.c", "hc_solver_state.c", "hc_step_length.c"),
+    *("hc_methods.h", "hc_methods.c", "hc_dense.c", "hc_events.c"),
+    *("hc_friction.h", "hc_friction.c", "hc_ticks.h", "hc_ticks.c"),
+)
+_LANES = ("hc_lanes.h", "hc_lanes_math.h")
+#: Simulations and sweeps of a compiled Block, and its runs step by step.
+SIMULATION = (
+    *_SOLVER, *_LANES, "hc_lanes.c", "hc_runs.h",
+    *("hc_simulate.h", "hc_simulate.c", "hc_runner.h", "hc_runner.c"),
+)  # fmt: skip
+#: Windows of logs, many at once.
+SHOOTING = ("hc_names.h", "hc_options.h", "hc_model.h", "hc_rk4.h", *_LANES, "hc_shoot.h", "hc_shoot.c")
+#: States that follow from given signals.
+FOLLOWING = ("hc_follow.h", "hc_follow.c")
+#: An instance of an FMU, whichever the version of FMI.
+INSTANCE = (
+    *_SOLVER, "hc_description.h", "hc_delays.h", "hc_instance.h", "hc_instance_internal.h",
+    *(f"hc_{job}.c" for job in ("instance", "messages", "values", "partials", "saved_state")),
+    *(f"hc_{job}.c" for job in ("event_mode", "model_exchange", "co_simulation")),
+)  # fmt: skip
+#: Inputs of an FMU that act late.
+DELAYS = ("hc_delays.c",)
+#: The functions of each version of FMI.
+FMI = {
+    2: ("hc_fmi2.h", "hc_fmi2.c"),
+    3: ("hc_fmi3.h", "hc_fmi3_calls.h", *(f"hc_fmi3{job}.c" for job in ("", "_values", "_unsupported"))),
+}
+
+_PACKAGE = Path(__file__).parents[1]
+#: In an installed wheel it lies inside the package; in a checkout, installed as editable or not, beside it.
+_PLACES = (_PACKAGE / "fmu", _PACKAGE.parent / "fmu")
+
+
+def runtime_folder() -> Path:
+    """Return the folder of the C runtime.
+
+    Raises
+    ------
+    FileNotFoundError
+        If the package was copied without it.
+
+    Examples
+    --------
+    >>> (runtime_folder() / "hc_solver.c").is_file()
+    True
+    """
+    for place in _PLACES:
+        if (place / "hc_model.h").is_file():  # no other package's folder of this name has that
+            return place
+    raise FileNotFoundError(f"the C runtime of hovercontrol is neither in {_PLACES[0]} nor in {_PLACES[1]}")
+
+
+def runtime_files(names: Iterable[str]) -> dict[str, str]:
+    """Return files of the C runtime by name.
+
+    Parameters
+    ----------
+    names : iterable of str
+        Of its sources and headers.
+
+    Raises
+    ------
+    FileNotFoundError
+        If one is missing.
+
+    Examples
+    --------
+    >>> runtime_files(["hc_model.h"])["hc_model.h"].splitlines()[0][:30]
+    '/* What a generated model give'
+    """
+    folder = runtime_folder()
+    return {name: (folder / name).read_text(encoding="utf-8") for name in names}
