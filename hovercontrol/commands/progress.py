@@ -25,7 +25,7 @@ def progress_bar(text: str, total: float) -> Iterator[Report]:
     A terminal shows a bar, removed if the work fails; a pipe gets one line at the end.
     """
     console = Console(stderr=True)
-    if not console.is_terminal:
+    if not sys.stderr.isatty():  # notebooks ask for colours, and have no line to write over
         begin = time.perf_counter()
         yield lambda done, what="": None
         print(f"{text}: done in {time.perf_counter() - begin:.1f} s", file=sys.stderr)
