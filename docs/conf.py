@@ -11,6 +11,7 @@ HERE = Path(__file__).parent
 sys.path[:0] = [str(HERE), str(HERE.parent)]
 
 os.environ["HOVERCONTROL_TUTORIALS"] = str(HERE / "tutorials")  # the cells run in folders of their own
+os.environ |= {"COLUMNS": "110", "NO_COLOR": "1"}  # tables of commands on a page
 
 import hovercontrol  # noqa: E402
 

@@ -6,10 +6,13 @@ from collections import defaultdict
 from dataclasses import replace
 from pathlib import Path
 
+from matplotlib.figure import Figure
+
 from generate import effect_runs
 from generate.equations import changed_lines
 from generate.pages import bounds, first_sentence, html, picture, table, toctree, write
 from hovercontrol.effects import Effect, Shape, effect_class, effect_names
+from hovercontrol.io.figure_style import figure_style
 from hovercontrol.models.model import Model
 
 KINDS = {
@@ -66,7 +69,7 @@ def _page(cls: type[Effect], runs: effect_runs.Runs, folder: Path) -> None:
         f"```toml\n[effects]\n{cls.name} = {line}\n```",
         "## What it does to a run",
         f"The craft [`{seen.base.name}`](../vehicles/{seen.base.name}.md) drives {seen.manoeuvre.text}.",
-        picture(seen.figure(), text, f"The motion without and with {cls.name}"),
+        picture(_drawn(seen), text, f"The motion without and with {cls.name}"),
         "## Which manoeuvre shows it",
         "The change in what is measured that is left when the model's own coefficients are fitted again, as a "
         "share of the motion (root mean square):",
@@ -74,6 +77,11 @@ def _page(cls: type[Effect], runs: effect_runs.Runs, folder: Path) -> None:
         "## Near twins",
         _twins(cls.name, runs),
     )
+
+
+def _drawn(seen: effect_runs.Seen) -> Figure:
+    with figure_style():
+        return seen.figure()
 
 
 def _without(model: Model, name: str) -> Model:

@@ -24,11 +24,11 @@ def changed_lines(base: Model, model: Model) -> str:
 
 
 def _line(name: str, e: sp.Expr, before: sp.Expr | None, *, dot: bool = False) -> str:
-    """Return one equation; nothing where it is as before."""
+    """Return one equation, what is new in it first; nothing where it is as before."""
     if e == before:
         return ""
     known = set(sp.Add.make_args(before)) if before is not None else set()
-    terms = sorted(sp.Add.make_args(e), key=lambda term: (term not in known, sp.default_sort_key(term)))
+    terms = sorted(sp.Add.make_args(e), key=lambda term: (term in known, sp.default_sort_key(term)))
     right = ""
     for k, term in enumerate(terms):
         negative = term.could_extract_minus_sign()

@@ -69,11 +69,11 @@ def picture(figure: Figure, path: Path, text: str, *, dpi: int = 110) -> str:
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     vector = path.with_suffix(".svg")
-    figure.savefig(vector)
+    figure.savefig(vector, bbox_inches="tight")
     if vector.stat().st_size > 150_000:
         vector.unlink()
         vector = path.with_suffix(".png")
-        figure.savefig(vector, dpi=dpi)
+        figure.savefig(vector, dpi=dpi, bbox_inches="tight")
     return f"![{text}]({vector.name})"
 
 
