@@ -23,7 +23,7 @@ from hovercontrol.scenarios import load_scenario, scenario_names
 from hovercontrol.schema import KINDS, schema
 
 CHECK = {kind: Draft202012Validator(schema(kind)) for kind in KINDS}
-README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
+MODELS = (Path(__file__).parents[1] / "docs" / "concepts" / "models.md").read_text(encoding="utf-8")
 TABLE1 = tomllib.loads((resources.files("hovercontrol.scenarios") / "table1.toml").read_text())
 
 
@@ -48,8 +48,8 @@ def test_every_vehicle_as_a_model_file_fits(name):
     assert wrong("model", tomllib.loads(model_text(vehicle(name)))) == []
 
 
-def test_the_model_file_of_the_readme_fits():
-    blocks = re.findall(r"```toml\n(.*?)```", README, flags=re.DOTALL)
+def test_the_model_files_of_the_documentation_fit():
+    blocks = re.findall(r"```toml\n(.*?)```", MODELS, flags=re.DOTALL)
     assert len(blocks) >= 2
     for block in blocks:
         assert wrong("model", tomllib.loads(block)) == []

@@ -65,6 +65,7 @@ def test_a_script_uses_the_public_api_only(name):
         "hovercontrol.analysis.output",
         "hovercontrol.analysis.c17.table_two",
         "hovercontrol.scenarios",
+        "hovercontrol.io.figure_style",
     }
     assert not [a.name for n in used for a in n.names if a.name.startswith("_")]
 

@@ -1,5 +1,7 @@
 """What the held-out log says of a selection: names it drops, and what takes their place."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -15,6 +17,7 @@ from hovercontrol.estimation.data import gather
 
 from .generator import Conditions, make
 
+LATE = ("input_delay", "time_offset")
 SHORT = Conditions(duration=15.0, logs=1)
 
 
@@ -62,7 +65,8 @@ def test_another_that_predicts_better_takes_the_place_of_one_that_does_not(slope
 def test_twins_of_what_takes_a_place_are_readings_of_it(sloped):
     _, base, fit, other = sloped
     blocks = agreement(fit, base, "slope")
-    late = [Tried(n, fit, 1.0, blocks, 1) for n in ("input_delay", "time_offset")]
+    fits = [SimpleNamespace(model=base.model.with_effects([effect(n, seconds=0.02)])) for n in LATE]
+    late = [Tried(n, f, 1.0, blocks, 1) for n, f in zip(LATE, fits, strict=True)]
     given = selection(base, other, "rudder_offset", tuple(("rudder_offset", t) for t in late))
     changed = _with_other(given, "rudder_offset", late[0])
     assert [(r.name, r.instead_of, r.same) for r in changed.rivals] == [("time_offset", "input_delay", True)]
