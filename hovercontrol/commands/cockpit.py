@@ -1,4 +1,4 @@
-"""``hovercontrol cockpit``: fly a craft from the browser."""
+"""``hovercontrol cockpit``: drive a craft from the browser."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def cockpit(
 
     K06's laws (stop, forward, reverse, turn, heading, goal) need a craft whose thrust is in newton.
 
-    The real loop flies through K06's ground station: radio link, navigation, actuators. The page switches.
+    The real loop runs through K06's ground station: radio link, navigation, actuators. The page switches.
 
     Wind, slopes and friction can be switched on. Recordings are logs for identify and diagnose.
 
