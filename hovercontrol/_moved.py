@@ -39,6 +39,8 @@ MOVED = {
     "targets.runner": "simulation.runner",
     "fmi.imported": "fmi.importer.imported",
     "fmi.export": "fmi.exporter.export",
+    "autopilot.sides": "autopilot.ground_onboard",
+    "autopilot.choice": "autopilot.selector",
 }
 
 

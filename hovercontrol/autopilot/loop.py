@@ -8,11 +8,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
-from hovercontrol.autopilot.choice import choice
+from hovercontrol.autopilot.selector import selector
 from hovercontrol.autopilot.imperfections import Imperfections
 from hovercontrol.autopilot.limits import lossy_tables
 from hovercontrol.autopilot.navigation import HATS, NAVIGATION, check_beacons, sampled_motion
-from hovercontrol.autopilot.sides import after, board_side, held_side, pilot_side, sent_commands
+from hovercontrol.autopilot.ground_onboard import after, board_side, held_side, pilot_side, sent_commands
 from hovercontrol.autopilot.thrusters import reversing_fan, variable_pitch
 from hovercontrol.core.block import Block
 from hovercontrol.core.interconnect import interconnect
@@ -195,7 +195,7 @@ def autopilot_parts(
         sampled_motion(rate),
         _ins_update(seen),
         k06_downlink(told),
-        choice(
+        selector(
             "downlink_delay",
             "36 ms from the craft to the law",
             {s.replace(name=f"{s.name}_seen"): (f"{s.name}_told_received", f"{s.name}_told") for s in seen},
@@ -203,7 +203,7 @@ def autopilot_parts(
         pilot,
         k06_uplink(commands),
         constant_delay(commands, period, period, suffix="_next", name="base_tick"),
-        choice(
+        selector(
             "uplink_delay",
             "40 ms from the law to the craft",
             {after(s, "sent"): (f"{s.name}_received", f"{s.name}_next") for s in commands},
@@ -252,9 +252,9 @@ def seeds(loop: Block, values: Iterable[int] | int) -> dict[str, list[float]]:
 
 
 def _ins_update(seen: list[Signal]) -> Block:
-    """Return the choice between the navigation's own ticks and its errors on the motion of any instant."""
+    """Return the selector between the navigation's own ticks and its errors on the motion of any instant."""
     ways = {}
     for s in seen:
         hat, sampled = (s.replace(name=f"{s.name}_{end}").symbol for end in ("hat", "sampled"))
         ways[s.replace(name=f"{s.name}_told")] = (hat, s.symbol + hat - sampled)
-    return choice("ins_update", "the navigation updates at the IMU's ticks", ways)
+    return selector("ins_update", "the navigation updates at the IMU's ticks", ways)

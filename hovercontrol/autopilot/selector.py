@@ -10,7 +10,9 @@ from hovercontrol.core.block import Block
 from hovercontrol.core.signals import Signal
 
 
-def choice(name: str, description: str, ways: Mapping[Signal, tuple[sp.Expr | str, sp.Expr | str]]) -> Block:
+def selector(
+    name: str, description: str, ways: Mapping[Signal, tuple[sp.Expr | str, sp.Expr | str]]
+) -> Block:
     """Return a Block that selects signals from one of two sources.
 
     Parameters
@@ -29,7 +31,7 @@ def choice(name: str, description: str, ways: Mapping[Signal, tuple[sp.Expr | st
 
     Examples
     --------
-    >>> block = choice("link", "the radio", {Signal("u", "m/s"): ("u_late", "u_now")})
+    >>> block = selector("link", "the radio", {Signal("u", "m/s"): ("u_late", "u_now")})
     >>> block.to_numpy().outputs(0.0, (), [1.0, 2.0], {"link.on": 0.0}).tolist()
     [2.0]
     """
@@ -51,3 +53,7 @@ def choice(name: str, description: str, ways: Mapping[Signal, tuple[sp.Expr | st
         parameters=(on,),
         output_expressions=expressions,
     )
+
+
+#: The former name.
+choice = selector

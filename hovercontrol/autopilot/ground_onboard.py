@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from hovercontrol.autopilot.choice import choice
+from hovercontrol.autopilot.selector import selector
 from hovercontrol.autopilot.limits import OUTSIDE, actuator_limits, clip_counters
 from hovercontrol.autopilot.thrusters import STRAIGHT, Thruster
 from hovercontrol.controllers.k06 import setpoints
@@ -70,7 +70,7 @@ def pilot_side(
         rename(force_command(), wanted),
         actuator_limits(thruster.ends, servo=servo),
         *lookups,
-        choice(
+        selector(
             "tables",
             "lookup tables of servo and fan",
             {s: (f"{s.name}_by_table", f"{s.name}_by_table_ideal") for s in (*commands, *OUTSIDE)},
@@ -116,7 +116,7 @@ def board_side(period: float, thruster: Thruster, servo: ServoTable) -> Block:
     commands = sent_commands(thruster)
     taken = [after(s, "taken") for s in commands]
     parts = [
-        choice(
+        selector(
             "update_20ms",
             "commands are taken every 20 ms",
             {t: (f"{s.name}_held", f"{s.name}_sent") for t, s in zip(taken, commands, strict=True)},
@@ -124,7 +124,7 @@ def board_side(period: float, thruster: Thruster, servo: ServoTable) -> Block:
         *servos,
         rename(thruster.drive, {thruster.command.name: f"{thruster.command.name}_taken"}),
         *forces,
-        choice(
+        selector(
             "calibration",
             "force of servo and fan by their tables",
             {
