@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from hovercontrol.autopilot.selector import selector
 from hovercontrol.autopilot.limits import OUTSIDE, actuator_limits, clip_counters
+from hovercontrol.autopilot.selector import selector
 from hovercontrol.autopilot.thrusters import STRAIGHT, Thruster
 from hovercontrol.controllers.k06 import setpoints
 from hovercontrol.core.block import Block

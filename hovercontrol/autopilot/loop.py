@@ -8,11 +8,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
-from hovercontrol.autopilot.selector import selector
+from hovercontrol.autopilot.ground_onboard import after, board_side, held_side, pilot_side, sent_commands
 from hovercontrol.autopilot.imperfections import Imperfections
 from hovercontrol.autopilot.limits import lossy_tables
 from hovercontrol.autopilot.navigation import HATS, NAVIGATION, check_beacons, sampled_motion
-from hovercontrol.autopilot.ground_onboard import after, board_side, held_side, pilot_side, sent_commands
+from hovercontrol.autopilot.selector import selector
 from hovercontrol.autopilot.thrusters import reversing_fan, variable_pitch
 from hovercontrol.core.block import Block
 from hovercontrol.core.interconnect import interconnect
