@@ -113,14 +113,14 @@ def blockmodel_html(model: BlockModel) -> str:
 
 def fmu_html(fmu: FmuSystem) -> str:
     """Return an imported FMU's HTML: inputs, outputs and parameters with units and descriptions."""
-    face = fmu.interface
+    interface = fmu.interface
     remark = (
-        f"FMI {face.fmi}, Co-Simulation, steps of {fmu.dt:g} s; "
-        f"{'saves its state' if face.has_states else 'cannot save its state'}; {fmu.path.name}"
+        f"FMI {interface.fmi}, Co-Simulation, steps of {fmu.dt:g} s; "
+        f"{'saves its state' if interface.has_states else 'cannot save its state'}; {fmu.path.name}"
     )
     parts = []
     for kind, names in (("inputs", fmu.input_index), ("outputs", fmu.output_index)):
-        labels = [v.labels for v in (face.inputs if kind == "inputs" else face.outputs)]
+        labels = [v.labels for v in (interface.inputs if kind == "inputs" else interface.outputs)]
         own = [label for group in labels for label in group]
         rows = [
             (name, fmu.units.get(label, ""), fmu.descriptions.get(label, ""))

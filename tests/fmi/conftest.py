@@ -2,6 +2,7 @@
 
 import os
 import sys
+import tempfile
 
 import pytest
 
@@ -68,3 +69,12 @@ def calls(tmp_path, monkeypatch):
         return lines
 
     return read
+
+
+@pytest.fixture
+def temporary(tmp_path, monkeypatch):
+    """Return the folder where FMUs are unpacked."""
+    folder = tmp_path / "temporary"
+    folder.mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(folder))
+    return folder

@@ -7,7 +7,9 @@ import subprocess
 import zipfile
 from pathlib import Path
 
+import control as ct
 import fmpy
+import numpy as np
 
 SOURCE = Path(__file__).parent / "models" / "probe.c"
 HEADERS = Path(fmpy.__file__).parent / "c-code"
@@ -149,3 +151,30 @@ def write_fmu(path: Path, library: Path | bytes, fmi: int = 2, **described: obje
         archive.writestr("modelDescription.xml", description(fmi, **described))
         archive.writestr(binary(fmi), data)
     return path
+
+
+# --- what it computes ---
+
+STEP = 0.1
+T = np.arange(0, 2.05, STEP)
+U = np.sin(3 * T) + 0.2
+#: x' = -2 x + u, inputs held over a step; z = x + 0.5 u
+EXACT = ct.c2d(ct.ss([[-2.0]], [[1.0]], [[1.0], [1.0]], [[0.0], [0.5]]), STEP)
+
+
+def exact(U=U, x0=1.0):
+    return ct.forced_response(EXACT, np.arange(len(U)) * STEP, U, x0).outputs
+
+
+def controller(name="controller", dt=STEP):
+    """Return a PI controller, u = 3 e + w, w += 0.4 e."""
+    return ct.nlsys(
+        lambda t, x, u, params: x + 0.4 * (u[0] - u[1]),
+        lambda t, x, u, params: x + params["controller.gain"] * (u[0] - u[1]),
+        inputs=["r", "x"],
+        outputs=["u"],
+        states=1,
+        dt=dt,
+        name=name,
+        params={"controller.gain": 3.0},
+    )

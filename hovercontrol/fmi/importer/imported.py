@@ -23,9 +23,10 @@ from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError
 from hovercontrol.fmi.importer.follow import Follower, Parameters
 from hovercontrol.fmi.importer.instance import Engine, FmuError, Instance
-from hovercontrol.fmi.importer.interface import REALS, Interface
+from hovercontrol.fmi.importer.interface import Interface
 from hovercontrol.fmi.importer.unpacked import Source, Unpacked, digest_of, open_source
 from hovercontrol.fmi.importer.values import (
+    InputCheck,
     checked_name,
     checked_step,
     own_parameters,
@@ -170,53 +171,51 @@ class FmuSystem(control.NonlinearIOSystem):
         timeout: float,
     ) -> None:
         self.path, self._source, self._isolated, self._timeout = source.path, source, isolated, timeout
-        face = source.interface
+        interface = source.interface
         self._prefix = name
         # By position: each parameter's key, its variable and its value in the FMU.
-        elements = [(x, v, s) for v in face.parameters for x, s in zip(v.labels, v.start, strict=True)]
+        elements = [(x, v, s) for v in interface.parameters for x, s in zip(v.labels, v.start, strict=True)]
         self._keys = {parameter_key(name, label): (v, start) for label, v, start in elements}
         if len(self._keys) < len(elements):  # the FMU has both "k" and "plant.k"
             self._keys = {f"{name}.{label}": (v, start) for label, v, start in elements}
         defaults = {key: value for key, (_, value) in self._keys.items()}
         defaults |= self._checked(params or {}, pushed=False)
-        inputs, outputs = ([label for v in vs for label in v.labels] for vs in (face.inputs, face.outputs))
+        signals = [*interface.inputs, *interface.outputs]
+        inputs = [label for v in interface.inputs for label in v.labels]
+        outputs = [label for v in interface.outputs for label in v.labels]
         sizes = {"inputs": len(inputs), "outputs": len(outputs), "states": ["step"]}
         super().__init__(self._updates, self._results, params=_Params(defaults), name=name, dt=step, **sizes)
         # Set past python-control's check, which takes no dots.
         self.input_index = {label: i for i, label in enumerate(inputs)}
         self.output_index = {label: i for i, label in enumerate(outputs)}
-        signals = [*face.inputs, *face.outputs]
         self.units = {label: v.unit for v in signals for label in v.labels}
         self.units |= {key: v.unit for key, (v, _) in self._keys.items()}
         self.descriptions = {label: v.description for v in signals for label in v.labels}
         self.descriptions |= {key: v.description for key, (v, _) in self._keys.items()}
-        spread = {v.name: v.labels for v in face.inputs}
+        spread = {v.name: v.labels for v in interface.inputs}
         self.feedthrough = {
-            label: tuple(i for name in face.feedthrough[v.name] for i in spread[name])
-            for v in face.outputs
+            label: tuple(i for name in interface.feedthrough[v.name] for i in spread[name])
+            for v in interface.outputs
             for label in v.labels
         }
-        spread_inputs = [(label, v) for v in face.inputs for label in v.labels]
-        self._whole = [(n, label, v) for n, (label, v) in enumerate(spread_inputs) if v.kind not in REALS]
-        starts = [s for v in face.inputs for s in (v.start or (0.0,) * len(v.labels))]
-        self._never_zero = [(n, starts[n]) for n, _, v in self._whole if v.items and 0 not in dict(v.items)]
+        self._input_check = InputCheck(interface.inputs)
         self._values = self.values_in_order(defaults)
         self._start(step)
 
     def _start(self, step: float) -> None:
-        face, unpacked = self._source.interface, self._source.unpacked
+        interface, unpacked = self.interface, self.unpacked
         engine = self._engine()
         direct = np.array([bool(inputs) for inputs in self.feedthrough.values()], dtype=bool)
-        self._follower = Follower(engine, step, face.has_states, direct, f"FMU {self.name!r}")
+        self._follower = Follower(engine, step, interface.has_states, direct, f"FMU {self.name!r}")
         unpacked.hold()
         self._end = weakref.finalize(self, _release, self._follower, unpacked)
 
     def _engine(self) -> Engine:
-        face, folder = self._source.interface, self._source.unpacked.folder
+        interface, folder = self._source.interface, self._source.unpacked.folder
         try:
             if self._isolated:
-                return Remote(folder, face, self.name, self._timeout)
-            return Instance(folder, face, self.name)
+                return Remote(folder, interface, self.name, self._timeout)
+            return Instance(folder, interface, self.name)
         except FmuError as fault:
             raise InputError(f"{self.path}: {fault}") from None
 
@@ -352,24 +351,10 @@ class FmuSystem(control.NonlinearIOSystem):
 
     def checked_inputs(self, t: float, u: Any) -> Array:
         """Return inputs at a time as the FMU takes them; raise :class:`InputError` where it cannot."""
-        inputs = np.array(u, dtype=float).reshape(-1)
-        if inputs.size != self.ninputs:
-            raise InputError(f"FMU {self.name!r}: expected {self.ninputs} inputs, found {inputs.size}")
-        if not np.isfinite(inputs).all():
-            n = int(np.flatnonzero(~np.isfinite(inputs))[0])
-            label = self.input_labels[n]
-            raise InputError(f"FMU {self.name!r}: input {label!r} is {inputs[n]} at t = {t:.9g} s")
-        for n, label, v in self._whole:
-            inputs[n] = v.number(inputs[n], f"FMU {self.name!r}: input {label!r} at t = {t:.9g} s")
-        return inputs + 0.0  # no negative zero: equal inputs are equal bytes
+        return self._input_check.checked(f"FMU {self.name!r}", t, u)
 
     def _connected(self, t: float, u: Any) -> Array:
-        """Return inputs as :meth:`checked_inputs`; a 0 that cannot be meant is nobody's."""
-        inputs = np.array(u, dtype=float).reshape(-1)
-        for n, start in self._never_zero:
-            if n < inputs.size and inputs[n] == 0.0:
-                inputs[n] = start
-        return self.checked_inputs(t, inputs)
+        return self._input_check.connected(f"FMU {self.name!r}", t, u)
 
     def _rhs(self, t: float, x: Any, u: Any) -> Array:
         token = float(np.asarray(x, dtype=float).reshape(-1)[0])

@@ -54,15 +54,15 @@ class FmuRunner(Runner):
         inputs: Inputs | None,
         time: float,
     ) -> None:
-        face = system.interface
+        interface = system.interface
         self.input_labels, self.output_labels = list(system.input_index), list(system.output_index)
         self.state_labels = []
         self._system, self._engine, self._params = system, engine, dict(params)
-        self._face, self._token = face, uuid.uuid4().hex
+        self._interface, self._token = interface, uuid.uuid4().hex
         self._direct = np.array([bool(names) for names in system.feedthrough.values()], dtype=bool)
         system.unpacked.hold()
         self._end = weakref.finalize(self, _release, engine, system.unpacked)
-        starts = [s for v in face.inputs for s in (v.start or (0.0,) * len(v.labels))]
+        starts = [s for v in interface.inputs for s in (v.start or (0.0,) * len(v.labels))]
         super().__init__(f"FMU {system.name!r}", starts, time)
         self.ended = None
         if inputs is not None:
@@ -106,7 +106,7 @@ class FmuRunner(Runner):
         InputError
             If the FMU cannot save its state.
         """
-        if not self._face.has_states:
+        if not self._interface.has_states:
             raise InputError(f"{self._label}: it cannot save its state (canGetAndSetFMUState)")
         with self._fmu(f"at t = {self.time:.9g} s, saving its state"):
             handle = self._engine.save()
@@ -149,7 +149,7 @@ class FmuRunner(Runner):
                 now = np.array(self._engine.outputs(self._listed()))
             self._y = np.where(self._direct, now, self._y)
             return 0
-        length, fixed = until - self.time, self._face.fixed_step
+        length, fixed = until - self.time, self._interface.fixed_step
         if fixed and abs(length / fixed - max(round(length / fixed), 1)) > 1e-6:
             raise InputError(
                 f"{self._label}: a step must be a multiple of the FMU's own {fixed:g} s, found {length:g} s"

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from hovercontrol.errors import InputError, did_you_mean
-from hovercontrol.fmi.importer.interface import Interface, Variable
+from hovercontrol.fmi.importer.interface import REALS, Interface, Variable
 
 
 def checked_step(path: Path, interface: Interface, step: float | None) -> float:
@@ -83,3 +87,34 @@ def own_parameters(
             hint = did_you_mean(given if "." in given else key, keys)
             raise InputError(f"FMU {prefix!r}: unknown parameter {given!r}{hint}")
     return own
+
+
+class InputCheck:
+    """The inputs that an FMU takes: finite, and of whole numbers where their types have no others."""
+
+    def __init__(self, inputs: Sequence[Variable]) -> None:
+        labels = [(label, v) for v in inputs for label in v.labels]
+        starts = [s for v in inputs for s in (v.start or (0.0,) * len(v.labels))]
+        self._labels = [label for label, _ in labels]
+        self._whole = [(n, label, v) for n, (label, v) in enumerate(labels) if v.kind not in REALS]
+        self._never_zero = [(n, starts[n]) for n, _, v in self._whole if v.items and 0 not in dict(v.items)]
+
+    def checked(self, fmu: str, t: float, u: Any) -> NDArray[np.float64]:
+        """Return inputs at a time as the FMU takes them; raise :class:`InputError` where it cannot."""
+        inputs = np.array(u, dtype=float).reshape(-1)
+        if inputs.size != len(self._labels):
+            raise InputError(f"{fmu}: expected {len(self._labels)} inputs, found {inputs.size}")
+        if not np.isfinite(inputs).all():
+            n = int(np.flatnonzero(~np.isfinite(inputs))[0])
+            raise InputError(f"{fmu}: input {self._labels[n]!r} is {inputs[n]} at t = {t:.9g} s")
+        for n, label, v in self._whole:
+            inputs[n] = v.number(inputs[n], f"{fmu}: input {label!r} at t = {t:.9g} s")
+        return inputs + 0.0  # no negative zero: equal inputs are equal bytes
+
+    def connected(self, fmu: str, t: float, u: Any) -> NDArray[np.float64]:
+        """Return inputs as :meth:`checked`; a 0 that cannot be meant is an input that is not connected."""
+        inputs = np.array(u, dtype=float).reshape(-1)
+        for n, start in self._never_zero:
+            if n < inputs.size and inputs[n] == 0.0:
+                inputs[n] = start
+        return self.checked(fmu, t, inputs)
