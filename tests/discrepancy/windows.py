@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from hovercontrol.models.model import Model
 
 if TYPE_CHECKING:
-    from .imperfect import Motion
+    from .disturbances import Motion
 
 Array = NDArray[np.float64]
 

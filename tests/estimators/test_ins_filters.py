@@ -27,85 +27,12 @@ from hovercontrol.hardware.sensors import Beacons
 from hovercontrol.models.vehicles import c17_simulation
 from hovercontrol.targets.c import c_source
 
+from .by_hand import by_hand_342, shaken, turned
+
 DT = IMU_PERIOD
 BEACONS = [(0.0, 0.0), (3.0, 0.2), (0.1, 2.5), (2.8, 2.9)]
 HUNG = Beacons(BEACONS, 2.0)
 UNEVEN = {"acceleration_x": [0.0], "acceleration_y": [0.0, 0.0], "yaw_rate": [0.0, 0.0, 0.0]}
-
-
-def turned(psi):
-    """K06's B(psi)."""
-    return np.array([[np.cos(psi), -np.sin(psi)], [np.sin(psi), np.cos(psi)]])
-
-
-def shaken(rng, ticks=300):
-    """Samples of an IMU that is shaken, and aids that come now and then."""
-    return {
-        "acceleration_x": rng.normal(0.5, 1.0, ticks),
-        "acceleration_y": rng.normal(-0.3, 1.0, ticks),
-        "yaw_rate": rng.normal(2.0, 1.0, ticks),
-        "heading_aid": rng.uniform(-10, 10, ticks),
-        "heading_aid_valid": (rng.random(ticks) < 0.3).astype(float),
-        "fix_x": rng.normal(size=ticks),
-        "fix_y": rng.normal(size=ticks),
-        "fix_valid": (rng.random(ticks) < 0.1).astype(float),
-    }
-
-
-# ---- mechanisation ---------------------------------------------------------------------------------------
-
-
-def by_hand_342(imu, dt, pose=(0.0, 0.0, 0.0), heading=None):
-    """(3.42): psi, v, r at each tick; `heading` resolves the specific force if given."""
-    psi, v, r = [pose[2]], [np.zeros(2)], [np.array(pose[:2])]
-    F = np.array([imu["acceleration_x"], imu["acceleration_y"]]).T
-    w = imu["yaw_rate"]
-    for k in range(1, len(w)):
-        psi.append(psi[-1] + dt / 2 * (w[k] + w[k - 1]))
-    resolved = psi if heading is None else heading
-    f = [turned(p) @ a for p, a in zip(resolved, F, strict=True)]
-    for k in range(1, len(w)):
-        r.append(r[-1] + v[-1] * dt + dt**2 / 6 * (f[k] + 2 * f[k - 1]))
-        v.append(v[-1] + dt / 2 * (f[k] + f[k - 1]))
-    return np.array(psi), np.array(v).T, np.array(r).T
-
-
-def test_mechanisation_is_342(rng):
-    imu = {k: v for k, v in shaken(rng).items() if k in ("acceleration_x", "acceleration_y", "yaw_rate")}
-    found = simulate_runs(ins_mechanisation(pose=(1.0, 2.0, 0.4)), imu)
-    psi, v, r = by_hand_342(imu, DT, (1.0, 2.0, 0.4))
-    np.testing.assert_allclose(found["psi_ins"][:, 0], psi, atol=1e-12)
-    np.testing.assert_allclose([found["v_x_ins"][:, 0], found["v_y_ins"][:, 0]], v, atol=1e-12)
-    np.testing.assert_allclose([found["x_ins"][:, 0], found["y_ins"][:, 0]], r, atol=1e-12)
-
-
-@given(*[st.floats(-2, 2) for _ in range(5)])
-def test_mechanisation_is_exact_for_force_that_grows_evenly(a0, a1, v0, x0, rate):
-    """Without turning, a = a0 + a1 t gives v and x as polynomials; the heading of an even spin is exact."""
-    t = np.arange(50) * 0.1
-    straight = {"acceleration_x": a0 + a1 * t, "acceleration_y": 0 * t, "yaw_rate": 0 * t}
-    block = ins_mechanisation(period=0.1, pose=(x0, 0, 0), velocity=(v0, 0))
-    found = simulate_runs(block, straight)
-    np.testing.assert_allclose(found["v_x_ins"][:, 0], v0 + a0 * t + a1 * t**2 / 2, atol=1e-10)
-    np.testing.assert_allclose(found["x_ins"][:, 0], x0 + v0 * t + a0 * t**2 / 2 + a1 * t**3 / 6, atol=1e-10)
-    spin = simulate_runs(block, {**straight, "yaw_rate": rate + 0 * t})
-    np.testing.assert_allclose(spin["psi_ins"][:, 0], rate * t, atol=1e-12)
-
-
-def test_mechanisation_follows_a_circle_with_second_order():
-    """A platform of radius 0.3048 m at 2.9 rad/s (K06's rotating bench): error falls with dt^2."""
-
-    def error(dt):
-        t = np.arange(0, 2 + dt / 2, dt)
-        arm, rate = 0.3048, 2.9
-        imu = {"acceleration_x": 0 * t, "acceleration_y": arm * rate**2 + 0 * t, "yaw_rate": rate + 0 * t}
-        block = ins_mechanisation(period=dt, pose=(0, -arm, 0), velocity=(arm * rate, 0))
-        found = simulate_runs(block, imu, ["x_ins", "y_ins"])
-        truth = [arm * np.sin(rate * t), -arm * np.cos(rate * t)]
-        return np.abs(np.array([found["x_ins"][:, 0], found["y_ins"][:, 0]]) - truth).max()
-
-    assert error(0.02) / error(0.01) == pytest.approx(4, rel=0.1)
-    assert error(DT) < 1e-4
 
 
 # ---- K06's two filters -----------------------------------------------------------------------------------

@@ -7,7 +7,8 @@ from collections.abc import Callable
 
 import pytest
 
-from .fmi_support import BLOCKS, Built, build_fmu
+from .blocks import BLOCKS
+from .fmi_support import Built, build_fmu
 from .support import MODELS, SOURCES, Runtime, compile_c
 
 
@@ -38,7 +39,7 @@ def build(compiler: str, tmp_path_factory: pytest.TempPathFactory) -> Callable[.
 
 @pytest.fixture(scope="session")
 def fmu(compiler: str, tmp_path_factory: pytest.TempPathFactory) -> Callable[[str, int], Built]:
-    """Return a function that builds the FMU of a Block of fmi_support, once for each version of FMI."""
+    """Return a function that builds the FMU of a Block of blocks.py, once for each version of FMI."""
     folder = tmp_path_factory.mktemp("fmus")
     built: dict[tuple[str, int], Built] = {}
 

@@ -4,7 +4,8 @@ import fmpy.fmi1
 import numpy as np
 import pytest
 
-from .fmi_support import BLOCKS, CS, ME
+from .blocks import BLOCKS
+from .fmi_support import CS, ME
 
 DELAY = 0.32
 

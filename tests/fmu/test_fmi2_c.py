@@ -11,6 +11,7 @@ import pytest
 from fmpy.fmi1 import FMICallException
 from fmpy.fmi2 import FMU2Model, FMU2Slave, fmi2EventInfo
 
+from .blocks import plant
 from .fmi_support import (
     CS,
     ME,
@@ -19,7 +20,6 @@ from .fmi_support import (
     check_official_headers,
     in_state,
     official_functions,
-    plant,
     refused,
     run,
     symbols,

@@ -9,7 +9,8 @@ import pytest
 
 from hovercontrol.targets.runtime import DELAYS, FMI, INSTANCE
 
-from .fmi_support import BLOCKS, STRICT, run, write_sources
+from .blocks import BLOCKS
+from .fmi_support import STRICT, run, write_sources
 from .support import MODELS, RUNTIME
 
 HERE = MODELS.parent
