@@ -211,7 +211,7 @@ def _draw(region: Region, axes: Axes, best: tuple[float, float]) -> None:
     if outside.any():
         axes.contourf(*grid, outside, [0.5, 1.5], colors="none", hatches=["xx"])
         axes.contour(*grid, outside, [0.5], colors="black")
-    axes.plot(1.5, 2.5, "o", color="black", mfc="white", ms=9, label="C17 simulation, flown at 1 rad/s")
+    axes.plot(1.5, 2.5, "o", color="black", mfc="white", ms=9, label="C17 simulation, run at 1 rad/s")
     axes.plot(*best, "*", color="black", mfc="white", ms=15, label="best")
     axes.set(xlabel=str(region.x), ylabel=str(region.y))
     axes.set_title(f"{region.title}: the largest of six errors; hatched: beyond the actuators", fontsize=10)

@@ -32,7 +32,7 @@ AS_VARIANCES = {
 
 
 def main(out: Path, progress: Progress | None = None, *, trial: str = "", runs: int = 20) -> list[Path]:
-    """Fly each trial with every imperfection alone and with all but it; rank what they cost."""
+    """Run each trial with every imperfection alone and with all but it; rank what they cost."""
     trials = [_real(trial)] if trial else [f"k06-real-{name}" for name in TRIALS]
     tell = progress or (lambda share: None)
     jobs = len(trials) + 2 * ("k06-real-forward" in trials)

@@ -92,7 +92,7 @@ class Flight(NamedTuple):
 
 
 def main(out: Path, progress: Progress | None = None, *, runs: int = 100, seconds: float = 6.0) -> list[Path]:
-    """Fly all filters with covariances of the stated sensors and with K06's printed Q1, Q2; draw and tell."""
+    """Run all filters with covariances of the stated sensors and with K06's printed Q1, Q2; draw and tell."""
     tell = progress or (lambda share: None)
     found: dict[str, Results] = {SENSORS: {}, PRINTED: {}}
     flights = [make(np.random.default_rng(k), runs, seconds) for k, make in enumerate(FLIGHTS)]

@@ -30,7 +30,7 @@ LOGGED = ("reverse thrust 60 % less", "dead zone of the fan, 0.2 N", "dry fricti
 def main(
     out: Path, progress: Progress | None = None, *, runs: int = 6, logged: Sequence[str] = LOGGED
 ) -> list[Path]:
-    """Fly each suspect astern and ahead, set its errors beside what K06 saw; ask `diagnose` about logs."""
+    """Run each suspect astern and ahead, set its errors beside what K06 saw; ask `diagnose` about logs."""
     tell = progress or (lambda share: None)
     found = steady_errors(runs=runs, progress=lambda share: tell(0.6 * share))
     words = _words(found, runs)

@@ -87,7 +87,7 @@ class Row(NamedTuple):
 
 
 def main(out: Path, progress: Progress | None = None, *, trial: str = "", runs: int = 20) -> list[Path]:
-    """Fly the trials with the seeds from 1 on; set each figure beside what is asked."""
+    """Run the trials with the seeds from 1 on; set each figure beside what is asked."""
     trials = [_known(trial)] if trial else list(ASKED)
     tell = progress or (lambda share: None)
     rows: list[Row] = []

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from hovercontrol.analysis.k06.trials import fly_trial
+from hovercontrol.analysis.k06.trials import run_trial
 from hovercontrol.analysis.k06.variable_pitch import with_variable_pitch, without_brake
 from hovercontrol.analysis.output import Progress, save, script
 from hovercontrol.hardware.actuators import VariablePitch
@@ -28,13 +28,13 @@ PROPELLERS = {FAN: lambda trial: trial, FREE: without_brake, PITCH: with_variabl
 def main(
     out: Path, progress: Progress | None = None, *, runs: int = 8, trials: tuple[str, ...] = TRIALS
 ) -> list[Path]:
-    """Fly each trial with the propellers; compare the rms gap to the ideal loop, headings, and the halt."""
+    """Run each trial with the propellers; compare the rms gap to the ideal loop, headings, and the halt."""
     gaps: dict[str, dict[str, Array]] = {}
     findings: list[str] = []
     tracks: dict[str, tuple[Array, Array]] = {}
     for k, name in enumerate(trials):
         own = load_scenario(f"k06-real-{name}")
-        found = {label: fly_trial(make(own), runs=runs) for label, make in PROPELLERS.items()}
+        found = {label: run_trial(make(own), runs=runs) for label, make in PROPELLERS.items()}
         gaps[name] = {label: np.sqrt(np.mean(c["gap"] ** 2, axis=1)) for label, (_, c) in found.items()}
         findings.append(f"{name}: gap to the ideal loop {_each(gaps[name], '.3f')} m/s{_told(name, found)}.")
         if name == "halt":

@@ -30,7 +30,7 @@ from hovercontrol.scenarios.runner import loop_parts
 STEP = 0.05
 KINDS = [(version, kind) for version in (2, 3) for kind in ("ModelExchange", "CoSimulation")]
 
-#: The plant in Python by the equations that all faces share; ADVANCE takes x to the end of the step.
+#: The plant in Python by the equations that all backends share; ADVANCE takes x to the end of the step.
 PYTHON_FMU = """
 from pythonfmu import Fmi2Causality, Fmi2Slave, Real
 from scipy.integrate import solve_ivp

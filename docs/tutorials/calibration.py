@@ -110,7 +110,7 @@ def worst_force(folder: Path) -> float:
 
 
 def main(out: Path, pulses: Path | None) -> None:
-    """Simulate the benches, calibrate, print what was found, fly with the tables."""
+    """Simulate the benches, calibrate, print what was found, run the loop with the tables."""
     out.mkdir(parents=True, exist_ok=True)
     rng = np.random.default_rng(1)
     fan = calibrate_fan(simulate_fan_bench(out / "bench.csv", rng), out)

@@ -1,7 +1,8 @@
 """The C compiler and the libraries it makes: found, built, kept in the user's cache.
 
 Libraries are cached by the content of all that goes into them. A file's name holds the digest of its bytes,
-so that a truncated one is seen before it is loaded; files appear whole, and two processes may build at once.
+so that a truncated one is seen before it is loaded; files are written atomically, and two processes may build
+at once.
 """
 
 from __future__ import annotations

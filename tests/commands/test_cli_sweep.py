@@ -1,4 +1,4 @@
-"""``hovercontrol sweep`` flies a scenario over a range of its numbers."""
+"""``hovercontrol sweep`` runs a scenario over a range of its numbers."""
 
 import csv
 import math

@@ -1,4 +1,4 @@
-"""Inputs that act late: a delayed step is a step, only later, in every face."""
+"""Inputs that act late: a delayed step is a step, only later, in every backend."""
 
 import math
 import pickle
@@ -48,7 +48,7 @@ def response(t, late, size, rate=2.0, start=0.5):
     return np.where(t < late, before, after)
 
 
-def faces():
+def backends():
     try:
         find_compiler()
     except NoCompilerError:
@@ -59,7 +59,7 @@ def faces():
 # ---- exact answers --------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("run", faces())
+@pytest.mark.parametrize("run", backends())
 @pytest.mark.parametrize("delay", [0.0, 0.1, 0.25, 0.3, 0.777, 5.0])
 def test_a_delayed_step_gives_the_exact_answer(run, delay):
     t = np.linspace(0.0, 2.0, 21)
@@ -339,7 +339,7 @@ def test_a_hybrid_block_samples_what_arrives():
                    output_expressions={"told": sp.Symbol("felt", real=True)})  # fmt: skip
     whole = interconnect([lag(), sensor])
     t = np.arange(41) * 0.05
-    for run in faces():
+    for run in backends():
         found = run(whole, t, 2.0 + 0 * t)
         told = found.outputs[list(found.output_labels).index("told")]
         np.testing.assert_array_equal(told, np.where(t >= 0.3 - 1e-9, 2.0, 0.5))

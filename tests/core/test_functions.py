@@ -1,4 +1,4 @@
-"""The NumPy face: one point, many points, exact Jacobians, and the same numbers in both."""
+"""The NumPy backend: one point, many points, exact Jacobians, and the same numbers in both."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Random numbers as equations: the published generator, whatever the face, and what draws are worth."""
+"""Random numbers as equations: the published generator, whatever the backend, and how good its draws are."""
 
 import numpy as np
 import pytest

@@ -34,7 +34,7 @@ RUNS = 100
 #: A slower IMU than K06's keeps the tests quick; its noise per sample is K06's.
 DT = 0.05
 BEACONS = np.array([(0.0, 0.0), (4.0, 0.2), (0.1, 3.5), (3.8, 3.9)])
-HUNG = Beacons(BEACONS, 2.0)
+ABOVE = Beacons(BEACONS, 2.0)
 APART = [(0.2, 0.0), (-0.2, 0.0)]
 
 
@@ -207,7 +207,7 @@ def test_the_simulated_sensors_integrate_to_the_course():
 def test_the_simulated_ranges_are_those_of_the_unit_whose_turn_it_is():
     truth = course(3.0, 0.3, 0.5, period=DT, at=(1.5, 1.5))
     units = [(0.2, 0.1), (-0.3, 0.0)]
-    got = ranged(np.random.default_rng(1), truth, HUNG, units, noise=1e-12, bias=0.07, runs=1)
+    got = ranged(np.random.default_rng(1), truth, ABOVE, units, noise=1e-12, bias=0.07, runs=1)
     told = got["range_unit"]
     assert np.flatnonzero(told).tolist() == [0, 2, 20, 22, 40, 42]  # 0.1 s each, once a second
     for k in np.flatnonzero(told):
@@ -298,19 +298,19 @@ def test_coupled_filter_does_not_believe_to_learn_the_heading_at_rest(rng):
     assert real > 2 * claimed
 
 
-def by_ranges(rng, hung, units, bias, seconds, *, heading=0.2, range_bias=0.05, at=(1.5, 1.5)):
+def by_ranges(rng, beacons, units, bias, seconds, *, heading=0.2, range_bias=0.05, at=(1.5, 1.5)):
     """Errors of a filter without a heading aid, its ranges' innovations, and where they are measured."""
     s = SensorErrors(heading=heading, gyro_walk=0.0, acceleration_walk=0.0)
     truth = course(seconds, 0.3, 0.5, period=DT, at=at)
     seen = sensed(rng, truth, s, every=1.0, runs=RUNS)
-    data = seen.inputs | ranged(rng, truth, hung, units, noise=0.01, bias=bias, runs=RUNS)
+    data = seen.inputs | ranged(rng, truth, beacons, units, noise=0.01, bias=bias, runs=RUNS)
     noise = noise_from_sensors(s, period=DT)
-    block = range_filter(hung, units, range_bias=range_bias, noise=noise, period=DT)
+    block = range_filter(beacons, units, range_bias=range_bias, noise=noise, period=DT)
     found = simulate_runs(block, inputs_of(block, data), start=started(XHAT, seen.start, truth))
     off = estimation_errors(found, truth, seen.biases)
     if range_bias:
         off = np.array([*off, found["range_bias_hat"] - bias])
-    told = innovations(found, [f"range_{k}" for k in range(1, len(hung.positions) + 1)])
+    told = innovations(found, [f"range_{k}" for k in range(1, len(beacons.positions) + 1)])
     result = consistency(
         off, covariance(found, "P", len(off)), *told, measured=data["range_unit"][:, None] > 0
     )
@@ -320,7 +320,7 @@ def by_ranges(rng, hung, units, bias, seconds, *, heading=0.2, range_bias=0.05, 
 def test_range_filter_is_consistent_and_sees_heading_and_bias(rng):
     """Two units 0.4 m apart on raw ranges with a common bias, no heading aid."""
     bias = rng.normal(size=RUNS) * 0.05
-    off, result, _ = by_ranges(rng, HUNG, APART, bias, 20.0)
+    off, result, _ = by_ranges(rng, ABOVE, APART, bias, 20.0)
     assert np.sqrt((off[0, -1] ** 2).mean()) < 0.05
     assert np.sqrt((off[8, -1] ** 2).mean()) < 0.5 * 0.05
     assert result.nees_inside >= 0.9
@@ -366,8 +366,8 @@ def test_too_few_ranges_for_a_fix_still_help(rng):
     s = SensorErrors(gyro_walk=0.0, acceleration_walk=0.0)
     truth = course(15.0, 0.3, 0.5, period=DT, at=(1.5, 1.5))
     seen = sensed(rng, truth, s, every=1.0, runs=20)
-    data = seen.inputs | ranged(rng, truth, HUNG, [(0.0, 0.0)], noise=0.01, runs=20)
-    block = range_filter(HUNG, heading=True, noise=noise_from_sensors(s, period=DT), period=DT)
+    data = seen.inputs | ranged(rng, truth, ABOVE, [(0.0, 0.0)], noise=0.01, runs=20)
+    block = range_filter(ABOVE, heading=True, noise=noise_from_sensors(s, period=DT), period=DT)
     error = {}
     for label, off in (("all", []), ("two", [3, 4]), ("none", [1, 2, 3, 4])):
         given = inputs_of(block, data | {f"range_{k}_valid": np.zeros(len(truth.time)) for k in off})

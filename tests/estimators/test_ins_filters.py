@@ -31,7 +31,7 @@ from .by_hand import by_hand_342, shaken, turned
 
 DT = IMU_PERIOD
 BEACONS = [(0.0, 0.0), (3.0, 0.2), (0.1, 2.5), (2.8, 2.9)]
-HUNG = Beacons(BEACONS, 2.0)
+ABOVE = Beacons(BEACONS, 2.0)
 UNEVEN = {"acceleration_x": [0.0], "acceleration_y": [0.0, 0.0], "yaw_rate": [0.0, 0.0, 0.0]}
 
 
@@ -361,11 +361,11 @@ def test_the_definition_is_small_and_prints_to_c():
         (lambda: SensorErrors(fix=0.0), "fix must be positive"),
         (lambda: noise_from_sensors(period=0), "noise_from_sensors: period must be positive"),
         (lambda: range_filter(BEACONS), "beacons must be Beacons, found [(0.0, 0.0)"),
-        (lambda: range_filter(HUNG, []), "units: expected at least one pair of coordinates"),
-        (lambda: range_filter(HUNG, [(0, 0), (1,)]), "units, number 2: expected 2 finite numbers"),
-        (lambda: range_filter(HUNG, range_noise=0.0), "range_noise must be positive"),
-        (lambda: range_filter(HUNG, range_bias=-1), "range_bias must not be negative"),
-        (lambda: range_filter(HUNG, cone=(np.nan, 0)), "cone"),
+        (lambda: range_filter(ABOVE, []), "units: expected at least one pair of coordinates"),
+        (lambda: range_filter(ABOVE, [(0, 0), (1,)]), "units, number 2: expected 2 finite numbers"),
+        (lambda: range_filter(ABOVE, range_noise=0.0), "range_noise must be positive"),
+        (lambda: range_filter(ABOVE, range_bias=-1), "range_bias must not be negative"),
+        (lambda: range_filter(ABOVE, cone=(np.nan, 0)), "cone"),
         (lambda: range_arrivals(0), "range_arrivals: expected a whole number of beacons, found 0"),
         (lambda: simulate_runs(heading_filter(), {"psi_ims": [0.0]}), "did you mean 'psi_ins'"),
         (lambda: simulate_runs(c17_simulation().plant(), {}), "block 'plant' is not sampled"),

@@ -1,4 +1,4 @@
-"""Exported FMUs, run by FMPy, compute what the Block's other faces compute."""
+"""Exported FMUs, run by FMPy, compute what the Block's other backends compute."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Lookup tables as expressions: what they compute, and that every face prints them alike."""
+"""Lookup tables as expressions: what they compute, and that every backend prints them alike."""
 
 import pickle
 

@@ -81,8 +81,8 @@ def test_three_exact_ranges_give_the_exact_place(positions, at, heights):
     spread = np.linalg.svd(np.array(positions) - np.mean(positions, axis=0), compute_uv=False)
     assume(spread[1] > 0.1 * spread[0] > 0.1)
     beacons = Beacons(positions, heights)
-    hung = {f"range_solver.{s.name}": s.start for beacon in beacons.signals() for s in beacon}
-    x, y, b, solved = SOLVER.outputs(0.0, (), [*ranges_to(beacons, *at), 1, 1, 1], hung)
+    params = {f"range_solver.{s.name}": s.start for beacon in beacons.signals() for s in beacon}
+    x, y, b, solved = SOLVER.outputs(0.0, (), [*ranges_to(beacons, *at), 1, 1, 1], params)
     assert (x, y, b) == pytest.approx((*at, 0.0), abs=1e-9)
     assert solved == 1
 
@@ -232,12 +232,12 @@ def test_of_two_beacons_both_must_be_heard_and_hang_apart():
     rho = ranges_to(beacons, 1.0, 1.0)
     assert np.isnan(locate([rho[0], math.nan], beacons, cone=NO_CONE)).all()
     solver = range_solver(beacons, cone=NO_CONE).to_numpy()
-    for inputs, hung in (
+    for inputs, params in (
         ([*rho, 1, 0], {}),
         ([*rho, 0, 0], {}),
         ([*rho, 1, 1], {"range_solver.beacon_2_x": 0.0}),
     ):
-        told = solver.outputs(0.0, (), inputs, hung)
+        told = solver.outputs(0.0, (), inputs, params)
         assert np.isfinite(told).all() and told[-1] == 0
 
 

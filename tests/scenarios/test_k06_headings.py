@@ -26,7 +26,7 @@ def built(trial):
 
 @cache
 def flown(trial, imperfections, runs):
-    """Fly a trial; return its scenario, the times, and the true motion by name, shape (runs, times)."""
+    """Run a trial; return its scenario, the times, and the true motion by name, shape (runs, times)."""
     scenario, loop, compiled, told = built(trial)
     times = np.arange(round(scenario.end / 0.02) + 1) * 0.02
     params = told | (imperfections or scenario.autopilot.imperfections).parameters(loop)

@@ -26,7 +26,7 @@ SCRIPT = Path(__file__).parents[2] / "analyses" / "k06_budget.py"
 
 @cache
 def flown(trial):
-    """Fly a trial with many seeds: the times, and true outputs of shape (seeds, times)."""
+    """Run a trial with many seeds: the times, and true outputs of shape (seeds, times)."""
     scenario = load_scenario(f"k06-real-{trial}")
     block = real_loop(scenario, loop_parts(scenario))
     told = phase_parameters(scenario, scenario.phases[0])
@@ -276,8 +276,8 @@ def test_a_users_tables_and_beacons_come_from_files_beside_the_scenario(tmp_path
     assert run.clipped()["rudder_clipped"] > 100
     run.save(tmp_path / "out")
     assert read_log(tmp_path / "out" / "log.csv")["rudder_clipped"][-1] == run.clipped()["rudder_clipped"]
-    hung = 'navigation = "cricket"\nbeacons = [[-1, -1, 2.0], [3, -1, 2.0], [1, 3, 2.5]]'
-    (tmp_path / "mine.toml").write_text(GOOD.replace("brake = false", hung))
+    navigation = 'navigation = "cricket"\nbeacons = [[-1, -1, 2.0], [3, -1, 2.0], [1, 3, 2.5]]'
+    (tmp_path / "mine.toml").write_text(GOOD.replace("brake = false", navigation))
     beacons = load_scenario(tmp_path / "mine.toml").autopilot.beacons
     assert beacons.positions[1] == (3.0, -1.0) and beacons.heights == (2.0, 2.0, 2.5)
 

@@ -1,4 +1,4 @@
-"""The python-control face: names, checked parameters, and python-control's own functions on it."""
+"""The python-control backend: names, checked parameters, and python-control's own functions on it."""
 
 import pickle
 

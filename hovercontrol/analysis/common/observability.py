@@ -252,7 +252,7 @@ def observability_gramian(
         t0 and tf [s]; default the whole motion.
     scaled : bool, optional
         Measure states and coefficients in their nominal sizes (default), so that the condition
-        number does not hang on units.
+        number does not depend on units.
 
     Returns
     -------

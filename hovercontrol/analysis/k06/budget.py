@@ -99,7 +99,7 @@ def budget(
     """Return what each imperfection of a trial costs.
 
     The cost of a run is the rms over its time of ``sqrt(du^2 + dv^2 + J/m dr^2)``, d being real less ideal:
-    the speed at which the craft has the kinetic energy of the difference. Each set of imperfections flies
+    the speed at which the craft has the kinetic energy of the difference. Each set of imperfections runs
     with the same seeds, in one compiled Block.
 
     Parameters

@@ -3,7 +3,7 @@
 K06 saw three things at once: astern the surge never came to what was told, whatever that was; ahead (figure
 6.22) the steady errors were those of the simulation; sway and yaw agreed with the simulation. What is drawn
 there is the navigation's own velocity, which is also what the law holds: a bias of the estimate would not
-show in it. So each suspect is flown astern at two references, and ahead.
+show in it. So each suspect is run astern at two references, and ahead.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hovercontrol.analysis.k06.trials import fly_seeds
+from hovercontrol.analysis.k06.trials import run_seeds
 from hovercontrol.autopilot.limits import lossy_tables
 from hovercontrol.core.block import Block
 from hovercontrol.effects import Effect, effect
@@ -61,7 +61,7 @@ class Suspect:
     starts_at: float = 0.0
 
     def fitted_to(self, trial: Scenario) -> Scenario:
-        """Return a trial of the real loop, flown by a craft that has it."""
+        """Return a trial of the real loop, run with a craft that has it."""
         craft = dataclasses.replace(trial, plant=trial.belief.with_effects(self.effects), metrics=())
         assert craft.autopilot is not None
         if not self.starts_at:
@@ -159,7 +159,7 @@ def steady_errors(
                 craft = dataclasses.replace(suspect, effects=tuple(every.values())).fitted_to(trial)
                 loops[key] = real_loop(craft, loop_parts(craft))
             params = {"reference.surge_ref": ref} | _coefficients(trial, every, suspect)
-            time, c = fly_seeds(trial, loops[key], params, runs=runs)
+            time, c = run_seeds(trial, loops[key], params, runs=runs)
             late = time >= STEADY
             errors.append(c["u_hat"][:, late].mean(axis=1) - ref)
             if trial is back:
@@ -182,7 +182,7 @@ def _coefficients(trial: Scenario, every: Mapping[str, Effect], suspect: Suspect
     }
 
 
-#: What is flown for `diagnose`: both ways, halting between.
+#: What is run for `diagnose`: both ways, halting between.
 _LOGGED = (
     Phase("reverse", 10.0, setpoints={"surge_ref": -0.76}),
     Phase("stop", 14.0),

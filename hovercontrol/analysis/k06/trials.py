@@ -19,10 +19,10 @@ from hovercontrol.scenarios.real import real_loop
 Array = NDArray[np.float64]
 
 
-def fly_trial(
+def run_trial(
     scenario: Scenario, *, runs: int = 20, progress: Callable[[float], None] | None = None
 ) -> tuple[Array, dict[str, Array]]:
-    """Fly a trial's real loop, beside the ideal one, with the seeds from 1 on, compiled.
+    """Run a trial's real loop, beside the ideal one, with the seeds from 1 on, compiled.
 
     Parameters
     ----------
@@ -50,10 +50,10 @@ def fly_trial(
     loop = real_loop(scenario, loop_parts(scenario))
     told = phase_parameters(scenario, scenario.phases[0])
     params = told | {f"ideal.{key}": value for key, value in told.items()}
-    return fly_seeds(scenario, loop, params, runs=runs, progress=progress)
+    return run_seeds(scenario, loop, params, runs=runs, progress=progress)
 
 
-def fly_seeds(
+def run_seeds(
     scenario: Scenario,
     loop: Block,
     params: Mapping[str, float],
@@ -61,14 +61,14 @@ def fly_seeds(
     runs: int,
     progress: Callable[[float], None] | None = None,
 ) -> tuple[Array, dict[str, Array]]:
-    """Fly one real loop with the seeds from 1 on; result as of :func:`fly_trial`.
+    """Run one real loop with the seeds from 1 on; result as of :func:`run_trial`.
 
     Parameters
     ----------
     scenario : Scenario
         Its length and step count.
     loop : Block
-        By :func:`~hovercontrol.scenarios.real.real_loop`; it is compiled once, however often it is flown.
+        By :func:`~hovercontrol.scenarios.real.real_loop`; it is compiled once, however often it is run.
     params : mapping of str to float
     runs, progress
         As there.
@@ -78,11 +78,11 @@ def fly_seeds(
     rows = []
     for seed in range(1, runs + 1):
         own = {key: values[0] for key, values in seeds(loop, [seed]).items()}
-        flown = compiled.simulate(time, params=dict(params) | own, method="rk4", step=scenario.step)
-        rows.append(np.asarray(flown.outputs))
+        response = compiled.simulate(time, params=dict(params) | own, method="rk4", step=scenario.step)
+        rows.append(np.asarray(response.outputs))
         if progress is not None:
             progress(seed / runs)
-    outputs = dict(zip(flown.output_labels, np.stack(rows, axis=1), strict=True))
+    outputs = dict(zip(response.output_labels, np.stack(rows, axis=1), strict=True))
     if "heading_ref" in outputs:
         off = outputs["psi"] - outputs["heading_ref"]
         outputs["heading_error"] = np.arctan2(np.sin(off), np.cos(off))
@@ -105,10 +105,14 @@ def trial_metrics(
 ) -> dict[str, Array]:
     """Return what a trial's metrics come to, by name, shape (runs,): one value for each seed.
 
-    Parameters and errors are those of :func:`fly_trial`.
+    Parameters and errors are those of :func:`run_trial`.
     """
-    time, outputs = fly_trial(scenario, runs=runs, progress=progress)
+    time, outputs = run_trial(scenario, runs=runs, progress=progress)
     return {
         metric.name: np.array([measure(metric, time, values) for values in outputs[metric.of]])
         for metric in scenario.metrics
     }
+
+
+#: The former names.
+fly_trial, fly_seeds = run_trial, run_seeds

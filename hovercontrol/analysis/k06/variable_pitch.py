@@ -10,7 +10,7 @@ from hovercontrol.scenarios import Scenario
 
 
 def with_variable_pitch(scenario: Scenario, propeller: VariablePitch | None = None) -> Scenario:
-    """Return a trial of the real loop flown with a variable-pitch propeller.
+    """Return a trial of the real loop run with a variable-pitch propeller.
 
     Parameters
     ----------

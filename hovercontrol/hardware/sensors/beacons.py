@@ -54,14 +54,14 @@ class Beacons:
         above = heights if isinstance(heights, Sequence | np.ndarray) else [heights] * len(places)
         if len(above) != len(places):
             raise InputError(f"beacons: expected {len(places)} heights, found {len(above)}")
-        hung = tuple(positive(f"beacon {k}: height", h) for k, h in enumerate(above, 1))
-        if len(places) == 2 and math.dist(*places) <= NARROW * max(hung):
+        checked = tuple(positive(f"beacon {k}: height", h) for k, h in enumerate(above, 1))
+        if len(places) == 2 and math.dist(*places) <= NARROW * max(checked):
             raise InputError(f"beacons: expected two in different places, found {places}")
         spread = np.linalg.svd(np.array(places) - np.mean(places, axis=0), compute_uv=False)
         if len(places) > 2 and spread[1] <= NARROW * spread[0]:
             raise InputError(f"beacons: expected some out of line, found {places}")
         object.__setattr__(self, "positions", places)
-        object.__setattr__(self, "heights", hung)
+        object.__setattr__(self, "heights", checked)
 
     def signals(self) -> tuple[tuple[Signal, Signal, Signal], ...]:
         """Return parameters for each beacon: ``beacon_1_x, beacon_1_y, beacon_1_height`` and so on [m]."""

@@ -9,7 +9,7 @@ import pytest
 
 from hovercontrol import InputError
 from hovercontrol.analysis.k06.reverse_error import SteadyError
-from hovercontrol.analysis.k06.trials import fly_trial
+from hovercontrol.analysis.k06.trials import run_trial
 from hovercontrol.analysis.k06.variable_pitch import with_variable_pitch
 from hovercontrol.scenarios import load_scenario
 
@@ -53,7 +53,7 @@ def test_the_pitch_script_sets_the_propellers_side_by_side(tmp_path, monkeypatch
         size = 0.1 if own.propeller else 0.2 if own.imperfections.brake else 0.3
         return time, dict.fromkeys(("gap", "heading_error", "x"), np.full((runs, len(time)), size))
 
-    monkeypatch.setattr(module, "fly_trial", flown)
+    monkeypatch.setattr(module, "run_trial", flown)
     module.main(tmp_path, trials=("halt", "heading-bangbang-rest"), runs=2)
     said = (tmp_path / "k06_variable_pitch.txt").read_text()
     assert "0.200, 0.300, 0.100 m/s; from 1.1 m/s it stands after 0.20, 0.30, 0.10 m" in said
@@ -79,7 +79,7 @@ def test_a_variable_pitch_propeller_halts_the_craft_in_less_way():
     assert changed.autopilot == trials[1].autopilot and not trials[0].autopilot.propeller
     way, push = [], []
     for trial in trials:
-        _, flown = fly_trial(trial, runs=3)
+        _, flown = run_trial(trial, runs=3)
         way.append(flown["x"].max(axis=1).mean())
         push.append(flown["thrust"].min())
     assert way[1] < 0.7 * way[0]

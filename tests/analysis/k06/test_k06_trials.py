@@ -8,7 +8,7 @@ import numpy as np
 import pyarrow.csv
 import pytest
 
-from hovercontrol.analysis.k06.trials import fly_trial, trial_metrics
+from hovercontrol.analysis.k06.trials import run_trial, trial_metrics
 from hovercontrol.errors import InputError
 from hovercontrol.scenarios import load_scenario, run_scenario
 
@@ -65,8 +65,8 @@ def test_of_several_metrics_the_worst_counts(script):
             lambda s: s.main(Path("x"), trial="k06-forwad"),
             "unknown trial 'k06-forwad'; did you mean 'forward'",
         ),
-        (lambda s: fly_trial(load_scenario("k06-turn")), "'k06-turn' is no trial of the real loop"),
-        (lambda s: fly_trial(load_scenario("k06-real-turn"), runs=0), "runs must be at least 1, found 0"),
+        (lambda s: run_trial(load_scenario("k06-turn")), "'k06-turn' is no trial of the real loop"),
+        (lambda s: run_trial(load_scenario("k06-real-turn"), runs=0), "runs must be at least 1, found 0"),
     ],
 )
 def test_wrong_input_is_one_line(script, call, said):

@@ -1,4 +1,4 @@
-"""A hybrid Block is the same in every face: when it ticks to the bit, what it computes to rounding."""
+"""A hybrid Block is the same in every backend: when it ticks to the bit, what it computes to rounding."""
 
 from fractions import Fraction
 from itertools import pairwise
@@ -107,7 +107,7 @@ def test_a_period_without_exact_ticks_is_refused_with_the_nearest():
         simulate(interconnect([CART, brake(1 / 3), sensor()]), TIMES)
 
 
-# ---- the faces ------------------------------------------------------------------------------------
+# ---- the backends ------------------------------------------------------------------------------------
 
 
 def test_compiled_is_numpy(expected):
