@@ -186,31 +186,37 @@ def load_library(name: str, files: Mapping[str, str], *, build: bool = True) -> 
         if not (build or _cached(folder, f"{name}-{_key(command, flags, files)}", _SUFFIX)):
             raise NotCachedError
         try:
-            return ctypes.CDLL(str(_library(folder, name, files, command, flags)))
+            return ctypes.CDLL(str(with_runtime(folder, name, files, command, flags, _SUFFIX)))
         except OSError as error:  # of another system that shares this home; no exec there; a full disk
             reason = error
     raise CompilerFailedError(f"a compiled library cannot be used: {reason}")
 
 
-def _library(
-    folder: Path, name: str, files: Mapping[str, str], command: tuple[str, ...], flags: Sequence[str]
+def with_runtime(
+    folder: Path,
+    name: str,
+    files: Mapping[str, str],
+    command: tuple[str, ...],
+    flags: Sequence[str],
+    suffix: str,
 ) -> Path:
     """Return a library from the cache or built now; its C runtime is an object that all libraries share.
 
     The runtime's sources (``hc_*.c``) are the same for every Block and take most of the compiler's time.
+    Arguments and errors are those of :func:`built_file`.
     """
     stem = f"{name}-{_key(command, flags, files)}"
-    found = _cached(folder, stem, _SUFFIX)
+    found = _cached(folder, stem, suffix)
     if found:
         return found
     runtime = {file: text for file, text in files.items() if file.startswith("hc_")}
     if any(file.endswith(".c") for file in runtime):
-        object_flags = (*(f for f in flags if f != "-shared"), "-r", "-nostdlib")
+        compiling = [flag for flag in flags if flag not in ("-shared", "-s") and not flag.startswith("-Wl,")]
         with contextlib.suppress(CompilerFailedError):  # one that cannot join objects compiles all at once
-            joined = built_file(folder, "runtime", runtime, command, object_flags, ".o")
+            joined = built_file(folder, "runtime", runtime, command, (*compiling, "-r", "-nostdlib"), ".o")
             own = {file: text for file, text in files.items() if file not in runtime or file.endswith(".h")}
-            return _build(folder, stem, own, command, (*flags, str(joined)), _SUFFIX)
-    return _build(folder, stem, files, command, flags, _SUFFIX)
+            return _build(folder, stem, own, command, (*flags, str(joined)), suffix)
+    return _build(folder, stem, files, command, flags, suffix)
 
 
 def built_file(

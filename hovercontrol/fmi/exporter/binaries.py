@@ -11,7 +11,13 @@ from dataclasses import dataclass
 
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.fmi.exporter.sources import Version
-from hovercontrol.targets.compiler import NoCompilerError, built_file, cache_folder, find_compiler
+from hovercontrol.targets.compiler import (
+    NoCompilerError,
+    built_file,
+    cache_folder,
+    find_compiler,
+    with_runtime,
+)
 
 
 @dataclass(frozen=True)
@@ -173,7 +179,8 @@ def _built(
         flags = (*flags, "-Wl,-z,noseparate-code", "-include", _OLD_HEADER)
         files = {**files, _OLD_HEADER: _old_glibc(_FIRST_GLIBC[wanted.name])}
     label = f"{name}-{wanted.name}"
-    return built_file(cache_folder(), label, files, command, flags, wanted.suffix).read_bytes()
+    built = built_file if target else with_runtime  # a cross-compiler joins no objects
+    return built(cache_folder(), label, files, command, flags, wanted.suffix).read_bytes()
 
 
 def _zig() -> tuple[str, ...] | None:
