@@ -1,6 +1,7 @@
 """The craft under the laws that a pilot may choose, against exact solutions and K06's figures."""
 
 import math
+from functools import cache
 
 import numpy as np
 import pytest
@@ -194,7 +195,7 @@ def test_laws_of_k06_are_only_for_craft_pushed_in_newton():
 
 @given(keys=st.lists(st.sampled_from(sorted(CHOICES)), min_size=1, max_size=4), push=st.floats(-1, 1))
 def test_choosing_another_law_never_moves_the_craft(keys, push):
-    loop = LOOP
+    loop = shared()
     loop.command(law="manual", stick=(1.0, push))
     for key in keys:
         loop.advance(loop.time + 0.05)
@@ -203,7 +204,10 @@ def test_choosing_another_law_never_moves_the_craft(keys, push):
         assert motion(loop) == before
 
 
-LOOP = Loop(vehicle("hoverdemon"))
+@cache
+def shared():
+    """The loop of all orders, built when a test first needs it."""
+    return Loop(vehicle("hoverdemon"))
 
 
 @st.composite
@@ -223,11 +227,11 @@ def orders(draw):
 
 @given(given_orders=st.lists(orders(), min_size=1, max_size=4))
 def test_no_order_within_the_bounds_ever_breaks_the_flight(given_orders):
-    LOOP.reset()
+    shared().reset()
     for k, order in enumerate(given_orders, start=1):
-        LOOP.command(**order)
-        LOOP.advance(0.1 * k)
-        seen = LOOP.signals()
+        shared().command(**order)
+        shared().advance(0.1 * k)
+        seen = shared().signals()
         assert seen["time"] == pytest.approx(0.1 * k, abs=1e-12) and all(map(math.isfinite, seen.values()))
         assert {"thrust", "rudder", "energy", "wind_x", *MOTION} <= set(seen) and seen["energy"] >= 0
 

@@ -2,6 +2,7 @@
 
 import math
 import time
+from functools import cache
 
 import numpy as np
 import pytest
@@ -22,21 +23,26 @@ from hovercontrol.models.vehicles import vehicle
 
 MOTION = ("x", "y", "psi", "u", "v", "r")
 MASS, INERTIA, ARM, GRAVITY = 2.6, 0.096, 0.32, 9.80665
-LOOP = RealLoop(vehicle("hoverdemon"))
+
+
+@cache
+def real_loop():
+    """The loop, built when a test first needs it."""
+    return RealLoop(vehicle("hoverdemon"))
 
 
 @pytest.fixture
 def loop():
-    LOOP.command(
+    real_loop().command(
         law="manual",
         stick=(0.0, 0.0),
-        disturbances={key: None for key in LOOP.switched_on},
+        disturbances={key: None for key in real_loop().switched_on},
         switches={"transmit": True, "lift": True},
     )
     for key, choice in CHOICES.items():
-        LOOP.references[key] = {s.name: s.start for s in choice.references}
-    LOOP.reset()
-    return LOOP
+        real_loop().references[key] = {s.name: s.start for s in choice.references}
+    real_loop().reset()
+    return real_loop()
 
 
 def rows(loop, until, step=0.001):
@@ -284,8 +290,8 @@ def test_the_ideal_loop_has_no_switches():
 @st.composite
 def orders(draw):
     key = draw(st.sampled_from(sorted(CHOICES)))
-    what = draw(st.sampled_from(sorted(LOOP.disturbances)))
-    knobs = [k.signal for k in LOOP.disturbances[what].knobs]
+    what = draw(st.sampled_from(sorted(real_loop().disturbances)))
+    knobs = [k.signal for k in real_loop().disturbances[what].knobs]
     return {
         "law": key,
         "references": {s.name: draw(st.floats(s.lower, s.upper)) for s in CHOICES[key].references},
@@ -293,7 +299,7 @@ def orders(draw):
             what: draw(st.sampled_from([None, {s.name: draw(st.floats(s.lower, s.upper)) for s in knobs}]))
         },
         "stick": (draw(st.floats(-1, 1)), draw(st.floats(-1, 1))),
-        "switches": {draw(st.sampled_from(sorted(LOOP.switches))): draw(st.booleans())},
+        "switches": {draw(st.sampled_from(sorted(real_loop().switches))): draw(st.booleans())},
     }
 
 

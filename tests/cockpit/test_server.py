@@ -4,6 +4,7 @@ import asyncio
 import json
 import socket
 from contextlib import asynccontextmanager
+from functools import cache
 
 import numpy as np
 import pyarrow.csv
@@ -21,7 +22,11 @@ from hovercontrol.errors import InputError
 from hovercontrol.logs import Log, read_log
 from hovercontrol.models.vehicles import vehicle
 
-LOOP = Loop(vehicle("hoverdemon"))
+
+@cache
+def shared():
+    """The loop of all consoles, built when a test first needs it."""
+    return Loop(vehicle("hoverdemon"))
 
 
 @pytest.fixture(autouse=True)
@@ -48,9 +53,9 @@ async def with_client(test, tmp_path, **given):
 
 @asynccontextmanager
 async def client_of(tmp_path, token="", replay=None):
-    LOOP.reset()
-    LOOP.command(law="manual", stick=(0.0, 0.0), disturbances={key: None for key in LOOP.switched_on})
-    console = Console(Pacer(LOOP), tmp_path / "flights", replay)
+    shared().reset()
+    shared().command(law="manual", stick=(0.0, 0.0), disturbances={key: None for key in shared().switched_on})
+    console = Console(Pacer(shared()), tmp_path / "flights", replay)
     async with TestClient(TestServer(console.application(token))) as client:
         yield client
 
@@ -325,7 +330,7 @@ def test_a_port_in_use_and_a_wrong_address_are_refused_in_one_line():
 
 
 def test_what_is_told_is_json_that_every_browser_reads(tmp_path):
-    assert json.loads(json.dumps(Pacer(LOOP).state, allow_nan=False))
+    assert json.loads(json.dumps(Pacer(shared()).state, allow_nan=False))
 
 
 # ---- hostile input -------------------------------------------------------------------------------------

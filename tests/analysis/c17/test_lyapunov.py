@@ -17,10 +17,10 @@ from hovercontrol.errors import InputError
 from hovercontrol.models.vehicles import c17_experiment, c17_simulation
 
 GAINS = st.floats(0.05, 20.0)
-F = lyapunov_function()
 
 
 def test_v_and_w_are_those_of_the_paper():
+    F = lyapunov_function()
     z1, z2 = sp.symbols("z1 z2")
     z = sp.Matrix([z1, z2])
     V = F.k1 * z1**2 / 2 + z2**2 / 2 + F.beta * z1 * z2  # (17)
@@ -41,6 +41,7 @@ def test_both_axes_obey_the_same_error_equation_for_any_craft_with_rudder_and_pr
 
 
 def test_19_implies_18_because_the_difference_of_their_squares_is_a_square():
+    F = lyapunov_function()
     k1, k2 = F.k1, F.k2
     assert F.condition_18() == sp.sqrt(k1)
     assert sp.simplify(F.condition_19() - 4 * k1 * k2 / (4 * k1 + k2**2)) == 0

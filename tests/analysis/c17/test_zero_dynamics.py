@@ -1,6 +1,7 @@
 """C17's Theorem 4: (23) and (24) by hand, the side the craft settles on, and simulations as the judge."""
 
 import sys
+from functools import cache
 
 import numpy as np
 import pytest
@@ -23,8 +24,13 @@ from hovercontrol.errors import InputError
 from hovercontrol.models.vehicles import c17_simulation
 
 CRAFT = c17_simulation()
-DYNAMICS = zero_dynamics(CRAFT)
 NAMES = ("sway_linear_drag", "yaw_linear_drag", "thrust", "rudder_torque", "control_point")
+
+
+@cache
+def dynamics():
+    """Those of the simulated craft."""
+    return zero_dynamics(CRAFT)
 
 
 def number(expression, c4, c6, c7, c8, dx, U=1.0):
@@ -43,7 +49,7 @@ def test_the_growth_of_the_yaw_rate_is_that_of_23_and_24_with_kappa(c4, c6, c7, 
     # the bracket before r^2 in (23), b_T of (21) cancels
     printed_23 = -d_r / J + a / J / (1 / m - dx * a / J) * (d_v / m - d_r / J) * dx
     assert b_T * a / J == pytest.approx(c8)
-    growth = number(DYNAMICS.growth, c4, c6, c7, c8, dx)
+    growth = number(dynamics().growth, c4, c6, c7, c8, dx)
     assert growth == pytest.approx(printed_23, rel=1e-9, abs=1e-9)
     kappa = c8 * dx / (c7 - c8 * dx)
     assert growth == pytest.approx(kappa * (c4 - c6) - c6, rel=1e-9, abs=1e-9)
@@ -70,7 +76,7 @@ def test_straight_motion_obeys_the_equation_of_small_turns(c4, c6, c7, c8, dx, U
     rho = c8 * dx / c7
     assume(abs(1 - rho) > 0.05)
     # (1 - rho) psi'' = -(c6 - rho c4) psi' + (c8 c4 U/c7) psi
-    for way, sign in ((DYNAMICS.nose, 1.0), (DYNAMICS.stern, -1.0)):
+    for way, sign in ((dynamics().nose, 1.0), (dynamics().stern, -1.0)):
         a1, a0 = (number(e, c4, c6, c7, c8, dx, U) for e in way)
         assert a1 == pytest.approx((c6 - rho * c4) / (1 - rho), rel=1e-9, abs=1e-9)
         assert a0 == pytest.approx(-sign * c8 * c4 * U / c7 / (1 - rho), rel=1e-9, abs=1e-9)
@@ -100,7 +106,7 @@ def test_the_linearised_growth_is_that_of_the_simulated_loop_about_a_straight_li
     run = loop.compile().simulate(
         np.linspace(0.0, 4.0, 81), x0=on_reference(reference, 0.2, heading=1e-3), rtol=1e-10, atol=1e-13
     )
-    a1, a0 = (number(e, 1.2, 0.48, 0.75, 6.1425, 0.2, U=2.0) for e in DYNAMICS.nose)
+    a1, a0 = (number(e, 1.2, 0.48, 0.75, 6.1425, 0.2, U=2.0) for e in dynamics().nose)
     t = np.linspace(0.0, 4.0, 81)
     poles = np.roots([1.0, a1, a0])
     c = np.linalg.solve(np.vstack([np.ones(2), poles]), [1e-3, 0.0])
@@ -181,7 +187,7 @@ def test_a_control_point_off_the_centre_line_has_no_delta():
     numbers = {coefficient(n): v for n, v in CRAFT.coefficients().items()}
     numbers |= {coefficient("control_point"): 0.03, coefficient("control_point_side"): 0.02}
     assert float(cubic.subs(numbers)) == pytest.approx(-6.1425 * 0.02 / (0.75 - 6.1425 * 0.03), rel=1e-9)
-    assert DYNAMICS.cubic == 0
+    assert dynamics().cubic == 0
 
 
 def test_23_is_the_derivative_of_the_yaw_energy_with_its_bracket_closed(rng):
