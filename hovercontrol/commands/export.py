@@ -35,8 +35,9 @@ def export(
         ),
     ] = None,
     friction: Annotated[
-        str, typer.Option(help="Dry friction: events (sticks at exactly zero velocity) or smooth.")
-    ] = "events",
+        str,
+        typer.Option(help="Dry friction: smooth, as simulate has it, or events (it sticks at rest)."),
+    ] = "smooth",
     stop: Annotated[
         float | None, typer.Option(help="Stop time of the default experiment, in seconds.")
     ] = None,

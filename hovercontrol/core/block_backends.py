@@ -154,7 +154,7 @@ class Backends:
         *,
         version: Literal[2, 3] = 3,
         platforms: str | Iterable[str] | None = None,
-        friction: Friction = "events",
+        friction: Friction = "smooth",
         step: float | None = None,
         stop: float | None = None,
         rtol: float = 1e-6,

@@ -18,15 +18,15 @@ from hovercontrol.errors import InputError
 
 #: How a backend computes dry friction, ``sgn(v, w)`` in the derivative of v itself.
 #:
-#: "smooth" is the Block as it is written, tanh(v/w): what NumPy, python-control, ``simulate`` and ``compile``
-#: compute, so that all agree, and what estimators, Jacobians and fits see. Below its width w the friction is
-#: viscous: a body at rest creeps and never holds still.
+#: "smooth" is the Block as it is written, tanh(v/w): what NumPy, python-control, ``simulate``, ``compile``
+#: and FMUs compute, so that all agree, and what estimators, Jacobians and fits see. Below its width w the
+#: friction is viscous: a body at rest creeps and never holds still.
 #:
 #: "events" is Coulomb's law: at rest the friction balances the other forces, up to its level, and a body
 #: sticks until they exceed it. It is nearer to a craft that stands; but a controller that cancels friction by
 #: a smooth sgn does not cancel this one near rest: in the third phase of C17's Table I the craft then sticks
-#: and slips, centimetres from its reference. ``compile`` takes it as an option; an FMU has it unless told
-#: otherwise, for importers find its events.
+#: and slips, centimetres from its reference. ``compile`` and ``to_fmu`` take it as an option: importers of
+#: such an FMU find its events.
 Friction = Literal["events", "smooth"]
 
 

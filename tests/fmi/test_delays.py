@@ -57,7 +57,9 @@ BLOCKS = {
 def written(tmp_path_factory) -> Iterator[dict[tuple[str, int], Path]]:
     folder = tmp_path_factory.mktemp("late")
     return {
-        (name, version): block.to_fmu(folder / f"{name}{version}.fmu", version=version, step=STEP, **TIGHT)
+        (name, version): block.to_fmu(
+            folder / f"{name}{version}.fmu", version=version, step=STEP, friction="events", **TIGHT
+        )
         for name, block in BLOCKS.items()
         for version in (2, 3)
     }

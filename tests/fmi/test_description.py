@@ -105,7 +105,7 @@ def test_what_the_runtime_can_do_is_said(tmp_path):
 
 def test_terminals_of_parts_that_belong_together_have_one_name():
     def found(name):
-        text = terminals(Interface(BLOCKS[name])).decode()
+        text = terminals(Interface(BLOCKS[name], "events")).decode()
         return {part.split('"')[0] for part in text.split('Terminal name="')[1:]}
 
     assert found("plant") == {"command", "pose", "velocity"}
@@ -115,7 +115,7 @@ def test_terminals_of_parts_that_belong_together_have_one_name():
 
 @pytest.mark.parametrize("name", BLOCKS)
 def test_terminals_fit_the_standards_schema_and_name_listed_variables(name):
-    interface = Interface(BLOCKS[name])
+    interface = Interface(BLOCKS[name], "events")
     schema = Path(fmpy.__file__).parent / "schema" / "fmi3" / "fmi3TerminalsAndIcons.xsd"
     document = etree.fromstring(terminals(interface))
     etree.XMLSchema(file=str(schema)).assertValid(document)

@@ -85,7 +85,7 @@ def test_the_token_follows_the_content(tmp_path):
     other = plant.with_values({"plant.fan_force": 6.0})
     craft = vehicle("c17_simulation").plant()
     assert token(plant) != token(other)
-    assert token(craft) != token(craft, friction="smooth")
+    assert token(craft) != token(craft, friction="events")
 
 
 def test_what_is_inside():
@@ -259,3 +259,22 @@ def test_progress_is_told_from_0_to_1(tmp_path):
     told = []
     BLOCKS["four_fan"].to_fmu(tmp_path / "x.fmu", progress=told.append)
     assert told == sorted(told) and 0 < told[0] <= told[-1] <= 1
+
+
+def test_friction_is_by_default_as_simulate_has_it(tmp_path):
+    """One default for all backends: a craft that slows down creeps, and the FMU gives those numbers."""
+    plant = vehicle("c17_simulation").plant()
+    path = plant.to_fmu(tmp_path / "plant.fmu", version=2, rtol=1e-9, atol=1e-12)
+    times = np.linspace(0.0, 1.0, 101)
+    expected = hovercontrol.simulate(plant, times, x0={"u": 0.2, "r": 0.3}, rtol=1e-10, atol=1e-12)
+    found = fmpy.simulate_fmu(
+        str(path),
+        stop_time=1.0,
+        output_interval=0.01,
+        start_values={"u": 0.2, "r": 0.3},
+        relative_tolerance=1e-9,
+    )
+    for label, values in zip(expected.state_labels, expected.states, strict=True):
+        np.testing.assert_allclose(found[label], values, atol=1e-6, err_msg=label)
+    late = found["u"][found["u"] < 1e-3]  # Coulomb's law would have stopped it at zero
+    assert late.size and np.abs(late).max() > 1e-5

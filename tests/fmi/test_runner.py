@@ -17,7 +17,9 @@ def fmu(request, tmp_path_factory):
         find_compiler()
     except NoCompilerError as error:
         pytest.skip(f"{error}: no FMU can be built")
-    path = CRAFT.to_fmu(tmp_path_factory.mktemp("fmu") / "plant.fmu", version=request.param, step=0.01)
+    path = CRAFT.to_fmu(
+        tmp_path_factory.mktemp("fmu") / "plant.fmu", version=request.param, step=0.01, friction="events"
+    )
     with hovercontrol.fmi.load(path) as system:
         yield system
 

@@ -17,7 +17,7 @@ from .blocks import BLOCKS
 
 @pytest.mark.parametrize("name", BLOCKS)
 def test_names_are_unique_and_references_follow_the_layout_of_the_runtime(name):
-    interface = Interface(BLOCKS[name])
+    interface = Interface(BLOCKS[name], "events")
     b, k = interface.block, len(interface.frictions)
     assert len({v.name for v in interface.variables}) == len(interface.variables)
     n, m, q, outputs = len(b.states), len(b.inputs), len(b.parameters), len(b.outputs)
@@ -32,7 +32,7 @@ def test_names_are_unique_and_references_follow_the_layout_of_the_runtime(name):
 
 
 def test_an_input_and_a_parameter_of_one_name_are_told_apart():
-    names = [v.name for v in Interface(BLOCKS["plant"]).variables]
+    names = [v.name for v in Interface(BLOCKS["plant"], "events").variables]
     assert "thrust" in names and "plant.thrust" in names
 
 
@@ -105,7 +105,7 @@ def kinds(interface, unknown):
 
 
 def test_kinds_of_dependencies_are_those_of_the_equations():
-    interface = Interface(BLOCKS["plant"])
+    interface = Interface(BLOCKS["plant"], "events")
     _, _, psi, u, _, _ = Structure(interface).derivatives
     assert kinds(interface, psi) == {"r": "constant"}
     found = kinds(interface, u)  # u' = -c1 sgn u - c2 u + c7 T cos(theta) + r v, and 0 while it sticks

@@ -38,7 +38,7 @@ def export_fmu(
     *,
     version: Version = 3,
     platforms: str | Iterable[str] | None = None,
-    friction: Friction = "events",
+    friction: Friction = "smooth",
     step: float | None = None,
     stop: float | None = None,
     rtol: float = 1e-6,
@@ -59,9 +59,10 @@ def export_fmu(
         FMI 2.0 or 3.0.
     platforms : str or iterable of str, optional
         Names or ``"all"``, see :data:`hovercontrol.fmi.exporter.binaries.PLATFORMS`; default: this machine's.
-    friction : {"events", "smooth"}, optional
-        Dry friction that sticks at exactly zero velocity, or smoothed over its width; the latter gives the
-        numbers of :func:`hovercontrol.simulate`, see :data:`hovercontrol.core.friction.Friction`.
+    friction : {"smooth", "events"}, optional
+        Dry friction smoothed over its width: the numbers of :func:`hovercontrol.simulate` and
+        ``block.compile()``. Or Coulomb's law, which sticks at exactly zero velocity and gives importers
+        events; see :data:`hovercontrol.core.friction.Friction` for what is physical.
     step, stop : float, optional
         Communication step and end of the default experiment [s]; default 0.01 and 10.
     rtol, atol : float, optional
