@@ -24,6 +24,7 @@ from benchmarks import (
     navigation,
     real_logs,
     regions,
+    startup,
     step,
     tables,
 )
@@ -36,6 +37,7 @@ ALL = {
     "cockpit": cockpit,
     "do_step": do_step,
     "step": step,
+    "startup": startup,
     "fmu": fmu,
     "derive": derive,
     "estimator": estimator,
