@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo test test-all coverage mutations oldest check wheel fuzz benchmarks docs pictures clean
+.PHONY: demo test test-slow test-all coverage mutations oldest check wheel fuzz benchmarks docs pictures clean
 .DELETE_ON_ERROR:
 
 demo: .venv/ready  ## the paper's Table I, coefficients from the sample log, what K06's model lacked
@@ -20,12 +20,15 @@ PYTEST := $(BIN)/python -m pytest -n 2 --dist worksteal --durations=30 --duratio
 test: .venv/ready check  ## style, types, all tests that are not marked slow; the slowest at the end
 	$(PYTEST) -m "not slow"
 
+test-slow: .venv/ready  ## the tests that are marked slow
+	$(PYTEST) -m slow
+
 test-all: .venv/ready check  ## the same and the slow ones
 	$(PYTEST)
 
 COVERED ?= 90
-coverage: .venv/ready  ## all tests, and which lines of the package none of them runs; fewer than 90 % that run fail
-	$(PYTEST) --cov --cov-report=term:skip-covered --cov-report=html:out/coverage --cov-fail-under=$(COVERED)
+coverage: .venv/ready  ## the quick tests, and which lines of the package none of them runs; fewer than 90 % that run fail
+	$(PYTEST) -m "not slow" --cov --cov-report=term:skip-covered --cov-report=html:out/coverage --cov-fail-under=$(COVERED)
 
 check: .venv/ready
 	$(BIN)/ruff check .
