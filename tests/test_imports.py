@@ -2,6 +2,7 @@
 
 import ast
 from collections import defaultdict
+from functools import cache
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
@@ -27,12 +28,16 @@ LAYERS = (
 HEIGHT = {package: height for height, layer in enumerate(LAYERS) for package in layer}
 
 
+@cache
 def modules():
+    """Each module's syntax tree by name, read once."""
+    found = {}
     for path in sorted(ROOT.rglob("*.py")):
         parts = path.relative_to(ROOT).with_suffix("").parts
         name = ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
         if parts[0] not in ("__init__", "__main__", "_moved", "analyses"):  # users of what lies below
-            yield name, ast.parse(path.read_text(encoding="utf-8"))
+            found[name] = ast.parse(path.read_text(encoding="utf-8"))
+    return found
 
 
 def type_only(tree):
@@ -61,9 +66,10 @@ def imports(tree, known):
                     yield alias.name.partition(".")[2]
 
 
+@cache
 def arrows():
     """Every import of one module by another, inside functions too."""
-    trees = dict(modules())
+    trees = modules()
     return {(name, other) for name, tree in trees.items() for other in imports(tree, trees) if other}
 
 
@@ -85,7 +91,7 @@ def circle(graph):
 
 
 def test_every_package_has_its_layer():
-    assert {package(name) for name, _ in modules()} <= set(HEIGHT)
+    assert {package(name) for name in modules()} <= set(HEIGHT)
 
 
 def test_no_module_imports_from_a_layer_above_its_own():
