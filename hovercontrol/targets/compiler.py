@@ -43,7 +43,12 @@ _stalled: dict[tuple[str, ...], str] = {}
 _MACH = (b"\xcf\xfa\xed\xfe", b"\xca\xfe\xba\xbe")
 #: Packages whose code decides what a Block's generated text says; the text itself holds the Block.
 _GENERATORS = ("core", "targets")
-_MAGIC = {".so": (b"\x7fELF", *_MACH), ".dll": (b"MZ",), ".dylib": _MACH}  # how libraries begin
+_MAGIC = {  # how libraries and objects begin
+    ".so": (b"\x7fELF", *_MACH),
+    ".dll": (b"MZ",),
+    ".dylib": _MACH,
+    ".o": (b"\x7fELF", *_MACH, b"\x64\x86"),
+}
 _SUFFIX = ".dll" if os.name == "nt" else ".so"
 
 
@@ -180,10 +185,31 @@ def load_library(name: str, files: Mapping[str, str], *, build: bool = True) -> 
         if not (build or _cached(folder, f"{name}-{_key(command, flags, files)}", _SUFFIX)):
             raise NotCachedError
         try:
-            return ctypes.CDLL(str(built_file(folder, name, files, command, flags, _SUFFIX)))
+            return ctypes.CDLL(str(_library(folder, name, files, command, flags)))
         except OSError as error:  # of another system that shares this home; no exec there; a full disk
             reason = error
     raise CompilerFailedError(f"a compiled library cannot be used: {reason}")
+
+
+def _library(
+    folder: Path, name: str, files: Mapping[str, str], command: tuple[str, ...], flags: Sequence[str]
+) -> Path:
+    """Return a library from the cache or built now; its C runtime is an object that all libraries share.
+
+    The runtime's sources (``hc_*.c``) are the same for every Block and take most of the compiler's time.
+    """
+    stem = f"{name}-{_key(command, flags, files)}"
+    found = _cached(folder, stem, _SUFFIX)
+    if found:
+        return found
+    runtime = {file: text for file, text in files.items() if file.startswith("hc_")}
+    if any(file.endswith(".c") for file in runtime):
+        object_flags = (*(f for f in flags if f != "-shared"), "-r", "-nostdlib")
+        with contextlib.suppress(CompilerFailedError):  # one that cannot join objects compiles all at once
+            joined = built_file(folder, "runtime", runtime, command, object_flags, ".o")
+            own = {file: text for file, text in files.items() if file not in runtime or file.endswith(".h")}
+            return _build(folder, stem, own, command, (*flags, str(joined)), _SUFFIX)
+    return _build(folder, stem, files, command, flags, _SUFFIX)
 
 
 def built_file(
@@ -302,7 +328,7 @@ def _build(
             Path(work, name).write_text(text, encoding="utf-8")
         made = Path(work, f"library{suffix}")
         sources = [name for name in sorted(files) if name.endswith(".c")]
-        call = [*command, *flags, *sources, "-o", made.name, "-lm"]
+        call = [*command, *flags, *sources, "-o", made.name, *(["-lm"] if suffix != ".o" else [])]
         if command in _stalled:
             raise CompilerFailedError(_stalled[command])
         try:

@@ -115,6 +115,50 @@ def test_whatever_goes_into_a_library_is_in_its_name():
     assert compiler._key(("cc",), ("-O3",), dict(reversed(files.items()))) in made
 
 
+def end_of(block):
+    """Where a run of one second ends, by machine code."""
+    times, solver = np.array([0.0, 1.0]), Solver("dormand-prince", 0.0, 1e-6, 1e-9)
+    ready = Library(block, "events")
+    return ready.simulate(solver, times, np.empty((0, 2)), np.ones(1), np.full(1, 2.0))[2][-1, 0]
+
+
+def decays(count):
+    v, k = Signal("v", start=1.0), Signal("k", "1/s", start=2.0)
+    return [Block(f"n{n}", [v], [], [v], [k], {"v": -n * k.symbol * v.symbol}) for n in range(1, count + 1)]
+
+
+@needs_cc
+def test_the_runtime_is_compiled_once_for_all_blocks(cache, monkeypatch):
+    one, two = decays(2)
+    made, build = [], compiler._build
+    monkeypatch.setattr(
+        compiler,
+        "_build",
+        lambda *given: (made.append(sorted(n for n in given[2] if n[-1] == "c")), build(*given))[1],
+    )
+    assert end_of(one) == pytest.approx(np.exp(-2.0), rel=1e-5)
+    assert end_of(two) == pytest.approx(np.exp(-4.0), rel=1e-5)
+    runtime_sources, *own = made
+    assert runtime_sources == sorted(n for n in SIMULATION if n.endswith(".c"))
+    assert own == [["exports.c", "lanes.c", "model.c"]] * 2
+    (joined,) = cache.glob("runtime-*.o")
+    joined.write_bytes(joined.read_bytes()[:-9])  # a damaged one is made anew
+    assert end_of(decays(3)[2]) == pytest.approx(np.exp(-6.0), rel=1e-5)
+    assert len(made) == 5
+
+
+@needs_cc
+def test_a_compiler_that_joins_no_objects_compiles_all_at_once(cache, tmp_path, monkeypatch):
+    script(tmp_path / "bin" / "own", 'case "$*" in *" -r "*) echo no -r >&2; exit 1;; esac; exec cc "$@"')
+    monkeypatch.setenv("CC", str(tmp_path / "bin" / "own"))
+    (one,) = decays(1)
+    apart = end_of(one)
+    assert not list(cache.glob("runtime-*.o"))
+    monkeypatch.delenv("CC")
+    assert end_of(one) == apart  # to the bit
+    assert list(cache.glob("runtime-*.o"))
+
+
 @needs_cc
 @pytest.mark.parametrize(
     ("name", "part", "changed"),
