@@ -23,13 +23,15 @@ EXAMPLE = "Example: hovercontrol simulate table1 --out out/table1"
 
 def simulate(
     scenario: Annotated[
-        str, typer.Argument(help="A scenario's name (--list shows them) or a TOML file.")
+        str, typer.Argument(help="A scenario's name (--list shows them), a scenario file or a model file.")
     ] = "",
     out: Out = None,
     list_: Annotated[bool, typer.Option("--list", help="List the scenarios and exit.")] = False,
     json: given.Json = False,
 ) -> int:
     """Run a scenario; write its log, a table of its figures of merit, and pictures.
+
+    A model file is driven by steps of its commands.
 
     Exit status 1 if a figure of merit is outside the range that the scenario states.
     """
@@ -40,7 +42,7 @@ def simulate(
         return 0
     if not scenario:
         raise InputError(
-            "simulate: expected a scenario's name (hovercontrol simulate --list shows them) or a TOML file"
+            "simulate: expected a scenario's name (hovercontrol simulate --list shows them), or a scenario or model file"
         )
     loaded = load_scenario(scenario)
     out = out or Path("out") / loaded.name
