@@ -42,7 +42,7 @@ def simulate(
         return 0
     if not scenario:
         raise InputError(
-            "simulate: expected a scenario's name (hovercontrol simulate --list shows them), or a scenario or model file"
+            "simulate: expected a scenario's name (hovercontrol simulate --list shows them) or a TOML file"
         )
     loaded = load_scenario(scenario)
     out = out or Path("out") / loaded.name

@@ -24,7 +24,7 @@ EXAMPLE = "Example: hovercontrol sweep k06-turn --vary controller.k2=0.5:6:200 -
 
 
 def sweep(
-    scenario: Annotated[str, typer.Argument(help="A scenario's name, a scenario file or a model file.")],
+    scenario: Annotated[str, typer.Argument(help="A scenario's name or a scenario file.")],
     vary: Annotated[
         list[str] | None,
         typer.Option(
@@ -45,7 +45,7 @@ def sweep(
 ) -> int:
     """Run a scenario at every point of a range or a grid; write a table and a picture.
 
-    Results are kept in OUT.partial as they are computed: --resume continues a stopped sweep, to the same bits.
+    Results are kept in OUT.partial as they are computed: --resume continues a stopped sweep.
 
     Exit status 1 if some runs fail; the others are written.
     """
