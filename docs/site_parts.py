@@ -9,8 +9,8 @@ from docutils import nodes
 from docutils.utils.math.latex2mathml import tex2mathml
 from sphinx.transforms.post_transforms import SphinxPostTransform
 
-#: The first line of a cell that holds commands; nobody types it.
-MAGIC = "%%bash\n"
+#: The first line of a cell that holds commands, nobody types it; and of one that is a file.
+MAGIC, FILE = "%%bash\n", "%%writefile "
 
 
 def _inline(self: Any, node: nodes.math) -> None:
@@ -24,7 +24,7 @@ def _block(self: Any, node: nodes.math_block) -> None:
 
 
 class Commands(SphinxPostTransform):
-    """Show cells of commands as commands, without the line that hands them to the shell."""
+    """Show cells of commands as commands, and those that write a file as that file."""
 
     default_priority = 5
 
@@ -37,6 +37,10 @@ class Commands(SphinxPostTransform):
                 node.rawsource, node.children = shown, []
                 node += nodes.Text(shown)
                 node["language"] = "sh"
+            elif text.startswith(FILE):
+                shown = text.replace(FILE, "# ", 1)
+                node.rawsource, node.children = shown, []
+                node += nodes.Text(shown)
 
 
 def plain_bars(app: Any, what: str, name: str, thing: Any, options: Any, lines: list[str]) -> None:

@@ -29,7 +29,9 @@ def check(
     out: given.Out = None,
     model: Annotated[
         str | None,
-        typer.Option("--model", help="Model file (TOML); or FILE.py:NAME, a BlockModel of your own."),
+        typer.Option(
+            "--model", help="Model file (TOML); or FILE.py:NAME, a Model or BlockModel of your own."
+        ),
     ] = None,
     vehicle: Annotated[
         str | None,

@@ -19,7 +19,7 @@ EXAMPLE = "Example: hovercontrol diagnose a.csv b.csv --holdout c.csv --model cr
 Subject = Annotated[
     str | None,
     typer.Option(
-        "--model", help="Model file (TOML) to start from; or FILE.py:NAME, a BlockModel of your own."
+        "--model", help="Model file (TOML) to start from; or FILE.py:NAME, a Model or BlockModel of your own."
     ),
 ]
 
