@@ -14,7 +14,7 @@ import typer
 import hovercontrol
 from hovercontrol.commands import given
 from hovercontrol.commands.given import Out
-from hovercontrol.commands.progress import progress_bar
+from hovercontrol.notebook.progress import progress_bar
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.io.figure_style import figure_style
 from hovercontrol.io.files import check_folder

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from hovercontrol.commands import given
-from hovercontrol.commands.progress import progress_bar
+from hovercontrol.notebook.progress import progress_bar
 from hovercontrol.errors import InputError
 from hovercontrol.io.files import check_folder
 

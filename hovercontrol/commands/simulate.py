@@ -11,7 +11,7 @@ from rich.table import Table
 
 from hovercontrol.commands import given
 from hovercontrol.commands.given import Out
-from hovercontrol.commands.progress import progress_bar
+from hovercontrol.notebook.progress import progress_bar
 from hovercontrol.errors import InputError
 from hovercontrol.io.files import check_folder
 

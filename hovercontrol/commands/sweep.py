@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from hovercontrol.commands import given
 from hovercontrol.commands.given import Out
-from hovercontrol.commands.progress import progress_bar
+from hovercontrol.notebook.progress import progress_bar
 from hovercontrol.errors import InputError, shown
 from hovercontrol.io import files
 from hovercontrol.io.files import check_folder
