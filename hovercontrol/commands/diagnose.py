@@ -10,9 +10,9 @@ from typing import Annotated
 import typer
 
 from hovercontrol.commands import given
-from hovercontrol.notebook.progress import progress_bar
 from hovercontrol.errors import InputError
 from hovercontrol.io.files import check_folder, write_folder
+from hovercontrol.notebook.progress import progress_bar
 
 EXAMPLE = "Example: hovercontrol diagnose a.csv b.csv --holdout c.csv --model craft.toml --out out/diagnose"
 

@@ -11,9 +11,9 @@ from rich.table import Table
 
 from hovercontrol.commands import given
 from hovercontrol.commands.given import Out
-from hovercontrol.notebook.progress import progress_bar
 from hovercontrol.errors import InputError
 from hovercontrol.io.files import check_folder
+from hovercontrol.notebook.progress import progress_bar
 
 if TYPE_CHECKING:
     from hovercontrol.scenarios import Run

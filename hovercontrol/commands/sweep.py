@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 
 from hovercontrol.commands import given
 from hovercontrol.commands.given import Out
-from hovercontrol.notebook.progress import progress_bar
 from hovercontrol.errors import InputError, shown
 from hovercontrol.io import files
 from hovercontrol.io.files import check_folder
+from hovercontrol.notebook.progress import progress_bar
 
 EXAMPLE = "Example: hovercontrol sweep k06-turn --vary controller.k2=0.5:6:200 --of r --figure final"
 

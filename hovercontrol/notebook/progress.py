@@ -23,16 +23,16 @@ class Report(Protocol):
 def progress_bar(text: str, total: float = 1.0) -> Iterator[Report]:
     """Show the progress of long work; for the ``progress=`` of sweeps, fits, diagnoses and analyses.
 
-    In a notebook a bar below the cell, on a terminal a bar that is removed if the work fails, in a pipe one line
-    at the end (on standard error).
+    In a notebook a bar below the cell, on a terminal a bar that is removed if the work fails, in a pipe one
+    line at the end (on standard error).
 
     Parameters
     ----------
     text : str
         What is done.
     total : float, optional
-        What the work reports at its end: 1 for fits, diagnoses and analyses, the number of runs for a compiled
-        sweep, the simulated time [s] for a scenario.
+        What the work reports at its end: 1 for fits, diagnoses and analyses, the number of runs for a
+        compiled sweep, the simulated time [s] for a scenario.
 
     Yields
     ------
