@@ -126,12 +126,12 @@ class Block(Backends):
         """Return how texts call what `derivatives` has of a state: ``u'``, or ``next mode`` if sampled."""
         return f"next {state}" if self.period else f"{state}'"
 
-    def need_continuous(self, face: str, *, hybrid: bool = True) -> None:
-        """Refuse a sampled Block where it has no such face; raises :class:`InputError`.
+    def need_continuous(self, what: str, *, hybrid: bool = True) -> None:
+        """Refuse a sampled Block where it has no such thing; raises :class:`InputError`.
 
         Parameters
         ----------
-        face : str
+        what : str
             What it has not.
         hybrid : bool, optional
             Whether a hybrid Block has it.
@@ -144,12 +144,12 @@ class Block(Backends):
         if self.period:
             raise InputError(
                 self.where(
-                    f"sampled every {self.period:g} s, it has no {face}: interconnect it with what it "
+                    f"sampled every {self.period:g} s, it has no {what}: interconnect it with what it "
                     "measures and drives"
                 )
             )
         if self.ticks and not hybrid:
-            raise InputError(self.where(f"it has parts that tick and so no {face}"))
+            raise InputError(self.where(f"it has parts that tick and so no {what}"))
 
     @cached_property
     def in_continuous_time(self) -> Block:
@@ -162,12 +162,12 @@ class Block(Backends):
         whole: Block = backend("interconnect")([self], self.name, hybrid=True)
         return whole
 
-    def need_prompt_inputs(self, face: str) -> None:
+    def need_prompt_inputs(self, what: str) -> None:
         """Refuse a Block whose inputs act late where nothing remembers them; raises :class:`InputError`.
 
         Parameters
         ----------
-        face : str
+        what : str
             What needs each input at the instant at which it acts.
 
         Raises
@@ -178,7 +178,7 @@ class Block(Backends):
         for name in self.delays:
             raise InputError(
                 self.where(
-                    f"the input {name!r} acts with a delay, of which {face} knows nothing: give the inputs "
+                    f"the input {name!r} acts with a delay, of which {what} knows nothing: give the inputs "
                     "as they arrive to hovercontrol.core.delays.undelayed(block), or approximate by "
                     "hovercontrol.core.delays.pade(block, order)"
                 )

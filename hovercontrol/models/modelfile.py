@@ -95,7 +95,7 @@ def model_from_table(content: Mapping[str, Any]) -> Model:
 
 @checked
 def save_model(model: Model, path: str | Path) -> Path:
-    """Write a model file; it appears whole or not at all.
+    """Write a model file, atomically.
 
     Parameters
     ----------
