@@ -36,8 +36,8 @@ def fan_table_figure(table: FanTable) -> Figure:
     axes = figure.subplots()
     span = mpl.colors.Normalize(float(table.rudder[0]), float(table.rudder[-1]))
     colours = mpl.cm.ScalarMappable(span, "cividis")
-    for angle, row in zip(table.rudder, table.values, strict=True):
-        axes.plot(table.columns, row, color=colours.to_rgba(float(angle)), lw=1.1)
+    for colour, row in zip(colours.to_rgba(table.rudder), table.values, strict=True):
+        axes.plot(table.columns, row, color=colour, lw=1.1)
     axes.set(title=table.name, xlabel=labels[table.over], ylabel=labels[other])
     axes.grid(alpha=0.3)
     figure.colorbar(colours, ax=axes, label="rudder angle [deg]")
