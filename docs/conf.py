@@ -38,6 +38,7 @@ nb_execution_in_temp = True
 nb_execution_timeout = 900  # of a cell, on a busy machine
 nb_execution_raise_on_error = True
 nb_merge_streams = True
+nb_render_markdown_format = "myst"  # tables
 nb_mime_priority_overrides = [("html", "text/html", 0)]
 
 # Attributes of one name in several classes are no broken links.
@@ -81,7 +82,7 @@ def spread(app: Any, env: Any, docnames: list[str]) -> None:
 
 
 def own_branch(app: Any, page: str, template: str, context: dict[str, Any], doctree: Any) -> None:
-    """Let the side bar unfold the page's own branch only: all 500 pages in each of 500 took most of the build."""
+    """Let the side bar unfold the page's own branch only: all 500 in each took most of the build."""
     whole = context.get("toctree")
     if whole:
         context["toctree"] = lambda **options: whole(**{**options, "collapse": True})
