@@ -6,7 +6,8 @@ import re
 from pathlib import Path
 
 from generate.pages import code, html, table, toctree, write
-from hovercontrol.commands.exportable import choices, choose
+from hovercontrol.commands.exportable import choose
+from hovercontrol.commands.exportable_parts import PARTS
 from hovercontrol.scenarios import load_scenario, scenario_names
 
 #: Longer pages than these signs are cut down to signals: the whole autopilot has hundreds of equations.
@@ -15,7 +16,7 @@ LONGEST = 400_000
 
 def names() -> list[str]:
     """Return what has a page: the parts of an autopilot, and those of C17's loop and of each law of K06's."""
-    parts = [name for name, text in choices() if text.startswith("part: ") and not name.startswith("link_")]
+    parts = [name for name in PARTS if not name.startswith("link_")]
     laws = []
     for name in scenario_names():
         scenario = load_scenario(name)
@@ -32,8 +33,8 @@ def _file(name: str) -> str:
 
 def pages(into: Path) -> tuple[str, str]:
     """Write a page for each Block."""
-    rows = []
-    for name in names():
+    rows, every = [], names()
+    for name in every:
         chosen = choose(name)
         file = _file(name)
         block = chosen.block
@@ -56,6 +57,6 @@ def pages(into: Path) -> tuple[str, str]:
         "Every Block has python-control systems, NumPy functions, machine code and FMUs "
         "([how](../concepts/blocks.md)). Plants are under [craft](vehicles.md).",
         table(("block", "what it is", "ticks", "states"), rows),
-        toctree(f"blocks/{_file(name)}" for name in names()),
+        toctree(f"blocks/{_file(name)}" for name in every),
     )
     return "blocks", f"{len(rows)} blocks"

@@ -7,9 +7,10 @@ a fit would do.
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -98,7 +99,7 @@ class Seen:
     def figure(self) -> Figure:
         """Return path and velocities without and with the effect."""
         k = self.craft.manoeuvres.index(self.manoeuvre)
-        before, after = self.craft.runs[k], run(self.model, self.manoeuvre)
+        before, (after,) = self.craft.runs[k], runs(self.model, [self.manoeuvre])
         figure = Figure(figsize=(8.0, 4.2), layout="constrained")
         grid = figure.add_gridspec(3, 2)
         path = figure.add_subplot(grid[:, 0])
@@ -143,22 +144,24 @@ class Runs:
 def every_run() -> Runs:
     """Return every effect of the catalogue in runs."""
     craft = {kind: driven(kind) for kind in CRAFT}
-    with ThreadPoolExecutor(2) as pool:  # the compiler works meanwhile
-        seen = list(pool.map(lambda name: seen_by(name, craft), effect_names()))
-    return Runs(dict(zip(effect_names(), seen, strict=True)))
+    return Runs({name: seen_by(name, craft) for name in effect_names()})
 
 
-def run(model: Model, manoeuvre: Manoeuvre) -> dict[str, Array]:
-    """Return what a log of a manoeuvre would hold, without noise."""
+def runs(model: Model, manoeuvres: Sequence[Manoeuvre]) -> list[dict[str, Array]]:
+    """Return what a log of each manoeuvre would hold, without noise."""
     late = {n.rpartition(".")[2] for n in model.timing() if n}
-    block = model.plant(late=True)
-    commands = [manoeuvre.commands[s.name] for s in block.inputs]
-    fine = 5  # the commands of a delayed craft arrive between rows
-    times = np.arange(fine * manoeuvre.time.size) * STEP / fine
     delay = sum(model.coefficients()[name] for name in late)
-    at = np.clip(((times - delay) / STEP + 1e-9).astype(int), 0, manoeuvre.time.size - 1)
+    block = model.plant(late=True)
+    compiled = block.compile(friction="smooth")
+    return [_run(compiled, [m.commands[s.name] for s in block.inputs], delay) for m in manoeuvres]
+
+
+def _run(compiled: Any, commands: Sequence[Array], delay: float) -> dict[str, Array]:
+    fine, count = 5, commands[0].size  # the commands of a delayed craft arrive between rows
+    times = np.arange(fine * count) * STEP / fine
+    at = np.clip(((times - delay) / STEP + 1e-9).astype(int), 0, count - 1)
     sent = [np.where(times >= delay, row[at], 0.0) for row in commands]
-    done = block.compile(friction="smooth").simulate(times, sent)
+    done = compiled.simulate(times, sent)
     found = dict(zip(done.output_labels, done.outputs[:, ::fine], strict=True))
     found |= {k.removesuffix("_measured"): v for k, v in found.items() if k.endswith("_measured")}
     rate = {k: np.gradient(found[k], STEP) for k in ("x", "y", "psi")}
@@ -172,9 +175,9 @@ def driven(kind: str) -> Craft:
     name, limits = CRAFT[kind]
     model = hc.vehicle(name)
     manoeuvres = family(limits, STEP)
-    runs = [run(model, m) for m in manoeuvres]
-    scale = {c: float(np.sqrt(np.mean([np.mean(r[c] ** 2) for r in runs]))) for c in CHANNELS}
-    craft = Craft(model, manoeuvres, runs, scale, {})
+    own = runs(model, manoeuvres)
+    scale = {c: float(np.sqrt(np.mean([np.mean(r[c] ** 2) for r in own]))) for c in CHANNELS}
+    craft = Craft(model, manoeuvres, own, scale, {})
     for key, value in model.coefficients().items():
         if not key.endswith("_width"):
             moved = model.with_coefficients({key: value + 1e-3 * (abs(value) or 1.0)})
@@ -185,8 +188,7 @@ def driven(kind: str) -> Craft:
 def _change(craft: Craft, model: Model) -> Array:
     """Return by how much a model's runs differ from the craft's, all channels of all manoeuvres."""
     rows = []
-    for manoeuvre, before in zip(craft.manoeuvres, craft.runs, strict=True):
-        after = run(model, manoeuvre)
+    for before, after in zip(craft.runs, runs(model, craft.manoeuvres), strict=True):
         rows += [(after[c] - before[c]) / craft.scale[c] for c in CHANNELS]
     return np.nan_to_num(np.concatenate(rows))
 

@@ -42,7 +42,7 @@ def pages(into: Path) -> tuple[str, str]:
         into / "formats" / "log.md",
         "# Logs (CSV or Parquet)",
         "A header and a row for each time. `time` and any of pose and body velocities, then the inputs by the plant's names. "
-        "Missing values are empty cells. Other names are mapped: `--columns time=stamp,x=pose.x`. The frame is x, y on "
+        "Missing values are empty cells. Other names and units are mapped: `--columns time=stamp_ms:ms,psi=yaw:deg`. The frame is x, y on "
         "the floor with z up; psi turns from x to y. `--frame ned` converts north-east-down logs.",
         table(
             ("column", "unit", "what it is"),

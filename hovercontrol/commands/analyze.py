@@ -14,10 +14,10 @@ import typer
 import hovercontrol
 from hovercontrol.commands import given
 from hovercontrol.commands.given import Out
-from hovercontrol.commands.progress import progress_bar
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.io.figure_style import figure_style
 from hovercontrol.io.files import check_folder
+from hovercontrol.notebook.progress import progress_bar
 
 EXAMPLE = "Example: hovercontrol analyze c17_gain_region --out out/gains"
 

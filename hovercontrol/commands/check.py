@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hovercontrol.commands import given
-from hovercontrol.commands.progress import progress_bar
 from hovercontrol.errors import InputError
 from hovercontrol.io.files import check_folder
+from hovercontrol.notebook.progress import progress_bar
 
 if TYPE_CHECKING:
     import numpy as np
@@ -29,7 +29,9 @@ def check(
     out: given.Out = None,
     model: Annotated[
         str | None,
-        typer.Option("--model", help="Model file (TOML); or FILE.py:NAME, a BlockModel of your own."),
+        typer.Option(
+            "--model", help="Model file (TOML); or FILE.py:NAME, a Model or BlockModel of your own."
+        ),
     ] = None,
     vehicle: Annotated[
         str | None,
@@ -91,6 +93,7 @@ def check(
 
 def stamps(files: str, log: Log, columns: str) -> dict[str, NDArray[np.float64]]:
     """Return the time stamps of a log's files [s] as they stand there, within the time of the log."""
+    from hovercontrol.logs.column_units import column_of
     from hovercontrol.logs.gather import split_files
     from hovercontrol.logs.read import read_log
     from hovercontrol.logs.source import open_source
@@ -98,7 +101,8 @@ def stamps(files: str, log: Log, columns: str) -> dict[str, NDArray[np.float64]]
     clock = given.pairs(columns).get("time", "time")
     found = {}
     for path in split_files(files):
-        renamed = {"time": clock} if clock in open_source(path).header else {}
+        header = open_source(path).header
+        renamed = {"time": clock} if column_of(clock, header)[0] in header else {}
         time = read_log(path, renamed, motion=False, usecols=[]).time
         found[path.name] = time[(time >= log.time[0] - EDGE) & (time <= log.time[-1] + EDGE)]
     return {name: time for name, time in found.items() if time.size}

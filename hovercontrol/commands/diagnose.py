@@ -10,16 +10,16 @@ from typing import Annotated
 import typer
 
 from hovercontrol.commands import given
-from hovercontrol.commands.progress import progress_bar
 from hovercontrol.errors import InputError
 from hovercontrol.io.files import check_folder, write_folder
+from hovercontrol.notebook.progress import progress_bar
 
 EXAMPLE = "Example: hovercontrol diagnose a.csv b.csv --holdout c.csv --model craft.toml --out out/diagnose"
 
 Subject = Annotated[
     str | None,
     typer.Option(
-        "--model", help="Model file (TOML) to start from; or FILE.py:NAME, a BlockModel of your own."
+        "--model", help="Model file (TOML) to start from; or FILE.py:NAME, a Model or BlockModel of your own."
     ),
 ]
 

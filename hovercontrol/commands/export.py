@@ -8,8 +8,8 @@ from typing import Annotated
 import typer
 
 from hovercontrol.commands import given
-from hovercontrol.commands.progress import progress_bar
 from hovercontrol.errors import InputError, one_line
+from hovercontrol.notebook.progress import progress_bar
 
 EXAMPLE = "Example: hovercontrol export table1:plant -o plant.fmu --platforms x86_64-linux,x86_64-windows"
 

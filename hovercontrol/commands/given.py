@@ -30,7 +30,13 @@ Vehicle = Annotated[
     str | None,
     typer.Option("--vehicle", help="A built-in craft instead of --model (default: c17_experiment)."),
 ]
-Columns = Annotated[str, typer.Option("--columns", help="Column names in the files: time=stamp,x=pose.x")]
+Columns = Annotated[
+    str,
+    typer.Option(
+        "--columns",
+        help="The files' names of columns, with units that are not SI: time=stamp_ms:ms,psi=yaw:deg",
+    ),
+]
 Bench = Annotated[
     Path | None, typer.Option("--bench", help="Bench table: column pwm_NAME becomes the force of input NAME.")
 ]

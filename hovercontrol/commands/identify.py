@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from hovercontrol.commands import given
-from hovercontrol.commands.progress import progress_bar
 from hovercontrol.errors import InputError
 from hovercontrol.io.files import check_folder
+from hovercontrol.notebook.progress import progress_bar
 
 if TYPE_CHECKING:
     from hovercontrol.identify.study import Study

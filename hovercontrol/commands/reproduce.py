@@ -10,8 +10,8 @@ import typer
 
 from hovercontrol.commands import given
 from hovercontrol.commands.given import Out
-from hovercontrol.commands.progress import progress_bar
 from hovercontrol.io.files import check_folder
+from hovercontrol.notebook.progress import progress_bar
 
 EXAMPLE = 'Example: hovercontrol reproduce c17 --only "table 2" --only "fig 15" --out out/c17'
 

@@ -11,9 +11,9 @@ from rich.table import Table
 
 from hovercontrol.commands import given
 from hovercontrol.commands.given import Out
-from hovercontrol.commands.progress import progress_bar
 from hovercontrol.errors import InputError
 from hovercontrol.io.files import check_folder
+from hovercontrol.notebook.progress import progress_bar
 
 if TYPE_CHECKING:
     from hovercontrol.scenarios import Run
@@ -23,13 +23,15 @@ EXAMPLE = "Example: hovercontrol simulate table1 --out out/table1"
 
 def simulate(
     scenario: Annotated[
-        str, typer.Argument(help="A scenario's name (--list shows them) or a TOML file.")
+        str, typer.Argument(help="A scenario's name (--list shows them), a scenario file or a model file.")
     ] = "",
     out: Out = None,
     list_: Annotated[bool, typer.Option("--list", help="List the scenarios and exit.")] = False,
     json: given.Json = False,
 ) -> int:
     """Run a scenario; write its log, a table of its figures of merit, and pictures.
+
+    A model file is driven by steps of its commands.
 
     Exit status 1 if a figure of merit is outside the range that the scenario states.
     """

@@ -15,16 +15,16 @@ from numpy.typing import NDArray
 
 from hovercontrol.commands import given
 from hovercontrol.commands.given import Out
-from hovercontrol.commands.progress import progress_bar
 from hovercontrol.errors import InputError, shown
 from hovercontrol.io import files
 from hovercontrol.io.files import check_folder
+from hovercontrol.notebook.progress import progress_bar
 
 EXAMPLE = "Example: hovercontrol sweep k06-turn --vary controller.k2=0.5:6:200 --of r --figure final"
 
 
 def sweep(
-    scenario: Annotated[str, typer.Argument(help="A scenario's name or a TOML file.")],
+    scenario: Annotated[str, typer.Argument(help="A scenario's name or a scenario file.")],
     vary: Annotated[
         list[str] | None,
         typer.Option(
@@ -45,9 +45,7 @@ def sweep(
 ) -> int:
     """Run a scenario at every point of a range or a grid; write a table and a picture.
 
-    Results are kept in OUT.partial as they are computed: a stopped sweep is
-
-    continued with --resume, and gives the same bits.
+    Results are kept in OUT.partial as they are computed: --resume continues a stopped sweep.
 
     Exit status 1 if some runs fail; the others are written.
     """

@@ -162,7 +162,9 @@ def refuse_slow_rows(logs: Sequence[Log | Measured]) -> None:
     for log in logs:
         apart = float(np.median(np.diff(log.time))) if log.time.size > 1 else 0.0
         if apart > SAMPLING.slowest:
-            raise InputError(f"{log.name}: rows are {apart:g} s apart: is its time in seconds?")
+            raise InputError(
+                f"{log.name}: rows are {apart:g} s apart: is its time in seconds? (--columns time=NAME:ms)"
+            )
 
 
 def _fitted(

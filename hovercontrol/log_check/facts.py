@@ -295,7 +295,7 @@ def _remarks(log: Log, columns: Sequence[Column]) -> list[str]:
             if fast > SPEEDS.fastest:
                 said.append(
                     f"{log.name}: the position moves at {fast:.3g} m/s: is it in millimetres or centimetres? "
-                    "Give metres"
+                    "Give metres, or the unit: x=NAME:mm"
                 )
     for c in columns:
         if c.unit == "m/s" and c.high - c.low > 2 * SPEEDS.fastest:

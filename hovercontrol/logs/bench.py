@@ -6,6 +6,7 @@ import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,6 +16,9 @@ from hovercontrol.errors import InputError
 from hovercontrol.logs.check import check_finite
 from hovercontrol.logs.log import Floats, Log
 from hovercontrol.logs.source import open_source
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 STANDARD_GRAVITY = 9.80665
 """m/s^2, exact by definition (3rd CGPM, 1901); a gram-force is this many millinewton."""
@@ -46,6 +50,12 @@ class BenchTable:
     command: Floats
     thrust: Floats
     idle: float
+
+    def plot(self) -> Figure:
+        """Return thrust over command."""
+        from hovercontrol.notebook.data_plots import curve_figure
+
+        return curve_figure(self.name, self.command, self.thrust, "command [us]", "thrust of one fan [N]")
 
     @classmethod
     def from_csv(cls, path: str | Path, *, fans: int = 2, idle: float = 1000.0) -> BenchTable:

@@ -102,10 +102,11 @@ def check_heading(file: str, column: str, time: Floats, psi: Floats, r: Floats |
         raise InputError(
             f"{file}: column {column!r}: expected a heading in rad, found values from {psi.min():.4g} to "
             f"{psi.max():.4g} that look like degrees, and a yaw rate in degrees per second; multiply both by "
-            "pi/180"
+            f"pi/180, or read them as --columns psi={column}:deg,r=NAME:deg/s"
         )
     if wrapped or (whirling and r is None) or 40.0 < ratio < 80.0:
         raise InputError(
             f"{file}: column {column!r}: expected a heading in rad, found values from "
-            f"{psi.min():.4g} to {psi.max():.4g} that look like degrees; multiply by pi/180"
+            f"{psi.min():.4g} to {psi.max():.4g} that look like degrees; multiply by pi/180, or read it as "
+            f"--columns psi={column}:deg"
         )

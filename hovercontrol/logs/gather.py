@@ -14,6 +14,7 @@ from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError
 from hovercontrol.logs.bench import BenchTable
 from hovercontrol.logs.check import check_gaps
+from hovercontrol.logs.column_units import column_of
 from hovercontrol.logs.join import join_logs
 from hovercontrol.logs.log import Log
 from hovercontrol.logs.read import read_log
@@ -89,7 +90,8 @@ def gather(
     inputs : sequence of str, optional
         The plant's inputs, which the log must have.
     columns : mapping, optional
-        Our column name to the files', ``{"time": "stamp"}``; each is looked up in the file that has it.
+        Our column name to the files', ``{"time": "stamp", "psi": "yaw:deg"}``; each is looked up in the
+        file that has it.
     bench : BenchTable, optional
         Makes an input ``rear_left`` [N] of a column ``pwm_rear_left``.
     only_while : Condition, optional
@@ -161,8 +163,12 @@ def _columns_by_file(
     from hovercontrol.logs.source import open_source
 
     there = {path: open_source(path).header for path in (pose, commands)}
-    ours = {k: v for k, v in columns.items() if v in there[pose] or v not in there[commands]}
-    theirs = {k: v for k, v in columns.items() if v in there[commands]}
+
+    def has(path: Path, said: str) -> bool:
+        return column_of(said, there[path])[0] in there[path]
+
+    ours = {k: v for k, v in columns.items() if has(pose, v) or not has(commands, v)}
+    theirs = {k: v for k, v in columns.items() if has(commands, v)}
     return ours, theirs
 
 

@@ -14,6 +14,7 @@ import pyarrow as pa
 from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.logs.check import check_finite, check_heading, check_time
+from hovercontrol.logs.column_units import column_of, factor_to_si
 from hovercontrol.logs.log import POSE, VELOCITY, Floats, Log
 from hovercontrol.logs.source import Source, open_source
 
@@ -41,7 +42,8 @@ def read_log(
     path : str or Path
         ``.parquet`` and ``.pq`` are read as Parquet, everything else as CSV.
     columns : mapping, optional
-        Our column name to the file's, ``{"time": "stamp"}``.
+        Our column name to the file's, ``{"time": "stamp"}``; with a unit where it is not SI,
+        ``{"psi": "yaw:deg"}``.
     inputs : sequence of str
         Columns that must be there besides ``time``.
     motion : bool
@@ -53,8 +55,8 @@ def read_log(
     Returns
     -------
     Log
-        Named after the file; numbers as in the file, which must be in SI units. Rows may be missing:
-        ``Log.gaps`` tells where.
+        Named after the file; in SI units, which the file must have where `columns` says no other. Rows
+        may be missing: ``Log.gaps`` tells where.
 
     Raises
     ------
@@ -67,13 +69,15 @@ def read_log(
     >>> import tempfile
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     file = Path(folder) / "demo.csv"
-    ...     _ = file.write_text("stamp,u,v,r\n0.0,1,0,0\n0.1,1,0,0\n")
-    ...     read_log(file, columns={"time": "stamp"}).time
+    ...     _ = file.write_text("stamp,u,v,r\n0,1,0,0\n100,1,0,0\n")
+    ...     read_log(file, columns={"time": "stamp:ms"}).time
     array([0. , 0.1])
     """
     file = Path(path)
     source = open_source(file)
-    renamed = dict(columns or {})
+    said = {ours: column_of(theirs, source.header) for ours, theirs in (columns or {}).items()}
+    renamed = {ours: theirs for ours, (theirs, _) in said.items()}
+    factors = {ours: factor_to_si(ours, unit) for ours, (_, unit) in said.items() if unit}
     names = _our_names(str(file), source.header, renamed)
     wanted = ("time", *inputs, *(usecols or ()))
     _check_names(str(file), names, wanted, motion)
@@ -84,6 +88,9 @@ def read_log(
     names = {k: v for k, v in names.items() if k in checked or v in numeric}
 
     data = _gather(str(file), source, names)
+    for ours, factor in factors.items():
+        if ours in data:
+            data[ours] *= factor
     time = data["time"]
     if not time.size:
         raise InputError(f"{file}: expected samples below the header, found no rows")

@@ -8,6 +8,7 @@ one craft could have passed (:mod:`.reject`), noise by maximum likelihood and sm
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.ndimage import maximum_filter1d, median_filter, percentile_filter
@@ -17,6 +18,9 @@ from hovercontrol.logs.clock import Clock, fit_clock, measured, moved
 from hovercontrol.logs.kalman import Estimate, fit_noise, run_filter, run_smoother
 from hovercontrol.logs.log import POSE, VELOCITY, Floats, Log, Mask
 from hovercontrol.logs.reject import REJECTION, follow, wrap
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True)
@@ -130,6 +134,12 @@ class Smoothed:
     noise_std: tuple[float, ...]
     jerk_density: tuple[float, ...]
     clock: Clock
+
+    def plot(self) -> Figure:
+        """Return pose and body velocities over time; what was not used, and where the motion is guessed."""
+        from hovercontrol.notebook.data_plots import smoothed_figure
+
+        return smoothed_figure(self)
 
     def usable(self) -> Log:
         """Return the log without the rows that are only guessed (they become gaps)."""

@@ -24,10 +24,11 @@ _HEAD = """\
 # and inertia: a force of F newton on m kilogram is F/m. The numbers here are those of {of};
 # put yours, or let a log tell them:
 #
+#     hovercontrol simulate {file}                     # drive it: a log and pictures
 #     hovercontrol check run.csv --model {file}        # is the log good, and what can it show?
 #     hovercontrol identify run.csv --model {file}     # coefficients with standard errors
 #     hovercontrol diagnose run.csv --holdout other.csv --model {file}    # what the model lacks
-#     hovercontrol cockpit --model {file}              # drive it
+#     hovercontrol cockpit --model {file}              # drive it by hand, in the browser
 #
 # A log is a CSV file with time [s], x, y [m], psi [rad] and/or u, v [m/s], r [rad/s], and the inputs
 # {inputs}.

@@ -23,6 +23,7 @@ from hovercontrol.scenarios.autopilots import autopilot_section
 from hovercontrol.scenarios.base import with_base
 from hovercontrol.scenarios.checks import check_scenario
 from hovercontrol.scenarios.definition import Metric, Phase, Sampling, Scenario
+from hovercontrol.scenarios.drive import driven, is_model
 from hovercontrol.scenarios.measures import NEEDS, STATISTICS
 from hovercontrol.scenarios.parts import GUIDANCE, LAWS
 from hovercontrol.scenarios.sections import (
@@ -62,7 +63,7 @@ def load_scenario(name: str | Path) -> Scenario:
     Parameters
     ----------
     name : str or path
-        ``"table1"``, or a file that ends in ``.toml``.
+        ``"table1"``, or a file that ends in ``.toml``; a model file is driven by steps of its commands.
 
     Raises
     ------
@@ -78,6 +79,8 @@ def load_scenario(name: str | Path) -> Scenario:
     own = str(name).endswith(".toml")
     path = Path(name) if own else _shipped(str(name))
     content = read_toml(path)
+    if own and is_model(content):
+        return replace(driven(load_model(path), path.stem), file=str(path))
     try:
         content = with_base(content, path, _base)
         scenario = replace(_scenario(path, content), file=str(path) if own else "")

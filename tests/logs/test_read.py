@@ -108,6 +108,39 @@ def test_names_are_mapped_and_missing_inputs_are_named(tmp_path: Path) -> None:
     )
 
 
+def test_columns_in_other_units_become_si(tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    path.write_text("ms,x,y,yaw:deg,motor,rudder_deg\n0,1000,0,0,5,90\n20,1020,10,1.8,5,-45\n")
+    given = {"time": "ms:ms", "x": "x:mm", "y": "y:mm", "psi": "yaw:deg:deg", "rudder": "rudder_deg:deg"}
+    log = read_log(path, given | {"thrust": "motor"}, ["thrust", "rudder"])
+    assert log.time.tolist() == [0.0, 0.02]
+    assert log["x"].tolist() == [1.0, pytest.approx(1.02)]
+    assert log["psi"] == pytest.approx([0.0, np.pi / 100])
+    assert log["rudder"] == pytest.approx([np.pi / 2, -np.pi / 4])
+    assert log["thrust"].tolist() == [5.0, 5.0]
+
+
+def test_a_name_with_a_colon_is_a_name_where_the_file_has_it(tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    path.write_text("time,imu:x,y,psi\n0,1,0,0\n1,2,0,0\n")
+    assert read_log(path, {"x": "imu:x"})["x"].tolist() == [1.0, 2.0]
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"time": "time:deg"}, "column 'time': expected a unit like 's', found 'deg'"),
+        ({"x": "x:furlogs"}, "column 'x': .*furlogs"),
+        ({"x": "z:mm"}, "no column 'z' to read 'x' from"),
+    ],
+)
+def test_a_unit_that_cannot_be_is_told(tmp_path: Path, given: dict[str, str], said: str) -> None:
+    path = tmp_path / "log.csv"
+    path.write_text("time,x,y,psi\n0,1,0,0\n1,2,0,0\n")
+    with pytest.raises(InputError, match=said):
+        read_log(path, given)
+
+
 def test_only_the_wanted_columns_are_kept(tmp_path: Path) -> None:
     path = tmp_path / "run.csv"
     path.write_text("time,u,v,r,battery\n0,1,2,3,\n1,1,2,3,7.4\n")

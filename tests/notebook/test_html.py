@@ -148,6 +148,33 @@ def test_every_result_can_be_drawn(results, name):
     assert any(a.get_xlabel() for a in axes)
 
 
+def test_tables_smoothed_logs_and_sliding_spectra_can_be_drawn(logs):
+    from hovercontrol.analysis import observability_gramian
+    from hovercontrol.hardware.actuators import FanTable, ServoTable
+    from hovercontrol.logs import BenchTable, smooth_pose
+
+    t = np.linspace(0.0, 2.0, 101)
+    blind = dict(logs[0].columns) | {
+        k: np.where(abs(logs[0].time - 5) < 1, np.nan, logs[0][k]) for k in ("x", "y", "psi")
+    }
+    things = {
+        "force [N]": FanTable(
+            "demo", "force", [-5, 0, 5], [0.0, 0.5, 1.0], [[0, 5, 9], [0, 4, 8], [0, 5, 9]]
+        ),
+        "pulse [ms]": ServoTable("demo", [1.0, 1.5, 2.0], [-30.0, 0.0, 35.0]),
+        "command [us]": BenchTable("demo", np.array([1100.0, 1200.0]), np.array([0.01, 0.03]), idle=1000.0),
+        "time [s]": smooth_pose(Log("blind", logs[0].time, blind)),
+        "end of the window [s]": observability_gramian(
+            CRAFT.plant(), t, {"u": 1.0 + t}, ["surge_linear_drag"]
+        ).sliding(1.0),
+    }
+    for label, thing in things.items():
+        axes = thing.plot().axes
+        assert label in [a.get_xlabel() for a in axes]
+        assert all(a.lines or a.collections for a in axes)
+    assert things["time [s]"].plot().axes[0].patches  # the span without a pose is marked
+
+
 def test_a_picture_that_is_not_there_is_named(results):
     for thing, word, known in (("run", "paht", "path"), ("study", "run7", "run")):
         with pytest.raises(hc.InputError, match=f"'{word}'.*{known}"):

@@ -91,6 +91,22 @@ class SlidingGramian:
         low, high = self.eigenvalues[0], self.eigenvalues[-1]
         return np.where(low > 0, high / np.where(low > 0, low, 1.0), np.inf)
 
+    def plot(self) -> Figure:
+        """Return eigenvalues and condition number over the windows."""
+        return _sliding_figure(self, "SI units, or s")
+
+
+def _sliding_figure(sliding: SlidingGramian, unit: str) -> Figure:
+    figure = Figure(figsize=(8.0, 6.0), layout="constrained")
+    spectrum, condition = figure.subplots(2, 1, sharex=True)
+    positive = np.where(sliding.eigenvalues > 0, sliding.eigenvalues, np.nan)
+    spectrum.semilogy(sliding.time, positive.T)
+    spectrum.set(title=f"windows of {sliding.width:g} s", ylabel=f"eigenvalues [{unit}]")
+    finite = np.where(np.isfinite(sliding.condition), sliding.condition, np.nan)
+    condition.semilogy(sliding.time, finite)
+    condition.set(xlabel="end of the window [s]", ylabel="condition number [1]")
+    return figure
+
 
 @dataclass(frozen=True, eq=False)
 class Gramian:
@@ -214,17 +230,8 @@ class Gramian:
             Of the windows [s]; default a fifth of the whole.
         """
         width = (self.window[1] - self.window[0]) / 5 if width is None else width
-        sliding = self.sliding(width)
-        figure = Figure(figsize=(8.0, 6.0), layout="constrained")
-        spectrum, condition = figure.subplots(2, 1, sharex=True)
-        positive = np.where(sliding.eigenvalues > 0, sliding.eigenvalues, np.nan)
-        spectrum.semilogy(sliding.time, positive.T)
         unit = "s" if any(size != 1.0 for size in self.sizes.values()) else "SI units"
-        spectrum.set(title=f"windows of {width:g} s", ylabel=f"eigenvalues [{unit}]")
-        finite = np.where(np.isfinite(sliding.condition), sliding.condition, np.nan)
-        condition.semilogy(sliding.time, finite)
-        condition.set(xlabel="end of the window [s]", ylabel="condition number [1]")
-        return figure
+        return _sliding_figure(self.sliding(width), unit)
 
 
 def observability_gramian(

@@ -6,13 +6,16 @@ import csv
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hovercontrol.errors import InputError
 from hovercontrol.io.files import write_atomically
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 Floats = NDArray[np.float64]
 
@@ -103,6 +106,12 @@ class FanTable:
     def step(self) -> tuple[float, float]:
         """Steps of the rudder angle [degree] and of the columns."""
         return tuple(float((a[-1] - a[0]) / (len(a) - 1)) for a in (self.rudder, self.columns))  # type: ignore[return-value]
+
+    def plot(self) -> Figure:
+        """Return a curve for each rudder angle: speed over force, or force over speed."""
+        from hovercontrol.notebook.data_plots import fan_table_figure
+
+        return fan_table_figure(self)
 
     def to_csv(self, path: str | Path) -> Path:
         """Write the table; :func:`read_fan_table` reads it back.
@@ -228,3 +237,9 @@ class ServoTable:
                     f"{self.name}: {what}s must be monotone: entry {k + 2} is {shown[k + 1]:g} {unit} "
                     f"after {shown[k]:g} {unit}"
                 )
+
+    def plot(self) -> Figure:
+        """Return rudder angle over pulse width."""
+        from hovercontrol.notebook.data_plots import curve_figure
+
+        return curve_figure(self.name, self.pulse, self.angle, "pulse [ms]", "rudder angle [deg]")

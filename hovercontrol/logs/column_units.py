@@ -1,0 +1,59 @@
+"""Columns of files under names and in units of their own: ``psi`` is ``yaw_deg:deg``."""
+
+from __future__ import annotations
+
+from collections.abc import Container
+
+from hovercontrol.core.units import conversion_factor, plain_si
+from hovercontrol.errors import InputError
+from hovercontrol.logs.log import UNITS
+
+
+def column_of(said: str, header: Container[str]) -> tuple[str, str]:
+    """Return a file's column and its unit, from ``NAME`` or ``NAME:UNIT``.
+
+    Parameters
+    ----------
+    said : str
+        A name in the header as it stands is a name, colons and all.
+    header : container of str
+        The file's column names.
+
+    Returns
+    -------
+    tuple of str
+        The name; the unit, empty where none is given.
+
+    Examples
+    --------
+    >>> column_of("yaw:deg", ["t", "yaw"]), column_of("imu:x", ["imu:x"]), column_of("t", ["t"])
+    (('yaw', 'deg'), ('imu:x', ''), ('t', ''))
+    """
+    name, colon, unit = said.rpartition(":")
+    return (name, unit.strip()) if colon and said not in header else (said, "")
+
+
+def factor_to_si(name: str, unit: str) -> float:
+    """Return what the numbers of a column in some unit are multiplied with.
+
+    Parameters
+    ----------
+    name : str
+        Of the column in a log: ``time``, ``psi``, an input.
+    unit : str
+        Of the numbers in the file.
+
+    Raises
+    ------
+    InputError
+        If there is no such unit, or it does not measure what the column holds.
+
+    Examples
+    --------
+    >>> factor_to_si("time", "ms"), round(factor_to_si("rudder", "deg"), 6)
+    (0.001, 0.017453)
+    """
+    try:
+        return conversion_factor(unit, {"time": "s", **UNITS}.get(name) or plain_si(unit))
+    except InputError as error:
+        raise InputError(f"column {name!r}: {error}") from None
