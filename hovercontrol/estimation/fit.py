@@ -67,6 +67,9 @@ CONVERGENCE = Convergence()
 #: Factors by which correlation times are tried, the largest and the smallest.
 COARSEST, FINEST = 2.0, 1.2
 
+#: Times at most that one such step is followed by another of the same factor.
+FURTHER = 3
+
 #: Passes of a refit before levels of noise move.
 HOLD = 2
 
@@ -317,6 +320,10 @@ class _Iteration:
     def _timed(self, now: Pass) -> bool:
         """Try correlation times by a factor; tell whether they moved. The next factor is smaller if not."""
         self.noise, further = timed(self.problem, now.linear, self.noise, self.factor)
+        for _ in range(FURTHER if further else 0):
+            self.noise, again = timed(self.problem, now.linear, self.noise, self.factor)
+            if not again:
+                break
         self.factor = self.factor if further else self.factor**0.5
         return bool(further)
 

@@ -18,6 +18,7 @@ from hovercontrol.discrepancy.search.trial import (
     Tried,
     beside,
     explained,
+    falls_short,
     passes,
     same_axis_drag,
     try_effect,
@@ -25,6 +26,7 @@ from hovercontrol.discrepancy.search.trial import (
     why_not,
     with_times,
 )
+from hovercontrol.effects import Shape
 from hovercontrol.estimation.fit import Fit
 
 #: Times at most that a better effect takes the place of a named one; one that is better still is a rival.
@@ -167,9 +169,8 @@ def _rivals(
         less, final = without[name], mine.fit
         scored = Scores(less, candidates(less, search.names)).best()
         others = [s for s in scored if s.candidate.name != name and s.allowed]
-        best = max((s.gain for s in others), default=0.0)
-        tries = 0
-        for s in others:
+        best, tries = max((s.gain for s in others), default=0.0), 0
+        for k, s in enumerate(others):
             if twins(final.problem.model.effect(name), s.candidate.trial):
                 rivals.append(Rival(s.candidate.name, name, 0.0, 0.0, final, True))
                 continue
@@ -182,17 +183,47 @@ def _rivals(
             if known is None:
                 search.report(f"trying {s.candidate.name} in place of {name}")
             t = known or try_effect(search, less, s.effect, s)
+            if (t is None or falls_short(t, s)) and s.gain == best:  # the next best one is the measure
+                best = max((o.gain for o in others[k + 1 :]), default=0.0)
+                tries -= 1
             if t is None or not passes(t, selection.candidates, criteria):
                 continue
-            if _behind(t, mine, criteria) < TRIALS.near:
-                t = with_times(search, t)
+            t = _alike(search, t, mine)
             behind = _behind(t, mine, criteria)
+            if _without_shape(t, mine):
+                continue
             d = t.fit.block_costs - final.block_costs
             score = float(d.sum() / max(np.sqrt(d.size) * d.std(ddof=1), 1e-300)) if d.size > 1 else 0.0
             alternatives.append((name, t))
             if behind < criteria.apart or score < criteria.apart_t:
                 rivals.append(Rival(t.name, name, behind, score, t.fit))
     return rivals, alternatives
+
+
+def _alike(search: Search, t: Tried, other: Tried) -> Tried:
+    """Return a fit under noise as good as the other's, if it is near: else the noise would decide."""
+    if not np.array_equal(t.fit.noise.seconds, other.fit.noise.seconds):
+        again = search.fit(replace(t.fit, noise=other.fit.noise), t.fit.model)
+        if again.cost < t.fit.cost:
+            t = replace(t, fit=again, gain=t.gain + t.fit.cost - again.cost)
+    if _behind(t, other, search.criteria) < TRIALS.near:
+        t = with_times(search, t)
+    return t
+
+
+def _without_shape(t: Tried, simpler: Tried) -> bool:
+    """Return whether an effect is the simpler one in all but name: a number more, which tells nothing.
+
+    Stribeck friction whose speed lies beyond all that were seen is Coulomb friction.
+    """
+    e, problem = t.fit.problem.model.effect(t.name), t.fit.problem
+    drags = same_axis_drag(e, simpler.fit.problem.model.effect(simpler.name))
+    if not drags or t.numbers <= simpler.numbers or t.fit.cost < simpler.fit.cost - 1.0:
+        return False
+    shapes = [e.parameter(k) for k, n in e.numbers.items() if isinstance(n, Shape) and n.search]
+    own = [problem.names.index(name) for name in shapes if name in problem.names]
+    std = np.sqrt(np.maximum(np.diag(t.fit.covariance), 0.0))
+    return any(problem.log_scale[j] and std[j] > abs(t.fit.p[j]) for j in own)
 
 
 def _behind(t: Tried, other: Tried, criteria: Criteria) -> float:

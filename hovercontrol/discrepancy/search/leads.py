@@ -57,7 +57,7 @@ def leads(
     found = [lead for lead in dropped if lead.name not in named]
     listed = {*named, *(lead.name for lead in found)}
     left = final.noise.process > criteria.negligible * final.problem.accelerations
-    nearest = 3 if np.any(left) and not named else 0  # are listed however little they gain
+    nearest = 3 if np.any(left) else 0  # are listed however little they gain
     for s in seen:
         if s.candidate.name in listed or (s.gain < criteria.least and len(found) >= nearest):
             continue

@@ -16,6 +16,7 @@ from hovercontrol.discrepancy.search.trial import (
     Tried,
     begun_again,
     explained,
+    falls_short,
     passes,
     same_axis_drag,
     sized,
@@ -128,30 +129,44 @@ def _likeliest(search: Search, good: Sequence[Tried]) -> Tried:
 
 
 def _add(search: Search, current: Fit, seen: Sequence[Scored]) -> list[Tried]:
-    """Return fits with the candidates that score best, and with drags along the same axis as the best."""
+    """Return fits with the candidates that score best, and with drags along the same axis as the best.
+
+    A score is a promise: what falls short of it when it is fitted does not keep others from being tried.
+    """
     criteria, model = search.criteria, current.problem.model
     worthy = [s for s in seen if s.allowed and s.gain > criteria.least + criteria.each * len(s.parts)]
     if not worthy:
         return []
-    top = worthy[0]
-    near = [s for s in worthy if s is top or s.gain > criteria.share * top.gain]
-    starts = [at_its_time(current, s).effect for s in near[: criteria.tries]]
-    names = {e.name for e in starts}
-    drags = [
-        sized(model, s.effect)
-        for s in seen
-        if same_axis_drag(s.candidate.trial, top.candidate.trial) and s.candidate.name not in names
-    ]
     found: list[Tried] = []
-    for e in [*starts, *drags]:
+    best: tuple[Scored, Tried] | None = None  # the best score that a fit confirms
+    overrated = 0
+    for s in worthy:
+        if len(found) >= criteria.tries + overrated or overrated > criteria.tries:
+            break
+        if best is not None and not _nearly_as_good(s, *best, criteria):
+            continue
+        e = at_its_time(current, s).effect
         if any(twins(t.fit.model.effect(t.name), e) for t in found):
             continue
-        if found and explained(found[0]) and not same_axis_drag(e, top.candidate.trial):
-            share = next(s.gain for s in seen if s.candidate.name == e.name) / top.gain
-            if share < criteria.alike:
-                continue
         search.report(f"trying {e.name}")
-        promised = next((s for s in seen if s.candidate.name == e.name), None)
-        t = try_effect(search, current, e, promised)
+        t = try_effect(search, current, e, s)
         found += [t] if t else []
+        if t is None or falls_short(t, s):
+            overrated += 1
+        else:
+            best = best or (s, t)
+    top = best[0] if best else worthy[0]
+    done = {t.name for t in found}
+    for s in seen:
+        if same_axis_drag(s.candidate.trial, top.candidate.trial) and s.candidate.name not in done:
+            search.report(f"trying {s.candidate.name}")
+            t = try_effect(search, current, sized(model, s.effect), s)
+            found += [t] if t else []
     return found
+
+
+def _nearly_as_good(s: Scored, top: Scored, fitted: Tried, criteria: Criteria) -> bool:
+    """Return whether a candidate may do as well as the best one, by its score."""
+    if same_axis_drag(s.candidate.trial, top.candidate.trial):
+        return s.gain > criteria.share * top.gain
+    return s.gain > (criteria.alike if explained(fitted) else criteria.share) * top.gain

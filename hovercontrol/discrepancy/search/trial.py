@@ -26,7 +26,8 @@ class TrialCriteria:
     Attributes
     ----------
     half : float
-        Part of the gain predicted by the score that a fit must reach; else it is started again.
+        Part of the gain predicted by the score that a fit must reach; else it is started again, and does not
+        count as the best of its round.
     near : float
         Difference of cost below which both fits get correlation times of their own.
     """
@@ -101,18 +102,25 @@ def why_not(t: Tried, looked_at: int, criteria: Criteria) -> str:
     return ""
 
 
+def falls_short(t: Tried, scored: Scored) -> bool:
+    """Return whether a fit gains less than half of what its score promised."""
+    return t.gain < TRIALS.half * scored.gain
+
+
 def try_effect(search: Search, current: Fit, e: Effect, scored: Scored | None = None) -> Tried | None:
     """Return the fit with an effect; None where that model runs away from the logs.
 
     A fit that gains less than half of what its score promised has lost its way: it begins again at the given
-    coefficients, with the effect at each of its trial values, until two fits end at the same cost.
+    coefficients, with the effect at each of its trial values, until two fits end at the same cost. A sensor's
+    error begins again without any: the path was fitted to what the sensor shows.
     """
     first = _added(search, current, e)
     done = [first] if first else []
     gain = current.cost - first.cost if first else -np.inf
     if scored is not None and scored.allowed and gain < TRIALS.half * scored.gain:
         given = as_given(search, current)
-        for start in dict.fromkeys([e, *_trials(scored)]):
+        starts = [_neutral(e)] if type(e).kind() == "measurement" else [e, *_trials(scored)]
+        for start in dict.fromkeys(starts):
             fit = _added(search, current, start, given)
             found_again = fit is not None and any(abs(fit.cost - f.cost) < CONVERGENCE.settled for f in done)
             done += [fit] if fit else []
@@ -123,6 +131,12 @@ def try_effect(search: Search, current: Fit, e: Effect, scored: Scored | None = 
     fit = min(done, key=lambda f: f.cost)
     numbers = len(fit.p) - len(current.p)
     return Tried(e.name, fit, current.cost - fit.cost, agreement(fit, current, e.name), numbers)
+
+
+def _neutral(e: Effect) -> Effect:
+    """Return an effect with the numbers that scale it at their neutral values."""
+    neutral = {k: n.neutral for k, n in type(e).numbers.items() if not np.isnan(n.neutral)}
+    return type(e)(**{**e.values, **neutral})
 
 
 def _trials(scored: Scored) -> list[Effect]:
