@@ -12,8 +12,9 @@ import sympy as sp
 from hovercontrol.core.signals import Signal
 from hovercontrol.effects.base import TINY, Effect, Shape
 
-#: Time constant of the regularisation [s]: small against what a log of some 100 Hz shows.
-TAU = 0.005
+#: Time constant of the regularisation [s]: small against what a log of some 100 Hz shows. At 5 ms it was
+#: taken for a late clock beside play that takes up its command at once.
+TAU = 0.001
 
 
 def play(command: sp.Expr, width: sp.Expr, tau: sp.Expr, state: sp.Expr) -> sp.Expr:

@@ -97,7 +97,8 @@ class Effect:
     is the input that the effect acts on, where it is one of a machine's own; ``axis`` the velocity in
     whose equation alone it acts. ``drives`` says that it turns its craft's actuators into accelerations,
     ``turns_fans`` that it needs the fans' torque with their forces turned, ``shifts_time`` that it only says
-    how late commands or measurements are, which no log tells apart.
+    how late commands or measurements are, which no log tells apart; ``contains`` the kinds of effect that it
+    becomes in a limit of its numbers.
 
     A named subclass is known by its name everywhere; with ``register=False`` only to who holds the class.
 
@@ -120,6 +121,7 @@ class Effect:
     drives: ClassVar[bool] = False
     turns_fans: ClassVar[bool] = False
     shifts_time: ClassVar[bool] = False
+    contains: ClassVar[tuple[type[Effect], ...]] = ()
 
     def __init_subclass__(cls, *, register: bool = True, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)

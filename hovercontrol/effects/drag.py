@@ -46,6 +46,8 @@ class _Quadratic(Drag):
 
 
 class _Stribeck(Drag):
+    contains = (_Coulomb,)
+
     def law(self, c: Any, w: sp.Expr) -> sp.Expr:
         return sgn(w, c.width) * sp.exp(-((w / c.speed) ** 2))
 

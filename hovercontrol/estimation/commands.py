@@ -42,8 +42,9 @@ class ArrivalCriteria:
 ARRIVALS = ArrivalCriteria()
 
 
-#: Steps that laws which are not linear take from row to row.
-STEPS = 2
+#: Ends of the steps that laws which are not linear take from row to row, in parts of it: play takes up a
+#: new command at once, a limited rate takes its time.
+STEPS = (0.05, 0.2, 0.4, 0.6, 0.8, 1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,7 +177,8 @@ class Arrival:
         row = np.searchsorted(self.time, when - delay + 1e-9, side="right") - 1
         at = np.maximum(row, 0)
         if not laws.linear:
-            found = [np.interp(when - delay, self.time, own) for own in self._stepped(laws, parameters)]
+            times, states = self._stepped(laws, parameters)
+            found = [np.interp(when - delay, times, own) for own in states]
         else:
             later = np.maximum(when - delay - self.time[at], 0.0)  # before the log commands rest
             found = [self._followed(a_of, b_of, parameters, at, later) for a_of, b_of in laws.linear]
@@ -201,14 +203,12 @@ class Arrival:
         start = np.array(values)
         return np.asarray(goal[at] + (start[at] - goal[at]) * np.exp(a * later))
 
-    def _stepped(self, laws: _Laws, parameters: Sequence[float]) -> Array:
-        """Return the states at all rows, shape (n, rows)."""
-        h = np.repeat(np.diff(self.time) / STEPS, STEPS)[:, None]
-        begin = (
-            np.repeat(self.time[:-1], STEPS)[:, None]
-            + np.tile(np.arange(STEPS), len(self.time) - 1)[:, None] * h
-        )
-        held = np.repeat(self.inputs[:, :-1], STEPS, axis=1)[..., None]
+    def _stepped(self, laws: _Laws, parameters: Sequence[float]) -> tuple[Array, Array]:
+        """Return times, shape (m,), and the states at them, shape (n, m)."""
+        parts, steps = np.diff(STEPS, prepend=0.0), np.diff(self.time)[:, None]
+        h = (steps * parts).reshape(-1, 1)
+        ends = (self.time[:-1, None] + steps * np.array(STEPS)).reshape(-1, 1)
+        held = np.repeat(self.inputs[:, :-1], len(STEPS), axis=1)[..., None]
         rest = np.zeros((len(self.block.states), *h.shape))
-        values = follow(self.block, laws.indices, begin + 0.5 * h, h, rest, held, parameters)
-        return values[:, ::STEPS, 0]
+        values = follow(self.block, laws.indices, ends - 0.5 * h, h, rest, held, parameters)
+        return np.append(self.time[0], ends), values[..., 0]

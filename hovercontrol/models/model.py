@@ -23,6 +23,9 @@ from hovercontrol.errors import InputError
 from hovercontrol.models.base import EffectModel, as_measured, delays_of
 from hovercontrol.models.fans import Fan as Fan
 
+#: What effects make of commands, by all that it depends on.
+_WAYS: dict[tuple[Hashable, ...], tuple[dict[Signal, sp.Expr], SimpleNamespace]] = {}
+
 #: The six states of every plant [C17 eq 8] [K06 eq 2.2, 2.5].
 MOTION = (
     Signal("x", "m", "position, earth frame"),
@@ -104,8 +107,11 @@ class Model(EffectModel):
     @property
     def signature(self) -> tuple[Hashable, ...]:
         """What the plant's equations depend on: all but the numbers."""
-        fans = tuple(f if f.gain is None else replace(f, gain=1.0) for f in self.fans)
-        return (self.name, self.thrust, self.rudder, fans, *(type(e) for e in self.effects))
+        return (self.name, self.thrust, self.rudder, self._fans_alike(), *(type(e) for e in self.effects))
+
+    def _fans_alike(self) -> tuple[Fan, ...]:
+        """Return the fans with gains of 1."""
+        return tuple(f if f.gain is None else replace(f, gain=1.0) for f in self.fans)
 
     def _repr_html_(self) -> str:
         from hovercontrol.notebook.systems import model_html
@@ -265,16 +271,26 @@ class Model(EffectModel):
     def _command_way(
         self, owner: str, motion: SimpleNamespace
     ) -> tuple[dict[Signal, sp.Expr], SimpleNamespace]:
-        """Let the effects change the commands on their way; return their states' derivatives and the way."""
-        thrusts = {f.name: f.force(owner) for f in self.fans} or {THRUST.name: motion.thrust}
-        units = self.input_units() | {f.name: "N" for f in self.fans}
-        way = SimpleNamespace(thrusts=thrusts, rudder=motion.rudder, time=time, units=units, delay=None)
-        states: dict[Signal, sp.Expr] = {}
-        for e in sorted(self.effects, key=lambda e: e.order):
-            states |= e.commands(e.symbols(owner), way)
+        """Let the effects change the commands on their way; return their states' derivatives and the way.
+
+        Computed once for the effects that do: SymPy takes its time over nested limits and dead zones.
+        """
+        changing = sorted((e for e in self.effects if e.kind() == "input"), key=lambda e: e.order)
+        key = (owner, self.thrust, self.rudder, self._fans_alike(), *(type(e) for e in changing))
+        if key not in _WAYS:
+            if len(_WAYS) > 500:
+                _WAYS.clear()
+            thrusts = {f.name: f.force(owner) for f in self.fans} or {THRUST.name: motion.thrust}
+            units = self.input_units() | {f.name: "N" for f in self.fans}
+            way = SimpleNamespace(thrusts=thrusts, rudder=motion.rudder, time=time, units=units, delay=None)
+            states: dict[Signal, sp.Expr] = {}
+            for e in changing:
+                states |= e.commands(e.symbols(owner), way)
+            _WAYS[key] = states, way
+        states, way = _WAYS[key]
         motion.thrust, motion.rudder = way.thrusts.get(THRUST.name, motion.thrust), way.rudder
         _add_forces(motion, self.fans, owner, way.thrusts)
-        return states, way
+        return dict(states), way
 
     def _seen(self, owner: str) -> SimpleNamespace:
         """Let the effects change what sensors see of the motion."""

@@ -10,6 +10,7 @@ import sympy as sp
 from hovercontrol.core.block import Block
 from hovercontrol.core.signals import Signal
 from hovercontrol.effects import Effect, effect
+from hovercontrol.effects.actuator import TAU
 from hovercontrol.effects.generic import generic_effects
 from hovercontrol.errors import InputError
 from hovercontrol.models.blockmodel import BlockModel
@@ -71,7 +72,7 @@ def test_what_has_a_memory():
     force, (slope,) = changed("u_lag", x=[0.4], seconds=0.2)
     assert (force, slope) == pytest.approx(((0.4 - A) * K / J, (A - 0.4) / 0.2))
     force, (slope,) = changed("u_backlash", x=[0.4], width=0.2)
-    assert (force, slope) == pytest.approx(((0.4 - A) * K / J, (A - 0.1 - 0.4) / 0.005))
+    assert (force, slope) == pytest.approx(((0.4 - A) * K / J, (A - 0.1 - 0.4) / TAU))
     numbers = {"stiffness": 400.0, "damping": 8.0, "coulomb": 0.5, "static": 0.8, "speed": 0.5}
     z, level = 1e-3, 0.5 + 0.3 * math.exp(-((V / 0.5) ** 2))
     bent = V - 400 * abs(V) * z / level

@@ -26,7 +26,6 @@ from hovercontrol.discrepancy.search.trial import (
     why_not,
     with_times,
 )
-from hovercontrol.effects import Shape
 from hovercontrol.estimation.fit import Fit
 
 #: Times at most that a better effect takes the place of a named one; one that is better still is a rival.
@@ -190,7 +189,7 @@ def _rivals(
                 continue
             t = _alike(search, t, mine)
             behind = _behind(t, mine, criteria)
-            if _without_shape(t, mine):
+            if _only_imitates(t, mine, behind):
                 continue
             d = t.fit.block_costs - final.block_costs
             score = float(d.sum() / max(np.sqrt(d.size) * d.std(ddof=1), 1e-300)) if d.size > 1 else 0.0
@@ -211,19 +210,13 @@ def _alike(search: Search, t: Tried, other: Tried) -> Tried:
     return t
 
 
-def _without_shape(t: Tried, simpler: Tried) -> bool:
-    """Return whether an effect is the simpler one in all but name: a number more, which tells nothing.
+def _only_imitates(t: Tried, simpler: Tried, behind: float) -> bool:
+    """Return whether an effect is the simpler one with numbers more that do not pay for themselves.
 
-    Stribeck friction whose speed lies beyond all that were seen is Coulomb friction.
+    Stribeck friction whose speed lies beyond all that were seen is Coulomb friction: it is always level.
     """
-    e, problem = t.fit.problem.model.effect(t.name), t.fit.problem
-    drags = same_axis_drag(e, simpler.fit.problem.model.effect(simpler.name))
-    if not drags or t.numbers <= simpler.numbers or t.fit.cost < simpler.fit.cost - 1.0:
-        return False
-    shapes = [e.parameter(k) for k, n in e.numbers.items() if isinstance(n, Shape) and n.search]
-    own = [problem.names.index(name) for name in shapes if name in problem.names]
-    std = np.sqrt(np.maximum(np.diag(t.fit.covariance), 0.0))
-    return any(problem.log_scale[j] and std[j] > abs(t.fit.p[j]) for j in own)
+    rich, simple = (type(o.fit.problem.model.effect(o.name)) for o in (t, simpler))
+    return rich.axis == simple.axis and issubclass(simple, rich.contains) and behind >= 0.0
 
 
 def _behind(t: Tried, other: Tried, criteria: Criteria) -> float:

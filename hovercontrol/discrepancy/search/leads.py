@@ -64,7 +64,9 @@ def leads(
         t = tried.get(s.candidate.name)
         if t is not None:
             reason = why_not(t, len(seen), criteria) or "another one takes more"
-            found.append(Lead(t.name, t.gain, t.blocks.t, reason))
+            if t.gain < 0.0:
+                reason = f"promises {s.gain:.3g} in twice the log likelihood, but no fit with it is likelier"
+            found.append(Lead(t.name, max(t.gain, 0.0), t.blocks.t, reason))
             continue
         score_t = float(np.sqrt(max(s.chi2, 0.0)))
         if not s.allowed:
