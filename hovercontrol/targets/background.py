@@ -36,6 +36,16 @@ def loaded(load: Callable[[bool], T]) -> Future[T]:
     return done
 
 
-def ready(building: Future[T]) -> T | None:
-    """Return what was loaded; None while it is built, or where that cannot be."""
-    return building.result() if building.done() and not building.exception() else None
+def ready(building: Future[T], patience: float = 0.0) -> T | None:
+    """Return what was loaded; None while it is built, or where that cannot be.
+
+    Parameters
+    ----------
+    building : Future
+    patience : float, optional
+        For how long to wait for it [s].
+    """
+    try:
+        return building.result(patience)
+    except Exception:  # not yet, or never
+        return None

@@ -23,6 +23,9 @@ from hovercontrol.targets.runtime import FOLLOWING, runtime_files
 
 Array = NDArray[np.float64]
 
+#: Time that NumPy takes for a step [s]: a library that is being built is waited for as long as NumPy would take.
+NUMPY_STEP = 2e-4
+
 _EXPORTS = """
 #ifdef _WIN32
 #define EXPORT __declspec(dllexport)
@@ -78,7 +81,7 @@ def follow(
     """
     M, W = time.shape
     values = np.zeros((len(followers), M + 1, W))
-    call = ready(_build(block, tuple(followers)))
+    call = ready(_build(block, tuple(followers)), patience=NUMPY_STEP * M)
     if call is None:
         _step(block, list(followers), time, step, states, inputs, list(parameters), values)
         return values
