@@ -55,18 +55,24 @@ def noise_levels(logs: Sequence[Measured], channels: Sequence[str]) -> Array:
     levels = []
     for channel in channels:
         spans = [(m, a, b) for m in logs if channel in m.channels for a, b in m.segments]
-        rows = [m.values[m.channels.index(channel), a:b] for m, a, b in spans]
-        thirds = [(np.diff(row, 3), _even(m.time[a:b])) for row, (m, a, b) in zip(rows, spans, strict=True)]
+        rows, times = zip(*(_seen(m, channel, a, b) for m, a, b in spans), strict=True)
+        thirds = [(np.diff(row, 3), _even(time)) for row, time in zip(rows, times, strict=True)]
         jumps = np.abs(np.concatenate([third[even if even.any() else ...] for third, even in thirds]))
-        jumps = jumps[np.isfinite(jumps)]
         every = np.concatenate(rows)
-        jumped = np.concatenate([steps(row[np.isfinite(row)]) for row in rows])
+        jumped = np.concatenate([steps(row) for row in rows])
         if not jumped.size:
             names = ", ".join(m.name for m in logs if channel in m.channels)
             raise InputError(f"{names}: column {channel!r} is constant; is it measured?")
         level = float(np.median(jumps)) / (0.6745 * np.sqrt(20.0)) if jumps.size else 0.0
         levels.append(max(level, 1e-6 * float(np.nanstd(every)), float(jumped.min()) / np.sqrt(12.0), 1e-12))
     return np.array(levels)
+
+
+def _seen(log: Measured, channel: str, begin: int, end: int) -> tuple[Array, Array]:
+    """Return the samples of a channel between two rows, and their times: not all rows have one."""
+    row = log.values[log.channels.index(channel), begin:end]
+    own = np.isfinite(row)
+    return row[own], log.time[begin:end][own]
 
 
 def noise_scales(logs: Sequence[Measured], channels: Sequence[str], noise: Array) -> Array:

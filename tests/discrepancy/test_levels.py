@@ -1,6 +1,7 @@
 """Logs of different noise: each counts by its own."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from hovercontrol.discrepancy.evidence.comparison import compare
 from hovercontrol.discrepancy.evidence.holdout import gap, held_fit
 from hovercontrol.estimation.data import gather
 from hovercontrol.estimation.fit import estimate, first_noise
+from hovercontrol.estimation.levels import noise_levels
 from hovercontrol.estimation.prior import prior_of
 from hovercontrol.estimation.problem import Problem
 
@@ -82,3 +84,17 @@ def test_an_effect_is_named_from_a_calm_and_a_noisy_log():
     assert found.verdict == "effect" and [e.effect for e in found.effects] == ["yaw_quadratic_drag"]
     wanted = case.truth.effect("yaw_quadratic_drag").values["value"]
     assert abs(found.effects[0].value - wanted) < 4.0 * found.effects[0].std
+
+
+def test_rows_that_are_there_for_a_command_only_do_not_hide_the_noise():
+    """Poses at 120 Hz joined with commands at 100 Hz: three rows of a channel in a row are rare."""
+    rng = np.random.default_rng(3)
+    poses, sent = np.arange(0.0, 10.0, 1 / 120), np.arange(0.0, 10.0, 0.01)
+    time = np.union1d(np.round(poses, 6), np.round(sent, 6))
+    x = np.full(time.size, np.nan)
+    at = np.searchsorted(time, np.round(poses, 6))
+    x[at] = np.sin(poses) + 1e-3 * rng.normal(size=poses.size)
+    log = SimpleNamespace(
+        name="joined", time=time, channels=("x",), values=x[None], segments=((0, time.size),)
+    )
+    assert noise_levels([log], ["x"])[0] == pytest.approx(1e-3, rel=0.1)
