@@ -23,7 +23,7 @@ from hovercontrol.targets.runtime import FOLLOWING, runtime_files
 
 Array = NDArray[np.float64]
 
-#: Time that NumPy takes for a step [s]: a library that is being built is waited for as long as NumPy would take.
+#: Time that NumPy takes for a step [s]: a library in the making is waited for as long as NumPy would take.
 NUMPY_STEP = 2e-4
 
 _EXPORTS = """
