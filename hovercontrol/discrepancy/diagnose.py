@@ -19,10 +19,11 @@ from hovercontrol.discrepancy.search.select import select
 from hovercontrol.discrepancy.verdict import verdict_of
 from hovercontrol.errors import InputError
 from hovercontrol.estimation.data import Data, gather
-from hovercontrol.estimation.fit import Fit, estimate, fine_enough, first_noise
+from hovercontrol.estimation.fit import Fit, estimate, first_noise
 from hovercontrol.estimation.prior import prior_of
 from hovercontrol.estimation.problem import Problem
 from hovercontrol.estimation.subject import Subject
+from hovercontrol.estimation.substeps import fine_enough
 from hovercontrol.logs import Log
 
 

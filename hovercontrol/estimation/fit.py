@@ -9,18 +9,15 @@ noise should move (Koopman and Shephard, Biometrika 79 (1992)).
 from __future__ import annotations
 
 from collections.abc import Callable
-from copy import copy
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hovercontrol.estimation.kalman import run_filter
-from hovercontrol.estimation.noise import Noise, augment, moved, timed
+from hovercontrol.estimation.noise import Noise, moved, timed
 from hovercontrol.estimation.outliers import outliers
 from hovercontrol.estimation.passes import Pass, held, inverse, residuals, run_pass, tried_pass
 from hovercontrol.estimation.prior import Prior
-from hovercontrol.estimation.problem import MOST as MOST_PIECES
 from hovercontrol.estimation.problem import Linear, Problem
 
 Array = NDArray[np.float64]
@@ -378,23 +375,3 @@ def first_noise(problem: Problem) -> Noise:
     """Return levels of noise to begin with: of the measurements as seen, and all acceleration missing."""
     data, q = problem.data, len(problem.driven)
     return Noise(data.noise, data.scales, problem.accelerations, np.full(q, 5.0 * problem.shortest))
-
-
-def fine_enough(fit: Fit) -> Fit:
-    """Return a fit in sub-steps so fine that finer ones do not change its likelihood.
-
-    Sub-steps are halved until the cost at the same path and unknowns stays; then it is fitted once more.
-    """
-    problem, cost = fit.problem, float(fit.block_costs.sum())
-    while problem.pieces < MOST_PIECES:
-        finer = copy(problem)
-        finer.set_pieces(2 * problem.pieces)
-        linear = finer.linearise(fit.path, fit.p, unknowns=False)
-        filtered = run_filter(augment(finer, linear, fit.noise, unknowns=False))
-        before, cost = cost, float((filtered.white**2).sum() + filtered.log_det.sum())
-        if abs(cost - before) < CONVERGENCE.fine:
-            break
-        problem = finer
-    if problem is fit.problem:
-        return fit
-    return estimate(problem, fit.prior, fit.noise, p=fit.p, path=fit.path)

@@ -27,6 +27,7 @@ from hovercontrol.discrepancy.search.trial import (
 from hovercontrol.effects import Shape
 from hovercontrol.estimation.fit import Fit
 from hovercontrol.estimation.subject import Subject
+from hovercontrol.estimation.substeps import in_pieces, pieces_needed
 
 
 def select(
@@ -86,6 +87,13 @@ def select(
         if not good:
             break
         best = begun_again(search, current, _likeliest(search, good))
+        pieces = pieces_needed(best.fit)
+        if pieces > current.problem.pieces:  # steep friction: what coarse steps leave would be named, too
+            search.report("taking finer steps")
+            finer = in_pieces(current, pieces)
+            base, current = finer if current is base else in_pieces(base, pieces), finer
+            first = []
+            continue
         effects.append(best.name)
         steps.append((best.name, best.gain))
         current = best.fit

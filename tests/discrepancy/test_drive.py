@@ -1,0 +1,52 @@
+"""A drive with one axis, of which only the position is measured."""
+
+import numpy as np
+import pytest
+
+from hovercontrol.core.block import Block
+from hovercontrol.core.signals import Signal
+from hovercontrol.discrepancy import diagnose
+from hovercontrol.logs import Log
+from hovercontrol.models.blockmodel import BlockModel
+
+TIME = np.arange(0.0, 12.0, 0.005)
+
+
+def drive():
+    q, v, force = Signal("q", "m"), Signal("v", "m/s"), Signal("force", "N")
+    per_mass, viscous = Signal("per_mass", "1/kg", start=0.05, lower=0.0), Signal("viscous", "1/s", start=1.0)
+    slope = per_mass.symbol * force.symbol - viscous.symbol * v.symbol
+    return BlockModel(Block("drive", [q, v], [force], [q], [per_mass, viscous], {"q": v.symbol, "v": slope}))
+
+
+def trial(truth, seed):
+    rng = np.random.default_rng(seed)
+    force = np.repeat(rng.uniform(-60.0, 60.0, TIME.size // 60), 60)
+    run = truth.plant().compile(friction="smooth").simulate(TIME, [force])
+    return Log(
+        f"trial {seed}",
+        TIME,
+        {"q": np.ravel(run.outputs) + 2e-5 * rng.normal(size=TIME.size), "force": force},
+    )
+
+
+@pytest.mark.slow
+def test_coulomb_friction_and_an_offset_are_named_though_a_scale_of_the_sensor_scores_more():
+    """Scaling the only sensor scores without end while friction is missing, and fits nothing."""
+    coulomb, offset = (drive().effect_class(name) for name in ("v_coulomb", "v_offset"))
+    truth = drive().with_effects([coulomb(0.6, width=1e-3), offset(-0.2)])
+    found = diagnose(drive(), [trial(truth, 1)], trial(truth, 2))
+    assert {e.effect for e in found.effects} == {"v_coulomb", "v_offset"}
+    assert not [r for r in found.rivals if not r.same], (
+        "Stribeck friction has a number more that pays for nothing"
+    )
+    sizes = {e.effect: e.value for e in found.effects}
+    assert sizes["v_coulomb"] == pytest.approx(0.6, rel=0.03)
+    assert sizes["v_offset"] == pytest.approx(-0.2, rel=0.05)
+
+
+@pytest.mark.slow
+def test_friction_that_fades_is_told_from_one_that_does_not():
+    truth = drive().with_effects([drive().effect_class("v_stribeck")(0.8, speed=0.3, width=1e-3)])
+    found = diagnose(drive(), [trial(truth, 3)], trial(truth, 4))
+    assert [e.effect for e in found.effects] == ["v_stribeck", "v_stribeck"]
