@@ -164,3 +164,11 @@ def test_a_log_of_a_navigation_is_told_from_one_with_wrong_poses():
     moves = {"x": 0.5 * t + fixes + 1e-4 * rng.normal(size=t.size), "u": 0.5 + 1e-3 * rng.normal(size=t.size)}
     found = facts(Log("ins.csv", t, still | moves))
     assert found.rejected == () and "output of a navigation" in found.remarks[0]
+
+
+def test_a_time_in_milliseconds_is_told_without_a_model():
+    t = 20.0 * np.arange(200)
+    (said,) = check([Log("a.csv", t, {"x": np.sin(t / 1e3), "y": np.cos(t / 1e3), "psi": t / 1e3})]).warnings
+    assert said == (
+        "a.csv: rows are 20 s apart: is the time in milliseconds? Give seconds, or the unit: time=NAME:ms"
+    )
