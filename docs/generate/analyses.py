@@ -53,13 +53,26 @@ def pictures(name: str) -> list[Path]:
 
 
 def _found(name: str, kept: list[Path]) -> list[str]:
-    lines = [line for p in kept for line in p.with_suffix(".txt").read_text(encoding="utf-8").splitlines()]
+    texts = [p.with_suffix(".txt").read_text(encoding="utf-8").strip() for p in kept]
     return [
         *(f"![{p.stem.replace('_', ' ')}]({p.name})" for p in kept),
         "## What it found",
-        "\n".join(f"- {_plain(line)}" for line in lines if line),
+        *map(_findings, filter(None, texts)),
         "Picture and findings were made by this command (`make pictures` makes all of them).",
     ]
+
+
+def _findings(text: str) -> str:
+    """Return findings as a list, those with a table as they stand."""
+    if "   " in text:
+        return code(text, "text")
+    lines: list[str] = []
+    for line in text.splitlines():
+        if lines and line[:1].islower() and not lines[-1].endswith((".", ":")):  # it was broken there
+            lines[-1] += f" {line}"
+        elif line:
+            lines.append(line)
+    return "\n".join(f"- {_plain(line)}" for line in lines)
 
 
 def _plain(line: str) -> str:

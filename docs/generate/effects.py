@@ -73,7 +73,9 @@ def _page(cls: type[Effect], runs: effect_runs.Runs, folder: Path) -> None:
         "## Which manoeuvre shows it",
         "The change in what is measured that is left when the model's own coefficients are fitted again, as a "
         "share of the motion (root mean square):",
-        table(("manoeuvre", "left"), [(n, f"{100 * v:.2g} %") for n, v in seen.shown_by()]),
+        table(
+            ("manoeuvre", "left"), [(n, f"{100 * v:.2g} %" if v > 1e-6 else "0") for n, v in seen.shown_by()]
+        ),
         "## Near twins",
         _twins(cls.name, runs),
     )

@@ -37,6 +37,9 @@ def pages(into: Path) -> tuple[str, str]:
             f"The whole JSON Schema (draft 2020-12): {{download}}`{kind}.schema.json`. Editors check and complete by it.",
             "## Keys",
             table(("key", "type", "what it is"), _rows(found)),
+            "An effect is a number, or an object with `value`, `unit` and the numbers on [its page](../effects.md)."
+            if kind == "model"
+            else "",
         )
     write(
         into / "formats" / "log.md",
@@ -71,7 +74,7 @@ def _rows(found: dict[str, Any], prefix: str = "", depth: int = 0) -> list[tuple
     for part in found.get("anyOf", [found]) if "properties" not in found else [found]:
         for key, inside in part.get("properties", {}).items():
             rows.append((f"`{prefix}{key}`", _type(inside), inside.get("description", "")))
-            if depth < 2:
+            if depth < 2 and not prefix.startswith("effects."):  # each effect has its page
                 more = inside.get("items", inside)
                 rows += _rows(more, f"{prefix}{key}{'[]' if more is not inside else ''}.", depth + 1)
     return list(dict.fromkeys(rows))

@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class SpeedCriteria:
-    """When speeds of a log show wrong units.
+    """When speeds and times of a log show wrong units.
 
     No published source: set by hand, exercised by tests/log_check/test_check.py.
 
@@ -32,10 +32,13 @@ class SpeedCriteria:
         Speed that no hovercraft of this kind reaches [m/s]; positions in millimetres exceed it at once.
     over : float
         Time over which a speed is taken [s].
+    apart : float
+        From row to row of a craft's log [s], above which its time is hardly in seconds.
     """
 
     fastest: float = 30.0
     over: float = 0.4
+    apart: float = 2.0
 
 
 #: The values in use.
@@ -285,6 +288,12 @@ def _rejected(log: Log) -> tuple[Span, ...]:
 def _remarks(log: Log, columns: Sequence[Column]) -> list[str]:
     """Return warnings that need no model: motion faster than any craft's."""
     said = []
+    step = float(np.median(np.diff(log.time))) if len(log) > 1 else 0.0
+    if step > SPEEDS.apart and log.has(*POSE):
+        said.append(
+            f"{log.name}: rows are {step:g} s apart: is the time in milliseconds? Give seconds, or the unit: "
+            "time=NAME:ms"
+        )
     if log.has("x", "y"):
         known = np.isfinite(log.stack("x", "y")).all(axis=1)
         time, x, y = log.time[known], log["x"][known], log["y"][known]

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hovercontrol.errors import InputError
 from hovercontrol.logs.log import Floats, Mask
 
 SMALLEST = 1e-16
@@ -235,12 +236,19 @@ def fit_noise(
         As for :func:`run_filter`.
     groups : tuple of tuples
         Channels by index.
+
+    Raises
+    ------
+    InputError
+        If no samples follow each other closely.
     """
     step = float(np.median(np.diff(time)))
     c = z.shape[1]
     centre, reach = np.full(c, -1.0), 6.0
     variance = np.ones(c)
     warm = _warm_up(used, restart)
+    if not warm.any():
+        raise InputError("too few samples follow each other closely to tell noise from motion")
     for points in (13, 9):
         grid = np.linspace(-reach, reach, points)
         ratio = 10.0 ** (centre[:, None] + grid) / step**5  # (c, points)
