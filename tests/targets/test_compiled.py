@@ -343,7 +343,7 @@ def test_two_processes_compile_at_once_into_an_empty_cache(tmp_path):
     assert one == two
     assert one.startswith("True ")
     kinds = sorted(path.suffix for path in (tmp_path / "compiled").iterdir())
-    assert kinds == [".c", ".o", ".so"]  # the runtime that all share, the Block; nothing twice, nothing temporary
+    assert kinds == [".c", ".o", ".so"]  # the runtime that all share; nothing twice, nothing temporary
 
 
 def test_without_a_compiler_numpy_does_the_work_and_one_warning_says_so(no_compiler):
