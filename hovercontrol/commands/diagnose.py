@@ -68,7 +68,6 @@ def diagnose(
     """
     from hovercontrol.discrepancy import diagnose as find
     from hovercontrol.discrepancy.report import gap_sentence, headline, remainder_sentence, write_report
-    from hovercontrol.effects import effect_class
 
     if not logs:
         raise InputError("diagnose: expected one or more logs")
@@ -78,7 +77,7 @@ def diagnose(
     lacks = given.subject("diagnose", model, vehicle)
     names = given.listed(effects, "--effects")
     for name in names or []:
-        effect_class(name)
+        lacks.effect_class(name)
     inputs = [s.name for s in lacks.plant(late=True).inputs]
     moves = lacks.is_craft
     read = given.reader(inputs, columns, bench, bench_fans, only_while, settle, frame, motion=moves)

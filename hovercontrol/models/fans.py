@@ -153,11 +153,13 @@ class Fan:
         the input is the force.
     gain : float, optional
         What the force is multiplied by, a coefficient of the model; without it there is none.
+    reverses : bool, optional
+        Whether it pulls, too: its force may be negative. A curve says so by its signals instead.
 
     Raises
     ------
     InputError
-        If the curve or the gain is no such thing.
+        If the curve or the gain is no such thing, or a fan with a curve is said to reverse.
 
     Examples
     --------
@@ -171,6 +173,7 @@ class Fan:
     direction: float
     curve: Polynomial | BenchCurve | None = None
     gain: float | None = None
+    reverses: bool = False
 
     def __post_init__(self) -> None:
         for key in ("x", "y", "direction"):
@@ -182,11 +185,17 @@ class Fan:
         curve: Any = self.curve
         if curve is not None and not isinstance(curve, Polynomial | BenchCurve):
             object.__setattr__(self, "curve", Polynomial(curve))
+        if self.reverses and curve is not None:
+            raise InputError(
+                f"fan {self.name}: a fan with a curve reverses where its curve does: curve = "
+                "{signal = [-1, 0, 1], force = [-1, 0, 1]}"
+            )
 
     def command(self) -> Signal:
         """Return the plant's input: the force of this fan [N], or the signal of its curve."""
         if self.curve is None:
-            return Signal(self.name, "N", f"force of the fan {self.name}", nominal=0.1, lower=0.0)
+            lower = -math.inf if self.reverses else 0.0
+            return Signal(self.name, "N", f"force of the fan {self.name}", nominal=0.1, lower=lower)
         lower, upper = self.curve.bounds
         return Signal(
             self.name,

@@ -18,6 +18,7 @@
     front = {x = 0.05, y = 0.0, direction = 3.1, curve = [0.027, 1.05, -0.43]}  # signal s: N per s, s^2...
     rear = {x = -0.05, y = 0.0, direction = 0.0, curve = {signal = [0.0, 0.5, 1.0], force = [0.0, 0.1, 0.4]}}
     left = {x = 0.0, y = 0.04, direction = 1.57, gain = 1.05}   # times a coefficient that a fit seeks
+    right = {x = 0.0, y = -0.04, direction = 1.57, reverses = true}   # its force may be negative
 """
 
 from __future__ import annotations
@@ -150,6 +151,8 @@ def _fan_text(fan: Fan) -> str:
         parts.append(f"curve = {{signal = {signals!r}, force = {forces!r}}}")
     if fan.gain is not None:
         parts.append(f"gain = {fan.gain!r}")
+    if fan.reverses:
+        parts.append("reverses = true")
     return "{" + ", ".join(parts) + "}"
 
 
@@ -189,14 +192,17 @@ def _input(default: Signal, value: Any) -> Signal:
 
 def _fan(name: str, value: Any) -> Fan:
     given = table(f"fans.{name}", value)
-    check_keys(f"key in fans.{name}", given, ("x", "y", "direction", "curve", "gain"))
+    check_keys(f"key in fans.{name}", given, ("x", "y", "direction", "curve", "gain", "reverses"))
     for key in ("x", "y", "direction"):
         if key not in given:
             raise InputError(f"fans.{name}: {key!r} is missing")
     x, y, direction = (number(f"fans.{name}.{key}", given[key]) for key in ("x", "y", "direction"))
     curve = _curve(name, given["curve"]) if "curve" in given else None
     gain = number(f"fans.{name}.gain", given["gain"]) if "gain" in given else None
-    return Fan(name, x, y, direction, curve, gain)
+    reverses = given.get("reverses", False)
+    if not isinstance(reverses, bool):
+        raise InputError(f"fans.{name}.reverses: expected true or false, found {shown(reverses)}")
+    return Fan(name, x, y, direction, curve, gain, reverses)
 
 
 def _curve(fan: str, value: Any) -> Polynomial | BenchCurve:

@@ -70,6 +70,7 @@ def _fan() -> Schema:
             "direction": NUMBER,
             "curve": {"anyOf": [array(NUMBER, 1), points]},
             "gain": NUMBER,
+            "reverses": {"type": "boolean"},
         },
         ("x", "y", "direction"),
     )

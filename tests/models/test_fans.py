@@ -7,6 +7,8 @@ import pytest
 
 from hovercontrol.effects import effect, effect_class, effect_names
 from hovercontrol.errors import InputError
+from hovercontrol.estimation.measure import measure
+from hovercontrol.logs import Log
 from hovercontrol.models.fans import BenchCurve, Fan, Polynomial
 from hovercontrol.models.model import Model
 from hovercontrol.models.modelfile import load_model, save_model
@@ -70,6 +72,23 @@ def test_forces_of_a_log_are_those_of_the_plant(curve, rng):
 def test_without_a_curve_the_input_is_the_force():
     assert [(s.name, s.unit) for s in craft().plant().inputs] == [("a", "N"), ("b", "N")]
     np.testing.assert_allclose(pushed(craft(), [0.2, 0.1])[3:], wrench([0.2, 0.1]))
+
+
+def test_a_fan_that_reverses_may_pull(tmp_path):
+    both_ways = craft(reverses=True)
+    assert [s.lower for s in both_ways.plant().inputs] == [-math.inf, -math.inf]
+    np.testing.assert_allclose(pushed(both_ways, [-0.2, 0.1])[3:], wrench([-0.2, 0.1]))
+    save_model(both_ways, tmp_path / "craft.toml")
+    assert load_model(tmp_path / "craft.toml") == both_ways
+    with pytest.raises(InputError, match="a fan with a curve reverses where its curve does"):
+        craft(reverses=True, curve=HOLOHOVER)
+
+
+def test_a_log_in_which_a_fan_pulls_is_told_how_the_model_says_so():
+    t = np.arange(0.0, 5.0, 0.05)
+    log = Log("a", t, {"x": t, "y": t, "psi": t, "a": np.where(t > 2.0, -0.1, 0.1), "b": 0.1 + 0.0 * t})
+    with pytest.raises(InputError, match=r"found -0.1 at .*reverses = true in the model file"):
+        measure(craft().plant(), log, t.size)
 
 
 def test_a_bench_curve_bounds_its_signal():
