@@ -1,7 +1,8 @@
-"""Checks of arguments from a user's script: an error names the argument.
+"""The gate of public functions: what a script gives is checked before anything is done with it.
 
-What a function checks itself is said in its own words. Where it stumbles over a type nobody thought of, one
-helper looks at what the annotations expect; a call that is right costs nothing.
+What an argument must be is said once, by its annotation. :func:`checked` compares each argument with it and
+refuses in one line that names the function, the argument, what was expected and what was found; a value of
+one of the usual types passes after one look into a set.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ import inspect
 import os
 import types
 import typing
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from numbers import Integral, Real
 from pathlib import Path
 from typing import Any, Literal, TypeVar, Union
@@ -24,8 +25,16 @@ from hovercontrol.errors import InputError, shown
 
 Thing = TypeVar("Thing", bound=Callable[..., Any])
 
-#: What Python raises where something is of a wrong type.
-_STUMBLES = (TypeError, ValueError, AttributeError, LookupError, ArithmeticError, NotImplementedError)
+#: What Python and NumPy raise where a number, a size or a shape is not one to calculate with.
+_STUMBLES = (
+    TypeError,
+    ValueError,
+    AttributeError,
+    LookupError,
+    ArithmeticError,
+    NotImplementedError,
+    MemoryError,
+)
 
 #: Most elements of a sequence that are looked at; arrays are looked at as a whole.
 LOOKED_AT = 1000
@@ -34,7 +43,7 @@ _ARRAY = frozenset(typing.get_args(npt.ArrayLike))
 
 
 def checked(thing: Thing) -> Thing:
-    """Make a public function, or a class's constructor, name the wrong argument in its error.
+    """Make a public function, or a class's constructor and methods, refuse arguments of a wrong type.
 
     Parameters
     ----------
@@ -43,8 +52,9 @@ def checked(thing: Thing) -> Thing:
     Returns
     -------
     function or class
-        The same; where an argument of another type than its annotation makes it stumble, it raises
-        :class:`.InputError`: the function, the argument, what was expected and what was found, in one line.
+        The same; an argument of another type than its annotation raises :class:`.InputError`: the function,
+        the argument, what was expected and what was found, in one line. So does a number with which it cannot
+        calculate (NaN, infinite, or an empty array) where it stumbles over it.
 
     Examples
     --------
@@ -56,52 +66,144 @@ def checked(thing: Thing) -> Thing:
         ...
     hovercontrol.errors.InputError: turn: rate: expected a number, found 'fast'
     """
-    if inspect.isclass(thing):
-        thing.__init__ = _guarded(thing.__init__, thing.__name__)  # type: ignore[method-assign]
-        return thing
-    return typing.cast(Thing, _guarded(thing, thing.__name__))
+    if not inspect.isclass(thing):
+        return typing.cast(Thing, _Gate(thing, thing.__name__).function())
+    for name, body in list(vars(thing).items()):
+        maker = name in ("__init__", "__new__")
+        inner = body.__func__ if isinstance(body, classmethod | staticmethod) else body
+        if inspect.isfunction(inner) and (maker or not name.startswith("_")):
+            label = thing.__name__ if maker else f"{thing.__name__}.{name}"
+            gate = _Gate(inner, label, bound=not isinstance(body, staticmethod) or maker)
+            if gate.parameters:
+                guarded = gate.function()
+                setattr(thing, name, guarded if inner is body else type(body)(guarded))
+    return thing
 
 
-def _guarded(function: Callable[..., Any], name: str) -> Callable[..., Any]:
-    signature = inspect.signature(function)
-    hints: dict[str, Any] = {}
+class _Gate:
+    """What the arguments of one function must be, read from its annotations when it is first called."""
 
-    @functools.wraps(function)
-    def guard(*args: Any, **kwargs: Any) -> Any:
-        try:
-            return function(*args, **kwargs)
-        except InputError:
-            raise
-        except _STUMBLES as error:
+    def __init__(self, function: Callable[..., Any], name: str, bound: bool = False) -> None:
+        self.inner, self.name = function, name
+        found = list(inspect.signature(function).parameters.values())[bound:]
+        self.parameters = {one.name: one for one in found}
+        self.skipped = int(bound)
+        self.hints: dict[str, Any] | None = None
+
+    def function(self) -> Callable[..., Any]:
+        inner, skipped = self.inner, self.skipped
+        usual: dict[str, frozenset[type]] = {}
+        order: list[str] = []
+        rest = ""
+
+        @functools.wraps(inner)
+        def guard(*args: Any, **kwargs: Any) -> Any:
+            nonlocal rest
+            if self.hints is None:
+                self.hints = self._read()
+                usual.update({key: _usual(hint) for key, hint in self.hints.items()})
+                order[:] = self._positions()
+                rest = next((p.name for p in self._of(inspect.Parameter.VAR_POSITIONAL)), "")
+            for k in range(skipped, len(args)):
+                key = order[k - skipped] if k - skipped < len(order) else rest
+                if key in usual and type(args[k]) not in usual[key]:
+                    self._look(key, args[k])
+            for key, value in kwargs.items():
+                if key in usual and type(value) not in usual[key]:
+                    self._look(key, value)
             try:
-                given = signature.bind(*args, **kwargs).arguments
-            except TypeError:
-                raise error from None  # Python says which argument is too much or missing
-            if not hints:
-                hints.update(_hints(function, signature))
-            for key, value in given.items():
-                own = signature.parameters[key].default
-                if key in hints and value is not own and not fits(value, hints[key]):
-                    text = f"{name}: {key}: expected {described(hints[key])}, found {shown(value)}"
-                    raise InputError(text) from error
-            raise
+                return inner(*args, **kwargs)
+            except InputError:
+                raise
+            except _STUMBLES as error:
+                self._blame(error, args, kwargs)
+                raise
 
-    return guard
+        guard.__checked__ = True  # type: ignore[attr-defined]
+        return guard
+
+    def _of(self, *kinds: Any) -> Iterator[inspect.Parameter]:
+        return (one for one in self.parameters.values() if one.kind in kinds)
+
+    def _positions(self) -> list[str]:
+        kinds = inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD
+        return [one.name for one in self._of(*kinds)]
+
+    def _read(self) -> dict[str, Any]:
+        """Return the annotations of arguments; those that only a type checker knows are left out."""
+        found, names = {}, self.inner.__globals__
+        for key, parameter in self.parameters.items():
+            hint = parameter.annotation
+            if parameter.kind is inspect.Parameter.VAR_KEYWORD or hint is inspect.Parameter.empty:
+                continue  # names that the function itself knows
+            try:
+                found[key] = eval(hint, names) if isinstance(hint, str) else hint
+            except NameError:
+                continue
+        return found
+
+    def _look(self, key: str, value: Any) -> None:
+        assert self.hints is not None
+        if value is not self.parameters[key].default and not fits(value, self.hints[key]):
+            expected = described(self.hints[key])
+            raise InputError(f"{self.name}: {key}: expected {expected}, found {shown(value)}")
+
+    def _blame(self, error: Exception, args: tuple[Any, ...], kwargs: Mapping[str, Any]) -> None:
+        """Raise an error of one line where a number among the arguments is none to calculate with."""
+        given = dict(zip(self._positions(), args[self.skipped :], strict=False)) | dict(kwargs)
+        for key, value in given.items():
+            if (
+                key in self.parameters
+                and value is not self.parameters[key].default
+                and (fault := fault_of(value))
+            ):
+                raise InputError(f"{self.name}: {key}: expected {fault}, found {shown(value)}") from error
 
 
-def _hints(function: Callable[..., Any], signature: inspect.Signature) -> dict[str, Any]:
-    """Return the annotations of arguments; those that only a type checker knows are left out."""
-    found: dict[str, Any] = {"": Any}
-    names = function.__globals__
-    for key, parameter in signature.parameters.items():
-        if parameter.kind in (inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD):
-            continue  # each of these says itself what it expects
-        hint = parameter.annotation
-        try:
-            found[key] = eval(hint, names) if isinstance(hint, str) else hint
-        except NameError:
-            continue
-    return found
+#: Largest number whose square is one.
+LARGEST = 1e150
+
+
+def fault_of(value: Any) -> str:
+    """Return what a value lacks to be calculated with, as an error line says it; else an empty text.
+
+    Examples
+    --------
+    >>> fault_of([1.0, float("nan")]), fault_of([]), fault_of(2.0)
+    ('finite numbers', 'at least one value', '')
+    """
+    if isinstance(value, Mapping):
+        return next(filter(None, map(fault_of, list(value.values())[:LOOKED_AT])), "")
+    if isinstance(value, str | bytes) or value is None:
+        return ""
+    if isinstance(value, np.ndarray | list | tuple) and np.size(value) == 0:
+        return "at least one value"
+    try:
+        numbers = np.asarray(value, dtype=float)
+    except (TypeError, ValueError, OverflowError):
+        return ""
+    if not np.all(np.isfinite(numbers)):
+        return "finite numbers" if numbers.ndim else "a finite number"
+    return "numbers of a usual size" if np.any(np.abs(numbers) > LARGEST) else ""
+
+
+def _usual(hint: Any) -> frozenset[type]:
+    """Return types of which every value is what an annotation says."""
+    if hint in _USUAL:
+        return _USUAL[hint]
+    if typing.get_origin(hint) in (Union, types.UnionType):
+        return frozenset().union(*map(_usual, _parts(typing.get_args(hint))))
+    plain = inspect.isclass(hint) and typing.get_origin(hint) is None
+    return frozenset([hint]) if plain and hint is not np.ndarray else frozenset()
+
+
+_USUAL: dict[Any, frozenset[type]] = {
+    float: frozenset([float, np.float64]),
+    int: frozenset([int, np.int64]),
+    Path: frozenset([str, type(Path())]),
+    None: frozenset([type(None)]),
+    object: frozenset(),
+}
 
 
 def fits(value: Any, hint: Any) -> bool:
@@ -121,6 +223,7 @@ def fits(value: Any, hint: Any) -> bool:
         return _fits_generic(value, origin, inner)
     if hint is float:
         number = isinstance(value, Real) or (isinstance(value, sp.Expr) and value.is_extended_real is True)
+        number = number or (isinstance(value, np.ndarray) and value.ndim == 0)
         return number and not isinstance(value, bool) and _is_numbers(value)
     if hint is int:
         return isinstance(value, Integral) and not isinstance(value, bool)
@@ -149,7 +252,11 @@ def _fits_generic(value: Any, origin: Any, inner: tuple[Any, ...]) -> bool:
         if isinstance(value, np.ndarray) and value.ndim == 0:
             return False
         kinds = [one for one in inner if one is not Ellipsis]
-        few = list(value)[:LOOKED_AT] if isinstance(value, list | tuple | set | range | np.ndarray) else []
+        few: list[Any] = []
+        if isinstance(value, list | tuple | range | np.ndarray):
+            few = list(value[:LOOKED_AT])
+        elif isinstance(value, set):
+            few = list(value)[:LOOKED_AT]
         if origin is tuple and len(kinds) > 1 and Ellipsis not in inner:
             return len(few) == len(kinds) and all(map(fits, few, kinds))
         return not kinds or all(fits(one, kinds[0]) for one in few)

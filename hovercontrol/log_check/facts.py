@@ -9,6 +9,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError
 from hovercontrol.estimation.levels import noise_levels
 from hovercontrol.estimation.measure import Measured, steps
@@ -42,6 +43,7 @@ class SpeedCriteria:
 SPEEDS = SpeedCriteria()
 
 
+@checked
 @dataclass(frozen=True)
 class Timing:
     """Timing of the rows of a log, or of one of its files.
@@ -86,6 +88,7 @@ class Timing:
     gaps: tuple[tuple[float, float], ...]
 
 
+@checked
 @dataclass(frozen=True)
 class Column:
     """What is in one column of a log.
@@ -130,6 +133,7 @@ class Column:
     change_every: float | None
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class LogFacts:
     """Facts of a log without a model.
@@ -160,6 +164,7 @@ class LogFacts:
     remarks: tuple[str, ...]
 
 
+@checked
 def facts(
     log: Log,
     inputs: Sequence[str] = (),

@@ -16,6 +16,7 @@ import sympy as sp
 from hovercontrol.controllers import tracking_controller
 from hovercontrol.controllers.references import OUTPUTS as REFERENCE
 from hovercontrol.core.block import Block
+from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError
 from hovercontrol.models.model import MOTION, Model
 
@@ -39,6 +40,7 @@ def coefficient(name: str) -> sp.Symbol:
     return symbol(f"{OWNER}.{name}")
 
 
+@checked
 @dataclass(frozen=True)
 class NormalForm:
     """A craft under a tracking controller that knows it, in error coordinates.
@@ -82,6 +84,7 @@ def once_for_equations(
     return derived
 
 
+@checked
 @once_for_equations
 def normal_form(model: Model, side: bool = False) -> NormalForm:
     """Return the tracking loop of a craft in error coordinates.

@@ -24,6 +24,7 @@ from scipy.integrate import cumulative_trapezoid
 from hovercontrol.analysis.common.directions import Direction, readable_basis
 from hovercontrol.analysis.common.excitation import mean_weights
 from hovercontrol.core.block import Block
+from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError
 from hovercontrol.estimators.regression import regression
 from hovercontrol.estimators.regressors import Regressors
@@ -58,6 +59,7 @@ class _Sampled:
         return mean_weights(self.time) * (self.time[-1] - self.time[0])
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class SlidingGramian:
     """Spectra of the Gramian over windows that slide along a motion.
@@ -92,6 +94,7 @@ class SlidingGramian:
         return np.where(low > 0, high / np.where(low > 0, low, 1.0), np.inf)
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class Gramian:
     """The observability Gramian of states and coefficients over a window.
@@ -227,6 +230,7 @@ class Gramian:
         return figure
 
 
+@checked
 def observability_gramian(
     block: Block,
     time: ArrayLike,

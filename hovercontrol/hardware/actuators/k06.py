@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from hovercontrol.core.boundary import checked
 from hovercontrol.hardware.actuators.signals import DEGREE
 from hovercontrol.hardware.actuators.tables import FanTable, Floats, ServoTable
 
@@ -37,6 +38,7 @@ LOWEST_SPEED, HIGHEST_SPEED = 3000.0, 12000.0
 SPEED_STEP = 250.0
 
 
+@checked
 def rudder_of_force_angle(angle: Any, slope: Any = RUDDER_SLOPE, offset: Any = RUDDER_OFFSET) -> Any:
     """Return the rudder angle [rad] that turns the force to an angle from the bow [rad], by (4.3).
 
@@ -56,6 +58,7 @@ def rudder_of_force_angle(angle: Any, slope: Any = RUDDER_SLOPE, offset: Any = R
     return offset - slope * angle
 
 
+@checked
 def force_angle_of_rudder(rudder: Any, slope: Any = RUDDER_SLOPE, offset: Any = RUDDER_OFFSET) -> Any:
     """Return the angle of the force from the bow [rad] at a rudder angle [rad], the inverse of (4.3).
 
@@ -74,6 +77,7 @@ def force_angle_of_rudder(rudder: Any, slope: Any = RUDDER_SLOPE, offset: Any = 
     return (offset - rudder) / slope
 
 
+@checked
 def forward_thrust(speed: ArrayLike, rudder: ArrayLike = 0.0) -> Floats:
     """Return the fan's forward force [N]: the stand-in for K06's quadratic fits, one for each rudder angle.
 
@@ -100,6 +104,7 @@ def forward_thrust(speed: ArrayLike, rudder: ArrayLike = 0.0) -> Floats:
     return np.asarray(THRUST_AT_10000 * n**2 * np.cos(np.asarray(rudder, dtype=float) * DEGREE))
 
 
+@checked
 def reverse_ratio(speed: ArrayLike) -> Floats:
     """Return reverse by forward force at a speed [RPM], (4.4); outside 6000 ... 12 000 RPM that of the end.
 
@@ -122,6 +127,7 @@ def reverse_ratio(speed: ArrayLike) -> Floats:
     return np.asarray(np.polyval(REVERSE_RATIO, np.clip(np.abs(speed) / 1e3, *RATIO_RANGE)))
 
 
+@checked
 def fan_force(speed: ArrayLike, rudder: ArrayLike = 0.0) -> Floats:
     """Return the force [N] of the fan at a speed [RPM], negative in reverse, and a rudder angle [degree].
 
@@ -143,6 +149,7 @@ def fan_force(speed: ArrayLike, rudder: ArrayLike = 0.0) -> Floats:
     return np.where(n < 0, -reverse_ratio(n), 1.0) * forward_thrust(n, rudder)
 
 
+@checked
 def fan_tables(
     force: Callable[[Floats, float], ArrayLike] = fan_force,
     *,
@@ -199,6 +206,7 @@ def fan_tables(
     )
 
 
+@checked
 def servo_table() -> ServoTable:
     """Return rudder angle against pulse, 1 to 2 ms in steps of 0.05 ms: a stand-in for figure 4.2.
 
@@ -215,6 +223,7 @@ def servo_table() -> ServoTable:
     return ServoTable("K06 stand-in", pulse, angle)
 
 
+@checked
 def ideal_fan(force: float = 20.0, angle: float = 180.0) -> tuple[FanTable, FanTable]:
     """Return tables of a fan without imperfection: force in proportion to speed, at any rudder angle.
 
@@ -240,6 +249,7 @@ def ideal_fan(force: float = 20.0, angle: float = 180.0) -> tuple[FanTable, FanT
     )
 
 
+@checked
 def ideal_servo(angle: float = 180.0) -> ServoTable:
     """Return a servo's table without imperfection: angle in proportion to pulse, up to `angle` [degree].
 
