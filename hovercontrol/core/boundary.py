@@ -7,9 +7,12 @@ one of the usual types passes after one look into a set.
 
 from __future__ import annotations
 
+import ast
 import functools
 import inspect
 import os
+import re
+import sys
 import types
 import typing
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -67,11 +70,13 @@ def checked(thing: Thing) -> Thing:
     hovercontrol.errors.InputError: turn: rate: expected a number, found 'fast'
     """
     if not inspect.isclass(thing):
-        return typing.cast(Thing, _Gate(thing, thing.__name__).function())
+        label = thing.__qualname__.rpartition("<locals>.")[2]
+        return typing.cast(Thing, _Gate(thing, label, bound="." in label).function())
     for name, body in list(vars(thing).items()):
         maker = name in ("__init__", "__new__")
         inner = body.__func__ if isinstance(body, classmethod | staticmethod) else body
-        if inspect.isfunction(inner) and (maker or not name.startswith("_")):
+        done = hasattr(inner, "__checked__") or not inspect.isfunction(inner)
+        if not done and (maker or not name.startswith("_")):
             label = thing.__name__ if maker else f"{thing.__name__}.{name}"
             gate = _Gate(inner, label, bound=not isinstance(body, staticmethod) or maker)
             if gate.parameters:
@@ -88,22 +93,23 @@ class _Gate:
         found = list(inspect.signature(function).parameters.values())[bound:]
         self.parameters = {one.name: one for one in found}
         self.skipped = int(bound)
-        self.hints: dict[str, Any] | None = None
+        self.hints: dict[str, Any] = {}
 
     def function(self) -> Callable[..., Any]:
         inner, skipped = self.inner, self.skipped
         usual: dict[str, frozenset[type]] = {}
         order: list[str] = []
-        rest = ""
+        rest, ready = "", False
 
         @functools.wraps(inner)
         def guard(*args: Any, **kwargs: Any) -> Any:
-            nonlocal rest
-            if self.hints is None:
+            nonlocal rest, ready
+            if not ready:
                 self.hints = self._read()
                 usual.update({key: _usual(hint) for key, hint in self.hints.items()})
                 order[:] = self._positions()
                 rest = next((p.name for p in self._of(inspect.Parameter.VAR_POSITIONAL)), "")
+                ready = True
             for k in range(skipped, len(args)):
                 key = order[k - skipped] if k - skipped < len(order) else rest
                 if key in usual and type(args[k]) not in usual[key]:
@@ -130,8 +136,8 @@ class _Gate:
         return [one.name for one in self._of(*kinds)]
 
     def _read(self) -> dict[str, Any]:
-        """Return the annotations of arguments; those that only a type checker knows are left out."""
-        found, names = {}, self.inner.__globals__
+        """Return the annotations of arguments."""
+        found, names = {}, inspect.unwrap(self.inner).__globals__
         for key, parameter in self.parameters.items():
             hint = parameter.annotation
             if parameter.kind is inspect.Parameter.VAR_KEYWORD or hint is inspect.Parameter.empty:
@@ -139,25 +145,63 @@ class _Gate:
             try:
                 found[key] = eval(hint, names) if isinstance(hint, str) else hint
             except NameError:
-                continue
+                found[key] = eval(hint, names, names_for_checkers(self.inner.__module__))
         return found
 
     def _look(self, key: str, value: Any) -> None:
-        assert self.hints is not None
         if value is not self.parameters[key].default and not fits(value, self.hints[key]):
             expected = described(self.hints[key])
             raise InputError(f"{self.name}: {key}: expected {expected}, found {shown(value)}")
 
     def _blame(self, error: Exception, args: tuple[Any, ...], kwargs: Mapping[str, Any]) -> None:
-        """Raise an error of one line where a number among the arguments is none to calculate with."""
+        """Raise an error of one line where nothing can be calculated with a number, a size or a shape."""
         given = dict(zip(self._positions(), args[self.skipped :], strict=False)) | dict(kwargs)
+        try:
+            inspect.signature(self.inner).bind(*args, **kwargs)
+        except TypeError:
+            return  # Python says which argument is too much or missing
+        for one in self._of(inspect.Parameter.VAR_POSITIONAL):
+            given[one.name] = args[self.skipped + len(self._positions()) :]
+        given = {k: v for k, v in given.items() if k in self.hints and v is not self.parameters[k].default}
         for key, value in given.items():
-            if (
-                key in self.parameters
-                and value is not self.parameters[key].default
-                and (fault := fault_of(value))
-            ):
+            fault = fault_of(value)
+            if not fault and self.hints[key] is int and value < 0:
+                fault = "zero or more"
+            if fault:
                 raise InputError(f"{self.name}: {key}: expected {fault}, found {shown(value)}") from error
+        if _ABOUT_SHAPES.search(str(error)):
+            arrays = {k: v for k, v in given.items() if described(self.hints[k]).startswith("numbers")}
+            shapes = {k: np.shape(v) for k, v in arrays.items() if v is not None}
+            if shapes:
+                found = ", ".join(f"{key} {shape}" for key, shape in shapes.items())
+                raise InputError(f"{self.name}: expected shapes that go together, found {found}") from error
+
+
+#: What Python and NumPy say where shapes do not go together.
+_ABOUT_SHAPES = re.compile(
+    r"shape|broadcast|dimension|ax[ie]s|0-d|unsized|no len|ndim|not subscriptable|not iterable|out of bounds"
+    r"|index|reshape|concatenate|zip\(\)|homogeneous|not match|same length"
+)
+
+
+@functools.cache
+def names_for_checkers(module: str) -> dict[str, Any]:
+    """Return what a module imports ``if TYPE_CHECKING`` alone: annotations name it, running code does not.
+
+    Examples
+    --------
+    >>> names_for_checkers("hovercontrol.analysis.common.regions")["pyarrow"].__name__
+    'pyarrow'
+    """
+    names: dict[str, Any] = {}
+    found = sys.modules[module]
+    body = ast.parse(inspect.getsource(found)).body
+    guarded = [
+        one for one in body if isinstance(one, ast.If) and ast.unparse(one.test).endswith("TYPE_CHECKING")
+    ]
+    for one in guarded:
+        exec(compile(ast.Module(one.body, []), module, "exec"), dict(vars(found)), names)
+    return names
 
 
 #: Largest number whose square is one.
@@ -180,7 +224,9 @@ def fault_of(value: Any) -> str:
         return "at least one value"
     try:
         numbers = np.asarray(value, dtype=float)
-    except (TypeError, ValueError, OverflowError):
+    except OverflowError:
+        return "numbers of a usual size"
+    except (TypeError, ValueError):
         return ""
     if not np.all(np.isfinite(numbers)):
         return "finite numbers" if numbers.ndim else "a finite number"
@@ -233,7 +279,9 @@ def fits(value: Any, hint: Any) -> bool:
         return isinstance(value, str | os.PathLike)
     if inspect.isclass(hint) and issubclass(hint, sp.Basic):
         return isinstance(value, sp.Basic | Real)
-    return not inspect.isclass(hint) or getattr(hint, "_is_protocol", False) or isinstance(value, hint)
+    if getattr(hint, "_is_protocol", False):
+        return all(hasattr(value, name) for name in vars(hint) if not name.startswith("_"))
+    return not inspect.isclass(hint) or isinstance(value, hint)
 
 
 def _fits_generic(value: Any, origin: Any, inner: tuple[Any, ...]) -> bool:

@@ -9,7 +9,8 @@ from __future__ import annotations
 from collections.abc import Callable, Hashable, Iterable
 from dataclasses import dataclass
 from functools import wraps
-from typing import Concatenate, ParamSpec, TypeVar
+from inspect import signature
+from typing import Any, Concatenate, ParamSpec, TypeVar, cast
 
 import sympy as sp
 
@@ -73,15 +74,19 @@ def once_for_equations(
 ) -> Callable[Concatenate[Model, P], Derived]:
     """Let a derivation be made once for models that differ in their numbers only."""
     known: dict[Hashable, Derived] = {}
+    form = signature(derive)
 
     @wraps(derive)
-    def derived(model: Model, /, *args: P.args, **kwargs: P.kwargs) -> Derived:
-        key = (model.signature, args, tuple(kwargs.items()))
+    def derived(*args: Any, **kwargs: Any) -> Derived:
+        given = form.bind(*args, **kwargs)
+        given.apply_defaults()
+        model, *others = given.arguments.values()
+        key = (model.signature, *(tuple(one) if isinstance(one, list) else one for one in others))
         if key not in known:
-            known[key] = derive(model, *args, **kwargs)
+            known[key] = derive(*given.args, **given.kwargs)
         return known[key]
 
-    return derived
+    return cast("Callable[Concatenate[Model, P], Derived]", derived)
 
 
 @checked

@@ -10,9 +10,10 @@ here are stand-ins, generated from these facts**; who has measured ones reads th
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
+import sympy as sp
 from numpy.typing import ArrayLike
 
 from hovercontrol.core.boundary import checked
@@ -37,9 +38,14 @@ LOWEST_SPEED, HIGHEST_SPEED = 3000.0, 12000.0
 #: Column step of the force table [RPM]; a line between two columns is then within 0.3 mN of the parabola.
 SPEED_STEP = 250.0
 
+#: What a formula takes: numbers, or symbols where it becomes part of a Block.
+Quantity: TypeAlias = float | Floats | sp.Expr
+
 
 @checked
-def rudder_of_force_angle(angle: Any, slope: Any = RUDDER_SLOPE, offset: Any = RUDDER_OFFSET) -> Any:
+def rudder_of_force_angle(
+    angle: Quantity, slope: Quantity = RUDDER_SLOPE, offset: Quantity = RUDDER_OFFSET
+) -> Any:
     """Return the rudder angle [rad] that turns the force to an angle from the bow [rad], by (4.3).
 
     Parameters
@@ -59,7 +65,9 @@ def rudder_of_force_angle(angle: Any, slope: Any = RUDDER_SLOPE, offset: Any = R
 
 
 @checked
-def force_angle_of_rudder(rudder: Any, slope: Any = RUDDER_SLOPE, offset: Any = RUDDER_OFFSET) -> Any:
+def force_angle_of_rudder(
+    rudder: Quantity, slope: Quantity = RUDDER_SLOPE, offset: Quantity = RUDDER_OFFSET
+) -> Any:
     """Return the angle of the force from the bow [rad] at a rudder angle [rad], the inverse of (4.3).
 
     Parameters

@@ -108,7 +108,7 @@ class VariablePitch:
             ),
         )
 
-    def left(self, rudder: Any, loss: Any) -> Any:
+    def left(self, rudder: float | sp.Expr, loss: float | sp.Expr) -> Any:
         """Return the share of the thrust that `rudder` [rad] leaves; `loss` is that at 35 degrees."""
         return sp.S.One if self.ideal else sp.cos(rudder) * (1 - loss * (rudder / (35 * DEGREE)) ** 2)
 
