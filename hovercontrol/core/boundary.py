@@ -24,7 +24,7 @@ import numpy as np
 import numpy.typing as npt
 import sympy as sp
 
-from hovercontrol.errors import InputError, shown
+from hovercontrol.errors import InputError, did_you_mean, shown
 
 Thing = TypeVar("Thing", bound=Callable[..., Any])
 
@@ -150,8 +150,13 @@ class _Gate:
 
     def _look(self, key: str, value: Any) -> None:
         if value is not self.parameters[key].default and not fits(value, self.hints[key]):
-            expected = described(self.hints[key])
-            raise InputError(f"{self.name}: {key}: expected {expected}, found {shown(value)}")
+            hint = self.hints[key]
+            known = typing.get_args(hint) if typing.get_origin(hint) is Literal else ()
+            nearest = did_you_mean(value, known) if known and isinstance(value, str) else ""
+            if nearest.startswith("; known"):
+                nearest = ""  # all of them are named already
+            expected = described(hint)
+            raise InputError(f"{self.name}: {key}: expected {expected}, found {shown(value)}{nearest}")
 
     def _blame(self, error: Exception, args: tuple[Any, ...], kwargs: Mapping[str, Any]) -> None:
         """Raise an error of one line where nothing can be calculated with a number, a size or a shape."""

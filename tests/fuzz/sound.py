@@ -126,6 +126,8 @@ def _of_instances(calls: Mapping[str, Call], only: str) -> Iterator[tuple[str, C
         if name in calls or owner not in calls or name in CLASSES:
             continue
         method = getattr(calls[owner](), name.rpartition(".")[2])
+        if inspect.ismethod(method):
+            method = types.MethodType(CALLABLES[name], method.__self__)
         found = inspect.signature(method).parameters.values()
         needed = [p for p in found if p.default is p.empty and p.kind is not p.VAR_KEYWORD]
         yield name, Call(name, method, {p.name: _guess(p, calls) for p in needed})
