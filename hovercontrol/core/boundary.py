@@ -10,20 +10,15 @@ from __future__ import annotations
 import ast
 import functools
 import inspect
-import os
 import re
 import sys
-import types
 import typing
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from numbers import Integral, Real
-from pathlib import Path
-from typing import Any, Literal, TypeVar, Union
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any, Literal, TypeVar
 
 import numpy as np
-import numpy.typing as npt
-import sympy as sp
 
+from hovercontrol.core.annotations import LOOKED_AT, described, fits, innermost, usual_types
 from hovercontrol.errors import InputError, did_you_mean, shown
 
 Thing = TypeVar("Thing", bound=Callable[..., Any])
@@ -38,11 +33,6 @@ _STUMBLES = (
     NotImplementedError,
     MemoryError,
 )
-
-#: Most elements of a sequence that are looked at; arrays are looked at as a whole.
-LOOKED_AT = 1000
-
-_ARRAY = frozenset(typing.get_args(npt.ArrayLike))
 
 
 def checked(thing: Thing) -> Thing:
@@ -106,7 +96,7 @@ class _Gate:
             nonlocal rest, ready
             if not ready:
                 self.hints = self._read()
-                usual.update({key: _usual(hint) for key, hint in self.hints.items()})
+                usual.update({key: usual_types(hint) for key, hint in self.hints.items()})
                 order[:] = self._positions()
                 rest = next((p.name for p in self._of(inspect.Parameter.VAR_POSITIONAL)), "")
                 ready = True
@@ -150,13 +140,13 @@ class _Gate:
 
     def _look(self, key: str, value: Any) -> None:
         if value is not self.parameters[key].default and not fits(value, self.hints[key]):
-            hint = self.hints[key]
-            known = typing.get_args(hint) if typing.get_origin(hint) is Literal else ()
-            nearest = did_you_mean(value, known) if known and isinstance(value, str) else ""
-            if nearest.startswith("; known"):
-                nearest = ""  # all of them are named already
+            where, part, hint = innermost(key, value, self.hints[key])
+            nearest = ""
+            if typing.get_origin(hint) is Literal and isinstance(part, str):
+                nearest = did_you_mean(part, typing.get_args(hint))
+                nearest = "" if nearest.startswith("; known") else nearest  # all are named already
             expected = described(hint)
-            raise InputError(f"{self.name}: {key}: expected {expected}, found {shown(value)}{nearest}")
+            raise InputError(f"{self.name}: {where}: expected {expected}, found {shown(part)}{nearest}")
 
     def _blame(self, error: Exception, args: tuple[Any, ...], kwargs: Mapping[str, Any]) -> None:
         """Raise an error of one line where nothing can be calculated with a number, a size or a shape."""
@@ -236,136 +226,3 @@ def fault_of(value: Any) -> str:
     if not np.all(np.isfinite(numbers)):
         return "finite numbers" if numbers.ndim else "a finite number"
     return "numbers of a usual size" if np.any(np.abs(numbers) > LARGEST) else ""
-
-
-def _usual(hint: Any) -> frozenset[type]:
-    """Return types of which every value is what an annotation says."""
-    if hint in _USUAL:
-        return _USUAL[hint]
-    if typing.get_origin(hint) in (Union, types.UnionType):
-        return frozenset().union(*map(_usual, _parts(typing.get_args(hint))))
-    plain = inspect.isclass(hint) and typing.get_origin(hint) is None
-    return frozenset([hint]) if plain and hint is not np.ndarray else frozenset()
-
-
-_USUAL: dict[Any, frozenset[type]] = {
-    float: frozenset([float, np.float64]),
-    int: frozenset([int, np.int64]),
-    Path: frozenset([str, type(Path())]),
-    None: frozenset([type(None)]),
-    object: frozenset(),
-}
-
-
-def fits(value: Any, hint: Any) -> bool:
-    """Return whether a value is what an annotation says, or can be made so without a guess."""
-    origin, inner = typing.get_origin(hint), typing.get_args(hint)
-    if hint in (Any, object, inspect.Parameter.empty) or isinstance(hint, TypeVar | str):
-        return True
-    if hint is None or hint is type(None):
-        return value is None
-    if _is_array(hint):
-        return _is_numbers(value)
-    if origin in (Union, types.UnionType):
-        return any(fits(value, one) for one in _parts(inner))
-    if origin is Literal:
-        return any(type(value) is type(one) and value == one for one in inner)
-    if origin is not None:
-        return _fits_generic(value, origin, inner)
-    if hint is float:
-        number = isinstance(value, Real) or (isinstance(value, sp.Expr) and value.is_extended_real is True)
-        number = number or (isinstance(value, np.ndarray) and value.ndim == 0)
-        return number and not isinstance(value, bool) and _is_numbers(value)
-    if hint is int:
-        return isinstance(value, Integral) and not isinstance(value, bool)
-    if hint is bool:
-        return isinstance(value, bool | np.bool_)
-    if hint is Path:
-        return isinstance(value, str | os.PathLike)
-    if inspect.isclass(hint) and issubclass(hint, sp.Basic):
-        return isinstance(value, sp.Basic | Real)
-    if getattr(hint, "_is_protocol", False):
-        return all(hasattr(value, name) for name in vars(hint) if not name.startswith("_"))
-    return not inspect.isclass(hint) or isinstance(value, hint)
-
-
-def _fits_generic(value: Any, origin: Any, inner: tuple[Any, ...]) -> bool:
-    if origin is type:
-        return inspect.isclass(value)
-    if not inspect.isclass(origin):
-        return True
-    if issubclass(origin, Callable):  # type: ignore[arg-type]
-        return callable(value)
-    if issubclass(origin, Mapping):
-        pairs = isinstance(value, Mapping) and list(value.items())[:LOOKED_AT]
-        return pairs is not False and all(fits(k, inner[0]) and fits(v, inner[1]) for k, v in pairs)
-    if issubclass(origin, Iterable):
-        if isinstance(value, str | bytes | Mapping) or not isinstance(value, Iterable):
-            return False
-        if isinstance(value, np.ndarray) and value.ndim == 0:
-            return False
-        kinds = [one for one in inner if one is not Ellipsis]
-        few: list[Any] = []
-        if isinstance(value, list | tuple | range | np.ndarray):
-            few = list(value[:LOOKED_AT])
-        elif isinstance(value, set):
-            few = list(value)[:LOOKED_AT]
-        if origin is tuple and len(kinds) > 1 and Ellipsis not in inner:
-            return len(few) == len(kinds) and all(map(fits, few, kinds))
-        return not kinds or all(fits(one, kinds[0]) for one in few)
-    return isinstance(value, origin)
-
-
-def _parts(inner: tuple[Any, ...]) -> list[Any]:
-    """Return what a union is of; what NumPy calls like an array is one part."""
-    if not set(inner) >= _ARRAY:
-        return list(inner)
-    return [np.ndarray, *(one for one in inner if one not in _ARRAY)]
-
-
-def _is_array(hint: Any) -> bool:
-    return hint is np.ndarray or typing.get_origin(hint) is np.ndarray
-
-
-def _is_numbers(value: Any) -> bool:
-    if value is None or isinstance(value, str | bytes | Mapping | set):
-        return False
-    try:
-        kind = np.asarray(value).dtype.kind
-        np.asarray(value, dtype=float)
-    except (TypeError, ValueError, OverflowError):
-        return False
-    return kind in "biuf" or (kind == "O" and np.size(value) > 0) or np.size(value) == 0
-
-
-_WORDS = {float: "a number", int: "a whole number", bool: "true or false", str: "a text", Path: "a path"}
-
-
-def described(hint: Any) -> str:
-    """Return the type of an annotation as error lines name it.
-
-    Examples
-    --------
-    >>> described(float | None), described(dict[str, float]), described(Literal["zero", "linear"])
-    ('a number or None', 'names, each with a number', "'zero' or 'linear'")
-    """
-    origin, inner = typing.get_origin(hint), typing.get_args(hint)
-    if hint is None or hint is type(None):
-        return "None"
-    if _is_array(hint):
-        return "numbers"
-    if origin in (Union, types.UnionType):
-        return " or ".join(dict.fromkeys(described(one) for one in _parts(inner)))
-    if origin is Literal:
-        return " or ".join(map(repr, inner))
-    if inspect.isclass(origin) and issubclass(origin, Mapping):
-        return f"names, each with {described(inner[1])}"
-    if origin is not None and inspect.isclass(origin) and issubclass(origin, Iterable):
-        kinds = [described(one) for one in inner if one is not Ellipsis]
-        return f"a sequence, each {kinds[0]}" if kinds else "a sequence"
-    if hint in _WORDS:
-        return _WORDS[hint]
-    if origin is not None:
-        return "a function" if origin.__name__ == "Callable" else f"a {origin.__name__}"
-    name = getattr(hint, "__name__", str(hint))
-    return f"{'an' if name[0] in 'AEIOU' else 'a'} {name}"

@@ -227,7 +227,7 @@ class Effect:
         names = {k: f"{owner}.{self.parameter(k)}" for k in self.numbers}
         return SimpleNamespace(**{k: sp.Symbol(name, real=True) for k, name in names.items()})
 
-    def terms(self, c: SimpleNamespace, s: SimpleNamespace) -> dict[str, sp.Expr]:
+    def terms(self, c: Any, s: Any) -> dict[str, sp.Expr]:
         """Return what the effect adds to the derivatives of the body velocities.
 
         Parameters
@@ -256,7 +256,7 @@ class Effect:
             raise TypeError(f"{type(self).__name__} does not define terms()")
         return {}
 
-    def motion(self, c: SimpleNamespace, s: SimpleNamespace) -> None:
+    def motion(self, c: Any, s: Any) -> None:
         """Change what other effects see of the motion, in place: ``s.air_u`` in a wind, ``s.thrust_x``.
 
         Parameters
@@ -265,7 +265,7 @@ class Effect:
             As for :meth:`terms`.
         """
 
-    def commands(self, c: SimpleNamespace, s: SimpleNamespace) -> dict[Signal, sp.Expr]:
+    def commands(self, c: Any, s: Any) -> dict[Signal, sp.Expr]:
         """Change the commands on their way to the forces, in place.
 
         Parameters
@@ -283,7 +283,7 @@ class Effect:
         """
         return {}
 
-    def states(self, c: SimpleNamespace, s: SimpleNamespace) -> dict[Signal, sp.Expr]:
+    def states(self, c: Any, s: Any) -> dict[Signal, sp.Expr]:
         """Return states of the effect's own that its terms use, with their derivatives.
 
         Parameters
@@ -298,7 +298,7 @@ class Effect:
         """
         return {}
 
-    def measured(self, c: SimpleNamespace, s: SimpleNamespace) -> None:
+    def measured(self, c: Any, s: Any) -> None:
         """Change what is measured, in place: ``s.x, s.y, s.psi, s.u, s.v, s.r``; ``s.true`` is the motion.
 
         Parameters
@@ -309,7 +309,7 @@ class Effect:
             Symbols of what is measured.
         """
 
-    def factors(self, c: SimpleNamespace, s: SimpleNamespace) -> dict[str, sp.Expr]:
+    def factors(self, c: Any, s: Any) -> dict[str, sp.Expr]:
         """Return factors on other effects' coefficients, by effect name.
 
         Parameters

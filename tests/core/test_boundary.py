@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import hovercontrol as hc
-from hovercontrol.core.boundary import checked, described, fits
+from hovercontrol.core.annotations import described, fits
+from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError
 from hovercontrol.logs import Log
 from tests.fuzz.calls import some_call

@@ -21,12 +21,13 @@ from typing import Any
 from tests.fuzz.judge import Broken, limited
 from tests.test_public_api import CALLED, CLASSES, OFFERED, arguments, methods
 
-#: What the package offers and can be called with arguments: functions, constructors, methods.
+#: What the package offers and can be called with arguments: functions, constructors, methods. What an effect
+#: says of its symbols, ``terms(c, s)``, is called by the package alone.
 CALLABLES = {
     name: thing
     for name, thing in {**{q: f for q, (f, _, _) in CALLED.items()}, **CLASSES}.items()
     if not inspect.isclass(thing) or not getattr(thing, "_is_protocol", False)
-    if name != "hovercontrol.core.sgn.sgn" and arguments(thing)
+    if name != "hovercontrol.core.sgn.sgn" and arguments(thing) and list(arguments(thing)) != ["c", "s"]
 }
 
 
