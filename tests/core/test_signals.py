@@ -11,7 +11,7 @@ from hovercontrol.errors import InputError
 
 @pytest.mark.parametrize("name", ["", "2u", "surge speed", "u.", ".u", "u-v", "P[0", "P[a]", None, 3, "u\n"])
 def test_what_is_no_identifier_is_no_signal_name(name):
-    with pytest.raises(InputError, match="signal name|name: expected a text"):
+    with pytest.raises(InputError, match=r"signal name|name: expected a text"):
         Signal(name, "m/s")
 
 
