@@ -24,7 +24,7 @@ def steer(rate: float, names: "list[str]", craft: hc.Model | None = None, *, hol
     [
         (("fast", []), "steer: rate: expected a number, found 'fast'"),
         ((1.0, 3), "steer: names: expected a sequence, each a text, found 3"),
-        ((1.0, [1]), "steer: names: expected a sequence, each a text, found [1]"),
+        ((1.0, [1]), "steer: names[0]: expected a text, found 1"),
         ((None, []), "steer: rate: expected a number, found None"),
     ],
 )
