@@ -48,6 +48,8 @@ def fits(value: Any, hint: Any) -> bool:
         return isinstance(value, bool | np.bool_)
     if hint is Path:
         return isinstance(value, str | os.PathLike)
+    if inspect.isclass(hint) and issubclass(hint, sp.MatrixBase):
+        return isinstance(value, sp.MatrixBase)  # mutable or not
     if inspect.isclass(hint) and issubclass(hint, sp.Basic):
         return isinstance(value, sp.Basic | Real)
     if getattr(hint, "_is_protocol", False):
