@@ -134,7 +134,7 @@ def test_what_is_no_number_is_refused_in_one_line():
         decay("a", 2.0)
     with pytest.raises(InputError, match="arm: expected numbers, found 'a'"):
         predict("a", 0.1)
-    with pytest.raises(InputError, match="at: expected one velocity by name"):
+    with pytest.raises(InputError, match="at: expected names, each with a number"):
         turn_basins(at=3.0)
 
 
