@@ -73,7 +73,8 @@ def scale_faults(log: Log) -> list[str]:
         turning = float(np.median(np.abs(_rates(log, "psi"))))
         if turning > SCALES.turning:
             said.append(
-                f"{log.name}: the heading turns at {turning:.3g} rad/s: is it in degrees? Give radians, or psi=NAME:deg"
+                f"{log.name}: the heading turns at {turning:.3g} rad/s: is it in degrees? "
+                "Give radians, or psi=NAME:deg"
             )
     for name in ("u", "v"):
         known = log[name][np.isfinite(log[name])] if log.has(name) else np.empty(0)
