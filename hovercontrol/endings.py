@@ -53,6 +53,7 @@ def run(command: Callable[[], object]) -> int:
         pipe is 0 without a message, everything else one line and 3. Warnings are printed at the end of work
         that succeeds.
     """
+    _open_streams()
     files.placed.clear()
     files.kept.clear()
     _asked.clear()
@@ -130,6 +131,13 @@ def _farewell() -> str:
     if files.placed:
         return f"stopped; {files.placed[-1]} was written before"
     return "stopped; nothing was written"
+
+
+def _open_streams() -> None:
+    """Give a command that was started with a closed output (``2>&-``) one that leads nowhere."""
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, "w"))  # noqa: SIM115  it stays open to the end
 
 
 def _flush() -> None:

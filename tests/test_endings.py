@@ -136,6 +136,16 @@ def test_a_full_device_for_the_output_is_one_line():
     assert done.stderr == "hovercontrol: the output cannot be written: No space left on device\n"
 
 
+@pytest.mark.parametrize("stream", [1, 2])
+def test_a_closed_output_is_no_fault(stream, tmp_path):
+    words = f'exec "$0" -m hovercontrol simulate sample --out out {stream}>&-'
+    done = subprocess.run(
+        ["sh", "-c", words, sys.executable], cwd=tmp_path, capture_output=True, text=True, timeout=60
+    )
+    assert done.returncode == 0 and "unexpected" not in done.stdout + done.stderr
+    assert (tmp_path / "out" / "log.csv").exists()
+
+
 def test_help_says_what_every_status_means(call):
     said = " ".join(call("--help").stdout.split())
     assert "130 stopped by Ctrl-C" in said and "1 done, with a negative finding" in said

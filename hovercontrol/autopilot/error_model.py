@@ -7,6 +7,7 @@ import math
 import sympy as sp
 
 from hovercontrol.core.block import Block
+from hovercontrol.core.boundary import checked
 from hovercontrol.core.random_numbers import random_numbers
 from hovercontrol.core.signals import Signal
 from hovercontrol.io.tables import number, positive
@@ -16,6 +17,7 @@ from hovercontrol.models.model import MOTION
 SIMULATED_IMU = 0.006
 
 
+@checked
 def error_model(
     *,
     acceleration_bias: float = 0.025,

@@ -6,10 +6,12 @@ import sympy as sp
 
 from hovercontrol.controllers.k06.heading import HEADING_REF
 from hovercontrol.core.block import Block
+from hovercontrol.core.boundary import checked
 from hovercontrol.core.interconnect import interconnect, rename
 from hovercontrol.models.model import MOTION
 
 
+@checked
 def nearest_heading(guidance: Block) -> Block:
     """Return guidance that takes the heading nearest to its goal, whole turns apart, for the craft's heading.
 

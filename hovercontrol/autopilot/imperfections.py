@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, fields
 
 from hovercontrol.core.block import Block
+from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError, did_you_mean
 
 #: Of each imperfection the parameters of the loop that are zero without it; those that a loop has not do not
@@ -37,6 +38,7 @@ SWITCHES: dict[str, tuple[str, ...]] = {
 }
 
 
+@checked
 @dataclass(frozen=True)
 class Imperfections:
     """Which imperfections a loop has; the default is K06's simulated autopilot (section 6.1.1).

@@ -15,6 +15,7 @@ from hovercontrol.autopilot.navigation import HATS, NAVIGATION, check_beacons, s
 from hovercontrol.autopilot.selector import selector
 from hovercontrol.autopilot.thrusters import reversing_fan, variable_pitch
 from hovercontrol.core.block import Block
+from hovercontrol.core.boundary import checked
 from hovercontrol.core.interconnect import interconnect
 from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError, did_you_mean
@@ -29,6 +30,7 @@ from hovercontrol.models.model import MOTION
 from hovercontrol.models.vehicles import hoverdemon
 
 
+@checked
 def autopilot(
     law: Block,
     *,
@@ -231,6 +233,7 @@ def _tables(
     return table_pair(tables, "autopilot: tables"), servo
 
 
+@checked
 def seeds(loop: Block, values: Iterable[int] | int) -> dict[str, list[float]]:
     """Return the parameters that give each run of a sweep its own random numbers.
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sympy as sp
 
 from hovercontrol.core.block import Block
+from hovercontrol.core.boundary import checked
 from hovercontrol.core.interconnect import interconnect, prefix
 from hovercontrol.core.signals import Signal
 from hovercontrol.models.model import MOTION
@@ -19,6 +20,7 @@ GAPS = (
 )
 
 
+@checked
 def beside_ideal(real: Block, ideal: Block, *, body: Body = HOVERDEMON_BODY, name: str = "both") -> Block:
     """Return two loops in parallel, with the differences of their motions.
 

@@ -9,11 +9,13 @@ from fractions import Fraction
 import sympy as sp
 
 from hovercontrol.core.block import Block
+from hovercontrol.core.boundary import checked
 from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError
 from hovercontrol.io.tables import number, positive
 
 
+@checked
 def constant_delay(
     signals: Sequence[Signal],
     delay: float,

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from hovercontrol.core.boundary import checked
 from hovercontrol.discrepancy.evidence.holdout import Ahead, Gap
 from hovercontrol.discrepancy.evidence.laws import worst
 from hovercontrol.discrepancy.evidence.missing import Missing
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
+@checked
 @dataclass(frozen=True)
 class Found:
     """One number of an effect that was added.
@@ -61,6 +63,7 @@ class Found:
         return self.value - 1.96 * self.std, self.value + 1.96 * self.std
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class Diagnosis:
     """What a model lacks, with the evidence.

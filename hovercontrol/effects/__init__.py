@@ -16,6 +16,7 @@ for _module in pkgutil.iter_modules(__path__):
     importlib.import_module(f"{__name__}.{_module.name}")
 
 
+@checked
 def effect_names() -> list[str]:
     """Return the names of all known effects, sorted.
 

@@ -16,11 +16,13 @@ from typing import Any, ClassVar
 
 import sympy as sp
 
+from hovercontrol.core.boundary import checked
 from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.io.tables import finite
 
 
+@checked
 @dataclass(frozen=True)
 class Coefficient:
     """A number of an effect that enters its terms linearly.
@@ -50,6 +52,7 @@ class Coefficient:
     neutral: float = 0.0
 
 
+@checked
 @dataclass(frozen=True)
 class Shape(Coefficient):
     """A number of an effect that shapes its terms and need not enter linearly (a width, a time).
@@ -83,6 +86,7 @@ class Shape(Coefficient):
 TINY = 1e-9
 
 
+@checked
 class Effect:
     """One physical cause in a model; subclasses declare it, instances carry its numbers.
 

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hovercontrol.core.block import Block
+from hovercontrol.core.boundary import checked
 from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError
 from hovercontrol.logs import POSE, VELOCITY, Log, Span, smooth_pose, steady
@@ -50,6 +51,7 @@ INPUTS = InputLimits()
 STRETCHES = 10
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class Measured:
     """A log as a Block sees it.
@@ -103,6 +105,7 @@ class Measured:
     rows_total: int
 
 
+@checked
 def measure(block: Block, log: Log, most_rows: int = MOST_ROWS) -> Measured:
     """Return what a log says about a Block.
 

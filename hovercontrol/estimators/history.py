@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hovercontrol.core.block import Block
+from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError
 from hovercontrol.estimators.regression import regression
 from hovercontrol.estimators.regressors import Regressors
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class CoefficientHistory:
     """Estimated coefficients over time.
@@ -77,6 +79,7 @@ class CoefficientHistory:
         return figure
 
 
+@checked
 def estimate_from_log(
     block: Block,
     time: ArrayLike,

@@ -17,6 +17,7 @@ from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError
 
 
+@checked
 @dataclass(frozen=True)
 class Regression:
     """``x' = h + G c`` for some states and coefficients of a Block.

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hovercontrol.core.block import Block
+from hovercontrol.core.boundary import checked
 from hovercontrol.core.functions import call_scalar, numpy_functions
 from hovercontrol.core.signals import Signal, time
 from hovercontrol.errors import InputError, did_you_mean
@@ -16,6 +17,7 @@ from hovercontrol.estimators.regression import Regression
 Array = NDArray[np.float64]
 
 
+@checked
 class Regressors:
     """h and G of a regression ``x' = h + G c`` as compiled functions of time and signals.
 

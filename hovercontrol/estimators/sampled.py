@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hovercontrol.core.block import Block
+from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError
 from hovercontrol.estimators.kalman_bucy import diagonal
 from hovercontrol.estimators.regression import regression
@@ -23,6 +24,7 @@ Array = NDArray[np.float64]
 _PLAIN = Plain()
 
 
+@checked
 class SampledEstimator:
     """A discrete Kalman filter for chosen coefficients of a Block, to be stepped sample by sample.
 

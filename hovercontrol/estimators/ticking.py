@@ -12,6 +12,7 @@ import sympy as sp
 from numpy.typing import ArrayLike
 
 from hovercontrol.core.block import Block
+from hovercontrol.core.boundary import checked
 from hovercontrol.core.signals import Signal, time
 from hovercontrol.errors import InputError
 from hovercontrol.estimators.ins.kalman import Equations, Estimate, remember
@@ -21,6 +22,7 @@ from hovercontrol.estimators.sampled_step import Values, begun, corrected, predi
 from hovercontrol.io.tables import number, positive
 
 
+@checked
 def sampled_estimator(
     block: Block,
     estimate: Sequence[str] | None = None,

@@ -8,7 +8,6 @@ it nor takes them for surer than they are, and the size of that noise says how m
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -38,26 +37,8 @@ from hovercontrol.identify.result import Fitted, Identified
 from hovercontrol.identify.subject import chosen, subject_of
 from hovercontrol.logs import Log
 from hovercontrol.logs.frames import check_frame
+from hovercontrol.logs.scales import scale_faults
 from hovercontrol.models.model import Model
-
-
-@dataclass(frozen=True)
-class SamplingLimits:
-    """What sampling a log must have.
-
-    No published source: set by hand, exercised by tests/identify/test_fit.py.
-
-    Attributes
-    ----------
-    slowest : float
-        Largest time step of a craft's log [s]; a larger one means another unit of time.
-    """
-
-    slowest: float = 1.0
-
-
-#: The values in use.
-SAMPLING = SamplingLimits()
 
 
 @checked
@@ -112,7 +93,7 @@ def identify(
     if not logs:
         raise InputError("identification needs at least one log")
     if subject_of(model).is_craft:
-        refuse_slow_rows(logs)
+        refuse_other_units(logs)
     report(0.0, "reading what was measured")
     measured = measure_shared(model, logs, most_rows)
     with threadpool_limits(1, "blas"):  # its threads would wait for each other at many small matrices
@@ -151,8 +132,8 @@ def _share(log: Log, total: int, most_rows: int) -> int:
     return len(log) if total <= most_rows else int(most_rows * len(log) / total)
 
 
-def refuse_slow_rows(logs: Sequence[Log | Measured]) -> None:
-    """Refuse logs of a craft whose rows are too far apart.
+def refuse_other_units(logs: Sequence[Log | Measured]) -> None:
+    """Refuse logs of a craft that are not in SI units: rows too far apart, motion faster than any craft's.
 
     Raises
     ------
@@ -160,11 +141,8 @@ def refuse_slow_rows(logs: Sequence[Log | Measured]) -> None:
         The line names the log.
     """
     for log in logs:
-        apart = float(np.median(np.diff(log.time))) if log.time.size > 1 else 0.0
-        if apart > SAMPLING.slowest:
-            raise InputError(
-                f"{log.name}: rows are {apart:g} s apart: is its time in seconds? (--columns time=NAME:ms)"
-            )
+        for fault in scale_faults(log if isinstance(log, Log) else Log(log.name, log.time, {})):
+            raise InputError(fault)
 
 
 def _fitted(

@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from hovercontrol.core.boundary import checked
 from hovercontrol.logs import POSE, VELOCITY
 
 if TYPE_CHECKING:
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
 MEASURED, SIMULATED, SHADE = "0.7", "tab:blue", "tab:red"
 
 
+@checked
 def plot_free_run(run: FreeRun, *, held_out: bool = False) -> Figure:
     """Draw the free-running simulation over the measurement, one axis for each channel.
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from hovercontrol.core.block import Block
+from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError
 from hovercontrol.estimation.data import gather
 from hovercontrol.estimation.fit import Fit, estimate, first_noise
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
 MOST_STARTS = 2000
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class FreeRun:
     """A log beside the model's simulation from the log's inputs alone.
@@ -85,6 +87,7 @@ class FreeRun:
         return plot_free_run(self)
 
 
+@checked
 @dataclass(frozen=True)
 class Prediction:
     """The error of a model some seconds ahead.
@@ -126,6 +129,7 @@ class Prediction:
         return {c: e / self.trivial[c] if self.trivial[c] > 0 else np.inf for c, e in self.rms.items()}
 
 
+@checked
 def free_run(model: Model | Block, log: Log | Measured, *, restart: bool = False) -> FreeRun:
     """Simulate a model over a log on its inputs alone, from the smoothed state at the first row known.
 
@@ -190,6 +194,7 @@ def run_of(name: str, fit: Fit, k: int = 0, *, restart: bool = False) -> FreeRun
     )
 
 
+@checked
 def window_prediction(model: Model | Block, log: Log | Measured, horizon: float = 1.0) -> Prediction:
     """Return the error of a model `horizon` seconds ahead of the smoothed state.
 

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hovercontrol.core.block import Block
+from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.estimation.fit import Fit
 from hovercontrol.io.files import write_atomically
@@ -46,6 +47,7 @@ class MisfitCriteria:
 MISFIT = MisfitCriteria()
 
 
+@checked
 @dataclass(frozen=True)
 class Fitted:
     """One coefficient.
@@ -85,6 +87,7 @@ class Fitted:
         return not self.reason
 
 
+@checked
 @dataclass(frozen=True)
 class Remaining:
     """What one equation leaves unexplained: the process noise, averaged over some time.
@@ -124,6 +127,7 @@ class Remaining:
         return self.equation.removesuffix("'")
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class Identified:
     """The result of :func:`~hovercontrol.identify.fit.identify`.

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.estimation.measure import MOST_ROWS, Measured
-from hovercontrol.identify.fit import identify, measure_shared, refuse_slow_rows
+from hovercontrol.identify.fit import identify, measure_shared, refuse_other_units
 from hovercontrol.identify.plot import plot_free_run
 from hovercontrol.identify.predict import FreeRun, Prediction, prediction, run_of, smoothed
 from hovercontrol.identify.result import Identified, aligned
@@ -103,7 +103,7 @@ class Study:
             As :func:`~hovercontrol.identify.fit.identify`, or if a name is taken twice.
         """
         report = progress or (lambda part, what: None)
-        refuse_slow_rows([*training, *holdout])
+        refuse_other_units([*training, *holdout])
         report(0.0, "reading what was measured")
         measured: list[Measured] = measure_shared(model, training, MOST_ROWS)
         for log in holdout:

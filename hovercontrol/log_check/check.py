@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from hovercontrol.core.block import Block
+from hovercontrol.core.boundary import checked
 from hovercontrol.discrepancy.checks import check_fitted, check_logs
 from hovercontrol.errors import InputError
 from hovercontrol.estimation.subject import structure
@@ -35,6 +36,7 @@ LISTED = 8
 SHOWN = 5
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class Checked:
     """What a check of logs found.
@@ -148,6 +150,7 @@ class Checked:
         return write_folder(folder, write)
 
 
+@checked
 def check(
     logs: Sequence[Log],
     model: Model | BlockModel | None = None,

@@ -9,42 +9,20 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError
 from hovercontrol.estimation.levels import noise_levels
 from hovercontrol.estimation.measure import Measured, steps
 from hovercontrol.estimation.navigation import NAVIGATION, corrections
 from hovercontrol.estimation.spikes import stand_out
-from hovercontrol.logs import POSE, Log, Span, fit_clock, smooth_pose
+from hovercontrol.logs import POSE, VELOCITY, Log, Span, fit_clock, smooth_pose
 from hovercontrol.logs.log import UNITS
+from hovercontrol.logs.scales import scale_faults
 
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class SpeedCriteria:
-    """When speeds and times of a log show wrong units.
-
-    No published source: set by hand, exercised by tests/log_check/test_check.py.
-
-    Attributes
-    ----------
-    fastest : float
-        Speed that no hovercraft of this kind reaches [m/s]; positions in millimetres exceed it at once.
-    over : float
-        Time over which a speed is taken [s].
-    apart : float
-        From row to row of a craft's log [s], above which its time is hardly in seconds.
-    """
-
-    fastest: float = 30.0
-    over: float = 0.4
-    apart: float = 2.0
-
-
-#: The values in use.
-SPEEDS = SpeedCriteria()
-
-
+@checked
 @dataclass(frozen=True)
 class Timing:
     """Timing of the rows of a log, or of one of its files.
@@ -89,6 +67,7 @@ class Timing:
     gaps: tuple[tuple[float, float], ...]
 
 
+@checked
 @dataclass(frozen=True)
 class Column:
     """What is in one column of a log.
@@ -133,6 +112,7 @@ class Column:
     change_every: float | None
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class LogFacts:
     """Facts of a log without a model.
@@ -163,6 +143,7 @@ class LogFacts:
     remarks: tuple[str, ...]
 
 
+@checked
 def facts(
     log: Log,
     inputs: Sequence[str] = (),
@@ -202,7 +183,9 @@ def facts(
     ]
     corrected = corrections(log)
     navigated = NAVIGATION.least <= corrected.size <= NAVIGATION.most * len(log)
-    rejected = _rejected(log) if log.has(*POSE) and not navigated else ()
+    craft = any(log.has(name) for name in (*POSE, *VELOCITY))  # other machines may be slow, or fast
+    remarks = scale_faults(log) if craft else []
+    rejected = _rejected(log) if log.has(*POSE) and not navigated and not remarks else ()
     columns = tuple(
         _column(log, name, known.get(name, ""), kind, name in measured, rejected)
         for name, kind in kinds.items()
@@ -212,7 +195,6 @@ def facts(
         rows = log.stack(*measured) if measured else np.zeros((len(log), 1))
         seen = np.isfinite(rows).any(axis=1)
         timing = [_timing(log.name, log.time[seen], rows[seen])]
-    remarks = _remarks(log, columns)
     if navigated:
         apart = float(np.median(np.diff(log.time[corrected])))
         remarks.append(
@@ -283,33 +265,3 @@ def _rejected(log: Log) -> tuple[Span, ...]:
         return smooth_pose(log).rejected
     except InputError:  # too few rows, or too many
         return ()
-
-
-def _remarks(log: Log, columns: Sequence[Column]) -> list[str]:
-    """Return warnings that need no model: motion faster than any craft's."""
-    said = []
-    step = float(np.median(np.diff(log.time))) if len(log) > 1 else 0.0
-    if step > SPEEDS.apart and log.has(*POSE):
-        said.append(
-            f"{log.name}: rows are {step:g} s apart: is the time in milliseconds? Give seconds, or the unit: "
-            "time=NAME:ms"
-        )
-    if log.has("x", "y"):
-        known = np.isfinite(log.stack("x", "y")).all(axis=1)
-        time, x, y = log.time[known], log["x"][known], log["y"][known]
-        every = max(1, round(SPEEDS.over / float(np.median(np.diff(time))))) if time.size > 1 else 1
-        if time.size > 2 * every:
-            way = np.hypot(np.diff(x[::every]), np.diff(y[::every])) / np.diff(time[::every])
-            fast = float(np.quantile(way, 0.9))
-            if fast > SPEEDS.fastest:
-                said.append(
-                    f"{log.name}: the position moves at {fast:.3g} m/s: is it in millimetres or centimetres? "
-                    "Give metres, or the unit: x=NAME:mm"
-                )
-    for c in columns:
-        if c.unit == "m/s" and c.high - c.low > 2 * SPEEDS.fastest:
-            said.append(
-                f"{log.name}: column {c.name!r} runs from {c.low:.4g} to {c.high:.4g} m/s: is it in mm/s "
-                "or cm/s?"
-            )
-    return said

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import PchipInterpolator
 
+from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError
 from hovercontrol.logs.check import check_finite
 from hovercontrol.logs.log import Floats, Log
@@ -24,6 +25,7 @@ STANDARD_GRAVITY = 9.80665
 """m/s^2, exact by definition (3rd CGPM, 1901); a gram-force is this many millinewton."""
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class BenchTable:
     """Steady thrust of one fan against its command.

@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.ndimage import minimum_filter1d
 
+from hovercontrol.core.boundary import checked
 from hovercontrol.logs.log import POSE, VELOCITY, Floats, Log, gap_rows
 
 
@@ -68,6 +69,7 @@ MOST_PHASES = 20_000
 """Stamps whose phase is looked at."""
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class Clock:
     """Sampling times fitted to arrival times.
@@ -99,6 +101,7 @@ class Clock:
     worst_delay: float
 
 
+@checked
 def fit_clock(arrival: Floats, samples: Floats | None = None) -> Clock:
     """Fit a steady sampling clock to the time stamps of a log.
 
@@ -147,6 +150,7 @@ def fit_clock(arrival: Floats, samples: Floats | None = None) -> Clock:
     return Clock(time, True, period, lost, float((arrival - time).max()))
 
 
+@checked
 def steady(log: Log, columns: Sequence[str] | None = None) -> Log:
     """Return the log with its stamps replaced by the steady clock behind them, if any.
 

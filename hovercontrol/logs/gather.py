@@ -25,6 +25,7 @@ PULSE = "pwm_"
 _COMPARE = {">": operator.gt, ">=": operator.ge, "<": operator.lt, "<=": operator.le}
 
 
+@checked
 @dataclass(frozen=True)
 class Condition:
     """A comparison of one column with a number, as a user writes it: ``pwm_lift > 1000``.

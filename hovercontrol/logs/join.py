@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.logs.clock import steady
 from hovercontrol.logs.log import Floats, Log
@@ -31,6 +32,7 @@ class JoinCriteria:
 JOINING = JoinCriteria()
 
 
+@checked
 def join_logs(
     pose: Log,
     commands: Log,

@@ -102,7 +102,6 @@ class Log:
             )
         return self.columns[name]
 
-    @checked
     def has(self, *names: str) -> bool:
         """Return whether every one of these columns is there.
 
@@ -112,7 +111,6 @@ class Log:
         """
         return all(name in self.columns for name in names)
 
-    @checked
     def stack(self, *names: str) -> Floats:
         """Return the named columns side by side, shape (n, number of names).
 
@@ -129,7 +127,6 @@ class Log:
         """
         return np.column_stack([self[name] for name in names])
 
-    @checked
     def select(self, rows: Mask | NDArray[np.intp] | slice) -> Log:
         """Return the log of some rows (a mask, indices or a slice).
 
@@ -155,7 +152,6 @@ class Log:
                 f"{self.name}: expected a mask, indices or a slice of {len(self)} rows, found {shown(rows)}"
             ) from None
 
-    @checked
     def between(self, start: float, stop: float) -> Log:
         """Return the rows with ``start <= time <= stop`` [s].
 
@@ -166,7 +162,6 @@ class Log:
         """
         return self.select((self.time >= start) & (self.time <= stop))
 
-    @checked
     def with_columns(self, columns: Mapping[str, ArrayLike]) -> Log:
         """Return a log with these columns added or replaced, each of shape (n,).
 
@@ -197,7 +192,6 @@ class Log:
 
         return log_figure(self, UNITS)
 
-    @checked
     def save(self, path: str | Path) -> None:
         """Write CSV, or Parquet where the suffix says so; the file is written atomically.
 

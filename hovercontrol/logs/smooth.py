@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.ndimage import maximum_filter1d, median_filter, percentile_filter
 
+from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError
 from hovercontrol.logs.clock import Clock, fit_clock, measured, moved
 from hovercontrol.logs.kalman import Estimate, fit_noise, run_filter, run_smoother
@@ -62,6 +63,7 @@ WIDEST = np.array([[1.0, 25.0, 1e4], [1.0, 25.0, 1e4], [1.0, 1e3, 1e6]])
 """Variances of position, speed and acceleration of x, y, psi where nothing is known."""
 
 
+@checked
 @dataclass(frozen=True)
 class Span:
     """Consecutive samples that were left out.
@@ -87,6 +89,7 @@ class Span:
     reason: str
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class Smoothed:
     """A pose log with velocities.
@@ -152,6 +155,7 @@ class Smoothed:
         return np.column_stack([ahead + r * v, left - r * u, self.acceleration[:, 2]])
 
 
+@checked
 def smooth_pose(log: Log) -> Smoothed:
     """Estimate velocities from the pose ``x, y, psi`` of a log.
 

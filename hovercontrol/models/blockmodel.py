@@ -12,6 +12,7 @@ import sympy as sp
 from numpy.typing import ArrayLike
 
 from hovercontrol.core.block import Block
+from hovercontrol.core.boundary import checked
 from hovercontrol.core.derivatives import linear_parameters
 from hovercontrol.core.expressions import Expressions
 from hovercontrol.core.signals import Signal, time
@@ -21,6 +22,7 @@ from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.models.base import EffectModel, as_measured, delays_of
 
 
+@checked
 @dataclass(frozen=True)
 class BlockModel(EffectModel):
     """A Block and the effects added to it.

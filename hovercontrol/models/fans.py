@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import typing
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -171,7 +172,7 @@ class Fan:
     x: float
     y: float
     direction: float
-    curve: Polynomial | BenchCurve | None = None
+    curve: Polynomial | BenchCurve | Sequence[float] | None = None
     gain: float | None = None
     reverses: bool = False
 
@@ -191,12 +192,17 @@ class Fan:
                 "{signal = [-1, 0, 1], force = [-1, 0, 1]}"
             )
 
+    @property
+    def _law(self) -> Polynomial | BenchCurve | None:
+        """The static curve, made from its coefficients where those were given."""
+        return typing.cast("Polynomial | BenchCurve | None", self.curve)
+
     def command(self) -> Signal:
         """Return the plant's input: the force of this fan [N], or the signal of its curve."""
-        if self.curve is None:
+        if self._law is None:
             lower = -math.inf if self.reverses else 0.0
             return Signal(self.name, "N", f"force of the fan {self.name}", nominal=0.1, lower=lower)
-        lower, upper = self.curve.bounds
+        lower, upper = self._law.bounds
         return Signal(
             self.name,
             "1",
@@ -216,8 +222,8 @@ class Fan:
             Name of the Block.
         """
         force: sp.Expr = self.command().symbol
-        if self.curve is not None:
-            force = self.curve.force(force, self._curve_parameters(owner))
+        if self._law is not None:
+            force = self._law.force(force, self._curve_parameters(owner))
         return force if self.gain is None else self.gain_signal(owner).symbol * force
 
     def forces(self, command: ArrayLike) -> NDArray[np.float64]:
@@ -229,8 +235,8 @@ class Fan:
             In the unit of the fan's command.
         """
         found = np.asarray(command, dtype=float)
-        if self.curve is not None:
-            found = self.curve.forces_at(found)
+        if self._law is not None:
+            found = self._law.forces_at(found)
         return found if self.gain is None else self.gain * found
 
     def lever_arm(self, owner: str) -> Signal:
@@ -281,7 +287,7 @@ class Fan:
         return (self.lever_arm(owner), *self._curve_parameters(owner), *gain)
 
     def _curve_parameters(self, owner: str) -> tuple[Signal, ...]:
-        return () if self.curve is None else self.curve.parameters(f"{owner}.{self.name}", self.name)
+        return () if self._law is None else self._law.parameters(f"{owner}.{self.name}", self.name)
 
 
 def _numbers(where: str, given: Any, least: int) -> tuple[float, ...]:

@@ -146,7 +146,7 @@ def _fan_text(fan: Fan) -> str:
     parts = [f"x = {fan.x!r}", f"y = {fan.y!r}", f"direction = {fan.direction!r}"]
     if isinstance(fan.curve, Polynomial):
         parts.append(f"curve = {list(fan.curve.coefficients)!r}")
-    elif fan.curve is not None:
+    elif isinstance(fan.curve, BenchCurve):
         signals, forces = list(fan.curve.signals), list(fan.curve.forces)
         parts.append(f"curve = {{signal = {signals!r}, force = {forces!r}}}")
     if fan.gain is not None:

@@ -9,6 +9,8 @@ from contextlib import contextmanager
 from html import escape
 from typing import Any, Protocol
 
+from hovercontrol.core.boundary import checked
+
 #: From one change of a notebook's bar to the next [s].
 PAUSE = 0.2
 
@@ -19,6 +21,7 @@ class Report(Protocol):
     def __call__(self, done: float, what: str = "", /) -> None: ...  # noqa: D102
 
 
+@checked
 @contextmanager
 def progress_bar(text: str, total: float = 1.0) -> Iterator[Report]:
     """Show the progress of long work; for the ``progress=`` of sweeps, fits, diagnoses and analyses.

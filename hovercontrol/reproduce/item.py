@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
+from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError
 
 Verdict = Literal["agrees", "differs", "not printed in enough detail", "failed"]
@@ -23,6 +24,7 @@ KINDS = {
 }
 
 
+@checked
 @dataclass(frozen=True)
 class Printed:
     """A number that a document prints, and the range in which ours agrees with it.
@@ -67,6 +69,7 @@ class Printed:
         return f"{self.low:.4g} to {self.high:.4g}{unit}"
 
 
+@checked
 def about(
     name: str, value: float, tolerance: float, unit: str = "", *, text: str = "", fitted: str = ""
 ) -> Printed:
@@ -90,6 +93,7 @@ def about(
     return Printed(name, said, value - tolerance, value + tolerance, unit, fitted)
 
 
+@checked
 def at_most(name: str, value: float, unit: str = "", *, text: str = "", fitted: str = "") -> Printed:
     """Return a printed upper bound.
 
@@ -110,6 +114,7 @@ def at_most(name: str, value: float, unit: str = "", *, text: str = "", fitted: 
     return Printed(name, text or f"at most {value:g} {unit}".strip(), -math.inf, value, unit, fitted)
 
 
+@checked
 def at_least(name: str, value: float, unit: str = "", *, text: str = "", fitted: str = "") -> Printed:
     """Return a printed lower bound.
 
@@ -130,6 +135,7 @@ def at_least(name: str, value: float, unit: str = "", *, text: str = "", fitted:
     return Printed(name, text or f"at least {value:g} {unit}".strip(), value, math.inf, unit, fitted)
 
 
+@checked
 @dataclass(frozen=True)
 class Item:
     """A table, figure or equation of a document, and what rebuilds it.
@@ -186,6 +192,7 @@ class Item:
         return f"{self.document}_{self.kind}_{self.number}".replace(".", "_")
 
 
+@checked
 @dataclass(frozen=True)
 class Outcome:
     """What rebuilding an item gave.

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
 
+from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError
 from hovercontrol.reproduce.item import KINDS
 
@@ -23,6 +24,7 @@ MARKER = re.compile(rf"\[(C17|K06) ({'|'.join(KINDS)}) ([0-9A-B][0-9a-z.]*(?:, [
 _PACKAGE = Path(__file__).parents[1]
 
 
+@checked
 @dataclass(frozen=True)
 class Numbered:
     """A numbered item of a document.
@@ -54,6 +56,7 @@ class Numbered:
         return self.document, self.kind, self.number
 
 
+@checked
 @dataclass(frozen=True)
 class Place:
     """A marker in the code: ``file`` from the project's folder on, ``line`` from 1 on.
@@ -71,6 +74,7 @@ class Place:
         return f"{self.file}:{self.line}"
 
 
+@checked
 def numbered_items(document: str) -> list[Numbered]:
     """Return every numbered item of a document (``c17`` or ``k06``), in the order of its list.
 
@@ -91,6 +95,7 @@ def numbered_items(document: str) -> list[Numbered]:
     return [Numbered(document, r["kind"], r["number"], r["title"], r["without_code"] or "") for r in rows]
 
 
+@checked
 def places() -> dict[tuple[str, str, str], list[Place]]:
     """Return all markers of the package and its analyses: places by document, kind and number.
 

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.reproduce.item import KINDS, Item
 
 DOCUMENTS = ("c17", "k06")
 
 
+@checked
 def all_items(document: str = "") -> list[Item]:
     """Return the items of a document, or of both, in its order.
 
@@ -31,6 +33,7 @@ def all_items(document: str = "") -> list[Item]:
     return [item for name in DOCUMENTS if document in ("", name) for item in own[name]]
 
 
+@checked
 def chosen_items(document: str = "", only: Sequence[str] = ()) -> list[Item]:
     """Return the items that are asked for.
 

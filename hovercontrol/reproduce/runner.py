@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError
 from hovercontrol.io.figure_style import figure_style
 from hovercontrol.io.files import write_folder
@@ -13,6 +14,7 @@ from hovercontrol.reproduce.index import write_index
 from hovercontrol.reproduce.item import Item, Outcome
 
 
+@checked
 def reproduce(
     items: Sequence[Item], folder: str | Path, progress: Callable[[float, str], None] | None = None
 ) -> list[Outcome]:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from hovercontrol.autopilot import Imperfections
+from hovercontrol.core.boundary import checked
 from hovercontrol.hardware.actuators import FanTable, ServoTable, VariablePitch
 from hovercontrol.hardware.sensors import Beacons
 from hovercontrol.models.model import Model
@@ -132,6 +133,7 @@ class Autopilot:
     imperfections: Imperfections = field(default_factory=Imperfections)
 
 
+@checked
 @dataclass(frozen=True)
 class Scenario:
     """A complete scenario; made by :func:`hovercontrol.scenarios.load_scenario`.

@@ -44,6 +44,7 @@ from hovercontrol.scenarios.sections import (
 )
 
 
+@checked
 def scenario_names() -> list[str]:
     """Return the names of the scenarios that come with the package.
 

@@ -23,6 +23,7 @@ from hovercontrol.controllers.k06 import (
 from hovercontrol.controllers.k06.heading import TICK
 from hovercontrol.controllers.references import REFERENCES
 from hovercontrol.core.block import Block
+from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError
 from hovercontrol.estimators import kalman_bucy, sampled_estimator
 from hovercontrol.scenarios.definition import Phase, Scenario
@@ -46,6 +47,7 @@ GUIDANCE: dict[str, Callable[..., Block]] = {
 }
 
 
+@checked
 def loop_parts(scenario: Scenario) -> dict[str, Block]:
     """Return the Blocks of a scenario's loop by role.
 
@@ -116,6 +118,7 @@ def _tracking_parts(scenario: Scenario) -> dict[str, Block]:
     return parts
 
 
+@checked
 def phase_parameters(scenario: Scenario, phase: Phase) -> dict[str, float]:
     """Return the parameters that hold in a phase, by key.
 

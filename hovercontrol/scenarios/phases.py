@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hovercontrol.core.block import Block
+from hovercontrol.core.boundary import checked
 from hovercontrol.core.friction import Friction
 from hovercontrol.scenarios.definition import Phase, Scenario
 
@@ -20,6 +21,7 @@ SAME = 1e-9
 EARLY = 1e-6
 
 
+@checked
 def phase_grid(begin: float, end: float, step: float) -> Array:
     """Return times from begin to end, both included, on multiples of the step.
 

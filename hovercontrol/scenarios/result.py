@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.io.files import write_folder
 from hovercontrol.logs import Log
@@ -36,6 +37,7 @@ class Measured:
         return self.metric.low <= self.value <= self.metric.high
 
 
+@checked
 @dataclass(frozen=True)
 class Run:
     """A scenario's result.

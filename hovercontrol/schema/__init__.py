@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.schema.model import model_schema
 from hovercontrol.schema.result import result_schema
@@ -24,6 +25,7 @@ KINDS: dict[str, Callable[[], dict[str, Any]]] = {
 }
 
 
+@checked
 def schema(kind: str) -> dict[str, Any]:
     """Return the JSON Schema (draft 2020-12) of a kind of file.
 

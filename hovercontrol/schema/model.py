@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from hovercontrol.core.boundary import checked
 from hovercontrol.effects import Effect, effect_class, effect_names
 from hovercontrol.schema.parts import NUMBER, TEXT, Schema, array, between, document, table
 
 
+@checked
 def model_schema() -> Schema:
     """Return the JSON Schema of model files; effects of a script's own are in it once they are defined.
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, NotRequired, TypedDict
 
+from hovercontrol.core.boundary import checked
 from hovercontrol.discrepancy.verdict import Verdict
 from hovercontrol.schema.parts import Schema, document, of_type
 
@@ -132,6 +133,7 @@ class Result(TypedDict):
     warnings: list[str]
 
 
+@checked
 def result_schema() -> Schema:
     """Return the JSON Schema of ``result.json``.
 

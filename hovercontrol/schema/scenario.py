@@ -7,6 +7,7 @@ from typing import Any
 
 from hovercontrol.autopilot.navigation import NAVIGATION
 from hovercontrol.controllers.references import REFERENCES
+from hovercontrol.core.boundary import checked
 from hovercontrol.core.random_numbers import LARGEST_SEED
 from hovercontrol.models.vehicles import VEHICLES
 from hovercontrol.scenarios import sections as keys
@@ -20,6 +21,7 @@ _NUMBERS: Schema = {"type": "object", "additionalProperties": NUMBER}
 _SIZE: Schema = {"anyOf": [NUMBER, array(NUMBER, 1)]}
 
 
+@checked
 def scenario_schema() -> Schema:
     """Return the JSON Schema of scenario files.
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hovercontrol.core.block import Block
+from hovercontrol.core.boundary import checked
 from hovercontrol.core.expressions import Expressions
 from hovercontrol.core.functions import FunctionPair, call_scalar, numpy_functions
 from hovercontrol.core.signals import Signal
@@ -104,6 +105,7 @@ class Ticking:
         return dict(zip(self._names, found[:n], strict=True))
 
 
+@checked
 def simulate_runs(
     block: Block | SampledFilter,
     inputs: Mapping[str, ArrayLike],

@@ -17,8 +17,9 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from hovercontrol.core.annotations import fits
 from hovercontrol.core.block import Block, Rows
-from hovercontrol.core.boundary import checked, fits
+from hovercontrol.core.boundary import checked
 from hovercontrol.core.delays import arrivals, undelayed
 from hovercontrol.core.friction import Friction
 from hovercontrol.errors import InputError, shown
@@ -247,7 +248,7 @@ class CompiledBlock:
         step: float | None = None,
         rtol: float = 1e-6,
         atol: float = 1e-9,
-        hold: Literal["zero"] = "zero",
+        hold: str = "zero",
     ) -> control.TimeResponseData:
         """Simulate over a time grid; arguments, result: :func:`hovercontrol.simulation.trajectory.simulate`.
 

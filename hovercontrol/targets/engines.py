@@ -10,8 +10,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from hovercontrol.core.annotations import fits
 from hovercontrol.core.block import Block, Rows
-from hovercontrol.core.boundary import fits
 from hovercontrol.core.friction import Friction
 from hovercontrol.core.functions import call_scalar, numpy_functions
 from hovercontrol.errors import InputError, did_you_mean, shown

@@ -150,13 +150,15 @@ class _Compiled:
         shoot = _Shoot(*self._sizes, len(known), *numbers, *(a.ctypes.data for a in arrays))
         parts = min(threads(), max(windows // SHARE, 1))
         edges = np.linspace(0, windows, parts + 1).astype(int).tolist()
-        jobs = [(ctypes.byref(shoot), a, b) for a, b in pairwise(edges)]
+        jobs = [(shoot, arrays, a, b) for a, b in pairwise(edges)]
         failed = list(pool().map(self._job, jobs)) if parts > 1 else [self._job(jobs[0])]
         if any(failed):
             raise MemoryError("no memory for the windows' simulation")
 
-    def _job(self, job: tuple[object, int, int]) -> int:
-        return int(self._call(*job))
+    def _job(self, job: tuple[_Shoot, list[Array], int, int]) -> int:
+        """Simulate some windows; the job holds the arrays, which a caller that is interrupted lets go."""
+        shoot, _, first, end = job
+        return int(self._call(ctypes.byref(shoot), first, end))
 
 
 def threads() -> int:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hovercontrol.core.block import Block
+from hovercontrol.core.boundary import checked
 from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.io.files import write_atomically
@@ -30,6 +31,7 @@ FIGURES = ("final", "maximum", "minimum", "rms", "settling")  # in the order of 
 WORKER_FAILED = len(REASONS) - 1
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class Axis:
     """One parameter that a sweep or a map varies.

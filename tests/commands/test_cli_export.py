@@ -210,9 +210,9 @@ def test_several_platforms_in_one_file(call, tmp_path):
         (["four_fan", "--step", "1e-320"], "expected 1e+09 steps at most"),
         (["four_fan", "-o", "x.fmx"], "x.fmx: expected a file name that ends in .fmu"),
         (["four_fan", "-o", "/dev/null/x.fmu"], "cannot write there"),
-        (["four_fan", "--fmi", "1"], "FMI version must be 2 or 3, found 1"),
+        (["four_fan", "--fmi", "1"], "version: expected 2 or 3, found 1"),
         (["four_fan", "--platforms", "win64"], "unknown platform 'win64'"),
-        (["four_fan", "--friction", "dry"], "friction must be 'events' or 'smooth', found 'dry'"),
+        (["four_fan", "--friction", "dry"], "friction: expected 'events' or 'smooth', found 'dry'"),
         (["four_fan", "--step", "-1"], "step must be positive, found -1.0"),
     ],
 )

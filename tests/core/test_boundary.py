@@ -1,4 +1,4 @@
-"""A public function that stumbles over an argument says over which; what it says itself stays."""
+"""A public function refuses an argument of a wrong type, number or shape in one line."""
 
 from random import Random
 
@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import hovercontrol as hc
-from hovercontrol.core.boundary import checked, described, fits
+from hovercontrol.core.annotations import described, fits
+from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError
 from hovercontrol.logs import Log
 from tests.fuzz.calls import some_call
@@ -23,14 +24,14 @@ def steer(rate: float, names: "list[str]", craft: hc.Model | None = None, *, hol
     [
         (("fast", []), "steer: rate: expected a number, found 'fast'"),
         ((1.0, 3), "steer: names: expected a sequence, each a text, found 3"),
-        ((1.0, [1]), "steer: names: expected a sequence, each a text, found [1]"),
+        ((1.0, [1]), "steer: names[0]: expected a text, found 1"),
         ((None, []), "steer: rate: expected a number, found None"),
     ],
 )
 def test_one_line_says_function_argument_expected_and_found(arguments, said):
     with pytest.raises(InputError) as error:
         steer(*arguments)
-    assert str(error.value) == said and isinstance(error.value.__cause__, TypeError | AttributeError)
+    assert str(error.value) == said
 
 
 def test_what_is_right_passes_and_what_is_too_much_is_pythons():
@@ -46,6 +47,58 @@ def test_a_stumble_over_right_arguments_is_not_hidden():
 
     with pytest.raises(KeyError):
         ours(1.0)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        ((10**400, [1.0]), "crawl: points: expected numbers of a usual size, found a number of 401 digits"),
+        ((-1, [1.0]), "crawl: points: expected zero or more, found -1"),
+        ((1, [np.nan]), "crawl: speed: expected finite numbers, found [nan]"),
+        ((1, []), "crawl: speed: expected at least one value, found []"),
+        ((1, np.ones((2, 3))), "crawl: expected shapes that go together, found speed (2, 3)"),
+    ],
+)
+def test_a_stumble_over_a_number_or_a_shape_says_so(arguments, said):
+    @checked
+    def crawl(points: int, speed: "np.ndarray") -> object:
+        if not np.all(np.isfinite(speed)) or not np.size(speed):
+            raise ValueError("deep inside")
+        return (
+            np.zeros(points) @ np.asarray(speed).reshape(-1) if np.ndim(speed) == 1 else np.zeros(4) + speed
+        )
+
+    with pytest.raises(InputError) as error:
+        crawl(*arguments)
+    assert str(error.value) == said
+
+
+@checked
+class Hovercraft:
+    def __init__(self, mass: float) -> None:
+        self.mass = mass
+
+    def weigh(self, *stones: str) -> float:
+        return self.mass + len(stones)
+
+    @classmethod
+    def heavy(cls, times: int) -> "Hovercraft":
+        return cls(10.0 * times)
+
+
+@pytest.mark.parametrize(
+    ("call", "said"),
+    [
+        (lambda: Hovercraft("2"), "Hovercraft: mass: expected a number, found '2'"),
+        (lambda: Hovercraft(2.0).weigh("a", 3), "Hovercraft.weigh: stones: expected a text, found 3"),
+        (lambda: Hovercraft.heavy(1.5), "Hovercraft.heavy: times: expected a whole number, found 1.5"),
+    ],
+)
+def test_a_class_checks_its_constructor_and_its_methods(call, said):
+    with pytest.raises(InputError) as error:
+        call()
+    assert str(error.value) == said
+    assert Hovercraft.heavy(2).weigh("a") == 21.0
 
 
 def test_hints_and_values():

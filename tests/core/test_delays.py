@@ -284,7 +284,7 @@ def test_an_input_that_is_late_in_one_block_only_is_refused():
         ({"v": late.symbol}, InputError, "'v', no input"),
         ({"push": v.symbol}, InputError, "depends on 'v', no parameter"),
         ({"push": rate.symbol}, UnitError, "must be in s"),
-        ({"push": "late"}, InputError, "expected a SymPy expression"),
+        ({"push": "late"}, InputError, "expected an Expr"),
     ],
 )
 def test_a_wrong_delay_is_refused(delays, error, line):

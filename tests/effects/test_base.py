@@ -110,14 +110,14 @@ def test_an_unknown_effect_is_answered_with_the_nearest():
         ({"value": -0.1}, r"value = -0\.1 is out of its bounds \[0, inf\]"),
         ({"value": float("nan")}, "value"),
         ({"value": float("inf")}, "value must be a finite number"),
-        ({"value": "0.8"}, "value must be a number, found '0.8'"),
-        ({"value": True}, "value must be a number"),
+        ({"value": "0.8"}, "value: expected a number or None, found '0.8'"),
+        ({"value": True}, "value: expected a number or None"),
         ({"value": 1.0, "widht": 0.1}, "unknown number 'widht'; did you mean 'width'"),
         ({"value": 1.0, "width": 0.0}, "width = 0 is out of its bounds"),
     ],
 )
 def test_numbers_that_make_no_effect_are_refused_by_name(numbers, message):
-    with pytest.raises(InputError, match=f"effect yaw_coulomb: .*{message}|effect yaw_coulomb: {message}"):
+    with pytest.raises(InputError, match=f"effect( yaw_coulomb)?: .*{message}"):
         effect("yaw_coulomb", **numbers)
 
 

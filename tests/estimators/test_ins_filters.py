@@ -361,7 +361,7 @@ def test_the_definition_is_small_and_prints_to_c():
         (lambda: SensorErrors(gyro_noise=-0.1), "gyro_noise must not be negative"),
         (lambda: SensorErrors(fix=0.0), "fix must be positive"),
         (lambda: noise_from_sensors(period=0), "noise_from_sensors: period must be positive"),
-        (lambda: range_filter(BEACONS), "beacons must be Beacons, found [(0.0, 0.0)"),
+        (lambda: range_filter(BEACONS), "beacons: expected a Beacons, found [(0.0, 0.0)"),
         (lambda: range_filter(ABOVE, []), "units: expected at least one pair of coordinates"),
         (lambda: range_filter(ABOVE, [(0, 0), (1,)]), "units, number 2: expected 2 finite numbers"),
         (lambda: range_filter(ABOVE, range_noise=0.0), "range_noise must be positive"),

@@ -252,7 +252,7 @@ def test_what_a_log_lacks_is_named():
         estimate_from_log(block, t, s | {"v": np.where(np.arange(11) == 3, np.nan, s["v"])})
     with pytest.raises(InputError, match="increasing"):
         estimate_from_log(block, t[::-1], s)
-    with pytest.raises(InputError, match="hold must be"):
+    with pytest.raises(InputError, match="hold: expected 'zero' or 'linear'"):
         estimate_from_log(block, t, s, hold="cubic")
 
 

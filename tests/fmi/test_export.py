@@ -217,9 +217,9 @@ def test_functions_take_the_prefix_of_a_static_library(version, tmp_path):
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        ({"version": 1}, "FMI version must be 2 or 3, found 1"),
+        ({"version": 1}, "version: expected 2 or 3, found 1"),
         ({"platforms": "x86_64-linx"}, "unknown platform 'x86_64-linx'; did you mean 'x86_64-linux'?"),
-        ({"friction": "none"}, "friction must be 'events' or 'smooth'"),
+        ({"friction": "none"}, "friction: expected 'events' or 'smooth'"),
         ({"step": 0.0}, "step must be positive, found 0.0"),
         ({"stop": float("inf")}, "stop must be positive"),
         ({"rtol": -1.0}, "rtol must be positive"),

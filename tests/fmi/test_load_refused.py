@@ -19,7 +19,7 @@ def test_the_step_is_the_fmus_or_must_be_given(probe):
     assert probe(step=0.02).dt == 0.02 and probe().dt == 0.1
     assert probe(preferred=None, step=0.3).dt == 0.3
     for step in (0, -1, np.nan, np.inf, "fast", True):
-        with pytest.raises(InputError, match=r"step .s. must be a positive number"):
+        with pytest.raises(InputError, match=r"step( .s. must be a positive|: expected a) number"):
             probe(step=step)
 
 
@@ -34,7 +34,7 @@ def test_a_fixed_internal_step_of_fmi_3_is_the_default_and_the_measure(probe):
 
 @pytest.mark.parametrize("name", ["a.b", "", 3])
 def test_a_name_with_dots_is_refused(probe, name):
-    with pytest.raises(InputError, match="a system's name is a word without dots"):
+    with pytest.raises(InputError, match=r"a system's name is a word without dots|name: expected a text"):
         probe(name=name)
 
 

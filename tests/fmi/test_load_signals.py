@@ -140,10 +140,14 @@ def test_a_parameter_must_be_a_number_of_its_type(probe):
         ({"trouble": 0.5}, "'probe.trouble': expected a whole number"),
         ({"strict": 2}, "'probe.strict': expected 0 or 1"),
         ({"k": np.inf}, "'probe.k': expected a finite number"),
-        ({"k": "fast"}, "'probe.k': expected a number, found 'fast'"),
+        ({"k": "fast"}, r"params\['k'\]: expected a number or true or false, found 'fast'"),
     ):
         with pytest.raises(InputError, match=line):
             probe(params=given)
+
+
+def test_a_parameter_that_is_true_or_false_may_be_given_so(probe):
+    assert probe(params={"strict": True}).params["probe.strict"] == 1
 
 
 def test_parameters_do_not_change_within_a_run(probe):

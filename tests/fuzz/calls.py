@@ -16,6 +16,8 @@ from hovercontrol.logs.frames import check_frame, in_z_up
 from hovercontrol.scenarios import load_scenario
 from hovercontrol.scenarios.varied import vary
 from tests.fuzz import mutate
+from tests.fuzz.sound import Call, sound_calls
+from tests.fuzz.walk import probes
 
 Sound = Mapping[str, Any]
 
@@ -150,9 +152,6 @@ def targets() -> list[tuple[Callable[..., Any], Sound]]:
     ]
 
 
-_SLOW = {vary, hc.interconnect}
-
-
 def some_call(rng: Random) -> Callable[[], object]:
     """Return a call of which one argument or two are hostile."""
     function, sound = rng.choice(targets())
@@ -162,11 +161,19 @@ def some_call(rng: Random) -> Callable[[], object]:
     if function.__name__ == "stack":
         return lambda: function(given["names"])
 
-    def call() -> object:
-        return function(**given)
+    return lambda: function(**given)
 
-    call.__qualname__ = f"{function.__name__}({given!r})" if function is None else function.__name__
-    return call
+
+@cache
+def _sound() -> list[Call]:
+    return list(sound_calls(0.3).values())
+
+
+def some_wrong_call(rng: Random) -> Callable[[], object]:
+    """Return a call of anything public of which one argument is a wrong thing of the walk's."""
+    sound = rng.choice(_sound())
+    _, probe = rng.choice(list(probes(sound)))
+    return probe
 
 
 def _hostile(rng: Random, sound: Any) -> Any:

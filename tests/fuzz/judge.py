@@ -47,9 +47,9 @@ def limited(seconds: float = LONGEST) -> Iterator[None]:
         signal.signal(signal.SIGALRM, before)
 
 
-def call(function: Callable[[], object]) -> int:
-    """Call a function of the package: 0 if it returns, 2 if it refuses in one line."""
-    with limited(), warnings.catch_warnings():
+def call(function: Callable[[], object], seconds: float = LONGEST, said: list[str] | None = None) -> int:
+    """Call a function of the package: 0 if it returns, 2 if it refuses in one line, kept in `said`."""
+    with limited(seconds), warnings.catch_warnings():
         warnings.simplefilter("ignore")
         try:
             function()
@@ -57,6 +57,8 @@ def call(function: Callable[[], object]) -> int:
             text = str(error)
             if "\n" in text or len(text) > LINE or not text:
                 raise Broken(f"not one line: {text[:300]!r}") from None
+            if said is not None:
+                said.append(text)
             return 2
         except Hang:
             raise

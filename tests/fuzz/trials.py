@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
 import os
 import resource
@@ -24,7 +25,7 @@ from hovercontrol.models.vehicles import VEHICLES, vehicle
 from hovercontrol.samples import sample_path
 from hovercontrol.scenarios import load_scenario, scenario_names
 from tests.fuzz import mutate
-from tests.fuzz.judge import call, command, forked
+from tests.fuzz.judge import Broken, call, command, forked
 
 # ---- logs ----------------------------------------------------------------------------------------------
 
@@ -286,6 +287,23 @@ def a_function_is_called(rng: Random, folder: Path) -> int:
     return call(some_call(rng))
 
 
+def anything_public_is_called_wrongly(rng: Random, folder: Path) -> int:
+    from tests.fuzz.calls import some_wrong_call
+
+    probe = some_wrong_call(rng)
+    with contextlib.chdir(folder):
+        try:
+            return call(probe, AT_WORK)
+        except Broken as fault:
+            if str(fault).startswith("hangs"):  # right after all, and long: the walk waits for these
+                return 0
+            raise
+
+
+AT_WORK = 2.0
+"""Seconds after which a call is left alone."""
+
+
 # ---- faults --------------------------------------------------------------------------------------------
 
 
@@ -333,6 +351,7 @@ TRIALS = {
     a_message_comes_to_the_cockpit: 10,
     a_request_comes_to_the_server: 5,
     a_function_is_called: 20,
+    anything_public_is_called_wrongly: 20,
     a_run_is_interrupted: 0.4,
     the_disk_is_full: 0.4,
     the_reader_leaves: 1,

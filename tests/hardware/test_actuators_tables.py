@@ -80,7 +80,7 @@ def test_a_file_that_is_not_there_is_named(tmp_path):
 def test_shapes_must_fit():
     with pytest.raises(InputError, match="demo: expected 2 x 3 entries, found 3 x 2"):
         FanTable("demo", "force", [0, 5], [0, 1, 2], np.zeros((3, 2)))
-    with pytest.raises(InputError, match="over 'force' or 'speed', found 'rpm'"):
+    with pytest.raises(InputError, match="over: expected 'force' or 'speed', found 'rpm'"):
         FanTable("demo", "rpm", [0, 5], [0, 1], np.zeros((2, 2)))
 
 

@@ -119,7 +119,7 @@ def test_no_message_falls_out_of_the_register_however_long_it_waits():
     [
         ({"busy": 1.5}, "busy must be a probability, found 1.5"),
         ({"busy": 0.1, "window": 0}, "window must be a whole number"),
-        ({"busy": 0.1, "attempts": 2.5}, "attempts must be a whole number"),
+        ({"busy": 0.1, "attempts": 2.5}, "attempts: expected a whole number"),
         ({"busy": 0.1, "byte": 0.0}, "byte"),
         ({"busy": "often"}, "busy"),
     ],

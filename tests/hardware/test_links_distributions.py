@@ -83,7 +83,7 @@ def test_drawn_delays_have_kumaraswamys_distribution():
         (0.1, 0.01, 0.022, 0.09, "mean 0.1 s must be between"),
         (0.04, 0.0, 0.022, 0.09, "sd must be positive"),
         (0.04, 0.5, 0.022, 0.09, "must be below 0.03 s"),
-        ("x", 0.5, 0.022, 0.09, "mean must be a number"),
+        ("x", 0.5, 0.022, 0.09, "mean: expected a number"),
     ],
 )
 def test_numbers_that_no_delays_have_are_refused(mean, sd, least, most, line):

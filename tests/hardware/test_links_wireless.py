@@ -192,7 +192,7 @@ def test_a_message_is_lost_if_all_its_transmissions_are(p, n):
         ({"tick": -0.001}, "tick must be positive"),
         ({"period": 0.0005}, "must not be shorter than the tick"),
         ({"delays": -0.01}, "delays.* must not be negative"),
-        ({"delays": "linksys"}, "must be a number, found 'linksys'"),
+        ({"delays": "linksys"}, "delays: expected a Delays or a number, found 'linksys'"),
         ({"retransmissions": -1}, "whole number"),
         ({"retransmissions": 1.5}, "whole number"),
         ({"timeout": -0.1}, "timeout must not be negative"),

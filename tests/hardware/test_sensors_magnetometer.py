@@ -79,7 +79,7 @@ def test_k06s_noise_gives_the_variance_that_its_filter_expects():
         (magnetic_heading, {"field": (0.0, 0.0)}, "points nowhere"),
         (magnetometer, {"noise": -1.0}, "must not be negative"),
         (magnetometer, {"period": 0.0}, "must be positive"),
-        (magnetometer, {"hard_iron": 1.0}, "expected two numbers"),
+        (magnetometer, {"hard_iron": 1.0}, "hard_iron: expected a sequence, each a number"),
         (magnetometer, {"soft_iron": (1.0, 2.0)}, "expected three numbers"),
     ],
 )

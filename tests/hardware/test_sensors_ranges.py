@@ -263,7 +263,7 @@ def test_a_survey_error_moves_the_place():
 @pytest.mark.parametrize(
     ("make", "said"),
     [
-        (lambda: Beacons(5, 2.0), "sequence of positions, found 5"),
+        (lambda: Beacons(5, 2.0), "positions: expected a sequence, .*found 5"),
         (lambda: Beacons([], 2.0), "at least two, found 0"),
         (lambda: Beacons([(0, 0)], 2.0), "at least two, found 1"),
         (

@@ -9,7 +9,7 @@ import pytest
 
 from hovercontrol import cli, vehicle
 from hovercontrol.log_check import check, facts
-from hovercontrol.logs import Log, read_log
+from hovercontrol.logs import Log
 from hovercontrol.samples import sample_path
 
 CRAFT = vehicle("c17_experiment")
@@ -164,11 +164,3 @@ def test_a_log_of_a_navigation_is_told_from_one_with_wrong_poses():
     moves = {"x": 0.5 * t + fixes + 1e-4 * rng.normal(size=t.size), "u": 0.5 + 1e-3 * rng.normal(size=t.size)}
     found = facts(Log("ins.csv", t, still | moves))
     assert found.rejected == () and "output of a navigation" in found.remarks[0]
-
-
-def test_a_time_in_milliseconds_is_told_without_a_model():
-    log = read_log(sample_path())
-    (said,) = check([Log("a.csv", 1e3 * log.time, {k: log[k] for k in ("x", "y", "psi")})]).warnings
-    assert said == (
-        "a.csv: rows are 20 s apart: is the time in milliseconds? Give seconds, or the unit: time=NAME:ms"
-    )

@@ -138,7 +138,7 @@ def test_progress_is_reported_up_to_the_end():
         ({"x0": {"a": 1.0}}, "'a' is not a state"),
         ({"x0": {"vv": 1.0}}, "no signal 'vv'"),
         ({"params": {"cart.k": 1.0}}, "unknown parameter 'cart.k'"),
-        ({"hold": "first"}, "hold must be"),
+        ({"hold": "first"}, "hold: expected 'zero' or 'linear'"),
     ],
 )
 def test_wrong_arguments_are_refused_in_words(arguments, message):

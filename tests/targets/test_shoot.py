@@ -80,3 +80,23 @@ def test_two_threads_say_what_one_says(case, monkeypatch):
     monkeypatch.setattr(module, "threads", lambda: 2)
     np.testing.assert_array_equal(by_compiler(wide, {}), one)
     np.testing.assert_array_equal(one[..., :W], one[..., W : 2 * W])
+
+
+def test_threads_that_outlive_an_interrupt_write_into_arrays_that_are_theirs(case, monkeypatch):
+    begun = []
+
+    class Interrupted:
+        def map(self, work, jobs):
+            begun.extend((work, job) for job in jobs)
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(module, "pool", Interrupted)
+    monkeypatch.setattr(module, "threads", lambda: 2)
+    monkeypatch.setattr(module, "SHARE", 1)
+    with pytest.raises(KeyboardInterrupt):
+        by_compiler(case, {})
+    _, (_, arrays, _, _) = begun[0]
+    states = arrays[-1]
+    before = states[1:].copy()
+    assert [work(job) for work, job in begun] == [0, 0]  # nobody but the jobs holds the arrays now
+    assert np.isfinite(states).all() and (states[1:] != before).any()

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from hovercontrol.analysis.c17.loops import c17_ellipse, on_reference, tracking_loop
 from hovercontrol.analysis.c17.zero_dynamics import predict
 from hovercontrol.analysis.common.regions import Axis, Region, axis, mesh, refuse_large, subfolder, sweep_map
+from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError
 from hovercontrol.io.tables import number, positive
 from hovercontrol.models.model import Model
@@ -60,6 +61,7 @@ STEP = 0.005
 SECONDS_PER_RUN = 2e-3
 
 
+@checked
 def arm_region(
     arm: tuple[float, float] = (-0.3, 0.3),
     control_point: tuple[float, float] = (-0.3, 0.3),

@@ -28,6 +28,7 @@ from hovercontrol.analysis.c17.reference_runs import RUNS, ReferenceRuns
 from hovercontrol.analysis.common.regions import Region, mesh, positive_axis
 from hovercontrol.controllers.references import ellipse
 from hovercontrol.core.block import Block
+from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError
 from hovercontrol.io.figure_style import COLOUR_MAP
 from hovercontrol.io.files import write_atomically
@@ -44,6 +45,7 @@ Array = NDArray[np.float64]
 MEASUREMENT_NOISE, DISTURBANCE = 1e-5, 1e-4
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class ExpectedErrors:
     """Standard errors of a craft's coefficients after runs along references.
@@ -140,6 +142,7 @@ class ExpectedErrors:
         return figure
 
 
+@checked
 def expected_errors(
     references: Mapping[str, Block],
     model: Model | None = None,
@@ -213,6 +216,7 @@ def expected_errors(
     return ExpectedErrors(tuple(references), study.units, error, thrust, rudder, inside, duration)
 
 
+@checked
 def ellipse_errors(
     semi_x: tuple[float, float] = (0.5, 4.0),
     semi_y: tuple[float, float] = (0.5, 4.0),

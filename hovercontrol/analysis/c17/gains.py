@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from hovercontrol.analysis.c17.loops import initial_errors, tracking_loop
 from hovercontrol.analysis.c17.lyapunov import decay, fastest_beta, lyapunov_function
 from hovercontrol.analysis.common.regions import Region, axis, mesh, positive_axis, subfolder, sweep_map
+from hovercontrol.core.boundary import checked
 from hovercontrol.io.tables import positive
 from hovercontrol.models.model import Model
 from hovercontrol.models.vehicles import c17_experiment, c17_simulation
@@ -26,6 +27,7 @@ START = {"plant.y": 1.5, "plant.u": 1.0}
 STEP, LOOK = 0.025, 0.2
 
 
+@checked
 def beta_region(
     k1: float = 2.0,
     k2: tuple[float, float] = (0.05, 8.0),
@@ -83,6 +85,7 @@ def beta_region(
     )
 
 
+@checked
 def gain_region(
     k1: tuple[float, float] = (0.05, 8.0),
     k2: tuple[float, float] = (0.05, 8.0),

@@ -14,6 +14,7 @@ from scipy.stats import beta
 from hovercontrol.analysis.c17.iss import DRAG
 from hovercontrol.analysis.c17.loops import c17_ellipse, on_reference, tracking_loop
 from hovercontrol.analysis.common.regions import Axis, Region, axis, refuse_large
+from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError
 from hovercontrol.io.tables import positive
 from hovercontrol.models.model import Model
@@ -31,6 +32,7 @@ STEP = 0.01
 SECONDS_PER_RUN = 2e-3
 
 
+@checked
 def clopper_pearson(successes: ArrayLike, runs: ArrayLike, level: float = 0.95) -> tuple[Array, Array]:
     """Return the exact confidence interval of a probability, lower and upper ends.
 
@@ -63,6 +65,7 @@ def clopper_pearson(successes: ArrayLike, runs: ArrayLike, level: float = 0.95) 
     return low, high
 
 
+@checked
 def region_of_attraction(
     coefficient_error: tuple[float, float] = (0.0, 10.0),
     tracking_error: tuple[float, float] = (0.0, 10.0),

@@ -28,6 +28,7 @@ from hovercontrol.analysis.c17.normal_form import (
     symbol,
 )
 from hovercontrol.core.block import Block
+from hovercontrol.core.boundary import checked
 from hovercontrol.core.sgn import regularise
 from hovercontrol.io.tables import positive
 from hovercontrol.models.model import Model
@@ -48,6 +49,7 @@ DRAG = (
 )
 
 
+@checked
 @once_for_equations
 def mismatch(model: Model, adapt: tuple[str, ...] = DRAG) -> sp.ImmutableMatrix:
     """Return M of the acceleration ``R M (c_hat - c)`` that wrong coefficients put on the error equation.
@@ -87,6 +89,7 @@ def mismatch(model: Model, adapt: tuple[str, ...] = DRAG) -> sp.ImmutableMatrix:
     return sp.ImmutableMatrix((turn.T * slope).applyfunc(sp.simplify))
 
 
+@checked
 def peak_gain(k1: ArrayLike, k2: ArrayLike) -> Array:
     """Return the exact gain from the largest acceleration d to the largest error z1 [s^2].
 
@@ -117,6 +120,7 @@ def peak_gain(k1: ArrayLike, k2: ArrayLike) -> Array:
     return swing / k1
 
 
+@checked
 def lyapunov_gain(k1: float, k2: float) -> float:
     """Return the same gain [s^2] as V and W guarantee it, with the best beta.
 
@@ -147,6 +151,7 @@ def lyapunov_gain(k1: float, k2: float) -> float:
     return float(found.fun)
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class IssGain:
     """What wrong coefficients cost along a reference, to first order.
@@ -202,6 +207,7 @@ class IssGain:
         return "\n".join([f"{'coefficient':{wide}} {'exact':>8} {'guaranteed':>10}", *rows])
 
 
+@checked
 def iss_gain(
     model: Model,
     *,
@@ -274,6 +280,7 @@ def mismatch_numbers(M: sp.Matrix, model: Model, control_point: float, u: Array,
     return np.array(full).reshape(*M.shape, len(u))
 
 
+@checked
 def simulated_errors(
     model: Model, sizes: ArrayLike, runs: int = 100, *, duration: float = 30.0, seed: int = 0
 ) -> Array:

@@ -24,6 +24,7 @@ from hovercontrol.analysis.c17.normal_form import (
     symbol,
 )
 from hovercontrol.analysis.common.regions import as_numbers
+from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError
 from hovercontrol.models.model import Model
 from hovercontrol.models.vehicles import c17_simulation
@@ -34,6 +35,7 @@ Array = NDArray[np.float64]
 INSIDE = 1e-6
 
 
+@checked
 @dataclass(frozen=True)
 class LyapunovFunction:
     """V and W of C17 (17) for one axis, as matrices: V = z'P z, W = z'Q z with z = [z1, z2].
@@ -153,6 +155,7 @@ def lyapunov_rate(model: Model) -> sp.Expr:
     )
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class Decay:
     """What C17's Theorem 3 promises for gains, and what is true; arrays of one shape [C17 theorem 3].
@@ -194,6 +197,7 @@ class Decay:
         return (self.beta > 0) & (self.beta < np.minimum(self.bound_18, self.bound_19))
 
 
+@checked
 def fastest_beta(k1: ArrayLike, k2: ArrayLike) -> Array:
     """Return the beta [1/s] whose V guarantees the fastest decay.
 
@@ -222,6 +226,7 @@ def fastest_beta(k1: ArrayLike, k2: ArrayLike) -> Array:
     return np.minimum(k2 / 2, 2 * k1 / k2)
 
 
+@checked
 def decay(k1: ArrayLike, k2: ArrayLike, beta: ArrayLike | None = None) -> Decay:
     """Return the guaranteed and the true decay rate of the tracking errors.
 

@@ -9,13 +9,15 @@ from __future__ import annotations
 from collections.abc import Callable, Hashable, Iterable
 from dataclasses import dataclass
 from functools import wraps
-from typing import Concatenate, ParamSpec, TypeVar
+from inspect import signature
+from typing import Any, Concatenate, ParamSpec, TypeVar, cast
 
 import sympy as sp
 
 from hovercontrol.controllers import tracking_controller
 from hovercontrol.controllers.references import OUTPUTS as REFERENCE
 from hovercontrol.core.block import Block
+from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError
 from hovercontrol.models.model import MOTION, Model
 
@@ -39,6 +41,7 @@ def coefficient(name: str) -> sp.Symbol:
     return symbol(f"{OWNER}.{name}")
 
 
+@checked
 @dataclass(frozen=True)
 class NormalForm:
     """A craft under a tracking controller that knows it, in error coordinates.
@@ -71,17 +74,22 @@ def once_for_equations(
 ) -> Callable[Concatenate[Model, P], Derived]:
     """Let a derivation be made once for models that differ in their numbers only."""
     known: dict[Hashable, Derived] = {}
+    form = signature(derive)
 
     @wraps(derive)
-    def derived(model: Model, /, *args: P.args, **kwargs: P.kwargs) -> Derived:
-        key = (model.signature, args, tuple(kwargs.items()))
+    def derived(*args: Any, **kwargs: Any) -> Derived:
+        given = form.bind(*args, **kwargs)
+        given.apply_defaults()
+        model, *others = given.arguments.values()
+        key = (model.signature, *(tuple(one) if isinstance(one, list) else one for one in others))
         if key not in known:
-            known[key] = derive(model, *args, **kwargs)
+            known[key] = derive(*given.args, **given.kwargs)
         return known[key]
 
-    return derived
+    return cast("Callable[Concatenate[Model, P], Derived]", derived)
 
 
+@checked
 @once_for_equations
 def normal_form(model: Model, side: bool = False) -> NormalForm:
     """Return the tracking loop of a craft in error coordinates.

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from hovercontrol.analysis.c17.normal_form import ERRORS, coefficient, normal_form, once_for_equations, symbol
 from hovercontrol.analysis.common.regions import as_numbers
+from hovercontrol.core.boundary import checked
 from hovercontrol.core.sgn import sgn
 from hovercontrol.errors import InputError
 from hovercontrol.io.tables import positive
@@ -22,6 +23,7 @@ from hovercontrol.models.model import Model
 from hovercontrol.models.vehicles import c17_simulation
 
 
+@checked
 @dataclass(frozen=True)
 class ZeroDynamics:
     """Heading and yaw rate while the control point follows the reference exactly, without dry friction.
@@ -114,6 +116,7 @@ def kinetic_energy_rate(model: Model) -> sp.Expr:
     return symbol("r") * normal_form(model).rest["r"]
 
 
+@checked
 @once_for_equations
 def zero_dynamics(model: Model, side: bool = False) -> ZeroDynamics:
     """Return the zero dynamics of a craft under the tracking controller.
@@ -176,6 +179,7 @@ class Prediction:
     stern: NDArray[np.bool_]
 
 
+@checked
 def predict(
     arm: ArrayLike,
     control_point: ArrayLike,

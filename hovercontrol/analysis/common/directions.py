@@ -8,12 +8,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from hovercontrol.core.boundary import checked
+
 Array = NDArray[np.float64]
 
 #: Components below this share of a direction's largest are left out of its text.
 MINOR = 1e-2
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class Direction:
     """A change of several coefficients at once that the motion does not show, or hardly.

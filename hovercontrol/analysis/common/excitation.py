@@ -22,6 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from hovercontrol.analysis.common.directions import Direction, readable_basis
 from hovercontrol.core.block import Block
+from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError
 from hovercontrol.estimators.regression import Regression, regression
 from hovercontrol.estimators.regressors import Regressors
@@ -33,6 +34,7 @@ Array = NDArray[np.float64]
 ZERO = 1e-6
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class FunctionSet:
     """The functions that multiply the coefficients in one equation, or in all at once.
@@ -85,6 +87,7 @@ class FunctionSet:
         return float(self.singular_values[0] / self.singular_values[-1])
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class Excitation:
     """The excitation of coefficients by a motion.
@@ -150,6 +153,7 @@ class Excitation:
         return figure
 
 
+@checked
 def excitation(
     block: Block,
     time: ArrayLike,
@@ -214,6 +218,7 @@ def excitation(
     return Excitation(tuple(sets), joint, tolerance)
 
 
+@checked
 def signals_of(response: control.TimeResponseData) -> dict[str, Array]:
     """Return states, inputs and outputs of a simulation by name, shape (n,) each.
 

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hovercontrol.core.block import Block
+from hovercontrol.core.boundary import checked
 from hovercontrol.core.interconnect import interconnect, rename
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.simulation.trajectory import initial_state
@@ -34,6 +35,7 @@ RETURNED = "_returned"
 SMALL = 1e-9
 
 
+@checked
 @dataclass(frozen=True)
 class Margins:
     """What a loop bears at one wire before it is unstable; NaN where it is unstable as it is.
@@ -169,6 +171,7 @@ class CutLoop:
             yield self.linearize(x, time, params)
 
 
+@checked
 def margins(
     blocks: Sequence[Block],
     at: str,
@@ -204,6 +207,7 @@ def margins(
     return loop_margins(-CutLoop(blocks, at).linearize(x, time, params))
 
 
+@checked
 def loop_margins(loop: control.StateSpace | control.TransferFunction) -> Margins:
     """Return the margins of a linear loop, continuous, one input and output, negative feedback.
 
@@ -238,6 +242,7 @@ def loop_margins(loop: control.StateSpace | control.TransferFunction) -> Margins
     )
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class FrozenMargins:
     """Margins of the frozen linearisations along a motion.
@@ -282,6 +287,7 @@ class FrozenMargins:
         return Margins(stable=True, **found)
 
 
+@checked
 def margins_along(
     blocks: Sequence[Block],
     at: str,

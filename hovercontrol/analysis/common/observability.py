@@ -24,6 +24,7 @@ from scipy.integrate import cumulative_trapezoid
 from hovercontrol.analysis.common.directions import Direction, readable_basis
 from hovercontrol.analysis.common.excitation import mean_weights
 from hovercontrol.core.block import Block
+from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError
 from hovercontrol.estimators.regression import regression
 from hovercontrol.estimators.regressors import Regressors
@@ -58,6 +59,7 @@ class _Sampled:
         return mean_weights(self.time) * (self.time[-1] - self.time[0])
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class SlidingGramian:
     """Spectra of the Gramian over windows that slide along a motion.
@@ -108,6 +110,7 @@ def _sliding_figure(sliding: SlidingGramian, unit: str) -> Figure:
     return figure
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class Gramian:
     """The observability Gramian of states and coefficients over a window.
@@ -234,6 +237,7 @@ class Gramian:
         return _sliding_figure(self.sliding(width), unit)
 
 
+@checked
 def observability_gramian(
     block: Block,
     time: ArrayLike,

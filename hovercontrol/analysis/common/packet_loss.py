@@ -22,6 +22,7 @@ from scipy.optimize import brentq
 
 from hovercontrol.analysis.common.margins import CutLoop, Point
 from hovercontrol.core.block import Block
+from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.io.tables import number, positive
 
@@ -32,6 +33,7 @@ Lost = Literal["hold", "zero"]
 STEP = 0.01
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class PacketLoop:
     """A sampled loop over a lossy link: ``x(k+1) = arrives x(k)``, or ``lost x(k)`` if the packet is lost.
@@ -151,6 +153,7 @@ class PacketLoop:
         return x
 
 
+@checked
 def packet_loop(
     blocks: Sequence[Block],
     at: str | Sequence[str],
@@ -196,6 +199,7 @@ def packet_loop(
     return PacketLoop(*(m[None] for m in _step(line, period, lost)))
 
 
+@checked
 def packet_loop_along(
     blocks: Sequence[Block],
     at: str | Sequence[str],

@@ -15,6 +15,7 @@ from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
+from hovercontrol.errors import InputError
 from hovercontrol.io.figure_style import BLACK, BLUE, COLOUR_MAP, GREEN, PURPLE, SKY, VERMILION
 
 if TYPE_CHECKING:
@@ -63,8 +64,16 @@ def draw_region(region: Region, names: Iterable[str], axes: Axes) -> None:
     names : iterable of str
         The maps to draw.
     axes : matplotlib.axes.Axes
+
+    Raises
+    ------
+    InputError
+        If there is no such map, or it is a line: both axes need two points.
     """
     shown = {name: region[name] for name in names}
+    points = len(region.x.values), len(region.y.values)
+    if min(points) < 2:
+        raise InputError(f"a map of {points[0]} x {points[1]} points cannot be drawn, 2 x 2 are needed")
     areas = [name for name, values in shown.items() if values.dtype == bool]
     for name, values in shown.items():
         if values.dtype != bool:

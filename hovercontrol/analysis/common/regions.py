@@ -15,6 +15,7 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
 
 from hovercontrol.analysis.common.region_drawing import draw_region
+from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.io.figure_style import figure_style
 from hovercontrol.io.files import write_atomically
@@ -67,6 +68,7 @@ def as_numbers(name: str, given: ArrayLike) -> Array:
 LARGEST = 1e100
 
 
+@checked
 def axis(name: str, unit: str, span: tuple[float, float], points: int, label: str = "") -> Axis:
     """Return an axis of equal steps.
 
@@ -117,6 +119,7 @@ def positive_axis(name: str, unit: str, span: tuple[float, float], points: int, 
     return found
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class Region:
     """Maps over two parameters.

@@ -16,6 +16,7 @@ import sympy as sp
 
 from hovercontrol.analysis.common.polynomials import unsolvable
 from hovercontrol.core.block import Block
+from hovercontrol.core.boundary import checked
 from hovercontrol.core.sgn import regularise
 from hovercontrol.core.signals import time
 from hovercontrol.errors import InputError, did_you_mean
@@ -87,6 +88,7 @@ class ByrnesIsidori:
         return None if self.unmet else self.directions == len(self.pushed)
 
 
+@checked
 @dataclass(frozen=True)
 class Stabilizability:
     """Whether a smooth static state feedback can make an equilibrium asymptotically stable.
@@ -157,6 +159,7 @@ class Stabilizability:
         return f"{answer}: {'; '.join(reasons)}{more}."
 
 
+@checked
 def stabilizability(
     block: Block, states: Sequence[str] | None = None, at: Mapping[str, float] | None = None
 ) -> Stabilizability:

@@ -30,6 +30,7 @@ from hovercontrol.controllers.k06 import setpoints, turn
 from hovercontrol.controllers.k06.energy import body_signals, entry_energy, kinetic_energy, unwanted_level
 from hovercontrol.controllers.k06.laws import YAW_RATE_REF
 from hovercontrol.core.block import Block
+from hovercontrol.core.boundary import checked
 from hovercontrol.core.interconnect import interconnect
 from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError, did_you_mean
@@ -121,6 +122,7 @@ def slow_rate(*, k1: float, yaw_rate: float, body: Body = HOVERDEMON_BODY) -> fl
     return d**2 * m**2 * yaw_rate / (positive("k1", k1) * (J + d**2 * m))
 
 
+@checked
 def turn_basins(
     plane: Plane = DRIFT_AND_TURN,
     points: int = 100,

@@ -24,6 +24,7 @@ from hovercontrol.analysis.common.regions import (
 from hovercontrol.controllers.k06 import force_to_command, forward, reverse
 from hovercontrol.controllers.k06.laws import FORCE_X, FORCE_Y, SURGE_REF
 from hovercontrol.core.block import Block
+from hovercontrol.core.boundary import checked
 from hovercontrol.core.delays import pade
 from hovercontrol.core.interconnect import interconnect, rename
 from hovercontrol.core.signals import Signal
@@ -136,6 +137,7 @@ def linearly_stable(loop: Block, params: Mapping[str, Array]) -> NDArray[np.bool
     return np.linalg.eigvals(full.reshape(size, *J.shape)).real.max(axis=-1) < 0
 
 
+@checked
 def forward_region(
     speed: tuple[float, float] = (0.05, 3.0),
     k2: tuple[float, float] = (0.1, 30.0),
@@ -207,6 +209,7 @@ def forward_region(
     )  # fmt: skip
 
 
+@checked
 def reverse_region(
     speed: tuple[float, float] = (-2.0, -0.05),
     alpha: tuple[float, float] = (0.05, 3.0),

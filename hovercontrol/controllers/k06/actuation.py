@@ -6,12 +6,14 @@ import sympy as sp
 
 from hovercontrol.controllers.k06.laws import FORCE_X, FORCE_Y
 from hovercontrol.core.block import Block
+from hovercontrol.core.boundary import checked
 from hovercontrol.core.interconnect import interconnect
 from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError
 from hovercontrol.models.model import RUDDER, THRUST
 
 
+@checked
 def force_to_command(*, dead_zone: float = 0.0, reversing: bool = False, name: str = "actuation") -> Block:
     """Return K06's conversion of a force vector to thrust and rudder ("Polar Coords", section 6.1.1).
 
@@ -63,6 +65,7 @@ def force_to_command(*, dead_zone: float = 0.0, reversing: bool = False, name: s
     )
 
 
+@checked
 def force_driven(plant: Block) -> Block:
     """Return a rudder craft's plant with the force vector as its input [K06 eq 2.10, 2.11].
 

@@ -19,6 +19,7 @@ from hovercontrol.controllers.k06.energy import (
 )
 from hovercontrol.controllers.k06.laws import YAW_RATE_REF
 from hovercontrol.core.block import Block
+from hovercontrol.core.boundary import checked
 from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError
 from hovercontrol.io.tables import positive
@@ -39,6 +40,7 @@ _ERROR = Signal("heading_error", "rad", "heading less wanted heading")
 _TURNING = sp.Eq(_LAST_MODE.symbol, _LAST_MODE.mode("turn"))
 
 
+@checked
 def bang_bang_heading(
     *,
     yaw_rate: float = 1.5,
@@ -86,6 +88,7 @@ def bang_bang_heading(
     return _heading(name, period, tolerance, (speed, mass, inertia, arm), limit, held)
 
 
+@checked
 def proportional_heading(
     *,
     k: float = 1.0,

@@ -12,6 +12,7 @@ from typing import Any
 import sympy as sp
 
 from hovercontrol.core.block import Block
+from hovercontrol.core.boundary import checked
 from hovercontrol.core.signals import Signal
 from hovercontrol.io.tables import positive
 from hovercontrol.models.model import MOTION
@@ -26,6 +27,7 @@ _MOVING = tuple(s for s in MOTION if s.name in ("u", "v", "r"))
 _U, _V, _R = (s.symbol for s in _MOVING)
 
 
+@checked
 def stop(*, k1: float, k2: float, body: Body = HOVERDEMON_BODY, name: str = "controller") -> Block:
     """Return the law that brings the craft to rest [K06 eq 2.16] [K06 proposition 2.2.2].
 
@@ -60,6 +62,7 @@ def stop(*, k1: float, k2: float, body: Body = HOVERDEMON_BODY, name: str = "con
     return _law(name, (), gains, *_force(gains))
 
 
+@checked
 def forward(*, k1: float, k2: float, body: Body = HOVERDEMON_BODY, name: str = "controller") -> Block:
     """Return the law for a constant forward velocity [K06 eq 2.24].
 
@@ -93,6 +96,7 @@ def forward(*, k1: float, k2: float, body: Body = HOVERDEMON_BODY, name: str = "
     return _law(name, (SURGE_REF.replace(lower=0.0),), gains, *_force(gains, SURGE_REF.symbol))
 
 
+@checked
 def forward_alternate(*, k1: float, body: Body = HOVERDEMON_BODY, name: str = "controller") -> Block:
     """Return the second law for a constant forward velocity [K06 eq 2.29].
 
@@ -129,6 +133,7 @@ def forward_alternate(*, k1: float, body: Body = HOVERDEMON_BODY, name: str = "c
     return _law(name, (ref,), (K1, d, mass), force_x, force_y)
 
 
+@checked
 def reverse(
     *, k1: float, k2: float, alpha: float, body: Body = HOVERDEMON_BODY, name: str = "controller"
 ) -> Block:
@@ -170,6 +175,7 @@ def reverse(
     return _law(name, (ref,), (*gains, weight), -K1.symbol * (_U - ref.symbol), side)
 
 
+@checked
 def turn(*, k1: float, k2: float, body: Body = HOVERDEMON_BODY, name: str = "controller") -> Block:
     """Return the law for a constant yaw rate on the spot [K06 eq 2.39].
 
@@ -204,6 +210,7 @@ def turn(*, k1: float, k2: float, body: Body = HOVERDEMON_BODY, name: str = "con
     return _law(name, (YAW_RATE_REF,), gains, *_force(gains, yaw_rate_ref=YAW_RATE_REF.symbol))
 
 
+@checked
 def drive(*, k1: float, k2: float, body: Body = HOVERDEMON_BODY, name: str = "controller") -> Block:
     """Return :func:`stop`, :func:`forward` and :func:`turn` in one, for guidance that changes between them.
 
@@ -239,6 +246,7 @@ def drive(*, k1: float, k2: float, body: Body = HOVERDEMON_BODY, name: str = "co
     return _law(name, (ahead, YAW_RATE_REF), gains, *_force(gains, SURGE_REF.symbol, YAW_RATE_REF.symbol))
 
 
+@checked
 def both_ways(
     *,
     k1: float,

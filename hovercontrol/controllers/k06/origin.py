@@ -10,6 +10,7 @@ from hovercontrol.controllers.k06.energy import body_signals, kinetic_energy
 from hovercontrol.controllers.k06.heading import HEADING_REF, TICK, bang_bang_heading
 from hovercontrol.controllers.k06.laws import SURGE_REF
 from hovercontrol.core.block import Block
+from hovercontrol.core.boundary import checked
 from hovercontrol.core.interconnect import interconnect
 from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError
@@ -32,6 +33,7 @@ MODE = Signal(
 _LAST = MODE.replace(name="last_mode", description="its step at the last tick")
 
 
+@checked
 def origin(
     *,
     surge: float = 0.4,

@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 
 from hovercontrol.core.block import Block
+from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError, did_you_mean
 
 
+@checked
 def setpoints(
     blocks: Iterable[Block], values: Mapping[str, float] | None = None, name: str = "reference"
 ) -> Block:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from hovercontrol.core.boundary import checked
 from hovercontrol.discrepancy.checks.input_gain_check import refuse_gains
 from hovercontrol.errors import InputError
 from hovercontrol.estimation.fit import Fit
@@ -51,6 +52,7 @@ class ExcitationCriteria:
 EXCITATION = ExcitationCriteria()
 
 
+@checked
 def check_fitted(base: Fit) -> list[str]:
     """Refuse logs without information on a model, or in other units; warn of coefficients not excited.
 

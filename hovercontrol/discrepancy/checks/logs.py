@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hovercontrol.core.block import Block
+from hovercontrol.core.boundary import checked
 from hovercontrol.discrepancy.checks.clocks import check_clocks
 from hovercontrol.discrepancy.checks.duplicate_logs import refuse_duplicates
 from hovercontrol.discrepancy.checks.units import refuse_units
@@ -61,6 +62,7 @@ class LogCriteria:
 LOG_QUALITY = LogCriteria()
 
 
+@checked
 def check_logs(model: Subject, logs: Sequence[Log], holdout: Log | None = None) -> list[str]:
     """Refuse logs from which nothing right can follow; return warnings about the others.
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from threadpoolctl import threadpool_limits
 
+from hovercontrol.core.boundary import checked
 from hovercontrol.discrepancy.report.appendix import appendix
 from hovercontrol.discrepancy.report.context import collect
 from hovercontrol.discrepancy.report.equations import coefficients, equations
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 __all__ = ["gap_sentence", "headline", "remainder_sentence", "write_report"]
 
 
+@checked
 def write_report(diagnosis: Diagnosis, path: str | Path, *, command: str = "") -> Path:
     """Write a diagnosis as one self-contained HTML page.
 

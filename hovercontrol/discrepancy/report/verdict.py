@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from hovercontrol.core.boundary import checked
 from hovercontrol.discrepancy.evidence.holdout import Ahead, ahead
 from hovercontrol.discrepancy.evidence.laws import regime
 from hovercontrol.discrepancy.report import pictures
@@ -59,6 +60,7 @@ class Significance:
 SIGNIFICANCE = Significance()
 
 
+@checked
 def headline(d: Diagnosis) -> str:
     """Return what is missing as one plain sentence.
 
@@ -109,6 +111,7 @@ def key_of(number: Found) -> str:
     return number.parameter.removeprefix(number.effect).lstrip("_").replace("_", " ")
 
 
+@checked
 def gap_sentence(d: Diagnosis) -> str:
     """Return which part of the held-out error the named effects explain, or how large that error is.
 
@@ -160,6 +163,7 @@ def _error_of_noise(d: Diagnosis) -> str:
     )
 
 
+@checked
 def remainder_sentence(d: Diagnosis) -> str:
     """Return what remains, how much of it in which equation, and where.
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from hovercontrol.core.block import Block
+from hovercontrol.core.boundary import checked
 from hovercontrol.core.interconnect import interconnect
 from hovercontrol.estimators.ins.heading import heading_filter
 from hovercontrol.estimators.ins.imu import IMU, IMU_PERIOD
@@ -13,6 +14,7 @@ from hovercontrol.estimators.ins.noise import K06_NOISE, InsNoise
 from hovercontrol.estimators.ins.velocity_position import velocity_position_filter
 
 
+@checked
 def aided_ins(
     *,
     noise: InsNoise = K06_NOISE,

@@ -12,11 +12,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import chdtri
 
+from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError
 
 Array = NDArray[np.float64]
 
 
+@checked
 @dataclass(frozen=True)
 class Consistency:
     """What :func:`consistency` found.
@@ -105,6 +107,7 @@ class Consistency:
         return axes[0]
 
 
+@checked
 def consistency(
     error: ArrayLike,
     covariance: ArrayLike,

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import sympy as sp
 
 from hovercontrol.core.block import Block
+from hovercontrol.core.boundary import checked
 from hovercontrol.core.signals import Signal
 from hovercontrol.estimators.ins.imu import FIX_X, FIX_Y, IMU_PERIOD, to_navigation, valid
 from hovercontrol.estimators.ins.kalman import variance_parameters
@@ -16,6 +17,7 @@ from hovercontrol.estimators.ins.noise import InsNoise, noise_from_sensors
 from hovercontrol.io.tables import positive
 
 
+@checked
 def coupled_filter(
     *,
     heading: bool = False,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sympy as sp
 
 from hovercontrol.core.block import Block
+from hovercontrol.core.boundary import checked
 from hovercontrol.core.signals import Signal
 from hovercontrol.estimators.ins.imu import HEADING_AID, IMU_PERIOD, YAW_RATE, valid
 from hovercontrol.estimators.ins.kalman import remember, variance_parameters, wrapped
@@ -14,6 +15,7 @@ from hovercontrol.estimators.ins.noise import K06_NOISE, InsNoise
 _ERRORS = (Signal("dpsi", "rad", "heading error"), Signal("b_g", "rad/s", "gyro bias"))
 
 
+@checked
 def heading_filter(
     *, noise: InsNoise = K06_NOISE, period: float = IMU_PERIOD, name: str = "heading_filter"
 ) -> Block:

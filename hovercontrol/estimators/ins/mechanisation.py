@@ -8,6 +8,7 @@ import numpy as np
 import sympy as sp
 
 from hovercontrol.core.block import Block
+from hovercontrol.core.boundary import checked
 from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError
 from hovercontrol.estimators.ins.imu import IMU, IMU_PERIOD, to_navigation
@@ -21,6 +22,7 @@ HELD_IMU = tuple(
 )
 
 
+@checked
 def ins_mechanisation(
     *,
     aided: bool = False,

@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError
 from hovercontrol.estimators.ins.imu import IMU_PERIOD
 from hovercontrol.estimators.kalman_bucy import diagonal
@@ -22,6 +23,7 @@ _SIZES = {"Q1": 2, "R1": 1, "P1": 2, "Q2": 4, "R2": 2, "P2": 6}
 _MAY_BE_ZERO = ("gyro_noise", "gyro_walk", "acceleration_walk")
 
 
+@checked
 @dataclass(frozen=True)
 class InsNoise:
     """Diagonals of the covariances, of both filters; the defaults are K06's (section 5.4.5).
@@ -71,6 +73,7 @@ class InsNoise:
 K06_NOISE = InsNoise()
 
 
+@checked
 @dataclass(frozen=True)
 class SensorErrors:
     """Standard deviations of sensor errors.
@@ -124,6 +127,7 @@ class SensorErrors:
                 raise InputError(f"SensorErrors: {name} must not be negative, found {given!r}")
 
 
+@checked
 def noise_from_sensors(sensors: SensorErrors | None = None, *, period: float = IMU_PERIOD) -> InsNoise:
     """Return covariances that agree with the errors of the sensors.
 

@@ -10,6 +10,7 @@ import numpy as np
 import sympy as sp
 from numpy.typing import ArrayLike, NDArray
 
+from hovercontrol.core.boundary import checked
 from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError
 from hovercontrol.estimators.ins.cloud import Cloud
@@ -42,6 +43,7 @@ FARTHEST = 10.0
 EFFECTIVE = Signal("effective", "1", "how many particles count", lower=0.0)
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class ParticleFilter:
     """A bootstrap filter with the ports of :func:`range_filter`; :func:`range_particles` makes it.
@@ -94,6 +96,7 @@ class ParticleFilter:
         return RunningParticles(self, runs, start or {})
 
 
+@checked
 def range_particles(
     beacons: Beacons,
     units: Sequence[Sequence[float]] = ((0.0, 0.0),),

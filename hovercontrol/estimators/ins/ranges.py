@@ -9,6 +9,7 @@ from typing import NamedTuple
 import sympy as sp
 
 from hovercontrol.core.block import Block
+from hovercontrol.core.boundary import checked
 from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError
 from hovercontrol.estimators.ins.coupled import arm_signals, placed
@@ -23,6 +24,7 @@ from hovercontrol.io.tables import number, positive
 RANGE_UNIT = Signal("range_unit", "1", "which unit's ranges these are, from 1; 0 for none")
 
 
+@checked
 def range_filter(
     beacons: Beacons,
     units: Sequence[Sequence[float]] = ((0.0, 0.0),),
@@ -172,6 +174,7 @@ def measured_ranges(
     )
 
 
+@checked
 def range_arrivals(count: int, *, period: float = IMU_PERIOD, name: str = "range_arrivals") -> Block:
     """Return what leads from ranging units that hold their ranges to :func:`range_filter`.
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hovercontrol.core.block import Block
+from hovercontrol.core.boundary import checked
 from hovercontrol.core.functions import call_scalar
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.estimators.ins.imu import IMU
@@ -27,6 +28,7 @@ Array = NDArray[np.float64]
 _ROWS = 1000
 
 
+@checked
 def run_ins(
     block: Block | ParticleFilter,
     imu: Mapping[str, Any],

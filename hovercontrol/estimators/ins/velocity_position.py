@@ -8,6 +8,7 @@ from __future__ import annotations
 import sympy as sp
 
 from hovercontrol.core.block import Block
+from hovercontrol.core.boundary import checked
 from hovercontrol.core.signals import Signal
 from hovercontrol.estimators.ins.imu import (
     ACCELERATION_X,
@@ -53,6 +54,7 @@ MOTION_OUTPUTS = (
 )
 
 
+@checked
 def velocity_position_filter(
     *, noise: InsNoise = K06_NOISE, period: float = IMU_PERIOD, name: str = "velocity_position_filter"
 ) -> Block:

@@ -48,7 +48,7 @@ def load(
     *,
     step: float | None = None,
     name: str | None = None,
-    params: Mapping[str, float] | None = None,
+    params: Mapping[str, float | bool] | None = None,
     isolated: bool = False,
     timeout: float = 60.0,
 ) -> FmuSystem:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from hovercontrol.core.block import Block
+from hovercontrol.core.boundary import checked
 from hovercontrol.core.interconnect import interconnect
 from hovercontrol.errors import InputError
 from hovercontrol.hardware.actuators.command import force_command
@@ -16,6 +17,7 @@ from hovercontrol.hardware.actuators.tables import FanTable, ServoTable
 from hovercontrol.hardware.actuators.thrust import thrust_force, thrust_lookup
 
 
+@checked
 @dataclass(frozen=True)
 class Actuators:
     """The actuators of one loop, by where they run.
@@ -50,6 +52,7 @@ class Actuators:
         return interconnect([plant, self.body], plant.name)
 
 
+@checked
 def actuators(
     *,
     tables: tuple[FanTable, FanTable] | None = None,

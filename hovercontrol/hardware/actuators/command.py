@@ -6,11 +6,13 @@ import sympy as sp
 
 from hovercontrol.controllers.k06 import force_to_command
 from hovercontrol.core.block import Block
+from hovercontrol.core.boundary import checked
 from hovercontrol.core.interconnect import interconnect, rename
 from hovercontrol.core.signals import Signal
 from hovercontrol.hardware.actuators.signals import FORCE_ANGLE_COMMAND, THRUST_COMMAND, not_negative
 
 
+@checked
 def force_command(*, dead_zone: float = 0.05, limit: float = 0.0, name: str = "command") -> Block:
     """Return K06's "Polar Coords" block with its dead zone, and a saturation of the force (section 6.1.1).
 

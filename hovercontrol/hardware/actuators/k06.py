@@ -10,11 +10,13 @@ here are stand-ins, generated from these facts**; who has measured ones reads th
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
+import sympy as sp
 from numpy.typing import ArrayLike
 
+from hovercontrol.core.boundary import checked
 from hovercontrol.hardware.actuators.signals import DEGREE
 from hovercontrol.hardware.actuators.tables import FanTable, Floats, ServoTable
 
@@ -36,8 +38,14 @@ LOWEST_SPEED, HIGHEST_SPEED = 3000.0, 12000.0
 #: Column step of the force table [RPM]; a line between two columns is then within 0.3 mN of the parabola.
 SPEED_STEP = 250.0
 
+#: What a formula takes: numbers, or symbols where it becomes part of a Block.
+Quantity: TypeAlias = float | Floats | sp.Expr
 
-def rudder_of_force_angle(angle: Any, slope: Any = RUDDER_SLOPE, offset: Any = RUDDER_OFFSET) -> Any:
+
+@checked
+def rudder_of_force_angle(
+    angle: Quantity, slope: Quantity = RUDDER_SLOPE, offset: Quantity = RUDDER_OFFSET
+) -> Any:
     """Return the rudder angle [rad] that turns the force to an angle from the bow [rad], by (4.3).
 
     Parameters
@@ -56,7 +64,10 @@ def rudder_of_force_angle(angle: Any, slope: Any = RUDDER_SLOPE, offset: Any = R
     return offset - slope * angle
 
 
-def force_angle_of_rudder(rudder: Any, slope: Any = RUDDER_SLOPE, offset: Any = RUDDER_OFFSET) -> Any:
+@checked
+def force_angle_of_rudder(
+    rudder: Quantity, slope: Quantity = RUDDER_SLOPE, offset: Quantity = RUDDER_OFFSET
+) -> Any:
     """Return the angle of the force from the bow [rad] at a rudder angle [rad], the inverse of (4.3).
 
     Parameters
@@ -74,6 +85,7 @@ def force_angle_of_rudder(rudder: Any, slope: Any = RUDDER_SLOPE, offset: Any = 
     return (offset - rudder) / slope
 
 
+@checked
 def forward_thrust(speed: ArrayLike, rudder: ArrayLike = 0.0) -> Floats:
     """Return the fan's forward force [N]: the stand-in for K06's quadratic fits, one for each rudder angle.
 
@@ -100,6 +112,7 @@ def forward_thrust(speed: ArrayLike, rudder: ArrayLike = 0.0) -> Floats:
     return np.asarray(THRUST_AT_10000 * n**2 * np.cos(np.asarray(rudder, dtype=float) * DEGREE))
 
 
+@checked
 def reverse_ratio(speed: ArrayLike) -> Floats:
     """Return reverse by forward force at a speed [RPM], (4.4); outside 6000 ... 12 000 RPM that of the end.
 
@@ -122,6 +135,7 @@ def reverse_ratio(speed: ArrayLike) -> Floats:
     return np.asarray(np.polyval(REVERSE_RATIO, np.clip(np.abs(speed) / 1e3, *RATIO_RANGE)))
 
 
+@checked
 def fan_force(speed: ArrayLike, rudder: ArrayLike = 0.0) -> Floats:
     """Return the force [N] of the fan at a speed [RPM], negative in reverse, and a rudder angle [degree].
 
@@ -143,6 +157,7 @@ def fan_force(speed: ArrayLike, rudder: ArrayLike = 0.0) -> Floats:
     return np.where(n < 0, -reverse_ratio(n), 1.0) * forward_thrust(n, rudder)
 
 
+@checked
 def fan_tables(
     force: Callable[[Floats, float], ArrayLike] = fan_force,
     *,
@@ -199,6 +214,7 @@ def fan_tables(
     )
 
 
+@checked
 def servo_table() -> ServoTable:
     """Return rudder angle against pulse, 1 to 2 ms in steps of 0.05 ms: a stand-in for figure 4.2.
 
@@ -215,6 +231,7 @@ def servo_table() -> ServoTable:
     return ServoTable("K06 stand-in", pulse, angle)
 
 
+@checked
 def ideal_fan(force: float = 20.0, angle: float = 180.0) -> tuple[FanTable, FanTable]:
     """Return tables of a fan without imperfection: force in proportion to speed, at any rudder angle.
 
@@ -240,6 +257,7 @@ def ideal_fan(force: float = 20.0, angle: float = 180.0) -> tuple[FanTable, FanT
     )
 
 
+@checked
 def ideal_servo(angle: float = 180.0) -> ServoTable:
     """Return a servo's table without imperfection: angle in proportion to pulse, up to `angle` [degree].
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError
 from hovercontrol.hardware.actuators.k06 import fan_tables, reverse_ratio
 from hovercontrol.hardware.actuators.tables import FanTable, Floats, ServoTable
@@ -19,6 +20,7 @@ FORCES, SPEEDS = 161, 97
 SERVO_HEAD = ("pulse_ms", "angle_deg")
 
 
+@checked
 def table_pair(
     tables: FanTable | Sequence[FanTable] | None, where: str = "tables"
 ) -> tuple[FanTable, FanTable]:
@@ -59,6 +61,7 @@ def table_pair(
     return force, by["speed"] if "speed" in by else _over_speeds(by["force"])
 
 
+@checked
 def with_reverse(
     forward: FanTable, ratio: Callable[[Floats], Floats] = reverse_ratio
 ) -> tuple[FanTable, FanTable]:
@@ -145,6 +148,7 @@ def _forces(row: Floats, forces: Floats) -> tuple[Floats, Floats]:
     return speeds, np.where(standing, 0.0, found)
 
 
+@checked
 def read_servo_table(path: str | Path) -> ServoTable:
     r"""Read a servo's table that a user measured in place of the stand-in.
 

@@ -17,6 +17,7 @@ from typing import Any
 import sympy as sp
 
 from hovercontrol.core.block import Block
+from hovercontrol.core.boundary import checked
 from hovercontrol.core.interconnect import interconnect, rename
 from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError
@@ -43,6 +44,7 @@ PITCH_COMMAND = Signal("pitch_command", "rad", "wanted pitch of the blades, nega
 BLADE_PITCH = Signal("blade_pitch", "rad", "pitch of the blades, negative astern", nominal=0.1)
 
 
+@checked
 @dataclass(frozen=True)
 class VariablePitch:
     """What a variable-pitch propeller is like; the defaults are a stand-in for K06's craft, nobody built one.
@@ -106,11 +108,12 @@ class VariablePitch:
             ),
         )
 
-    def left(self, rudder: Any, loss: Any) -> Any:
+    def left(self, rudder: float | sp.Expr, loss: float | sp.Expr) -> Any:
         """Return the share of the thrust that `rudder` [rad] leaves; `loss` is that at 35 degrees."""
         return sp.S.One if self.ideal else sp.cos(rudder) * (1 - loss * (rudder / (35 * DEGREE)) ** 2)
 
 
+@checked
 def pitch_lookup(propeller: VariablePitch | None = None, *, name: str = "pitch_lookup") -> Block:
     """Return the pitch for a wanted thrust at a rudder angle; beyond full pitch it is full pitch.
 
@@ -154,6 +157,7 @@ def pitch_lookup(propeller: VariablePitch | None = None, *, name: str = "pitch_l
     )
 
 
+@checked
 def pitch_servo(*, lag: float = 0.05, period: float = UPDATE, name: str = "pitch_servo") -> Block:
     """Return the servo that turns the blades: it takes a command at each tick and nears it with a lag.
 
@@ -202,6 +206,7 @@ def pitch_servo(*, lag: float = 0.05, period: float = UPDATE, name: str = "pitch
     )
 
 
+@checked
 def pitch_thrust(
     propeller: VariablePitch | None = None,
     *,
@@ -260,6 +265,7 @@ def pitch_thrust(
     )
 
 
+@checked
 def variable_pitch_propeller(
     propeller: VariablePitch | None = None, *, period: float = UPDATE, name: str = "variable_pitch"
 ) -> Block:
@@ -296,6 +302,7 @@ def variable_pitch_propeller(
     return interconnect(parts, name, outputs=["thrust", "rudder", BLADE_PITCH.name, "thrust_outside"])
 
 
+@checked
 def blade_element(
     thrust: float, radius: float, speed: float, chord: float, *, blades: int = 2, air: float = 1.2
 ) -> tuple[float, float]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sympy as sp
 
 from hovercontrol.core.block import Block
+from hovercontrol.core.boundary import checked
 from hovercontrol.core.signals import Signal, time
 from hovercontrol.errors import InputError
 from hovercontrol.hardware.actuators.signals import FAN_SPEED, FAN_SPEED_SET, RPM, UPDATE
@@ -17,6 +18,7 @@ DUTY = Signal("duty", "1", "share of the battery's voltage on the motor", lower=
 FULL_SPEED = 12_000.0
 
 
+@checked
 def speed_regulator(
     *,
     settling: float = 0.2,
@@ -89,6 +91,7 @@ def speed_regulator(
     )
 
 
+@checked
 def battery_fan(
     *, lag: float = 0.1, full_speed: float = FULL_SPEED, sag: float = 0.0, name: str = "battery_fan"
 ) -> Block:

@@ -6,6 +6,7 @@ import numpy as np
 import sympy as sp
 
 from hovercontrol.core.block import Block
+from hovercontrol.core.boundary import checked
 from hovercontrol.core.lookup import linear
 from hovercontrol.core.signals import Signal
 from hovercontrol.hardware.actuators.k06 import (
@@ -56,6 +57,7 @@ def counted(outside: sp.Basic, name: str) -> tuple[Signal, Signal, dict[str, sp.
     return last, count, {count.name: last.symbol + sp.Piecewise((1, outside), (0, True))}
 
 
+@checked
 def rudder_lookup(
     *,
     table: ServoTable | None = None,
@@ -128,6 +130,7 @@ def rudder_lookup(
     )
 
 
+@checked
 def rudder_servo(
     *,
     table: ServoTable | None = None,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sympy as sp
 
 from hovercontrol.core.block import Block
+from hovercontrol.core.boundary import checked
 from hovercontrol.core.signals import Signal
 from hovercontrol.hardware.actuators.signals import (
     FAN_SPEED,
@@ -20,6 +21,7 @@ from hovercontrol.io.tables import positive
 MODE = Signal("drive_mode", description="what the speed controller does", modes=("run", "brake"))
 
 
+@checked
 def speed_controller(
     *,
     brake: float = 0.150,
@@ -105,6 +107,7 @@ def speed_controller(
     )
 
 
+@checked
 def fan_motor(*, lag: float = 0.0, name: str = "fan_motor") -> Block:
     """Return the fan's motor under its speed regulator: a lag of the first order.
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError
 from hovercontrol.io.files import write_atomically
 
@@ -23,6 +24,7 @@ Floats = NDArray[np.float64]
 HEADS = {"force": "rudder_deg/force_N", "speed": "rudder_deg/speed_rpm"}
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class FanTable:
     """A regular table over rudder angle and force (entries are speeds) or speed (entries are forces).
@@ -134,6 +136,7 @@ class FanTable:
         return write_atomically(path, write)
 
 
+@checked
 def read_fan_table(path: str | Path) -> FanTable:
     r"""Read a table that a user measured in place of the stand-in.
 
@@ -192,6 +195,7 @@ def _number(file: Path, line: int, column: int, cell: str) -> float:
         raise InputError(f"{file}: row {line}, column {column}: expected a number, found {cell!r}") from None
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class ServoTable:
     """Rudder angle against the width of the servo's pulse.

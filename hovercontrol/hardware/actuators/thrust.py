@@ -8,6 +8,7 @@ from __future__ import annotations
 import sympy as sp
 
 from hovercontrol.core.block import Block
+from hovercontrol.core.boundary import checked
 from hovercontrol.core.lookup import bilinear
 from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError
@@ -38,6 +39,7 @@ _FORCE_UNIT = Signal(
 )
 
 
+@checked
 def thrust_lookup(
     *, table: FanTable | None = None, period: float = TICK, name: str = "thrust_lookup"
 ) -> Block:
@@ -106,6 +108,7 @@ def thrust_lookup(
     )
 
 
+@checked
 def thrust_force(
     *,
     table: FanTable | None = None,

@@ -11,6 +11,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
+from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.hardware.actuators.k06 import (
     FORCE_COLUMNS,
@@ -29,6 +30,7 @@ from hovercontrol.logs.source import open_source
 COLUMNS = ("rudder_deg", "speed_rpm", "force_N")
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class FanCalibration:
     """The tables that a bench gives, and the fits behind them.
@@ -103,6 +105,7 @@ class FanCalibration:
         return figure
 
 
+@checked
 def read_fan_bench(path: str | Path) -> tuple[Floats, Floats, Floats]:
     r"""Read a bench's measurements.
 
@@ -147,6 +150,7 @@ def read_fan_bench(path: str | Path) -> tuple[Floats, Floats, Floats]:
     return table[:, 0], table[:, 1], table[:, 2]
 
 
+@checked
 def thrust_table_from_bench(
     rudder: ArrayLike,
     speed: ArrayLike,

@@ -5,10 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError
 from hovercontrol.hardware.calibration.result import Axis, Fit, fit_polynomial, measured
 
 
+@checked
 def fit_thrust(
     speed: ArrayLike, force: ArrayLike, *, title: str = "thrust of the fan", unit: str = "RPM"
 ) -> Fit:
@@ -45,6 +47,7 @@ def fit_thrust(
     return fit_polynomial(title, speed, force, axes, dict.fromkeys("abc", "N"), scale=1000.0)
 
 
+@checked
 def fit_rudder(force_angle: ArrayLike, rudder: ArrayLike) -> Fit:
     """Fit the regression [K06 eq 4.3]: ``rudder = slope phi + offset``.
 
@@ -76,6 +79,7 @@ def fit_rudder(force_angle: ArrayLike, rudder: ArrayLike) -> Fit:
     return fit_polynomial("rudder angle", force_angle, rudder, axes, {"slope": "1", "offset": "deg"})
 
 
+@checked
 def fit_reverse_ratio(speed: ArrayLike, ratio: ArrayLike) -> Fit:
     """Fit the cubic of reverse by forward thrust over speed [K06 eq 4.4], x = speed/1000.
 
@@ -107,6 +111,7 @@ def fit_reverse_ratio(speed: ArrayLike, ratio: ArrayLike) -> Fit:
     return fit_polynomial("reverse thrust", speed, ratio, axes, names, scale=1000.0)
 
 
+@checked
 def fit_inertia(
     time: ArrayLike,
     yaw_rate: ArrayLike,
@@ -178,6 +183,7 @@ def fit_inertia(
     )
 
 
+@checked
 def mean_inertia(trials: ArrayLike) -> Fit:
     """Average the inertias of several release tests; the error is that of their spread.
 

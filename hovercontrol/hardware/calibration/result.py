@@ -10,11 +10,13 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import stdtrit
 
+from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError
 
 Floats = NDArray[np.float64]
 
 
+@checked
 class Axis(NamedTuple):
     """What a number on an axis is: its name and its unit.
 
@@ -31,6 +33,7 @@ class Axis(NamedTuple):
         return self.name if self.unit == "1" else f"{self.name} [{self.unit}]"
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class Fit:
     """A linear least-squares fit ``y = design @ values``.

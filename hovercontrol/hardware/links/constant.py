@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from hovercontrol.core.block import Block
+from hovercontrol.core.boundary import checked
 from hovercontrol.core.delay_line import constant_delay
 from hovercontrol.core.signals import Signal
 
 
+@checked
 def k06_downlink(signals: Sequence[Signal], *, name: str = "downlink") -> Block:
     """Return the hovercraft-to-controller link of K06's simulation: 6 unit delays of 6 ms [K06 fig 6.3].
 
@@ -29,6 +31,7 @@ def k06_downlink(signals: Sequence[Signal], *, name: str = "downlink") -> Block:
     return constant_delay(signals, 0.036, 0.006, name=name)
 
 
+@checked
 def k06_uplink(signals: Sequence[Signal], *, name: str = "uplink") -> Block:
     """Return the controller-to-hovercraft link of K06's simulation: 2 unit delays of 20 ms [K06 fig 6.4].
 

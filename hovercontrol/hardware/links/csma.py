@@ -9,6 +9,7 @@ import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
+from hovercontrol.core.boundary import checked
 from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError
 from hovercontrol.io.tables import number, positive
@@ -16,6 +17,7 @@ from hovercontrol.io.tables import number, positive
 Array = NDArray[np.float64]
 
 
+@checked
 @dataclass(frozen=True)
 class Csma:
     """The medium access of K06's beacons (section 5.5.1): wait a random number of bytes, listen, then send.

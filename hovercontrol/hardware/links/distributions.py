@@ -15,6 +15,7 @@ import sympy as sp
 from scipy.optimize import root
 from scipy.special import beta
 
+from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError
 from hovercontrol.io.tables import number, positive
 
@@ -41,6 +42,7 @@ class Delays(Protocol):
         """Return the delay [s], as a plain number, that this share of all does not exceed."""
 
 
+@checked
 @dataclass(frozen=True)
 class BoundedDelays:
     """Delays between two bounds, with a given mean and standard deviation (Kumaraswamy's distribution).

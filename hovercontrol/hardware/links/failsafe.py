@@ -7,11 +7,13 @@ from collections.abc import Sequence
 import sympy as sp
 
 from hovercontrol.core.block import Block
+from hovercontrol.core.boundary import checked
 from hovercontrol.core.delay_line import passed_through
 from hovercontrol.core.signals import Signal
 from hovercontrol.io.tables import positive
 
 
+@checked
 def failsafe(
     signals: Sequence[Signal],
     age: str,

@@ -11,6 +11,7 @@ import sympy as sp
 from numpy.typing import NDArray
 from scipy.optimize import root
 
+from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.io.tables import positive
 from hovercontrol.logs.check import check_finite
@@ -31,6 +32,7 @@ WORTH_A_STEP = 0.06
 FEWEST = 20
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class MeasuredDelays:
     """Delays drawn as they were measured: a quantile function of straight pieces.
@@ -136,6 +138,7 @@ class MeasuredDelays:
         return figure
 
 
+@checked
 def read_delays(path: str | Path, column: str = "delay", *, scale: float = 1.0) -> MeasuredDelays:
     r"""Return the delays in one column of a CSV or Parquet file.
 

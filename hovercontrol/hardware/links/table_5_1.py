@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.hardware.links.distributions import BoundedDelays
 
@@ -26,6 +27,7 @@ TABLE_5_1: dict[str, tuple[float, float, float, float]] = {
 }
 
 
+@checked
 def bluetooth_delays(name: str) -> BoundedDelays:
     """Return the delays of one row of K06's table 5.1; they are whole milliseconds there.
 

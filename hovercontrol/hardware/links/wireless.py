@@ -9,6 +9,7 @@ from fractions import Fraction
 import sympy as sp
 
 from hovercontrol.core.block import Block
+from hovercontrol.core.boundary import checked
 from hovercontrol.core.delay_line import not_negative, passed_through
 from hovercontrol.core.random_numbers import random_numbers
 from hovercontrol.core.signals import Signal
@@ -25,6 +26,7 @@ from hovercontrol.io.tables import number, positive
 TICK = 0.001
 
 
+@checked
 def empirical_delay(
     signals: Sequence[Signal],
     delays: Delays | float,
@@ -89,6 +91,7 @@ def empirical_delay(
     return _link(name, signals, delays, period, tick, suffix, seed, access=access)
 
 
+@checked
 def lossy_link(
     signals: Sequence[Signal],
     loss: float,

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import sympy as sp
 
 from hovercontrol.core.block import Block
+from hovercontrol.core.boundary import checked
 from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError
 from hovercontrol.hardware.sensors._parts import IMU_TICK, tick
@@ -15,6 +16,7 @@ from hovercontrol.hardware.sensors.bancroft import RANGE_UNIT, range_signals
 _END = "_valid"
 
 
+@checked
 def arrivals(
     flags: Sequence[str] = ("fix_valid", "heading_fix_valid"),
     *,
@@ -74,6 +76,7 @@ def arrivals(
     )
 
 
+@checked
 def ranges_by_unit(
     beacons: int, units: int = 2, *, period: float = IMU_TICK, name: str = "ranges_by_unit"
 ) -> Block:

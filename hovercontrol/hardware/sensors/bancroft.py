@@ -14,6 +14,7 @@ import sympy as sp
 from numpy.typing import ArrayLike, NDArray
 
 from hovercontrol.core.block import Block
+from hovercontrol.core.boundary import checked
 from hovercontrol.core.expressions import Definitions
 from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError
@@ -45,6 +46,7 @@ def range_signals(count: int) -> tuple[tuple[Signal, ...], tuple[Signal, ...]]:
     return ranges, heard
 
 
+@checked
 def range_solver(
     beacons: Beacons,
     *,
@@ -278,6 +280,7 @@ def _solver(beacons: Beacons, cone: tuple[float, float], side: float, previous: 
     return range_solver(beacons, cone=cone, side=side, previous=previous)
 
 
+@checked
 def locate(
     ranges: ArrayLike,
     beacons: Beacons,

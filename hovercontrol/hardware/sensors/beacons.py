@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hovercontrol.core.boundary import checked
 from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError
 from hovercontrol.hardware.sensors._parts import pair
@@ -18,6 +19,7 @@ from hovercontrol.io.tables import positive
 NARROW = 1e-3
 
 
+@checked
 @dataclass(frozen=True)
 class Beacons:
     """Beacons above the floor.
@@ -76,6 +78,7 @@ class Beacons:
         )
 
 
+@checked
 def k06_beacons() -> Beacons:
     """Return four beacons on the corners of a square of 2.44 m, 2.7048 m up.
 

@@ -9,6 +9,7 @@ import sympy as sp
 from numpy.typing import ArrayLike, NDArray
 
 from hovercontrol.core.block import Block
+from hovercontrol.core.boundary import checked
 from hovercontrol.core.expressions import Definitions
 from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError
@@ -68,6 +69,7 @@ def correction_definitions(measured: sp.Expr, height: sp.Expr, suffix: str) -> d
     return define
 
 
+@checked
 def cone_correction(*, cone: tuple[float, float] = K06_CONE, name: str = "cone_correction") -> Block:
     """Return the correction of one range for its cone angle, five steps of Newton's method on (5.9).
 
@@ -113,6 +115,7 @@ def _correction() -> Block:
     return cone_correction()
 
 
+@checked
 def corrected_range(measured: ArrayLike, height: ArrayLike) -> NDArray[np.float64]:
     """Return true ranges of measured ones, K06 (5.8)-(5.9); arguments broadcast.
 

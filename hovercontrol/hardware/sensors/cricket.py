@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import sympy as sp
 
 from hovercontrol.core.block import Block
+from hovercontrol.core.boundary import checked
 from hovercontrol.core.interconnect import interconnect
 from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError
@@ -19,6 +20,7 @@ from hovercontrol.hardware.sensors.ranging import K06_UNITS, SLOT, SLOTS, cricke
 from hovercontrol.hardware.sensors.two_units import two_unit_heading
 
 
+@checked
 def cricket_fixes(count: int = 2, *, slot: float = SLOT, name: str = "cricket_fixes") -> Block:
     """Return what sorts solved positions by unit and holds them.
 
@@ -105,6 +107,7 @@ def _last_position(slot: float) -> Block:
     )
 
 
+@checked
 def cricket(
     beacons: Beacons,
     units: Sequence[Sequence[float]] = K06_UNITS,
@@ -189,6 +192,7 @@ def cricket(
     return interconnect(parts, name)
 
 
+@checked
 def k06_cricket(
     beacons: Beacons | None = None,
     units: Sequence[Sequence[float]] = K06_UNITS,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sympy as sp
 
 from hovercontrol.core.block import Block
+from hovercontrol.core.boundary import checked
 from hovercontrol.core.signals import Signal
 from hovercontrol.hardware.sensors._parts import IMU_TICK, switch, tick
 
@@ -24,6 +25,7 @@ def _balance(rate: sp.Expr, reading: sp.Expr) -> sp.Expr:
     return b0 * rate - reading - a1 * _LAST.symbol - a2 * _BEFORE.symbol
 
 
+@checked
 def gyro_dynamics(
     *, rate: str = "r", output: str = "gyro_rate", period: float = IMU_TICK, name: str = "gyro_dynamics"
 ) -> Block:
@@ -60,6 +62,7 @@ def gyro_dynamics(
     return _block(name, period, u, y, solve_for=y)
 
 
+@checked
 def gyro_compensation(
     *,
     reading: str = "yaw_rate",

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import sympy as sp
 
 from hovercontrol.core.block import Block
+from hovercontrol.core.boundary import checked
 from hovercontrol.core.random_numbers import random_numbers
 from hovercontrol.core.signals import Signal
 from hovercontrol.hardware.sensors._parts import IMU_TICK, limited, offset, pair, size, tick
@@ -20,6 +21,7 @@ _CHANNELS = (
 )
 
 
+@checked
 def imu(
     *,
     period: float = IMU_TICK,
@@ -142,6 +144,7 @@ def imu(
     )
 
 
+@checked
 def k06_imu(*, period: float = IMU_TICK, rate: str = "r", seed: int = 1, name: str = "imu") -> Block:
     """Return K06's simulated inertial errors with the full scales of its hardware.
 

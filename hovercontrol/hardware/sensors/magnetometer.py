@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import sympy as sp
 
 from hovercontrol.core.block import Block
+from hovercontrol.core.boundary import checked
 from hovercontrol.core.random_numbers import random_numbers
 from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError
@@ -38,6 +39,7 @@ def _heading(measured: Sequence[Signal], known: Sequence[Signal]) -> sp.Expr:
     return sp.atan2(bx * fy - by * fx, bx * fx + by * fy)
 
 
+@checked
 def magnetic_heading(
     *, field: Sequence[float] = K06_FIELD, period: float = 0.0, name: str = "magnetic_heading"
 ) -> Block:
@@ -71,6 +73,7 @@ def magnetic_heading(
     return Block(name, (), _RAW, (_HEADING,), known, {}, {_HEADING.name: e}, period=period)
 
 
+@checked
 def magnetometer(
     *,
     period: float = IMU_TICK,
@@ -161,6 +164,7 @@ def magnetometer(
     )
 
 
+@checked
 def k06_magnetometer(*, period: float = IMU_TICK, seed: int = 1, name: str = "magnetometer") -> Block:
     """Return a magnetometer whose heading is as noisy as K06's filter takes it: R1 = 1.6e-4 rad^2 (5.4.5).
 

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import sympy as sp
 
 from hovercontrol.core.block import Block
+from hovercontrol.core.boundary import checked
 from hovercontrol.core.random_numbers import random_numbers
 from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError
@@ -14,6 +15,7 @@ from hovercontrol.hardware.sensors._parts import offset, rounded, size, tick, tu
 from hovercontrol.models.model import MOTION
 
 
+@checked
 def mocap(
     *,
     period: float = 0.01,
@@ -110,6 +112,7 @@ def mocap(
     )
 
 
+@checked
 def noisy_motion(
     *,
     period: float = 0.01,

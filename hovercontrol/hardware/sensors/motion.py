@@ -6,11 +6,13 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from hovercontrol.core.block import Block
+from hovercontrol.core.boundary import checked
 from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError
 from hovercontrol.hardware.sensors._parts import offset, pair
 
 
+@checked
 def with_specific_force(plant: Block, *, lever_arm: Sequence[float] | None = None) -> Block:
     """Return a plant with outputs for its specific force [K06 eq 3.9] and angular acceleration.
 

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import sympy as sp
 
 from hovercontrol.core.block import Block
+from hovercontrol.core.boundary import checked
 from hovercontrol.core.random_numbers import random_numbers
 from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError
@@ -15,6 +16,7 @@ from hovercontrol.io.tables import number, positive
 from hovercontrol.models.model import MOTION
 
 
+@checked
 def poor_view(
     *,
     centre: Sequence[float] = (0.0, 0.0),

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import sympy as sp
 
 from hovercontrol.core.block import Block
+from hovercontrol.core.boundary import checked
 from hovercontrol.core.expressions import Definitions
 from hovercontrol.core.random_numbers import random_numbers
 from hovercontrol.core.signals import Signal
@@ -37,6 +38,7 @@ def unit_places(units: Sequence[Sequence[float]], slots: int = SLOTS) -> tuple[t
     return places
 
 
+@checked
 def cricket_ranges(
     beacons: Beacons,
     units: Sequence[Sequence[float]] = K06_UNITS,

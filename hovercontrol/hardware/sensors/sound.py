@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError
 
 #: Of Cramer's (15), a0 ... a15: powers of the temperature [degree Celsius] by columns; plain, times the mole
@@ -25,6 +26,7 @@ _SQUARES = (-2.835149, -2.15e-13, 29.179762, 0.000486)
 COLDEST, WARMEST = 0.0, 30.0
 
 
+@checked
 def speed_of_sound(
     temperature: ArrayLike,
     *,

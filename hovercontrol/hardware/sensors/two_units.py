@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import sympy as sp
 
 from hovercontrol.core.block import Block
+from hovercontrol.core.boundary import checked
 from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError
 from hovercontrol.hardware.sensors._parts import offset, pair, switch, tick, turned
@@ -27,6 +28,7 @@ _INS = (
 )
 
 
+@checked
 def two_unit_heading(
     units: Sequence[Sequence[float]],
     *,

@@ -131,11 +131,11 @@ def test_what_is_no_gain_or_no_range_is_refused(call, text):
 
 
 def test_what_is_no_number_is_refused_in_one_line():
-    with pytest.raises(InputError, match="k1 must be numbers, found 'a'"):
+    with pytest.raises(InputError, match="k1: expected numbers, found 'a'"):
         decay("a", 2.0)
-    with pytest.raises(InputError, match="arm must be numbers, found 'a'"):
+    with pytest.raises(InputError, match="arm: expected numbers, found 'a'"):
         predict("a", 0.1)
-    with pytest.raises(InputError, match="at: expected one velocity by name"):
+    with pytest.raises(InputError, match="at: expected names, each with a number"):
         turn_basins(at=3.0)
 
 

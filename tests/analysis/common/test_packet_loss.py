@@ -131,7 +131,7 @@ def test_c17s_ellipse_bears_every_second_packet_lost_at_22_ms():
     ("call", "line"),
     [
         (lambda: packet_loop(K06, FORCE, 0.0), "period must be positive"),
-        (lambda: packet_loop(K06, FORCE, 0.1, lost="keep"), "lost: unknown 'keep'; known: hold, zero"),
+        (lambda: packet_loop(K06, FORCE, 0.1, lost="keep"), "lost: expected 'hold' or 'zero', found 'keep'"),
         (lambda: packet_loop(K06, ["force_z"], 0.1), "no block drives 'force_z'"),
         (lambda: packet_loop(K06, FORCE, 0.1).growth(1.5), "expected a probability, 0 to 1, found 1.5"),
         (lambda: packet_loop(K06, FORCE, 0.1).critical_corruption(0), "tries: expected 1 or more, found 0"),

@@ -1,0 +1,99 @@
+"""Columns in other units than SI, as far as the log alone shows them: no craft moves like that."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hovercontrol.logs.log import Floats, Log
+
+
+@dataclass(frozen=True)
+class ScaleCriteria:
+    """When motion shows another unit.
+
+    No published source: set by hand, exercised by tests/logs/test_scales.py.
+
+    Attributes
+    ----------
+    slowest : float
+        Largest time step of a craft's log [s]; a larger one means another unit of time.
+    fastest : float
+        Speed that no hovercraft of this kind reaches [m/s]; positions in millimetres exceed it at once.
+    turning : float
+        Yaw rate that no craft keeps up for half of a log [rad/s]; a heading in degrees exceeds it where the
+        craft turns by 15 degrees a second.
+    over : float
+        Time over which a speed is taken [s].
+    """
+
+    slowest: float = 1.0
+    fastest: float = 30.0
+    turning: float = 15.0
+    over: float = 0.4
+
+
+#: The values in use.
+SCALES = ScaleCriteria()
+
+
+def scale_faults(log: Log) -> list[str]:
+    """Return what shows that time, position, velocity or heading are not in s, m, m/s and rad.
+
+    Parameters
+    ----------
+    log : Log
+
+    Returns
+    -------
+    list of str
+        One line each; those after a wrong unit of time would follow from it.
+
+    Examples
+    --------
+    >>> t = np.arange(0.0, 2.0, 0.02)
+    >>> scale_faults(Log("a", t, {"x": 1e3 * t, "y": 0 * t}))
+    ['a: the position moves at 1e+03 m/s: is it in millimetres or centimetres? Give metres, or x=NAME:mm']
+    >>> scale_faults(Log("a", 1e3 * t, {"x": t, "y": 0 * t}))
+    ['a: rows are 20 s apart: is its time in seconds? (--columns time=NAME:ms)']
+    """
+    apart = float(np.median(np.diff(log.time))) if log.time.size > 1 else 0.0
+    if apart > SCALES.slowest:
+        return [f"{log.name}: rows are {apart:g} s apart: is its time in seconds? (--columns time=NAME:ms)"]
+    said = []
+    if log.has("x", "y"):
+        fast = float(np.quantile(np.hypot(*_rates(log, "x", "y").T), 0.9))
+        if fast > SCALES.fastest:
+            said.append(
+                f"{log.name}: the position moves at {fast:.3g} m/s: is it in millimetres or centimetres? "
+                "Give metres, or x=NAME:mm"
+            )
+    if log.has("psi"):
+        turning = float(np.median(np.abs(_rates(log, "psi"))))
+        if turning > SCALES.turning:
+            said.append(
+                f"{log.name}: the heading turns at {turning:.3g} rad/s: is it in degrees? "
+                "Give radians, or psi=NAME:deg"
+            )
+    for name in ("u", "v"):
+        known = log[name][np.isfinite(log[name])] if log.has(name) else np.empty(0)
+        if known.size and np.ptp(known) > 2 * SCALES.fastest:
+            low, high = known.min(), known.max()
+            said.append(
+                f"{log.name}: column {name!r} runs from {low:.4g} to {high:.4g} m/s: is it in mm/s or cm/s?"
+            )
+    return said
+
+
+def _rates(log: Log, *names: str) -> Floats:
+    """Return how fast columns change [1/s], shape (m, number of names); zeros where there is too little."""
+    values = log.stack(*names)
+    known = np.isfinite(values).all(axis=1)
+    time, values = log.time[known], values[known]
+    if time.size < 3:
+        return np.zeros((1, len(names)))
+    every = max(1, round(SCALES.over / float(np.median(np.diff(time)))))
+    if names == ("psi",) or time.size <= 2 * every:
+        every = 1  # over longer a heading that is wrapped would hide its turns
+    return np.asarray(np.diff(values[::every], axis=0) / np.diff(time[::every])[:, None], dtype=float)

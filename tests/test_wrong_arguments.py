@@ -1,0 +1,40 @@
+"""The public API, called wrongly: each argument of each thing offered, replaced by what it cannot be.
+
+The calls that are right come from the examples of the docstrings (:mod:`tests.fuzz.sound`).
+"""
+
+import inspect
+
+import pytest
+
+from tests.fuzz.sound import CALLABLES, sound_calls
+from tests.fuzz.walk import WRONG, walk
+from tests.test_public_api import CLASSES, FUNCTIONS
+
+#: Errors themselves, a SymPy function, a protocol that others implement.
+NO_GATE = {"InputError", "UnitError", "sgn", "Delays"}
+
+
+def test_everything_offered_passes_the_gate():
+    through = {q: f for q, f in FUNCTIONS.items() if inspect.signature(f).parameters}
+    through |= {
+        q: c.__init__ for q, c in CLASSES.items() if "__init__" in vars(c) and c.__name__ not in NO_GATE
+    }
+    assert len(through) > 230
+    assert [q for q, thing in through.items() if not hasattr(thing, "__checked__")] == []
+
+
+def test_wrong_arguments_are_refused_in_one_line():
+    calls = sound_calls(0.3)  # those whose examples come to their call in a moment
+    count = walk(calls, seconds=0.3, every=13)
+    assert count.broken == []
+    assert len(calls) > 250 and count.total() > 1500
+    assert count.probes["refused"] > 10 * count.probes["accepted"] > 0
+
+
+@pytest.mark.slow
+def test_every_wrong_thing_for_every_argument_is_refused_in_one_line():
+    calls = sound_calls(20.0)
+    count = walk(calls, seconds=1.0)
+    assert count.broken == []
+    assert len(calls) > 0.95 * len(CALLABLES) and count.total() > 1200 * len(WRONG)
