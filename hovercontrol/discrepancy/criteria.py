@@ -46,6 +46,14 @@ class Criteria:
         effect survives at most horizons.
     better : float
         Fall of them, likewise and averaged over horizons, from which on a log is surely predicted better.
+    confirmed : float
+        Where something remains: fall of twice the negative log likelihood of the held-out log, in its
+        standard errors over blocks, that a name needs unless predictions surely get better. What is no
+        effect reaches one by chance in 16 %.
+    visible : float
+        That standard error from which on the held-out log can judge. An effect as large as it was fitted
+        would bring a quarter of it in standard errors (a log ratio of likelihoods has twice its mean as
+        variance): two, of which less than `confirmed` are seen in 16 %.
     """
 
     level: float = 0.01
@@ -62,6 +70,8 @@ class Criteria:
     tries: int = 4
     worse: float = 3.0
     better: float = 2.0
+    confirmed: float = 1.0
+    visible: float = 8.0
 
 
 #: What the package uses.

@@ -38,11 +38,19 @@ class Ahead(TypedDict):
     t: Annotated[float, "of the change"]
 
 
+class HoldoutGain(TypedDict):
+    """What an effect brings on the held-out log."""
+
+    gain: Annotated[float, "twice the log likelihood gained there, coefficients kept"]
+    t: Annotated[float, "that in its standard errors over blocks"]
+
+
 class Evidence(TypedDict):
     """Why an effect is named."""
 
     gain: Annotated[float, "twice the log likelihood gained"]
     blocks: Blocks
+    holdout_gain: HoldoutGain | None
     holdout: list[Ahead]
 
 

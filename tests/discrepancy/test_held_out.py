@@ -1,5 +1,6 @@
 """What the held-out log says of a selection: names it drops, and what takes their place."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -8,9 +9,17 @@ import pytest
 from hovercontrol.discrepancy.criteria import CRITERIA
 from hovercontrol.discrepancy.diagnose import base_fit
 from hovercontrol.discrepancy.evidence.blocks import agreement
-from hovercontrol.discrepancy.evidence.holdout import Horizons
+from hovercontrol.discrepancy.evidence.holdout import Gained, Horizons
+from hovercontrol.discrepancy.evidence.of_effects import Evidence
 from hovercontrol.discrepancy.search.confirm import Selection
-from hovercontrol.discrepancy.search.held_out import _less, _with_other, _worse, held_out
+from hovercontrol.discrepancy.search.held_out import (
+    HeldOut,
+    _less,
+    _unconfirmed,
+    _with_other,
+    _worse,
+    held_out,
+)
 from hovercontrol.discrepancy.search.trial import Tried, beside
 from hovercontrol.effects import effect
 from hovercontrol.estimation.data import gather
@@ -74,7 +83,7 @@ def test_twins_of_what_takes_a_place_are_readings_of_it(sloped):
 
 def test_what_predicts_worse_goes_and_says_so(sloped):
     _, base, fit, _ = sloped
-    left = _less(selection(base, fit, "slope"), ["slope"])
+    left = _less(selection(base, fit, "slope"), ["slope"], "the held-out log is predicted worse with it")
     assert left.effects == () and left.final is base
     assert left.leads[0].reason == "the held-out log is predicted worse with it"
 
@@ -88,3 +97,53 @@ def test_without_a_held_out_log_training_speaks_alone(sloped):
     _, base, fit, _ = sloped
     found = held_out(selection(base, fit, "slope"), None)
     assert found.before is None and found.evidence["slope"].holdout.each == ()
+
+
+def judged(sloped, t, scatter, far=0.0, remains=True):
+    """Return a selection of a slope beside another effect as found on a held-out log."""
+    _, base, fit, other = sloped
+    process = np.full_like(fit.noise.process, 1.0 if remains else 0.0)
+    final = replace(fit, noise=replace(fit.noise, process=process))
+    found = Selection(base, final, ("slope", "rudder_offset"), without={"slope": other, "rudder_offset": fit})
+    far = Horizons(together=(far, far))
+    sure = Evidence(100.0, None, Horizons(together=(5.0, 5.0)), Gained(200.0, 20.0))
+    own = Evidence(30.0, None, far, Gained(t * scatter, scatter))
+    return HeldOut(found, {"slope": sure, "rudder_offset": own}, base)
+
+
+@pytest.mark.parametrize(
+    ("t", "scatter", "far", "remains", "doubtful"),
+    [
+        (0.4, 10.0, 0.1, True, True),
+        (-2.0, 30.0, 0.1, True, True),
+        (1.2, 10.0, 0.1, True, False),  # confirmed
+        (0.4, 3.0, 0.1, True, False),  # that log cannot show it
+        (0.4, 10.0, 2.5, True, False),  # predictions surely get better
+        (0.4, 10.0, 0.1, False, False),  # nothing else is wrong with the model
+    ],
+)
+def test_where_something_remains_a_name_needs_the_held_out_log(sloped, t, scatter, far, remains, doubtful):
+    found = _unconfirmed(judged(sloped, t, scatter, far, remains), CRITERIA)
+    assert list(found) == (["rudder_offset"] if doubtful else [])
+
+
+def test_a_wrong_name_beside_a_right_one_is_dropped_and_the_right_one_judged_alone(sloped):
+    case, base, fit, _ = sloped
+    data = gather(case.model, case.logs)
+    both = base_fit(case.truth.with_effects([effect("rudder_offset", 0.01)]), data)
+    p = np.where([n.endswith("rudder_offset") for n in both.problem.names], 0.02, both.p)  # too large
+    both = replace(both, p=p, noise=replace(fit.noise, process=np.ones(3)))
+    own = {n: beside(both, f, n) for n, f in (("slope", base), ("rudder_offset", fit))}
+    given = Selection(
+        base,
+        both,
+        ("slope", "rudder_offset"),
+        {n: t.gain for n, t in own.items()},
+        {n: t.blocks for n, t in own.items()},
+        without={"slope": base, "rudder_offset": fit},
+    )
+    held = gather(case.model, [case.holdout])
+    found = held_out(given, held)
+    assert found.selection.effects == ("slope",) and found.selection.final is fit
+    assert "the held-out log" in found.selection.leads[0].reason
+    assert found.evidence["slope"].gained.t > CRITERIA.confirmed

@@ -80,6 +80,40 @@ def held_fit(model: Subject, data: Data, near: Fit | None = None) -> Fit:
 
 
 @dataclass(frozen=True)
+class Gained:
+    """What an effect brings on a log that it was not fitted to.
+
+    Attributes
+    ----------
+    gain : float
+        Fall of twice the negative log likelihood, coefficients kept, noise at its likeliest on both sides.
+    scatter : float
+        Its standard error, from disjoint blocks; zero if they are fewer than three.
+    """
+
+    gain: float
+    scatter: float
+
+    @property
+    def t(self) -> float:
+        """The gain in its standard errors; zero without one."""
+        return self.gain / self.scatter if self.scatter else 0.0
+
+
+def gained(less: Fit, more: Fit) -> Gained:
+    """Return what more effects bring on a held-out log, from the costs of its blocks.
+
+    Parameters
+    ----------
+    less, more : Fit
+        On the same log (:func:`held_fit`), without and with them.
+    """
+    fall = less.block_costs - more.block_costs
+    scatter = float(np.sqrt(fall.size) * fall.std(ddof=1)) if fall.size > 2 else 0.0
+    return Gained(float(fall.sum()), scatter)
+
+
+@dataclass(frozen=True)
 class Horizons:
     """Errors of two models at several horizons.
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from hovercontrol.discrepancy.evidence.blocks import Blocks
-from hovercontrol.discrepancy.evidence.holdout import Horizons
+from hovercontrol.discrepancy.evidence.holdout import Gained, Horizons
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,11 +20,14 @@ class Evidence:
     blocks : Blocks
     holdout : Horizons
         Errors on the held-out log without and with the effect; empty without such a log.
+    gained : Gained or None
+        What its likelihood gains; None without such a log.
     """
 
     gain: float
     blocks: Blocks
     holdout: Horizons = field(default_factory=Horizons)
+    gained: Gained | None = None
 
     def result(self) -> dict[str, Any]:
         """Return what ``result.json`` holds."""
@@ -38,6 +41,7 @@ class Evidence:
                 "spread": b.spread,
                 "p_value": b.p_value,
             },
+            "holdout_gain": {"gain": self.gained.gain, "t": self.gained.t} if self.gained else None,
             "holdout": [
                 {
                     "horizon": a.horizon,

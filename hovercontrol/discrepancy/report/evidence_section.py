@@ -12,7 +12,14 @@ from hovercontrol.discrepancy.report.templates import legend, render, table
 from hovercontrol.discrepancy.report.verdict import SIGNIFICANCE, key_of, most_fallen
 
 #: Rows of the evidence table.
-MEASURES = ("likelihood gained", "blocks of the same sign", "t over blocks", "spread", "held-out log")
+MEASURES = (
+    "likelihood gained",
+    "blocks of the same sign",
+    "t over blocks",
+    "spread",
+    "gained on the held-out log",
+    "its errors",
+)
 
 
 def evidence(m: Context) -> str:
@@ -29,7 +36,10 @@ def evidence(m: Context) -> str:
 def _column(e: Evidence) -> tuple[str, ...]:
     b = e.blocks
     spread = percent(b.spread) if np.isfinite(b.std).any() else "–"
-    return (rounded(e.gain), f"{b.same_sign} of {b.n}", f"{b.t:.1f}", spread, _held(e))
+    there = (
+        f"{rounded(e.gained.gain)} (t = {e.gained.t:.1f})".replace("-", "−") if e.gained else "none held out"
+    )
+    return (rounded(e.gain), f"{b.same_sign} of {b.n}", f"{b.t:.1f}", spread, there, _held(e))
 
 
 def _held(e: Evidence) -> str:

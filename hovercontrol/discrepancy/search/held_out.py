@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from hovercontrol.discrepancy.criteria import CRITERIA, Criteria
-from hovercontrol.discrepancy.evidence.holdout import Horizons, ahead, held_fit
+from hovercontrol.discrepancy.evidence.holdout import Gained, Horizons, ahead, gained, held_fit
 from hovercontrol.discrepancy.evidence.of_effects import Evidence
 from hovercontrol.discrepancy.search.confirm import Rival, Selection
 from hovercontrol.discrepancy.search.leads import Lead
@@ -42,7 +42,8 @@ def held_out(selection: Selection, data: Data | None, criteria: Criteria = CRITE
 
     An effect with which that log is surely predicted worse is dropped. One with which it is not surely
     predicted better gives way to another that blocks agree on as well and that surely predicts better, than
-    with the first and than with neither.
+    with the first and than with neither. Where something remains, the model being wrong in other ways, too,
+    an effect that the log could show and does not is dropped.
 
     Parameters
     ----------
@@ -61,12 +62,43 @@ def held_out(selection: Selection, data: Data | None, criteria: Criteria = CRITE
         if _mean(other.evidence[instead[1].name].holdout) > criteria.better:
             found = other
     worse = [n for n, e in found.evidence.items() if _worse(e.holdout, criteria)]
-    if not worse:
-        return found
-    left = _less(found.selection, worse)
+    if worse:
+        return _left(found, _less(found.selection, worse, "the held-out log is predicted worse with it"))
+    doubtful = _unconfirmed(found, criteria)
+    while doubtful:
+        least = min(doubtful, key=lambda n: doubtful[n].t)
+        own = doubtful[least]
+        reason = f"the held-out log does not confirm it (gains {own.gain:.3g} there, t = {own.t:.1f})"
+        several = len(found.selection.effects) > 2  # without each of two: both fits are there
+        found = _left(found, _less(found.selection, [least], reason))
+        doubtful = {} if several else _unconfirmed(found, criteria)
+    return found
+
+
+def _left(found: HeldOut, left: Selection) -> HeldOut:
+    """Return what is left of a selection on the held-out log; beside no other an effect is judged alone."""
+    before = found.before
+    assert before is not None
+    if len(left.effects) == 1:
+        return _on(left, before)
     after = held_fit(left.final.model, before.problem.data, before) if left.effects else before
     evidence = {n: found.evidence[n] for n in left.effects}
     return HeldOut(left, evidence, before, after, ahead(before, after))
+
+
+def _unconfirmed(found: HeldOut, criteria: Criteria) -> dict[str, Gained]:
+    """Return what the held-out log could show and does not, where more is wrong than that."""
+    fit = found.selection.final
+    if not np.any(fit.noise.process > criteria.negligible * fit.problem.accelerations):
+        return {}
+    return {
+        n: e.gained
+        for n, e in found.evidence.items()
+        if e.gained is not None
+        and e.gained.scatter > criteria.visible
+        and e.gained.t < criteria.confirmed
+        and _mean(e.holdout) < criteria.better
+    }
 
 
 def _on(selection: Selection, before: Fit) -> HeldOut:
@@ -76,10 +108,11 @@ def _on(selection: Selection, before: Fit) -> HeldOut:
     far = ahead(before, after)
     evidence = {}
     for name in selection.effects:
-        own = far
+        own, less = far, before
         if len(selection.effects) > 1:
-            own = ahead(held_fit(selection.without[name].model, kept, after), after)
-        evidence[name] = replace(_of_training(selection, name), holdout=own)
+            less = held_fit(selection.without[name].model, kept, after)
+            own = ahead(less, after)
+        evidence[name] = replace(_of_training(selection, name), holdout=own, gained=gained(less, after))
     return HeldOut(selection, evidence, before, after, far)
 
 
@@ -135,12 +168,9 @@ def _with_other(selection: Selection, name: str, other: Tried) -> Selection:
     )
 
 
-def _less(selection: Selection, worse: list[str]) -> Selection:
-    """Return the selection without names with which the held-out log is predicted worse."""
-    leads = tuple(
-        Lead(n, selection.gains[n], selection.blocks[n].t, "the held-out log is predicted worse with it")
-        for n in worse
-    )
+def _less(selection: Selection, worse: list[str], reason: str) -> Selection:
+    """Return the selection without names that the held-out log contradicts."""
+    leads = tuple(Lead(n, selection.gains[n], selection.blocks[n].t, reason) for n in worse)
     alone = len(worse) == 1
     left = tuple(n for n in selection.effects if n not in worse) if alone else ()
     return replace(

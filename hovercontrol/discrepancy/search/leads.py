@@ -1,4 +1,4 @@
-"""Nearest candidates and are not named, each with the reason why not."""
+"""The nearest candidates that are not named, each with the reason why not."""
 
 from __future__ import annotations
 
