@@ -24,17 +24,10 @@ def test_everything_offered_passes_the_gate():
     assert [q for q, thing in through.items() if not hasattr(thing, "__checked__")] == []
 
 
-def test_wrong_arguments_are_refused_in_one_line():
-    calls = sound_calls(0.3)  # those whose examples come to their call in a moment
-    count = walk(calls, seconds=0.3, every=13)
-    assert count.broken == []
-    assert len(calls) > 250 and count.total() > 1500
-    assert count.probes["refused"] > 10 * count.probes["accepted"] > 0
-
-
 @pytest.mark.slow
-def test_every_wrong_thing_for_every_argument_is_refused_in_one_line():
-    calls = sound_calls(20.0)
-    count = walk(calls, seconds=1.0)
+def test_wrong_arguments_are_refused_in_one_line():
+    calls = sound_calls(2.0)  # those whose examples come to their call soon; the fuzzer has the others
+    count = walk(calls, seconds=0.3, every=5)
     assert count.broken == []
-    assert len(calls) > 0.95 * len(CALLABLES) and count.total() > 1200 * len(WRONG)
+    assert len(calls) > 0.8 * len(CALLABLES) and count.total() > 200 * len(WRONG)
+    assert count.probes["refused"] > 10 * count.probes["accepted"] > 0

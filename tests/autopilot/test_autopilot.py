@@ -41,6 +41,7 @@ def fly(chosen, until=3.0, step=0.001, params=None, **which):
 # ---- the limit in which it is the ideal loop ----------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_with_everything_off_it_is_the_ideal_loop_to_the_order_of_its_tick():
     """Commands are held for a tick and come one late: halve the tick, and half of the gap remains."""
     gaps = [np.abs(fly(Imperfections.only(), period=h)[1]["gap"]).max() for h in (0.002, 0.001)]
@@ -64,6 +65,7 @@ def test_each_imperfection_alone_moves_the_craft_away_from_the_ideal_one(name):
     assert rms[0] > 1.05 * rms[1]
 
 
+@pytest.mark.slow
 def test_every_switch_belongs_to_a_loop():
     known = {k for nav in ("error_model", "magnetometer") for k in loop(navigation=nav).default_parameters}
     known |= set(autopilot(LAW, references=TOLD, propeller=VariablePitch()).default_parameters)

@@ -21,6 +21,8 @@ from hovercontrol.identify import identify
 from hovercontrol.logs import read_log
 from hovercontrol.models.vehicles import vehicle
 
+pytestmark = pytest.mark.slow  # building the loop takes ten seconds
+
 MOTION = ("x", "y", "psi", "u", "v", "r")
 MASS, INERTIA, ARM, GRAVITY = 2.6, 0.096, 0.32, 9.80665
 

@@ -19,6 +19,7 @@ from ..browser import CHROMIUM, browser
 from .test_page import OVERLAPS, law, signal
 from .test_server import talking, told
 
+pytestmark = pytest.mark.slow  # building the loop takes ten seconds
 in_a_browser = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here")
 
 

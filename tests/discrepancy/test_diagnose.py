@@ -15,7 +15,7 @@ def named(found):
     return sorted({e.effect for e in found.effects})
 
 
-@pytest.mark.slow("quadratic", "stribeck", "lag", "rudder_offset", "munk")
+@pytest.mark.slow("quadratic", "stribeck", "lag", "rudder_offset", "munk", "saturation", "gyro_scale")
 @pytest.mark.parametrize(
     "names",
     [

@@ -39,6 +39,7 @@ def limited(command, limit):
     return np.array(found)
 
 
+@pytest.mark.slow("thrust")
 @pytest.mark.parametrize("name", ["thrust_backlash", "rudder_backlash"])
 def test_what_follows_with_play_is_pushed_by_the_edges_of_the_play(name):
     error = followed(name, width=0.6) - play(COMMAND, 0.6)
@@ -48,6 +49,7 @@ def test_what_follows_with_play_is_pushed_by_the_edges_of_the_play(name):
     assert np.abs(finer).max() < 0.3 * np.abs(error).max()
 
 
+@pytest.mark.slow("thrust")
 @pytest.mark.parametrize("name", ["thrust_rate_limit", "rudder_rate_limit"])
 def test_an_actuator_with_a_limited_rate_is_never_faster(name):
     found = followed(name, limit=1.5)

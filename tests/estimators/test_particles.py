@@ -82,6 +82,7 @@ def test_particles_are_the_exact_posterior_on_a_grid(rng, sigma, tolerance):
     np.testing.assert_allclose(np.sqrt((second - means**2).mean(axis=1)), spread, rtol=tolerance)
 
 
+@pytest.mark.slow
 def test_where_little_is_unsure_it_is_the_kalman_filter_within_sampling_error(rng):
     truth, seen, inputs = flown(rng, FOUR, 2.5, 3)
     kalman = found(range_filter(FOUR, UNITS, noise=NOISE, excitation=0.0), inputs, seen, truth)
@@ -110,6 +111,7 @@ PLACE = [
 ]  # fmt: skip
 
 
+@pytest.mark.slow
 def test_echoes_are_borne_only_if_they_are_expected(rng):
     truth, seen, inputs = flown(rng, FOUR, 3.0, 6)
     for k in range(1, 5):

@@ -40,7 +40,7 @@ def drive(compiler, folder, version, name, flags, *arguments):
     run([program, *arguments])
 
 
-@pytest.mark.slow("run", "misuse")
+@pytest.mark.slow
 @pytest.mark.parametrize("what", ["cycles", "run", "misuse"])
 def test_memory_of_fmi3(compiler, tmp_path, what):
     drive(compiler, tmp_path, 3, "plant", MEMORY, what)
@@ -59,6 +59,7 @@ def test_memory_of_fmi2(compiler, name, tmp_path):
     drive(compiler, tmp_path, 2, name, MEMORY)
 
 
+@pytest.mark.slow
 def test_eight_instances_on_eight_threads(compiler, tmp_path):
     drive(compiler, tmp_path, 3, "axes", "-fsanitize=thread", "threads")
 

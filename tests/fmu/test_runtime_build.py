@@ -52,7 +52,7 @@ def test_only_names_with_the_prefix_are_exported(compiler, tmp_path):
     assert all(name.startswith("hc_") for name in names)
 
 
-@pytest.mark.slow("linked", "smooth", "contradiction")
+@pytest.mark.slow("linked", "smooth", "contradiction", "driven", "axes")
 @pytest.mark.parametrize("name", PARAMETERS)
 def test_sanitisers_find_nothing(compiler, name, tmp_path):
     lines = run_sanitised(compiler, [MODELS / f"{name}.c"], PARAMETERS[name], tmp_path)

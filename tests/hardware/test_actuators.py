@@ -211,6 +211,7 @@ def test_with_everything_off_the_loop_is_the_ideal_one(law):
         assert found[name] == pytest.approx(wanted[name], abs=1e-10)
 
 
+@pytest.mark.slow
 def test_finer_tables_bring_the_loop_nearer_to_the_ideal_one():
     """Only the tables are on, of a fan whose force is quadratic in its speed both ways."""
 
@@ -306,6 +307,7 @@ def test_more_force_never_asks_for_less_speed(force, rudder):
     assert isinstance(fan_tables()[0], FanTable)
 
 
+@pytest.mark.slow
 def test_the_loop_as_one_block_in_machine_code_flies_the_same():
     parts = actuators()
     plant, law = hoverdemon().plant(), ticking(STOP)

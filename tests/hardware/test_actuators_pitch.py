@@ -95,6 +95,7 @@ def astern(imperfections, propeller):
     return beside_ideal(real, ideal).compile().simulate(np.arange(0, 4.0, 0.02), method="rk4", step=0.02)
 
 
+@pytest.mark.slow
 def test_in_the_loop_with_everything_off_it_is_the_ideal_one_and_it_never_brakes():
     run = astern(Imperfections.only(), VariablePitch())
     found = dict(zip(run.output_labels, run.outputs, strict=True))

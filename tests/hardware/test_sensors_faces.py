@@ -50,6 +50,7 @@ def test_sensors_are_the_same_in_python_control(make, rng):
     assert seen == pytest.approx(np.array(told, dtype=float).T, rel=1e-9, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_plant_and_sensors_are_the_same_as_machine_code():
     plant = with_specific_force(hoverdemon().plant(), lever_arm=(0.1, 0.0))
     corner = Beacons([(0, 0), (2.4, 0), (0, 2.4)], 2.7)

@@ -104,6 +104,7 @@ def test_standard_errors_cover_the_truth(cart, cart_log):
     assert 0.6 < np.median([f.std for f in found]) / scatter < 1.8
 
 
+@pytest.mark.slow
 def test_a_crafts_standard_errors_cover_the_truth_over_many_runs(rudder_log):
     truth = c17_experiment().coefficients()
     runs = [

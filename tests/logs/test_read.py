@@ -196,6 +196,7 @@ print(len(log), len(log.columns), resource.getrusage(resource.RUSAGE_SELF).ru_ma
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("suffix", "rows"), [(".parquet", 10_000_000), (".csv", 2_000_000)])
 def test_ten_million_rows_stay_below_two_gibibytes(tmp_path: Path, suffix: str, rows: int) -> None:
     path = tmp_path / f"long{suffix}"

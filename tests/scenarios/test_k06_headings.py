@@ -61,6 +61,7 @@ DELAYS = ("ins_update", "downlink_delay", "uplink_delay", "update_20ms")
 ACTUATORS = ("dead_zone", "saturation", "tables", "brake")
 
 
+@pytest.mark.slow
 def test_delays_or_actuators_make_the_bang_bang_law_swing_and_noise_does_not():
     assert swing("bangbang") < 1.05  # the pointing tolerance: all switched off
     assert swing("bangbang", "ins_noise", "ins_bias", "gyro_range") < 2.0
@@ -68,6 +69,7 @@ def test_delays_or_actuators_make_the_bang_bang_law_swing_and_noise_does_not():
     assert swing("bangbang", *ACTUATORS) > 15.0
 
 
+@pytest.mark.slow
 def test_noise_or_the_dead_zone_makes_the_proportional_law_drift_and_delays_do_not():
     assert swing("proportional", *DELAYS) < 4.0
     assert swing("proportional", "ins_noise") > 10.0

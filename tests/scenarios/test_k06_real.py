@@ -58,6 +58,7 @@ def test_the_real_loop_brings_the_craft_to_rest_in_about_10_s():
     assert np.abs(c["u"]).max() > 2 * np.abs(c["ideal_u"]).max()  # "large overshoot"
 
 
+@pytest.mark.slow
 def test_forward_flight_reaches_its_speed_in_about_5_s_and_swings_about_it():
     t, c = flown("forward")
     assert 4.0 < np.median(first(t, c["u"] >= 1.0)) < 6.0
@@ -77,6 +78,7 @@ def test_reverse_flight_reaches_its_speed_in_about_5_s():
     assert np.abs(c["r"][:, t > 8.0]).max() < 0.5
 
 
+@pytest.mark.slow
 def test_the_turn_holds_3_rad_s_in_the_mean():
     t, c = flown("turn")
     late = t > 8.0

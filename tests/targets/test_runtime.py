@@ -90,6 +90,7 @@ def used(python: Path, folder: Path) -> list[Path]:
     return [Path(line) for line in done.stdout.splitlines()]
 
 
+@pytest.mark.slow
 @needs_checkout
 def test_an_editable_install_finds_it_in_the_checkout(tmp_path):
     python, site = bare_environment(tmp_path / "env")
@@ -102,6 +103,7 @@ def test_an_editable_install_finds_it_in_the_checkout(tmp_path):
     assert found == CHECKOUT / "fmu"
 
 
+@pytest.mark.slow
 @needs_checkout
 def test_an_installed_wheel_has_it_inside_the_package(tmp_path):
     """As hatch lays a wheel out by pyproject.toml; where hatchling is here, hatch itself does it."""

@@ -63,6 +63,7 @@ def test_27_as_printed_has_factors_that_the_loop_has_not(rng):
         assert np.linalg.norm(sign * R @ printed - left) > 0.1
 
 
+@pytest.mark.slow
 @given(GAINS, GAINS)
 def test_the_exact_gain_is_the_integral_of_the_impulse_responses_size(k1, k2):
     p1, p2 = np.roots([1.0, k2, k1]).astype(complex)

@@ -33,6 +33,7 @@ def test_without_a_delay_both_laws_are_one():
     assert one.gain() == pytest.approx(one.gain(knows_delay=False), abs=1e-5)
 
 
+@pytest.mark.slow
 def test_no_other_gain_is_cheaper_than_5_1(rng):
     one = loop(0.15)
     best = one.gain()

@@ -143,6 +143,7 @@ def test_compensation_helps_in_the_square_wave_as_in_table_6_6():
             assert r.ratio == pytest.approx(1.0, abs=0.3)
 
 
+@pytest.mark.slow
 def test_with_q1_as_printed_the_heading_knows_no_gyro():
     found = k06.square_wave({}, seeds=4)
     assert found["heading"][0].mean == pytest.approx(found["heading"][1].mean, rel=0.05)

@@ -73,6 +73,7 @@ def test_the_reverse_scripts_verdict_is_that_of_both_findings(tmp_path, monkeypa
     assert "Both as K06 saw them: zone." in (tmp_path / "k06_reverse_error.txt").read_text()
 
 
+@pytest.mark.slow
 def test_a_variable_pitch_propeller_halts_the_craft_in_less_way():
     trials = [load_scenario(f"k06-real-halt{end}") for end in ("", "-pitch")]
     changed = with_variable_pitch(trials[0])
@@ -88,6 +89,7 @@ def test_a_variable_pitch_propeller_halts_the_craft_in_less_way():
         with_variable_pitch(load_scenario("k06-stop"))
 
 
+@pytest.mark.slow
 def test_the_particle_script_sets_both_filters_side_by_side(tmp_path):
     files = load("k06_particles").main(tmp_path, runs=2, seconds=0.5, particles=200)
     assert {f.suffix for f in files} == {".csv", ".png", ".svg", ".txt"}
