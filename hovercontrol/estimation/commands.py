@@ -14,6 +14,7 @@ from functools import lru_cache
 import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
+from scipy.linalg import solve_banded
 
 from hovercontrol.core.block import Block
 from hovercontrol.core.sgn import regularise
@@ -195,12 +196,9 @@ class Arrival:
         """Return a state of ``x' = a x + b`` so much later than rows `at`, exactly."""
         a = float(a_of(parameters))
         goal = -np.broadcast_to(b_of(parameters, self.inputs), self.time.shape) / a
-        fade = np.exp(a * np.diff(self.time)).tolist()
-        value, values = 0.0, [0.0]
-        for g, f in zip(goal.tolist(), fade, strict=False):
-            value = g + (value - g) * f
-            values.append(value)
-        start = np.array(values)
+        fade = np.exp(a * np.diff(self.time))
+        bands = np.stack([np.ones(goal.size), np.append(-fade, 0.0)])  # next value - fade * value = arriving
+        start = solve_banded((1, 0), bands, np.append(0.0, (1.0 - fade) * goal[:-1]), check_finite=False)
         return np.asarray(goal[at] + (start[at] - goal[at]) * np.exp(a * later))
 
     def _stepped(self, laws: _Laws, parameters: Sequence[float]) -> tuple[Array, Array]:
