@@ -354,5 +354,5 @@ TRIALS = {
     anything_public_is_called_wrongly: 20,
     a_run_is_interrupted: 0.4,
     the_disk_is_full: 0.4,
-    the_reader_leaves: 1,
+    the_reader_leaves: 0.4,
 }
