@@ -139,7 +139,8 @@ def gap_sentence(d: Diagnosis) -> str:
     one = len(numbers_by_effect(d)) == 1
     if best is None:
         return f"{where} no channel is predicted significantly better."
-    part = f"{percent(1.0 - best.after / best.before)} of the error of {best.channel}"
+    fall = 1.0 - best.after / best.before
+    part = f"{percent(fall) if fall >= 0.01 else 'less than 1 %'} of the error of {best.channel}"
     figures = f"{small(best.before)} to {small(best.after)} {unit(best.unit)}".strip()
     who = "it takes" if one else "they take"
     return f"{where} {who} {part} {best.horizon:.2g} s ahead ({figures})."
