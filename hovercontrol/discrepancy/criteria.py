@@ -48,12 +48,12 @@ class Criteria:
         Fall of them, likewise and averaged over horizons, from which on a log is surely predicted better.
     confirmed : float
         Where something remains: fall of twice the negative log likelihood of the held-out log, in its
-        standard errors over blocks, that a name needs unless predictions surely get better. What is no
-        effect reaches one by chance in 16 %.
+        standard errors over blocks, that a name needs unless predictions surely get better: what is no effect
+        reaches it in 5 %.
     visible : float
         That standard error from which on the held-out log can judge. An effect as large as it was fitted
-        would bring a quarter of it in standard errors (a log ratio of likelihoods has twice its mean as
-        variance): two, of which less than `confirmed` are seen in 16 %.
+        would bring a quarter of it in standard errors (a log ratio of likelihoods has four times its mean as
+        variance), on average what `confirmed` asks.
     """
 
     level: float = 0.01
@@ -70,8 +70,8 @@ class Criteria:
     tries: int = 4
     worse: float = 3.0
     better: float = 2.0
-    confirmed: float = 1.0
-    visible: float = 8.0
+    confirmed: float = 1.64
+    visible: float = 6.6
 
 
 #: What the package uses.

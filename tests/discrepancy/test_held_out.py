@@ -116,7 +116,7 @@ def judged(sloped, t, scatter, far=0.0, remains=True):
     [
         (0.4, 10.0, 0.1, True, True),
         (-2.0, 30.0, 0.1, True, True),
-        (1.2, 10.0, 0.1, True, False),  # confirmed
+        (1.8, 10.0, 0.1, True, False),  # confirmed
         (0.4, 3.0, 0.1, True, False),  # that log cannot show it
         (0.4, 10.0, 2.5, True, False),  # predictions surely get better
         (0.4, 10.0, 0.1, False, False),  # nothing else is wrong with the model

@@ -112,7 +112,8 @@ def try_effect(search: Search, current: Fit, e: Effect, scored: Scored | None = 
 
     A fit that gains less than half of what its score promised has lost its way: it begins again at the given
     coefficients, with the effect at each of its trial values, until two fits end at the same cost. A sensor's
-    error begins again without any: the path was fitted to what the sensor shows.
+    error begins again without any: the path was fitted to what the sensor shows. If blocks agree on it and
+    still it gains less, it gets correlation times of its own.
     """
     first = _added(search, current, e)
     done = [first] if first else []
@@ -130,7 +131,22 @@ def try_effect(search: Search, current: Fit, e: Effect, scored: Scored | None = 
         return None
     fit = min(done, key=lambda f: f.cost)
     numbers = len(fit.p) - len(current.p)
-    return Tried(e.name, fit, current.cost - fit.cost, agreement(fit, current, e.name), numbers)
+    t = Tried(e.name, fit, current.cost - fit.cost, agreement(fit, current, e.name), numbers)
+    short = scored is not None and scored.allowed and falls_short(t, scored)
+    return _in_other_noise(search, current, t) if short and t.blocks.p_value < search.criteria.level else t
+
+
+def _in_other_noise(search: Search, current: Fit, t: Tried) -> Tried:
+    """Return a fit with its correlation times at their likeliest, beside the model without it under the same.
+
+    Noise of the times that fit a model without an effect may do as well as the effect.
+    """
+    timed = with_times(search, t)
+    if timed.fit.cost > t.fit.cost - CONVERGENCE.settled:
+        return t
+    less = search.fit(replace(current, noise=timed.fit.noise), current.model)
+    gain = min(current.cost, less.cost) - timed.fit.cost
+    return replace(timed, gain=gain, blocks=agreement(timed.fit, current, t.name))
 
 
 def _neutral(e: Effect) -> Effect:
