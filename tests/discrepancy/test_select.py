@@ -108,7 +108,7 @@ def test_drags_along_one_axis_are_kin():
 
 @pytest.mark.slow
 def test_an_effect_is_not_lost_to_noise_of_other_correlation_times():
-    """Noise with the times of the model without it did as well as the dead zone: it scored 237 and gained 2."""
+    """Noise with the times of the model without the dead zone did as well: it scored 237 and gained 2."""
     case = Key("partial", "thrust_deadzone", "bumps", "pose", 1).case()
     found = diagnose(case.model, case.logs, case.holdout, names=["thrust_deadzone", "reverse_thrust_loss"])
     assert [e.effect for e in found.effects] == ["thrust_deadzone"]
