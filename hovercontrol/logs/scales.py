@@ -23,14 +23,14 @@ class ScaleCriteria:
         Speed that no hovercraft of this kind reaches [m/s]; positions in millimetres exceed it at once.
     turning : float
         Yaw rate that no craft keeps up for half of a log [rad/s]; a heading in degrees exceeds it where the
-        craft turns by 15 degrees a second.
+        craft turns by 30 degrees a second.
     over : float
         Time over which a speed is taken [s].
     """
 
     slowest: float = 1.0
     fastest: float = 30.0
-    turning: float = 15.0
+    turning: float = 30.0
     over: float = 0.4
 
 
