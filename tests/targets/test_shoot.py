@@ -97,6 +97,6 @@ def test_threads_that_outlive_an_interrupt_write_into_arrays_that_are_theirs(cas
         by_compiler(case, {})
     _, (_, arrays, _, _) = begun[0]
     states = arrays[-1]
-    before = states[1:].copy()
+    states[1:] = np.nan
     assert [work(job) for work, job in begun] == [0, 0]  # nobody but the jobs holds the arrays now
-    assert np.isfinite(states).all() and (states[1:] != before).any()
+    assert np.isfinite(states).all()
