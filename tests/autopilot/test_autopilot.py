@@ -59,6 +59,7 @@ def test_with_perfect_sensors_the_filters_tell_the_truth():
 WITH = {n: Imperfections.only(n) for n in SWITCHES if n not in ("gyro_range", "brake")}
 
 
+@pytest.mark.slow("gyro_dynamics")
 @pytest.mark.parametrize("name", WITH)
 def test_each_imperfection_alone_moves_the_craft_away_from_the_ideal_one(name):
     rms = [np.sqrt(np.mean(fly(chosen)[1]["gap"] ** 2)) for chosen in (WITH[name], Imperfections.only())]

@@ -98,6 +98,7 @@ def test_a_recording_holds_exactly_what_was_flown(pacer, tmp_path):
         assert log[name] == pytest.approx(again.outputs[k], abs=1e-7), name
 
 
+@pytest.mark.slow
 def test_identify_finds_the_crafts_coefficients_in_a_recording(pacer, tmp_path):
     pacer.pause(False)
     pacer.record(True)

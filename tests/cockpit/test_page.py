@@ -140,6 +140,7 @@ async def test_a_gamepad_is_a_stick(page, folder):
     await page.until(f"{signal('thrust')} > 1.9 && {signal('rudder')} < -0.2")
 
 
+@pytest.mark.slow
 @flown
 async def test_a_flight_is_recorded_and_identify_accepts_it(page, folder):
     await page.value("document.querySelector('#record').click()")

@@ -77,6 +77,7 @@ def information(model, logs):
     return estimate(problem, prior_of(problem, model), noise, levels=False).S.sum(axis=0)[:8, :8]
 
 
+@pytest.mark.slow
 def test_an_effect_is_named_from_a_calm_and_a_noisy_log():
     case, logs = unlike(["yaw_quadratic_drag"], 4.0)
     found = diagnose(case.model, logs)

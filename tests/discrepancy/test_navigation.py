@@ -132,6 +132,7 @@ def test_effects_are_named_in_spite_of_drift(name):
     assert found.after.rms[channel] < found.before.rms[channel]
 
 
+@pytest.mark.slow
 def test_nothing_is_named_where_only_the_navigation_drifts():
     model, logs, holdout = case_of(8, [])
     assert diagnose(model, logs, holdout).verdict == "none"

@@ -56,6 +56,7 @@ def test_the_cable_of_a_users_own_machine_is_named_from_closed_loop_logs(tmp_pat
     assert numbers == pytest.approx([0.8, 0.5], rel=0.005)
 
 
+@pytest.mark.slow
 def test_the_calibration_finds_what_its_benches_were_drawn_with(tmp_path):
     script = TUTORIALS / "calibration.py"
     grams = tmp_path / "pulses.csv"  # two fans, 0.5 N per (us/1000 - 1)^2 each

@@ -6,7 +6,6 @@ import pytest
 from hovercontrol.effects import effect
 from hovercontrol.effects.actuator import TAU
 from hovercontrol.models.vehicles import c17_simulation, four_fan
-from hovercontrol.simulation.trajectory import simulate
 
 DT = 1e-4
 TIME = np.arange(0.0, 2.0, DT)
@@ -17,7 +16,8 @@ def followed(name, **numbers):
     """The actuator's state under a command that swings to and fro; thrust or rudder."""
     block = c17_simulation().with_effects([effect(name, **numbers)]).plant()
     inputs = {"thrust": COMMAND, "rudder": COMMAND}
-    response = simulate(block, TIME, inputs=np.stack([inputs[s.name] for s in block.inputs]), rtol=1e-8)
+    commands = np.stack([inputs[s.name] for s in block.inputs])
+    response = block.compile(friction="smooth").simulate(TIME, commands, rtol=1e-8)
     assert response.states[6, 0] == 0.0
     return np.asarray(response.states[6])
 
@@ -39,7 +39,6 @@ def limited(command, limit):
     return np.array(found)
 
 
-@pytest.mark.slow("thrust")
 @pytest.mark.parametrize("name", ["thrust_backlash", "rudder_backlash"])
 def test_what_follows_with_play_is_pushed_by_the_edges_of_the_play(name):
     error = followed(name, width=0.6) - play(COMMAND, 0.6)
@@ -49,7 +48,6 @@ def test_what_follows_with_play_is_pushed_by_the_edges_of_the_play(name):
     assert np.abs(finer).max() < 0.3 * np.abs(error).max()
 
 
-@pytest.mark.slow("thrust")
 @pytest.mark.parametrize("name", ["thrust_rate_limit", "rudder_rate_limit"])
 def test_an_actuator_with_a_limited_rate_is_never_faster(name):
     found = followed(name, limit=1.5)
@@ -58,7 +56,6 @@ def test_an_actuator_with_a_limited_rate_is_never_faster(name):
     assert np.abs(error).max() < 1.05 * 1.5 * (TAU + DT)
 
 
-@pytest.mark.slow("thrust")
 @pytest.mark.parametrize(
     ("name", "numbers"),
     [

@@ -136,6 +136,7 @@ class Page(HTMLParser):
         self.text += data
 
 
+@pytest.mark.slow("loop")
 @pytest.mark.parametrize("name", BLOCKS)
 def test_the_documentation_stands_alone_and_names_every_variable(name):
     html = read(exported(name, 3), "documentation/index.html").decode()

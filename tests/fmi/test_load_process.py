@@ -24,6 +24,7 @@ from .probe import STEP, TROUBLE, T, U, exact, write_fmu
 # --- a process of its own ---
 
 
+@pytest.mark.slow("hang")
 @pytest.mark.parametrize(
     "trouble, line",
     [
@@ -115,7 +116,7 @@ def test_garbage_collection_frees_it_too(fmu, temporary, calls):
     assert list(temporary.iterdir()) == [] and calls()[-1] == "free"
 
 
-@pytest.mark.slow("here")
+@pytest.mark.slow
 @pytest.mark.parametrize("isolated", [False, True], ids=["here", "isolated"])
 def test_the_interpreters_exit_frees_it_too(fmu, tmp_path, isolated):
     folder = tmp_path / "t"

@@ -53,7 +53,7 @@ def test_memory_of_other_models(compiler, tmp_path, name):
         drive(compiler, tmp_path, 3, name, MEMORY, what)
 
 
-@pytest.mark.slow("remembers")
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["plant", "remembers"])
 def test_memory_of_fmi2(compiler, name, tmp_path):
     drive(compiler, tmp_path, 2, name, MEMORY)

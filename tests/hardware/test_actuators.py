@@ -118,6 +118,7 @@ def test_the_dead_zone_is_that_of_force_to_command_and_the_limit_keeps_the_angle
     assert plain["thrust_command"] == pytest.approx(-5.0)
 
 
+@pytest.mark.slow
 @given(st.floats(-0.42, 0.36))
 def test_the_servo_goes_where_the_lookup_wants_it(theta):
     pulse = one(rudder_lookup(), force_angle_command=theta)["servo_command"]

@@ -38,6 +38,7 @@ SENSORS = {
 }
 
 
+@pytest.mark.slow("cricket", "two")
 @pytest.mark.parametrize("make", SENSORS.values(), ids=SENSORS)
 def test_sensors_are_the_same_in_python_control(make, rng):
     block = make()

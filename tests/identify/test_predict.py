@@ -26,6 +26,7 @@ def test_the_truth_runs_along_a_log_without_noise(calm_log):
     assert free_run(wrong, calm_log).nrmse["r"] > 0.3
 
 
+@pytest.mark.slow
 def test_prediction_errors_grow_with_horizon_and_model_error(calm_log):
     wrong = c17_experiment().with_coefficients({"rudder_torque": 3.2})
     half, whole = (window_prediction(wrong, calm_log, h) for h in (0.5, 1.0))

@@ -60,7 +60,7 @@ def test_a_sound_log_passes_and_others_say_what_they_are(name):
         assert said in str(error.value)
 
 
-@pytest.mark.slow("lateral")
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["k06-field-lateral", "k06-field-reverse"])
 def test_sound_logs_of_the_field_raise_no_alarm(name):
     check_frame(*field(name))

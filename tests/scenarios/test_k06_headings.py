@@ -77,6 +77,7 @@ def test_noise_or_the_dead_zone_makes_the_proportional_law_drift_and_delays_do_n
     assert swing("proportional", all_but=("dead_zone", "ins_bias", "ins_noise", "gyro_range")) < 4.0
 
 
+@pytest.mark.slow
 def test_the_real_bang_bang_craft_swings_no_more_than_the_thesis_own():
     """Axes of figure 6.12, real autopilot: heading to 2.5 rad, so above 2; |r| to 1.5, so above 1 rad/s."""
     _, _, c = flown("k06-real-heading-bangbang-rest", None, SEEDS)

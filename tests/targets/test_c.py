@@ -151,6 +151,7 @@ def test_functions_with_jumps_are_numpys(tmp_path):
         np.testing.assert_allclose(y, block.to_numpy().outputs(0.0, [], [value, 0.7]), rtol=1e-14, atol=1e-15)
 
 
+@pytest.mark.slow
 def test_the_text_is_the_same_in_every_process():
     code = (
         "import hashlib; from hovercontrol import vehicle; from hovercontrol.targets.c import c_source;"

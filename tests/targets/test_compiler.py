@@ -127,6 +127,7 @@ def decays(count):
     return [Block(f"n{n}", [v], [], [v], [k], {"v": -n * k.symbol * v.symbol}) for n in range(1, count + 1)]
 
 
+@pytest.mark.slow
 @needs_cc
 def test_the_runtime_is_compiled_once_for_all_blocks(cache, monkeypatch):
     one, two = decays(2)
@@ -147,6 +148,7 @@ def test_the_runtime_is_compiled_once_for_all_blocks(cache, monkeypatch):
     assert len(made) == 5
 
 
+@pytest.mark.slow
 @needs_cc
 def test_a_compiler_that_joins_no_objects_compiles_all_at_once(cache, tmp_path, monkeypatch):
     script(tmp_path / "bin" / "own", 'case "$*" in *" -r "*) echo no -r >&2; exit 1;; esac; exec cc "$@"')

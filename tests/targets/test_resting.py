@@ -85,6 +85,7 @@ def test_where_zero_has_no_value_nothing_is_left_out():
     assert kept(block({"x": 1 + sp.sin(Y) / Y, "y": Y})) == ["x", "y"]
 
 
+@pytest.mark.slow
 @needs_cc
 def test_a_simulation_without_them_is_the_whole_ones():
     ready = compile_block(LOOP)

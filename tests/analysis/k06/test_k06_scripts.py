@@ -39,6 +39,7 @@ def load(name):
     return module
 
 
+@pytest.mark.slow
 def test_the_delays_script_says_from_when_on_the_other_law_is_unstable(tmp_path):
     files = load("k06_delay").main(tmp_path, points=9)
     assert {f.suffix for f in files} == {".csv", ".png", ".svg", ".txt"}
