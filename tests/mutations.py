@@ -157,7 +157,7 @@ MUTATIONS = (
         "fmu/hc_ticks.c",
         "ticks->due[k] += m->tick_period[k];",
         "ticks->due[k] += 2 * m->tick_period[k];",
-        RUNTIME,
+        ("tests/simulation", *RUNTIME),
     ),
     Mutation(
         "The error of a step may be a thousand times what was asked for.",
