@@ -102,6 +102,8 @@ def simulate(
     for name, limit in (("rtol", rtol), ("atol", atol), ("max_step", max_step)):
         if not limit > 0:
             raise InputError(f"{name} must be positive, found {limit:g}")
+        if name != "max_step" and limit == math.inf:  # the first step would be infinite
+            raise InputError(f"{name} must be finite, found {limit:g}")
     if hold not in ("zero", "linear"):
         raise InputError(f"hold must be 'zero' or 'linear', found {hold!r}")
     if block.delays:

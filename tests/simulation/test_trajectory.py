@@ -190,3 +190,10 @@ def test_a_system_out_of_its_own_hands_agrees_with_a_closed_form():
     t = np.linspace(0, 4, 9)
     run = simulate(spiral, t, **TIGHT)
     assert np.allclose(run.states, np.exp(-t / 2) * np.array([np.cos(3 * t), np.sin(3 * t)]), atol=1e-8)
+
+
+@pytest.mark.parametrize("name", ["rtol", "atol"])
+@pytest.mark.parametrize("value", [0.0, -1.0, np.inf, np.nan])
+def test_a_tolerance_is_a_positive_finite_number(name, value):
+    with pytest.raises(InputError, match=name):
+        simulate(CART, [0, 1], {"a": 1.0}, **{name: value})
