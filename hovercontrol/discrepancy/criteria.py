@@ -49,7 +49,7 @@ class Criteria:
     confirmed : float
         Where something remains: fall of twice the negative log likelihood of the held-out log, in its
         standard errors over blocks, that a name needs unless predictions surely get better: what is no effect
-        reaches it in 5 %.
+        reaches it in 5 %. A usual level, chosen after a false name with t = 1.5 was seen.
     visible : float
         That standard error from which on the held-out log can judge. An effect as large as it was fitted
         would bring a quarter of it in standard errors (a log ratio of likelihoods has four times its mean as

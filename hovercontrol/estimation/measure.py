@@ -217,7 +217,7 @@ def _check_input(log: Log, signal: Signal) -> None:
     size = float(np.abs(values).max())
     turned = math.radians(size) <= (1 + INPUTS.margin) * largest and size > 3 * largest
     hint = "; is it in degrees?" if signal.unit == "rad" and (turned or size > 2 * math.pi) else ""
-    if signal.unit == "N" and signal.lower == 0.0 and values[worst] < 0.0:
+    if signal.lower == 0.0 and values[worst] < 0.0 and signal.description.startswith("force of the fan"):
         hint = "; a fan that pushes both ways has reverses = true in the model file"
     raise InputError(
         f"{log.name}: column {signal.name!r}: expected {wanted}, found {values[worst]:.4g} at "

@@ -95,13 +95,13 @@ def rounded(value: float) -> str:
 
     Examples
     --------
-    >>> rounded(3.26), rounded(818.0), rounded(72160.0), rounded(8.1e9)
-    ('3.3', '820', '72\u202f000', 'more than a million')
+    >>> rounded(3.26), rounded(818.0), rounded(-72160.0), rounded(8.1e9)
+    ('3.3', '820', '-72\u202f000', 'more than a million')
     """
     if value >= 1e6:
         return "more than a million"
     number = float(f"{value:.2g}")
-    return f"{number:.2g}" if number < 10 else f"{number:,.0f}".replace(",", "\u202f")
+    return f"{number:.2g}" if abs(number) < 10 else f"{number:,.0f}".replace(",", "\u202f")
 
 
 def small(value: float, digits: int = 2) -> str:
