@@ -14,7 +14,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from hovercontrol.estimation.noise import Noise, moved, timed
+from hovercontrol.estimation.damping import Damping
+from hovercontrol.estimation.noise import ONWARD, Noise, moved, timed
 from hovercontrol.estimation.outliers import outliers
 from hovercontrol.estimation.passes import Pass, held, inverse, residuals, run_pass, tried_pass
 from hovercontrol.estimation.prior import Prior
@@ -225,7 +226,9 @@ class _Iteration:
     before: float = np.inf
     change: float = np.inf
     factor: float = COARSEST
-    push: Array = field(default_factory=lambda: np.zeros(0))
+    unknowns: Damping = field(default_factory=Damping)
+    along: Damping = field(default_factory=Damping)
+    louder: Damping = field(default_factory=lambda: Damping(most=ONWARD))
 
     def first(self, p: Array, path: Array) -> Pass:
         """Return the first pass."""
@@ -234,22 +237,24 @@ class _Iteration:
             raise FloatingPointError("the model runs away from the first row on")
         return self._counted(now)
 
-    def onward(self, now: Pass, out: NDArray[np.bool_] | None = None, half: bool = False) -> Pass:
-        """Return the next pass: less samples that are left out, or half way between the last two paths.
+    def onward(self, now: Pass, out: NDArray[np.bool_] | None = None) -> Pass:
+        """Return the next pass, less samples that are left out.
 
-        A step after which the model runs away is halved.
+        A step after which the model runs away is halved; what goes to and fro about a kink of dry friction
+        is damped.
         """
         if out is not None:
             self.problem, self.before = self.problem.without(out), np.inf
-        p, path = now.onward(self.problem)
-        if half:
-            path = 0.5 * (now.path + path)
+        step, along = now.steps(self.problem)
+        p = self.problem.outside(self.problem.inside(now.p) + self.unknowns.taken(step))
+        path = now.path + self.along.taken(along)
         self.k += 1
         while True:
             found = tried_pass(self.problem, self.noise, self.prior, p, path, self.frozen)
             if found is not None:
                 return self._counted(found)
             p, path, self.k = 0.5 * (p + now.p), 0.5 * (path + now.path), self.k + 1
+            self.unknowns, self.along = Damping(), Damping()
             if self.k > self.most + STILL:
                 raise FloatingPointError("the model runs away")
 
@@ -289,7 +294,7 @@ class _Iteration:
             if (there and self.k > self.hold) or self.k >= self.most + self.hold:
                 return self.onward(now)
             if self.k >= self.hold:
-                self.noise, self.push = moved(self.problem, self.noise, now.system, now.smooth, self.push)
+                self.noise = moved(self.problem, self.noise, now.system, now.smooth, self.louder)
                 if self.times and (self.k - self.hold) % 3 == 1 and self.factor > FINEST:
                     self._timed(now)
             now = self.onward(now)
@@ -305,9 +310,9 @@ class _Iteration:
             )
             if there or count >= STILL:
                 break
-            now = self.onward(now, half=self.change < 0)  # to and fro about a kink of dry friction
+            now = self.onward(now)
             count += 1
-        if best[0] < now.cost - CONVERGENCE.stopped:
+        if not there and best[0] < now.cost - CONVERGENCE.stopped:
             now = run_pass(self.problem, self.noise, self.prior, *best[1:], self.frozen)
         return now, there
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from hovercontrol.estimation.damping import Damping
 from hovercontrol.estimation.drift import STATES
 from hovercontrol.estimation.kalman import Smoothed, System, run_filter
 from hovercontrol.estimation.problem import Linear, Problem
@@ -110,8 +111,8 @@ def augment(
     return System(A, Q, full, H, np.where(problem.seen, level, 1.0), watched, P0)
 
 
-#: A variance moves by at most this factor in a pass; a far ratio that keeps its sign is followed
-#: so many times as far.
+#: A variance moves by at most this factor in a pass; a ratio that keeps its sign is followed at most so many
+#: times as far.
 FARTHEST, ONWARD = 100.0, 2.5
 
 
@@ -127,8 +128,6 @@ class NoiseCriteria:
         Averaging time of a missing acceleration, which over a single row is mostly noise [s].
     averaging_rows : int
         The same in rows, for slowly sampled logs; the longer counts.
-    far : float
-        Logarithm of a variance's ratio to its likeliest value from which on its steps are extended.
     gain : float
         Fall of the cost from which on another correlation time is taken.
     none : float
@@ -143,7 +142,6 @@ class NoiseCriteria:
 
     averaging: float = 0.2
     averaging_rows: int = 5
-    far: float = 0.5
     gain: float = 0.5
     none: float = 1e-5
     small: float = 1e-3
@@ -155,10 +153,8 @@ class NoiseCriteria:
 NOISE = NoiseCriteria()
 
 
-def moved(
-    problem: Problem, noise: Noise, system: System, smooth: Smoothed, before: Array
-) -> tuple[Noise, Array]:
-    """Return the levels of noise a step nearer to the likeliest, and that step.
+def moved(problem: Problem, noise: Noise, system: System, smooth: Smoothed, damping: Damping) -> Noise:
+    """Return the levels of noise a step nearer to the likeliest.
 
     The likelihood's slope by a variance has two halves; at its maximum they are equal, and a variance times
     their ratio is nearer.
@@ -170,8 +166,8 @@ def moved(
     system : System
         With that noise.
     smooth : Smoothed
-    before : ndarray
-        The step before; empty at first.
+    damping : Damping
+        Of the steps of the variances' logarithms.
     """
     C, q = len(noise.measured), len(noise.process)
     ratio = np.zeros(C + q)
@@ -202,17 +198,14 @@ def moved(
         )
         ratio[C + j] = np.log(max(A, 1e-300) / max(B, 1e-300))
     limit = np.log(FARTHEST)
-    step = np.clip(ratio, -limit, limit)
-    if before.size:
-        far = (before * step > 0) & (np.abs(step) > NOISE.far)
-        step = np.where(far, np.clip(ONWARD * step, -limit, limit), step)
+    step = np.clip(damping.taken(np.clip(ratio, -limit, limit)), -limit, limit)
     process = noise.process * np.exp(0.5 * step[C:])
     process = np.where(process < NOISE.none * problem.accelerations, 0.0, process)
     least = np.maximum(
         NOISE.least * problem.data.noise, NOISE.tiny * np.nanstd(problem.rows.values, axis=(0, 1))
     )
     measured = np.maximum(noise.measured * np.exp(0.5 * step[:C]), least)
-    return replace(noise, measured=measured, process=process), step
+    return replace(noise, measured=measured, process=process)
 
 
 def _steps(problem: Problem, noise: Noise) -> tuple[Array, Array, Array, Array, Array]:

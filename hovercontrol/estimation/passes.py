@@ -55,11 +55,11 @@ class Pass:
     step: Array
     predicted: float
 
-    def onward(self, problem: Problem) -> tuple[Array, Array]:
-        """Return unknowns and path a step further."""
-        step = np.zeros_like(self.path)
-        step[..., list(problem.free)] = self.smooth.state[..., : len(problem.free)]
-        return problem.outside(problem.inside(self.p) + self.step), self.path + step
+    def steps(self, problem: Problem) -> tuple[Array, Array]:
+        """Return the steps of the unknowns, in the coordinates in which they are sought, and of the path."""
+        along = np.zeros_like(self.path)
+        along[..., list(problem.free)] = self.smooth.state[..., : len(problem.free)]
+        return self.step, along
 
 
 def run_pass(problem: Problem, noise: Noise, prior: Prior, p: Array, path: Array, frozen: bool) -> Pass:

@@ -71,6 +71,15 @@ def test_twins_are_one_finding():
     assert not twins(effect("input_delay", 0.1), effect("thrust_lag", 0.1))
 
 
+@pytest.mark.parametrize("named", ["input_delay", "time_offset"])
+def test_a_long_delay_is_found_though_its_likelihood_has_many_tops(named):
+    case = make(16, ["input_delay"], SHORT)
+    (truth,) = (e.values["seconds"] for e in case.truth.effects if e.name == "input_delay")
+    found = searched(case, [named])
+    assert found.effects == (named,)
+    assert found.final.model.effect(named).values["seconds"] == pytest.approx(truth, abs=0.002)
+
+
 def test_nothing_is_named_where_blocks_do_not_agree():
     case = outside(1, "oscillator", SHORT)
     found = searched(case, ["slope", "body_side_force", "munk_moment", "sway_quadratic_drag"])

@@ -5,10 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from hovercontrol.estimation.damping import Damping
 from hovercontrol.estimation.data import gather
 from hovercontrol.estimation.fit import first_noise
 from hovercontrol.estimation.kalman import run_filter, run_smoother
-from hovercontrol.estimation.noise import Noise, augment, averaged, moved, timed
+from hovercontrol.estimation.noise import ONWARD, Noise, augment, averaged, moved, timed
 from hovercontrol.estimation.problem import Problem
 
 
@@ -41,12 +42,12 @@ def test_each_move_raises_the_likelihood_until_the_truth_comes_back(linearised):
     problem, linear = linearised
     noise = replace(first_noise(problem), seconds=np.array([0.3]))
     noise = replace(noise, measured=3.0 * noise.measured)
-    costs, before = [], np.empty(0)
+    costs, damping = [], Damping(most=ONWARD)
     for _ in range(12):
         system = augment(problem, linear, noise, unknowns=False)
         filtered = run_filter(system, keep=True)
         costs.append(float((filtered.white[..., 0] ** 2).sum() + filtered.log_det.sum()))
-        noise, before = moved(problem, noise, system, run_smoother(system, filtered, np.ones(1)), before)
+        noise = moved(problem, noise, system, run_smoother(system, filtered, np.ones(1)), damping)
     assert np.all(np.diff(costs[:4]) < 0.0) and costs[-1] == pytest.approx(min(costs), abs=0.01)
     assert noise.measured[0] == pytest.approx(0.01, rel=0.1)
     assert noise.process[0] == pytest.approx(0.5, rel=0.3)

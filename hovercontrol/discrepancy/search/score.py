@@ -147,27 +147,49 @@ class Scores:
             old = found.get(s.candidate.name)
             if old is None or (s.allowed, s.gain) > (old.allowed, old.gain):
                 found[s.candidate.name] = s
-        return sorted(found.values(), key=lambda s: -s.gain)
+        return sorted(found.values(), key=lambda s: -float(f"{s.gain:.9g}"))  # twins in the catalogue's order
 
 
 def at_its_time(fit: Fit, scored: Scored) -> Scored:
-    """Return a candidate with the time of its jump found to half a row, by score; others as they are."""
+    """Return a candidate with the time of its jump, or its delay, where it scores best."""
     trial = scored.candidate.trial
     times = [k for k, n in trial.numbers.items() if isinstance(n, Shape) and n.of == "time"]
-    if not times:
-        return scored
-    key, best = times[0], scored
+    if times:
+        return _jump(fit, scored, times[0])
+    return _delay(fit, scored) if trial.shifts_time else scored
+
+
+def _jump(fit: Fit, scored: Scored, key: str) -> Scored:
+    """Return the candidate with the time of its jump found to half a row."""
+    best, number = scored, type(scored.candidate.trial).numbers[key]
     longest = max(float(m.time[-1] - m.origin) for m in fit.problem.logs)
-    reach = longest / max(len(type(trial).numbers[key].search), 1)  # type: ignore[attr-defined]
+    reach = longest / max(len(number.search), 1)  # type: ignore[attr-defined]
     while reach > 0.5 * fit.problem.shortest:
-        places = np.clip(best.candidate.trial.values[key] + reach * np.linspace(-1.0, 1.0, 9), 0.0, longest)
-        tried = [
-            Candidate(trial.name, type(trial)(**{**trial.values, key: float(t)}), scored.candidate.amplitudes)
-            for t in places
-        ]
-        best = max(Scores(fit, tried).each(), key=lambda s: (s.allowed, s.gain))
+        places = best.candidate.trial.values[key] + reach * np.linspace(-1.0, 1.0, 9)
+        best = _best_of(fit, scored, key, np.clip(places, 0.0, longest), scored.candidate.amplitudes)
         reach *= 0.25
     return best
+
+
+def _delay(fit: Fit, scored: Scored) -> Scored:
+    """Return the candidate with its delay found to 4 %, unless it is too small for its trial to say.
+
+    Commands jump: the likelihood of a delay has many tops, and a linear answer from far off leads to any.
+    """
+    best, key = scored, next(iter(scored.candidate.trial.numbers))
+    for octaves in (1.0, 0.25):
+        places = best.candidate.trial.values[key] * 2.0 ** np.linspace(-octaves, octaves, 9)
+        best = _best_of(fit, best, key, places, ())
+    return best if best.parts[0] > 0.5 else scored
+
+
+def _best_of(fit: Fit, scored: Scored, key: str, places: Array, amplitudes: tuple[str, ...]) -> Scored:
+    """Return a candidate at the best of these values of one of its numbers."""
+    trial = scored.candidate.trial
+    tried = [
+        Candidate(trial.name, type(trial)(**{**trial.values, key: float(t)}), amplitudes) for t in places
+    ]
+    return max(Scores(fit, tried).each(), key=lambda s: (s.allowed, s.gain))
 
 
 def columns(fit: Fit, tried: Sequence[Candidate]) -> tuple[Array, Array, list[tuple[int, ...]]]:
