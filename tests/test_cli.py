@@ -21,6 +21,12 @@ def test_without_arguments_the_help_is_shown(call):
     assert done.returncode == 0 and "simulate" in done.stdout and done.stderr == ""
 
 
+def test_help_waits_for_no_library_that_it_does_not_use():
+    code = "import sys, hovercontrol.commands.app; print(*sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert not {"sympy", "scipy", "matplotlib", "control", "pandas"} & set(done.stdout.split())
+
+
 def test_version_and_bad_input_of_the_command_itself():
     for words, status, said in ((["--version"], 0, "0.1.0\n"), (["simulate", "tabel1"], 2, "")):
         done = subprocess.run([*RUN, *words], capture_output=True, text=True, timeout=120)
