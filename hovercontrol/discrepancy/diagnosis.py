@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from hovercontrol.core.boundary import checked
 from hovercontrol.discrepancy.evidence.holdout import Ahead, Gap
-from hovercontrol.discrepancy.evidence.laws import worst
+from hovercontrol.discrepancy.evidence.laws import regime_of, worst
 from hovercontrol.discrepancy.evidence.missing import Missing
 from hovercontrol.discrepancy.evidence.of_effects import Evidence
 from hovercontrol.discrepancy.evidence.remainder import Remainder
@@ -98,7 +98,7 @@ class Diagnosis:
     missing_after : tuple of Missing
         That which the amended model still lacks.
     regime : str
-        In words, where that is.
+        In words, where what the given model lacks is.
     rows_dropped : int
         Rows of the training logs of which a sample was left out.
     warnings : tuple of str
@@ -183,6 +183,7 @@ class Diagnosis:
                     "share_explained": r.share_explained,
                     "averaged_over": r.over,
                     "gain": r.gain,
+                    "where": self._left(r.equation) if r.there else None,
                 }
                 for r in self.remainders
             },
@@ -196,8 +197,18 @@ class Diagnosis:
             "warnings": list(self.warnings),
         }
 
+    def _left(self, equation: str) -> dict[str, Any]:
+        """Return where what remains in one equation is: in words, and when, in the log with most of it."""
+        same = [m for m in self.missing_after if m.equation == equation]
+        most = max(same, key=lambda m: m.share)
+        return {
+            "regime": regime_of(same),
+            "log": most.log,
+            "segments": [list(s) for s in most.segments],
+        }
+
     def _where(self) -> dict[str, Any]:
-        """Return in which equation, when (of the first log in which it shows) and in which regime."""
+        """Return where the given model lacks most: equation, regime, and when, in the worst log."""
         most = worst(self.missing)
         if most is None or not most.segments:
             return {"equation": None, "segments": [], "regime": self.regime}

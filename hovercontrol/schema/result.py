@@ -98,6 +98,14 @@ class Gap(TypedDict):
     holdout: HoldoutGap
 
 
+class Left(TypedDict):
+    """Where what remains in one equation is."""
+
+    regime: Annotated[str, "in words; empty where no force is significant"]
+    log: Annotated[str, "in which most of it is"]
+    segments: Annotated[list[tuple[float, float]], "s: when it is significant there"]
+
+
 class Remainder(TypedDict):
     """What one equation still leaves unexplained."""
 
@@ -106,6 +114,7 @@ class Remainder(TypedDict):
     share_explained: float
     averaged_over: Annotated[float, "s"]
     gain: float
+    where: Left | None
 
 
 class Lead(TypedDict):
@@ -118,7 +127,7 @@ class Lead(TypedDict):
 
 
 class Where(TypedDict):
-    """Where most was missing."""
+    """Where the given model lacks most."""
 
     equation: str | None
     log: NotRequired[str]

@@ -89,6 +89,9 @@ def test_every_result_has_evidence_remainder_and_leads(every, kind):
     assert {*result["remainder"]} == {"u'", "v'", "r'"}
     for left in result["remainder"].values():
         assert {"rms", "unit", "share_explained"} <= {*left} and left["rms"] >= 0
+        assert (left["where"] is None) == (left["rms"] == 0.0)
+        for begin, end in (left["where"] or {"segments": []})["segments"]:
+            assert 0.0 <= begin <= end
     remains = any(left["rms"] > 0 for left in result["remainder"].values())
     assert remains == (kind in ("partial", "unexplained"))
     assert bool(result["effects"]) == (kind not in ("none", "unexplained"))

@@ -174,6 +174,17 @@ def regime(missing: Sequence[Missing]) -> str:
     return "; ".join(said)
 
 
+def regime_of(same: Sequence[Missing]) -> str:
+    """Return in words where one equation's force is, or what it depends on; empty where none is significant.
+
+    Parameters
+    ----------
+    same : sequence of Missing
+        Of that equation, log by log.
+    """
+    return regime(same).partition(", ")[2] if any(is_there(m) for m in same) else ""
+
+
 def _where(same: Sequence[Missing]) -> str:
     """Return the condition under which one equation's force is largest."""
     force = np.concatenate([m.force for m in same])

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from hovercontrol.discrepancy.evidence.laws import is_there, regime, small, worst
+from hovercontrol.discrepancy.evidence.laws import regime_of, small, worst
 from hovercontrol.discrepancy.evidence.missing import Missing
 from hovercontrol.discrepancy.report import pictures
 from hovercontrol.discrepancy.report.context import Context
@@ -60,7 +60,7 @@ def _sizes(m: Context, missing: Sequence[Missing]) -> Table:
         same = [f for f in missing if f.equation == r.equation]
         size = f"{digits(r.rms)} {unit(r.unit)}" if r.there else "nothing beyond noise"
         share = percent(r.share_explained) if r.there or r.share_explained > 0.0 else "–"
-        where = prime(regime(same)).partition(", ")[2] if r.there and any(is_there(f) for f in same) else ""
+        where = prime(regime_of(same)) if r.there else ""
         longest = max(same, key=lambda f: f.share, default=None)
         when = f"{longest.log}{stretches(longest.segments)}" if r.there and longest else ""
         rows.append((prime(r.equation), size, *([share] if m.changed else []), where, when))
