@@ -43,7 +43,7 @@ class Criteria:
         Candidates that are fitted at most to find the best.
     worse : float
         Rise of the held-out errors of all channels together, in its standard errors over blocks, that no
-        effect survives at most horizons.
+        effect survives at most horizons, unless the likelihood of that log rises by as many of its own.
     better : float
         Fall of them, likewise and averaged over horizons, from which on a log is surely predicted better.
     confirmed : float

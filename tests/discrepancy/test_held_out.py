@@ -88,9 +88,21 @@ def test_what_predicts_worse_goes_and_says_so(sloped):
     assert left.leads[0].reason == "the held-out log is predicted worse with it"
 
 
-@pytest.mark.parametrize(("t", "worse"), [((-4.0, -5.0, 1.0), True), ((-4.0, 0.0, 1.0), False), ((), False)])
-def test_worse_is_surely_and_at_most_horizons(t, worse):
-    assert _worse(Horizons(together=t), CRITERIA) is worse
+@pytest.mark.parametrize(
+    ("t", "likelier", "worse"),
+    [
+        ((-4.0, -5.0, 1.0), None, True),
+        ((-4.0, -5.0, 1.0), 2.0, True),
+        ((-4.0, -5.0, 1.0), 4.0, False),  # other coefficients made up for what was missing
+        ((-4.0, 0.0, 1.0), None, False),
+        ((), None, False),
+    ],
+)
+def test_worse_is_surely_at_most_horizons_and_not_as_surely_likelier(sloped, t, likelier, worse):
+    _, base, fit, _ = sloped
+    own = None if likelier is None else Gained(10.0 * likelier, 10.0)
+    found = Evidence(1.0, agreement(fit, base, "slope"), Horizons(together=t), own)
+    assert _worse(found, CRITERIA) is worse
 
 
 def test_without_a_held_out_log_training_speaks_alone(sloped):

@@ -40,10 +40,12 @@ class HeldOut:
 def held_out(selection: Selection, data: Data | None, criteria: Criteria = CRITERIA) -> HeldOut:
     """Return what remains of a selection on a log that it was not fitted to.
 
-    An effect with which that log is surely predicted worse is dropped. One with which it is not surely
-    predicted better gives way to another that blocks agree on as well and that surely predicts better, than
-    with the first and than with neither. Where something remains, the model being wrong in other ways, too,
-    an effect that the log could show and does not is dropped.
+    An effect with which that log is surely predicted worse is dropped, unless its likelihood rises as surely:
+    errors seconds ahead are small, too, where other coefficients make up for what is missing. One with which
+    it is not surely predicted better gives way to another that blocks agree on as well and under which the log
+    is as likely, if that surely predicts better, than with the first and than with neither. Where something
+    remains, the model being wrong in other ways, too, an effect that the log could show and does not is
+    dropped.
 
     Parameters
     ----------
@@ -61,7 +63,7 @@ def held_out(selection: Selection, data: Data | None, criteria: Criteria = CRITE
         other = _on(_with_other(selection, *instead), before)
         if _mean(other.evidence[instead[1].name].holdout) > criteria.better:
             found = other
-    worse = [n for n, e in found.evidence.items() if _worse(e.holdout, criteria)]
+    worse = [n for n, e in found.evidence.items() if _worse(e, criteria)]
     if worse:
         return _left(found, _less(found.selection, worse, "the held-out log is predicted worse with it"))
     doubtful = _unconfirmed(found, criteria)
@@ -120,10 +122,11 @@ def _of_training(selection: Selection, name: str) -> Evidence:
     return Evidence(selection.gains[name], selection.blocks[name])
 
 
-def _worse(far: Horizons, criteria: Criteria) -> bool:
-    """Whether held-out predictions are surely worse, at most horizons."""
-    worse = [t < -criteria.worse for t in far.together]
-    return sum(worse) > len(worse) / 2
+def _worse(own: Evidence, criteria: Criteria) -> bool:
+    """Whether held-out predictions are surely worse, at most horizons, and the log not as surely likelier."""
+    worse = [t < -criteria.worse for t in own.holdout.together]
+    likelier = own.gained is not None and own.gained.t > criteria.worse
+    return sum(worse) > len(worse) / 2 and not likelier
 
 
 def _better(found: HeldOut, criteria: Criteria) -> tuple[str, Tried] | None:
@@ -136,6 +139,8 @@ def _better(found: HeldOut, criteria: Criteria) -> tuple[str, Tried] | None:
         if not own.together or _mean(own) > criteria.better:
             continue
         there = held_fit(other.fit.model, after.problem.data, after)
+        if there.cost > after.cost:
+            continue
         gained = round(_mean(ahead(after, there)), 1)
         if gained > criteria.better:
             gains.append((gained, name, other))
