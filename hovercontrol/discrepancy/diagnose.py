@@ -52,7 +52,7 @@ def diagnose(
     logs : sequence of Log
         Measured; with the model's inputs, and pose, body velocities or both.
     holdout : Log, optional
-        A log held out of the fit; a name with which it is predicted worse is dropped.
+        A log held out of the fit; a name with which it is predicted worse, and no likelier, is dropped.
     names : sequence of str, optional
         Effects to consider; default: the whole catalogue.
     max_effects : int, optional

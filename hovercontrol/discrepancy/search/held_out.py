@@ -42,8 +42,8 @@ def held_out(selection: Selection, data: Data | None, criteria: Criteria = CRITE
 
     An effect with which that log is surely predicted worse is dropped, unless its likelihood rises as surely:
     errors seconds ahead are small, too, where other coefficients make up for what is missing. One with which
-    it is not surely predicted better gives way to another that blocks agree on as well and under which the log
-    is as likely, if that surely predicts better, than with the first and than with neither. Where something
+    it is not surely predicted better gives way to another that blocks agree on as well and under which that
+    log is as likely, if it surely predicts better, than with the first and than with neither. Where something
     remains, the model being wrong in other ways, too, an effect that the log could show and does not is
     dropped.
 
