@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from hovercontrol.discrepancy import diagnose
+from hovercontrol.discrepancy.evidence.holdout import Gained
 from hovercontrol.discrepancy.report import gap_sentence, headline, remainder_sentence, write_report
 from hovercontrol.discrepancy.report.formatting import meaning
 from hovercontrol.discrepancy.report.free_run import free_run
@@ -157,6 +158,21 @@ def test_what_is_unexplained_has_leads_and_no_name(patched, pages):
     _, text = read(pages["unexplained"])
     assert "They are hints, not findings." in text and d.leads[0].reason in text
     assert "the amended model" not in text.replace("the amended model still needs", "")
+
+
+def test_errors_that_rise_are_told_beside_the_likelihood_that_does_too(sloping):
+    d = sloping.found
+    risen = tuple(replace(a, before=a.after, after=2.5 * a.after, t=-4.0) for a in d.ahead)
+    worst = max(risen, key=lambda a: a.after / a.before)
+    likelier = {"slope": replace(d.evidence["slope"], gained=Gained(253.0, 60.0))}
+    said = gap_sentence(replace(d, ahead=risen, evidence=likelier))
+    assert (
+        said.startswith("On the held-out log the error of ")
+        and f"{worst.horizon:g} s ahead rises from" in said
+    )
+    assert said.endswith(", though the log is likelier (twice its log likelihood gains 253).")
+    level = tuple(replace(a, t=0.0) for a in d.ahead)
+    assert gap_sentence(replace(d, ahead=level)).endswith("no channel is predicted significantly better.")
 
 
 def test_nothing_missing_is_said_so(complete, pages):

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from hovercontrol.core.boundary import checked
-from hovercontrol.discrepancy.evidence.holdout import Ahead, ahead
+from hovercontrol.discrepancy.evidence.holdout import Ahead, Gained, ahead
 from hovercontrol.discrepancy.evidence.laws import regime
 from hovercontrol.discrepancy.report import pictures
 from hovercontrol.discrepancy.report.context import Context, numbers_by_effect
@@ -138,12 +138,26 @@ def gap_sentence(d: Diagnosis) -> str:
     best = most_fallen(far)
     one = len(numbers_by_effect(d)) == 1
     if best is None:
-        return f"{where} no channel is predicted significantly better."
+        return f"{where} {_risen(far, [e.gained for e in d.evidence.values() if e.gained])}."
     fall = 1.0 - best.after / best.before
     part = f"{percent(fall) if fall >= 0.01 else 'less than 1 %'} of the error of {best.channel}"
     figures = f"{small(best.before)} to {small(best.after)} {unit(best.unit)}".strip()
     who = "it takes" if one else "they take"
     return f"{where} {who} {part} {best.horizon:.2g} s ahead ({figures})."
+
+
+def _risen(far: Sequence[Ahead], gains: Sequence[Gained]) -> str:
+    """Return that no error falls beyond chance, or which one rises most, and whether the log is likelier."""
+    risen = [a for a in far if a.t <= -SIGNIFICANCE.sure and a.after > a.before]
+    if not risen:
+        return "no channel is predicted significantly better"
+    most = max(risen, key=lambda a: a.after / a.before)
+    figures = f"{small(most.before)} to {small(most.after)} {unit(most.unit)}".strip()
+    least = min((g.gain for g in gains), default=0.0)
+    likelier = (
+        f", though the log is likelier (twice its log likelihood gains {least:.3g})" if least > 0 else ""
+    )
+    return f"the error of {most.channel} {most.horizon:.2g} s ahead rises from {figures}{likelier}"
 
 
 def most_fallen(far: Sequence[Ahead]) -> Ahead | None:
