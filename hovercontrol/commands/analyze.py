@@ -17,7 +17,6 @@ from hovercontrol.commands.given import Out
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.io.figure_style import figure_style
 from hovercontrol.io.files import check_folder
-from hovercontrol.notebook.progress import progress_bar
 
 EXAMPLE = "Example: hovercontrol analyze c17_gain_region --out out/gains"
 
@@ -51,7 +50,7 @@ def analyze(
         raise InputError(f"analyze: {name!r} is not an analysis of single trials, found {trial!r}")
     out = out or Path("out") / name
     check_folder(out)
-    with progress_bar(f"analyze {name}", 1.0) as report, figure_style():
+    with given.progress_bar(f"analyze {name}", 1.0) as report, figure_style():
         files = main(out, lambda part: report(part, ""), **about)
     texts = [file.read_text(encoding="utf-8").rstrip("\n") for file in files if file.suffix == ".txt"]
     content = {"analysis": name, "title": _title(scripts[name]), "findings": "\n".join(texts).splitlines()}

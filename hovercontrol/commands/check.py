@@ -10,7 +10,6 @@ import typer
 from hovercontrol.commands import given
 from hovercontrol.errors import InputError
 from hovercontrol.io.files import check_folder
-from hovercontrol.notebook.progress import progress_bar
 
 if TYPE_CHECKING:
     import numpy as np
@@ -66,7 +65,7 @@ def check(
     inputs = [s.name for s in known.plant(late=True).inputs] if known else []
     moves = known is not None and known.is_craft
     read = given.reader(inputs, columns, bench, bench_fans, only_while, settle, motion=moves)
-    with progress_bar("check", 1.0) as report:
+    with given.progress_bar("check", 1.0) as report:
         report(0.0, "reading logs")
         every, written, unread = [], [], []
         for name in logs:

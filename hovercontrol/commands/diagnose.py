@@ -12,7 +12,6 @@ import typer
 from hovercontrol.commands import given
 from hovercontrol.errors import InputError
 from hovercontrol.io.files import check_folder, write_folder
-from hovercontrol.notebook.progress import progress_bar
 
 EXAMPLE = "Example: hovercontrol diagnose a.csv b.csv --holdout c.csv --model craft.toml --out out/diagnose"
 
@@ -81,7 +80,7 @@ def diagnose(
     inputs = [s.name for s in lacks.plant(late=True).inputs]
     moves = lacks.is_craft
     read = given.reader(inputs, columns, bench, bench_fans, only_while, settle, frame, motion=moves)
-    with progress_bar("diagnose", 1.0) as report:
+    with given.progress_bar("diagnose", 1.0) as report:
         report(0.0, "reading logs")
         training, held = [read(name) for name in logs], read(holdout) if holdout else None
         found = find(

@@ -9,7 +9,6 @@ import typer
 
 from hovercontrol.commands import given
 from hovercontrol.errors import InputError, one_line
-from hovercontrol.notebook.progress import progress_bar
 
 EXAMPLE = "Example: hovercontrol export table1:plant -o plant.fmu --platforms x86_64-linux,x86_64-windows"
 
@@ -69,7 +68,7 @@ def export(
     chosen = choose(block)
     out = out or Path("out") / f"{chosen.block.name}.fmu"
     stop, step = chosen.stop if stop is None else stop, chosen.step if step is None else step
-    with progress_bar(f"export {one_line(block, 60)}", 1.0) as report:
+    with given.progress_bar(f"export {one_line(block, 60)}", 1.0) as report:
         path = export_fmu(
             chosen.block,
             out,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from hovercontrol.logs import Log
     from hovercontrol.models.blockmodel import BlockModel
     from hovercontrol.models.model import Model
+    from hovercontrol.notebook.progress import Report
 
 Out = Annotated[
     Path | None,
@@ -197,3 +199,10 @@ def pairs(text: str) -> dict[str, str]:
             raise InputError(f"--columns: expected NAME=COLUMN, found {part!r}")
         found[ours.strip()] = theirs.strip()
     return found
+
+
+def progress_bar(text: str, total: float) -> AbstractContextManager[Report]:
+    """Show the progress of a command; what it needs is imported when work begins, not for ``--help``."""
+    from hovercontrol.notebook import progress
+
+    return progress.progress_bar(text, total)

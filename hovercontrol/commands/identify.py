@@ -10,7 +10,6 @@ import typer
 from hovercontrol.commands import given
 from hovercontrol.errors import InputError
 from hovercontrol.io.files import check_folder
-from hovercontrol.notebook.progress import progress_bar
 
 if TYPE_CHECKING:
     from hovercontrol.identify.study import Study
@@ -67,7 +66,7 @@ def identify(
     craft = given.craft("identify", model, vehicle)
     inputs = [s.name for s in craft.plant().inputs]
     read = given.reader(inputs, columns, bench, bench_fans, only_while, settle, frame)
-    with progress_bar("identify", 1.0) as report:
+    with given.progress_bar("identify", 1.0) as report:
         every = []
         for k, name in enumerate([*names, *held]):
             every.append(read(name))

@@ -11,7 +11,6 @@ import typer
 from hovercontrol.commands import given
 from hovercontrol.commands.given import Out
 from hovercontrol.io.files import check_folder
-from hovercontrol.notebook.progress import progress_bar
 
 EXAMPLE = 'Example: hovercontrol reproduce c17 --only "table 2" --only "fig 15" --out out/c17'
 
@@ -39,7 +38,7 @@ def reproduce(
         return 0
     out = out or Path("out") / "reproduce"
     check_folder(out)
-    with progress_bar("reproduce", len(items)) as report:
+    with given.progress_bar("reproduce", len(items)) as report:
         outcomes = rebuild(items, out, report)
     counts = Counter(o.verdict for o in outcomes)
     lines = [

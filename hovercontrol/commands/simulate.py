@@ -13,7 +13,6 @@ from hovercontrol.commands import given
 from hovercontrol.commands.given import Out
 from hovercontrol.errors import InputError
 from hovercontrol.io.files import check_folder
-from hovercontrol.notebook.progress import progress_bar
 
 if TYPE_CHECKING:
     from hovercontrol.scenarios import Run
@@ -47,7 +46,7 @@ def simulate(
     loaded = load_scenario(scenario)
     out = out or Path("out") / loaded.name
     check_folder(out)
-    with progress_bar(f"simulate {loaded.name}", loaded.end) as report:
+    with given.progress_bar(f"simulate {loaded.name}", loaded.end) as report:
         run = run_scenario(loaded, report)
         files = run.save(out)
     if not json:

@@ -7,18 +7,19 @@ import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
-import numpy as np
 import typer
-from numpy.typing import NDArray
 
 from hovercontrol.commands import given
 from hovercontrol.commands.given import Out
 from hovercontrol.errors import InputError, shown
 from hovercontrol.io import files
 from hovercontrol.io.files import check_folder
-from hovercontrol.notebook.progress import progress_bar
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
 
 EXAMPLE = "Example: hovercontrol sweep k06-turn --vary controller.k2=0.5:6:200 --of r --figure final"
 
@@ -49,6 +50,8 @@ def sweep(
 
     Exit status 1 if some runs fail; the others are written.
     """
+    import numpy as np
+
     from hovercontrol.scenarios import load_scenario
     from hovercontrol.scenarios.varied import vary as run
 
@@ -61,7 +64,7 @@ def sweep(
     partial = out.resolve().with_name(f"{out.resolve().name}.partial")
     if not resume:
         shutil.rmtree(partial, ignore_errors=True)
-    with _kept(partial), progress_bar(f"sweep {loaded.name}", 1.0) as report:
+    with _kept(partial), given.progress_bar(f"sweep {loaded.name}", 1.0) as report:
         found = run(loaded, ranges, of, figure, progress=lambda done: report(done), checkpoint=partial)
         written = found.save(out)
     values = found.values.ravel()

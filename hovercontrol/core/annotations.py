@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import inspect
 import os
-import sys
 import types
 import typing
 from collections.abc import Callable, Iterable, Mapping
@@ -14,6 +13,7 @@ from typing import Any, Literal, TypeVar, Union
 
 import numpy as np
 import numpy.typing as npt
+import sympy as sp
 
 #: Most elements of a sequence that are looked at; arrays are looked at as a whole.
 LOOKED_AT = 1000
@@ -39,7 +39,7 @@ def fits(value: Any, hint: Any) -> bool:
     if origin is not None:
         return _fits_generic(value, origin, inner)
     if hint is float:
-        number = isinstance(value, Real) or getattr(value, "is_extended_real", None) is True  # of SymPy
+        number = isinstance(value, Real) or (isinstance(value, sp.Expr) and value.is_extended_real is True)
         number = number or (isinstance(value, np.ndarray) and value.ndim == 0)
         return number and not isinstance(value, bool) and _is_numbers(value)
     if hint is int:
@@ -48,10 +48,9 @@ def fits(value: Any, hint: Any) -> bool:
         return isinstance(value, bool | np.bool_)
     if hint is Path:
         return isinstance(value, str | os.PathLike)
-    sp = sys.modules.get("sympy")  # whoever gives or asks for its types has imported it; it takes 0.2 s
-    if sp is not None and inspect.isclass(hint) and issubclass(hint, sp.MatrixBase):
+    if inspect.isclass(hint) and issubclass(hint, sp.MatrixBase):
         return isinstance(value, sp.MatrixBase)  # mutable or not
-    if sp is not None and inspect.isclass(hint) and issubclass(hint, sp.Basic):
+    if inspect.isclass(hint) and issubclass(hint, sp.Basic):
         return isinstance(value, sp.Basic | Real)
     if getattr(hint, "_is_protocol", False):
         return all(hasattr(value, name) for name in vars(hint) if not name.startswith("_"))

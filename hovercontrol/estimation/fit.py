@@ -212,7 +212,7 @@ def estimate(
 
 @dataclass(eq=False)
 class _Iteration:
-    """Where an iteration is: what is fitted, the noise by now, passes done, the cost before."""
+    """Where an iteration is: what is fitted, noise, passes done, the cost before, damping of each step."""
 
     problem: Problem
     prior: Prior
@@ -226,9 +226,9 @@ class _Iteration:
     before: float = np.inf
     change: float = np.inf
     factor: float = COARSEST
-    unknowns: Damping = field(default_factory=Damping)
-    along: Damping = field(default_factory=Damping)
-    louder: Damping = field(default_factory=lambda: Damping(most=ONWARD))
+    of_unknowns: Damping = field(default_factory=Damping)
+    of_path: Damping = field(default_factory=Damping)
+    of_levels: Damping = field(default_factory=lambda: Damping(most=ONWARD))
 
     def first(self, p: Array, path: Array) -> Pass:
         """Return the first pass."""
@@ -246,15 +246,15 @@ class _Iteration:
         if out is not None:
             self.problem, self.before = self.problem.without(out), np.inf
         step, along = now.steps(self.problem)
-        p = self.problem.outside(self.problem.inside(now.p) + self.unknowns.taken(step))
-        path = now.path + self.along.taken(along)
+        p = self.problem.outside(self.problem.inside(now.p) + self.of_unknowns.taken(step))
+        path = now.path + self.of_path.taken(along)
         self.k += 1
         while True:
             found = tried_pass(self.problem, self.noise, self.prior, p, path, self.frozen)
             if found is not None:
                 return self._counted(found)
             p, path, self.k = 0.5 * (p + now.p), 0.5 * (path + now.path), self.k + 1
-            self.unknowns, self.along = Damping(), Damping()
+            self.of_unknowns, self.of_path = Damping(), Damping()
             if self.k > self.most + STILL:
                 raise FloatingPointError("the model runs away")
 
@@ -294,7 +294,7 @@ class _Iteration:
             if (there and self.k > self.hold) or self.k >= self.most + self.hold:
                 return self.onward(now)
             if self.k >= self.hold:
-                self.noise = moved(self.problem, self.noise, now.system, now.smooth, self.louder)
+                self.noise = moved(self.problem, self.noise, now.system, now.smooth, self.of_levels)
                 if self.times and (self.k - self.hold) % 3 == 1 and self.factor > FINEST:
                     self._timed(now)
             now = self.onward(now)

@@ -98,7 +98,7 @@ class Gap(TypedDict):
     holdout: HoldoutGap
 
 
-class Left(TypedDict):
+class RemainderPlace(TypedDict):
     """Where what remains in one equation is."""
 
     regime: Annotated[str, "in words; empty where no force is significant"]
@@ -114,7 +114,7 @@ class Remainder(TypedDict):
     share_explained: float
     averaged_over: Annotated[float, "s"]
     gain: float
-    where: Left | None
+    where: RemainderPlace | None
 
 
 class Lead(TypedDict):

@@ -113,7 +113,7 @@ def key_of(number: Found) -> str:
 
 @checked
 def gap_sentence(d: Diagnosis) -> str:
-    """Return which part of the held-out error the named effects explain, or how large that error is.
+    """Return which part of the held-out error the named effects explain, that it rises, or how large it is.
 
     Parameters
     ----------
