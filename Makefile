@@ -1,6 +1,7 @@
 # Two commands do all set-up on a machine that has Python >= 3.11 and nothing else: make demo, make test.
 PYTHON ?= python3
 BIN := .venv/bin
+unexport PYTHONDONTWRITEBYTECODE  # the tests start many processes: compile each file once
 
 .PHONY: demo test test-slow test-all coverage mutations oldest check wheel fuzz benchmarks docs pictures clean
 .DELETE_ON_ERROR:

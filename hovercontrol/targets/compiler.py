@@ -259,7 +259,7 @@ def _key(command: tuple[str, ...], flags: Sequence[str], files: Mapping[str, str
 
 def _cached(folder: Path, stem: str, suffix: str) -> Path | None:
     """Return the library of that name whose bytes are those its name promises; remove any other."""
-    for path in sorted(folder.glob(f"{stem}-*{suffix}")):
+    for path in sorted(_shelf(folder, stem).glob(f"{stem}-*{suffix}")):
         try:
             if _digest(path) == path.stem.rpartition("-")[2]:
                 return path
@@ -269,13 +269,18 @@ def _cached(folder: Path, stem: str, suffix: str) -> Path | None:
     return None
 
 
+def _shelf(folder: Path, stem: str) -> Path:
+    """Return the part of a cache folder for names that end in a key: to look through all takes time."""
+    return folder / stem[-2:]
+
+
 def cached_text(stem: str, suffix: str, make: Callable[[], str]) -> str:
     """Return a generated text that is slow to make, from the cache or made now.
 
     Parameters
     ----------
     stem : str
-        Begins the file's name; says all that the text depends on.
+        Begins the file's name; ends in a hexadecimal key of all that the text depends on.
     suffix : str
         Of the file, with the dot.
     make : callable
@@ -288,7 +293,8 @@ def cached_text(stem: str, suffix: str, make: Callable[[], str]) -> str:
     text = make()
     digest = hashlib.sha256(text.encode()).hexdigest()[:16]
     with contextlib.suppress(InputError):  # a full disk: it is made again next time
-        write_quietly(folder / f"{stem}-{digest}{suffix}", lambda path: path.write_bytes(text.encode()))
+        target = _shelf(folder, stem) / f"{stem}-{digest}{suffix}"
+        write_quietly(target, lambda path: path.write_bytes(text.encode()))
     return text
 
 
@@ -352,7 +358,8 @@ def _build(
             raise CompilerFailedError(f"the C compiler {command[0]} failed: {first.strip()}; its log: {log}")
         if not made.read_bytes()[:4].startswith(_MAGIC[suffix]):
             raise CompilerFailedError(f"the C compiler {command[0]} failed: what it wrote is no library")
-        target = folder / f"{stem}-{_digest(made)}{suffix}"
+        target = _shelf(folder, stem) / f"{stem}-{_digest(made)}{suffix}"
+        target.parent.mkdir(exist_ok=True)
         try:
             os.replace(made, target)
         except OSError:  # Windows: the same file, built by another process, is in use

@@ -185,7 +185,7 @@ def _reference(interface: Interface, token: str, experiment: Experiment, atol: f
     held = {v.name: _typical(v.start or 0.0, v.nominal, v.lower, v.upper) for v in interface.of("input")}
     name = interface.identifier
     key = hashlib.sha256(f"{token} {experiment} {atol} {held}".encode()).hexdigest()[:24]
-    made = cached_text(f"{name}-{key}-ref", ".csv", lambda: _simulated(interface, experiment, atol, held))
+    made = cached_text(f"{name}-ref-{key}", ".csv", lambda: _simulated(interface, experiment, atol, held))
     files = {f"{name}_ref.csv": made.encode()}
     if held:
         ends = [0.0, experiment.stop]
