@@ -48,6 +48,41 @@ def _as_expression(name: str, value: Any) -> sp.Expr:
     return expression
 
 
+def with_symbols(expression: sp.Expr, swap: Mapping[sp.Symbol, sp.Symbol]) -> sp.Expr:
+    """Return an expression with other symbols in the place of some.
+
+    As ``xreplace``, but for the order of minima and maxima: SymPy would compare their arguments anew, at
+    length.
+
+    Parameters
+    ----------
+    expression : sympy.Expr
+    swap : mapping of sympy.Symbol to sympy.Symbol
+
+    Examples
+    --------
+    >>> a, b, c = (sp.Symbol(name, real=True) for name in "abc")
+    >>> with_symbols(sp.Max(a, b) + sp.sin(b), {b: c})
+    sin(c) + Max(a, c)
+    """
+    done: dict[sp.Basic, sp.Basic] = dict(swap)
+
+    def changed(e: sp.Basic) -> sp.Basic:
+        if e in done or not e.args:
+            return done.get(e, e)
+        args = [changed(a) for a in e.args]
+        if all(a is b for a, b in zip(args, e.args, strict=True)):
+            found = e
+        elif isinstance(e, (sp.Min, sp.Max)):
+            found = e.func(*args, evaluate=False)
+        else:
+            found = e.func(*args)
+        done[e] = found
+        return found
+
+    return changed(expression)
+
+
 class Definitions(dict[str, sp.Expr]):
     """The definitions of a Block while they are written: call it with a name and an expression.
 

@@ -17,6 +17,7 @@ from sympy.printing.numpy import NumPyPrinter
 from sympy.printing.pycode import PythonCodePrinter
 
 from hovercontrol.core.derivatives import partial_derivatives
+from hovercontrol.core.expressions import with_symbols
 from hovercontrol.core.program import Program
 from hovercontrol.core.signals import time
 from hovercontrol.errors import InputError
@@ -218,8 +219,8 @@ def _compile(program: Program, backend: Backend, groups: Sequence[list[sp.Symbol
         short[symbol] = sp.Symbol(f"c{k}")
     printer = _Floats() if backend == "math" else _Arrays()
     for symbol, e in program.steps:
-        lines.append(f"    {short[symbol]} = {printer.doprint(e.xreplace(short))}")
-    values = "".join(f"{printer.doprint(e.xreplace(short))}, " for e in program.results)
+        lines.append(f"    {short[symbol]} = {printer.doprint(with_symbols(e, short))}")
+    values = "".join(f"{printer.doprint(with_symbols(e, short))}, " for e in program.results)
     lines.append(f"    return ({values})")
     space: dict[str, Any] = {"math": math, "numpy": np}
     exec("\n".join(lines), space)

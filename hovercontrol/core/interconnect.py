@@ -17,7 +17,7 @@ import sympy as sp
 
 from hovercontrol.core.block import Block, Tick
 from hovercontrol.core.boundary import checked
-from hovercontrol.core.expressions import Expressions
+from hovercontrol.core.expressions import Expressions, with_symbols
 from hovercontrol.core.signals import Signal
 from hovercontrol.core.tick_order import tick_order
 from hovercontrol.errors import InputError, did_you_mean
@@ -58,7 +58,9 @@ def rename(block: Block, signals: Mapping[str, str]) -> Block:
     def renamed(group: Iterable[Signal]) -> list[Signal]:
         return [s.replace(name=signals.get(s.name, s.name)) for s in group]
 
-    outputs = [(signals.get(name, name), e.xreplace(swap)) for name, e in block.output_expressions.items()]
+    outputs = [
+        (signals.get(name, name), with_symbols(e, swap)) for name, e in block.output_expressions.items()
+    ]
     return replace(
         block,
         inputs=tuple(renamed(block.inputs)),
@@ -190,17 +192,19 @@ def interconnect(
         block, swap = part.block, {**outside, **part.own}
         for signal in block.definition_signals:
             signals.append(_moved(part, signal))
-            definitions[signals[-1].name] = block.definitions[signal.name].xreplace(swap)
+            definitions[signals[-1].name] = with_symbols(block.definitions[signal.name], swap)
         for output in block.outputs:
             if output.name not in plain:
                 signals.append(output)
-                definitions[output.name] = block.output_expressions[output.name].xreplace(swap)
+                definitions[output.name] = with_symbols(block.output_expressions[output.name], swap)
         moved = [_moved(part, s) for s in block.states]
         if period is None and block.period:
             held += [*part.held, *moved]
             derivatives.update({s.name: sp.S.Zero for s in (*part.held, *moved)})
             tells, takes = (
-                Expressions((s.name, e.xreplace(swap)) for s, e in zip(signals_, group.values(), strict=True))
+                Expressions(
+                    (s.name, with_symbols(e, swap)) for s, e in zip(signals_, group.values(), strict=True)
+                )
                 for signals_, group in ((part.held, block.output_expressions), (moved, block.derivatives))
             )
             ticks[block.name] = [Tick(block.name, block.period, tells), Tick(block.name, block.period, takes)]
@@ -208,12 +212,12 @@ def interconnect(
         states += moved[: block.n_continuous]
         held += moved[block.n_continuous :]
         for signal, e in zip(moved, block.derivatives.values(), strict=True):
-            derivatives[signal.name] = e.xreplace(swap)
+            derivatives[signal.name] = with_symbols(e, swap)
         ticks[block.name] = [
             Tick(
                 tick.name,
                 tick.period,
-                Expressions((f"{block.name}.{n}", e.xreplace(swap)) for n, e in tick.updates.items()),
+                Expressions((f"{block.name}.{n}", with_symbols(e, swap)) for n, e in tick.updates.items()),
             )
             for tick in block.ticks
         ]
