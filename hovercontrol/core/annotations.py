@@ -20,11 +20,18 @@ LOOKED_AT = 1000
 
 _UNIONS = (Union, types.UnionType)
 
-_ARRAY = frozenset(typing.get_args(npt.ArrayLike))
+
+def _meant(hint: Any) -> Any:
+    """Return what a named annotation stands for (NumPy's ``ArrayLike`` is one from Python 3.12 on)."""
+    return getattr(hint, "__value__", hint)
+
+
+_ARRAY = frozenset(typing.get_args(_meant(npt.ArrayLike)))
 
 
 def fits(value: Any, hint: Any) -> bool:
     """Return whether a value is what an annotation says, or can be made so without a guess."""
+    hint = _meant(hint)
     origin, inner = typing.get_origin(hint), typing.get_args(hint)
     if hint in (Any, object, inspect.Parameter.empty) or isinstance(hint, TypeVar | str):
         return True
@@ -88,9 +95,14 @@ def _fits_generic(value: Any, origin: Any, inner: tuple[Any, ...]) -> bool:
 
 def _parts(inner: tuple[Any, ...]) -> list[Any]:
     """Return what a union is of; what NumPy calls like an array is one part."""
-    if not set(inner) >= _ARRAY:
-        return list(inner)
-    return [np.ndarray, *(one for one in inner if one not in _ARRAY)]
+    flat = [
+        part
+        for one in map(_meant, inner)
+        for part in (typing.get_args(one) if typing.get_origin(one) in _UNIONS else [one])
+    ]
+    if not set(flat) >= _ARRAY:
+        return flat
+    return [np.ndarray, *(one for one in flat if one not in _ARRAY)]
 
 
 def _is_array(hint: Any) -> bool:
@@ -119,6 +131,7 @@ def described(hint: Any) -> str:
     >>> described(float | None), described(dict[str, float]), described(Literal["zero", "linear"])
     ('a number or None', 'names, each with a number', "'zero' or 'linear'")
     """
+    hint = _meant(hint)
     origin, inner = typing.get_origin(hint), typing.get_args(hint)
     if hint is None or hint is type(None):
         return "None"
@@ -151,6 +164,7 @@ def innermost(where: str, value: Any, hint: Any) -> tuple[str, Any, Any]:
     >>> innermost("params", {"k": 1.0, "m": "heavy"}, dict[str, float])[:2]
     ("params['m']", 'heavy')
     """
+    hint = _meant(hint)
     for kind in _parts(typing.get_args(hint)) if typing.get_origin(hint) in _UNIONS else [hint]:
         origin, inner = typing.get_origin(kind), typing.get_args(kind)
         if not inspect.isclass(origin) or not inner:
@@ -173,6 +187,7 @@ def innermost(where: str, value: Any, hint: Any) -> tuple[str, Any, Any]:
 
 def usual_types(hint: Any) -> frozenset[type]:
     """Return types of which every value is what an annotation says."""
+    hint = _meant(hint)
     if hint in _USUAL:
         return _USUAL[hint]
     if typing.get_origin(hint) in _UNIONS:

@@ -37,8 +37,14 @@ _NAME = re.compile(r"\.(writing|placing)-([0-9a-f]{8})-(\d+)-.*")
 
 def reason(error: BaseException) -> str:
     """Return why the system refused something, in one line."""
+    if _has_null(error):  # each version of Python has words of its own
+        return "embedded null byte"
     text = getattr(error, "strerror", None) or str(error) or type(error).__name__
     return " ".join(str(text).split())
+
+
+def _has_null(error: BaseException) -> bool:
+    return isinstance(error, ValueError) and "embedded null" in str(error)
 
 
 def readable(path: str | Path, wanted: str = "a file") -> Path:
@@ -227,7 +233,7 @@ def _refusals(target: Path) -> Iterator[None]:
     except InputError:
         raise
     except (OSError, ValueError, RuntimeError) as error:
-        if not isinstance(error, OSError) and "null byte" not in str(error) and "loop" not in str(error):
+        if not isinstance(error, OSError) and not _has_null(error) and "loop" not in str(error):
             raise
         if _is_part(target):  # who writes the whole says where that was to be
             raise
