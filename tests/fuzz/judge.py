@@ -37,7 +37,7 @@ def limited(seconds: float = LONGEST) -> Iterator[None]:
         raise Hang(f"hangs in {frame.f_code.co_filename}, line {frame.f_lineno}" if frame else "hangs")
 
     before = signal.signal(signal.SIGALRM, end)
-    signal.setitimer(signal.ITIMER_REAL, seconds)
+    signal.setitimer(signal.ITIMER_REAL, seconds, 1.0)  # again where a finaliser swallowed it
     try:
         yield
     except Hang as hang:

@@ -174,6 +174,10 @@ def measured_ranges(
     )
 
 
+#: Most beacons: a Block has signals for each.
+MOST_BEACONS = 1000
+
+
 @checked
 def range_arrivals(count: int, *, period: float = IMU_PERIOD, name: str = "range_arrivals") -> Block:
     """Return what leads from ranging units that hold their ranges to :func:`range_filter`.
@@ -197,7 +201,7 @@ def range_arrivals(count: int, *, period: float = IMU_PERIOD, name: str = "range
     Raises
     ------
     InputError
-        If there is no beacon or the period is not positive.
+        If there is no beacon, if there are more than 1000, or if the period is not positive.
 
     Examples
     --------
@@ -207,8 +211,8 @@ def range_arrivals(count: int, *, period: float = IMU_PERIOD, name: str = "range
     ...  for v, u in ((1, 1), (1, 1), (1, 2), (0, 0), (1, 1))]
     [1, 0, 1, 0, 1]
     """
-    if not isinstance(count, int) or count < 1:
-        raise InputError(f"{name}: expected a whole number of beacons, found {count!r}")
+    if not 1 <= count <= MOST_BEACONS:
+        raise InputError(f"{name}: count: expected 1 to {MOST_BEACONS} beacons, found {count!r:.40}")
     new = Signal("range_valid", "1", "1 while there are new ranges")
     heard = [Signal(f"range_{k}_heard", "1", "1 where the beacon was heard") for k in range(1, count + 1)]
     last_new, last_unit = (
