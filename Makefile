@@ -28,8 +28,10 @@ test-all: .venv/ready check  ## the same and the slow ones
 	$(PYTEST)
 
 COVERED ?= 90
-coverage: .venv/ready  ## the quick tests, and which lines of the package none of them runs; fewer than 90 % that run fail
-	$(PYTEST) -m "not slow" --cov --cov-report=term:skip-covered --cov-report=html:out/coverage --cov-fail-under=$(COVERED)
+TESTS ?= -m "not slow"
+HTML ?= --cov-report=html:out/coverage
+coverage: .venv/ready  ## the quick tests (TESTS= all), and the lines of the package that none of them runs; 90 % must run
+	$(PYTEST) $(TESTS) --cov --cov-report=term:skip-covered $(HTML) --cov-fail-under=$(COVERED)
 
 check: .venv/ready
 	$(BIN)/ruff check .

@@ -1,6 +1,5 @@
 """hovercontrol export as a new user meets it."""
 
-import importlib.util
 import re
 from importlib import resources
 
@@ -178,18 +177,6 @@ def test_a_users_blocks_and_models_become_fmus(call, tmp_path):
     ):
         with pytest.raises(InputError, match=re.escape(said)):
             choose(f"{tmp_path}/mine.py:{name}")
-
-
-@pytest.mark.slow  # the first build for Windows takes ziglang a minute
-def test_several_platforms_in_one_file(call, tmp_path):
-    if importlib.util.find_spec("ziglang") is None:
-        pytest.skip("ziglang (hovercontrol[fmu]) is not installed")
-    done = call(
-        "export", "four_fan", "-o", "x.fmu", "--platforms", "x86_64-linux,x86_64-windows", cwd=tmp_path
-    )
-    assert done.returncode == 0, done.stderr
-    assert "for x86_64-linux, x86_64-windows;" in done.stdout
-    assert set(fmpy.supported_platforms(str(tmp_path / "x.fmu"))) >= {"linux64", "win64", "c-code"}
 
 
 @pytest.mark.parametrize(
