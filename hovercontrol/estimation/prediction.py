@@ -9,15 +9,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hovercontrol.estimation.fit import Fit
+from hovercontrol.estimation.problem import Problem
 from hovercontrol.targets.shoot import shoot
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
 
 #: Rows from which predictions start, at most.
 STARTS = 600
 
 #: Longest sub-step [s].
 STEP = 0.01
+
+#: Horizons that fit into the logs at least: fewer say nothing of their own scatter.
+TIMES = 10
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +37,8 @@ class Prediction:
     errors : ndarray, shape (N, C)
         Measured, less the drift of a navigation, minus predicted; NaN where not measured.
     block : ndarray of int, shape (N,)
-        In which block each prediction starts.
+        In which part of the logs each prediction starts: a block, or as many as make twice the horizon, since
+        predictions that overlap err alike.
     """
 
     horizon: float
@@ -51,41 +57,40 @@ class Prediction:
 
 
 def predict(fit: Fit, horizon: float, starts: int = STARTS) -> Prediction | None:
-    """Return the errors of a fitted model `horizon` seconds ahead; None if no block is that long.
+    """Return the errors of a fitted model `horizon` seconds ahead; None if no unbroken log is that long.
 
     Parameters
     ----------
     fit : Fit
     horizon : float
-        [s]; the row nearest to it is predicted.
+        [s]; the row nearest to it is predicted, in whichever block it is.
     starts : int, optional
         Predictions at most, spread evenly.
     """
     problem = fit.problem
     time = problem.rows.time
     half = 0.5 * problem.shortest
-    begin, end, block = [], [], []
-    seen = np.asarray(problem.seen.any(axis=2))
-    for w in range(time.shape[1]):
-        rows = np.flatnonzero(seen[:, w])
-        ahead = np.searchsorted(time[rows, w], time[rows, w] + horizon - half)
-        good = ahead < rows.size
-        begin.append(rows[good])
-        end.append(rows[ahead[good]])
-        block.append(np.full(int(good.sum()), w))
-    first, last, of = (np.concatenate(a).astype(np.intp) for a in (begin, end, block))
+    begin, end = [], []
+    for stretches in _pieces(problem):
+        when = time[stretches]
+        ahead = np.searchsorted(when, when + horizon - half)
+        good = ahead < when.size
+        begin.append(np.stack(stretches)[:, good])
+        end.append(np.stack(stretches)[:, ahead[good]])
+    first, start_of = np.concatenate(begin, axis=1)
+    last, of = np.concatenate(end, axis=1)
     if not first.size:
         return None
     keep = np.unique(np.linspace(0, first.size - 1, min(starts, first.size)).astype(int))
-    first, last, of = first[keep], last[keep], of[keep]
-    t0, t1 = time[first, of], time[last, of]
+    first, start_of, last, of = first[keep], start_of[keep], last[keep], of[keep]
+    t0, t1 = time[first, start_of], time[last, of]
     finest = min(STEP, float(np.max(problem.h)) or STEP)
     S = max(1, int(np.ceil(float((t1 - t0).max()) / finest)))
     h = (t1 - t0) / S
     t = t0 + np.arange(S)[:, None] * h
     parameters = problem.parameters(fit.p)
     u, lagged = problem.commands_at(parameters, t, np.maximum(h, 1e-12), problem.rows.log[of])
-    start = np.moveaxis(fit.path[first, of], 1, 0)[:, None, :]
+    start = np.moveaxis(fit.path[first, start_of], 1, 0)[:, None, :]
     known = {i: v[:, None, None, :] for i, v in lagged.items()}
     with np.errstate(all="ignore"):
         x = shoot(
@@ -94,11 +99,33 @@ def predict(fit: Fit, horizon: float, starts: int = STARTS) -> Prediction | None
         )[1][:, 0]  # fmt: skip
     found = problem.channels_at(x, parameters, t1, problem.rows.log[of])
     values = np.where(problem.seen[last, of], (problem.rows.values - fit.drift)[last, of], np.nan)
-    return Prediction(horizon, problem.rows.channels, values - found.T, problem.rows.block[of])
+    return Prediction(horizon, problem.rows.channels, values - found.T, _parts(problem, horizon)[start_of])
 
 
 def horizons(fit: Fit, wanted: Sequence[float] = (0.2, 0.5, 1.0, 2.0)) -> tuple[float, ...]:
     """Return how far ahead a model is judged [s]: as wanted, or as many rows of a slower machine."""
     slow = max(1.0, 10.0 * fit.problem.shortest / wanted[0])
-    longest = float(fit.problem.rows.seconds.max())
-    return tuple(slow * h for h in wanted if slow * h < 0.8 * longest) or (0.5 * longest,)
+    times = [fit.problem.rows.time[rows] for rows in _pieces(fit.problem)]
+    longest = max(float(np.ptp(t)) for t in times)
+    most = min(0.8 * longest, float(fit.problem.rows.seconds.sum()) / TIMES)
+    return tuple(slow * h for h in wanted if slow * h <= most) or (min(slow * wanted[0], 0.5 * longest),)
+
+
+def _pieces(problem: Problem) -> list[tuple[Indices, Indices]]:
+    """Return where the measured rows of each unbroken piece are: rows and stretches, in order of time."""
+    rows = problem.rows
+    seen = np.asarray(problem.seen.any(axis=2))
+    found = []
+    for number in np.unique(rows.piece):
+        own = np.flatnonzero(rows.piece == number)
+        stretch, row = np.nonzero(seen[:, own].T)
+        found.append((row, own[stretch]))
+    return [rows_of for rows_of in found if rows_of[0].size]
+
+
+def _parts(problem: Problem, horizon: float) -> Indices:
+    """Return the part of the logs of each stretch, shape (W,): as many blocks as twice the horizon lasts."""
+    rows = problem.rows
+    together = max(1, int(np.ceil(2.0 * horizon / float(np.median(rows.seconds)) - 1e-9)))
+    first = np.array([rows.block[rows.piece == p].min() for p in rows.piece])
+    return first + (rows.block - first) // together * together

@@ -77,6 +77,8 @@ class Rows:
     log : ndarray of int, shape (W,)
     block : ndarray of int, shape (W,)
         Which stretches belong to one block: long ones are filtered in several stretches, side by side.
+    piece : ndarray of int, shape (W,)
+        Which stretches follow on: a very long gap, or the end of a log, ends a piece.
     block_log : ndarray of int, shape (B,)
         From which log each block is.
     at : ndarray of int, shape (K, W)
@@ -89,6 +91,7 @@ class Rows:
     guess: dict[str, Array]
     log: Indices
     block: Indices
+    piece: Indices
     block_log: Indices
     at: Indices
     channels: tuple[str, ...]
@@ -130,8 +133,9 @@ def arrange(
     blocks = int(np.clip(round(count), BLOCKING.least_blocks, BLOCKING.most_blocks))
     grids: list[tuple[int, Array, Indices]] = []
     block: list[int] = []
+    piece: list[int] = []
     block_log: list[int] = []
-    for i, a, b in pieces:
+    for number, (i, a, b) in enumerate(pieces):
         time, at = _grid(logs[i], a, b)
         share = (time[-1] - time[0]) / max(total, 1e-300)
         own = int(np.clip(round(blocks * share), 1, max(time.size // BLOCKING.fewest, 1)))
@@ -145,6 +149,7 @@ def arrange(
             ):
                 grids.append((i, t, rows))
                 block.append(len(block_log))
+                piece.append(number)
             block_log.append(i)
     if not grids:
         said = ", ".join(log.name for log in logs)
@@ -166,8 +171,9 @@ def arrange(
         for name in names:
             guess[name][:n, w] = np.interp(t, log.time, states[i][name])
             guess[name][n:, w] = guess[name][n - 1, w]
-    owner, of, from_log = (np.array(a, dtype=np.intp) for a in ([i for i, _, _ in grids], block, block_log))
-    return Rows(times, values, guess, owner, of, from_log, places, tuple(channels))
+    owner = np.array([i for i, _, _ in grids], dtype=np.intp)
+    of, follows, from_log = (np.array(a, dtype=np.intp) for a in (block, piece, block_log))
+    return Rows(times, values, guess, owner, of, follows, from_log, places, tuple(channels))
 
 
 def _pieces(log: Measured) -> list[tuple[int, int]]:

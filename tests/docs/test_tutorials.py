@@ -44,7 +44,7 @@ def test_the_cable_of_a_users_own_machine_is_named_from_closed_loop_logs(tmp_pat
     assert found == pytest.approx({"cable_spring": 0.8, "cable_spring_beyond": 0.5}, rel=0.005)
     before, after = map(float, re.findall(r"(\S+) mm", said))
     assert before > 4.0
-    assert 0.95 < after < 1.05  # the laser's noise is 1 mm
+    assert 0.9 < after < 1.1  # the laser's noise is 1 mm
     assert "cable spring" in (tmp_path / "report.html").read_text(encoding="utf-8")
 
     command = [sys.executable, "-m", "hovercontrol.cli", "diagnose", "trial1.csv", "trial2.csv"]
