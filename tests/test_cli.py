@@ -1,5 +1,6 @@
 """The command line as a new user meets it: help, a right call, wrong calls."""
 
+import re
 import subprocess
 import sys
 
@@ -14,6 +15,15 @@ def test_help_shows_an_example_for_every_command(call):
     assert "simulate" in call("--help").stdout
     for command in ("simulate", "identify"):
         assert "Example: hovercontrol" in " ".join(call(command, "--help").stdout.split())
+
+
+def test_help_breaks_no_sentence(call):
+    for command in ("check", "identify", "diagnose", "cockpit"):
+        text = call(command, "--help").stdout.split("╭")[0]
+        said = [" ".join(part.split()) for part in re.split(r"\n *\n", text)]
+        assert len(said) > 3 and all(part.endswith(".") for part in said if part and "Usage:" not in part), (
+            said
+        )
 
 
 def test_without_arguments_the_help_is_shown(call):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from inspect import cleandoc
 from typing import Annotated
 
 import typer
@@ -52,6 +53,11 @@ def _root(
         raise typer.Exit
 
 
+def _paragraphs(text: str) -> str:
+    """Return a docstring without its line breaks: a terminal is as wide as it is."""
+    return "\n\n".join(" ".join(part.split()) for part in cleandoc(text).split("\n\n"))
+
+
 for command, example in (
     (simulate.simulate, simulate.EXAMPLE),
     (new.new, new.EXAMPLE),
@@ -65,4 +71,4 @@ for command, example in (
     (cockpit.cockpit, cockpit.EXAMPLE),
     (schema.schema, schema.EXAMPLE),
 ):
-    app.command(epilog=example)(command)
+    app.command(epilog=example, help=_paragraphs(command.__doc__ or ""))(command)

@@ -41,14 +41,13 @@ def check(
     bench_fans: given.BenchFans = 2,
     only_while: given.OnlyWhile = "",
     settle: given.Settle = 1.0,
+    frame: given.Frame = "",
     json: given.Json = False,
 ) -> int:
     """Check logs before a fit: timing, noise, outliers, units, excitation.
 
     Reports for each log its rate, gaps, jitter and clock; for each column range, noise, resolution and
-
     outliers; with a model also whether units, signs and clocks agree with it and which
-
     coefficients a fit could estimate. Writes check.txt, check.json, check.png and check.svg.
 
     Exit status 1 if a log cannot be used as it is, or a coefficient cannot be estimated.
@@ -62,9 +61,9 @@ def check(
     check_folder(out)
     given.refuse_twice("check", logs)
     known = given.subject("check", model, vehicle) if model or vehicle else None
-    inputs = [s.name for s in known.plant(late=True).inputs] if known else []
+    inputs = {s.name: s.unit for s in known.plant(late=True).inputs} if known else {}
     moves = known is not None and known.is_craft
-    read = given.reader(inputs, columns, bench, bench_fans, only_while, settle, motion=moves)
+    read = given.reader(inputs, columns, bench, bench_fans, only_while, settle, frame, motion=moves)
     with given.progress_bar("check", 1.0) as report:
         report(0.0, "reading logs")
         every, written, unread = [], [], []

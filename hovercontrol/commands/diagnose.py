@@ -52,8 +52,7 @@ def diagnose(
     """Find which effects a model lacks, how much error each explains, and what remains.
 
     An effect is named when three independent things agree: the likelihood that it gains, the same size on
-    disjoint blocks of the logs, and
-    predictions of the held-out log.
+    disjoint blocks of the logs, and predictions of the held-out log.
 
     Verdicts: none (nothing is missing beyond noise), effect (named, nothing
     remains), partial (named, and something remains), ambiguous (one of
@@ -77,7 +76,7 @@ def diagnose(
     names = given.listed(effects, "--effects")
     for name in names or []:
         lacks.effect_class(name)
-    inputs = [s.name for s in lacks.plant(late=True).inputs]
+    inputs = {s.name: s.unit for s in lacks.plant(late=True).inputs}
     moves = lacks.is_craft
     read = given.reader(inputs, columns, bench, bench_fans, only_while, settle, frame, motion=moves)
     with given.progress_bar("diagnose", 1.0) as report:

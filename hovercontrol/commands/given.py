@@ -21,13 +21,20 @@ if TYPE_CHECKING:
 
 Out = Annotated[
     Path | None,
-    typer.Option("--out", "-o", help="Folder for the results, created if missing (default: out/NAME)."),
+    typer.Option(
+        "--out",
+        "-o",
+        help="Folder for the results, created if missing (default: out/ and what is run).",
+    ),
 ]
 Logs = Annotated[
     list[str] | None,
-    typer.Argument(metavar="LOG...", help="CSV or Parquet; POSE.csv+COMMANDS.csv for a run in two files."),
+    typer.Argument(metavar="LOG", help="CSV or Parquet; POSE.csv+COMMANDS.csv for a run in two files."),
 ]
-ModelFile = Annotated[Path | None, typer.Option("--model", help="Model file to start from.")]
+ModelFile = Annotated[
+    Path | None,
+    typer.Option("--model", help="Model file (TOML) to start from; or FILE.py:NAME, a Model of your own."),
+]
 Vehicle = Annotated[
     str | None,
     typer.Option("--vehicle", help="A built-in craft instead of --model (default: c17_experiment)."),
@@ -36,7 +43,8 @@ Columns = Annotated[
     str,
     typer.Option(
         "--columns",
-        help="The files' names of columns, with units that are not SI: time=stamp_ms:ms,psi=yaw:deg",
+        help="The files' names of columns, with units that are not SI, a minus for the other sign: "
+        "time=stamp_ms:ms,rudder=servo:-deg",
     ),
 ]
 Bench = Annotated[
@@ -61,21 +69,23 @@ AllowGaps = Annotated[bool, typer.Option("--allow-gaps", hidden=True)]
 
 
 def craft(command: str, model: Path | None, vehicle: str | None) -> Model:
-    """Return the craft of a model file, or one of the package's.
+    """Return the craft of a model file, of a Python file of the user's, or one of the package's.
 
     Raises
     ------
     InputError
         If both are given, or either is unknown.
     """
-    from hovercontrol.io.pythonfile import names_python
+    from hovercontrol.io.pythonfile import from_python, names_python
+    from hovercontrol.models.model import Model
     from hovercontrol.models.modelfile import load_model
     from hovercontrol.models.vehicles import vehicle as known_vehicle
 
     if model and vehicle:
         raise InputError(f"{command}: --model and --vehicle exclude each other")
     if model and names_python(str(model)):
-        raise InputError(f"{command}: expected a craft's model file (TOML), found {model}")
+        found: Model = from_python(str(model), Model)
+        return found
     return load_model(model) if model else known_vehicle(vehicle or "c17_experiment")
 
 
@@ -139,7 +149,7 @@ def refuse_twice(command: str, names: Sequence[str]) -> None:
 
 
 def reader(
-    inputs: Sequence[str],
+    inputs: Mapping[str, str],
     columns: str,
     bench: Path | None,
     bench_fans: int,
@@ -149,7 +159,7 @@ def reader(
     *,
     motion: bool = True,
 ) -> Callable[[str], Log]:
-    """Return what reads a log of a craft with these inputs, as the options of the command say.
+    """Return what reads a log of a craft with these inputs (and units), as the options of the command say.
 
     Without `motion` a log need not hold pose or body velocities: it is of some other machine.
     """

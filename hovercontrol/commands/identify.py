@@ -46,11 +46,9 @@ def identify(
     """Estimate a model's coefficients from logs, with standard errors; list those not excited by the logs.
 
     Writes model.toml, coefficients.csv, prediction.csv and rejected.csv,
-
     and for each log a figure of the free-running simulation with the measurement.
 
     Exit status 1 if a coefficient is not excited by the logs, or a body velocity of a held-out log is
-
     predicted worse 1 s ahead than by assuming that it stays constant.
     """
     from hovercontrol.identify.study import Study
@@ -64,7 +62,7 @@ def identify(
     check_folder(out)
     given.refuse_twice("identify", [*names, *held])
     craft = given.craft("identify", model, vehicle)
-    inputs = [s.name for s in craft.plant().inputs]
+    inputs = {s.name: s.unit for s in craft.plant().inputs}
     read = given.reader(inputs, columns, bench, bench_fans, only_while, settle, frame)
     with given.progress_bar("identify", 1.0) as report:
         every = []

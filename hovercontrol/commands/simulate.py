@@ -22,7 +22,10 @@ EXAMPLE = "Example: hovercontrol simulate table1 --out out/table1"
 
 def simulate(
     scenario: Annotated[
-        str, typer.Argument(help="A scenario's name (--list shows them), a scenario file or a model file.")
+        str,
+        typer.Argument(
+            help="A scenario's name (--list shows them) or file; a model file; FILE.py:NAME of a Model."
+        ),
     ] = "",
     out: Out = None,
     list_: Annotated[bool, typer.Option("--list", help="List the scenarios and exit.")] = False,

@@ -9,11 +9,13 @@ from threadpoolctl import threadpool_limits
 
 from hovercontrol.core.boundary import checked
 from hovercontrol.discrepancy.checks import check_fitted, check_logs
+from hovercontrol.discrepancy.checks.stand_ins import switched_off
 from hovercontrol.discrepancy.diagnosis import Diagnosis, numbers_of
 from hovercontrol.discrepancy.evidence.holdout import gap
 from hovercontrol.discrepancy.evidence.laws import regime
 from hovercontrol.discrepancy.evidence.remainder import missing_forces, remainders
 from hovercontrol.discrepancy.experiment.propose import next_experiment
+from hovercontrol.discrepancy.search.candidates import left_out
 from hovercontrol.discrepancy.search.held_out import held_out
 from hovercontrol.discrepancy.search.select import select
 from hovercontrol.discrepancy.verdict import verdict_of
@@ -110,7 +112,7 @@ def _diagnosed(
     report: Callable[[float, str], None],
 ) -> Diagnosis:
     report(0.0, "reading what was measured")
-    warnings = check_logs(model, logs, holdout)
+    warnings = [*left_out(model, names), *check_logs(model, logs, holdout)]
     data = gather(model, logs)
     report(0.05, "fitting the model as it is")
     base = base_fit(model, data)
@@ -132,6 +134,7 @@ def _diagnosed(
     effects = numbers_of(final, selection.effects)
     report(0.96, "looking for the next experiment")
     experiment, advice = next_experiment(selection, effects, seed)
+    warnings += switched_off(model, final.model, selection.effects)
     missing = missing_forces(base)
     train_before = gap(base)
     before = gap(held.before) if held.before else None

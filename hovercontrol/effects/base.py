@@ -18,8 +18,12 @@ import sympy as sp
 
 from hovercontrol.core.boundary import checked
 from hovercontrol.core.signals import Signal
+from hovercontrol.effects.own import explain
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.io.tables import finite
+
+#: Smallest width of regularised dry friction: zero would divide.
+TINY = 1e-9
 
 
 @checked
@@ -38,6 +42,11 @@ class Coefficient:
     neutral : float, optional
         The value at which the effect is not there; none (NaN) for a number that does not scale it.
 
+    Raises
+    ------
+    InputError
+        If the bounds are no interval, or leave `neutral` or `default` out.
+
     Examples
     --------
     >>> c = Coefficient("1/s", lower=0.0)
@@ -50,6 +59,15 @@ class Coefficient:
     upper: float = math.inf
     default: float | None = None
     neutral: float = 0.0
+
+    def __post_init__(self) -> None:
+        between = f"[{self.lower:g}, {self.upper:g}]"
+        if not self.lower <= self.upper:
+            raise InputError(f"bounds {between}: lower is above upper")
+        for what, value in (("neutral", self.neutral), ("default", self.default)):
+            if value is not None and (value < self.lower - TINY or value > self.upper):
+                hint = " (the value at which the effect is not there)" if what == "neutral" else ""
+                raise InputError(f"{what} = {value:g}{hint} is not within the bounds {between}")
 
 
 @checked
@@ -80,10 +98,6 @@ class Shape(Coefficient):
     search: tuple[float, ...] = ()
     of: str = ""
     fixed: bool = False
-
-
-#: Smallest width of regularised dry friction: zero would divide.
-TINY = 1e-9
 
 
 @checked
@@ -136,12 +150,15 @@ class Effect:
             if isinstance(v, Coefficient)
         }
         cls.numbers = found
-        if not cls.name or not register:
+        if not cls.name:
             return
-        other = Effect.known.get(cls.name)
+        other = Effect.known.get(cls.name) if register else None
         if other and (other.__module__, other.__qualname__) != (cls.__module__, cls.__qualname__):
             raise InputError(f"an effect named {cls.name!r} is already in {other.__module__}")
-        Effect.known[cls.name] = cls
+        if not cls.in_package():
+            explain(cls, Effect)
+        if register:
+            Effect.known[cls.name] = cls
 
     def __init__(self, value: float | None = None, **values: float) -> None:
         if value is not None:
@@ -247,15 +264,7 @@ class Effect:
         -------
         dict of str to sympy.Expr
             Keys ``"u"``, ``"v"``, ``"r"``; accelerations [m/s^2, m/s^2, rad/s^2].
-
-        Raises
-        ------
-        TypeError
-            If the class says nothing of what it does.
         """
-        hooks = ("motion", "commands", "measured", "factors")
-        if all(getattr(type(self), hook) is getattr(Effect, hook) for hook in hooks):
-            raise TypeError(f"{type(self).__name__} does not define terms()")
         return {}
 
     def motion(self, c: Any, s: Any) -> None:
@@ -320,6 +329,11 @@ class Effect:
             As for :meth:`terms`.
         """
         return {}
+
+    @classmethod
+    def in_package(cls) -> bool:
+        """Return whether the effect comes with the package, and is not somebody's own."""
+        return cls.__module__.startswith("hovercontrol.")
 
     @classmethod
     def kind(cls) -> str:

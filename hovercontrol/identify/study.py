@@ -159,7 +159,9 @@ class Study:
             for k, c in enumerate(p.rms):
                 cells = (f"{p.rms[c]:.3g}", f"{p.trivial[c]:.3g}", p.units[c], f"{100 * p.share[c]:.3g} %")
                 rows.append(("" if k else label, c, *cells))
+        assert self.found.model is not None
         lines = [
+            f"coefficients of {self.found.model.name}",
             self.found.table(),
             "",
             f"rms error {JUDGEMENT.horizon:g} s ahead, beside that of the trivial prediction (constant body "

@@ -33,7 +33,7 @@ def column_of(said: str, header: Container[str]) -> tuple[str, str]:
     return (name, unit.strip()) if colon and said not in header else (said, "")
 
 
-def factor_to_si(name: str, unit: str) -> float:
+def factor_to_si(name: str, unit: str, wanted: str = "") -> float:
     """Return what the numbers of a column in some unit are multiplied with.
 
     Parameters
@@ -41,7 +41,9 @@ def factor_to_si(name: str, unit: str) -> float:
     name : str
         Of the column in a log: ``time``, ``psi``, an input.
     unit : str
-        Of the numbers in the file.
+        Of the numbers in the file; behind a minus they also have the other sign.
+    wanted : str, optional
+        Unit of the column in the log (default: of what is measured as known, else SI).
 
     Raises
     ------
@@ -50,10 +52,14 @@ def factor_to_si(name: str, unit: str) -> float:
 
     Examples
     --------
-    >>> factor_to_si("time", "ms"), round(factor_to_si("rudder", "deg"), 6)
-    (0.001, 0.017453)
+    >>> factor_to_si("time", "ms"), round(factor_to_si("rudder", "-deg", "rad"), 6)
+    (0.001, -0.017453)
     """
+    sign = -1.0 if unit.startswith("-") else 1.0
+    plain = unit.removeprefix("-").strip()
+    if not plain:
+        return sign
     try:
-        return conversion_factor(unit, {"time": "s", **UNITS}.get(name) or plain_si(unit))
+        return sign * conversion_factor(plain, wanted or {"time": "s", **UNITS}.get(name) or plain_si(plain))
     except InputError as error:
-        raise InputError(f"column {name!r}: {error}") from None
+        raise InputError(f"column {name!r}, read as {unit!r}: {error}") from None

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hovercontrol.core.boundary import checked
-from hovercontrol.errors import InputError, did_you_mean, shown
+from hovercontrol.errors import InputError, shown
 from hovercontrol.logs.log import POSE, Floats, Log
 
 if TYPE_CHECKING:
@@ -93,7 +93,7 @@ def in_z_up(log: Log, frame: str) -> Log:
     ([0.0, 2.0], [0.0, 0.0], [0.0, 0.0], [-0.1, -0.1])
     """
     if frame not in FRAMES:
-        raise InputError(f"frame: unknown {frame!r}{did_you_mean(frame, FRAMES)}: {', '.join(FRAMES)}")
+        raise InputError(f"frame: expected one of {', '.join(FRAMES)}, found {frame!r}")
     if frame == "ned":
         turned = {"x": "y", "y": "x"}
         changed = {name: log[turned[name]] for name in turned if log.has("x", "y")}
@@ -166,7 +166,8 @@ def _refuse_mirrored(log: Log, sound: complex, mirrored: complex) -> None:
         raise InputError(
             f"{log.name}: the log is mirrored: its acceleration agrees with its commands only if x, y or "
             f"psi changes sign (correlation {abs(mirrored):.2f}, as it is {abs(sound):.2f}); expected psi to "
-            "turn from x to y; --frame z-up skips this check"
+            "turn from x to y: --frame ned converts a compass heading with x north, y east; "
+            "--columns psi=NAME:-rad turns a sign; --frame z-up skips this check"
         )
 
 
@@ -194,7 +195,8 @@ def _check_torque(log: Log, torque: Floats, times: Floats, window: float) -> Non
         raise InputError(
             f"{log.name}: the craft turns against the torque of its commands (correlation "
             f"{min(found):.2f}): is the log in north-east-down axes? --frame ned converts it; or is the "
-            f"sign of the rudder, or of the fans' places, wrong? --frame z-up skips this check"
+            f"sign of the rudder (--columns rudder=NAME:-rad turns it), or of the fans' places, wrong? "
+            f"--frame z-up skips this check"
         )
 
 

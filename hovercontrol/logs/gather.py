@@ -71,7 +71,7 @@ class Condition:
 @checked
 def gather(
     files: str,
-    inputs: Sequence[str] = (),
+    inputs: Sequence[str] | Mapping[str, str] = (),
     *,
     columns: Mapping[str, str] | None = None,
     bench: BenchTable | None = None,
@@ -88,8 +88,8 @@ def gather(
     files : str
         A log's path, or ``POSE.csv+COMMANDS.csv`` for a run whose commands are a file of their own
         on the same clock; they are held between their rows.
-    inputs : sequence of str, optional
-        The plant's inputs, which the log must have.
+    inputs : sequence of str, or mapping of str to str, optional
+        The plant's inputs, which the log must have; with their units.
     columns : mapping, optional
         Our column name to the files', ``{"time": "stamp", "psi": "yaw:deg"}``; each is looked up in the
         file that has it.
@@ -123,15 +123,16 @@ def gather(
     ...     len(gather(str(file), ["thrust"], columns={"time": "stamp"}))
     50
     """
-    wanted = [f"{PULSE}{name}" if bench else name for name in inputs]
+    wanted = dict.fromkeys(inputs, "") | dict(inputs if isinstance(inputs, Mapping) else {})
+    wanted = {f"{PULSE}{name}": "" for name in inputs} if bench else wanted
     paths = split_files(files)
     extra = [only_while.column] if only_while and only_while.column != "time" else []
     if len(paths) == 1:
-        log = measured = read_log(paths[0], columns, [*wanted, *extra], motion=motion)
+        log = measured = read_log(paths[0], columns, wanted | dict.fromkeys(extra, ""), motion=motion)
     else:
         pose, commands = paths
         ours, theirs = _columns_by_file(pose, commands, columns or {})
-        sent = read_log(commands, theirs, [*wanted, *extra], motion=False)
+        sent = read_log(commands, theirs, wanted | dict.fromkeys(extra, ""), motion=False)
         measured = read_log(pose, ours, motion=motion)
         log = join_logs(measured, sent)
     if bench:

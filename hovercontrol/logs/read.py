@@ -26,7 +26,7 @@ LARGEST = 2**30
 def read_log(
     path: str | Path,
     columns: Mapping[str, str] | None = None,
-    inputs: Sequence[str] = (),
+    inputs: Sequence[str] | Mapping[str, str] = (),
     *,
     motion: bool = True,
     usecols: Sequence[str] | None = None,
@@ -43,9 +43,9 @@ def read_log(
         ``.parquet`` and ``.pq`` are read as Parquet, everything else as CSV.
     columns : mapping, optional
         Our column name to the file's, ``{"time": "stamp"}``; with a unit where it is not SI,
-        ``{"psi": "yaw:deg"}``.
-    inputs : sequence of str
-        Columns that must be there besides ``time``.
+        ``{"psi": "yaw:deg"}``; a minus before it turns the sign, ``{"rudder": "servo:-deg"}``.
+    inputs : sequence of str, or mapping of str to str
+        Columns that must be there besides ``time``; with the units that they are to have.
     motion : bool
         Whether the log must hold all of ``x, y, psi`` or all of ``u, v, r``; false for a file of
         commands.
@@ -77,7 +77,10 @@ def read_log(
     source = open_source(file)
     said = {ours: column_of(theirs, source.header) for ours, theirs in (columns or {}).items()}
     renamed = {ours: theirs for ours, (theirs, _) in said.items()}
-    factors = {ours: factor_to_si(ours, unit) for ours, (_, unit) in said.items() if unit}
+    units = inputs if isinstance(inputs, Mapping) else {}
+    factors = {
+        ours: factor_to_si(ours, unit, units.get(ours, "")) for ours, (_, unit) in said.items() if unit
+    }
     names = _our_names(str(file), source.header, renamed)
     wanted = ("time", *inputs, *(usecols or ()))
     _check_names(str(file), names, wanted, motion)

@@ -186,8 +186,13 @@ def _input(default: Signal, value: Any) -> Signal:
             number(f"inputs.{default.name}.{key}", given[key])
     for key in ("unit", "description"):
         text(f"inputs.{default.name}.{key}", given.get(key, ""))
-    nearest = min(max(default.start, given.get("lower", default.lower)), given.get("upper", default.upper))
-    return default.replace(start=nearest, **given)
+    lower, upper = given.get("lower", default.lower), given.get("upper", default.upper)
+    if lower > upper:
+        raise InputError(f"inputs.{default.name}: lower = {lower:g} is above upper = {upper:g}")
+    try:
+        return default.replace(start=min(max(default.start, lower), upper), **given)
+    except InputError as error:
+        raise InputError(f"inputs.{default.name}: {error}") from None
 
 
 def _fan(name: str, value: Any) -> Fan:
@@ -220,7 +225,12 @@ def _curve(fan: str, value: Any) -> Polynomial | BenchCurve:
 
 
 def _effect(name: str, value: Any, units: Mapping[str, str]) -> Effect:
-    cls = effect_class(name)
+    try:
+        cls = effect_class(name)
+    except InputError as error:
+        raise InputError(
+            f"{error} (one of your own: read this file in the Python file that defines it)"
+        ) from None
     if not isinstance(value, dict):
         return effect(name, number(f"effects.{name}", value))
     given = dict(value)

@@ -21,8 +21,8 @@ _HEAD = """\
 # A model of a craft with {what}: planar rigid-body motion plus the effects below.
 # Body frame: surge u forward, sway v to the left, yaw rate r counter-clockwise. All numbers are in SI units,
 # or say their unit: yaw_linear_drag = {{value = 27.5, unit = "deg/s^2/(rad/s)"}}. Coefficients are per mass
-# and inertia: a force of F newton on m kilogram is F/m. The numbers here are those of {of};
-# put yours, or let a log tell them:
+# and inertia: of a craft of 2 kg, drag of 0.6 N per m/s is 0.6 / 2 = 0.3 1/s, and thrust in newton (its unit
+# "N") counts 1 / 2 = 0.5. The numbers here are those of {of}; put yours, or let a log tell them:
 #
 #     hovercontrol simulate {file}                     # drive it: a log and pictures
 #     hovercontrol check run.csv --model {file}        # is the log good, and what can it show?

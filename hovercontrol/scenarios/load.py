@@ -14,6 +14,7 @@ from typing import Any
 from hovercontrol.controllers.references import REFERENCES
 from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError, did_you_mean
+from hovercontrol.io.pythonfile import from_python, names_python
 from hovercontrol.io.tables import check_keys, number, positive, read_toml, table, text
 from hovercontrol.models.model import Model
 from hovercontrol.models.modelfile import load_model, model_from_table
@@ -64,7 +65,8 @@ def load_scenario(name: str | Path) -> Scenario:
     Parameters
     ----------
     name : str or path
-        ``"table1"``, or a file that ends in ``.toml``; a model file is driven by steps of its commands.
+        ``"table1"``, or a file that ends in ``.toml``; a model file, and ``FILE.py:NAME`` of a Model, is
+        driven by steps of its commands.
 
     Raises
     ------
@@ -77,6 +79,9 @@ def load_scenario(name: str | Path) -> Scenario:
     >>> scenario.step, [phase.until for phase in scenario.phases]
     (0.01, [15.0, 30.0, 50.0])
     """
+    if names_python(str(name)):
+        model: Model = from_python(str(name), Model)
+        return replace(driven(model, model.name), file=str(name))
     own = str(name).endswith(".toml")
     path = Path(name) if own else _shipped(str(name))
     content = read_toml(path)

@@ -13,6 +13,7 @@ import hovercontrol
 from hovercontrol.effects import Coefficient, Effect, Shape, effect, effect_class, effect_names
 from hovercontrol.errors import InputError
 from hovercontrol.estimators import kalman_bucy
+from hovercontrol.io.pythonfile import from_python
 from hovercontrol.models.model import Model
 from hovercontrol.models.modelfile import load_model, model_text
 
@@ -89,11 +90,62 @@ def test_two_effects_cannot_share_a_name(skirt_leak):
 
 
 def test_an_effect_that_says_not_what_it_adds_is_refused():
-    class Mute(Effect):
-        value = Coefficient("1/s")
+    with pytest.raises(InputError, match=r"effect mute: Mute defines none of terms, .*; term\(\) is none"):
 
-    with pytest.raises(TypeError, match="define terms"):
-        Mute(1.0).terms(None, None)
+        class Mute(Effect):
+            name = "mute"
+            value = Coefficient("1/s")
+
+            def term(self, c, s):
+                return {"v": c.value * s.v}
+
+    assert "mute" not in Effect.known
+
+
+def test_a_name_that_no_parameter_may_have_is_refused():
+    with pytest.raises(InputError, match="effect 'spin force': expected letters"):
+
+        class Spin(Effect):
+            name = "spin force"
+
+            def terms(self, c, s):
+                return {}
+
+
+@pytest.mark.parametrize(
+    ("term", "said"),
+    [
+        ("c.value * s.yawrate", "no 'yawrate' here; known: .*psi, r, rudder"),
+        ("c.vale * s.r", "no 'vale' here; did you mean 'value'"),
+        ("np.sqrt(s.u)", "NameError: name 'np' is not defined"),
+    ],
+)
+def test_a_fault_in_an_effect_is_told_with_its_line(term, said, tmp_path):
+    file = tmp_path / "own.py"
+    file.write_text(
+        "import hovercontrol as hc\nclass Spin(hc.Effect):\n    name = 'spin_in_a_test'\n"
+        f"    value = hc.Coefficient('1')\n    def terms(self, c, s):\n        return {{'v': {term}}}\n"
+        "MODEL = hc.vehicle('c17_simulation')\n"
+    )
+    try:
+        model = from_python(f"{file}:MODEL", Model)
+        with pytest.raises(InputError, match=rf"effect spin_in_a_test: .*own.py, line 6: .*{said}"):
+            model.with_effects([effect("spin_in_a_test", 0.1)]).plant()
+    finally:
+        Effect.known.pop("spin_in_a_test", None)
+
+
+@pytest.mark.parametrize(
+    ("bounds", "said"),
+    [
+        ({"lower": 2.0, "upper": 1.0}, "lower is above upper"),
+        ({"lower": 1.0}, r"neutral = 0 .* not within the bounds \[1, inf\]"),
+        ({"upper": 1.0, "default": 2.0}, "default = 2 is not within"),
+    ],
+)
+def test_bounds_that_leave_no_effect_out_are_refused(bounds, said):
+    with pytest.raises(InputError, match=said):
+        Coefficient("1", **bounds)
 
 
 def test_an_unknown_effect_is_answered_with_the_nearest():

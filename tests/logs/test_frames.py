@@ -92,7 +92,7 @@ def test_ned_comes_back_as_it_was_and_velocities_alone_are_looked_at():
 
 def test_a_frame_that_was_stated_is_not_looked_at_and_an_unknown_one_is_refused():
     check_frame(vehicle("c17_experiment"), in_z_up(ned(sample()), "z-up").select(slice(0, 1500)))
-    with pytest.raises(InputError, match="did you mean 'ned'"):
+    with pytest.raises(InputError, match="frame: expected one of z-up, enu, ned, found 'nad'"):
         in_z_up(sample(), "nad")
 
 

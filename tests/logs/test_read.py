@@ -129,8 +129,9 @@ def test_a_name_with_a_colon_is_a_name_where_the_file_has_it(tmp_path: Path) -> 
 @pytest.mark.parametrize(
     ("given", "said"),
     [
-        ({"time": "time:deg"}, "column 'time': expected a unit like 's', found 'deg'"),
-        ({"x": "x:furlogs"}, "column 'x': .*furlogs"),
+        ({"time": "time:deg"}, "column 'time', read as 'deg': expected a unit like 's', found 'deg'"),
+        ({"x": "x:furlogs"}, "column 'x', read as 'furlogs': .*furlogs"),
+        ({"x": "x:-s"}, "column 'x', read as '-s': expected a unit like 'm', found 's'"),
         ({"x": "z:mm"}, "no column 'z' to read 'x' from"),
     ],
 )
@@ -139,6 +140,19 @@ def test_a_unit_that_cannot_be_is_told(tmp_path: Path, given: dict[str, str], sa
     path.write_text("time,x,y,psi\n0,1,0,0\n1,2,0,0\n")
     with pytest.raises(InputError, match=said):
         read_log(path, given)
+
+
+def test_commands_come_in_the_unit_of_the_model_and_a_minus_turns_a_sign(tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    path.write_text("time,x,y,psi,motor,servo\n0,1,0,0,1500,10\n1,2,0,0,-500,-20\n")
+    columns = {"thrust": "motor:mN", "rudder": "servo:-deg", "y": "y:-"}
+    log = read_log(path, columns, {"thrust": "N", "rudder": "rad"})
+    assert log["thrust"].tolist() == [1.5, -0.5] and log["y"].tolist() == [0.0, 0.0]
+    assert log["rudder"] == pytest.approx(np.radians([-10.0, 20.0]))
+    with pytest.raises(
+        InputError, match="column 'thrust', read as 'mN': expected a unit like 'A', found 'mN'"
+    ):
+        read_log(path, columns, {"thrust": "A", "rudder": "rad"})
 
 
 def test_only_the_wanted_columns_are_kept(tmp_path: Path) -> None:

@@ -77,7 +77,8 @@ def refuse_gains(base: Fit) -> None:
     raise InputError(
         f"{logs}: {name} would be {base.p[first]:.3g} {problem.block.parameter(name).unit}, the model has "
         f"{problem.start[first]:.3g}: {'are columns' if len(shared) > 1 else 'is column'} {columns} in the "
-        "model's units, and of its sign? If so, the model is far off: fit it first (hovercontrol identify)"
+        "model's units, and of its sign (--columns NAME=COLUMN:-UNIT turns it)? If so, the model is far off: "
+        "fit it first (hovercontrol identify)"
     )
 
 

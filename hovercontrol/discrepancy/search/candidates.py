@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hovercontrol.effects import Effect, Shape
+from hovercontrol.effects import Coefficient, Effect, Shape
 from hovercontrol.errors import InputError
 from hovercontrol.estimation.fit import Fit
 from hovercontrol.estimation.subject import Subject, structure
@@ -116,18 +116,48 @@ def candidates(fit: Fit, names: Sequence[str] | None = None) -> list[Candidate]:
             else:
                 grid.append([(key, number.neutral + CANDIDATES.trial)])
         trials = [cls(**dict(values)) for values in itertools.product(*grid)]
-        if _fits(fit.problem.model, trials[0]):
+        if not _fault(fit.problem.model, trials[0]):
             found += [Candidate(cls.name, trial, amplitudes) for trial in trials]
     return found
 
 
-def _fits(model: Subject, e: Effect) -> bool:
-    """Whether an effect, somebody's own perhaps and meant for another machine, can act in a model."""
+def left_out(model: Subject, names: Sequence[str] | None = None) -> list[str]:
+    """Return a warning for each effect of the user's own that cannot act in a model, and so is not tried.
+
+    Parameters
+    ----------
+    model : Model or BlockModel
+    names : sequence of str, optional
+        Effects to look for.
+
+    Raises
+    ------
+    InputError
+        If one that is named cannot act in it.
+    """
+    said = []
+    for cls in catalogue(model, names):
+        if cls.in_package():
+            continue
+        fault = _fault(model, cls(**{k: _some(n) for k, n in cls.numbers.items()}))
+        if fault and names is not None:
+            raise InputError(fault)
+        if fault:
+            said.append(f"not tried: {fault}")
+    return said
+
+
+def _some(number: Coefficient) -> float:
+    return float(np.clip(np.nan_to_num(number.neutral, nan=CANDIDATES.trial), number.lower, number.upper))
+
+
+def _fault(model: Subject, e: Effect) -> str:
+    """Return why an effect, somebody's own perhaps and meant for another machine, cannot act in a model."""
     try:
         structure(model.with_effects([e]))
-    except (AttributeError, InputError):
-        return False
-    return True
+    except (AttributeError, InputError) as error:
+        return str(error) or type(error).__name__
+    return ""
 
 
 def _scale(fit: Fit, cls: type[Effect], of: str, scales: Mapping[str, float]) -> float:
