@@ -156,7 +156,7 @@ def test_a_training_log_under_another_spelling_is_no_hold_out(call, tmp_path, tr
     (tmp_path / "out").mkdir()
     done = call("identify", training, "--holdout", holdout, cwd=tmp_path)
     assert done.returncode == 2
-    assert f"{holdout} is given twice (as {training}); a held-out log must not be in the fit" in done.stderr
+    assert f"{holdout} is given twice (as {training}); a held-out log is not in the fit" in done.stderr
 
 
 def test_a_rudder_in_degrees_is_one_line(call, tmp_path):
@@ -181,3 +181,22 @@ def test_a_hold_out_predicted_worse_than_trivially_ends_with_status_1(call, tmp_
     assert done.returncode == 1, done.stderr
     assert "b: the model predicts" in done.stdout and "not excited" not in done.stdout
     assert "predicted worse 1 s ahead" in " ".join(call("identify", "--help").stdout.split())
+
+
+def test_slips_with_files_are_told(call, tmp_path):
+    (tmp_path / "raft.toml").write_text("[effects]\nthrust = 1.0\n")
+    (tmp_path / "run.csv").write_text("time,u,v,r,thrust,rudder\n0,0,0,0,1,0\n")
+    for words, said in (
+        (("simulate", "rafft.toml"), "there is no such file; did you mean 'raft.toml'?"),
+        (("identify", "rum.csv", "--model", "raft.toml"), "no such file; did you mean 'run.csv'?"),
+        (
+            ("identify", "raft.toml", "--model", "raft.toml"),
+            "expected a log (CSV or Parquet), found a .toml file",
+        ),
+        (
+            ("diagnose", "run.csv", "--holdout", "--model", "raft.toml"),
+            "found --model: the option before it lacks",
+        ),
+    ):
+        done = call(*words, cwd=tmp_path)
+        assert done.returncode == 2 and said in done.stderr and done.stderr.count("\n") == 1, done.stderr

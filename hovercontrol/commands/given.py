@@ -134,17 +134,17 @@ def show_list(titles: Mapping[str, str], json: bool) -> None:
 
 
 def refuse_twice(command: str, names: Sequence[str]) -> None:
-    """Refuse the same file given twice, also by different paths."""
+    """Refuse the same log given twice, also by different paths, and an option in a log's place."""
     from hovercontrol.logs.gather import split_files
 
     given: dict[Path, str] = {}
     for name in names:
+        if name.startswith("--"):
+            raise InputError(f"{command}: expected a log, found {name}: the option before it lacks its value")
         measured = Path(os.path.realpath(split_files(name)[0]))  # commands may be those of several runs
         if measured in given:
             known = "" if given[measured] == name else f" (as {given[measured]})"
-            raise InputError(
-                f"{command}: {name} is given twice{known}; a held-out log must not be in the fit"
-            )
+            raise InputError(f"{command}: {name} is given twice{known}; a held-out log is not in the fit")
         given[measured] = name
 
 

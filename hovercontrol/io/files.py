@@ -10,6 +10,7 @@ import contextlib
 import ctypes
 import errno
 import hashlib
+import itertools
 import os
 import platform
 import re
@@ -23,13 +24,16 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from hovercontrol.errors import InputError
+from hovercontrol.errors import InputError, did_you_mean
 
 #: What this process wrote last, for who is asked whether anything was.
 placed: list[Path] = []
 
 #: Where the command that runs keeps what it has done so far, to go on from there.
 kept: list[Path] = []
+
+#: Files of a folder that are looked at for the nearest name.
+MOST_BESIDE = 1000
 
 _unfinished: set[Path] = set()
 _NAME = re.compile(r"\.(writing|placing)-([0-9a-f]{8})-(\d+)-.*")
@@ -67,13 +71,25 @@ def readable(path: str | Path, wanted: str = "a file") -> Path:
     try:
         mode = file.stat().st_mode
     except FileNotFoundError:
-        raise InputError(f"{file}: expected {wanted}, there is no such file") from None
+        raise InputError(f"{file}: expected {wanted}, there is no such file{_beside(file)}") from None
     except (OSError, ValueError, RuntimeError) as error:  # a NUL in the name; a circle of links; too long
         raise InputError(f"{_short(file)}: expected {wanted}: {reason(error)}") from None
     if not stat.S_ISREG(mode):
         found = "a folder" if stat.S_ISDIR(mode) else "no regular file"
         raise InputError(f"{file}: expected {wanted}, found {found}")
     return file
+
+
+def _beside(file: Path) -> str:
+    """Return the end of an error line: the file of the same kind in that folder whose name is nearest."""
+    try:
+        names = [
+            f.name for f in itertools.islice(file.parent.iterdir(), MOST_BESIDE) if f.suffix == file.suffix
+        ]
+    except (OSError, ValueError):
+        return ""
+    hint = did_you_mean(file.name, names)
+    return hint if hint.startswith("; did you mean") else ""
 
 
 def check_folder(folder: str | Path) -> None:

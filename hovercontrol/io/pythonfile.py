@@ -45,16 +45,17 @@ def from_python(text: str, *kinds: type) -> Any:
     module = _run(path)
     known = {key: value for key, value in vars(module).items() if isinstance(value, kinds)}
     wanted = " or ".join(kind.__name__ for kind in kinds)
+    nearest = did_you_mean(name, known) if known else "; the file defines none"
     if not name and len(known) == 1:
         return next(iter(known.values()))
     if name in known:
         return known[name]
     if hasattr(module, name):
         found = type(getattr(module, name)).__name__
-        raise InputError(f"{text}: expected a {wanted}, found a {found}{did_you_mean(name, known)}")
+        raise InputError(f"{text}: expected a {wanted}, found a {found}{nearest}")
     if not name:
-        raise InputError(f"{text}: expected FILE.py:NAME of a {wanted}{did_you_mean(name, known)}")
-    raise InputError(f"{path}: defines no {name!r}{did_you_mean(name, known)}")
+        raise InputError(f"{text}: expected FILE.py:NAME of a {wanted}{nearest}")
+    raise InputError(f"{path}: defines no {name!r}{nearest}")
 
 
 def _run(path: Path) -> ModuleType:

@@ -53,6 +53,8 @@ def open_source(file: Path) -> Source:
         No such file, not of that format, no header, or a name twice in the header.
     """
     readable(file, "a CSV or Parquet file")
+    if file.suffix.lower() in (".toml", ".py", ".fmu"):
+        raise InputError(f"{file}: expected a log (CSV or Parquet), found a {file.suffix.lower()} file")
     source: Source = ParquetSource(file) if file.suffix.lower() in PARQUET else CsvSource(file)
     for i, name in enumerate(source.header):
         if name in source.header[:i]:

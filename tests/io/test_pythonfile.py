@@ -53,7 +53,7 @@ def test_wrong_names(cart, end, text):
     [
         ("x = 1\ny = x / 0\n", "bad.py, line 2: ZeroDivisionError: division by zero"),
         ("x = (\n", "bad.py, line 1: SyntaxError: '(' was never closed"),
-        ("x = 1\n", "bad.py: expected FILE.py:NAME of a Model; there are none"),
+        ("x = 1\n", "bad.py: expected FILE.py:NAME of a Model; the file defines none"),
         ("x = 1\nimport sys\nsys.exit(0)\n", "bad.py, line 3: SystemExit: 0"),
         ("raise GeneratorExit('enough')\n", "bad.py, line 1: GeneratorExit: enough"),
         ("raise ValueError\n", "bad.py, line 1: ValueError: no more is said"),
