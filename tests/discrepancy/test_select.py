@@ -8,7 +8,16 @@ import pytest
 from hovercontrol.discrepancy.criteria import CRITERIA
 from hovercontrol.discrepancy.diagnose import base_fit, diagnose
 from hovercontrol.discrepancy.search.select import select
-from hovercontrol.discrepancy.search.trial import Tried, passes, same_axis_drag, twins, why_not
+from hovercontrol.discrepancy.search.trial import (
+    Search,
+    Tried,
+    passes,
+    same_axis_drag,
+    try_effect,
+    twins,
+    why_not,
+    without_it,
+)
 from hovercontrol.effects import effect
 from hovercontrol.estimation.data import gather
 
@@ -47,6 +56,21 @@ def test_nothing_is_named_where_nothing_is_missing():
     found = searched(make(62, [], SHORT), ["yaw_quadratic_drag", "slope", "gyro_bias", "thrust_lag"])
     assert (found.effects, found.rivals, found.leads) == ((), (), ())
     assert found.final is found.base and found.candidates == 4
+
+
+def test_an_optimum_that_was_missed_is_no_effect(dragged):
+    """A fit that stays at a worse optimum gains by any effect, of no size, that leads it out of there."""
+    case, found = dragged
+    names = ["slope", "gyro_bias"]
+    search = Search(case.model, names, CRITERIA, lambda what: None)
+    stuck = replace(found.final, cost=found.final.cost + 80.0)
+    t = try_effect(search, stuck, effect("slope", x=0.01, y=0.0))
+    assert t.gain > 80.0 and t.blocks.t < 3.0 and passes(t, 1, CRITERIA)
+    better = without_it(search, stuck, t)
+    assert better.cost == pytest.approx(found.final.cost, abs=0.5)
+    assert better.problem.names == found.final.problem.names  # the slope is not among them
+    own = Tried("yaw_quadratic_drag", found.final, 100.0, found.blocks["yaw_quadratic_drag"], 1)
+    assert without_it(search, found.base, own) is None
 
 
 @pytest.mark.slow

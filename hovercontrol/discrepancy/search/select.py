@@ -23,6 +23,7 @@ from hovercontrol.discrepancy.search.trial import (
     try_effect,
     twins,
     with_times,
+    without_it,
 )
 from hovercontrol.effects import Shape
 from hovercontrol.estimation.fit import Fit
@@ -93,6 +94,10 @@ def select(
             finer = in_pieces(current, pieces)
             base, current = finer if current is base else in_pieces(base, pieces), finer
             first = []
+            continue
+        better = without_it(search, current, best)
+        if better is not None:
+            base, current, first = (better if current is base else base), better, []
             continue
         effects.append(best.name)
         steps.append((best.name, best.gain))

@@ -188,6 +188,18 @@ def begun_again(search: Search, current: Fit, t: Tried) -> Tried:
     return with_times(search, again)
 
 
+def without_it(search: Search, current: Fit, t: Tried) -> Fit | None:
+    """Return the model without an effect, fitted from where the fit with it ended, if most of the gain stays.
+
+    Then the effect was no more than the way to a likelier optimum. It is asked where blocks do not bear out
+    what the likelihood says: an effect of no size gains nothing.
+    """
+    if t.blocks.p_value < search.criteria.level:
+        return None
+    less = search.fit(t.fit, current.model)
+    return less if current.cost - less.cost > TRIALS.half * t.gain else None
+
+
 def as_given(search: Search, current: Fit) -> Subject:
     """Return the given model with the effects that were added to it so far."""
     have = {o.name for o in search.model.effects}
