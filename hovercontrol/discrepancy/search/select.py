@@ -30,6 +30,9 @@ from hovercontrol.estimation.fit import Fit
 from hovercontrol.estimation.subject import Subject
 from hovercontrol.estimation.substeps import in_pieces, pieces_needed
 
+#: Candidates that blocks agree on and that are fitted though they score too little, at most.
+UNDERRATED = 2
+
 
 def select(
     base: Fit,
@@ -79,7 +82,7 @@ def select(
         tried = {t.name: t for t in found}
         good = [t for t in found if passes(t, len(seen), criteria)]
         if not good:
-            hidden = _unscored(search, current, seen, {t.name for t in found})
+            hidden = _underrated(search, current, seen, {t.name for t in found})
             good = [t for t in hidden if passes(t, len(seen), criteria)]
             tried |= {t.name: t for t in hidden}
         if not good and found and safe is None:  # beside another one it may be what it is alone not
@@ -109,27 +112,32 @@ def select(
     return replace(selection, leads=near)
 
 
-def _unscored(search: Search, current: Fit, seen: Sequence[Scored], done: set[str]) -> list[Tried]:
-    """Return fits with frictions that fade with speed, in equations in which something remains.
+def _underrated(search: Search, current: Fit, seen: Sequence[Scored], done: set[str]) -> list[Tried]:
+    """Return fits with what no score does justice to, in equations in which something remains.
 
-    Near standstill they are far from linear: no score says what they would gain.
+    Under process noise that took what an effect does, the effect scores little, though blocks agree on it: of
+    these the best are fitted. Frictions that fade with speed are far from linear near standstill.
     """
-    problem = current.problem
-    left = current.noise.process > search.criteria.negligible * problem.accelerations
+    problem, criteria = current.problem, search.criteria
+    left = current.noise.process > criteria.negligible * problem.accelerations
     axes = {
         problem.block.states[problem.free[i]].name
         for i, there in zip(problem.driven, left, strict=True)
         if there
     }
+    if not axes:
+        return []
+    p = criteria.level / max(len(seen), 1)
+    agreed = [s for s in seen if s.allowed and s.p_value < p and s.candidate.name not in done][:UNDERRATED]
     found = []
     for s in seen:
         e = s.candidate.trial
         shapes = [k for k, n in e.numbers.items() if isinstance(n, Shape) and n.of == "speed"]
-        if not shapes or e.axis not in axes or e.name in done:
-            continue
-        search.report(f"trying {e.name}")
-        t = try_effect(search, current, sized(problem.model, s.effect))
-        found += [t] if t else []
+        fading = shapes and e.axis in axes and e.name not in done
+        if fading or s in agreed:
+            search.report(f"trying {e.name}")
+            t = try_effect(search, current, sized(problem.model, s.effect))
+            found += [t] if t else []
     return found
 
 
