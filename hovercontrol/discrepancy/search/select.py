@@ -155,7 +155,8 @@ def _add(search: Search, current: Fit, seen: Sequence[Scored]) -> list[Tried]:
     A score is a promise: what falls short of it when it is fitted does not keep others from being tried.
     """
     criteria, model = search.criteria, current.problem.model
-    worthy = [s for s in seen if s.allowed and s.gain > criteria.least + criteria.each * len(s.parts)]
+    asked = [TRIALS.promised * (criteria.least + criteria.each * len(s.parts)) for s in seen]
+    worthy = [s for s, gain in zip(seen, asked, strict=True) if s.allowed and s.gain > gain]
     if not worthy:
         return []
     found: list[Tried] = []

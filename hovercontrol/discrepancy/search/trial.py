@@ -28,11 +28,14 @@ class TrialCriteria:
     half : float
         Part of the gain predicted by the score that a fit must reach; else it is started again, and does not
         count as the best of its round.
+    promised : float
+        Part of the gain asked for that a score must promise for a fit: a score is no more than near it.
     near : float
         Difference of cost below which both fits get correlation times of their own.
     """
 
     half: float = 0.5
+    promised: float = 0.75
     near: float = 300.0
 
 
@@ -191,10 +194,13 @@ def begun_again(search: Search, current: Fit, t: Tried) -> Tried:
 def without_it(search: Search, current: Fit, t: Tried) -> Fit | None:
     """Return the model without an effect, fitted from where the fit with it ended, if most of the gain stays.
 
-    Then the effect was no more than the way to a likelier optimum. It is asked where blocks do not bear out
-    what the likelihood says: an effect of no size gains nothing.
+    Then the effect was no more than the way to a likelier optimum. It is asked where the effect's size does
+    not bear out its gain: the square of a size over its standard error is what it gains under the same noise,
+    and it cannot gain more beside a model whose noise is free.
     """
-    if t.blocks.p_value < search.criteria.level:
+    with np.errstate(divide="ignore"):
+        square = float((1.0 / t.blocks.std**2).sum())  # not known of an effect that no number scales
+    if square > TRIALS.half * t.gain:
         return None
     less = search.fit(t.fit, current.model)
     return less if current.cost - less.cost > TRIALS.half * t.gain else None
