@@ -55,7 +55,14 @@ def test_blocks_that_tell_nothing_do_not_count():
 
 def test_a_single_block_that_tells_all_is_no_agreement():
     found = said([1.0, 1.3, 0.6, 1.2], [1e6, 1.0, 1.0, 1.0])
-    assert found.dof < 0.01 and found.p_value > 0.01
+    assert found.t < 4.0 and found.p_value > 0.05
+
+
+def test_few_blocks_that_each_know_enough_agree():
+    """Of eight blocks one has most of the information; the others know the size to two per cent each."""
+    std = np.array([0.015, 0.025, 0.003, 0.011, 0.012, 0.008, 0.012, 0.013])
+    found = said([1.009, 1.011, 1.0, 1.005, 0.977, 1.004, 0.997, 1.007], std**-2.0)
+    assert found.p_value < 1e-9 and found.dof == pytest.approx(5.0) and found.spread < 0.01
 
 
 def test_blocks_that_know_little_do_not_spoil_what_others_agree_on():

@@ -32,7 +32,7 @@ class Blocks:
     same_sign : int
         Those of them with the sign of all.
     t : float
-        Size over its standard error from the scatter over blocks, weights shared by at least `BLOCKS.enough`.
+        Size over its standard error from the scatter over blocks, weights shared by enough of them.
     dof : float
         Blocks that count, less one: a few may carry all information.
     spread : float
@@ -66,9 +66,12 @@ class BlockCriteria:
     enough : int
         Number of blocks that must share the weight: where fewer carry nearly all information, their
         weight is capped.
+    part : float
+        The same of few blocks, in parts of them.
     """
 
     enough: int = 8
+    part: float = 0.75
 
 
 #: The values in use.
@@ -76,7 +79,7 @@ BLOCKS = BlockCriteria()
 
 
 def capped(information: Array) -> Array:
-    """Return weights of blocks, no more than their information, that at least `BLOCKS.enough` of them share.
+    """Return weights of blocks, no more than their information, that enough of them share (:data:`BLOCKS`).
 
     Examples
     --------
@@ -86,13 +89,12 @@ def capped(information: Array) -> Array:
     (True, True)
     """
     low, high = 0.0, float(information.max(initial=0.0))
-    if np.count_nonzero(information) <= BLOCKS.enough or _sharing(information) >= BLOCKS.enough:
+    enough = min(BLOCKS.enough, BLOCKS.part * np.count_nonzero(information))
+    if _sharing(information) >= enough:
         return information
     for _ in range(60):
         middle = 0.5 * (low + high)
-        low, high = (
-            (middle, high) if _sharing(np.minimum(information, middle)) >= BLOCKS.enough else (low, middle)
-        )
+        low, high = (middle, high) if _sharing(np.minimum(information, middle)) >= enough else (low, middle)
     return np.asarray(np.minimum(information, high))
 
 
@@ -125,7 +127,8 @@ def scatter(score: Array, information: Array, log: NDArray[np.intp]) -> Blocks:
     squares = (weights * (estimate - size)) ** 2
     W = len(score)
     robust = np.sqrt(float(squares.sum()) * W / max(W - 1, 1)) / whole
-    t = size / max(robust, 1e-300)
+    own = np.sqrt(float((weights[known] ** 2 / information[known]).sum())) / whole
+    t = size / max(robust, own, 1e-300)  # few that know little may be alike by chance
     spread = 0.0
     if effective > 1.5:
         both = float((weights**2).sum())
