@@ -31,6 +31,9 @@ from hovercontrol.estimation.fit import Fit
 #: Times at most that a better effect takes the place of a named one; one that is better still is a rival.
 ROUNDS = 2
 
+#: Drags along one axis that a model may lack: quadratic, Stribeck, LuGre.
+SAME_AXIS = 3
+
 
 @dataclass(frozen=True, eq=False)
 class Rival:
@@ -116,6 +119,7 @@ def confirmed(
     criteria, base = search.criteria, selection.base
     effects, final = list(selection.effects), selection.final
     dropped: list[Lead] = []
+    among = dict.fromkeys(effects, selection.candidates)
     swaps = 0
     while True:
         without = {
@@ -123,10 +127,10 @@ def confirmed(
             for n in effects
         }
         own = {n: beside(final, without[n], n) for n in effects}
-        unneeded = [n for n in effects if not passes(own[n], selection.candidates, criteria)]
+        unneeded = [n for n in effects if not passes(own[n], among[n], criteria)]
         if unneeded:
             least = min(unneeded, key=lambda n: own[n].gain)
-            reason = why_not(own[least], selection.candidates, criteria)
+            reason = why_not(own[least], among[least], criteria)
             dropped.append(Lead(least, own[least].gain, own[least].blocks.t, reason))
             effects.remove(least)
             final = without[least]
@@ -139,6 +143,7 @@ def confirmed(
             break
         name, t = better[0]
         effects[effects.index(name)] = t.name
+        among[t.name] = _looked_at(selection, t, own[name])
         final, swaps = t.fit, swaps + 1
     return replace(
         selection,
@@ -185,7 +190,7 @@ def _rivals(
             if (t is None or falls_short(t, s)) and s.gain == best:  # the next best one is the measure
                 best = max((o.gain for o in others[k + 1 :]), default=0.0)
                 tries -= 1
-            if t is None or not passes(t, selection.candidates, criteria):
+            if t is None or not passes(t, _looked_at(selection, t, mine), criteria):
                 continue
             t = _alike(search, t, mine)
             behind = _behind(t, mine, criteria)
@@ -197,6 +202,15 @@ def _rivals(
             if behind < criteria.apart or score < criteria.apart_t:
                 rivals.append(Rival(t.name, name, behind, score, t.fit))
     return rivals, alternatives
+
+
+def _looked_at(selection: Selection, t: Tried, named: Tried) -> int:
+    """Return among how many candidates an effect is that might be named in another's place.
+
+    That something is missing along an axis is known once one of its drags is named: which, among these few.
+    """
+    own, other = (o.fit.problem.model.effect(o.name) for o in (t, named))
+    return SAME_AXIS if same_axis_drag(own, other) else selection.candidates
 
 
 def _alike(search: Search, t: Tried, other: Tried) -> Tried:
