@@ -128,7 +128,7 @@ def _diagnosed(
     held = held_out(selection, gather(model, [holdout]) if holdout is not None else None)
     selection = held.selection
     report(0.92, "measuring what remains")
-    final = selection.final
+    base, final = selection.base, selection.final  # a search may find a likelier fit of the model as it is
     remains = remainders(base, final)
     verdict = verdict_of(selection, remains)
     effects = numbers_of(final, selection.effects)

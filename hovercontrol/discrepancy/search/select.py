@@ -100,7 +100,8 @@ def select(
             continue
         better = without_it(search, current, best)
         if better is not None:
-            base, current, first = (better if current is base else base), better, []
+            base, current = (better if current is base else base), better
+            first, safe = [], None
             continue
         effects.append(best.name)
         steps.append((best.name, best.gain))
