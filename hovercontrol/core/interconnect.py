@@ -1,4 +1,4 @@
-"""Wiring: Blocks are joined by signal name into one Block.
+"""Wiring: Blocks are joined by signal name into one (over 400 lines: the rules and their error lines).
 
 An output drives every input of the same name; inputs that nothing drives are the whole's. Its states and
 parameters carry their Block's name in front (``plant.u``, ``plant.yaw_coulomb``); outputs and inputs do not.

@@ -1,4 +1,6 @@
-"""A model: a craft as a list of effects. Planar rigid-body motion plus that list is the plant.
+"""A model: a craft as a list of effects (over 400 lines: one public class, half of it docstrings).
+
+Planar rigid-body motion plus that list is the plant.
 
 Body frame: surge u forward, sway v to the left, yaw rate r counter-clockwise; earth frame x, y, heading psi.
 """
