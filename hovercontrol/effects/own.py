@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import traceback
 from collections.abc import Callable
+from inspect import isfunction
 from typing import Any
 
 from hovercontrol.errors import InputError, did_you_mean
@@ -36,7 +37,7 @@ def explain(cls: type, base: type) -> None:
         near = next((f"; {k}() is none of them" for k in others), "")
         raise InputError(f"effect {name}: {cls.__name__} defines none of {', '.join(HOOKS)}{near}")
     for hook in HOOKS:
-        if hook in vars(cls):
+        if isfunction(vars(cls).get(hook)):
             setattr(cls, hook, _explained(name, vars(cls)[hook]))
 
 

@@ -123,16 +123,16 @@ def gather(
     ...     len(gather(str(file), ["thrust"], columns={"time": "stamp"}))
     50
     """
-    wanted = dict.fromkeys(inputs, "") | dict(inputs if isinstance(inputs, Mapping) else {})
-    wanted = {f"{PULSE}{name}": "" for name in inputs} if bench else wanted
+    units = dict(inputs) if isinstance(inputs, Mapping) else dict.fromkeys(inputs, "")
+    wanted = dict.fromkeys((f"{PULSE}{name}" for name in inputs), "") if bench else units
+    extra = {only_while.column: ""} if only_while and only_while.column != "time" else {}
     paths = split_files(files)
-    extra = [only_while.column] if only_while and only_while.column != "time" else []
     if len(paths) == 1:
-        log = measured = read_log(paths[0], columns, wanted | dict.fromkeys(extra, ""), motion=motion)
+        log = measured = read_log(paths[0], columns, wanted | extra, motion=motion)
     else:
         pose, commands = paths
         ours, theirs = _columns_by_file(pose, commands, columns or {})
-        sent = read_log(commands, theirs, wanted | dict.fromkeys(extra, ""), motion=False)
+        sent = read_log(commands, theirs, wanted | extra, motion=False)
         measured = read_log(pose, ours, motion=motion)
         log = join_logs(measured, sent)
     if bench:

@@ -7,7 +7,7 @@ import pytest
 
 from hovercontrol.discrepancy.criteria import CRITERIA
 from hovercontrol.discrepancy.diagnose import base_fit, diagnose
-from hovercontrol.discrepancy.search.confirm import SAME_AXIS, _looked_at
+from hovercontrol.discrepancy.search.confirm import _looked_at
 from hovercontrol.discrepancy.search.select import select
 from hovercontrol.discrepancy.search.trial import (
     Search,
@@ -79,11 +79,11 @@ def test_which_drag_an_axis_lacks_is_asked_among_its_few(dragged):
     search = Search(case.model, None, CRITERIA, lambda what: None)
     mine = Tried("yaw_quadratic_drag", found.final, 100.0, found.blocks["yaw_quadratic_drag"], 1)
     for e, among in (
-        (effect("yaw_stribeck", value=0.1, speed=0.5), SAME_AXIS),
+        (effect("yaw_stribeck", value=0.1, speed=0.5), 3),
         (effect("slope", x=0.1, y=0.0), 4),
     ):
         t = try_effect(search, found.base, e)
-        assert _looked_at(replace(found, candidates=4), t, mine) == among
+        assert _looked_at(search, replace(found, candidates=4), t, mine) == among
 
 
 @pytest.mark.slow

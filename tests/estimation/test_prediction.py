@@ -43,11 +43,8 @@ def test_no_prediction_crosses_a_very_long_gap(fitted, cart_model, pushed_log):
         cart_model, [type(log)(log.name, log.time[~near], {k: v[~near] for k, v in log.columns.items()})]
     )
     assert len(np.unique(fit.problem.rows.piece)) == 2
-    step = fit.problem.shortest
-    ahead = round(0.5 / step)
-    assert (
-        predict(fit, 0.5).block.size == (~near).sum() - 2 * ahead
-    )  # none from the last rows of either piece
+    ahead = round(0.5 / fit.problem.shortest)  # rows at the end of each piece from which none starts
+    assert predict(fit, 0.5).block.size == (~near).sum() - 2 * ahead
 
 
 def test_starts_are_spread_evenly(fit):

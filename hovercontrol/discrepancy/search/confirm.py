@@ -9,7 +9,7 @@ import numpy as np
 
 from hovercontrol.discrepancy.criteria import Criteria
 from hovercontrol.discrepancy.evidence.blocks import Blocks
-from hovercontrol.discrepancy.search.candidates import candidates
+from hovercontrol.discrepancy.search.candidates import candidates, catalogue
 from hovercontrol.discrepancy.search.leads import Lead
 from hovercontrol.discrepancy.search.score import Scores
 from hovercontrol.discrepancy.search.trial import (
@@ -30,9 +30,6 @@ from hovercontrol.estimation.fit import Fit
 
 #: Times at most that a better effect takes the place of a named one; one that is better still is a rival.
 ROUNDS = 2
-
-#: Drags along one axis that a model may lack: quadratic, Stribeck, LuGre.
-SAME_AXIS = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,7 +140,7 @@ def confirmed(
             break
         name, t = better[0]
         effects[effects.index(name)] = t.name
-        among[t.name] = _looked_at(selection, t, own[name])
+        among[t.name] = _looked_at(search, selection, t, own[name])
         final, swaps = t.fit, swaps + 1
     return replace(
         selection,
@@ -190,7 +187,7 @@ def _rivals(
             if (t is None or falls_short(t, s)) and s.gain == best:  # the next best one is the measure
                 best = max((o.gain for o in others[k + 1 :]), default=0.0)
                 tries -= 1
-            if t is None or not passes(t, _looked_at(selection, t, mine), criteria):
+            if t is None or not passes(t, _looked_at(search, selection, t, mine), criteria):
                 continue
             t = _alike(search, t, mine)
             behind = _behind(t, mine, criteria)
@@ -204,13 +201,15 @@ def _rivals(
     return rivals, alternatives
 
 
-def _looked_at(selection: Selection, t: Tried, named: Tried) -> int:
+def _looked_at(search: Search, selection: Selection, t: Tried, named: Tried) -> int:
     """Return among how many candidates an effect is that might be named in another's place.
 
     That something is missing along an axis is known once one of its drags is named: which, among these few.
     """
     own, other = (o.fit.problem.model.effect(o.name) for o in (t, named))
-    return SAME_AXIS if same_axis_drag(own, other) else selection.candidates
+    if not same_axis_drag(own, other):
+        return selection.candidates
+    return sum(cls.axis == own.axis for cls in catalogue(search.model, search.names))
 
 
 def _alike(search: Search, t: Tried, other: Tried) -> Tried:
