@@ -197,22 +197,26 @@ def estimate(
     """
     start = problem.start.copy() if p is None else problem.outside(problem.inside(p))
     run = _Iteration(problem, prior, noise, frozen, times, most, hold, trace)
-    now = run.first(start, problem.guess if path is None else path)
+    run.first(start, problem.guess if path is None else path)
     if gate:
-        now = run.gated(now)
-    now, converged = run.settled(now, levels)
+        run.gated()
+    converged = run.settled(levels)
     for _ in range(ROUNDS if gate else 0):
-        stands_out = outliers(residuals(run.problem, now), run.problem.seen)
+        stands_out = outliers(residuals(run.problem, run.now), run.problem.seen)
         if not stands_out.any():
             break
         run.most, run.hold = run.k + AGAIN, 0
-        now, converged = run.settled(run.onward(now, stands_out), levels)
-    return run.fit(now, converged)
+        run.onward(stands_out)
+        converged = run.settled(levels)
+    return run.fit(converged)
 
 
 @dataclass(eq=False)
 class _Iteration:
-    """Where an iteration is: what is fitted, noise, passes done, the cost before, damping of each step."""
+    """Where an iteration is: what is fitted, noise, passes done, the cost before, damping of each step.
+
+    Only the pass it has come to is kept: those of long logs take 200 MB each.
+    """
 
     problem: Problem
     prior: Prior
@@ -229,53 +233,55 @@ class _Iteration:
     of_unknowns: Damping = field(default_factory=Damping)
     of_path: Damping = field(default_factory=Damping)
     of_levels: Damping = field(default_factory=lambda: Damping(most=ONWARD))
+    now: Pass = field(init=False)
 
-    def first(self, p: Array, path: Array) -> Pass:
-        """Return the first pass."""
+    def first(self, p: Array, path: Array) -> None:
+        """Make the first pass."""
         now = tried_pass(self.problem, self.noise, self.prior, p, path, self.frozen)
         if now is None:
             raise FloatingPointError("the model runs away from the first row on")
-        return self._counted(now)
+        self._come_to(now)
 
-    def onward(self, now: Pass, out: NDArray[np.bool_] | None = None) -> Pass:
-        """Return the next pass, less samples that are left out.
+    def onward(self, out: NDArray[np.bool_] | None = None) -> None:
+        """Make the next pass, less samples that are left out.
 
         A step after which the model runs away is halved; what goes to and fro about a kink of dry friction
         is damped.
         """
         if out is not None:
             self.problem, self.before = self.problem.without(out), np.inf
-        step, along = now.steps(self.problem)
-        p = self.problem.outside(self.problem.inside(now.p) + self.of_unknowns.taken(step))
-        path = now.path + self.of_path.taken(along)
+        here, there = self.now.p, self.now.path
+        step, along = self.now.steps(self.problem)
+        del self.now  # before the next takes as much memory
+        p = self.problem.outside(self.problem.inside(here) + self.of_unknowns.taken(step))
+        path = there + self.of_path.taken(along)
         self.k += 1
         while True:
             found = tried_pass(self.problem, self.noise, self.prior, p, path, self.frozen)
             if found is not None:
-                return self._counted(found)
-            p, path, self.k = 0.5 * (p + now.p), 0.5 * (path + now.path), self.k + 1
+                return self._come_to(found)
+            p, path, self.k = 0.5 * (p + here), 0.5 * (path + there), self.k + 1
             self.of_unknowns, self.of_path = Damping(), Damping()
             if self.k > self.most + STILL:
                 raise FloatingPointError("the model runs away")
 
-    def gated(self, now: Pass) -> Pass:
-        """Return the pass from which on nothing stands out: large outliers hide small ones."""
+    def gated(self) -> None:
+        """Go on until nothing stands out: large outliers hide small ones."""
         for _ in range(GATES):
-            stands_out = outliers(residuals(self.problem, now), self.problem.seen)
+            stands_out = outliers(residuals(self.problem, self.now), self.problem.seen)
             if not stands_out.any():
                 break
-            now = self.onward(now, stands_out)
-        return now
+            self.onward(stands_out)
 
-    def settled(self, now: Pass, levels: bool) -> tuple[Pass, bool]:
-        """Return the last pass, and whether it converged: levels of noise move first, then they stay."""
+    def settled(self, levels: bool) -> bool:
+        """Go on to the end, and tell whether that converged: levels of noise move first, then they stay."""
         if levels:
-            now = self._moving(now)
-        return self._still(now, 1 if levels else 0)
+            self._moving()
+        return self._still(1 if levels else 0)
 
-    def fit(self, now: Pass, converged: bool) -> Fit:
+    def fit(self, converged: bool) -> Fit:
         """Return what was fitted."""
-        problem, smooth = self.problem, now.smooth
+        problem, now, smooth = self.problem, self.now, self.now.smooth
         n, rows = len(problem.free), problem.rows
         end = n + len(problem.driven)
         drift = (now.system.H[..., end:] @ smooth.state[..., end:, None])[..., 0]
@@ -285,56 +291,57 @@ class _Iteration:
             smooth.state[..., n:end], drift, smooth.covariance, residuals(problem, now), converged,
         )  # fmt: skip
 
-    def _moving(self, now: Pass) -> Pass:
-        """Return the first pass whose levels and correlation times of noise stay."""
+    def _moving(self) -> None:
+        """Go on to the first pass whose levels and correlation times of noise stay."""
         while True:
-            there = self._little_changes(now, CONVERGENCE.settled)
+            there = self._little_changes(CONVERGENCE.settled)
             while there and self.times and self.factor > FINEST:  # not before all factors were tried
-                there = not self._timed(now)
+                there = not self._timed()
             if (there and self.k > self.hold) or self.k >= self.most + self.hold:
-                return self.onward(now)
+                return self.onward()
             if self.k >= self.hold:
-                self.noise = moved(self.problem, self.noise, now.system, now.smooth, self.of_levels)
+                self.noise = moved(self.problem, self.noise, self.now.system, self.now.smooth, self.of_levels)
                 if self.times and (self.k - self.hold) % 3 == 1 and self.factor > FINEST:
-                    self._timed(now)
-            now = self.onward(now)
+                    self._timed()
+            self.onward()
 
-    def _still(self, now: Pass, count: int) -> tuple[Pass, bool]:
-        """Return the pass of least cost under the noise as it is, and whether it converged."""
-        best = now.cost, now.p, now.path
+    def _still(self, count: int) -> bool:
+        """Go on to the pass of least cost under the noise as it is, and tell whether that converged."""
+        best = self.now.cost, self.now.p, self.now.path
         while True:
-            if now.cost < best[0]:
-                best = now.cost, now.p, now.path
+            if self.now.cost < best[0]:
+                best = self.now.cost, self.now.p, self.now.path
             there = self._little_changes(
-                now, CONVERGENCE.stopped if count < CONVERGENCE.enough else 2.0 * CONVERGENCE.settled
+                CONVERGENCE.stopped if count < CONVERGENCE.enough else 2.0 * CONVERGENCE.settled
             )
             if there or count >= STILL:
                 break
-            now = self.onward(now)
+            self.onward()
             count += 1
-        if not there and best[0] < now.cost - CONVERGENCE.stopped:
-            now = run_pass(self.problem, self.noise, self.prior, *best[1:], self.frozen)
-        return now, there
+        if not there and best[0] < self.now.cost - CONVERGENCE.stopped:
+            del self.now
+            self.now = run_pass(self.problem, self.noise, self.prior, *best[1:], self.frozen)
+        return there
 
-    def _little_changes(self, now: Pass, enough: float) -> bool:
-        return bool(abs(self.change) < enough and now.predicted < CONVERGENCE.settled)
+    def _little_changes(self, enough: float) -> bool:
+        return bool(abs(self.change) < enough and self.now.predicted < CONVERGENCE.settled)
 
-    def _timed(self, now: Pass) -> bool:
+    def _timed(self) -> bool:
         """Try correlation times by a factor; tell whether they moved. The next factor is smaller if not."""
-        self.noise, further = timed(self.problem, now.linear, self.noise, self.factor)
+        self.noise, further = timed(self.problem, self.now.linear, self.noise, self.factor)
         for _ in range(FURTHER if further else 0):
-            self.noise, again = timed(self.problem, now.linear, self.noise, self.factor)
+            self.noise, again = timed(self.problem, self.now.linear, self.noise, self.factor)
             if not again:
                 break
         self.factor = self.factor if further else self.factor**0.5
         return bool(further)
 
-    def _counted(self, now: Pass) -> Pass:
+    def _come_to(self, now: Pass) -> None:
+        self.now = now
         self.change, self.before = self.before - now.cost, now.cost
         if self.trace:
             levels = f"{self.noise.process} {self.noise.seconds}"
             self.trace(f"  pass {self.k}: {now.cost:.2f} predicted {now.predicted:.2f} {levels}")
-        return now
 
 
 def refit(

@@ -47,10 +47,6 @@ class InputLimits:
 INPUTS = InputLimits()
 
 
-#: Into how many stretches, spread over it, a longer log is cut.
-STRETCHES = 10
-
-
 @checked
 @dataclass(frozen=True, eq=False)
 class Measured:
@@ -154,7 +150,7 @@ def measure(block: Block, log: Log, most_rows: int = MOST_ROWS) -> Measured:
     if log.has(*POSE):
         refuse_still(log.name, channels, [log[c] for c in channels])  # nothing to smooth
     log = steady(log, channels)
-    parts = [_part(block, piece, channels) for piece in _stretches(log, most_rows)]
+    parts = [_part(block, piece, channels) for piece in log.spread(most_rows)]
     starts = np.cumsum([0, *(p.time.size for p in parts)])
     return Measured(
         log.name,
@@ -223,14 +219,6 @@ def _check_input(log: Log, signal: Signal) -> None:
         f"{log.name}: column {signal.name!r}: expected {wanted}, found {values[worst]:.4g} at "
         f"{log.time[worst]:.6g} s{hint}"
     )
-
-
-def _stretches(log: Log, most_rows: int) -> list[Log]:
-    if len(log) <= most_rows:
-        return [log]
-    size = most_rows // STRETCHES
-    firsts = np.linspace(0, len(log) - size, STRETCHES).astype(int)
-    return [log.select(slice(int(first), int(first) + size)) for first in firsts]
 
 
 def _part(block: Block, log: Log, channels: Sequence[str]) -> Measured:

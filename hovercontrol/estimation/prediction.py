@@ -69,20 +69,20 @@ def predict(fit: Fit, horizon: float, starts: int = STARTS) -> Prediction | None
     """
     problem = fit.problem
     time = problem.rows.time
-    half = 0.5 * problem.shortest
+    slack = 0.5 * problem.shortest - horizon
+    pieces = [(piece, int((piece.when - slack <= piece.when[-1]).sum())) for piece in _pieces(problem)]
+    total = sum(count for _, count in pieces)
+    if not total:
+        return None
+    keep = np.unique(np.linspace(0, total - 1, min(starts, total)).astype(int))
     begin, end = [], []
-    for stretches in _pieces(problem):
-        when = time[stretches]
-        ahead = np.searchsorted(when, when + horizon - half)
-        good = ahead < when.size
-        begin.append(np.stack(stretches)[:, good])
-        end.append(np.stack(stretches)[:, ahead[good]])
+    for piece, count in pieces:
+        own = keep[(keep >= 0) & (keep < count)]
+        begin.append(piece.rows(own))
+        end.append(piece.rows(np.searchsorted(piece.when, piece.when[own] - slack)))
+        keep = keep - count
     first, start_of = np.concatenate(begin, axis=1)
     last, of = np.concatenate(end, axis=1)
-    if not first.size:
-        return None
-    keep = np.unique(np.linspace(0, first.size - 1, min(starts, first.size)).astype(int))
-    first, start_of, last, of = first[keep], start_of[keep], last[keep], of[keep]
     t0, t1 = time[first, start_of], time[last, of]
     finest = min(STEP, float(np.max(problem.h)) or STEP)
     S = max(1, int(np.ceil(float((t1 - t0).max()) / finest)))
@@ -105,22 +105,36 @@ def predict(fit: Fit, horizon: float, starts: int = STARTS) -> Prediction | None
 def horizons(fit: Fit, wanted: Sequence[float] = (0.2, 0.5, 1.0, 2.0)) -> tuple[float, ...]:
     """Return how far ahead a model is judged [s]: as wanted, or as many rows of a slower machine."""
     slow = max(1.0, 10.0 * fit.problem.shortest / wanted[0])
-    times = [fit.problem.rows.time[rows] for rows in _pieces(fit.problem)]
-    longest = max(float(np.ptp(t)) for t in times)
+    longest = max(float(np.ptp(piece.when)) for piece in _pieces(fit.problem))
     most = min(0.8 * longest, float(fit.problem.rows.seconds.sum()) / TIMES)
     return tuple(slow * h for h in wanted if slow * h <= most) or (min(slow * wanted[0], 0.5 * longest),)
 
 
-def _pieces(problem: Problem) -> list[tuple[Indices, Indices]]:
-    """Return where the measured rows of each unbroken piece are: rows and stretches, in order of time."""
+@dataclass(frozen=True, eq=False)
+class _Piece:
+    """Measured rows of an unbroken piece of log in order of time: when [s], which of all, its stretches."""
+
+    when: Array
+    which: Indices
+    stretches: Indices
+    per_stretch: int
+
+    def rows(self, of: Indices) -> Indices:
+        """Return rows and stretches of some of them, shape (2, N)."""
+        stretch, row = np.divmod(self.which[of], self.per_stretch)
+        return np.stack([row, self.stretches[stretch]])
+
+
+def _pieces(problem: Problem) -> list[_Piece]:
+    """Return the pieces that have measured rows; one index a row, as logs of many millions of rows want."""
     rows = problem.rows
     seen = np.asarray(problem.seen.any(axis=2))
     found = []
     for number in np.unique(rows.piece):
         own = np.flatnonzero(rows.piece == number)
-        stretch, row = np.nonzero(seen[:, own].T)
-        found.append((row, own[stretch]))
-    return [rows_of for rows_of in found if rows_of[0].size]
+        which = np.flatnonzero(seen[:, own].T)
+        found.append(_Piece(rows.time[:, own].T.ravel()[which], which, own, seen.shape[0]))
+    return [piece for piece in found if piece.which.size]
 
 
 def _parts(problem: Problem, horizon: float) -> Indices:

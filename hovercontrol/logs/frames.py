@@ -10,6 +10,7 @@ fans push it, and turns the way their torque does.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -30,6 +31,9 @@ FRAMES = ("z-up", "enu", "ned")
 
 #: Windows [s] over which motion is looked at, and delays [s] at which it may follow commands.
 WINDOWS, LAGS = (0.2, 0.6), np.arange(0.0, 0.65, 0.05)
+
+#: Rows of a log that are looked at, at most.
+MOST_ROWS = 60_000
 
 
 @dataclass(frozen=True)
@@ -129,10 +133,13 @@ def check_frame(model: EffectModel, log: Log) -> None:
     inputs = {s.name for s in model.plant(late=True).inputs}
     if log.frame or not log.has(*inputs) or len(log) < FRAME.fewest:
         return
-    push, torque = _push(model, log)
-    grids = [(np.arange(log.time[0] + w, log.time[-1] - w, w / 2), w) for w in WINDOWS]
     if (log.time[-1] - log.time[0]) / FRAME.independent < FRAME.fewest:
         return
+    parts = log.spread(MOST_ROWS)
+    if len(parts) > 1:
+        log = log.select(np.isin(log.time, np.concatenate([part.time for part in parts])))
+    push, torque = _push(model, log)
+    grids = [(_times(parts, window), window) for window in WINDOWS]
     found = [_alignment(log, push, *grid) for grid in grids] if log.has(*POSE) else []
     for sound, mirrored in found:
         _refuse_mirrored(log, sound, mirrored)
@@ -140,6 +147,14 @@ def check_frame(model: EffectModel, log: Log) -> None:
         _check_torque(log, torque, times, window)
     for sound, mirrored in found:
         _refuse_turned(log, sound, mirrored)
+
+
+def _times(parts: Sequence[Log], window: float) -> Floats:
+    """Return times every half window within the parts of a log, with NaN between two parts."""
+    inside = [
+        np.arange(part.time[0] + window + LAGS[-1], part.time[-1] - window, window / 2) for part in parts
+    ]
+    return np.concatenate([np.append(times, np.nan) for times in inside])[:-1]
 
 
 def _alignment(log: Log, push: Complex, times: Floats, window: float) -> tuple[complex, complex]:
@@ -158,7 +173,8 @@ def _alignment(log: Log, push: Complex, times: Floats, window: float) -> tuple[c
 
 def _enough(log: Log, least: float) -> float:
     """Return the smallest correlation that says something of a log so long."""
-    return max(least, FRAME.errors / float(np.sqrt((log.time[-1] - log.time[0]) / FRAME.independent)))
+    seconds = float(np.minimum(np.diff(log.time), WINDOWS[-1]).sum())
+    return max(least, FRAME.errors / float(np.sqrt(seconds / FRAME.independent)))
 
 
 def _refuse_mirrored(log: Log, sound: complex, mirrored: complex) -> None:

@@ -28,6 +28,9 @@ POSE = ("x", "y", "psi")
 VELOCITY = ("u", "v", "r")
 PARQUET = (".parquet", ".pq")
 
+#: Into how many stretches a very long log is cut.
+STRETCHES = 10
+
 #: SI units of what a log of a craft may hold.
 UNITS = dict(zip((*POSE, *VELOCITY), ("m", "m", "rad", "m/s", "m/s", "rad/s"), strict=True))
 
@@ -161,6 +164,21 @@ class Log:
         array([1.])
         """
         return self.select((self.time >= start) & (self.time <= stop))
+
+    def spread(self, most: int) -> list[Log]:
+        """Return the log itself, or ten stretches of a log of more rows than `most`, spread evenly over it.
+
+        Examples
+        --------
+        >>> log = Log("demo", np.arange(1000.0), {})
+        >>> [(len(part), part.time[0]) for part in log.spread(200)][:3]
+        [(20, 0.0), (20, 108.0), (20, 217.0)]
+        """
+        if len(self) <= most:
+            return [self]
+        size = most // STRETCHES
+        firsts = np.linspace(0, len(self) - size, STRETCHES).astype(int)
+        return [self.select(slice(int(first), int(first) + size)) for first in firsts]
 
     def with_columns(self, columns: Mapping[str, ArrayLike]) -> Log:
         """Return a log with these columns added or replaced, each of shape (n,).
