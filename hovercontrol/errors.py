@@ -75,10 +75,11 @@ def did_you_mean(name: object, known: Iterable[object]) -> str:
     '; known: a, b'
     """
     names = sorted(str(one)[:LONGEST_NAME] for one in known)
+    words = {word: one for one in reversed(names) for word in [*one.split("_"), one]}
     nearest = get_close_matches(
-        name[:LONGEST_NAME] if isinstance(name, str) else shown(name), names, n=1, cutoff=0.6
+        name[:LONGEST_NAME] if isinstance(name, str) else shown(name), words, n=1, cutoff=0.6
     )
     if nearest:
-        return f"; did you mean {nearest[0]!r}?"
+        return f"; did you mean {words[nearest[0]]!r}?"
     more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
     return f"; known: {', '.join(names[:MOST_NAMES])}{more}" if names else "; there are none"

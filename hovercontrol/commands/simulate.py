@@ -27,16 +27,25 @@ def simulate(
             help="A scenario's name (--list shows them) or file; a model file; FILE.py:NAME of a Model."
         ),
     ] = "",
+    duration: Annotated[
+        float | None,
+        typer.Option("--duration", help="Seconds to drive a model file (default: 20, or the log's)."),
+    ] = None,
+    commands: Annotated[
+        str, typer.Option("--commands", metavar="LOG", help="Drive a model file by the commands of this log.")
+    ] = "",
+    columns: given.Columns = "",
     out: Out = None,
     list_: Annotated[bool, typer.Option("--list", help="List the scenarios and exit.")] = False,
     json: given.Json = False,
 ) -> int:
     """Run a scenario; write its log, a table of its figures of merit, and pictures.
 
-    A model file is driven by steps of its commands.
+    A model file is driven from rest by steps of its commands, or by those of a log.
 
     Exit status 1 if a figure of merit is outside the range that the scenario states.
     """
+    from hovercontrol.logs import read_log
     from hovercontrol.scenarios import load_scenario, run_scenario, scenario_names
 
     if list_:
@@ -46,7 +55,8 @@ def simulate(
         raise InputError(
             "simulate: expected a scenario's name (hovercontrol simulate --list shows them) or a TOML file"
         )
-    loaded = load_scenario(scenario)
+    log = read_log(commands, given.pairs(columns), motion=False) if commands else None
+    loaded = load_scenario(scenario, seconds=duration, commands=log)
     out = out or Path("out") / loaded.name
     check_folder(out)
     with given.progress_bar(f"simulate {loaded.name}", loaded.end) as report:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import tomllib
 from collections.abc import Iterable, Mapping
 from numbers import Real
@@ -32,13 +33,26 @@ def read_toml(path: str | Path) -> dict[str, Any]:
             raise InputError(
                 f"{path}: expected a TOML file of {LARGEST / 2**20:.0f} MiB at most, found a larger"
             )
-        return tomllib.loads(content.decode())
+        written = content.decode()
+        return tomllib.loads(written)
     except RecursionError:
         raise InputError(f"{path}: not readable as TOML: tables or lists are nested too deeply") from None
     except (ValueError, OSError) as error:  # no TOML, no UTF-8, a number of too many digits
         if isinstance(error, InputError):
             raise
-        raise InputError(f"{path}: not readable as TOML: {reason(error)}") from None
+        hint = _hint(written, str(error)) if isinstance(error, tomllib.TOMLDecodeError) else ""
+        raise InputError(f"{path}: not readable as TOML: {reason(error)}{hint}") from None
+
+
+def _hint(written: str, said: str) -> str:
+    """Return what a common mistake is, of the line that an error names."""
+    number = re.search(r"at line (\d+)", said)
+    line = written.splitlines()[int(number[1]) - 1] if number else ""
+    if re.search(r"=\s*[-+]?\d+,\d", line):
+        return ": expected a decimal point, found a comma"
+    if "overwrite" in said:
+        return f": {shown(line.split('=')[0].strip())} is there twice"
+    return ""
 
 
 def check_keys(kind: str, found: Mapping[str, Any], known: Iterable[str]) -> None:

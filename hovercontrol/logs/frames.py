@@ -160,14 +160,17 @@ def _times(parts: Sequence[Log], window: float) -> Floats:
 def _alignment(log: Log, push: Complex, times: Floats, window: float) -> tuple[complex, complex]:
     """Return how acceleration goes with the commands' push: in these axes, in mirrored ones."""
     z = _mean(log, log["x"], times, window) + 1j * _mean(log, log["y"], times, window)
-    heading = np.exp(1j * _mean(log, log["psi"], times, window))
+    angle = _mean(log, log["psi"], times, window)
+    heading = np.exp(1j * angle)
     velocity, acceleration = _differences(z, window)
+    rate, change = _differences(angle, window)
+    arm = (1j * change - rate**2) * heading  # what a marker away from the centre of gravity sees
     sound = mirrored = 0j
     for lag in LAGS:
         force = _held(log, push.real, times - lag, window) + 1j * _held(log, push.imag, times - lag, window)
-        sound = max(sound, _along(force * heading, acceleration, velocity), key=abs)
+        sound = max(sound, _along(force * heading, acceleration, velocity, arm), key=abs)
         for other in (force * heading.conj(), (force * heading).conj()):
-            mirrored = max(mirrored, _along(other, acceleration, velocity), key=abs)
+            mirrored = max(mirrored, _along(other, acceleration, velocity, arm.conj()), key=abs)
     return sound, mirrored
 
 

@@ -1,14 +1,16 @@
-"""A first run of a model file: steps of its commands, so that everything the craft can do shows once."""
+"""A run of a model file: by steps of its commands, so that all the craft can do shows, or by a log's."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from hovercontrol.core.signals import Signal
+from hovercontrol.errors import InputError
+from hovercontrol.logs.log import Log
 from hovercontrol.models.model import RUDDER, Model
 from hovercontrol.scenarios.definition import Phase, Scenario
 
@@ -33,19 +35,24 @@ def is_model(content: Mapping[str, Any]) -> bool:
     return "scenario" not in content and any(key in content for key in MODEL_SECTIONS)
 
 
-def driven(model: Model, name: str) -> Scenario:
-    """Return a scenario that drives a craft by steps of its commands, the same each time.
+def driven(model: Model, name: str, seconds: float | None = None, log: Log | None = None) -> Scenario:
+    """Return a scenario that drives a craft from rest, by the commands of a log or by steps.
 
     Parameters
     ----------
     model : Model
     name : str
         Of the scenario.
+    seconds : float, optional
+        How long [s]; default: 20, or as long as the log.
+    log : Log, optional
+        With the model's inputs, each held from row to row. Default: steps, the same each time, each held for
+        1 s at a value within the middle 60 % of the command's bounds.
 
-    Returns
-    -------
-    Scenario
-        20 s; each command is held for 1 s at a value within the middle 60 % of its bounds.
+    Raises
+    ------
+    InputError
+        If there is no time to run, the log lacks an input or is shorter.
 
     Examples
     --------
@@ -54,25 +61,47 @@ def driven(model: Model, name: str) -> Scenario:
     >>> scenario.end, sorted(scenario.commands)
     (20.0, ['rudder', 'thrust', 'time'])
     """
-    random = np.random.default_rng(1)
-    times = np.arange(0.0, END, HELD)
-    commands = {"time": tuple(times.tolist())}
-    for signal in model.plant().inputs:
-        low, high = _span(signal)
-        middle, half = (low + high) / 2, SHARE * (high - low) / 2
-        values = middle + half * random.uniform(-1.0, 1.0, times.size)
-        commands[signal.name] = tuple(float(f"{value:.3g}") for value in values)
+    if log is not None and not len(log):
+        raise InputError(f"{log.name}: expected samples, found no rows")
+    longest = END if log is None else float(np.ptp(log.time))
+    seconds = longest if seconds is None else seconds
+    if not STEP <= seconds < math.inf:
+        raise InputError(f"expected a run of at least {STEP:g} s, found {seconds:g} s")
+    if log is not None and seconds > longest:
+        raise InputError(f"{log.name}: expected commands for {seconds:g} s, found {longest:g} s")
+    inputs = model.plant().inputs
     return Scenario(
         name=name,
-        title=f"{model.name}: steps of its commands",
-        source=f"drawn for the model {model.name}",
+        title=f"{model.name}: {'steps of its commands' if log is None else f'commands of {log.name}'}",
+        source=f"drawn for the model {model.name}" if log is None else log.name,
         step=STEP,
         plant=model,
         belief=model,
         start={},
-        phases=(Phase("steps", END),),
-        commands=commands,
+        phases=(Phase("steps" if log is None else "log", seconds),),
+        commands=_steps(inputs, seconds) if log is None else _of_log(inputs, log),
     )
+
+
+def _steps(inputs: Sequence[Signal], seconds: float) -> dict[str, tuple[float, ...]]:
+    random = np.random.default_rng(1)
+    times = np.arange(0.0, seconds, HELD)
+    commands = {"time": tuple(times.tolist())}
+    for signal in inputs:
+        low, high = _span(signal)
+        middle, half = (low + high) / 2, SHARE * (high - low) / 2
+        values = middle + half * random.uniform(-1.0, 1.0, times.size)
+        commands[signal.name] = tuple(float(f"{value:.3g}") for value in values)
+    return commands
+
+
+def _of_log(inputs: Sequence[Signal], log: Log) -> dict[str, tuple[float, ...]]:
+    rows = {"time": log.time - log.time[0], **{s.name: log[s.name] for s in inputs}}
+    for name, values in rows.items():
+        if not np.isfinite(values).all():
+            when = log.time[np.argmin(np.isfinite(values))]
+            raise InputError(f"{log.name}: column {name!r}: expected a command, found none at {when:g} s")
+    return {name: tuple(values.tolist()) for name, values in rows.items()}
 
 
 def _span(signal: Signal) -> tuple[float, float]:

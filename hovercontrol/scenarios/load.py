@@ -16,6 +16,7 @@ from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.io.pythonfile import from_python, names_python
 from hovercontrol.io.tables import check_keys, number, positive, read_toml, table, text
+from hovercontrol.logs.log import Log
 from hovercontrol.models.model import Model
 from hovercontrol.models.modelfile import load_model, model_from_table
 from hovercontrol.models.vehicles import HOVERDEMON_BODY, Body, vehicle
@@ -59,19 +60,24 @@ def scenario_names() -> list[str]:
 
 
 @checked
-def load_scenario(name: str | Path) -> Scenario:
+def load_scenario(name: str | Path, *, seconds: float | None = None, commands: Log | None = None) -> Scenario:
     """Return a scenario by name, or from a TOML file.
 
     Parameters
     ----------
     name : str or path
         ``"table1"``, or a file that ends in ``.toml``; a model file, and ``FILE.py:NAME`` of a Model, is
-        driven by steps of its commands.
+        driven from rest by steps of its commands.
+    seconds : float, optional
+        How long a model is driven [s].
+    commands : Log, optional
+        By what a model is driven instead.
 
     Raises
     ------
     InputError
-        If there is no such scenario (the nearest is named) or the file has an error; the line names the key.
+        If there is no such scenario (the nearest is named), the file has an error (the line names the key),
+        or a scenario is to run for other seconds or by other commands than it states.
 
     Examples
     --------
@@ -81,12 +87,16 @@ def load_scenario(name: str | Path) -> Scenario:
     """
     if names_python(str(name)):
         model: Model = from_python(str(name), Model)
-        return replace(driven(model, model.name), file=str(name))
+        return replace(driven(model, model.name, seconds, commands), file=str(name))
     own = str(name).endswith(".toml")
     path = Path(name) if own else _shipped(str(name))
     content = read_toml(path)
     if own and is_model(content):
-        return replace(driven(load_model(path), path.stem), file=str(path))
+        return replace(driven(load_model(path), path.stem, seconds, commands), file=str(path))
+    if seconds is not None or commands is not None:
+        raise InputError(f"{name}: a scenario states its duration and its commands; expected a model file")
+    if own and not content:
+        raise InputError(f"{path}: expected a scenario or a model, found an empty file")
     try:
         content = with_base(content, path, _base)
         scenario = replace(_scenario(path, content), file=str(path) if own else "")

@@ -63,3 +63,36 @@ def test_a_fault_in_a_model_file_is_told_as_that_of_a_model_file(tmp_path):
     )
     with pytest.raises(InputError, match=r"yaw_columb.*yaw_coulomb"):
         load_scenario(file)
+
+
+def test_the_commands_of_a_log_drive_a_model_as_they_drove_it_when_the_log_was_made(tmp_path):
+    file = written(tmp_path, "rudder")
+    first = run_scenario(load_scenario(file, seconds=5.0))
+    log = first.log()
+    later = type(log)("later", log.time + 100.0, log.columns)
+    again = run_scenario(load_scenario(file, commands=later))
+    assert again.time[-1] == pytest.approx(5.0)
+    for name in ("x", "psi", "v", "thrust"):
+        np.testing.assert_allclose(again.columns[name], first.columns[name], atol=1e-9)
+
+
+def test_what_cannot_be_driven_so_is_said_in_one_line(tmp_path, call):
+    file = written(tmp_path, "rudder")
+    log = run_scenario(load_scenario(file, seconds=2.0)).log()
+    log.save(tmp_path / "run.csv")
+    hole = log.with_columns({"thrust": np.where(log.time < 1.0, log["thrust"], np.nan)})
+    for given, said in (
+        ({"seconds": 3.0, "commands": log}, "expected commands for 3 s, found 2 s"),
+        ({"seconds": 0.0}, "expected a run of at least 0.02 s, found 0 s"),
+        ({"seconds": float("nan")}, "found nan s"),
+        ({"commands": hole}, "column 'thrust': expected a command, found none at 1 s"),
+        ({"commands": log.select(slice(0, 0))}, "samples"),
+    ):
+        with pytest.raises(InputError, match=said):
+            load_scenario(file, **given)
+    with pytest.raises(InputError, match="expected a model file"):
+        load_scenario("table1", seconds=3.0)
+    done = call("simulate", "rudder.toml", "--commands", "run.csv", "--out", "out", cwd=tmp_path)
+    assert done.returncode == 0 and (tmp_path / "out" / "log.csv").exists()
+    done = call("simulate", "rudder.toml", "--commands", "run.csv", "--columns", "rudder=ruder", cwd=tmp_path)
+    assert done.returncode == 2 and "'ruder'" in done.stderr and done.stderr.count("\n") == 1
