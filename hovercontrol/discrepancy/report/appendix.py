@@ -15,7 +15,7 @@ from hovercontrol.estimation.fit import Fit
 SHOWN = 6
 
 
-def _asked() -> Table:
+def _asked(candidates: int) -> Table:
     """Return the thresholds with their reasons."""
     c = CRITERIA
     rows = [
@@ -27,7 +27,10 @@ def _asked() -> Table:
             f"{100 * c.level:g} %",
             "probability of one false name among all candidates, from the scatter over blocks",
         ),
-        (f"{100 * c.spread:.0f} %", "largest spread between blocks: a further block has the same sign"),
+        (
+            f"{100 * c.spread(candidates):.0f} %",
+            "largest spread between blocks: a further block has the same sign",
+        ),
         (f"{c.apart:g}", "a rival less than this behind is not distinguished: odds of e⁶"),
         (f"{c.remains:g}", "gain of random forces in an equation from which on something remains there"),
         (f"{c.worse:g}", "standard errors by which held-out errors may rise with a name"),
@@ -55,7 +58,7 @@ def appendix(m: Context) -> str:
         unknowns=len(problem.names),
         candidates=d.selection.candidates,
         held_out=m.held_out,
-        thresholds=_asked(),
+        thresholds=_asked(d.selection.candidates),
         version=hovercontrol.__version__,
         command=m.command,
     )

@@ -177,14 +177,17 @@ def _rivals(
                 continue
             drags = same_axis_drag(s.candidate.trial, final.problem.model.effect(name))
             share = criteria.share if drags or not explained(mine) else criteria.alike
-            if s.gain <= max(share * max(best, 0.0), criteria.least) or tries >= criteria.tries:
-                continue
-            tries += 1
             known = first.get(s.candidate.name) if len(own) == 1 else None
+            worthy = s.gain > max(share * max(best, 0.0), criteria.least) and tries < criteria.tries
+            if not worthy and not (known and drags):  # a score does not do justice to drags near standstill
+                continue
+            tries += worthy
             if known is None:
                 search.report(f"trying {s.candidate.name} in place of {name}")
             t = known or try_effect(search, less, s.effect, s)
-            if (t is None or falls_short(t, s)) and s.gain == best:  # the next best one is the measure
+            if (
+                worthy and (t is None or falls_short(t, s)) and s.gain == best
+            ):  # the next best one is the measure
                 best = max((o.gain for o in others[k + 1 :]), default=0.0)
                 tries -= 1
             if t is None or not passes(t, _looked_at(search, selection, t, mine), criteria):

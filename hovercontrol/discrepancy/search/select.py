@@ -78,13 +78,11 @@ def select(
         if len(effects) >= max_effects:
             break
         found = _add(search, current, seen)
-        first = found if current is base else first
-        tried = {t.name: t for t in found}
         good = [t for t in found if passes(t, len(seen), criteria)]
-        if not good:
-            hidden = _underrated(search, current, seen, {t.name for t in found})
-            good = [t for t in hidden if passes(t, len(seen), criteria)]
-            tried |= {t.name: t for t in hidden}
+        hidden = [] if good else _underrated(search, current, seen, {t.name for t in found})
+        good = good or [t for t in hidden if passes(t, len(seen), criteria)]
+        first = [*found, *hidden] if current is base else first
+        tried = {t.name: t for t in (*found, *hidden)}
         if not good and found and safe is None:  # beside another one it may be what it is alone not
             good = [t for t in found if t.gain > criteria.least + criteria.each * t.numbers]
             safe = so_far() if good else None
@@ -100,8 +98,9 @@ def select(
             continue
         better = without_it(search, current, best)
         if better is not None:
-            base, current = (better if current is base else base), better
-            first, safe = [], None
+            if current is base:
+                base, first = better, []
+            current, safe = better, None
             continue
         effects.append(best.name)
         steps.append((best.name, best.gain))

@@ -100,7 +100,7 @@ def why_not(t: Tried, looked_at: int, criteria: Criteria) -> str:
     p = criteria.level / max(looked_at, 1)
     if b.p_value > p:
         return f"blocks of the logs do not agree on it (t = {b.t:.1f}, {b.same_sign} of {b.n} with its sign)"
-    if b.spread > criteria.spread and b.n >= criteria.blocks:
+    if b.spread > criteria.spread(looked_at) and b.n >= criteria.blocks:
         return f"its size differs from block to block by {100 * b.spread:.0f} %"
     return ""
 
