@@ -171,7 +171,7 @@ class Log:
         Examples
         --------
         >>> log = Log("demo", np.arange(1000.0), {})
-        >>> [(len(part), part.time[0]) for part in log.spread(200)][:3]
+        >>> [(len(part), float(part.time[0])) for part in log.spread(200)][:3]
         [(20, 0.0), (20, 108.0), (20, 217.0)]
         """
         if len(self) <= most:
