@@ -10,6 +10,9 @@ from pathlib import Path
 
 PROJECT = Path(__file__).parents[2]
 
+#: The oldest Python that pyproject.toml allows.
+OLDEST = (3, 11)
+
 
 def lower_bounds(*extras: str) -> list[str]:
     """Return ``name==version`` of each dependency's lower bound."""
@@ -23,6 +26,11 @@ def main() -> int:
     parser.add_argument("--folder", type=Path, default=PROJECT / "out" / "oldest", help="of the environment")
     parser.add_argument("tests", nargs="*", default=["tests"], help="what to run (default: tests)")
     given = parser.parse_args()
+    if sys.version_info[:2] != OLDEST:
+        found, wanted = (".".join(map(str, v)) for v in (sys.version_info[:2], OLDEST))
+        sys.exit(
+            f"oldest: expected Python {wanted}, found {found}: the oldest versions have no wheels for it"
+        )
     python = given.folder / "bin" / "python"
     bounds = lower_bounds("test")
     print("\n".join(bounds))
