@@ -185,9 +185,8 @@ def _rivals(
             if known is None:
                 search.report(f"trying {s.candidate.name} in place of {name}")
             t = known or try_effect(search, less, s.effect, s)
-            if (
-                worthy and (t is None or falls_short(t, s)) and s.gain == best
-            ):  # the next best one is the measure
+            if worthy and (t is None or falls_short(t, s)) and s.gain == best:
+                # the next best one is the measure
                 best = max((o.gain for o in others[k + 1 :]), default=0.0)
                 tries -= 1
             if t is None or not passes(t, _looked_at(search, selection, t, mine), criteria):
