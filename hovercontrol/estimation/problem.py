@@ -263,6 +263,18 @@ class Problem(Unknowns):
         every = np.array([np.broadcast_to(np.ravel(v), 1 + n + P) for v in values])
         return every, values, width, moved
 
+    def copies(self, p: Array) -> tuple[Array, Array]:
+        """Return parameters of copies that differ in the free states alone, and by how much those differ.
+
+        Returns
+        -------
+        ndarray, shape (n_parameters, 1 + n)
+            The first copy is the original.
+        ndarray, shape (n,)
+        """
+        every, _, width, _ = self._lanes(p, True, unknowns=False)
+        return every, width
+
     def advance(
         self,
         x: Array,

@@ -1,13 +1,20 @@
-"""In how many sub-steps the model is stepped from row to row: so many that more change nothing."""
+"""Sub-steps from row to row: how many (so many that more change nothing), and what happens within them."""
 
 from __future__ import annotations
 
 from copy import copy
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
 
 from hovercontrol.estimation.fit import CONVERGENCE, Fit, estimate
 from hovercontrol.estimation.kalman import run_filter
 from hovercontrol.estimation.noise import augment
 from hovercontrol.estimation.problem import MOST as MOST_PIECES
+from hovercontrol.targets.shoot import shoot
+
+Array = NDArray[np.float64]
 
 
 def pieces_needed(fit: Fit) -> int:
@@ -40,3 +47,65 @@ def fine_enough(fit: Fit) -> Fit:
     Sub-steps are halved until the cost at the same path and unknowns stays; then it is fitted once more.
     """
     return in_pieces(fit, pieces_needed(fit))
+
+
+@dataclass(frozen=True, eq=False)
+class Within:
+    """What happens from row to row: N steps of S sub-steps each.
+
+    Attributes
+    ----------
+    states : ndarray, shape (n_states, S, N)
+        In the middles of sub-steps, as the model leads there from each row.
+    response : ndarray, shape (n, n, S, N)
+        [j, i]: what a unit push on free state j during a sub-step has become of free state i at the next row.
+        A body that dry friction holds forgets it.
+    """
+
+    states: Array
+    response: Array
+
+    def become(self, push: Array) -> Array:
+        """Return what pushes, shape (n, S, N), have become at the next rows, shape (n, N)."""
+        found = np.zeros((len(push), push.shape[-1]))
+        for own, response in zip(push, self.response, strict=True):
+            if own.any():
+                found += (response * own).sum(axis=1)
+        return found
+
+
+def within(fit: Fit) -> Within:
+    """Return what happens within the steps of a fit."""
+    problem = fit.problem
+    n, states = len(problem.free), fit.path.shape[2]
+    S, N = problem.pieces, problem.h.size
+    u, lagged = problem.commands(problem.parameters(fit.p))
+    start = np.moveaxis(fit.path[:-1], 2, 0).reshape(states, 1, N)
+    every = np.array(problem.parameters(fit.p), dtype=float)[:, None]
+    known = {i: v[None] for i, v in lagged.items()}
+    path = shoot(
+        problem.block, problem.t[:, 0][None], np.repeat(problem.h, S, axis=0), u[:, None], known, every, start
+    )[:, :, 0]
+    A = _transitions(fit, path[:-1], u, lagged)
+    response, R = np.empty((n, n, S, N)), np.broadcast_to(np.eye(n)[:, :, None], (n, n, N))
+    for s in reversed(range(S)):
+        through = np.einsum("ikN,kjN->ijN", R, A[:, :, s])
+        response[:, :, s] = np.swapaxes(0.5 * problem.h[0] * (R + through), 0, 1)
+        R = through
+    return Within(np.moveaxis(0.5 * (path[:-1] + path[1:]), 1, 0), response)
+
+
+def _transitions(fit: Fit, path: Array, u: Array, lagged: dict[int, Array]) -> Array:
+    """Return from the free states at the begin of each sub-step to those at its end, shape (n, n, S, N)."""
+    problem = fit.problem
+    S, _, N = path.shape
+    every, width = problem.copies(fit.p)
+    start = np.repeat(np.moveaxis(path, 1, 0).reshape(-1, 1, S * N), 1 + len(width), axis=1)
+    for j, i in enumerate(problem.free):
+        start[i, 1 + j] += width[j]
+    h = np.repeat(problem.h, S, axis=0).reshape(1, S * N)
+    end = shoot(
+        problem.block, problem.t.reshape(1, 1, S * N), h, u.reshape(len(u), 1, 1, 1, S * N),
+        {i: v.reshape(1, 1, 1, S * N) for i, v in lagged.items()}, every, start,
+    )[1][list(problem.free)]  # fmt: skip
+    return np.asarray((end[:, 1:] - end[:, :1]) / width[:, None]).reshape(len(width), len(width), S, N)

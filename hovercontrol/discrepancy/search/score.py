@@ -7,7 +7,7 @@ algebra of their products, block by block: gains (a score test, Rao 1948), and a
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,7 @@ from hovercontrol.estimation.kalman import run_filter
 from hovercontrol.estimation.noise import augment
 from hovercontrol.estimation.passes import inverse, products
 from hovercontrol.estimation.subject import Subject, structure, timing
+from hovercontrol.estimation.substeps import within
 from hovercontrol.models.base import shown_by
 from hovercontrol.targets.follow import follow
 
@@ -174,13 +175,14 @@ def _jump(fit: Fit, scored: Scored, key: str) -> Scored:
 def _delay(fit: Fit, scored: Scored) -> Scored:
     """Return the candidate with its delay found to 4 %, unless it is too small for its trial to say.
 
-    Commands jump: the likelihood of a delay has many tops, and a linear answer from far off leads to any.
+    Commands jump: the likelihood of a delay has many tops, and a linear answer from far off leads to any. A
+    push of which half is late and half is not, as behind a lag, is no delay.
     """
     best, key = scored, next(iter(scored.candidate.trial.numbers))
     for octaves in (1.0, 0.25):
         places = best.candidate.trial.values[key] * 2.0 ** np.linspace(-octaves, octaves, 9)
         best = _best_of(fit, best, key, places, ())
-    return best if best.parts[0] > 0.5 else scored
+    return best if best.gain > 0.0 else scored
 
 
 def _best_of(fit: Fit, scored: Scored, key: str, places: Array, amplitudes: tuple[str, ...]) -> Scored:
@@ -189,7 +191,14 @@ def _best_of(fit: Fit, scored: Scored, key: str, places: Array, amplitudes: tupl
     tried = [
         Candidate(trial.name, type(trial)(**{**trial.values, key: float(t)}), amplitudes) for t in places
     ]
-    return max(Scores(fit, tried).each(), key=lambda s: (s.allowed, s.gain))
+    each = Scores(fit, tried).each()
+    return max(each if amplitudes else map(_as_it_is, each), key=lambda s: (s.allowed, s.gain))
+
+
+def _as_it_is(scored: Scored) -> Scored:
+    """Return a candidate without amplitudes with what it gains at its full size, no part of it."""
+    part = float(scored.parts[0])
+    return replace(scored, gain=scored.gain * (2.0 * part - 1.0) / part**2) if part else scored
 
 
 def columns(fit: Fit, tried: Sequence[Candidate]) -> tuple[Array, Array, list[tuple[int, ...]]]:
@@ -238,10 +247,7 @@ class _Along:
         self.fit, self.problem = fit, fit.problem
         problem = self.problem
         self._values = dict(zip(problem.block.default_parameters, problem.parameters(fit.p), strict=True))
-        S, N = problem.pieces, problem.h.size
-        part = ((np.arange(S) + 0.5) / S)[:, None, None, None]
-        x = fit.path[None, :-1] + part * (fit.path[1:] - fit.path[:-1])[None]  # S, K-1, W, states
-        self._x = np.moveaxis(x, 3, 0).reshape(x.shape[3], S, N)
+        self._within = within(fit)
         self._t = (problem.t + 0.5 * problem.h)[:, 0]
         self._base: Array | None = None
         self._held: tuple[Array, dict[int, Array]] | None = None
@@ -253,12 +259,11 @@ class _Along:
             self._base = self._slopes(problem.model, self._values)
         model = problem.model.with_effects([e])
         own = {f"{problem.block.name}.{e.parameter(k)}": v for k, v in e.values.items()}
-        added = self._slopes(model, {**self._values, **own}) - self._base  # n, K-1, W
-        push = np.moveaxis(added, 0, -1) * problem.dt[..., None]
-        A = self.fit.linear.A
-        return 0.5 * (push + (A @ push[..., None])[..., 0])
+        added = self._slopes(model, {**self._values, **own}) - self._base
+        return np.moveaxis(self._within.become(added).reshape(-1, *problem.dt.shape), 0, -1)
 
     def _slopes(self, model: Subject, values: Mapping[str, float]) -> Array:
+        """Return the slopes of the free states in the middles of sub-steps, (n, S, N)."""
         problem, block = self.problem, structure(model)
         every = [values.get(name, start) for name, start in block.default_parameters.items()]
         x = np.zeros((len(block.states), *self._t.shape))
@@ -267,7 +272,7 @@ class _Along:
         new = []
         for i, s in enumerate(block.states):
             if s.name in names:
-                x[i] = self._x[names.index(s.name)]
+                x[i] = self._within.states[names.index(s.name)]
             elif i in lagged:
                 x[i] = lagged[i]
             else:
@@ -279,8 +284,7 @@ class _Along:
         with np.errstate(all="ignore"):
             slopes = block.to_numpy().array_derivatives(self._t, x, u, every)
         rows = [[s.name for s in block.states].index(names[i]) for i in problem.free]
-        shape = problem.dt.shape
-        return np.stack([np.broadcast_to(slopes[i], self._t.shape).mean(axis=0).reshape(shape) for i in rows])
+        return np.stack([np.broadcast_to(slopes[i], self._t.shape) for i in rows])
 
     def _simulate(self, block: Block, new: list[int], x: Array, u: Array, every: list[float]) -> None:
         """Run states that only a candidate has along the path, from rest in each stretch."""

@@ -167,7 +167,8 @@ def _add(search: Search, current: Fit, seen: Sequence[Scored]) -> list[Tried]:
             break
         if best is not None and not _nearly_as_good(s, *best, criteria):
             continue
-        e = at_its_time(current, s).effect
+        s = at_its_time(current, s)
+        e = s.effect
         if any(twins(t.fit.model.effect(t.name), e) for t in found):
             continue
         search.report(f"trying {e.name}")
