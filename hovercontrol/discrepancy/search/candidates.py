@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 class CandidateCriteria:
     """How candidates are tried.
 
-    No published source: set by hand, exercised by tests/discrepancy/test_score.py.
+    No published source: set by hand, exercised by tests/discrepancy/test_candidate_scores.py.
 
     Attributes
     ----------

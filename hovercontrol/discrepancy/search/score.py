@@ -182,7 +182,7 @@ def _delay(fit: Fit, scored: Scored) -> Scored:
     for octaves in (1.0, 0.25):
         places = best.candidate.trial.values[key] * 2.0 ** np.linspace(-octaves, octaves, 9)
         best = _best_of(fit, best, key, places, ())
-    return best if best.gain > 0.0 else scored
+    return best if best.allowed else scored
 
 
 def _best_of(fit: Fit, scored: Scored, key: str, places: Array, amplitudes: tuple[str, ...]) -> Scored:
@@ -196,9 +196,13 @@ def _best_of(fit: Fit, scored: Scored, key: str, places: Array, amplitudes: tupl
 
 
 def _as_it_is(scored: Scored) -> Scored:
-    """Return a candidate without amplitudes with what it gains at its full size, no part of it."""
+    """Return a candidate that is there or not with what it gains at its full size, not at a part of it.
+
+    More than the full size is noise of the model without it, which takes part of what it does.
+    """
     part = float(scored.parts[0])
-    return replace(scored, gain=scored.gain * (2.0 * part - 1.0) / part**2) if part else scored
+    gain = scored.gain if part >= 1.0 else scored.gain * (2.0 * part - 1.0) / max(part, 1e-9) ** 2
+    return replace(scored, gain=gain, allowed=gain > 0.0)
 
 
 def columns(fit: Fit, tried: Sequence[Candidate]) -> tuple[Array, Array, list[tuple[int, ...]]]:
