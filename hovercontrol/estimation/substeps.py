@@ -41,6 +41,16 @@ def in_pieces(fit: Fit, pieces: int) -> Fit:
     return estimate(problem, fit.prior, fit.noise, p=fit.p, path=fit.path)
 
 
+def settled_pieces(fit: Fit) -> int:
+    """Return in how many sub-steps finer ones would change nothing after the model is fitted in them, too.
+
+    In finer steps friction is often found to be steeper, and then wants still finer ones.
+    """
+    while (pieces := pieces_needed(fit)) > fit.problem.pieces:
+        fit = in_pieces(fit, pieces)
+    return pieces
+
+
 def fine_enough(fit: Fit) -> Fit:
     """Return a fit in sub-steps so fine that finer ones do not change its likelihood.
 

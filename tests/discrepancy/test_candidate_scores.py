@@ -6,6 +6,7 @@ import pytest
 from hovercontrol.discrepancy.diagnose import base_fit
 from hovercontrol.discrepancy.search.candidates import CANDIDATES, Candidate, candidates
 from hovercontrol.discrepancy.search.score import Scores, at_its_time, columns
+from hovercontrol.effects import effect
 from hovercontrol.estimation.data import gather
 
 from .generator import Conditions, make
@@ -77,3 +78,12 @@ def test_a_jump_is_where_it_scores_best():
     truth = case.truth.effect("parameter_jump").values["seconds"]
     assert fine.gain > coarse.gain
     assert fine.effect.values["seconds"] == pytest.approx(truth, abs=0.1)
+
+
+def test_a_linear_answer_is_believed_only_nearby():
+    lag = Candidate("thrust_lag", effect("thrust_lag", 0.1), ("seconds",))
+    assert lag.at([0.5]).values["seconds"] == pytest.approx(0.05)
+    assert lag.at([9.0]).values["seconds"] == pytest.approx(0.1 * CANDIDATES.believed[1])
+    assert lag.at([-9.0]).values["seconds"] == pytest.approx(0.1 * CANDIDATES.believed[0])
+    jump = Candidate("parameter_jump", effect("parameter_jump", 1.1, 5.0), ("factor",))
+    assert jump.at([-4.0]).values == pytest.approx({"factor": 0.6, "seconds": 5.0})  # to either side of one

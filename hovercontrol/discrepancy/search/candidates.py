@@ -65,7 +65,7 @@ class Candidate:
         cls, values = type(self.trial), dict(self.trial.values)
         for key, part in zip(self.amplitudes, parts, strict=True):
             number = cls.numbers[key]
-            if isinstance(number, Shape) and number.lower >= 0.0:  # a linear answer says little far off
+            if isinstance(number, Shape) and number.lower >= number.neutral:  # far off it says little
                 part = float(np.clip(part, *CANDIDATES.believed))
             value = number.neutral + part * (values[key] - number.neutral)
             values[key] = float(np.clip(value, number.lower, number.upper))

@@ -28,7 +28,7 @@ from hovercontrol.discrepancy.search.trial import (
 from hovercontrol.effects import Shape
 from hovercontrol.estimation.fit import Fit
 from hovercontrol.estimation.subject import Subject
-from hovercontrol.estimation.substeps import in_pieces, pieces_needed
+from hovercontrol.estimation.substeps import in_pieces, settled_pieces
 
 #: Candidates that blocks agree on and that are fitted though they score too little, at most.
 UNDERRATED = 2
@@ -89,7 +89,7 @@ def select(
         if not good:
             break
         best = begun_again(search, current, _likeliest(search, good))
-        pieces = pieces_needed(best.fit)
+        pieces = settled_pieces(best.fit)
         if pieces > current.problem.pieces:  # steep friction: what coarse steps leave would be named, too
             search.report("taking finer steps")
             finer = in_pieces(current, pieces)
