@@ -85,5 +85,5 @@ def test_a_linear_answer_is_believed_only_nearby():
     assert lag.at([0.5]).values["seconds"] == pytest.approx(0.05)
     assert lag.at([9.0]).values["seconds"] == pytest.approx(0.1 * CANDIDATES.believed[1])
     assert lag.at([-9.0]).values["seconds"] == pytest.approx(0.1 * CANDIDATES.believed[0])
-    jump = Candidate("parameter_jump", effect("parameter_jump", 1.1, 5.0), ("factor",))
+    jump = Candidate("parameter_jump", effect("parameter_jump", factor=1.1, seconds=5.0), ("factor",))
     assert jump.at([-4.0]).values == pytest.approx({"factor": 0.6, "seconds": 5.0})  # to either side of one
