@@ -87,35 +87,24 @@ class Within:
 def within(fit: Fit) -> Within:
     """Return what happens within the steps of a fit."""
     problem = fit.problem
-    n, states = len(problem.free), fit.path.shape[2]
-    S, N = problem.pieces, problem.h.size
-    u, lagged = problem.commands(problem.parameters(fit.p))
-    start = np.moveaxis(fit.path[:-1], 2, 0).reshape(states, 1, N)
-    every = np.array(problem.parameters(fit.p), dtype=float)[:, None]
-    known = {i: v[None] for i, v in lagged.items()}
-    path = shoot(
-        problem.block, problem.t[:, 0][None], np.repeat(problem.h, S, axis=0), u[:, None], known, every, start
-    )[:, :, 0]
-    A = _transitions(fit, path[:-1], u, lagged)
-    response, R = np.empty((n, n, S, N)), np.broadcast_to(np.eye(n)[:, :, None], (n, n, N))
-    for s in reversed(range(S)):
-        through = np.einsum("ikN,kjN->ijN", R, A[:, :, s])
-        response[:, :, s] = np.swapaxes(0.5 * problem.h[0] * (R + through), 0, 1)
-        R = through
-    return Within(np.moveaxis(0.5 * (path[:-1] + path[1:]), 1, 0), response)
-
-
-def _transitions(fit: Fit, path: Array, u: Array, lagged: dict[int, Array]) -> Array:
-    """Return from the free states at the begin of each sub-step to those at its end, shape (n, n, S, N)."""
-    problem = fit.problem
-    S, _, N = path.shape
+    n, S, N = len(problem.free), problem.pieces, problem.h.size
     every, width = problem.copies(fit.p)
-    start = np.repeat(np.moveaxis(path, 1, 0).reshape(-1, 1, S * N), 1 + len(width), axis=1)
-    for j, i in enumerate(problem.free):
-        start[i, 1 + j] += width[j]
-    h = np.repeat(problem.h, S, axis=0).reshape(1, S * N)
-    end = shoot(
-        problem.block, problem.t.reshape(1, 1, S * N), h, u.reshape(len(u), 1, 1, 1, S * N),
-        {i: v.reshape(1, 1, 1, S * N) for i, v in lagged.items()}, every, start,
-    )[1][list(problem.free)]  # fmt: skip
-    return np.asarray((end[:, 1:] - end[:, :1]) / width[:, None]).reshape(len(width), len(width), S, N)
+    u, lagged = problem.commands(problem.parameters(fit.p))
+    x = np.moveaxis(fit.path[:-1], 2, 0).reshape(-1, 1, N)
+    known = {i: v[None] for i, v in lagged.items()}
+    h = np.repeat(problem.h, S, axis=0)
+    path = shoot(problem.block, problem.t[:, 0][None], h, u[:, None], known, every[:, :1], x)[:, :, 0]
+    response, after = np.empty((n, n, S, N)), np.broadcast_to(np.eye(n)[:, :, None], (n, n, N))
+    for s in reversed(range(S)):
+        start = np.repeat(path[s][:, None], 1 + n, axis=1)
+        for j, i in enumerate(problem.free):
+            start[i, 1 + j] += width[j]
+        held = {i: v[s][None, None] for i, v in lagged.items()}
+        end = shoot(problem.block, problem.t[s][None], problem.h, u[:, s][:, None, None], held, every, start)[
+            1
+        ]
+        y = end[list(problem.free)]
+        before = np.einsum("ikN,kjN->ijN", after, (y[:, 1:] - y[:, :1]) / width[:, None])
+        response[:, :, s] = np.swapaxes(0.5 * problem.h * (after + before), 0, 1)
+        after = before
+    return Within(np.moveaxis(0.5 * (path[:-1] + path[1:]), 1, 0), response)
