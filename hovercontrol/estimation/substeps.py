@@ -47,7 +47,10 @@ def settled_pieces(fit: Fit) -> int:
     In finer steps friction is often found to be steeper, and then wants still finer ones.
     """
     while (pieces := pieces_needed(fit)) > fit.problem.pieces:
-        fit = in_pieces(fit, pieces)
+        try:
+            fit = in_pieces(fit, pieces)
+        except FloatingPointError:  # the caller's fit will tell
+            break
     return pieces
 
 
@@ -100,10 +103,9 @@ def within(fit: Fit) -> Within:
         for j, i in enumerate(problem.free):
             start[i, 1 + j] += width[j]
         held = {i: v[s][None, None] for i, v in lagged.items()}
-        end = shoot(problem.block, problem.t[s][None], problem.h, u[:, s][:, None, None], held, every, start)[
-            1
-        ]
-        y = end[list(problem.free)]
+        inputs = u[:, s][:, None, None]
+        ended = shoot(problem.block, problem.t[s][None], problem.h, inputs, held, every, start)[1]
+        y = ended[list(problem.free)]
         before = np.einsum("ikN,kjN->ijN", after, (y[:, 1:] - y[:, :1]) / width[:, None])
         response[:, :, s] = np.swapaxes(0.5 * problem.h * (after + before), 0, 1)
         after = before
