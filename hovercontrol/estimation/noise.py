@@ -22,9 +22,6 @@ Array = NDArray[np.float64]
 #: Standard deviation of a block's first states about the guess, in parts of how far states range.
 LOOSE = 10.0
 
-#: What is left of a state at the end of a step, at least, where the share of a push is reckoned.
-LEAST_LEFT = 1e-12
-
 
 @dataclass(frozen=True, eq=False)
 class Noise:
@@ -232,36 +229,12 @@ def _steps(problem: Problem, noise: Noise) -> tuple[Array, Array, Array, Array, 
 
 
 def _gamma(problem: Problem, A: Array) -> Array:
-    """Return what a push during a step has become at its end, (K-1, W, n, q)."""
+    """Return what a push in the middle of a step has become at its end, (K-1, W, n, q)."""
     driven = list(problem.driven)
-    early = early_part(A)[..., driven]
-    gamma = early[..., None, :] * A[..., :, driven]
+    gamma = 0.5 * A[..., :, driven]
     for j, i in enumerate(driven):
-        gamma[..., i, j] += 1.0 - early[..., j]
+        gamma[..., i, j] += 0.5
     return gamma
-
-
-def early_part(A: Array) -> Array:
-    """Return which part of a steady push acts as if at the start of a step, the rest as if at its end.
-
-    Half, unless the push decays within the step, as that of a body that dry friction holds: exact where a
-    state decays exponentially by itself.
-
-    Parameters
-    ----------
-    A : ndarray, shape (..., n, n)
-        From the states at the start of each step to those at its end.
-
-    Returns
-    -------
-    ndarray, shape (..., n)
-    """
-    left = np.clip(np.diagonal(A, axis1=-2, axis2=-1), LEAST_LEFT, None)
-    less = 1.0 - left
-    flat = np.abs(less) < 1e-3
-    safe = np.where(flat, 0.5, left)
-    mean = (safe - 1.0) / np.log(safe)  # of what is left of a push, over the step
-    return np.where(flat, 0.5 + less / 12.0, (1.0 - mean) / (1.0 - safe))
 
 
 def averaging_time(problem: Problem) -> float:

@@ -4,13 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.linalg import expm
 
 from hovercontrol.estimation.damping import Damping
 from hovercontrol.estimation.data import gather
 from hovercontrol.estimation.fit import first_noise
 from hovercontrol.estimation.kalman import run_filter, run_smoother
-from hovercontrol.estimation.noise import ONWARD, Noise, augment, averaged, early_part, moved, timed
+from hovercontrol.estimation.noise import ONWARD, Noise, augment, averaged, moved, timed
 from hovercontrol.estimation.problem import Problem
 
 
@@ -79,15 +78,3 @@ def test_the_mean_of_a_missing_acceleration_is_smaller_the_longer_it_is_taken():
     dense = np.exp(-np.abs(s[:, None] - s) / 0.1).mean()
     assert short == pytest.approx(2.0 * np.sqrt(dense), rel=5e-3)
     assert long == pytest.approx(2.0, rel=1e-4)
-
-
-@pytest.mark.parametrize("decay", [0.0, 1e-4, 1e-3, 0.02, 1.0, 6.0, 25.0, -0.5])
-def test_a_steady_push_on_what_decays_has_become_what_the_exact_solution_says(decay):
-    """Place and speed of a body under friction -decay v and a push of one, over one second."""
-    M = np.array([[0.0, 1.0, 0.0], [0.0, -decay, 1.0], [0.0, 0.0, 0.0]])
-    whole = expm(M)
-    A, exact = whole[:2, :2], whole[:2, 2]
-    early = early_part(A[None])[0, 1]
-    found = early * A[:, 1] + (1.0 - early) * np.array([0.0, 1.0])
-    assert found == pytest.approx(exact, rel=1e-6)
-    assert early_part(A[None])[0, 0] == 0.5  # what does not decay
