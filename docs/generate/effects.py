@@ -102,7 +102,8 @@ def _acts(cls: type[Effect]) -> str:
         "measurement": "what is logged",
     }
     craft = {"rudder": ", on craft with a propeller and a rudder", "fan": ", on craft with fans"}
-    return where[cls.kind()] + craft.get(cls.craft, "")
+    asked = "; `diagnose` names it only where it is asked for" if cls.mistaken_for else ""
+    return where[cls.kind()] + craft.get(cls.craft, "") + asked
 
 
 def _row(cls: type[Effect], key: str) -> tuple[str, ...]:

@@ -4,7 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
 from scipy.stats import norm
+
+from hovercontrol.estimation.fit import Fit
 
 
 @dataclass(frozen=True)
@@ -75,6 +79,10 @@ class Criteria:
     better: float = 2.0
     confirmed: float = 1.64
     visible: float = 6.6
+
+    def left(self, fit: Fit) -> NDArray[np.bool_]:
+        """Return in which equations a fit is left with process noise."""
+        return np.asarray(fit.noise.process > self.negligible * fit.problem.accelerations)
 
     def spread(self, looked_at: int) -> float:
         """Return the largest standard deviation from block to block, in parts of a coefficient.

@@ -116,7 +116,9 @@ class Effect:
     whose equation alone it acts. ``drives`` says that it turns its craft's actuators into accelerations,
     ``turns_fans`` that it needs the fans' torque with their forces turned, ``shifts_time`` that it only says
     how late commands or measurements are, which no log tells apart; ``contains`` the kinds of effect that it
-    becomes in a limit of its numbers.
+    becomes in a limit of its numbers. ``mistaken_for`` names effects that a search might take it for: it is
+    fitted in their place, and where it is surely likelier they are not named. It is itself named only where
+    a search is asked for it.
 
     A named subclass is known by its name everywhere; with ``register=False`` only to who holds the class.
 
@@ -140,6 +142,7 @@ class Effect:
     turns_fans: ClassVar[bool] = False
     shifts_time: ClassVar[bool] = False
     contains: ClassVar[tuple[type[Effect], ...]] = ()
+    mistaken_for: ClassVar[tuple[str, ...]] = ()
 
     def __init_subclass__(cls, *, register: bool = True, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)

@@ -6,8 +6,10 @@ from typing import Any
 
 import sympy as sp
 
-from hovercontrol.effects.base import TINY, Effect, Shape
+from hovercontrol.effects.base import TINY, Coefficient, Effect, Shape
+from hovercontrol.effects.coupling import AddedMassCoriolis
 from hovercontrol.effects.drag import Drag
+from hovercontrol.effects.environment import Slope
 
 
 class ParameterJump(Effect):
@@ -20,3 +22,16 @@ class ParameterJump(Effect):
     def factors(self, c: Any, s: Any) -> dict[str, sp.Expr]:
         jump = sp.Piecewise((sp.S.One, s.time < c.seconds), (c.factor, True))
         return {name: jump for name, cls in Effect.known.items() if issubclass(cls, Drag)}
+
+
+class MassDrift(Effect):
+    """Mass and moment of inertia that grow alike with time: m (1 + c t), t from the start of each log."""
+
+    name, source = "mass_drift", "Newton and Euler; c = rate of mass/m (a load that is taken in, fuel burnt)"
+    mistaken_for = ("battery_sag", "parameter_jump")
+    value = Coefficient("1/s")
+
+    def factors(self, c: Any, s: Any) -> dict[str, sp.Expr]:
+        free = (Slope, AddedMassCoriolis)  # of how much mass there is
+        forces = (cls for cls in Effect.known.values() if cls.kind() == "force")
+        return {cls.name: 1 / (1 + c.value * s.time) for cls in forces if not issubclass(cls, free)}

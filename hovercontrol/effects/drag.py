@@ -45,6 +45,11 @@ class _Quadratic(Drag):
         return sp.Abs(w) * w
 
 
+class _Cubic(Drag):
+    def law(self, c: Any, w: sp.Expr) -> sp.Expr:
+        return w**3
+
+
 class _Stribeck(Drag):
     contains = (_Coulomb,)
 
@@ -143,3 +148,27 @@ class YawStribeck(_Stribeck):
     value = Coefficient("rad/s^2", lower=0.0)
     speed = Shape("rad/s", lower=TINY, default=0.5, search=(0.05, 0.12, 0.3, 0.8), of="speed")
     width = Shape("rad/s", lower=TINY, default=0.01)
+
+
+class SurgeCubicDrag(_Cubic):
+    """Drag in proportion to the third power of the surge velocity."""
+
+    name, axis, source = "surge_cubic_drag", "u", "Abkowitz, HyA Report Hy-5 (1964): X_uuu"
+    mistaken_for = ("surge_quadratic_drag", "surge_stribeck")
+    value = Coefficient("s/m^2", lower=0.0)
+
+
+class SwayCubicDrag(_Cubic):
+    """Drag in proportion to the third power of the sway velocity."""
+
+    name, axis, source = "sway_cubic_drag", "v", "Abkowitz, HyA Report Hy-5 (1964): Y_vvv"
+    mistaken_for = ("sway_quadratic_drag", "sway_stribeck")
+    value = Coefficient("s/m^2", lower=0.0)
+
+
+class YawCubicDrag(_Cubic):
+    """Drag torque in proportion to the third power of the yaw rate."""
+
+    name, axis, source = "yaw_cubic_drag", "r", "Abkowitz, HyA Report Hy-5 (1964): N_rrr"
+    mistaken_for = ("yaw_quadratic_drag", "yaw_stribeck")
+    value = Coefficient("s/rad^2", lower=0.0)

@@ -140,6 +140,8 @@ class Model(EffectModel):
     def candidates(self) -> tuple[type[Effect], ...]:
         """Return all known effects that may be missing: accepted, and not in the model yet.
 
+        Without those that are named only where a search is asked for them (``mass_drift``).
+
         Examples
         --------
         >>> names = [cls.name for cls in Model("puck", [effect_class("thrust")(1.0)]).candidates()]
@@ -148,7 +150,7 @@ class Model(EffectModel):
         """
         have = {e.name for e in self.effects}
         known = (effect_class(name) for name in effect_names() if name not in have)
-        return tuple(cls for cls in known if self.accepts(cls))
+        return tuple(cls for cls in known if self.accepts(cls) and not cls.mistaken_for)
 
     def coefficients(self) -> dict[str, float]:
         """Return every number of every effect, and fans' gains where given, by parameter name."""

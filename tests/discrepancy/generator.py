@@ -102,13 +102,20 @@ SIZES: dict[str, dict[str, Callable[[Random], float]]] = {
     "time_offset": {"seconds": _either(0.03, 0.1)},
     "parameter_jump": {"factor": _from(1.2, 1.6), "seconds": _from(15.0, 45.0)},
 }
+#: The same of effects that a search names only where it is asked for them.
+BEYOND: dict[str, dict[str, Callable[[Random], float]]] = {
+    "mass_drift": {"value": _either(0.002, 0.006)},
+    "surge_cubic_drag": {"value": _from(0.1, 0.3)},
+    "sway_cubic_drag": {"value": _from(0.1, 0.3)},
+    "yaw_cubic_drag": {"value": _from(0.1, 0.3)},
+}
 #: Effects that measurements of other quantities are needed for.
 VELOCITY_ONLY = {"gyro_bias", "gyro_scale", "velocity_misalignment", "sensor_lever_arm"}
 
 
 def hidden(name: str, rng: Random, model: Model, scale: float = 1.0) -> Effect:
     """Return an effect of random size; `scale` makes it smaller."""
-    values = {key: size(rng) for key, size in SIZES[name].items()}
+    values = {key: size(rng) for key, size in {**SIZES, **BEYOND}[name].items()}
     cls = type(effect(name, **values))
     for key in values:
         neutral = cls.numbers[key].neutral

@@ -2,13 +2,14 @@
 
 As in :mod:`.generator` a case is made of a seed and what is hidden, and the search sees only the model, its
 coefficients up to 3 % off, and the logs. Here a craft that lacks a known effect meets a disturbance as well:
-a rough patch of floor, a load that swings, a cable, an oscillating torque, bumps, gusts. Five suites:
+a rough patch of floor, a load that swings, a cable, an oscillating torque, bumps, gusts. Six suites:
 
 ========== =================================================================================
 partial    an effect of the catalogue beside a disturbance, about as large as the effect
 remainder  a disturbance, nothing of the catalogue
 dirty      outliers, lost rows, stamps that are off; an effect or none
 gusts      coloured accelerations; an effect or none
+beyond     an effect that is named only where a search is asked for it; it is not
 fans       a craft of six fans whose thrust lags, on a floor with a patch, tracked by cameras
 ========== =================================================================================
 """
@@ -31,6 +32,7 @@ from hovercontrol.models.model import Fan, Model
 
 from .disturbances import Disturbance, Drive, Motion, placed, unmet
 from .generator import (
+    BEYOND,
     GUST,
     NOISE,
     Case,
@@ -295,6 +297,7 @@ CONDITIONS = {
     "remainder": Conditions(),
     "dirty": Conditions(dt=0.01, faults=True),
     "gusts": Conditions(),
+    "beyond": Conditions(),
     "fans": Conditions(commands=fan_steps, dt=0.005, channels=POSE),
 }
 SUITES = tuple(CONDITIONS)
@@ -311,6 +314,8 @@ def keys(suite: str, seeds: int) -> Iterator[Key]:
         elif suite == "remainder":
             yield from (Key(suite, "", kind, "", seed) for kind in (*DISTURBANCES, "gusts"))
             yield from (Key(suite, "", kind, "pose", seed) for kind in ("patch", "cable", "torque", "gusts"))
+        elif suite == "beyond":
+            yield from (Key(suite, name, "", "", seed) for name in BEYOND)
         elif suite == "fans":
             yield Key(suite, lag_of_fans(), "patch", "", seed)
         else:

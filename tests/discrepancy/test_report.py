@@ -14,6 +14,7 @@ from hovercontrol.discrepancy.report import gap_sentence, headline, remainder_se
 from hovercontrol.discrepancy.report.formatting import meaning
 from hovercontrol.discrepancy.report.free_run import free_run
 from hovercontrol.discrepancy.report.svg import Plot, bounds, ticks
+from hovercontrol.discrepancy.search.leads import ASKED_FOR, Lead
 from hovercontrol.effects import effect_class, effect_names
 from hovercontrol.logs import Log
 
@@ -136,6 +137,15 @@ def test_a_remainder_is_told_beside_the_name(gusty, pages):
     assert "By position" in text and "explained" in text.partition("What remains Root")[2]
 
 
+def test_an_effect_of_no_catalogue_is_told_with_how_to_have_it_named(patched):
+    heavy = Lead("mass_drift", 900.0, 50.0, ASKED_FOR)
+    said = headline(replace(patched.found, leads=(heavy, Lead("battery_sag", 220.0, 18.0, "less likely"))))
+    assert said == (
+        "Missing: something that no known effect explains; nearest come mass drift (named where it is asked "
+        "for: --effects mass_drift) and battery sag."
+    )
+
+
 def test_two_readings_of_one_finding_are_no_doubt(late):
     said = headline(late.found)
     assert late.found.verdict == "effect"
@@ -143,6 +153,13 @@ def test_two_readings_of_one_finding_are_no_doubt(late):
         r"Missing: input delay, \S+ ± \S+ s \(or time offset: both have the same effect on every log\)\.",
         said,
     )
+
+
+def test_a_rival_that_is_likelier_is_said_to_be(windy, tmp_path):
+    (rival,) = windy.found.rivals
+    d = replace(windy.found, rivals=(replace(rival, behind=-4.0),))
+    _, text = read(write_report(d, tmp_path / "r.html"))
+    assert "slope wind it is 7.4 times likelier" in text
 
 
 def test_what_cannot_be_told_apart_is_named_together(windy, pages):

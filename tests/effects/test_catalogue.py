@@ -49,6 +49,9 @@ FORCE = {
     "surge_quadratic_drag": (0.2, [-0.2 * abs(U) * U, 0, 0]),
     "sway_quadratic_drag": (0.2, [0, -0.2 * abs(V) * V, 0]),
     "yaw_quadratic_drag": (0.2, [0, 0, -0.2 * abs(R) * R]),
+    "surge_cubic_drag": (0.2, [-0.2 * U**3, 0, 0]),
+    "sway_cubic_drag": (0.2, [0, -0.2 * V**3, 0]),
+    "yaw_cubic_drag": (0.2, [0, 0, -0.2 * R**3]),
     "body_surge_force": (0.3, [0.3, 0, 0]),
     "body_side_force": (-0.3, [0, -0.3, 0]),
     "thrust_yaw_torque": (0.5, [0, 0, 0.5 * T]),
@@ -130,6 +133,20 @@ def test_all_drags_jump_at_one_time(t):
     np.testing.assert_allclose(found, 0.5 * drag if t > 5 else np.zeros(3), atol=1e-12)
 
 
+@pytest.mark.parametrize("t", [0.0, 4.0])
+def test_all_forces_fade_alike_on_a_craft_that_grows_heavier(t):
+    downhill = effect("slope", x=WX, y=WY), effect("added_mass_coriolis", 0.25)
+    drift = effect("mass_drift", 0.05)
+    coriolis = [V * R, -U * R, 0.0]
+    found = dots(c17_simulation().with_effects([drift]), t=t)[3:6] - coriolis
+    of_mass = dots(c17_simulation(), t=t)[3:6] - coriolis
+    np.testing.assert_allclose(found, of_mass / (1 + 0.05 * t), atol=1e-12)
+    beside = change(*downhill, drift, t=t) - change(drift, t=t)
+    np.testing.assert_allclose(
+        beside, EARTH + np.array([0.25 * V * R, 0, 0]), atol=1e-12
+    )  # whatever the mass
+
+
 def measured(*effects):
     block = c17_simulation().with_effects(effects).plant()
     values = dict(
@@ -174,7 +191,7 @@ def test_each_says_what_it_is_where_it_acts_and_whence_it_comes(name):
 
 
 @pytest.mark.parametrize("axis", ["surge", "sway", "yaw"])
-@pytest.mark.parametrize("law", ["coulomb", "linear_drag", "quadratic_drag", "stribeck"])
+@pytest.mark.parametrize("law", ["coulomb", "linear_drag", "quadratic_drag", "cubic_drag", "stribeck"])
 def test_drag_takes_energy_wherever_its_coefficient_is_allowed(axis, law):
     cls = effect_class(f"{axis}_{law}")
     assert cls.numbers["value"].lower == 0.0

@@ -85,13 +85,10 @@ def remainders(base: Fit, final: Fit, criteria: Criteria = CRITERIA) -> tuple[Re
     for j, i in enumerate(problem.driven):
         state = problem.block.states[problem.free[i]]
         gain = _gain(final, j, criteria)
-        there = (
-            gain > criteria.remains
-            and final.noise.process[j] > criteria.negligible * problem.accelerations[j]
-        )
+        there = gain > criteria.remains and criteria.left(final)[j]
         left = float(after[j]) if there else 0.0
         lacked = float(before[j]) if j < len(before) else 0.0
-        lacks = base.noise.process[j] > criteria.negligible * problem.accelerations[j]
+        lacks = criteria.left(base)[j]
         share = 1.0 - (left / lacked) ** 2 if final is not base and lacks else 0.0
         unit = rate(state.unit)
         found.append(
@@ -105,7 +102,7 @@ def remainders(base: Fit, final: Fit, criteria: Criteria = CRITERIA) -> tuple[Re
 def _gain(fit: Fit, j: int, criteria: Criteria) -> float:
     """Return what process noise in one equation brings; at most, where it is large beyond doubt."""
     problem = fit.problem
-    if fit.noise.process[j] <= criteria.negligible * problem.accelerations[j]:
+    if not criteria.left(fit)[j]:
         return 0.0
     process = fit.noise.process.copy()
     process[j] = 0.0

@@ -41,7 +41,8 @@ def _rivals(m: Context) -> Table | None:
 
 def _odds(behind: float) -> str:
     """Return how many times less likely, from twice the difference of log likelihoods."""
-    return "as likely" if behind < 0.1 else f"{rounded(math.exp(min(behind, 700.0) / 2))} times"
+    times = f"{rounded(math.exp(min(abs(behind), 700.0) / 2))} times"
+    return "as likely" if abs(behind) < 0.1 else times if behind > 0.0 else f"it is {times} likelier"
 
 
 def _leads(m: Context) -> Table | None:

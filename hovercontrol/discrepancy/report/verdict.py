@@ -23,6 +23,7 @@ from hovercontrol.discrepancy.report.formatting import (
     unit,
 )
 from hovercontrol.discrepancy.report.templates import legend, render
+from hovercontrol.discrepancy.search.leads import ASKED_FOR, Lead
 from hovercontrol.effects import Effect
 
 if TYPE_CHECKING:
@@ -84,9 +85,15 @@ def headline(d: Diagnosis) -> str:
         return f"Missing: {'; '.join(said)}."
     if d.verdict == "none":
         return "Missing: nothing beyond noise."
-    nearest = [effect_words(lead.name) for lead in d.leads[: SIGNIFICANCE.nearest]]
+    nearest = [_lead(lead) for lead in d.leads[: SIGNIFICANCE.nearest]]
     came = f"; nearest {'comes' if len(nearest) == 1 else 'come'} {listed(nearest)}" if nearest else ""
     return f"Missing: something that no known effect explains{came}."
+
+
+def _lead(lead: Lead) -> str:
+    """Return a candidate in words, and how to have it named where it is in no catalogue."""
+    asked = f" (named where it is asked for: --effects {lead.name})" if lead.reason == ASKED_FOR else ""
+    return effect_words(lead.name) + asked
 
 
 def _named(d: Diagnosis, name: str, numbers: Sequence[Found]) -> str:

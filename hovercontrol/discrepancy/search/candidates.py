@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hovercontrol.effects import Coefficient, Effect, Shape
+from hovercontrol.effects import Coefficient, Effect, Shape, effect_class, effect_names
 from hovercontrol.errors import InputError
 from hovercontrol.estimation.fit import Fit
 from hovercontrol.estimation.subject import Subject, structure
@@ -89,6 +89,13 @@ def catalogue(model: Subject, names: Sequence[str] | None = None) -> list[type[E
     shifted = any(e.shifts_time for e in model.effects)  # another one would be the same once more
     found = model.candidates() if names is None else [model.effect_class(name) for name in names]
     return [cls for cls in found if cls.name not in have and not (shifted and cls.shifts_time)]
+
+
+def beyond(model: Subject, names: Sequence[str] | None = None) -> list[str]:
+    """Return the effects of no catalogue that a model may lack, less those that a search is asked for."""
+    have = {*(e.name for e in model.effects), *(names or ())}
+    known = (effect_class(n) for n in effect_names() if n not in have)
+    return [cls.name for cls in known if cls.mistaken_for and model.accepts(cls)]
 
 
 def candidates(fit: Fit, names: Sequence[str] | None = None) -> list[Candidate]:

@@ -9,8 +9,9 @@ import numpy as np
 
 from hovercontrol.discrepancy.criteria import Criteria
 from hovercontrol.discrepancy.evidence.blocks import Blocks
-from hovercontrol.discrepancy.search.candidates import candidates, catalogue
-from hovercontrol.discrepancy.search.leads import Lead
+from hovercontrol.discrepancy.search.candidates import beyond, candidates, catalogue
+from hovercontrol.discrepancy.search.leads import ASKED_FOR, Lead
+from hovercontrol.discrepancy.search.mistaken import all_mistaken, surely
 from hovercontrol.discrepancy.search.score import Scores
 from hovercontrol.discrepancy.search.trial import (
     TRIALS,
@@ -132,6 +133,21 @@ def confirmed(
             effects.remove(least)
             final = without[least]
             continue
+        mistaken = all_mistaken(search, own, without)
+        sure = next((m for m in mistaken if m.gained > criteria.apart and m.t > criteria.apart_t), None)
+        if sure is not None:  # the others are judged beside it
+            reason = f"{sure.other} in its place gains {sure.gained:.3g} more in twice the log likelihood"
+            dropped += [Lead(n, own[n].gain, own[n].blocks.t, reason) for n in sure.names]
+            among[sure.other] = among[sure.names[0]]
+            effects = [sure.other, *(n for n in effects if n not in sure.names)]
+            final = sure.fit
+            continue
+        asked_for = [n for n in effects if n in beyond(base.model, search.names)]
+        if asked_for:
+            dropped[:0] = [Lead(n, own[n].gain, own[n].blocks.t, ASKED_FOR) for n in asked_for]
+            effects = [n for n in effects if n not in asked_for]
+            final = search.fit(final, final.model.without_effects(asked_for)) if effects else base
+            continue
         if safe is not None and set(effects) <= set(safe.effects):
             return replace(safe, dropped=(*safe.dropped, *dropped))
         rivals, others = _rivals(search, selection, own, without, {t.name: t for t in first})
@@ -146,7 +162,7 @@ def confirmed(
         selection,
         final=final,
         effects=tuple(effects),
-        rivals=tuple(rivals),
+        rivals=(*rivals, *(Rival(m.other, n, -m.gained, m.t, m.fit) for m in mistaken for n in m.names)),
         gains={n: own[n].gain for n in effects},
         blocks={n: own[n].blocks for n in effects},
         without=without,
@@ -195,8 +211,7 @@ def _rivals(
             behind = _behind(t, mine, criteria)
             if _only_imitates(t, mine, behind):
                 continue
-            d = t.fit.block_costs - final.block_costs
-            score = float(d.sum() / max(np.sqrt(d.size) * d.std(ddof=1), 1e-300)) if d.size > 1 else 0.0
+            score = surely(t.fit, final)
             alternatives.append((name, t))
             if behind < criteria.apart or score < criteria.apart_t:
                 rivals.append(Rival(t.name, name, behind, score, t.fit))

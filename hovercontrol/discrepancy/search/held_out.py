@@ -91,7 +91,7 @@ def _left(found: HeldOut, left: Selection) -> HeldOut:
 def _unconfirmed(found: HeldOut, criteria: Criteria) -> dict[str, Gained]:
     """Return what the held-out log could show and does not, where more is wrong than that."""
     fit = found.selection.final
-    if not np.any(fit.noise.process > criteria.negligible * fit.problem.accelerations):
+    if not np.any(criteria.left(fit)):
         return {}
     return {
         n: e.gained

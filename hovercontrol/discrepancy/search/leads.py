@@ -12,6 +12,9 @@ from hovercontrol.discrepancy.search.score import Scored
 from hovercontrol.discrepancy.search.trial import Tried, why_not
 from hovercontrol.estimation.fit import Fit
 
+#: Why an effect of no catalogue is not named.
+ASKED_FOR = "named only where it is asked for"
+
 
 @dataclass(frozen=True)
 class Lead:
@@ -54,10 +57,9 @@ def leads(
         Of the amended model.
     criteria : Criteria
     """
-    found = [lead for lead in dropped if lead.name not in named]
+    found = list({lead.name: lead for lead in dropped if lead.name not in named}.values())
     listed = {*named, *(lead.name for lead in found)}
-    left = final.noise.process > criteria.negligible * final.problem.accelerations
-    nearest = 3 if np.any(left) else 0  # are listed however little they gain
+    nearest = 3 if np.any(criteria.left(final)) else 0  # are listed however little they gain
     for s in seen:
         if s.candidate.name in listed or (s.gain < criteria.least and len(found) >= nearest):
             continue
@@ -76,6 +78,8 @@ def leads(
             reason = f"gains {s.gain:.3g} in twice the log likelihood, {asked:g} are asked for"
         elif s.p_value > criteria.level / max(len(seen), 1):
             reason = f"blocks of the logs do not agree on it (t = {score_t:.1f})"
+        elif s.candidate.trial.mistaken_for:
+            reason = ASKED_FOR
         else:
             reason = "another one takes more"
         found.append(Lead(s.candidate.name, s.gain, score_t, reason))

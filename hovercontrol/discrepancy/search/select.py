@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from hovercontrol.discrepancy.criteria import CRITERIA, Criteria
-from hovercontrol.discrepancy.search.candidates import candidates
+from hovercontrol.discrepancy.search.candidates import beyond, candidates
 from hovercontrol.discrepancy.search.confirm import Selection, confirmed
 from hovercontrol.discrepancy.search.leads import leads
 from hovercontrol.discrepancy.search.score import Scored, Scores, at_its_time
@@ -108,6 +110,9 @@ def select(
     selection = so_far()
     if safe is not None and len(selection.effects) < len(safe.effects):
         selection = safe
+    if np.any(criteria.left(current)):
+        others = Scores(current, candidates(current, beyond(current.model, names))).best()
+        seen = sorted([*seen, *others], key=lambda s: -s.gain)
     near = leads(seen, tried, selection.effects, selection.dropped, selection.final, criteria)
     return replace(selection, leads=near)
 
@@ -119,10 +124,9 @@ def _underrated(search: Search, current: Fit, seen: Sequence[Scored], done: set[
     these the best are fitted. Frictions that fade with speed are far from linear near standstill.
     """
     problem, criteria = current.problem, search.criteria
-    left = current.noise.process > criteria.negligible * problem.accelerations
     axes = {
         problem.block.states[problem.free[i]].name
-        for i, there in zip(problem.driven, left, strict=True)
+        for i, there in zip(problem.driven, criteria.left(current), strict=True)
         if there
     }
     if not axes:

@@ -95,7 +95,7 @@ def why_not(t: Tried, looked_at: int, criteria: Criteria) -> str:
     if t.gain < asked:
         return f"gains {t.gain:.3g} in twice the log likelihood, {asked:g} are asked for"
     b = t.blocks
-    if not np.any(t.fit.noise.process > criteria.negligible * t.fit.problem.accelerations):
+    if not np.any(criteria.left(t.fit)):
         return ""  # all that remains is noise of the measurements
     p = criteria.level / max(looked_at, 1)
     if b.p_value > p:
@@ -214,7 +214,7 @@ def as_given(search: Search, current: Fit) -> Subject:
 
 def with_times(search: Search, t: Tried) -> Tried:
     """Return a fit with its correlation times at their likeliest, where process noise is left."""
-    if not np.any(t.fit.noise.process > search.criteria.negligible * t.fit.problem.accelerations):
+    if not np.any(search.criteria.left(t.fit)):
         return t
     fit = search.fit(t.fit, t.fit.model, times=True)
     return replace(t, fit=fit, gain=t.gain + t.fit.cost - fit.cost)
