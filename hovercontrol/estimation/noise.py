@@ -137,7 +137,8 @@ class NoiseCriteria:
     least : float
         Smallest measurement noise relative to the level of third differences.
     tiny : float
-        Smallest measurement noise relative to a channel's range: the filter is singular without noise.
+        Smallest measurement noise relative to a channel's spread: no sensor is better, and in a log without
+        noise what integration leaves would be significant.
     """
 
     averaging: float = 0.2
@@ -146,7 +147,7 @@ class NoiseCriteria:
     none: float = 1e-5
     small: float = 1e-3
     least: float = 0.01
-    tiny: float = 1e-6
+    tiny: float = 1e-5
 
 
 #: The values in use.

@@ -174,14 +174,15 @@ def most_fallen(far: Sequence[Ahead]) -> Ahead | None:
 
 
 def _error_of_noise(d: Diagnosis) -> str:
-    """Return the largest error in multiples of its noise."""
+    """Return the error that is the largest in multiples of its noise."""
     gap = d.before or d.train_before
     ratios = {c: e / max(gap.floor[c], 1e-12) for c, e in gap.nrmse.items()}
     worst = max(ratios, key=lambda c: ratios[c])
     where = "On the held-out log" if d.before else "No log was held out; on the training logs"
+    told = f"{small(gap.rms[worst])} {unit(d.selection.base.problem.block.signal(worst).unit)}".strip()
     return (
-        f"{where} the error of {worst} {gap.horizon:.2g} s ahead is {times(ratios[worst])} times its noise, "
-        "the largest of all channels."
+        f"{where} the error of {worst} {gap.horizon:.2g} s ahead is {told}, {times(ratios[worst])} times its "
+        "noise, the largest of all channels."
     )
 
 

@@ -133,17 +133,8 @@ def confirmed(
             effects.remove(least)
             final = without[least]
             continue
-        mistaken = all_mistaken(search, own, without)
-        sure = next((m for m in mistaken if m.gained > criteria.apart and m.t > criteria.apart_t), None)
-        if sure is not None:  # the others are judged beside it
-            reason = f"{sure.other} in its place gains {sure.gained:.3g} more in twice the log likelihood"
-            dropped += [Lead(n, own[n].gain, own[n].blocks.t, reason) for n in sure.names]
-            among[sure.other] = among[sure.names[0]]
-            effects = [sure.other, *(n for n in effects if n not in sure.names)]
-            final = sure.fit
-            continue
         asked_for = [n for n in effects if n in beyond(base.model, search.names)]
-        if asked_for:
+        if asked_for:  # the others were judged beside it
             dropped[:0] = [Lead(n, own[n].gain, own[n].blocks.t, ASKED_FOR) for n in asked_for]
             effects = [n for n in effects if n not in asked_for]
             final = search.fit(final, final.model.without_effects(asked_for)) if effects else base
@@ -152,12 +143,21 @@ def confirmed(
             return replace(safe, dropped=(*safe.dropped, *dropped))
         rivals, others = _rivals(search, selection, own, without, {t.name: t for t in first})
         better = [(n, t) for n, t in others if _behind(t, own[n], criteria) < 0.0]
-        if not better or swaps == ROUNDS:
+        if better and swaps < ROUNDS:
+            name, t = better[0]
+            effects[effects.index(name)] = t.name
+            among[t.name] = _looked_at(search, selection, t, own[name])
+            final, swaps = t.fit, swaps + 1
+            continue
+        mistaken = all_mistaken(search, own, without)
+        sure = next((m for m in mistaken if m.gained > criteria.apart and m.t > criteria.apart_t), None)
+        if sure is None:
             break
-        name, t = better[0]
-        effects[effects.index(name)] = t.name
-        among[t.name] = _looked_at(search, selection, t, own[name])
-        final, swaps = t.fit, swaps + 1
+        reason = f"{sure.other} in its place gains {sure.gained:.3g} more in twice the log likelihood"
+        dropped += [Lead(n, own[n].gain, own[n].blocks.t, reason) for n in sure.names]
+        among[sure.other] = among[sure.names[0]]
+        effects = [sure.other, *(n for n in effects if n not in sure.names)]
+        final = sure.fit
     return replace(
         selection,
         final=final,
