@@ -14,6 +14,7 @@ from hovercontrol.discrepancy.diagnosis import Diagnosis, numbers_of
 from hovercontrol.discrepancy.evidence.holdout import gap
 from hovercontrol.discrepancy.evidence.laws import regime
 from hovercontrol.discrepancy.evidence.remainder import missing_forces, remainders
+from hovercontrol.discrepancy.evidence.sensors import slow_errors
 from hovercontrol.discrepancy.experiment.propose import next_experiment
 from hovercontrol.discrepancy.search.candidates import left_out
 from hovercontrol.discrepancy.search.held_out import held_out
@@ -130,7 +131,8 @@ def _diagnosed(
     report(0.92, "measuring what remains")
     base, final = selection.base, selection.final  # a search may find a likelier fit of the model as it is
     remains = remainders(base, final)
-    verdict = verdict_of(selection, remains)
+    slow = slow_errors(final)
+    verdict = verdict_of(selection, [*remains, *slow])
     effects = numbers_of(final, selection.effects)
     report(0.96, "looking for the next experiment")
     experiment, advice = next_experiment(selection, effects, seed)
@@ -144,6 +146,7 @@ def _diagnosed(
         rivals=selection.rivals,
         evidence=held.evidence,
         remainders=remains,
+        slow_errors=slow,
         leads=selection.leads,
         model=model,
         amended=final.model,

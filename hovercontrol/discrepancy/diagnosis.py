@@ -15,6 +15,7 @@ from hovercontrol.discrepancy.evidence.laws import regime_of, worst
 from hovercontrol.discrepancy.evidence.missing import Missing
 from hovercontrol.discrepancy.evidence.of_effects import Evidence
 from hovercontrol.discrepancy.evidence.remainder import Remainder
+from hovercontrol.discrepancy.evidence.sensors import SlowError
 from hovercontrol.discrepancy.experiment.proposal import Experiment
 from hovercontrol.discrepancy.search.confirm import Rival, Selection
 from hovercontrol.discrepancy.search.leads import Lead
@@ -79,8 +80,10 @@ class Diagnosis:
         By named effect.
     remainders : tuple of Remainder
         By equation on which forces act.
+    slow_errors : tuple of SlowError
+        Of sensors that contradict others by more than noise.
     leads : tuple of Lead
-        Nearest candidatesest and are not named, with the reason.
+        Nearest candidates that are not named, with the reason.
     model, amended, refitted : Model or BlockModel
         As given; with the named effects and all coefficients fitted; as given, its coefficients fitted.
     before, after : Gap or None
@@ -124,6 +127,7 @@ class Diagnosis:
     rivals: tuple[Rival, ...]
     evidence: dict[str, Evidence]
     remainders: tuple[Remainder, ...]
+    slow_errors: tuple[SlowError, ...]
     leads: tuple[Lead, ...]
     model: Subject
     amended: Subject
@@ -186,6 +190,10 @@ class Diagnosis:
                     "where": self._left(r.equation) if r.there else None,
                 }
                 for r in self.remainders
+            },
+            "slow_errors": {
+                s.channel: {"rms": s.rms, "noise": s.noise, "unit": s.unit, "averaged_over": s.over}
+                for s in self.slow_errors
             },
             "leads": [
                 {"name": lead.name, "gain": lead.gain, "blocks_t": lead.blocks_t, "reason": lead.reason}

@@ -6,12 +6,13 @@ from collections.abc import Sequence
 from typing import Literal
 
 from hovercontrol.discrepancy.evidence.remainder import Remainder
+from hovercontrol.discrepancy.evidence.sensors import SlowError
 from hovercontrol.discrepancy.search.confirm import Selection
 
 Verdict = Literal["effect", "none", "ambiguous", "partial", "unexplained"]
 
 
-def verdict_of(selection: Selection, remainders: Sequence[Remainder]) -> Verdict:
+def verdict_of(selection: Selection, remainders: Sequence[Remainder | SlowError]) -> Verdict:
     """Return the verdict; a remainder does not withdraw a name.
 
     ========== ==================================================================================

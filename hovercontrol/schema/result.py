@@ -117,6 +117,15 @@ class Remainder(TypedDict):
     where: RemainderPlace | None
 
 
+class SlowError(TypedDict):
+    """What a sensor shows that is neither the motion nor noise from sample to sample."""
+
+    rms: float
+    noise: float
+    unit: str
+    averaged_over: Annotated[float, "s"]
+
+
 class Lead(TypedDict):
     """A candidate that came near and is not named."""
 
@@ -143,6 +152,7 @@ class Result(TypedDict):
     rivals: list[Rival]
     gap: Gap
     remainder: Annotated[dict[str, Remainder], "by equation"]
+    slow_errors: Annotated[dict[str, SlowError], "by channel"]
     leads: list[Lead]
     where: Where
     next_experiment: str | None

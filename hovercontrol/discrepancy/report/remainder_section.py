@@ -40,6 +40,7 @@ def remainder(m: Context) -> str:
         changed=m.changed,
         over=f"{d.remainders[0].over:.2g}",
         sizes=_sizes(m, now),
+        sensors=_sensors(m),
         maps=_maps(m, now),
         kinds=legend("before", "after") if m.changed else legend("before"),
         logs=logs,
@@ -66,6 +67,15 @@ def _sizes(m: Context, missing: Sequence[Missing]) -> Table:
         rows.append((prime(r.equation), size, *([share] if m.changed else []), where, when))
     explained = ("explained",) if m.changed else ()
     return table(("equation", "remains", *explained, "largest", "when"), rows)
+
+
+def _sensors(m: Context) -> Table | None:
+    """Return the channels whose errors last."""
+    rows = [
+        (s.channel, f"{digits(s.rms)} {unit(s.unit)}", f"{digits(s.noise)} {unit(s.unit)}")
+        for s in m.diagnosis.slow_errors
+    ]
+    return table(("measured", "error", "noise from sample to sample"), rows) if rows else None
 
 
 def _maps(m: Context, missing: Sequence[Missing]) -> list[str]:

@@ -206,13 +206,18 @@ def remainder_sentence(d: Diagnosis) -> str:
     'What remains: nothing beyond noise.'
     """
     left = [r for r in d.remainders if r.there]
+    slow = [
+        f"lasting errors of {small(s.rms)} {unit(s.unit)} in measured {s.channel} (noise: {small(s.noise)})"
+        for s in d.slow_errors
+    ]
     if not left:
-        return "What remains: nothing beyond noise."
+        return f"What remains: {listed(slow) or 'nothing beyond noise'}."
     sizes = listed([f"{small(r.rms)} {unit(r.unit)} in {prime(r.equation)}" for r in left])
     same = [m for m in d.missing_after if any(m.equation == r.equation for r in left)]
     where = prime(regime(same))
     most = "" if where.startswith("nowhere") else f"; it is largest {where}"
-    return f"What remains: {sizes} (averaged over {left[0].over:.2g} s), that no known effect explains{most}."
+    said = f"{sizes} (averaged over {left[0].over:.2g} s), that no known effect explains{most}"
+    return f"What remains: {'; '.join([said, *slow])}."
 
 
 def verdict(m: Context) -> str:

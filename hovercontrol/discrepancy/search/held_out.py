@@ -9,6 +9,7 @@ import numpy as np
 from hovercontrol.discrepancy.criteria import CRITERIA, Criteria
 from hovercontrol.discrepancy.evidence.holdout import Gained, Horizons, ahead, gained, held_fit
 from hovercontrol.discrepancy.evidence.of_effects import Evidence
+from hovercontrol.discrepancy.evidence.sensors import only_noise
 from hovercontrol.discrepancy.search.confirm import Rival, Selection
 from hovercontrol.discrepancy.search.leads import Lead
 from hovercontrol.discrepancy.search.trial import Tried, twins
@@ -90,8 +91,7 @@ def _left(found: HeldOut, left: Selection) -> HeldOut:
 
 def _unconfirmed(found: HeldOut, criteria: Criteria) -> dict[str, Gained]:
     """Return what the held-out log could show and does not, where more is wrong than that."""
-    fit = found.selection.final
-    if not np.any(criteria.left(fit)):
+    if only_noise(found.selection.final, criteria):
         return {}
     return {
         n: e.gained

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hovercontrol.discrepancy.criteria import Criteria
+from hovercontrol.discrepancy.evidence.sensors import only_noise
 from hovercontrol.discrepancy.search.score import Scored
 from hovercontrol.discrepancy.search.trial import Tried, why_not
 from hovercontrol.estimation.fit import Fit
@@ -59,7 +60,7 @@ def leads(
     """
     found = list({lead.name: lead for lead in dropped if lead.name not in named}.values())
     listed = {*named, *(lead.name for lead in found)}
-    nearest = 3 if np.any(criteria.left(final)) else 0  # are listed however little they gain
+    nearest = 0 if only_noise(final, criteria) else 3  # are listed however little they gain
     for s in seen:
         if s.candidate.name in listed or (s.gain < criteria.least and len(found) >= nearest):
             continue

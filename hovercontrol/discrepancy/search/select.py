@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-import numpy as np
-
 from hovercontrol.discrepancy.criteria import CRITERIA, Criteria
+from hovercontrol.discrepancy.evidence.sensors import only_noise
 from hovercontrol.discrepancy.search.candidates import beyond, candidates
 from hovercontrol.discrepancy.search.confirm import Selection, confirmed
 from hovercontrol.discrepancy.search.leads import leads
@@ -110,7 +109,7 @@ def select(
     selection = so_far()
     if safe is not None and len(selection.effects) < len(safe.effects):
         selection = safe
-    if np.any(criteria.left(current)):
+    if not only_noise(current, criteria):
         others = Scores(current, candidates(current, beyond(current.model, names))).best()
         seen = sorted([*seen, *others], key=lambda s: -s.gain)
     near = leads(seen, tried, selection.effects, selection.dropped, selection.final, criteria)

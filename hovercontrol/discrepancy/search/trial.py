@@ -9,6 +9,7 @@ import numpy as np
 
 from hovercontrol.discrepancy.criteria import Criteria
 from hovercontrol.discrepancy.evidence.blocks import Blocks, agreement
+from hovercontrol.discrepancy.evidence.sensors import only_noise
 from hovercontrol.discrepancy.search.score import Scored
 from hovercontrol.effects import Effect, Shape
 from hovercontrol.estimation.fit import CONVERGENCE, Fit, estimate, first_noise, refit
@@ -95,8 +96,8 @@ def why_not(t: Tried, looked_at: int, criteria: Criteria) -> str:
     if t.gain < asked:
         return f"gains {t.gain:.3g} in twice the log likelihood, {asked:g} are asked for"
     b = t.blocks
-    if not np.any(criteria.left(t.fit)):
-        return ""  # all that remains is noise of the measurements
+    if only_noise(t.fit, criteria):
+        return ""
     p = criteria.level / max(looked_at, 1)
     if b.p_value > p:
         return f"blocks of the logs do not agree on it (t = {b.t:.1f}, {b.same_sign} of {b.n} with its sign)"
