@@ -57,6 +57,19 @@ class _Stribeck(Drag):
         return sgn(w, c.width) * sp.exp(-((w / c.speed) ** 2))
 
 
+class AirDrag(Effect):
+    """Quadratic drag of the air against the velocity as a whole: -c V (u, v), V the speed through the air."""
+
+    name, source = "air_drag", "Fossen, Handbook of Marine Craft, 2nd ed., 8.1: equal areas, one coefficient"
+    mistaken_for = ("surge_quadratic_drag", "sway_quadratic_drag", "added_mass_coriolis")
+    value = Coefficient("1/m", lower=0.0)
+    width = Shape("m/s", lower=TINY, default=0.01, fixed=True)
+
+    def terms(self, c: Any, s: Any) -> dict[str, sp.Expr]:
+        speed = sp.sqrt(s.air_u**2 + s.air_v**2 + c.width**2)  # smooth at rest
+        return {"u": -c.value * speed * s.air_u, "v": -c.value * speed * s.air_v}
+
+
 class SurgeCoulomb(_Coulomb):
     """Dry friction against surge, a force of constant size."""
 

@@ -6,6 +6,7 @@ from typing import Any
 
 import sympy as sp
 
+from hovercontrol.core.signals import time
 from hovercontrol.effects.base import Coefficient, Effect, Shape
 
 
@@ -60,6 +61,17 @@ class GyroScale(Effect):
 
     def measured(self, c: Any, s: Any) -> None:
         s.r = s.r + c.value * s.true.r
+
+
+class GyroDrift(Effect):
+    """A gyro whose error grows with time: r + d t, t from the start of each log."""
+
+    name, source, order = "gyro_drift", "first order of a gyro that warms up", 3
+    mistaken_for = ("gyro_bias", "gyro_scale")
+    value = Coefficient("rad/s^2")
+
+    def measured(self, c: Any, s: Any) -> None:
+        s.r = s.r + c.value * time
 
 
 class TimeOffset(Effect):

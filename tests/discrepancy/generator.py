@@ -105,6 +105,8 @@ SIZES: dict[str, dict[str, Callable[[Random], float]]] = {
 #: The same of effects that a search names only where it is asked for them.
 BEYOND: dict[str, dict[str, Callable[[Random], float]]] = {
     "mass_drift": {"value": _either(0.002, 0.006)},
+    "air_drag": {"value": _from(0.2, 0.4)},
+    "gyro_drift": {"value": _either(0.001, 0.004)},
     "surge_cubic_drag": {"value": _from(0.1, 0.3)},
     "sway_cubic_drag": {"value": _from(0.1, 0.3)},
     "yaw_cubic_drag": {"value": _from(0.1, 0.3)},

@@ -47,7 +47,12 @@ def test_what_is_there_keeps_its_name(name):
 
 
 def test_a_search_asks_in_place_of_what_it_may_be_taken_for(heavier):
-    asked_for = {"mass_drift", "surge_cubic_drag", "sway_cubic_drag", "yaw_cubic_drag"}
+    asked_for = {
+        "air_drag",
+        "gyro_drift",
+        "mass_drift",
+        *(f"{a}_cubic_drag" for a in ("surge", "sway", "yaw")),
+    }
     assert set(beyond(heavier.model)) == asked_for
     assert set(beyond(heavier.model, ["mass_drift"])) == asked_for - {"mass_drift"}
     assert not asked_for & {cls.name for cls in catalogue(heavier.model)}

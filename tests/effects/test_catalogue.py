@@ -133,6 +133,13 @@ def test_all_drags_jump_at_one_time(t):
     np.testing.assert_allclose(found, 0.5 * drag if t > 5 else np.zeros(3), atol=1e-12)
 
 
+def test_air_drag_is_against_the_speed_through_the_air():
+    air = effect("wind", x=WX, y=WY), effect("air_drag", 0.2, width=1e-6)
+    moving = np.array([U, V, 0.0]) - EARTH
+    expected = -0.2 * np.hypot(*moving[:2]) * moving
+    np.testing.assert_allclose(change(*air) - change(air[0]), expected, atol=1e-9)
+
+
 @pytest.mark.parametrize("t", [0.0, 4.0])
 def test_all_forces_fade_alike_on_a_craft_that_grows_heavier(t):
     downhill = effect("slope", x=WX, y=WY), effect("added_mass_coriolis", 0.25)
@@ -158,6 +165,8 @@ def measured(*effects):
 def test_measurement_effects():
     assert measured(effect("gyro_bias", 0.2)) == {"r": pytest.approx(R + 0.2)}
     assert measured(effect("gyro_scale", 0.2)) == {"r": pytest.approx(1.2 * R)}
+    block = c17_simulation().with_effects([effect("gyro_drift", 0.2)]).plant()
+    assert block.to_numpy().outputs(3.0, STATE, [T, TH])[-1] == pytest.approx(R + 0.2 * 3.0)
     gyro = effect("gyro_scale", 0.2), effect("gyro_bias", 0.1)
     for both in (gyro, gyro[::-1]):  # the bias is not scaled, whichever stands first
         assert measured(*both) == {"r": pytest.approx(1.2 * R + 0.1)}

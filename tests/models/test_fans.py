@@ -138,7 +138,9 @@ def test_a_craft_with_curves_and_gains_survives_the_disk(curve, tmp_path):
 
 SAME = {"thrust_lag", "input_delay"}
 RUDDER = {n for n in effect_names() if "rudder" in n} | {"thrust", "thrust_yaw_torque", "load_friction"}
-ASKED_FOR = {"mass_drift", "surge_cubic_drag", "sway_cubic_drag", "yaw_cubic_drag"}
+ASKED_FOR = {
+    "air_drag", "gyro_drift", "mass_drift", "surge_cubic_drag", "sway_cubic_drag", "yaw_cubic_drag",
+}  # fmt: skip
 FAN = {n for n in effect_names() if n.startswith("fan_")}
 
 
