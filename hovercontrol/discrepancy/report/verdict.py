@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from hovercontrol.core.boundary import checked
+from hovercontrol.discrepancy.criteria import CRITERIA
 from hovercontrol.discrepancy.evidence.holdout import Ahead, Gained, ahead
 from hovercontrol.discrepancy.evidence.laws import regime
 from hovercontrol.discrepancy.report import pictures
@@ -85,7 +86,7 @@ def headline(d: Diagnosis) -> str:
         return f"Missing: {'; '.join(said)}."
     if d.verdict == "none":
         return "Missing: nothing beyond noise."
-    nearest = [_lead(lead) for lead in d.leads[: SIGNIFICANCE.nearest]]
+    nearest = [_lead(lead) for lead in d.leads[: SIGNIFICANCE.nearest] if lead.gain > CRITERIA.least]
     came = f"; nearest {'comes' if len(nearest) == 1 else 'come'} {listed(nearest)}" if nearest else ""
     return f"Missing: something that no known effect explains{came}."
 
