@@ -71,22 +71,30 @@ def run(command: Callable[[], object]) -> int:
         notices.print_all()
         _flush()
         return status
-    except InputError as error:
-        return _say(str(error), WRONG)
     except KeyboardInterrupt as stop:
         return _stopped(stop.status if isinstance(stop, Stopped) else STOPS[signal.SIGINT])
-    except BrokenPipeError:
-        _drop_output()
-        return DONE
-    except OSError as error:
-        _drop_output()
-        return _say(f"{error.filename or 'the output cannot be written'}: {files.reason(error)}", WRONG)
-    except MemoryError:
-        return _say("not enough memory", WRONG)
-    except Exception as error:  # a fault of ours: never a traceback at a user, never taken for a finding
-        return _say(f"unexpected {type(error).__name__}: {error} (please report this)", FAULT)
+    except Exception as error:
+        if _asked:  # machine code that is interrupted may end in an error of its own
+            return _stopped(STOPS[_asked[-1]])
+        return _failed(error)
     finally:
         warnings.showwarning = before
+
+
+def _failed(error: Exception) -> int:
+    """Say in one line why a command fails; return the status for that."""
+    if isinstance(error, InputError):
+        return _say(str(error), WRONG)
+    if isinstance(error, BrokenPipeError):
+        _drop_output()
+        return DONE
+    if isinstance(error, OSError):
+        _drop_output()
+        return _say(f"{error.filename or 'the output cannot be written'}: {files.reason(error)}", WRONG)
+    if isinstance(error, MemoryError):
+        return _say("not enough memory", WRONG)
+    # a fault of ours: never a traceback at a user, never taken for a finding
+    return _say(f"unexpected {type(error).__name__}: {error} (please report this)", FAULT)
 
 
 class _Notices:

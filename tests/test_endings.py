@@ -61,6 +61,19 @@ def test_who_is_stopped_after_the_results_stand_says_so(tmp_path, capsys):
     assert capsys.readouterr().err == f"hovercontrol: stopped; {tmp_path}/out was written before\n"
 
 
+def test_a_stop_that_machine_code_turns_into_an_error_is_a_stop(capsys):
+    def command():
+        try:
+            os.kill(os.getpid(), signal.SIGTERM)
+            time.sleep(5)
+        except KeyboardInterrupt:
+            raise ValueError("Invalid affine transformation matrix") from None  # as a drawing library does
+
+    assert endings.run(command) == 143
+    assert capsys.readouterr().err == STOPPED
+    assert endings.run(raised(ValueError("x"))) == 3, "it is no matter of the next command"
+
+
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_ends_with_one_line_and_nothing_of_the_folder(tmp_path, number, capsys):
     def write(folder):
