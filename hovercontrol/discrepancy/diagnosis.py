@@ -192,7 +192,7 @@ class Diagnosis:
                 for r in self.remainders
             },
             "slow_errors": {
-                s.channel: {"rms": s.rms, "noise": s.noise, "unit": s.unit, "averaged_over": s.over}
+                s.channel: {"rms": s.rms, "noise": s.noise, "unit": s.unit, "over": s.over}
                 for s in self.slow_errors
             },
             "leads": [

@@ -123,7 +123,7 @@ class SlowError(TypedDict):
     rms: float
     noise: float
     unit: str
-    averaged_over: Annotated[float, "s"]
+    over: Annotated[float, "s: of medians"]
 
 
 class Lead(TypedDict):

@@ -49,7 +49,7 @@ def test_it_is_told_in_words_and_numbers(compass, tmp_path):
     said = remainder_sentence(compass)
     assert said.startswith("What remains: lasting errors of ") and "rad in measured psi (noise: " in said
     told = compass.result()["slow_errors"]["psi"]
-    assert told == {"rms": slow.rms, "noise": slow.noise, "unit": "rad", "averaged_over": 0.2}
+    assert told == {"rms": slow.rms, "noise": slow.noise, "unit": "rad", "over": 0.2}
     page = write_report(compass, tmp_path / "r.html").read_text(encoding="utf-8")
     assert "In what is measured" in page and said in page
 
@@ -59,6 +59,14 @@ def test_noise_alone_is_no_such_error(case):
     assert slow_errors(fit) == () and only_noise(fit, CRITERIA)
     short = base_fit(case.model, gather(case.model, [case.logs[0].between(0.0, 1.5)]))
     assert slow_errors(short) == ()
+
+
+def test_outliers_that_were_missed_are_no_lasting_error(case):
+    fit = base_fit(case.model, gather(case.model, case.logs))
+    left = fit.left.copy()
+    left[::13] += 30.0  # in most stretches there is one
+    assert slow_errors(replace(fit, left=left)) == ()
+    assert {s.channel for s in slow_errors(replace(fit, left=fit.left + 2.0))} == {*NOISE}
 
 
 def test_random_forces_take_what_acts_on_the_craft(gusty):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import warnings
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +12,9 @@ from hovercontrol.discrepancy.criteria import Criteria
 from hovercontrol.estimation.fit import Fit
 from hovercontrol.estimation.noise import NOISE, averaging_time
 
-#: Fewest averages from which a channel is judged.
+#: Variance of a median of normal samples, over that of their mean. One outlier that was missed moves a mean.
+MEDIAN = math.pi / 2
+#: Fewest stretches from which a channel is judged.
 FEWEST = 8
 
 
@@ -22,13 +26,13 @@ class SlowError:
     ----------
     channel : str
     rms : float
-        Root mean square of the residual, averaged over `over` seconds, less what noise leaves of it.
+        Root mean square of the residual's medians over `over` seconds, less what noise leaves of them.
     noise : float
         Standard deviation of the noise from sample to sample.
     unit : str
         Of both.
     over : float
-        Averaging time [s].
+        Length of such a stretch [s].
     """
 
     channel: str
@@ -47,7 +51,7 @@ def only_noise(fit: Fit, criteria: Criteria) -> bool:
 
 
 def slow_errors(fit: Fit) -> tuple[SlowError, ...]:
-    """Return the channels whose residual, averaged, is larger than their noise from sample to sample.
+    """Return the channels whose residual lasts, larger than their noise from sample to sample.
 
     Random forces move the path; where channels contradict each other (a gyro that drifts, a heading that a
     magnet bends) no path follows them all, and the noise that is fitted takes the difference.
@@ -82,9 +86,11 @@ def slow_errors(fit: Fit) -> tuple[SlowError, ...]:
         full = 2 * count > n
         if full.sum() < FEWEST:
             continue
-        mean = np.where(seen, left, 0.0).sum(axis=1)[full] / count[full]
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", RuntimeWarning)  # of stretches without a sample
+            middle = np.nanmedian(np.where(seen, left, np.nan), axis=1)[full]
         noise = float(max(problem.data.noise[c], least[c]))
-        slow = float(np.sqrt(max(np.mean(mean**2 - noise**2 / count[full]), 0.0)))
+        slow = float(np.sqrt(max(np.mean(middle**2 - MEDIAN * noise**2 / count[full]), 0.0)))
         if slow > noise:
             unit = problem.block.signal(channel).unit
             found.append(SlowError(channel, slow, noise, unit, over))
