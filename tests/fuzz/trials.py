@@ -15,8 +15,8 @@ from pathlib import Path
 from random import Random
 
 import numpy as np
-import pyarrow as pa
 import pandas  # noqa: F401  a time limit that ends its first import within a trial breaks every later one
+import pyarrow as pa
 import pyarrow.parquet
 
 from hovercontrol.core.units import dimension
