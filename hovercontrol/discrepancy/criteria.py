@@ -80,6 +80,10 @@ class Criteria:
     confirmed: float = 1.64
     visible: float = 6.6
 
+    def penalised(self, fit: Fit) -> float:
+        """Return minus twice the log likelihood of a fit, and `each` for each of its unknowns."""
+        return fit.cost + self.each * len(fit.p)
+
     def left(self, fit: Fit) -> NDArray[np.bool_]:
         """Return in which equations a fit is left with process noise."""
         return np.asarray(fit.noise.process > self.negligible * fit.problem.accelerations)

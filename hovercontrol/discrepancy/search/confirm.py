@@ -7,7 +7,6 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from hovercontrol.discrepancy.criteria import Criteria
 from hovercontrol.discrepancy.evidence.blocks import Blocks
 from hovercontrol.discrepancy.search.candidates import beyond, candidates, catalogue
 from hovercontrol.discrepancy.search.leads import ASKED_FOR, Lead
@@ -115,6 +114,7 @@ def confirmed(
         Confirmed before; returned where no more than its effects are left.
     """
     criteria, base = search.criteria, selection.base
+    penalised = criteria.penalised
     effects, final = list(selection.effects), selection.final
     dropped: list[Lead] = []
     among = dict.fromkeys(effects, selection.candidates)
@@ -142,7 +142,7 @@ def confirmed(
         if safe is not None and set(effects) <= set(safe.effects):
             return replace(safe, dropped=(*safe.dropped, *dropped))
         rivals, others = _rivals(search, selection, own, without, {t.name: t for t in first})
-        better = [(n, t) for n, t in others if _behind(t, own[n], criteria) < 0.0]
+        better = [(n, t) for n, t in others if penalised(t.fit) < penalised(own[n].fit)]
         if better and swaps < ROUNDS:
             name, t = better[0]
             effects[effects.index(name)] = t.name
@@ -208,7 +208,7 @@ def _rivals(
             if t is None or not passes(t, _looked_at(search, selection, t, mine), criteria):
                 continue
             t = _alike(search, t, mine)
-            behind = _behind(t, mine, criteria)
+            behind = criteria.penalised(t.fit) - criteria.penalised(final)
             if _only_imitates(t, mine, behind):
                 continue
             score = surely(t.fit, final)
@@ -235,7 +235,8 @@ def _alike(search: Search, t: Tried, other: Tried) -> Tried:
         again = search.fit(replace(t.fit, noise=other.fit.noise), t.fit.model)
         if again.cost < t.fit.cost:
             t = replace(t, fit=again, gain=t.gain + t.fit.cost - again.cost)
-    if _behind(t, other, search.criteria) < TRIALS.near:
+    penalised = search.criteria.penalised
+    if penalised(t.fit) < penalised(other.fit) + TRIALS.near:
         t = with_times(search, t)
     return t
 
@@ -247,8 +248,3 @@ def _only_imitates(t: Tried, simpler: Tried, behind: float) -> bool:
     """
     rich, simple = (type(o.fit.problem.model.effect(o.name)) for o in (t, simpler))
     return rich.axis == simple.axis and issubclass(simple, rich.contains) and behind >= 0.0
-
-
-def _behind(t: Tried, other: Tried, criteria: Criteria) -> float:
-    """Return how much less likely one fit is than another, numbers penalised alike."""
-    return t.fit.cost - other.fit.cost + criteria.each * (t.numbers - other.numbers)

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hovercontrol.discrepancy.criteria import Criteria
 from hovercontrol.discrepancy.search.candidates import beyond, candidates
 from hovercontrol.discrepancy.search.score import Scores
 from hovercontrol.discrepancy.search.trial import Search, Tried, try_effect
@@ -50,6 +49,7 @@ def all_mistaken(search: Search, own: Mapping[str, Tried], without: Mapping[str,
         The model less each of them.
     """
     found = []
+    penalised = search.criteria.penalised
     for name, mine in own.items():
         for other in beyond(mine.fit.model, search.names):
             taken = search.model.effect_class(other).mistaken_for
@@ -64,18 +64,13 @@ def all_mistaken(search: Search, own: Mapping[str, Tried], without: Mapping[str,
             names, fit = [name], t.fit
             for also in (n for n in own if n in taken and n != name):  # two may stand for one
                 fewer = search.fit(fit, fit.model.without_effects(also))
-                if _likelier(fewer, fit, search.criteria) > 0.0:
+                if penalised(fewer) < penalised(fit):
                     names, fit = [*names, also], fewer
-            gained = _likelier(fit, final, search.criteria)
+            gained = penalised(final) - penalised(fit)
             if gained > 0.0:
                 found.append(Mistaken(tuple(names), other, fit, gained, surely(final, fit)))
     likeliest = {m.other: m for m in sorted(found, key=lambda m: m.gained)}
     return sorted(likeliest.values(), key=lambda m: -m.gained)
-
-
-def _likelier(one: Fit, other: Fit, criteria: Criteria) -> float:
-    """Return by how much one fit is likelier, in twice the log likelihood, numbers penalised alike."""
-    return other.cost - one.cost + criteria.each * (len(other.p) - len(one.p))
 
 
 def surely(one: Fit, other: Fit) -> float:

@@ -146,10 +146,10 @@ def _underrated(search: Search, current: Fit, seen: Sequence[Scored], done: set[
 
 def _likeliest(search: Search, good: Sequence[Tried]) -> Tried:
     """Return the likeliest of effects that may be named, each with correlation times of its own."""
-    each = search.criteria.each
-    least = min(t.fit.cost + each * t.numbers for t in good)
-    near = [with_times(search, t) for t in good if t.fit.cost + each * t.numbers < least + TRIALS.near]
-    return min(near, key=lambda t: t.fit.cost + each * t.numbers)
+    penalised = search.criteria.penalised
+    least = min(penalised(t.fit) for t in good)
+    near = [with_times(search, t) for t in good if penalised(t.fit) < least + TRIALS.near]
+    return min(near, key=lambda t: penalised(t.fit))
 
 
 def _add(search: Search, current: Fit, seen: Sequence[Scored]) -> list[Tried]:
