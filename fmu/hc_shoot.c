@@ -40,9 +40,10 @@ static void one_piece(hc_shooter *s, long piece, long row)
     const hc_shoot *d = s->shoot;
     pack *begin = s->x;
     pack h; /* a copy that nobody can change from afar stays in registers */
+    arrive(s, d->step, 0, piece, row, h);
     for (int l = 0; l < HC_LANES; l++) {
         s->t[l] = d->time[(piece * (d->rows - 1) + row) * d->windows + s->window[l]];
-        s->h[l] = h[l] = d->step[row * d->windows + s->window[l]];
+        s->h[l] = h[l];
     }
     for (int i = 0; i < d->n_inputs; i++)
         arrive(s, d->inputs, i, piece, row, s->u[i]);

@@ -12,7 +12,7 @@ typedef struct {
     long ways;               /* 1, or as many as copies: what arrives differs from copy to copy */
     const int *known;        /* n_known: which states */
     const double *time;      /* S, K-1, W: begin of each piece [s] */
-    const double *step;      /* K-1, W: its length [s] */
+    const double *step;      /* S, K-1, ways, W: its length [s] */
     const double *inputs;    /* n_inputs, S, K-1, ways, W */
     const double *values;    /* n_known, S, K-1, ways, W */
     const double *parameters; /* n_parameters, C */

@@ -129,6 +129,27 @@ def command_times(log: Measured) -> tuple[Array, Array]:
     return time, std
 
 
+def divided(pieces: int, part: Array) -> tuple[Array, Array]:
+    """Return begins and lengths of pieces of steps, in parts of a step, both of shape (pieces, N).
+
+    Parameters
+    ----------
+    pieces : int
+    part : ndarray, shape (N,)
+        Where two pieces meet, in parts of the step; NaN: anywhere.
+
+    Examples
+    --------
+    >>> divided(3, np.array([0.5]))[0][:, 0].tolist()
+    [0.0, 0.5, 0.75]
+    """
+    s = np.arange(pieces)[:, None]
+    before = np.clip(np.rint(np.nan_to_num(part) * pieces), 1, max(pieces - 1, 1))
+    part = np.where(np.isfinite(part) & (pieces > 1), part, before / pieces)
+    first, second = part / before, (1.0 - part) / np.maximum(pieces - before, 1)
+    return np.where(s < before, s * first, part + (s - before) * second), np.where(s < before, first, second)
+
+
 class Arrival:
     """The commands of one log, each value held from its row to the next; zero before the first.
 
@@ -149,6 +170,9 @@ class Arrival:
             [np.zeros((len(inputs), 1)), np.cumsum(inputs * steps, axis=1)], axis=1
         )
         self._knots = np.append(time, time[-1] + 1.0)
+        changes = np.abs(np.diff(inputs, axis=1, prepend=0.0))
+        widest = np.maximum(np.ptp(inputs, axis=1, keepdims=True), 1e-300)
+        self._change = (changes / widest).sum(axis=0)
         self._laws = _laws(block, motion)
 
     def at(self, when: Array, delay: float = 0.0) -> Array:
@@ -169,6 +193,30 @@ class Arrival:
         )
         extra = self.inputs[:, -1].reshape(-1, *[1] * begin.ndim) * held
         return (at[1] - at[0] + extra) / (end - begin)
+
+    def largest_change(self, begin: Array, length: Array, delay: float, most: int) -> Array:
+        """Return when commands change most within steps, in parts of each; NaN where they do not.
+
+        Parameters
+        ----------
+        begin, length : ndarray, shape (N,)
+            Of the steps [s].
+        delay : float
+            By which commands are late [s].
+        most : int
+            Changes within a step from which on none of them counts.
+        """
+        margin = 1e-6 * length
+        first = np.searchsorted(self.time, begin + margin - delay, side="right")
+        count = np.searchsorted(self.time, begin + length - margin - delay, side="left") - first
+        largest, found = np.zeros(begin.shape), np.full(begin.shape, np.nan)
+        for k in range(min(int(count.max(initial=0)), most)):
+            own = np.flatnonzero((k < count) & (count <= most))
+            at = first[own] + k
+            own, at = (i[self._change[at] > largest[own]] for i in (own, at))
+            largest[own] = self._change[at]
+            found[own] = (self.time[at] + delay - begin[own]) / length[own]
+        return found
 
     def lagged(self, when: Array, parameters: Sequence[float], delay: float = 0.0) -> dict[int, Array]:
         """Return the input states at times `when` [s], by index; from rest at the beginning."""

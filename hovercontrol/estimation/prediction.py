@@ -84,7 +84,7 @@ def predict(fit: Fit, horizon: float, starts: int = STARTS) -> Prediction | None
     first, start_of = np.concatenate(begin, axis=1)
     last, of = np.concatenate(end, axis=1)
     t0, t1 = time[first, start_of], time[last, of]
-    finest = min(STEP, float(np.max(problem.h)) or STEP)
+    finest = min(STEP, problem.longest_piece or STEP)
     S = max(1, int(np.ceil(float((t1 - t0).max()) / finest)))
     h = (t1 - t0) / S
     t = t0 + np.arange(S)[:, None] * h
@@ -94,7 +94,7 @@ def predict(fit: Fit, horizon: float, starts: int = STARTS) -> Prediction | None
     known = {i: v[:, None, None, :] for i, v in lagged.items()}
     with np.errstate(all="ignore"):
         x = shoot(
-            problem.block, t[:, None, :], h[None], u[:, :, None, None, :], known,
+            problem.block, t[:, None, :], h, u[:, :, None, None, :], known,
             np.array(parameters)[:, None], start,
         )[1][:, 0]  # fmt: skip
     found = problem.channels_at(x, parameters, t1, problem.rows.log[of])

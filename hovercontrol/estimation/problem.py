@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hovercontrol.core.block import Block
-from hovercontrol.estimation.commands import Arrival, command_times, input_states
+from hovercontrol.estimation.commands import Arrival, command_times, divided, input_states
 from hovercontrol.estimation.data import Data
 from hovercontrol.estimation.subject import Subject, structure, timing
 from hovercontrol.estimation.unknowns import Unknowns
@@ -55,6 +55,26 @@ class Linear:
     D: Array
     residual: Array
     jolt: Array | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class SubSteps:
+    """Steps from row to row in pieces: S of each of N steps.
+
+    Attributes
+    ----------
+    t, h : ndarray, shape (S, N)
+        Begin and length [s].
+    u : ndarray, shape (n_inputs, S, N)
+        Means of the inputs.
+    lagged : dict of int to ndarray, shape (S, N)
+        States that follow from the inputs, in the middles.
+    """
+
+    t: Array
+    h: Array
+    u: Array
+    lagged: dict[int, Array]
 
 
 class Problem(Unknowns):
@@ -172,19 +192,29 @@ class Problem(Unknowns):
     def set_pieces(self, pieces: int) -> None:
         """Choose how many sub-steps a step from row to row is made of."""
         self.pieces = int(np.clip(pieces, 1, MOST))
-        self._arrived: tuple[Array, dict[int, Array]] | None = None
-        h = self.dt / self.pieces
-        self.h = h.reshape(1, -1)
-        begin = self.rows.time[:-1] + np.arange(self.pieces)[:, None, None] * h
-        self.t = begin.reshape(self.pieces, 1, -1)
+        self._arrived: SubSteps | None = None
         self._log_of = np.tile(self.rows.log, len(self.dt))
 
-    def commands(
-        self, parameters: Sequence[float], arrivals: Sequence[Arrival] | None = None
-    ) -> tuple[Array, dict[int, Array]]:
-        """Return inputs' means over sub-steps, (n_inputs, S, 1, N), and input states in their middles."""
-        u, lagged = self.commands_at(parameters, self.t[:, 0], self.h[0], self._log_of, arrivals)
-        return u[:, :, None], {i: v[:, None] for i, v in lagged.items()}
+    @property
+    def longest_piece(self) -> float:
+        """Length of the longest sub-step, were all steps divided evenly [s]."""
+        return float(self.dt.max()) / self.pieces
+
+    def sub_steps(self, parameters: Sequence[float], arrivals: Sequence[Arrival] | None = None) -> SubSteps:
+        """Return the sub-steps. Two meet where commands change most in a step: held inputs are exact then."""
+        begin, dt = self.rows.time[:-1].ravel(), self.dt.ravel()
+        part = np.full(dt.shape, np.nan)
+        delay = self._delay(parameters)
+        for k, arrival in enumerate(arrivals or self.arrivals) if self.pieces > 1 else ():
+            own = np.flatnonzero((self._log_of == k) & (dt > 0))
+            part[own] = arrival.largest_change(begin[own], dt[own], delay, self.pieces)
+        t, h = divided(self.pieces, part)
+        t, h = begin + t * dt, h * dt
+        return SubSteps(t, h, *self.commands_at(parameters, t, h, self._log_of, arrivals))
+
+    def _delay(self, parameters: Sequence[float]) -> float:
+        """Return by how much commands are late [s]."""
+        return sum(parameters[at] for at in self._timing if at is not None)
 
     def commands_at(
         self,
@@ -201,18 +231,18 @@ class Problem(Unknowns):
         parameters : sequence of float
         t : ndarray, shape (S, N)
             Seconds since the start of each log.
-        h : ndarray, shape (N,)
+        h : ndarray, shape (S, N) or (N,)
         log : ndarray of int, shape (N,)
         arrivals : sequence of Arrival, optional
             Of the commands of each log; default: as likely.
         """
-        delay = sum(parameters[at] for at in self._timing if at is not None)
+        delay = self._delay(parameters)
         u = np.empty((len(self.block.inputs), *t.shape))
         lagged = {i: np.empty(t.shape) for i in self.known}
-        width = np.where(h > 0, h, 1e-9)
+        width = np.broadcast_to(np.where(h > 0, h, 1e-9), t.shape)
         for k, arrival in enumerate(self.arrivals if arrivals is None else arrivals):
             own = np.flatnonzero(log == k)
-            begin, wide = t[:, own], width[own]
+            begin, wide = t[:, own], width[:, own]
             u[..., own] = arrival.mean(begin, begin + wide, delay)
             for i, values in arrival.lagged(begin + 0.5 * wide, parameters, delay).items():
                 lagged[i][:, own] = values
@@ -227,7 +257,7 @@ class Problem(Unknowns):
         parameters : sequence of float
         t, log : ndarray, shape (N,)
         """
-        delay = sum(parameters[at] for at in self._timing if at is not None)
+        delay = self._delay(parameters)
         u = np.empty((len(self.block.inputs), t.size))
         for k, arrival in enumerate(self.arrivals):
             own = np.flatnonzero(log == k)
@@ -306,21 +336,22 @@ class Problem(Unknowns):
             if jacobian:
                 start[i, 1 + j] += width[j]
         if arrivals is not None:
-            u, lagged = self.commands(self.parameters(p), arrivals)
+            steps = self.sub_steps(self.parameters(p), arrivals)
         else:
             if not self._arrived or self._moves_commands:
-                self._arrived = self.commands(self.parameters(p))
-            u, lagged = self._arrived
-        u, lagged = u[:, :, :, None, :], {i: v[:, :, None, :] for i, v in lagged.items()}
+                self._arrived = self.sub_steps(self.parameters(p))
+            steps = self._arrived
+        h, u = steps.h[:, None, None], steps.u[:, :, None, None]
+        lagged = {i: v[:, None, None] for i, v in steps.lagged.items()}
         if moved:
-            u = np.repeat(u, lanes, axis=3)
+            h, u = np.repeat(h, lanes, axis=2), np.repeat(u, lanes, axis=3)
             lagged = {i: np.repeat(v, lanes, axis=2) for i, v in lagged.items()}
             for lane, other in moved.items():
-                own, states = self.commands(self.parameters(other))
-                u[:, :, :, lane] = own
-                for i, v in states.items():
-                    lagged[i][:, :, lane] = v
-        end = shoot(self.block, self.t, self.h, u, lagged, every, start)[1]
+                own = self.sub_steps(self.parameters(other))
+                h[:, :, lane], u[:, :, :, lane] = own.h[:, None], own.u[:, :, None]
+                for i, v in own.lagged.items():
+                    lagged[i][:, :, lane] = v[:, None]
+        end = shoot(self.block, steps.t[:, None], h, u, lagged, every, start)[1]
         y = end[list(self.free)].reshape(n, lanes, *self.dt.shape)
         F = np.moveaxis(y[:, 0], 0, 2)
         if not jacobian:
@@ -360,7 +391,7 @@ class Problem(Unknowns):
 
     def _inputs_at_rows(self, parameters: Sequence[float]) -> Array:
         """Return the commands that hold at the rows, (n_inputs, K, W)."""
-        delay = sum(parameters[at] for at in self._timing if at is not None)
+        delay = self._delay(parameters)
         u = np.empty((len(self.block.inputs), *self.rows.time.shape))
         for k, arrival in enumerate(self.arrivals):
             own = np.flatnonzero(self.rows.log == k)

@@ -174,7 +174,7 @@ def run_of(name: str, fit: Fit, k: int = 0, *, restart: bool = False) -> FreeRun
         raise InputError(f"{data.name}: nothing is known from which a simulation could start")
     names, reference = _reference(fit, k)
     simulated, ran = np.full(reference.shape, np.nan), np.zeros(data.time.size, dtype=bool)
-    longest = float(problem.h.max())
+    longest = problem.longest_piece
     for a, b in ranges:
         time = data.time[a:b] - data.origin
         pieces = np.ceil(np.diff(time) / longest - 1e-9).astype(int).clip(1)
@@ -253,7 +253,7 @@ def prediction(fit: Fit, horizon: float, k: int | None = None) -> Prediction:
     keep = np.unique(np.linspace(0, log.size - 1, min(log.size, MOST_STARTS)).astype(int))
     log, x0, y = log[keep], x0[:, keep], y[:, keep]
     start, stop = np.concatenate(t0)[keep], np.concatenate(t1)[keep]
-    S = max(1, int(np.ceil((stop - start).max() / float(problem.h.max()) - 1e-9)))
+    S = max(1, int(np.ceil((stop - start).max() / problem.longest_piece - 1e-9)))
     h = np.broadcast_to((stop - start) / S, (S, log.size))
     t = start + np.arange(S)[:, None] * h
 
@@ -363,12 +363,12 @@ def _simulate(fit: Fit, block: Block, x0: Array, t: Array, h: Array, log: NDArra
     log : ndarray of int, shape (N,)
     """
     problem, shape = fit.problem, (1, *t.shape)
-    parameters = problem.parameters(fit.p)
+    parameters, lengths = problem.parameters(fit.p), h[:, None]
     u, lagged = problem.commands_at(parameters, t.reshape(1, -1), h.ravel(), np.tile(log, len(t)))
     u = u.reshape(len(u), *shape)[:, :, :, None]
     known = {i: v.reshape(shape)[:, :, None] for i, v in lagged.items()}
     with np.errstate(all="ignore"):
-        return shoot(block, t[None], h, u, known, np.array(parameters)[:, None], x0[:, None])[:, :, 0]
+        return shoot(block, t[None], lengths, u, known, np.array(parameters)[:, None], x0[:, None])[:, :, 0]
 
 
 def _errors(

@@ -68,8 +68,8 @@ def shoot(
     block : Block
     time : ndarray, shape (S, K-1, W)
         Begin of each of the S pieces of a step from row to row [s].
-    step : ndarray, shape (K-1, W)
-        Length of such a piece [s].
+    step : ndarray, broadcast to shape (S, K-1, C or 1, W)
+        Length of each piece [s].
     inputs : ndarray, shape (n_inputs, S, K-1, C or 1, W)
         Held over a piece; 1 if the same for all copies.
     known : dict of int to ndarray, shape (S, K-1, C or 1, W)
@@ -84,6 +84,7 @@ def shoot(
     """
     states = np.empty((time.shape[1] + 1, *start.shape))
     states[0] = start
+    step = np.broadcast_to(step, inputs.shape[1:])
     for i, values in known.items():
         states[0, i] = values[0, 0]
     compiled = _compiled(block)
@@ -114,9 +115,9 @@ def _run(
 
     x = states[0].copy()
     with np.errstate(all="ignore"):
-        for row, h in enumerate(step):
+        for row in range(time.shape[1]):
             for piece, begin in enumerate(time[:, row]):
-                u = inputs[:, piece, row]
+                u, h = inputs[:, piece, row], step[piece, row]
                 for i, values in known.items():
                     x[i] = values[piece, row]
                 x = rk4_step(partial(slope, u), begin, x, h)

@@ -1,13 +1,20 @@
 """Commands as they arrive: exact means, exact lags, zero before the beginning; and when they changed."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from hovercontrol.effects import effect
-from hovercontrol.estimation.commands import Arrival, command_times, input_states
+from hovercontrol.estimation.commands import Arrival, command_times, divided, input_states
+from hovercontrol.estimation.data import gather
 from hovercontrol.estimation.measure import measure
+from hovercontrol.estimation.problem import Problem
 from hovercontrol.logs import Log
 from hovercontrol.models.vehicles import c17_simulation
+
+from ..discrepancy.generator import Conditions, make
 
 TIME = np.array([0.0, 0.1, 0.25, 0.3])
 COMMANDS = np.array([[1.0, 3.0, -2.0, 0.5], [0.0, 0.1, 0.2, 0.3]])
@@ -74,3 +81,64 @@ def test_a_command_that_changed_in_a_gap_did_so_at_any_time_within(cart):
     assert std[row] == pytest.approx(0.2 / np.sqrt(12.0))
     assert time[row] == pytest.approx(t[33] - 0.1)
     np.testing.assert_array_equal(np.delete(time, row), np.delete(log.time, row))
+
+
+@pytest.mark.parametrize("pieces", [1, 2, 3, 7])
+def test_pieces_fill_a_step_and_two_meet_where_they_are_told(pieces):
+    part = np.array([1e-6, 0.2, 0.5, 0.99, np.nan])
+    begin, length = divided(pieces, part)
+    np.testing.assert_allclose(begin, np.cumsum(length, axis=0) - length, atol=1e-15)
+    np.testing.assert_allclose(length.sum(axis=0), 1.0)
+    assert (length > 0).all()
+    np.testing.assert_allclose(length[:, -1], 1.0 / pieces)
+    if pieces > 1:
+        assert np.abs(begin - part)[:, :-1].min(axis=0).max() < 1e-15
+
+
+def test_the_largest_change_within_a_step_is_found():
+    _, commands = arrival()
+    begin, length = np.array([0.0, 0.05, 0.05, 0.2, 0.3]), np.array([0.1, 0.1, 0.3, 0.05, 0.5])
+    nan = np.nan
+    np.testing.assert_allclose(commands.largest_change(begin, length, 0.0, 4), [nan, 0.5, 2 / 3, nan, nan])
+    np.testing.assert_allclose(
+        commands.largest_change(begin, length, 0.03, 4), [0.3, 0.8, 2.3 / 3, nan, 0.06]
+    )
+    np.testing.assert_allclose(commands.largest_change(begin, length, 0.0, 2), [nan, 0.5, nan, nan, nan])
+
+
+def test_late_commands_held_between_rows_are_exact_in_two_pieces():
+    """Both where a row leads and its slopes, against SciPy with the commands switched within the step."""
+    case = make(3, ["input_delay"], Conditions(duration=4.0, logs=1))
+    model = case.truth
+    problem = Problem(model, gather(model, case.logs), pieces=2)
+    p, x = problem.start, problem.guess.copy()
+    velocities = [i for i, s in enumerate(problem.block.states) if s.name in ("u", "v", "r")]
+    x[..., velocities] = 1.0 + np.abs(x[..., velocities])  # away from where dry friction is steep
+    at = problem.names.index("input_delay_seconds")
+    F, _, B = problem.advance(x, p)
+    derivatives = problem.block.to_numpy().derivatives
+    names, log = list(problem.block.default_parameters), problem.logs[0]
+
+    def exact(row, block, delay):
+        values = p.copy()
+        values[at] = delay
+        params = dict(zip(names, problem.parameters(values), strict=True))
+        begin, end = problem.rows.time[row : row + 2, block]
+        switches = log.time - log.origin + delay
+        edges = [begin, *switches[(switches > begin) & (switches < end)], end]
+        state = x[row, block]
+        for a, b in pairwise(edges):
+            u = log.inputs[:, np.searchsorted(switches, 0.5 * (a + b)) - 1]
+            state = solve_ivp(
+                lambda t, z, u=u: derivatives(t, z, u, params), (a, b), state, rtol=1e-10, atol=1e-12
+            ).y[:, -1]
+        return state[list(problem.free)]
+
+    moving = np.argwhere((problem.dt > 0) & (problem.rows.time[:-1] > p[at] + 0.1))
+    for row, block in moving[:: len(moving) // 10]:
+        here, later = (exact(row, block, p[at] + d) for d in (0.0, 1e-5))
+        np.testing.assert_allclose(F[row, block], here, rtol=0, atol=1e-7)
+        slope = (later - here) / 1e-5
+        np.testing.assert_allclose(
+            B[row, block, :, at], slope, rtol=0, atol=2e-3 * np.abs(slope).max() + 1e-6
+        )

@@ -16,9 +16,10 @@ DT = 0.05
 def case():
     block = c17_simulation().plant()
     rng = np.random.default_rng(0)
-    step = np.full((K - 1, W), DT / S)
+    lengths = rng.dirichlet(np.full(S, 5.0), (K - 1, W))
+    step = DT * np.moveaxis(lengths, 2, 0)[:, :, None]
     begin = np.arange(K - 1)[:, None] * DT
-    time = np.arange(S)[:, None, None] * step + begin
+    time = np.cumsum(step, axis=0)[:, :, 0] - step[:, :, 0] + begin
     inputs = np.repeat(rng.uniform(0.5, 2.0, (2, 1, K - 1, 1, W)), S, axis=1)
     start = rng.normal(0.0, 0.5, (len(block.states), C, W))
     parameters = np.repeat(np.array(block.parameter_values(None))[:, None], C, axis=1)
@@ -45,7 +46,8 @@ def by_compiler(case, known):
 def test_compiled_windows_are_those_of_numpy(case, ways, monkeypatch):
     rng = np.random.default_rng(1)
     block, time, step, inputs, parameters, start = case
-    case = (block, time, step, np.repeat(inputs, ways, axis=3), parameters, start)
+    steps = step * rng.uniform(0.9, 1.1, (1, 1, ways, 1))
+    case = (block, time, steps, np.repeat(inputs, ways, axis=3), parameters, start)
     known = {4: rng.normal(size=(S, K - 1, ways, W))}
     for given in ({}, known):
         ours, theirs = by_compiler(case, given), by_numpy(case, given, monkeypatch)

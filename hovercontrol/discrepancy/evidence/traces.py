@@ -156,7 +156,7 @@ def simulate_runs(
     states = shoot(
         problem.block,
         begin,
-        h,
+        h[:, None],
         u.reshape(-1, S, M - 1, 1, N),
         {i: v.reshape(S, M - 1, 1, N) for i, v in lagged.items()},
         np.array(parameters)[:, None],

@@ -252,7 +252,8 @@ class _Along:
         problem = self.problem
         self._values = dict(zip(problem.block.default_parameters, problem.parameters(fit.p), strict=True))
         self._within = within(fit)
-        self._t = (problem.t + 0.5 * problem.h)[:, 0]
+        self._steps = problem.sub_steps(problem.parameters(fit.p))
+        self._t = self._steps.t + 0.5 * self._steps.h
         self._base: Array | None = None
         self._held: tuple[Array, dict[int, Array]] | None = None
 
@@ -297,7 +298,7 @@ class _Along:
         def in_order(a: Array) -> Array:  # (..., S, steps * W) to (..., steps * S, W)
             return a.reshape(*a.shape[:-2], S, steps, W).swapaxes(-3, -2).reshape(*a.shape[:-2], -1, W)
 
-        h = np.repeat(self.problem.dt / S, S, axis=0)
+        h = in_order(self._steps.h)
         values = follow(block, new, in_order(self._t), h, in_order(x), in_order(u), every)[:, :-1]
         x[new] = values.reshape(len(new), steps, S, W).swapaxes(1, 2).reshape(len(new), S, -1)
 
@@ -318,7 +319,8 @@ class _Along:
         delay = sum(every[keys.index(name)] for name in timing(model) if name)
         u = np.empty((len(block.inputs), *self._t.shape))
         lagged = {i: np.empty(self._t.shape) for i in known}
-        begin, width = problem.t[:, 0], np.where(problem.h > 0, problem.h, 1e-9)
+        begin, h = self._steps.t, self._steps.h
+        width = np.where(h > 0, h, 1e-9)
         for k, log in enumerate(problem.logs):
             own = np.flatnonzero(problem._log_of == k)
             arrival = Arrival(block, command_times(log)[0] - log.origin, log.inputs, motion)
