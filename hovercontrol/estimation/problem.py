@@ -205,9 +205,10 @@ class Problem(Unknowns):
         begin, dt = self.rows.time[:-1].ravel(), self.dt.ravel()
         part = np.full(dt.shape, np.nan)
         delay = self._delay(parameters)
-        for k, arrival in enumerate(arrivals or self.arrivals) if self.pieces > 1 else ():
-            own = np.flatnonzero((self._log_of == k) & (dt > 0))
-            part[own] = arrival.largest_change(begin[own], dt[own], delay, self.pieces)
+        if self.pieces > 1:
+            for k, arrival in enumerate(arrivals or self.arrivals):
+                own = np.flatnonzero((self._log_of == k) & (dt > 0))
+                part[own] = arrival.largest_change(begin[own], dt[own], delay, self.pieces)
         t, h = divided(self.pieces, part)
         t, h = begin + t * dt, h * dt
         return SubSteps(t, h, *self.commands_at(parameters, t, h, self._log_of, arrivals))
