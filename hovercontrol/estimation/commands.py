@@ -118,12 +118,12 @@ def command_times(log: Measured) -> tuple[Array, Array]:
     time since the row before: at the middle on average, with a uniform distribution's standard deviation.
     """
     time, std = log.time.copy(), np.zeros(log.time.size)
-    seen = np.isfinite(log.values).any(axis=0)
-    usual = float(np.median(np.diff(log.time[seen]))) if seen.sum() > 1 else 0.0
+    sampled = log.sampled
+    usual = float(np.median(np.diff(log.time[sampled]))) if sampled.sum() > 1 else 0.0
     step = np.diff(log.time)
     changed = (np.diff(log.inputs, axis=1) != 0).any(axis=0)
     late = step > ARRIVALS.missing * usual
-    unsure = np.flatnonzero(changed & np.asarray(seen)[1:] & late)
+    unsure = np.flatnonzero(changed & sampled[1:] & late)
     time[unsure + 1] -= 0.5 * step[unsure]
     std[unsure + 1] = step[unsure] / math.sqrt(12.0)
     return time, std

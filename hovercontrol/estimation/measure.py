@@ -72,6 +72,8 @@ class Measured:
         First row and row behind the last of each stretch without a break: no gap, no loss of sight.
     stretches : tuple of (int, int)
         The same for the stretches that a very long log was cut into; else one for all rows.
+    sampled : ndarray of bool, shape (n,)
+        Rows in which something was measured, rejected or not: the others are there for a command only.
     rejected : tuple of Span
         Samples that the smoother left out: when, how many and why.
     rows_total : int
@@ -97,6 +99,7 @@ class Measured:
     states: Array
     segments: tuple[tuple[int, int], ...]
     stretches: tuple[tuple[int, int], ...]
+    sampled: Mask
     rejected: tuple[Span, ...]
     rows_total: int
 
@@ -162,6 +165,7 @@ def measure(block: Block, log: Log, most_rows: int = MOST_ROWS) -> Measured:
         np.concatenate([p.states for p in parts], axis=1),
         tuple((a + int(s), b + int(s)) for s, p in zip(starts, parts, strict=False) for a, b in p.segments),
         tuple(zip(starts[:-1].tolist(), starts[1:].tolist(), strict=True)),
+        np.concatenate([p.sampled for p in parts]),
         tuple(span for p in parts for span in p.rejected),
         len(log),
     )
@@ -261,6 +265,7 @@ def _part(block: Block, log: Log, channels: Sequence[str]) -> Measured:
         states,
         segments,
         ((0, n),),
+        sampled,
         spans,
         n,
     )

@@ -246,7 +246,7 @@ def _noise(log: Log, name: str) -> tuple[float | None, tuple[float, ...]]:
     segments = tuple((a, b) for a, b in pairwise(edges) if b > a)
     none = np.empty((0, n))
     seen = Measured(
-        log.name, log.time, 0.0, none, (name,), row[None], none, segments, ((0, n),), (), n
+        log.name, log.time, 0.0, none, (name,), row[None], none, segments, ((0, n),), np.isfinite(row), (), n
     )  # fmt: skip
     try:
         noise = float(noise_levels([seen], [name])[0])

@@ -83,6 +83,26 @@ def test_a_command_that_changed_in_a_gap_did_so_at_any_time_within(cart):
     np.testing.assert_array_equal(np.delete(time, row), np.delete(log.time, row))
 
 
+def test_a_rejected_sample_does_not_make_its_command_sure():
+    """A row is lost, the command is new in the next, whose pose is an outlier: it changed in either."""
+    case = make(3, [], Conditions(duration=6.0, logs=1))
+    log = case.logs[0]
+    changed = np.flatnonzero((np.diff(log["rudder"]) != 0) & (log.time[1:] > 2.0))
+    row = int(changed[0]) + 1
+    columns = {k: v.copy() for k, v in log.columns.items()}
+    columns["x"][row] += 0.2
+    kept = np.arange(len(log)) != row - 1
+    hit = Log("hit", log.time[kept], {k: v[kept] for k, v in columns.items()})
+    seen = measure(case.model.plant(), hit)
+    time, std = command_times(seen)
+    step = log.time[row] - log.time[row - 2]
+    assert np.isnan(seen.values[:, row - 1]).all()
+    assert seen.sampled.all()
+    assert np.flatnonzero(std).tolist() == [row - 1]
+    assert std[row - 1] == pytest.approx(step / np.sqrt(12.0), rel=1e-3)
+    assert time[row - 1] == pytest.approx(log.time[row] - 0.5 * step, abs=1e-4)
+
+
 @pytest.mark.parametrize("pieces", [1, 2, 3, 7])
 def test_pieces_fill_a_step_and_two_meet_where_they_are_told(pieces):
     part = np.array([1e-6, 0.2, 0.5, 0.99, np.nan])

@@ -195,7 +195,7 @@ def predicted(fit: Fit, manoeuvre: Manoeuvre) -> Data:
     whole = ((0, n),)
     empty = Measured(
         manoeuvre.name, manoeuvre.time, 0.0, inputs, like.channels, np.zeros((len(like.channels), n)), rest,
-        whole, whole, (), n,
+        whole, whole, np.ones(n, dtype=bool), (), n,
     )  # fmt: skip
     problem = Problem(fit.model, _data(like, empty, names))
     (found,) = simulate_runs(problem, problem.start, problem.guess, list(runs_of(problem, 0)))
