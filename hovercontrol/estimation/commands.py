@@ -140,8 +140,8 @@ def divided(pieces: int, part: Array) -> tuple[Array, Array]:
 
     Examples
     --------
-    >>> divided(3, np.array([0.5]))[0][:, 0].tolist()
-    [0.0, 0.5, 0.75]
+    >>> divided(3, np.array([0.25]))[0][:, 0].tolist()
+    [0.0, 0.25, 0.625]
     """
     s = np.arange(pieces)[:, None]
     before = np.clip(np.rint(np.nan_to_num(part) * pieces), 1, max(pieces - 1, 1))
