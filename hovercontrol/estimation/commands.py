@@ -172,7 +172,8 @@ class Arrival:
         self._knots = np.append(time, time[-1] + 1.0)
         changes = np.abs(np.diff(inputs, axis=1, prepend=0.0))
         widest = np.maximum(np.ptp(inputs, axis=1, keepdims=True), 1e-300)
-        self._change = (changes / widest).sum(axis=0)
+        change = (changes / widest).sum(axis=0)
+        self._changes, self._sizes = time[change > 0], change[change > 0]
         self._laws = _laws(block, motion)
 
     def at(self, when: Array, delay: float = 0.0) -> Array:
@@ -204,18 +205,19 @@ class Arrival:
         delay : float
             By which commands are late [s].
         most : int
-            Changes within a step from which on none of them counts.
+            Where there are more changes within a step, none of them counts.
         """
         margin = 1e-6 * length
-        first = np.searchsorted(self.time, begin + margin - delay, side="right")
-        count = np.searchsorted(self.time, begin + length - margin - delay, side="left") - first
+        first = np.searchsorted(self._changes, begin + margin - delay, side="right")
+        count = np.searchsorted(self._changes, begin + length - margin - delay, side="left") - first
         largest, found = np.zeros(begin.shape), np.full(begin.shape, np.nan)
         for k in range(min(int(count.max(initial=0)), most)):
             own = np.flatnonzero((k < count) & (count <= most))
             at = first[own] + k
-            own, at = (i[self._change[at] > largest[own]] for i in (own, at))
-            largest[own] = self._change[at]
-            found[own] = (self.time[at] + delay - begin[own]) / length[own]
+            larger = self._sizes[at] > largest[own]
+            own, at = own[larger], at[larger]
+            largest[own] = self._sizes[at]
+            found[own] = (self._changes[at] + delay - begin[own]) / length[own]
         return found
 
     def lagged(self, when: Array, parameters: Sequence[float], delay: float = 0.0) -> dict[int, Array]:

@@ -245,15 +245,15 @@ def reduced() -> list[Planned]:
         ]
 
 
-def table(rows: Sequence[Row]) -> str:
-    """Return the table as Markdown."""
+def table(rows: Sequence[Row], options: str = "") -> str:
+    """Return the table as Markdown, with the command that makes it."""
     planned = sum(a.seeds * len(a.hidden) for a in AXES.values())
     by_axis: dict[str, list[Row]] = defaultdict(list)
     for row in rows:
         by_axis[row.axis].append(row)
     lines = [
         f"Blind test of {datetime.date.today()}: {len(rows)} of {planned} cases that are planned "
-        f"({platform.machine()}, {os.cpu_count()} cores). `python -m tests.discrepancy.table`",
+        f"({platform.machine()}, {os.cpu_count()} cores). `python -m tests.discrepancy.table{options}`",
         "",
         "| axis | cases | exact | honest | missed | wrong | must reach |",
         "|---|---|---|---|---|---|---|",
@@ -349,7 +349,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 f"{row.axis} {row.hidden} {row.seed}: {row.outcome} ({row.verdict} {row.named} {row.rivals})"
             )
             print(f"{k + 1}/{len(todo)} {row.seconds:.1f} s {note}", file=sys.stderr, flush=True)
-    text = table(rows)
+    text = table(rows, " --reduced" if given.reduced else "")
     (given.out / ("reduced.md" if given.reduced else "table.md")).write_text(text, encoding="utf-8")
     print(text)
     return 0

@@ -126,6 +126,14 @@ def test_the_largest_change_within_a_step_is_found():
     np.testing.assert_allclose(commands.largest_change(begin, length, 0.0, 2), [nan, 0.5, nan, nan, nan])
 
 
+def test_only_rows_with_another_command_are_changes():
+    model = c17_simulation()
+    held = np.where(np.arange(50) < 23, 1.0, -1.0)
+    commands = Arrival(model.plant(), 0.01 * np.arange(50), np.array([held, 0 * held]), model.motion)
+    begin, length = np.array([0.1, 0.2, 0.3]), np.full(3, 0.1)  # ten rows of commands in each
+    np.testing.assert_allclose(commands.largest_change(begin, length, 0.0, 2), [np.nan, 0.3, np.nan])
+
+
 def test_late_commands_held_between_rows_are_exact_in_two_pieces():
     """Both where a row leads and its slopes, against SciPy with the commands switched within the step."""
     case = make(3, ["input_delay"], Conditions(duration=4.0, logs=1))
