@@ -46,6 +46,8 @@ class Data:
     rows : Rows
     drift : DriftStates or None
         Errors of a navigation's velocities.
+    variance : ndarray, shape (K, W, C), or None
+        Noise variance of each sample over that of its channel; None where all are 1.
     """
 
     logs: tuple[Measured, ...]
@@ -54,11 +56,19 @@ class Data:
     scales: Array
     rows: Rows
     drift: DriftStates | None = None
+    variance: Array | None = None
 
     def without(self, samples: NDArray[np.bool_]) -> Data:
         """Return the data less some samples, shape (K, W, C)."""
         values = np.where(samples, np.nan, self.rows.values)
         return replace(self, rows=replace(self.rows, values=values))
+
+    @property
+    def down_weighted(self) -> NDArray[np.bool_]:
+        """Which samples have a larger variance than others of their channel, shape (K, W, C)."""
+        if self.variance is None:
+            return np.zeros(self.rows.values.shape, dtype=bool)
+        return np.asarray(np.isfinite(self.rows.values) & (self.variance > 1.0))
 
 
 def gather(model: Subject, logs: Sequence[Log | Measured]) -> Data:

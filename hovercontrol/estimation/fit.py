@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from hovercontrol.estimation.damping import Damping
 from hovercontrol.estimation.noise import ONWARD, Noise, moved, timed
-from hovercontrol.estimation.outliers import outliers
-from hovercontrol.estimation.passes import Pass, held, inverse, residuals, run_pass, tried_pass
+from hovercontrol.estimation.outliers import OUTLIERS, outliers
+from hovercontrol.estimation.passes import Pass, alone, held, inverse, residuals, run_pass, tried_pass
 from hovercontrol.estimation.prior import Prior
 from hovercontrol.estimation.problem import Linear, Problem
 
@@ -31,6 +31,9 @@ GATES = 8
 
 #: Times at most that samples are left out of a fit that has settled, and passes in which levels then move.
 ROUNDS, AGAIN = 12, 4
+
+#: Times at most that samples are down-weighted: the first makes channels less noisy, so that more stand out.
+WEIGHTINGS = 2
 
 
 @dataclass(frozen=True)
@@ -180,7 +183,7 @@ def estimate(
     levels : bool, optional
         Whether the levels of noise move.
     gate : bool, optional
-        Whether samples that stand out are left out (:mod:`.outliers`).
+        Whether samples that stand out are left out or down-weighted (:mod:`.outliers`).
     most : int, optional
         Passes at most in which they do.
     hold : int, optional
@@ -202,11 +205,11 @@ def estimate(
         run.gated()
     converged = run.settled(levels)
     for _ in range(ROUNDS if gate else 0):
-        stands_out = outliers(residuals(run.problem, run.now), run.problem.seen)
-        if not stands_out.any():
+        judged = run.judged()
+        if judged is None:
             break
         run.most, run.hold = run.k + AGAIN, 0
-        run.onward(stands_out)
+        run.onward(judged)
         converged = run.settled(levels)
     return run.fit(converged)
 
@@ -227,6 +230,7 @@ class _Iteration:
     hold: int
     trace: Callable[[str], None] | None
     k: int = 0
+    weightings: int = 0
     before: float = np.inf
     change: float = np.inf
     factor: float = COARSEST
@@ -242,14 +246,14 @@ class _Iteration:
             raise FloatingPointError("the model runs away from the first row on")
         self._come_to(now)
 
-    def onward(self, out: NDArray[np.bool_] | None = None) -> None:
-        """Make the next pass, less samples that are left out.
+    def onward(self, judged: Problem | None = None) -> None:
+        """Make the next pass, with samples left out or down-weighted if they were judged again.
 
         A step after which the model runs away is halved; what goes to and fro about a kink of dry friction
         is damped.
         """
-        if out is not None:
-            self.problem, self.before = self.problem.without(out), np.inf
+        if judged is not None:
+            self.problem, self.before = judged, np.inf
         here, there = self.now.p, self.now.path
         step, along = self.now.steps(self.problem)
         del self.now  # before the next takes as much memory
@@ -271,7 +275,19 @@ class _Iteration:
             stands_out = outliers(residuals(self.problem, self.now), self.problem.seen)
             if not stands_out.any():
                 break
-            self.onward(stands_out)
+            self.onward(self.problem.without(stands_out))
+
+    def judged(self) -> Problem | None:
+        """Return the problem with further samples left out or down-weighted; None where none stands out."""
+        problem = self.problem
+        left, variance = alone(problem, self.now)
+        out = outliers(left, problem.seen)
+        before = problem.data.down_weighted
+        doubtful = outliers(left, problem.seen, OUTLIERS.doubtful) & ~out
+        if self.weightings < WEIGHTINGS and (doubtful & ~before).any():
+            self.weightings += 1
+            return problem.without(out).weighted(np.where(doubtful | before, variance, 1.0))
+        return problem.without(out) if out.any() else None
 
     def settled(self, levels: bool) -> bool:
         """Go on to the end, and tell whether that converged: levels of noise move first, then they stay."""

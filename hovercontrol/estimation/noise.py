@@ -108,6 +108,8 @@ def augment(
         Q[..., n + q :, n + q :] = drift.Q
         P0[..., n + q :, n + q :] = drift.P0
     level = (noise.measured * noise.scale[problem.rows.log]) ** 2  # W, C
+    if problem.data.variance is not None:
+        level = level * problem.data.variance
     return System(A, Q, full, H, np.where(problem.seen, level, 1.0), watched, P0)
 
 

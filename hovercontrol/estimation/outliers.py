@@ -1,7 +1,9 @@
 """Samples that stand alone: off what the model and the rows on both sides say, by far more than their kind.
 
-A sample is judged by what it would be without itself (its smoothed residual over that residual's own standard
-deviation), against how far samples about it are off: where motion is fast all are, and none is an outlier.
+A sample is judged by how far it is off what all others say of it, against how far samples about it are off:
+where motion is fast all are, and none is an outlier. What lies very far off is left out; what lies between
+counts with the variance that its own deviation makes likeliest: squared errors would let a few such samples
+pull a fit (Huber, Robust Statistics, 1981, ch. 7).
 """
 
 from __future__ import annotations
@@ -27,7 +29,9 @@ class OutlierCriteria:
     Attributes
     ----------
     stands_out : float
-        Size of an outlier in standard deviations of the residuals about it.
+        Size of an outlier in standard deviations of the residuals about it: it is left out.
+    doubtful : float
+        The same of a sample that is down-weighted.
     least : float
         Smallest standard deviation of the residuals about it, relative to their own: a log without noise
         has no outliers.
@@ -38,6 +42,7 @@ class OutlierCriteria:
     """
 
     stands_out: float = 16.0
+    doubtful: float = 6.0
     least: float = 0.2
     about: int = 51
     alone: int = 7
@@ -52,7 +57,7 @@ OUTLIERS = OutlierCriteria()
 THREE_IN_FOUR, HALF = 1.150, 0.6745
 
 
-def outliers(left: Array, seen: Mask) -> Mask:
+def outliers(left: Array, seen: Mask, size: float = OUTLIERS.stands_out) -> Mask:
     """Return which samples stand out.
 
     Parameters
@@ -60,6 +65,8 @@ def outliers(left: Array, seen: Mask) -> Mask:
     left : ndarray, shape (K, W, C)
         Residuals over their own standard deviations; zero where not seen.
     seen : ndarray of bool, shape (K, W, C)
+    size : float, optional
+        In standard deviations of the residuals about them.
 
     Returns
     -------
@@ -73,12 +80,12 @@ def outliers(left: Array, seen: Mask) -> Mask:
             continue
         z = np.where(own, off[..., c], 0.0)
         usual = max(OUTLIERS.least, float(np.quantile(z[own], 0.75)) / THREE_IN_FOUR)
-        suspect = z > OUTLIERS.stands_out * usual
+        suspect = z > size * usual
         if not suspect.any():
             continue
         columns = np.flatnonzero(suspect.any(axis=0))
         filled = np.where(own[:, columns], z[:, columns], np.median(z[own]))
         about = median_filter(filled, size=(OUTLIERS.about, 1), mode="mirror") / HALF
         peak = z[:, columns] == maximum_filter1d(z[:, columns], OUTLIERS.alone, axis=0)
-        found[:, columns, c] = suspect[:, columns] & peak & (z[:, columns] > OUTLIERS.stands_out * about)
+        found[:, columns, c] = suspect[:, columns] & peak & (z[:, columns] > size * about)
     return found

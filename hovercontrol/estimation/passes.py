@@ -124,6 +124,27 @@ def residuals(problem: Problem, now: Pass) -> Array:
     return np.where(problem.seen, e / np.sqrt(spread), 0.0)
 
 
+def alone(problem: Problem, now: Pass) -> tuple[Array, Array]:
+    """Return how far each sample is off what all others say, and the variance that makes it likeliest.
+
+    Returns
+    -------
+    ndarray, shape (K, W, C)
+        Over the standard deviation that the difference has if the sample is as good as its channel.
+    ndarray, shape (K, W, C)
+        The likeliest noise variance of the sample over that of its channel, at least 1.
+    """
+    system, smooth = now.system, now.smooth
+    e = system.seen[..., 0] - (system.H @ smooth.state[..., None])[..., 0]
+    known = ((system.H @ smooth.covariance) * system.H).sum(axis=-1)
+    part = 1.0 - np.minimum(known / system.R, 1.0 - 1e-6)  # what the others leave of the sample
+    own = problem.data.variance
+    usual = system.R if own is None else system.R / own
+    off, open_ = e / part, known / part
+    z = np.where(problem.seen, off / np.sqrt(usual + open_), 0.0)
+    return z, np.where(problem.seen, np.maximum((off**2 - open_) / usual, 1.0), 1.0)
+
+
 def inverse(S: Array) -> Array:
     """Return the inverse of normal equations whose unknowns differ in size."""
     size = np.sqrt(np.maximum(np.diag(S), 1e-300))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -176,6 +176,12 @@ class Problem(Unknowns):
         other = copy(self)
         other.data = self.data.without(samples)
         other.rows, other.seen = other.data.rows, self.seen & ~samples
+        return other
+
+    def weighted(self, variance: Array) -> Problem:
+        """Return the problem with other noise variances of samples over their channels', (K, W, C)."""
+        other = copy(self)
+        other.data = replace(self.data, variance=variance)
         return other
 
     def path_of(self, block: Block, path: Array) -> Array:
