@@ -32,8 +32,8 @@ GATES = 8
 #: Times at most that samples are left out of a fit that has settled, and passes in which levels then move.
 ROUNDS, AGAIN = 12, 4
 
-#: Times at most that samples are down-weighted: the first makes channels less noisy, so that more stand out.
-WEIGHTINGS = 2
+#: Times at most that samples are down-weighted: the first make channels less noisy, so that more stand out.
+WEIGHTINGS = 4
 
 
 @dataclass(frozen=True)
@@ -98,8 +98,9 @@ class Fit:
         The smoothed missing accelerations.
     drift : ndarray, shape (K, W, C)
         The smoothed error of a navigation in each channel.
-    covariance_of_path : ndarray, shape (K, W, n + q, n + q)
-        Of free states and missing accelerations (and drift), the unknowns as they are.
+    covariance_of_path : ndarray, shape (K, W, N, N)
+        Of free states, missing accelerations and what follows these (:func:`.augment`), the unknowns as they
+        are.
     left : ndarray, shape (K, W, C)
         Measured minus smoothed path, in standard deviations of that; zero where not measured.
     converged : bool
@@ -205,11 +206,9 @@ def estimate(
         run.gated()
     converged = run.settled(levels)
     for _ in range(ROUNDS if gate else 0):
-        judged = run.judged()
-        if judged is None:
+        if not run.judged(levels):
             break
         run.most, run.hold = run.k + AGAIN, 0
-        run.onward(judged)
         converged = run.settled(levels)
     return run.fit(converged)
 
@@ -277,14 +276,25 @@ class _Iteration:
                 break
             self.onward(self.problem.without(stands_out))
 
-    def judged(self) -> Problem | None:
+    def judged(self, levels: bool) -> bool:
+        """Leave out or down-weight what stands out until nothing does; tell whether anything did."""
+        any_did = False
+        while (problem := self._less()) is not None:
+            self.onward(problem)
+            if levels:
+                self.noise = moved(self.problem, self.noise, self.now.system, self.now.smooth, self.of_levels)
+                self.onward()
+            any_did = True
+        return any_did
+
+    def _less(self) -> Problem | None:
         """Return the problem with further samples left out or down-weighted; None where none stands out."""
         problem = self.problem
         left, variance = alone(problem, self.now)
         out = outliers(left, problem.seen)
         before = problem.data.down_weighted
-        doubtful = outliers(left, problem.seen, OUTLIERS.doubtful) & ~out
-        if self.weightings < WEIGHTINGS and (doubtful & ~before).any():
+        doubtful = outliers(np.where(before, 0.0, left), problem.seen, OUTLIERS.doubtful)
+        if self.weightings < WEIGHTINGS and (doubtful & ~out).any():
             self.weightings += 1
             return problem.without(out).weighted(np.where(doubtful | before, variance, 1.0))
         return problem.without(out) if out.any() else None

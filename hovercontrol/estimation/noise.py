@@ -54,7 +54,10 @@ def augment(
     drive: Array | None = None,
     seen: Array | None = None,
 ) -> System:
-    """Return the linear system of a problem with its missing accelerations, and drift, as further states.
+    """Return the linear system of a problem with its missing accelerations as further states.
+
+    Behind them come the drift of a navigation and, where rows with new commands are lost, by how much the
+    last of these was late.
 
     Parameters
     ----------
@@ -68,7 +71,8 @@ def augment(
     """
     n, q, (K, W, C) = len(problem.free), len(problem.driven), linear.residual.shape
     drift = problem.data.drift
-    N = n + q + (STATES if drift else 0)
+    late = linear.jolt is not None
+    N = n + q + (STATES if drift else 0) + late
     gamma = _gamma(problem, linear.A)
     columns = [linear.defect[..., None]]
     channels = [linear.residual[..., None]]
@@ -85,7 +89,7 @@ def augment(
     H = np.zeros((K, W, C, N))
     H[..., :n] = linear.H
     if drift:
-        H[..., n + q :] = np.where(problem.seen[..., None], drift.H, 0.0)
+        H[..., n + q : n + q + STATES] = np.where(problem.seen[..., None], drift.H, 0.0)
     A = np.zeros((K - 1, W, N, N))
     Q = np.zeros((K - 1, W, N, N))
     P0 = np.zeros((W, N, N))
@@ -101,12 +105,18 @@ def augment(
     Q[..., missing, missing] = own
     P0[..., range(n), range(n)] = (LOOSE * problem.spread) ** 2
     P0[..., missing, missing] = noise.process**2
-    if linear.jolt is not None:
-        Q[..., :n, :n] += linear.jolt[..., :, None] * linear.jolt[..., None, :]
     if drift:
-        A[..., n + q :, n + q :] = drift.A
-        Q[..., n + q :, n + q :] = drift.Q
-        P0[..., n + q :, n + q :] = drift.P0
+        own_drift = slice(n + q, n + q + STATES)
+        A[..., own_drift, own_drift] = drift.A
+        Q[..., own_drift, own_drift] = drift.Q
+        P0[..., own_drift, own_drift] = drift.P0
+    if linear.jolt is not None and linear.fresh is not None:  # by how much the last unsure command is late
+        fresh, jolt = linear.fresh[..., None], linear.jolt
+        A[..., :n, -1], A[..., -1, -1] = np.where(fresh, 0.0, jolt), ~linear.fresh
+        new = np.where(fresh, jolt, 0.0)
+        Q[..., :n, :n] += new[..., :, None] * new[..., None, :]
+        Q[..., :n, -1] = Q[..., -1, :n] = new
+        Q[..., -1, -1], P0[..., -1, -1] = linear.fresh, 1.0
     level = (noise.measured * noise.scale[problem.rows.log]) ** 2  # W, C
     if problem.data.variance is not None:
         level = level * problem.data.variance

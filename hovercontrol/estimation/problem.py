@@ -19,6 +19,7 @@ from hovercontrol.models.base import shown_by
 from hovercontrol.targets.shoot import shoot
 
 Array = NDArray[np.float64]
+Counts = NDArray[np.intp]
 
 #: Longest sub-step [s].
 STEP = 0.01
@@ -46,6 +47,8 @@ class Linear:
         Measured minus path; zero where nothing was measured.
     jolt : ndarray, shape (K-1, W, n), or None
         What a standard deviation of the times at which commands changed, where those are not known, adds.
+    fresh : ndarray of bool, shape (K-1, W), or None
+        In which steps such a change begins to act; one late command shows for as long as it lags.
     """
 
     A: Array
@@ -55,6 +58,7 @@ class Linear:
     D: Array
     residual: Array
     jolt: Array | None = None
+    fresh: NDArray[np.bool_] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,9 +91,15 @@ class Problem(Unknowns):
     data : Data
     names : sequence of str, optional
         Unknowns; default: all.
+    pieces : int or ndarray, shape (N,), optional
+        In how many sub-steps each of the N steps from row to row is at least.
 
     Attributes
     ----------
+    each : ndarray of int, shape (N,)
+        In how many sub-steps each step is.
+    pieces : int
+        The largest number of sub-steps.
     free : tuple of int
         States that are estimated: all but those that follow from the commands alone.
     driven : tuple of int
@@ -97,7 +107,7 @@ class Problem(Unknowns):
     """
 
     def __init__(
-        self, model: Subject, data: Data, names: Sequence[str] | None = None, pieces: int = 1
+        self, model: Subject, data: Data, names: Sequence[str] | None = None, pieces: int | Counts = 1
     ) -> None:
         self.model, self.data, self.logs, self.rows = model, data, data.logs, data.rows
         self.block: Block = structure(model)
@@ -118,7 +128,8 @@ class Problem(Unknowns):
             Arrival(self.block, t - m.origin, m.inputs, motion)
             for m, (t, _) in zip(self.logs, clocks, strict=True)
         ]
-        unsure = any(np.any(std > 0) for _, std in clocks)
+        self._unsure = [t[std > 0] - m.origin for m, (t, std) in zip(self.logs, clocks, strict=True)]
+        unsure = any(t.size for t in self._unsure)
         self._later = [
             Arrival(self.block, t + std - m.origin, m.inputs, motion)
             for m, (t, std) in zip(self.logs, clocks, strict=True)
@@ -144,7 +155,7 @@ class Problem(Unknowns):
         self.spread = np.maximum(within.std(axis=(0, 1)), least)
         self.accelerations = np.array([self._acceleration(i) for i in self.driven])
         usual = math.ceil(float(np.max(self.dt)) / STEP - 1e-9)
-        self.set_pieces(max(pieces, min(usual, FEW)))
+        self.set_pieces(np.maximum(pieces, min(usual, FEW)))
 
     def _acceleration(self, i: int) -> float:
         """Return the root mean square slope of a free state, as seen."""
@@ -195,10 +206,12 @@ class Problem(Unknowns):
 
     # ---- simulation ----------------------------------------------------------------------------------------
 
-    def set_pieces(self, pieces: int) -> None:
-        """Choose how many sub-steps a step from row to row is made of."""
-        self.pieces = int(np.clip(pieces, 1, MOST))
-        self._arrived: SubSteps | None = None
+    def set_pieces(self, pieces: int | Counts) -> None:
+        """Choose in how many sub-steps all steps from row to row are, or each, shape (N,)."""
+        self.each = np.broadcast_to(np.clip(pieces, 1, MOST).astype(np.intp), self.dt.size)
+        self.pieces = int(self.each.max())
+        self._alike = [(int(n), np.flatnonzero(self.each == n)) for n in np.unique(self.each)]
+        self._arrived: list[SubSteps] | None = None
         self._log_of = np.tile(self.rows.log, len(self.dt))
 
     @property
@@ -206,18 +219,42 @@ class Problem(Unknowns):
         """Length of the longest sub-step, were all steps divided evenly [s]."""
         return float(self.dt.max()) / self.pieces
 
-    def sub_steps(self, parameters: Sequence[float], arrivals: Sequence[Arrival] | None = None) -> SubSteps:
-        """Return the sub-steps. Two meet where commands change most in a step: held inputs are exact then."""
-        begin, dt = self.rows.time[:-1].ravel(), self.dt.ravel()
+    def sub_steps(
+        self,
+        parameters: Sequence[float],
+        arrivals: Sequence[Arrival] | None = None,
+        pieces: int | None = None,
+        steps: Counts | None = None,
+    ) -> SubSteps:
+        """Return the sub-steps. Two meet where commands change most in a step: held inputs are exact then.
+
+        Parameters
+        ----------
+        parameters : sequence of float
+        arrivals : sequence of Arrival, optional
+        pieces : int, optional
+            In how many the steps are; default: as many as the finest.
+        steps : ndarray of int, optional
+            Which steps; default: all.
+        """
+        pieces = pieces or self.pieces
+        steps = np.arange(self.dt.size) if steps is None else steps
+        begin, dt, log = self.rows.time[:-1].ravel()[steps], self.dt.ravel()[steps], self._log_of[steps]
         part = np.full(dt.shape, np.nan)
         delay = self._delay(parameters)
-        if self.pieces > 1:
+        if pieces > 1:
             for k, arrival in enumerate(arrivals or self.arrivals):
-                own = np.flatnonzero((self._log_of == k) & (dt > 0))
-                part[own] = arrival.largest_change(begin[own], dt[own], delay, self.pieces)
-        t, h = divided(self.pieces, part)
+                own = np.flatnonzero((log == k) & (dt > 0))
+                part[own] = arrival.largest_change(begin[own], dt[own], delay, pieces)
+        t, h = divided(pieces, part)
         t, h = begin + t * dt, h * dt
-        return SubSteps(t, h, *self.commands_at(parameters, t, h, self._log_of, arrivals))
+        return SubSteps(t, h, *self.commands_at(parameters, t, h, log, arrivals))
+
+    def _all_sub_steps(
+        self, parameters: Sequence[float], arrivals: Sequence[Arrival] | None = None
+    ) -> list[SubSteps]:
+        """Return the sub-steps of steps that are in equally many."""
+        return [self.sub_steps(parameters, arrivals, *alike) for alike in self._alike]
 
     def _delay(self, parameters: Sequence[float]) -> float:
         """Return by how much commands are late [s]."""
@@ -343,23 +380,27 @@ class Problem(Unknowns):
             if jacobian:
                 start[i, 1 + j] += width[j]
         if arrivals is not None:
-            steps = self.sub_steps(self.parameters(p), arrivals)
+            parts = self._all_sub_steps(self.parameters(p), arrivals)
         else:
             if not self._arrived or self._moves_commands:
-                self._arrived = self.sub_steps(self.parameters(p))
-            steps = self._arrived
-        h, u = steps.h[:, None, None], steps.u[:, :, None, None]
-        lagged = {i: v[:, None, None] for i, v in steps.lagged.items()}
-        if moved:
-            h, u = np.repeat(h, lanes, axis=2), np.repeat(u, lanes, axis=3)
-            lagged = {i: np.repeat(v, lanes, axis=2) for i, v in lagged.items()}
-            for lane, other in moved.items():
-                own = self.sub_steps(self.parameters(other))
-                h[:, :, lane], u[:, :, :, lane] = own.h[:, None], own.u[:, :, None]
-                for i, v in own.lagged.items():
+                self._arrived = self._all_sub_steps(self.parameters(p))
+            parts = self._arrived
+        others = {lane: self._all_sub_steps(self.parameters(other)) for lane, other in moved.items()}
+        y = np.empty((n, lanes, self.dt.size))
+        for k, (steps, (_, at)) in enumerate(zip(parts, self._alike, strict=True)):
+            h, u = steps.h[:, None, None], steps.u[:, :, None, None]
+            lagged = {i: v[:, None, None] for i, v in steps.lagged.items()}
+            if moved:
+                h, u = np.repeat(h, lanes, axis=2), np.repeat(u, lanes, axis=3)
+                lagged = {i: np.repeat(v, lanes, axis=2) for i, v in lagged.items()}
+            for lane, other in others.items():
+                h[:, :, lane], u[:, :, :, lane] = other[k].h[:, None], other[k].u[:, :, None]
+                for i, v in other[k].lagged.items():
                     lagged[i][:, :, lane] = v[:, None]
-        end = shoot(self.block, steps.t[:, None], h, u, lagged, every, start)[1]
-        y = end[list(self.free)].reshape(n, lanes, *self.dt.shape)
+            begin = start if len(parts) == 1 else start[..., at]
+            end = shoot(self.block, steps.t[:, None], h, u, lagged, every, begin)[1]
+            y[..., at] = end[list(self.free)]
+        y = y.reshape(n, lanes, *self.dt.shape)
         F = np.moveaxis(y[:, 0], 0, 2)
         if not jacobian:
             return F, np.empty(0), np.empty(0)
@@ -437,10 +478,20 @@ class Problem(Unknowns):
         own = self.seen[..., None]
         residual = np.where(self.seen, self.rows.values - y, 0.0)
         moving = (self.dt > 0)[..., None]
-        jolt = None
+        jolt = fresh = None
         if self._later:
             jolt = np.where(moving, self.advance(x, p, jacobian=False, arrivals=self._later)[0] - F, 0.0)
+            fresh = self._fresh(self._delay(self.parameters(p)))
         defect = np.where(moving, F - x[1:][..., list(self.free)], 0.0)
         A = np.where(moving[..., None], A, np.eye(len(self.free)))
         B = np.where(moving[..., None], B * slope, 0.0)
-        return Linear(A, B, defect, np.where(own, H, 0.0), np.where(own, D * slope, 0.0), residual, jolt)
+        H, D = np.where(own, H, 0.0), np.where(own, D * slope, 0.0)
+        return Linear(A, B, defect, H, D, residual, jolt, fresh)
+
+    def _fresh(self, delay: float) -> NDArray[np.bool_]:
+        """Return in which steps a command begins to act of which is not known when it changed, (K-1, W)."""
+        found = np.zeros(self.dt.shape, dtype=bool)
+        for w, log in enumerate(self.rows.log.tolist()):
+            step = np.searchsorted(self.rows.time[:, w], self._unsure[log] + delay, side="right") - 1
+            found[step[(step >= 0) & (step < len(found))], w] = True
+        return found

@@ -7,46 +7,102 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter1d
 
 from hovercontrol.estimation.fit import CONVERGENCE, Fit, estimate
 from hovercontrol.estimation.kalman import run_filter
 from hovercontrol.estimation.noise import augment
 from hovercontrol.estimation.problem import MOST as MOST_PIECES
+from hovercontrol.estimation.problem import Problem
 from hovercontrol.targets.shoot import shoot
 
 Array = NDArray[np.float64]
+Counts = NDArray[np.intp]
 
 
-def pieces_needed(fit: Fit) -> int:
-    """Return in how many sub-steps finer ones do not change a fit's likelihood at its path and unknowns."""
-    problem, cost = fit.problem, float(fit.block_costs.sum())
-    while problem.pieces < MOST_PIECES:
-        finer = copy(problem)
-        finer.set_pieces(2 * problem.pieces)
-        linear = finer.linearise(fit.path, fit.p, unknowns=False)
-        filtered = run_filter(augment(finer, linear, fit.noise, unknowns=False))
-        before, cost = cost, float((filtered.white**2).sum() + filtered.log_det.sum())
+#: What halved sub-steps may change of a state in a step that keeps its long ones, in standard deviations of
+#: that state, and rows about it whose steps must not need shorter ones: the next fit's path is another.
+CLOSE, ABOUT = 1e-3, 5
+
+#: Fewest steps from row to row that are worth sub-steps of their own.
+WORTH = 64
+
+
+def pieces_needed(fit: Fit) -> Counts:
+    """Return in how many sub-steps, of each step, finer ones do not change a fit's likelihood.
+
+    The path and the unknowns are as fitted.
+
+    Returns
+    -------
+    ndarray of int, shape (N,)
+    """
+    found, cost = fit.problem, float(fit.block_costs.sum())
+    if found.each.min() < found.pieces:  # do the long ones still do?
+        fine = _divided(found, found.pieces)
+        if abs((of_fine := _cost(fit, fine)) - cost) >= CONVERGENCE.fine:
+            found, cost = fine, of_fine
+    while found.pieces < MOST_PIECES:
+        finer = _divided(found, 2 * found.pieces)
+        before, cost = cost, _cost(fit, finer)
         if abs(cost - before) < CONVERGENCE.fine:
+            cost = before
             break
-        problem = finer
-    return problem.pieces
+        found = finer
+    return found.each if found is fit.problem else np.maximum(_sparing(fit, found, cost), fit.problem.each)
 
 
-def in_pieces(fit: Fit, pieces: int) -> Fit:
+def _sparing(fit: Fit, fine: Problem, cost: float) -> Counts:
+    """Return fewer sub-steps for the steps that need no more: friction is steep near standstill only."""
+    n, coarse = len(fine.free), int(fit.problem.each.min())
+    spread = np.sqrt(np.diagonal(fit.covariance_of_path[1:], axis1=2, axis2=3)[..., :n])
+    wanted = fine.advance(fit.path, fit.p, jacobian=False)[0]
+    each, pieces = np.full(fine.dt.shape, fine.pieces), fine.pieces // 2
+    while pieces >= coarse:
+        there = _divided(fine, pieces).advance(fit.path, fit.p, jacobian=False)[0]
+        off = (np.abs(there - wanted) / spread).max(axis=-1)
+        each[(each == 2 * pieces) & (maximum_filter1d(off, ABOUT, axis=0) < CLOSE)] = pieces
+        pieces //= 2
+    kinds, of = np.unique(each, return_counts=True)
+    for kind, larger, count in zip(kinds[:-1], kinds[1:], of[:-1], strict=True):
+        if count < WORTH:
+            each[each == kind] = larger
+    if abs(_cost(fit, _divided(fine, each.ravel())) - cost) < CONVERGENCE.fine:
+        return np.asarray(each.ravel())
+    return fine.each
+
+
+def _divided(problem: Problem, pieces: int | Counts) -> Problem:
+    """Return the problem in other sub-steps."""
+    other = copy(problem)
+    other.set_pieces(pieces)
+    return other
+
+
+def _cost(fit: Fit, problem: Problem) -> float:
+    """Return what a fit's path and unknowns cost in a problem's sub-steps."""
+    linear = problem.linearise(fit.path, fit.p, unknowns=False)
+    filtered = run_filter(augment(problem, linear, fit.noise, unknowns=False))
+    return float((filtered.white**2).sum() + filtered.log_det.sum())
+
+
+def in_pieces(fit: Fit, pieces: Counts) -> Fit:
     """Return a fit in other sub-steps, begun where it ended."""
-    if pieces == fit.problem.pieces:
+    if np.array_equal(pieces, fit.problem.each):
         return fit
-    problem = copy(fit.problem)
-    problem.set_pieces(pieces)
-    return estimate(problem, fit.prior, fit.noise, p=fit.p, path=fit.path)
+    return estimate(_divided(fit.problem, pieces), fit.prior, fit.noise, p=fit.p, path=fit.path)
 
 
-def settled_pieces(fit: Fit) -> int:
+def settled_pieces(fit: Fit) -> Counts:
     """Return in how many sub-steps finer ones would change nothing after the model is fitted in them, too.
 
     In finer steps friction is often found to be steeper, and then wants still finer ones.
+
+    Returns
+    -------
+    ndarray of int, shape (N,)
     """
-    while (pieces := pieces_needed(fit)) > fit.problem.pieces:
+    while not np.array_equal(pieces := pieces_needed(fit), fit.problem.each):
         try:
             fit = in_pieces(fit, pieces)
         except FloatingPointError:  # the caller's fit will tell

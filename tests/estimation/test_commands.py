@@ -1,5 +1,6 @@
 """Commands as they arrive: exact means, exact lags, zero before the beginning; and when they changed."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -9,7 +10,9 @@ from scipy.integrate import solve_ivp
 from hovercontrol.effects import effect
 from hovercontrol.estimation.commands import Arrival, command_times, divided, input_states
 from hovercontrol.estimation.data import gather
+from hovercontrol.estimation.fit import first_noise
 from hovercontrol.estimation.measure import measure
+from hovercontrol.estimation.noise import augment
 from hovercontrol.estimation.problem import Problem
 from hovercontrol.logs import Log
 from hovercontrol.models.vehicles import c17_simulation
@@ -101,6 +104,42 @@ def test_a_rejected_sample_does_not_make_its_command_sure():
     assert np.flatnonzero(std).tolist() == [row - 1]
     assert std[row - 1] == pytest.approx(step / np.sqrt(12.0), rel=1e-3)
     assert time[row - 1] == pytest.approx(log.time[row] - 0.5 * step, abs=1e-4)
+
+
+def test_a_command_that_came_late_is_late_for_as_long_as_it_lags():
+    """What is not known of a change is one number: its marks in later steps add up, they are no new draws."""
+    model = c17_simulation().with_effects([effect("thrust_lag", seconds=0.15)])
+    t = 0.02 * np.arange(320)
+    thrust = np.where(t < 1.74, 1.0, 3.0)
+    kept = np.abs(t - 1.72) > 0.03  # rows before the new command are lost
+    rng = np.random.default_rng(0)
+    seen = {c: 1e-3 * rng.normal(size=t.size)[kept] for c in ("x", "y", "psi", "u", "v", "r")}
+    log = Log("lost", t[kept], {**seen, "thrust": thrust[kept], "rudder": 0.0 * t[kept]})
+    problem = Problem(model, gather(model, [log]), pieces=4)
+    x, p = problem.guess.copy(), problem.start
+    u = [s.name for s in problem.block.states].index("u")
+    x[..., u] = 1.0
+    linear = problem.linearise(x, p)
+    (new,) = np.argwhere(linear.fresh)
+    first, w = int(new[0]), int(new[1])
+    assert problem.rows.time[first, w] < 1.72 + 1e-9 < problem.rows.time[first + 1, w] + 2e-9
+    noise = first_noise(problem)
+    system = augment(problem, linear, replace(noise, process=0.0 * noise.process), unknowns=False)
+    P = np.zeros(system.P0.shape[1:])
+    P[-1, -1] = 1.0
+    marks = 0.0
+    at = problem.free.index(u)
+    for k in range(first, first + 12):  # within one stretch: 0.24 s of a lag of 0.15 s
+        P = system.A[k, w] @ P @ system.A[k, w].T + system.Q[k, w]
+        marks = linear.A[k, w][at] @ marks_of(marks, at, len(problem.free)) + linear.jolt[k, w, at]
+    assert np.sqrt(P[at, at]) == pytest.approx(abs(marks), rel=0.05)
+    alone = np.sqrt((linear.jolt[first : first + 12, w, at] ** 2).sum())
+    assert abs(marks) > 2.5 * alone  # as draws of each step they would be far too small
+
+
+def marks_of(value, at, n):
+    """Return a state of which one part is not zero."""
+    return value * np.eye(n)[at]
 
 
 @pytest.mark.parametrize("pieces", [1, 2, 3, 7])

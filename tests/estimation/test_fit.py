@@ -95,6 +95,27 @@ def test_outliers_are_left_out_and_nothing_else(fitted, cart_model, pushed_log):
     assert np.nanstd((values - log["p"])[~hit]) < 0.012
 
 
+def test_outliers_too_small_to_be_left_out_do_not_pull(fitted, cart_model, pushed_log):
+    """Nor do they make a channel noisier than it is, and no sample of a clean log is taken for one."""
+    log = pushed_log(push=0.0, seconds=60.0)
+    rng = np.random.default_rng(5)
+    hit = np.zeros(len(log), dtype=bool)
+    hit[rng.choice(np.arange(5, len(log), 6), 30, replace=False)] = True
+    sizes = np.where(hit, 0.01 * rng.choice([-1.0, 1.0], len(log)) * rng.uniform(11.0, 15.0, len(log)), 0.0)
+    bad = Log("bad", log.time, {**log.columns, "p": log["p"] + sizes})
+    clean, fit = fitted(cart_model, [log], gate=True), fitted(cart_model, [bad], gate=True)
+    assert not clean.problem.data.down_weighted.any()
+    down, rows = fit.problem.data.down_weighted[..., 0], fit.problem.rows
+    at = rows.at[down]
+    assert len(at) > 0.9 * hit.sum() and hit[at].mean() > 0.95
+    assert fit.noise.measured[0] == pytest.approx(clean.noise.measured[0], rel=0.1)
+    assert fit.p == pytest.approx(clean.p, abs=np.sqrt(np.diag(clean.covariance)).max())
+    off = sizes[at] / 0.01
+    np.testing.assert_allclose(fit.problem.data.variance[..., 0][down], off**2, rtol=0.8)
+    again = refit(fit, Problem(cart_model, fit.problem.data), fit.prior)  # the weights stay with the data
+    assert again.noise.measured[0] == pytest.approx(fit.noise.measured[0], rel=0.01)
+
+
 def test_dry_friction_along_an_axis_has_one_width(fitted):
     case = make(31, ["yaw_stribeck"], SHORT)
     fit = fitted(case.truth, case.logs, pieces=2)

@@ -72,7 +72,7 @@ def held_fit(model: Subject, data: Data, near: Fit | None = None) -> Fit:
     near : Fit, optional
         Of another model on the same data, from which levels of noise and path begin.
     """
-    pieces = near.problem.pieces if near else 1
+    pieces = near.problem.each if near else 1
     problem = Problem(model, data, pieces=pieces)
     path = problem.path_of(near.problem.block, near.path) if near else None
     noise = near.noise if near else first_noise(problem)

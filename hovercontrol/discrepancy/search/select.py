@@ -91,7 +91,7 @@ def select(
             break
         best = begun_again(search, current, _likeliest(search, good))
         pieces = settled_pieces(best.fit)
-        if pieces > current.problem.pieces:  # steep friction: what coarse steps leave would be named, too
+        if (pieces > current.problem.each).any():  # what coarse steps leave of steep friction would be named
             search.report("taking finer steps")
             finer = in_pieces(current, pieces)
             base, current = finer if current is base else in_pieces(base, pieces), finer

@@ -77,7 +77,7 @@ class Search:
 
     def fit(self, near: Fit, model: Subject, times: bool = False) -> Fit:
         """Fit a model from where another ended; correlation times of process noise stay unless asked."""
-        problem = Problem(model, near.problem.data, pieces=near.problem.pieces)
+        problem = Problem(model, near.problem.data, pieces=near.problem.each)
         prior = prior_of(problem, self.model)
         try:
             return refit(near, problem, prior, times=times)
@@ -171,7 +171,7 @@ def _trials(scored: Scored) -> list[Effect]:
 def _added(search: Search, current: Fit, e: Effect, start: Subject | None = None) -> Fit | None:
     """Return the fit of a model with one more effect, from where another ended or from given coefficients."""
     model = (start or current.model).with_effects([e])
-    problem = Problem(model, current.problem.data, pieces=current.problem.pieces)
+    problem = Problem(model, current.problem.data, pieces=current.problem.each)
     prior = prior_of(problem, search.model)
     try:
         return refit(current, problem, prior, p=problem.start if start else None, times=False)
