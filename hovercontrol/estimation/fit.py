@@ -285,6 +285,9 @@ class _Iteration:
                 self.noise = moved(self.problem, self.noise, self.now.system, self.now.smooth, self.of_levels)
                 self.onward()
             any_did = True
+        if any_did and self.problem.data.down_weighted.any():  # under the noise as it came out
+            variance = alone(self.problem, self.now)[1]
+            self.onward(self.problem.weighted(np.where(self.problem.data.down_weighted, variance, 1.0)))
         return any_did
 
     def _less(self) -> Problem | None:
