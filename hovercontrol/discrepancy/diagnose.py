@@ -163,6 +163,7 @@ def _diagnosed(
         missing_after=missing_forces(final) if selection.effects else missing,
         regime=regime(missing) if verdict != "none" else "nowhere beyond the noise",
         rows_dropped=_dropped(data, base),
+        rows_down_weighted=int(base.problem.data.down_weighted.any(axis=2).sum()),
         warnings=tuple(warnings),
         experiment=experiment,
         advice=advice,

@@ -104,6 +104,8 @@ class Diagnosis:
         In words, where what the given model lacks is.
     rows_dropped : int
         Rows of the training logs of which a sample was left out.
+    rows_down_weighted : int
+        Rows of which a sample counts less, since it stands alone, though not far enough to be left out.
     warnings : tuple of str
     experiment : Experiment or None
         Next experiment, where that would settle an ambiguous case or tell a coefficient better.
@@ -144,6 +146,7 @@ class Diagnosis:
     missing_after: tuple[Missing, ...]
     regime: str
     rows_dropped: int
+    rows_down_weighted: int
     warnings: tuple[str, ...] = ()
     experiment: Experiment | None = None
     advice: str = ""
@@ -202,6 +205,7 @@ class Diagnosis:
             "where": self._where(),
             "next_experiment": self.advice or None,
             "rows_dropped": self.rows_dropped,
+            "rows_down_weighted": self.rows_down_weighted,
             "warnings": list(self.warnings),
         }
 

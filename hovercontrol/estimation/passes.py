@@ -137,7 +137,8 @@ def alone(problem: Problem, now: Pass) -> tuple[Array, Array]:
     system, smooth = now.system, now.smooth
     e = system.seen[..., 0] - (system.H @ smooth.state[..., None])[..., 0]
     known = ((system.H @ smooth.covariance) * system.H).sum(axis=-1)
-    part = 1.0 - np.minimum(known / system.R, 1.0 - 1e-6)  # what the others leave of the sample
+    known = np.clip(known, 0.0, (1.0 - 1e-6) * system.R)
+    part = 1.0 - known / system.R  # what all others leave of the sample's deviation
     own = problem.data.variance
     usual = system.R if own is None else system.R / own
     off, open_ = e / part, known / part

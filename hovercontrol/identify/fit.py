@@ -198,6 +198,7 @@ def _identified(model: Model | Block, names: Sequence[str], data: Data, fit: Fit
         rows_total=sum(m.rows_total for m in logs),
         outliers=int(out.sum()),
         rejected=sum(span.rows for m in logs for span in m.rejected),
+        down_weighted=int(problem.data.down_weighted.any(axis=2).sum()),
         logs=tuple(m.name for m in logs),
         converged=fit.converged,
         fit=fit,

@@ -161,6 +161,8 @@ class Identified:
         Rows with a measurement that was used, rows of the logs.
     outliers, rejected : int
         Rows of which a sample was left out since it stands alone, and rows left out since no craft moves so.
+    down_weighted : int
+        Rows of which a sample counts less, since it stands alone, though not far enough to be left out.
     logs : tuple of str
         Their names.
     converged : bool
@@ -196,6 +198,7 @@ class Identified:
     rows_total: int
     outliers: int
     rejected: int
+    down_weighted: int
     logs: tuple[str, ...]
     converged: bool
     fit: Fit
@@ -255,6 +258,7 @@ class Identified:
         left += [f"{self.rejected} where no craft moves like this"] if self.rejected else []
         used = f"{self.rows} of {self.rows_total} rows of {', '.join(self.logs)}"
         used += f"; left out: {', '.join(left)}" if left else ""
+        used += f"; down-weighted: {self.down_weighted} with a doubtful sample" if self.down_weighted else ""
         lines += ["", f"chi2/dof {self.chi2_per_dof:.3g}; {used}"]
         if self.misfit:
             lines.append(self.misfit)

@@ -157,6 +157,7 @@ class Result(TypedDict):
     where: Where
     next_experiment: str | None
     rows_dropped: int
+    rows_down_weighted: int
     warnings: list[str]
 
 

@@ -10,6 +10,7 @@ from hovercontrol.discrepancy.report.context import Context
 from hovercontrol.discrepancy.report.formatting import listed
 from hovercontrol.discrepancy.report.templates import Table, render, table
 from hovercontrol.estimation.fit import Fit
+from hovercontrol.estimation.outliers import OUTLIERS
 
 #: Rejected stretches of a log that are listed.
 SHOWN = 6
@@ -42,13 +43,21 @@ def appendix(m: Context) -> str:
     """Return the last sections of the page."""
     d = m.diagnosis
     rows = _logs(d.selection.base) + (_logs(d.held_before, " (held out)") if d.held_before else [])
-    head = ("log", "rows", "samples left out as outliers", "rejected on reading: no craft moves like this")
+    head = (
+        "log",
+        "rows",
+        "samples left out as outliers",
+        "samples down-weighted",
+        "rejected on reading: no craft moves like this",
+    )
     problem = d.selection.base.problem
     seconds = sum(float(log.time[-1] - log.time[0]) for log in problem.logs)
     return render(
         "appendix.html",
         warnings=d.warnings,
-        dropped=f"{d.rows_dropped} rows" if d.rows_dropped else "No rows",
+        dropped=_rows(d.rows_dropped),
+        down_weighted=_rows(d.rows_down_weighted),
+        limits=OUTLIERS,
         logs=table(head, rows),
         count="one log" if len(problem.logs) == 1 else f"{len(problem.logs)} logs",
         rows=sum(log.rows_total for log in problem.logs),
@@ -64,18 +73,24 @@ def appendix(m: Context) -> str:
     )
 
 
+def _rows(count: int) -> str:
+    return f"{count} rows" if count > 1 else "one row" if count else "no rows"
+
+
 def _logs(fit: Fit, note: str = "") -> list[tuple[str, ...]]:
     """Return of each log what was not used."""
     problem = fit.problem
     rows: list[tuple[str, ...]] = []
     for k, log in enumerate(problem.logs):
         own = problem.rows.log == k
-        counts = []
+        counts, less = [], []
         for c, channel in enumerate(problem.rows.channels):
             if channel in log.channels:
                 measured = int(np.isfinite(log.values[log.channels.index(channel)]).sum())
                 used = int((problem.seen[:, own, c] & (problem.rows.at[:, own] >= 0)).sum())
                 counts += [f"{measured - used} of {channel}"] if measured > used else []
+                down = int((problem.data.down_weighted[:, own, c] & (problem.rows.at[:, own] >= 0)).sum())
+                less += [f"{down} of {channel}"] if down else []
         spans = [
             f"{s.start:.2f} to {s.stop:.2f} s ({s.rows} {'row' if s.rows == 1 else 'rows'}, {s.reason})"
             for s in log.rejected
@@ -86,6 +101,7 @@ def _logs(fit: Fit, note: str = "") -> list[tuple[str, ...]]:
                 f"{log.name}{note}",
                 f"{log.rows_total}",
                 listed(counts) or "none",
+                listed(less) or "none",
                 "; ".join([*spans[:SHOWN], *more]) or "nothing",
             )
         )
