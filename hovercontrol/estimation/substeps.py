@@ -24,6 +24,9 @@ Counts = NDArray[np.intp]
 #: that state, and rows about it whose steps must not need shorter ones: the next fit's path is another.
 CLOSE, ABOUT = 1e-3, 5
 
+#: Least standard deviation of a state relative to how far it ranges: a body that dry friction holds has none.
+TINY = 1e-9
+
 #: Fewest steps from row to row that are worth sub-steps of their own.
 WORTH = 64
 
@@ -55,7 +58,8 @@ def pieces_needed(fit: Fit) -> Counts:
 def _sparing(fit: Fit, fine: Problem, cost: float) -> Counts:
     """Return fewer sub-steps for the steps that need no more: friction is steep near standstill only."""
     n, coarse = len(fine.free), int(fit.problem.each.min())
-    spread = np.sqrt(np.diagonal(fit.covariance_of_path[1:], axis1=2, axis2=3)[..., :n])
+    variance = np.diagonal(fit.covariance_of_path[1:], axis1=2, axis2=3)[..., :n]
+    spread = np.sqrt(np.maximum(variance, (TINY * fine.spread) ** 2))
     wanted = fine.advance(fit.path, fit.p, jacobian=False)[0]
     each, pieces = np.full(fine.dt.shape, fine.pieces), fine.pieces // 2
     while pieces >= coarse:
