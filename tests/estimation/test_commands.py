@@ -131,15 +131,10 @@ def test_a_command_that_came_late_is_late_for_as_long_as_it_lags():
     at = problem.free.index(u)
     for k in range(first, first + 12):  # within one stretch: 0.24 s of a lag of 0.15 s
         P = system.A[k, w] @ P @ system.A[k, w].T + system.Q[k, w]
-        marks = linear.A[k, w][at] @ marks_of(marks, at, len(problem.free)) + linear.jolt[k, w, at]
+        marks = linear.A[k, w, at, at] * marks + linear.jolt[k, w, at]
     assert np.sqrt(P[at, at]) == pytest.approx(abs(marks), rel=0.05)
     alone = np.sqrt((linear.jolt[first : first + 12, w, at] ** 2).sum())
     assert abs(marks) > 2.5 * alone  # as draws of each step they would be far too small
-
-
-def marks_of(value, at, n):
-    """Return a state of which one part is not zero."""
-    return value * np.eye(n)[at]
 
 
 @pytest.mark.parametrize("pieces", [1, 2, 3, 7])
