@@ -278,17 +278,17 @@ class _Iteration:
 
     def judged(self, levels: bool) -> bool:
         """Leave out or down-weight what stands out until nothing does; tell whether anything did."""
-        any_did = False
+        changed = False
         while (problem := self._less()) is not None:
             self.onward(problem)
             if levels:
                 self.noise = moved(self.problem, self.noise, self.now.system, self.now.smooth, self.of_levels)
                 self.onward()
-            any_did = True
-        if any_did and self.problem.data.down_weighted.any():  # under the noise as it came out
+            changed = True
+        if changed and self.problem.data.down_weighted.any():  # under the noise as it came out
             variance = alone(self.problem, self.now)[1]
             self.onward(self.problem.weighted(np.where(self.problem.data.down_weighted, variance, 1.0)))
-        return any_did
+        return changed
 
     def _less(self) -> Problem | None:
         """Return the problem with further samples left out or down-weighted; None where none stands out."""

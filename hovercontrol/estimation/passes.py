@@ -117,11 +117,8 @@ def _newton(problem: Problem, prior: Prior, p: Array, S: Array, g: Array) -> tup
 
 def residuals(problem: Problem, now: Pass) -> Array:
     """Return measured minus smoothed path over that difference's standard deviation, shape (K, W, C)."""
-    system, smooth = now.system, now.smooth
-    e = system.seen[..., 0] - (system.H @ smooth.state[..., None])[..., 0]
-    known = ((system.H @ smooth.covariance) * system.H).sum(axis=-1)
-    spread = np.maximum(system.R - known, 1e-6 * system.R)
-    return np.where(problem.seen, e / np.sqrt(spread), 0.0)
+    e, known = _smoothed(now)
+    return np.where(problem.seen, e / np.sqrt(now.system.R - known), 0.0)
 
 
 def alone(problem: Problem, now: Pass) -> tuple[Array, Array]:
@@ -134,16 +131,21 @@ def alone(problem: Problem, now: Pass) -> tuple[Array, Array]:
     ndarray, shape (K, W, C)
         The likeliest noise variance of the sample over that of its channel, at least 1.
     """
-    system, smooth = now.system, now.smooth
-    e = system.seen[..., 0] - (system.H @ smooth.state[..., None])[..., 0]
-    known = ((system.H @ smooth.covariance) * system.H).sum(axis=-1)
-    known = np.clip(known, 0.0, (1.0 - 1e-6) * system.R)
-    part = 1.0 - known / system.R  # what all others leave of the sample's deviation
+    (e, known), R = _smoothed(now), now.system.R
+    part = 1.0 - known / R  # what a sample's own pull on the path leaves of its deviation from all others
     own = problem.data.variance
-    usual = system.R if own is None else system.R / own
+    usual = R if own is None else R / own
     off, open_ = e / part, known / part
     z = np.where(problem.seen, off / np.sqrt(usual + open_), 0.0)
     return z, np.where(problem.seen, np.maximum((off**2 - open_) / usual, 1.0), 1.0)
+
+
+def _smoothed(now: Pass) -> tuple[Array, Array]:
+    """Return measured minus smoothed path, and the variance of that path in each channel, (K, W, C)."""
+    system, smooth = now.system, now.smooth
+    e = system.seen[..., 0] - (system.H @ smooth.state[..., None])[..., 0]
+    known = ((system.H @ smooth.covariance) * system.H).sum(axis=-1)
+    return e, np.clip(known, 0.0, (1.0 - 1e-6) * system.R)
 
 
 def inverse(S: Array) -> Array:
