@@ -119,6 +119,16 @@ class NumpyFunctions:
         """Outputs as a function ``(t, x, u, p) -> tuple`` of arrays, without any checks."""
         return self._function("outputs", "numpy")
 
+    @lru_cache(maxsize=2)  # noqa: B019  (the object lives as long as its Block)
+    def array_partials(self, rows: Rows) -> tuple[Function, list[tuple[int, int]]]:
+        """Return the partial derivatives that are not identically zero, and the row and column of each.
+
+        The first is a function ``(t, x, u, p) -> tuple`` of arrays, without any checks; columns are the
+        states, then the parameters.
+        """
+        names = [s.name for s in (*self.block.states, *self.block.parameters)]
+        return self._partials(rows, names)
+
     # ---- inside --------------------------------------------------------------------------------------
 
     @cached_property
@@ -149,10 +159,12 @@ class NumpyFunctions:
         self, rows: Rows, columns: Columns
     ) -> tuple[Function, list[tuple[int, int]], tuple[int, int]]:
         names = [s.name for s in getattr(self.block, columns)]
-        entries = partial_derivatives(self.block, rows, names)
-        function = _compile(Program(self.block, list(entries.values())), "numpy", self._groups)
         n_rows = len(self.block.states if rows == "derivatives" else self.block.outputs)
-        return function, list(entries), (n_rows, len(names))
+        return *self._partials(rows, names), (n_rows, len(names))
+
+    def _partials(self, rows: Rows, names: Sequence[str]) -> tuple[Function, list[tuple[int, int]]]:
+        entries = partial_derivatives(self.block, rows, names)
+        return _compile(Program(self.block, list(entries.values())), "numpy", self._groups), list(entries)
 
     def _arguments(self, t: ArrayLike, x: ArrayLike, u: ArrayLike) -> tuple[Any, Array, Array]:
         xs, us = np.asarray(x, dtype=float), np.asarray(u, dtype=float)

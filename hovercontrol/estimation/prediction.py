@@ -90,13 +90,10 @@ def predict(fit: Fit, horizon: float, starts: int = STARTS) -> Prediction | None
     t = t0 + np.arange(S)[:, None] * h
     parameters = problem.parameters(fit.p)
     u, lagged = problem.commands_at(parameters, t, np.maximum(h, 1e-12), problem.rows.log[of])
-    start = np.moveaxis(fit.path[first, start_of], 1, 0)[:, None, :]
-    known = {i: v[:, None, None, :] for i, v in lagged.items()}
+    start = np.moveaxis(fit.path[first, start_of], 1, 0)
+    known = {i: v[:, None] for i, v in lagged.items()}
     with np.errstate(all="ignore"):
-        x = shoot(
-            problem.block, t[:, None, :], h, u[:, :, None, None, :], known,
-            np.array(parameters)[:, None], start,
-        )[1][:, 0]  # fmt: skip
+        x = shoot(problem.block, t[:, None], h, u[:, :, None], known, parameters, start)[1]
     found = problem.channels_at(x, parameters, t1, problem.rows.log[of])
     values = np.where(problem.seen[last, of], (problem.rows.values - fit.drift)[last, of], np.nan)
     return Prediction(horizon, problem.rows.channels, values - found.T, _parts(problem, horizon)[start_of])

@@ -16,7 +16,7 @@ from hovercontrol.estimation.data import Data
 from hovercontrol.estimation.subject import Subject, structure, timing
 from hovercontrol.estimation.unknowns import Unknowns
 from hovercontrol.models.base import shown_by
-from hovercontrol.targets.shoot import shoot
+from hovercontrol.targets.shoot import Columns, shoot, shoot_with_slopes
 
 Array = NDArray[np.float64]
 Counts = NDArray[np.intp]
@@ -142,7 +142,9 @@ class Problem(Unknowns):
             else (outputs.index(shown_by(outputs, c)), False)
             for c in self.rows.channels
         ]
-        self._outputs = self.block.to_numpy().array_outputs
+        functions = self.block.to_numpy()
+        self._outputs = functions.array_outputs
+        self._output_slopes, self._output_entries = functions.array_partials("outputs")
         self._moves_commands = self._depends_on_inputs()
         self.seen = np.isfinite(self.rows.values)
         self.dt = np.diff(self.rows.time, axis=0)
@@ -312,42 +314,24 @@ class Problem(Unknowns):
             [x[i] if is_state else np.broadcast_to(y[i], t.shape) for i, is_state in self._picked]
         )
 
-    def _lanes(
-        self, p: Array, jacobian: bool, unknowns: bool = True
-    ) -> tuple[Array, list[float | Array], Array, dict[int, Array]]:
-        """Return steps of the copies, parameters by copy, and whose commands differ."""
-        n = len(self.free) if jacobian else 0
-        P = len(p) if jacobian and unknowns else 0
-        width = np.empty(n + P)
-        values: list[float | Array] = list(self.parameters(p))
-        moved: dict[int, Array] = {}
-        for j, i in enumerate(self.free[:n]):
-            width[j] = NUDGE * self.block.states[i].nominal
-        for j, places in enumerate(self._at[:P]):
-            step = NUDGE * max(abs(p[j]), 0.1 * self.size[j])
-            width[n + j] = step if p[j] + step <= self.upper[j] else -step
-            column = np.full((1 + n + P, 1), p[j])
-            column[1 + n + j] += width[n + j]
+    def columns(self, unknowns: bool = True) -> Columns:
+        """Return by what slopes are: free states, then unknowns, less those that move commands."""
+        n = len(self.free)
+        of_state, of_parameter = [-1] * len(self.block.states), [-1] * len(self.block.parameters)
+        for j, i in enumerate(self.free):
+            of_state[i] = j
+        for j, places in enumerate(self._at if unknowns else []):
             for at in places:
-                values[at] = column
-            if j in self._moves_commands:
-                other = p.copy()
-                other[j] += width[n + j]
-                moved[1 + n + j] = other
-        every = np.array([np.broadcast_to(np.ravel(v), 1 + n + P) for v in values])
-        return every, values, width, moved
+                of_parameter[at] = n + j
+        return Columns(of_state, of_parameter)
 
-    def copies(self, p: Array) -> tuple[Array, Array]:
-        """Return parameters of copies that differ in the free states alone, and by how much those differ.
-
-        Returns
-        -------
-        ndarray, shape (n_parameters, 1 + n)
-            The first copy is the original.
-        ndarray, shape (n,)
-        """
-        every, _, width, _ = self._lanes(p, True, unknowns=False)
-        return every, width
+    def _nudged(self, p: Array, j: int) -> tuple[Array, float]:
+        """Return unknowns of which one is a little other, and by how much."""
+        step = NUDGE * max(abs(p[j]), 0.1 * self.size[j])
+        step = step if p[j] + step <= self.upper[j] else -step
+        other = p.copy()
+        other[j] += step
+        return other, step
 
     def advance(
         self,
@@ -372,43 +356,48 @@ class Problem(Unknowns):
         ndarray, shape (K-1, W, n, n)
         ndarray, shape (K-1, W, n, P)
         """
-        every, _, width, moved = self._lanes(p, jacobian, unknowns)
-        n, lanes = len(self.free), every.shape[1]
-        start = np.moveaxis(x[:-1], 2, 0).reshape(x.shape[2], 1, -1)
-        start = np.repeat(start, lanes, axis=1)
-        for j, i in enumerate(self.free):
-            if jacobian:
-                start[i, 1 + j] += width[j]
+        parameters, n = self.parameters(p), len(self.free)
+        columns = self.columns(unknowns) if jacobian else None
+        start = np.moveaxis(x[:-1], 2, 0).reshape(x.shape[2], -1)
         if arrivals is not None:
-            parts = self._all_sub_steps(self.parameters(p), arrivals)
+            parts = self._all_sub_steps(parameters, arrivals)
         else:
             if not self._arrived or self._moves_commands:
-                self._arrived = self._all_sub_steps(self.parameters(p))
+                self._arrived = self._all_sub_steps(parameters)
             parts = self._arrived
-        others = {lane: self._all_sub_steps(self.parameters(other)) for lane, other in moved.items()}
-        y = np.empty((n, lanes, self.dt.size))
-        for k, (steps, (_, at)) in enumerate(zip(parts, self._alike, strict=True)):
-            h, u = steps.h[:, None, None], steps.u[:, :, None, None]
-            lagged = {i: v[:, None, None] for i, v in steps.lagged.items()}
-            if moved:
-                h, u = np.repeat(h, lanes, axis=2), np.repeat(u, lanes, axis=3)
-                lagged = {i: np.repeat(v, lanes, axis=2) for i, v in lagged.items()}
-            for lane, other in others.items():
-                h[:, :, lane], u[:, :, :, lane] = other[k].h[:, None], other[k].u[:, :, None]
-                for i, v in other[k].lagged.items():
-                    lagged[i][:, :, lane] = v[:, None]
-            begin = start if len(parts) == 1 else start[..., at]
-            end = shoot(self.block, steps.t[:, None], h, u, lagged, every, begin)[1]
-            y[..., at] = end[list(self.free)]
-        y = y.reshape(n, lanes, *self.dt.shape)
-        F = np.moveaxis(y[:, 0], 0, 2)
-        if not jacobian:
+        end, slopes = self._shot(start, parameters, parts, columns)
+        F = np.moveaxis(end.reshape(n, *self.dt.shape), 0, 2)
+        if columns is None:
             return F, np.empty(0), np.empty(0)
-        J = (y[:, 1:] - y[:, :1]) / width[:, None, None]
-        J = np.transpose(J, (2, 3, 0, 1))
-        return F, J[..., :n], J[..., n:]
+        J = np.moveaxis(slopes.reshape(n, columns.count, *self.dt.shape), (0, 1), (2, 3))
+        A, B = J[..., :n], J[..., n:]
+        for j in self._moves_commands if unknowns else ():  # not by the parameter alone
+            other, step = self._nudged(p, j)
+            every = self.parameters(other)
+            there = self._shot(start, every, self._all_sub_steps(every), None)[0]
+            B[..., j] = np.moveaxis((there - end).reshape(n, *self.dt.shape), 0, 2) / step
+        return F, A, B
 
-    def observe(self, x: Array, p: Array, *, jacobian: bool = True) -> tuple[Array, Array, Array]:
+    def _shot(
+        self, start: Array, parameters: Sequence[float], parts: Sequence[SubSteps], columns: Columns | None
+    ) -> tuple[Array, Array]:
+        """Return the free states after steps from row to row, shape (n, N), and their slopes."""
+        free = list(self.free)
+        end = np.empty((len(free), start.shape[1]))
+        slopes = np.empty((len(free), columns.count if columns else 0, start.shape[1]))
+        for s, (_, at) in zip(parts, self._alike, strict=True):
+            known = {i: v[:, None] for i, v in s.lagged.items()}
+            begin = start if len(parts) == 1 else start[:, at]
+            given = (self.block, s.t[:, None], s.h[:, None], s.u[:, :, None], known, parameters, begin)
+            if columns:
+                states, found = shoot_with_slopes(*given, columns)
+                slopes[..., at] = found[free]
+            else:
+                states = shoot(*given)
+            end[:, at] = states[1, free]
+        return end, slopes
+
+    def observe(self, x: Array, p: Array) -> tuple[Array, Array, Array]:
         """Return the channels at every row, with slopes; shapes (K, W, C), (K, W, C, n), (K, W, C, P)."""
         K, W, _ = x.shape
         n, P, C = len(self.free), len(p), len(self._picked)
@@ -420,21 +409,19 @@ class Problem(Unknowns):
                 if i in self.free:
                     H[..., c, self.free.index(i)] = 1.0
         if computed:
-            _, values, width, _ = self._lanes(p, jacobian)
-            copies = np.repeat(np.moveaxis(x, 2, 0)[:, :, None, :], 1 + len(width), axis=2)
-            if jacobian:
-                for j, i in enumerate(self.free):
-                    copies[i, :, 1 + j] += width[j]
-            u = self._inputs_at_rows(self.parameters(p))[:, :, None, :]
+            parameters, columns = self.parameters(p), self.columns()
+            at = (self.rows.time, np.moveaxis(x, 2, 0), self._inputs_at_rows(parameters), parameters)
             with np.errstate(all="ignore"):
-                found = self._outputs(self.rows.time[:, None, :], copies, u, values)
+                found = self._outputs(*at)
+                slopes = self._output_slopes(*at)
             for c in computed:
-                own = np.broadcast_to(found[self._picked[c][0]], (K, 1 + len(width), W))
-                y[..., c] = own[:, 0]
-                if jacobian:
-                    J = (own[:, 1:] - own[:, :1]) / width[:, None]
-                    H[..., c, :] = np.moveaxis(J[:, :n], 1, 2)
-                    D[..., c, :] = np.moveaxis(J[:, n:], 1, 2)
+                y[..., c] = found[self._picked[c][0]]
+            of = {self._picked[c][0]: c for c in computed}
+            column_of = (*columns.of_state, *columns.of_parameter)
+            for (i, k), value in zip(self._output_entries, slopes, strict=True):
+                if i in of and (j := column_of[k]) >= 0:
+                    part, j = (H, j) if j < n else (D, j - n)
+                    part[..., of[i], j] += np.where(np.isfinite(value), value, 0.0)
         return y, H, D
 
     def _inputs_at_rows(self, parameters: Sequence[float]) -> Array:

@@ -14,7 +14,7 @@ from hovercontrol.estimation.kalman import run_filter
 from hovercontrol.estimation.noise import augment
 from hovercontrol.estimation.problem import MOST as MOST_PIECES
 from hovercontrol.estimation.problem import Problem
-from hovercontrol.targets.shoot import shoot
+from hovercontrol.targets.shoot import shoot, shoot_with_slopes
 
 Array = NDArray[np.float64]
 Counts = NDArray[np.intp]
@@ -151,22 +151,19 @@ def within(fit: Fit) -> Within:
     """Return what happens within the steps of a fit."""
     problem = fit.problem
     n, S, N = len(problem.free), problem.pieces, problem.dt.size
-    every, width = problem.copies(fit.p)
-    steps = problem.sub_steps(problem.parameters(fit.p))
-    x = np.moveaxis(fit.path[:-1], 2, 0).reshape(-1, 1, N)
-    known = {i: v[None, :, None] for i, v in steps.lagged.items()}
-    u, h = steps.u[:, None, :, None], steps.h[:, None]
-    path = shoot(problem.block, steps.t[None], h, u, known, every[:, :1], x)[:, :, 0]
+    parameters = problem.parameters(fit.p)
+    steps = problem.sub_steps(parameters)
+    x = np.moveaxis(fit.path[:-1], 2, 0).reshape(-1, N)
+    known = {i: v[None] for i, v in steps.lagged.items()}
+    path = shoot(problem.block, steps.t[None], steps.h, steps.u[:, None], known, parameters, x)
     response, after = np.empty((n, n, S, N)), np.broadcast_to(np.eye(n)[:, :, None], (n, n, N))
     for s in reversed(range(S)):
-        start = np.repeat(path[s][:, None], 1 + n, axis=1)
-        for j, i in enumerate(problem.free):
-            start[i, 1 + j] += width[j]
-        held = {i: v[s][None, None, None] for i, v in steps.lagged.items()}
-        inputs = steps.u[:, s][:, None, None, None]
-        ended = shoot(problem.block, steps.t[s][None, None], steps.h[s], inputs, held, every, start)[1]
-        y = ended[list(problem.free)]
-        before = np.einsum("ikN,kjN->ijN", after, (y[:, 1:] - y[:, :1]) / width[:, None])
+        held = {i: v[s, None, None] for i, v in steps.lagged.items()}
+        slopes = shoot_with_slopes(
+            problem.block, steps.t[s, None, None], steps.h[s], steps.u[:, s, None, None], held, parameters,
+            path[s], problem.columns(unknowns=False),
+        )[1]  # fmt: skip
+        before = np.einsum("ikN,kjN->ijN", after, slopes[list(problem.free)])
         response[:, :, s] = np.swapaxes(0.5 * steps.h[s] * (after + before), 0, 1)
         after = before
     return Within(np.moveaxis(0.5 * (path[:-1] + path[1:]), 1, 0), response)

@@ -363,12 +363,11 @@ def _simulate(fit: Fit, block: Block, x0: Array, t: Array, h: Array, log: NDArra
     log : ndarray of int, shape (N,)
     """
     problem, shape = fit.problem, (1, *t.shape)
-    parameters, lengths = problem.parameters(fit.p), h[:, None]
+    parameters = problem.parameters(fit.p)
     u, lagged = problem.commands_at(parameters, t.reshape(1, -1), h.ravel(), np.tile(log, len(t)))
-    u = u.reshape(len(u), *shape)[:, :, :, None]
-    known = {i: v.reshape(shape)[:, :, None] for i, v in lagged.items()}
+    known = {i: v.reshape(shape) for i, v in lagged.items()}
     with np.errstate(all="ignore"):
-        return shoot(block, t[None], lengths, u, known, np.array(parameters)[:, None], x0[:, None])[:, :, 0]
+        return shoot(block, t[None], h, u.reshape(len(u), *shape), known, parameters, x0)
 
 
 def _errors(

@@ -6,7 +6,7 @@ The file defines ``hc_model`` of ``fmu/hc_model.h``: derivatives, outputs, dry f
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import sympy as sp
 
@@ -123,13 +123,23 @@ def derivatives(
     block: Block, frictions: Sequence[DryFriction], names: Names, *, branches: bool = True
 ) -> Function:
     """Return the function of the derivatives; without `branches` no velocity may stick."""
-    states = [s.name for s in block.states[: block.n_continuous]]
     sticking = {f.state: Element("mode", k) for k, f in enumerate(frictions)} if branches else {}
-    results = [
-        Result(Element("dx", k), block.derivatives[name], f"{name}'", sticking.get(name))
+    return Function(block, names, derivative_results(block, sticking), branches=branches)
+
+
+def derivative_results(block: Block, sticking: Mapping[str, Element] | None = None) -> list[Result]:
+    """Return the assignments of the derivatives; those of `sticking` states are 0 in that mode."""
+    states = [s.name for s in block.states[: block.n_continuous]]
+    return [
+        Result(Element("dx", k), block.derivatives[name], f"{name}'", (sticking or {}).get(name))
         for k, name in enumerate(states)
     ]
-    return Function(block, names, results, branches=branches)
+
+
+def index_list(name: str, values: Sequence[int], kind: str = "unsigned short") -> str:
+    """Return a constant list of places as C."""
+    text = f"static const {kind} {name}[] = {{{', '.join(map(str, values))}}};"
+    return textwrap.fill(text, 110, subsequent_indent="    ")
 
 
 def _outputs(block: Block, names: Names) -> str:
@@ -224,12 +234,7 @@ def _table(
     }
     kinds = {"friction_state": "int", "partial_row": "unsigned short", "partial_column": "unsigned short"}
     written = "".join(
-        textwrap.fill(
-            f"static const {kind} {name}[] = {{{', '.join(map(str, values))}}};",
-            110,
-            subsequent_indent="    ",
-        )
-        + "\n"
+        index_list(name, values, kind) + "\n"
         for (name, values), kind in zip(lists.items(), kinds.values(), strict=True)
         if values
     )

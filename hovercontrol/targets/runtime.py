@@ -18,7 +18,16 @@ SIMULATION = (
     *("hc_simulate.h", "hc_simulate.c", "hc_runner.h", "hc_runner.c"),
 )  # fmt: skip
 #: Windows of logs, many at once.
-SHOOTING = ("hc_names.h", "hc_options.h", "hc_model.h", "hc_rk4.h", *_LANES, "hc_shoot.h", "hc_shoot.c")
+SHOOTING = (
+    "hc_names.h",
+    "hc_options.h",
+    "hc_model.h",
+    "hc_rk4.h",
+    *_LANES,
+    "hc_slopes.h",
+    "hc_shoot.h",
+    "hc_shoot.c",
+)
 #: States that follow from given signals.
 FOLLOWING = ("hc_follow.h", "hc_follow.c")
 #: An instance of an FMU, whichever the version of FMI.

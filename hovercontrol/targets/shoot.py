@@ -1,4 +1,4 @@
-"""Windows of logs simulated: many windows, and many perturbed copies of each, at once.
+"""Windows of logs simulated, many at once, and what their ends change with.
 
 Classical Runge-Kutta in equal pieces from row to row, dry friction smooth. NumPy does it until a library is
 built, where there is a compiler whose vectors gain something; the two agree but for rounding.
@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import ctypes
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
 from functools import cache, lru_cache, partial
 from itertools import pairwise
 
@@ -19,7 +20,7 @@ from numpy.typing import NDArray
 from hovercontrol.core.block import Block
 from hovercontrol.simulation.runge_kutta import rk4_step
 from hovercontrol.targets.background import loaded, ready
-from hovercontrol.targets.c_lanes import lanes_source
+from hovercontrol.targets.c_lanes import lanes_source, slopes_source
 from hovercontrol.targets.compiler import NoCompilerError, generated, load_library
 from hovercontrol.targets.runtime import SHOOTING, runtime_files
 
@@ -36,7 +37,7 @@ _EXPORTS = """#include "hc_shoot.h"
 #endif
 EXPORT int block_shoot(const hc_shoot *shoot, long from, long to)
 {
-    return hc_model_lanes ? hc_shoot_run(shoot, hc_model_lanes, from, to) : -1;
+    return hc_model_lanes ? hc_shoot_run(shoot, hc_model_lanes, &hc_model_slopes, from, to) : -1;
 }
 """
 
@@ -45,11 +46,33 @@ class _Shoot(ctypes.Structure):
     """hc_shoot of hc_shoot.h."""
 
     _fields_ = (
-        *((name, ctypes.c_int) for name in ("n_states", "n_inputs", "n_parameters", "n_known")),
-        *((name, ctypes.c_long) for name in ("windows", "rows", "pieces", "copies", "ways")),
+        *((name, ctypes.c_int) for name in ("n_states", "n_inputs", "n_parameters", "n_known", "n_columns")),
+        *((name, ctypes.c_long) for name in ("windows", "rows", "pieces")),
         *((name, ctypes.c_void_p) for name in ("known", "time", "step", "inputs", "values")),
         *((name, ctypes.c_void_p) for name in ("parameters", "states")),
+        *((name, ctypes.c_void_p) for name in ("of_state", "of_parameter", "slopes")),
     )
+
+
+@dataclass(frozen=True)
+class Columns:
+    """What slopes are asked for by: what some states begin with, and some parameters.
+
+    Attributes
+    ----------
+    of_state : sequence of int
+        The column of what each state begins with, or -1.
+    of_parameter : sequence of int
+        The column of each parameter, or -1; some may share one.
+    """
+
+    of_state: Sequence[int]
+    of_parameter: Sequence[int]
+
+    @property
+    def count(self) -> int:
+        """How many columns there are."""
+        return max((*self.of_state, *self.of_parameter), default=-1) + 1
 
 
 def shoot(
@@ -58,7 +81,7 @@ def shoot(
     step: Array,
     inputs: Array,
     known: Mapping[int, Array],
-    parameters: Array,
+    parameters: Sequence[float],
     start: Array,
 ) -> Array:
     """Simulate windows.
@@ -68,60 +91,127 @@ def shoot(
     block : Block
     time : ndarray, shape (S, K-1, W)
         Begin of each of the S pieces of a step from row to row [s].
-    step : ndarray, broadcast to shape (S, K-1, C or 1, W)
+    step : ndarray, broadcast to shape (S, K-1, W)
         Length of each piece [s].
-    inputs : ndarray, shape (n_inputs, S, K-1, C or 1, W)
-        Held over a piece; 1 if the same for all copies.
-    known : dict of int to ndarray, shape (S, K-1, C or 1, W)
+    inputs : ndarray, shape (n_inputs, S, K-1, W)
+        Held over a piece.
+    known : dict of int to ndarray, shape (S, K-1, W)
         States that are given.
-    parameters : ndarray, shape (n_parameters, C)
-    start : ndarray, shape (n_states, C, W)
+    parameters : sequence of float
+    start : ndarray, shape (n_states, W)
 
     Returns
     -------
-    ndarray, shape (K, n_states, C, W)
+    ndarray, shape (K, n_states, W)
         Infinite or NaN where the simulation runs away.
     """
-    states = np.empty((time.shape[1] + 1, *start.shape))
-    states[0] = start
-    step = np.broadcast_to(step, inputs.shape[1:])
-    for i, values in known.items():
-        states[0, i] = values[0, 0]
-    compiled = _compiled(block)
-    if compiled:
-        compiled.run(time, step, inputs, known, parameters, states)
-    else:
-        _run(block, time, step, inputs, known, parameters, states)
-    return states
+    return _shoot(block, time, step, inputs, known, parameters, start, None)[0]
 
 
-def _run(
+def shoot_with_slopes(
     block: Block,
     time: Array,
     step: Array,
     inputs: Array,
     known: Mapping[int, Array],
-    parameters: Array,
-    states: Array,
-) -> None:
-    derivatives, p = block.to_numpy().array_derivatives, parameters[..., None]
+    parameters: Sequence[float],
+    start: Array,
+    columns: Columns,
+) -> tuple[Array, Array]:
+    """Simulate windows, and what their ends change with.
 
-    def slope(u: Array, t: Array, x: Array) -> Array:
-        k = np.empty_like(x)
-        for i, value in enumerate(derivatives(t, x, u, p)):
-            k[i] = value
-        k[list(known)] = 0.0
-        return k
+    The slopes are those of these very steps (the variational equation in the same Runge-Kutta; Hairer,
+    Norsett and Wanner, Solving Ordinary Differential Equations I, I.14). A partial derivative that is not
+    finite, as that of a speed at rest, counts as zero; inputs and given states count as fixed.
 
-    x = states[0].copy()
-    with np.errstate(all="ignore"):
-        for row in range(time.shape[1]):
-            for piece, begin in enumerate(time[:, row]):
-                u, h = inputs[:, piece, row], step[piece, row]
-                for i, values in known.items():
-                    x[i] = values[piece, row]
-                x = rk4_step(partial(slope, u), begin, x, h)
-            states[row + 1] = x
+    Parameters
+    ----------
+    block, time, step, inputs, known, parameters, start
+        As for :func:`shoot`.
+    columns : Columns
+
+    Returns
+    -------
+    ndarray, shape (K, n_states, W)
+    ndarray, shape (n_states, n_columns, W)
+        Of the states of the last row.
+    """
+    return _shoot(block, time, step, inputs, known, parameters, start, columns)
+
+
+def _shoot(
+    block: Block,
+    time: Array,
+    step: Array,
+    inputs: Array,
+    known: Mapping[int, Array],
+    parameters: Sequence[float],
+    start: Array,
+    columns: Columns | None,
+) -> tuple[Array, Array]:
+    states = np.empty((time.shape[1] + 1, *start.shape))
+    states[0] = start
+    slopes = np.empty((len(start), columns.count if columns else 0, *start.shape[1:]))
+    step = np.broadcast_to(step, inputs.shape[1:])
+    for i, values in known.items():
+        states[0, i] = values[0, 0]
+    run = _compiled(block) or _Numpy(block)
+    run.run(time, step, inputs, known, parameters, states, columns, slopes)
+    return states, slopes
+
+
+class _Numpy:
+    """The same without a compiler."""
+
+    def __init__(self, block: Block) -> None:
+        self._functions = block.to_numpy()
+        self._count = len(block.states)
+
+    def run(
+        self,
+        time: Array,
+        step: Array,
+        inputs: Array,
+        known: Mapping[int, Array],
+        parameters: Sequence[float],
+        states: Array,
+        columns: Columns | None,
+        slopes: Array,
+    ) -> None:
+        n, p = self._count, parameters
+        x = np.zeros((n, 1 + slopes.shape[1], *states.shape[2:]))  # states, then their slopes by column
+        x[:, 0] = states[0]
+        for i, column in enumerate(columns.of_state if columns else ()):
+            if column >= 0:
+                x[i, 1 + column] = 1.0
+
+        def slope(u: Array, t: Array, x: Array) -> Array:
+            k = np.zeros_like(x)
+            for i, value in enumerate(self._functions.array_derivatives(t, x[:, 0], u, p)):
+                k[i, 0] = value
+            if columns:
+                self._vary(t, x, u, p, columns, k)
+            k[list(known)] = 0.0
+            return k
+
+        with np.errstate(all="ignore"):
+            for row in range(time.shape[1]):
+                for piece, begin in enumerate(time[:, row]):
+                    u, h = inputs[:, piece, row], step[piece, row]
+                    for i, values in known.items():
+                        x[i, 0] = values[piece, row]
+                    x = rk4_step(partial(slope, u), begin, x, h)
+                states[row + 1] = x[:, 0]
+        slopes[:] = x[:, 1:]
+
+    def _vary(self, t: Array, x: Array, u: Array, p: Sequence[float], columns: Columns, k: Array) -> None:
+        function, entries = self._functions.array_partials("derivatives")
+        for (i, j), value in zip(entries, function(t, x[:, 0], u, p), strict=True):
+            value = np.where(np.isfinite(value), value, 0.0)
+            if j < self._count:
+                k[i, 1:] += value * x[j, 1:]
+            elif (column := columns.of_parameter[j - self._count]) >= 0:
+                k[i, 1 + column] += value
 
 
 class _Compiled:
@@ -140,15 +230,25 @@ class _Compiled:
         step: Array,
         inputs: Array,
         known: Mapping[int, Array],
-        parameters: Array,
+        parameters: Sequence[float],
         states: Array,
+        columns: Columns | None,
+        slopes: Array,
     ) -> None:
         pieces, rows, windows = time.shape
         which = np.array(list(known), dtype=np.intc)
         given = np.array(list(known.values())) if known else np.empty(0)
-        arrays = [which, *(np.ascontiguousarray(a) for a in (time, step, inputs, given, parameters)), states]
-        numbers = windows, rows + 1, pieces, states.shape[2], inputs.shape[3]
-        shoot = _Shoot(*self._sizes, len(known), *numbers, *(a.ctypes.data for a in arrays))
+        arrays = [
+            which,
+            *(np.ascontiguousarray(a) for a in (time, step, inputs, given)),
+            np.array(parameters),
+        ]
+        arrays += [states]
+        for of in (columns.of_state, columns.of_parameter) if columns else ():
+            arrays += [np.array(of, dtype=np.intc)]
+        arrays += [slopes]
+        numbers = len(known), slopes.shape[1], windows, rows + 1, pieces
+        shoot = _Shoot(*self._sizes, *numbers, *(a.ctypes.data for a in arrays))
         parts = min(threads(), max(windows // SHARE, 1))
         edges = np.linspace(0, windows, parts + 1).astype(int).tolist()
         jobs = [(shoot, arrays, a, b) for a, b in pairwise(edges)]
@@ -180,6 +280,8 @@ def _build(block: Block) -> Future[_Compiled]:
         files = runtime_files(SHOOTING) | {"exports.c": _EXPORTS}
         lanes = partial(lanes_source, block, friction="smooth")
         files["lanes.c"] = generated(block, "lanes.c smooth True", lanes)
+        slopes = partial(slopes_source, block, friction="smooth")
+        files["slopes.c"] = generated(block, "slopes.c smooth", slopes)
         return _Compiled(block, files, build=build)
 
     return loaded(load)

@@ -1,14 +1,16 @@
-"""Windows simulated by compiled code are those simulated by NumPy, and those of SciPy."""
+"""Windows simulated by compiled code are those simulated by NumPy and by SciPy; so are their slopes."""
 
 import numpy as np
 import pytest
+import sympy as sp
 from scipy.integrate import solve_ivp
 
+from hovercontrol import Block, Signal
 from hovercontrol.models.vehicles import c17_simulation
 from hovercontrol.targets import shoot as module
-from hovercontrol.targets.shoot import shoot
+from hovercontrol.targets.shoot import Columns, shoot, shoot_with_slopes
 
-W, K, S, C = 21, 9, 4, 3
+W, K, S = 21, 9, 4
 DT = 0.05
 
 
@@ -17,60 +19,116 @@ def case():
     block = c17_simulation().plant()
     rng = np.random.default_rng(0)
     lengths = rng.dirichlet(np.full(S, 5.0), (K - 1, W))
-    step = DT * np.moveaxis(lengths, 2, 0)[:, :, None]
+    step = DT * np.moveaxis(lengths, 2, 0)
     begin = np.arange(K - 1)[:, None] * DT
-    time = np.cumsum(step, axis=0)[:, :, 0] - step[:, :, 0] + begin
-    inputs = np.repeat(rng.uniform(0.5, 2.0, (2, 1, K - 1, 1, W)), S, axis=1)
-    start = rng.normal(0.0, 0.5, (len(block.states), C, W))
-    parameters = np.repeat(np.array(block.parameter_values(None))[:, None], C, axis=1)
+    time = np.cumsum(step, axis=0) - step + begin
+    inputs = np.repeat(rng.uniform(0.5, 2.0, (2, 1, K - 1, W)), S, axis=1)
+    start = rng.normal(0.0, 0.5, (len(block.states), W))
+    parameters = np.array(block.parameter_values(None))
     parameters *= rng.uniform(0.9, 1.1, parameters.shape)
-    return block, time, step, inputs, parameters, start
+    return block, time, step, inputs, parameters.tolist(), start
 
 
-def by_numpy(case, known, monkeypatch):
+@pytest.fixture(scope="module")
+def columns(case):
+    """All states but the fourth, then three parameters, two of which share a column."""
+    states, parameters = len(case[0].states), len(case[0].parameters)
+    of_parameter = np.full(parameters, -1)
+    of_parameter[:3] = states - 1, states, states
+    return Columns([i if i < 3 else i - 1 if i > 3 else -1 for i in range(states)], of_parameter.tolist())
+
+
+def by_numpy(case, known, monkeypatch, columns=None):
     block, time, step, inputs, parameters, start = case
     with monkeypatch.context() as patch:
         patch.setattr(module, "_compiled", lambda block: None)
+        if columns:
+            return shoot_with_slopes(block, time, step, inputs, known, parameters, start, columns)
         return shoot(block, time, step, inputs, known, parameters, start)
 
 
-def by_compiler(case, known):
+def by_compiler(case, known, columns=None):
     block, time, step, inputs, parameters, start = case
     library = module._build(block)
     if library.exception():  # waits for the compiler
         pytest.skip(str(library.exception()))
+    if columns:
+        return shoot_with_slopes(block, time, step, inputs, known, parameters, start, columns)
     return shoot(block, time, step, inputs, known, parameters, start)
 
 
-@pytest.mark.parametrize("ways", [1, C])
-def test_compiled_windows_are_those_of_numpy(case, ways, monkeypatch):
+def test_compiled_windows_are_those_of_numpy(case, columns, monkeypatch):
     rng = np.random.default_rng(1)
-    block, time, step, inputs, parameters, start = case
-    steps = step * rng.uniform(0.9, 1.1, (1, 1, ways, 1))
-    case = (block, time, steps, np.repeat(inputs, ways, axis=3), parameters, start)
-    known = {4: rng.normal(size=(S, K - 1, ways, W))}
+    known = {4: rng.normal(size=(S, K - 1, W))}
     for given in ({}, known):
         ours, theirs = by_compiler(case, given), by_numpy(case, given, monkeypatch)
         np.testing.assert_allclose(ours, theirs, rtol=1e-12, atol=1e-13)
+        for one, other in zip(
+            by_compiler(case, given, columns), by_numpy(case, given, monkeypatch, columns), strict=True
+        ):
+            np.testing.assert_allclose(one, other, rtol=1e-11, atol=1e-12)
+
+
+def test_slopes_are_the_differences_of_windows(case, columns, monkeypatch):
+    block, time, step, inputs, parameters, start = case
+    states, slopes = by_numpy(case, {}, monkeypatch, columns)
+    np.testing.assert_allclose(states, by_numpy(case, {}, monkeypatch), rtol=1e-13, atol=1e-14)
+    assert slopes.shape == (len(start), columns.count, W)
+    for column in range(columns.count):
+        there = []
+        for sign in (1.0, -1.0):
+            x, p = start.copy(), np.array(parameters)
+            x[np.array(columns.of_state) == column] += sign * 1e-6
+            p[np.array(columns.of_parameter) == column] += sign * 1e-6
+            there.append(by_numpy((block, time, step, inputs, p.tolist(), x), {}, monkeypatch)[-1])
+        difference = (there[0] - there[1]) / 2e-6
+        scale = max(float(np.abs(difference).max()), 1.0)
+        np.testing.assert_allclose(slopes[:, column], difference, rtol=0, atol=1e-5 * scale)
+
+
+def test_given_states_have_no_slopes(case, columns):
+    _, slopes = by_compiler(case, {4: np.ones((S, K - 1, W))}, columns)
+    assert not slopes[4].any() or columns.of_state[4] >= 0
+    rest = np.delete(np.arange(columns.count), columns.of_state[4])
+    assert not slopes[4, rest].any()
+
+
+def test_a_partial_derivative_that_is_not_finite_counts_as_zero(monkeypatch):
+    v, w, k = Signal("v", "m/s"), Signal("w", "m/s"), Signal("k", "1/m", start=0.5)
+    speed = sp.sqrt(v.symbol**2 + w.symbol**2)  # has no slope at rest
+    drag = {s.name: -k.symbol * speed * s.symbol for s in (v, w)}
+    block = Block("drag", [v, w], [], [v, w], [k], drag)
+    time = np.zeros((1, 1, 3))
+    start = np.array([[0.0, 1.0, 2.0], [0.0, 0.0, 1.0]])
+    case = (block, time, np.full((1, 1, 3), 0.1), np.empty((0, 1, 1, 3)), [0.5], start)
+    for _, slopes in (
+        by_numpy(case, {}, monkeypatch, Columns([0, 1], [2])),
+        by_compiler(case, {}, Columns([0, 1], [2])),
+    ):
+        assert np.isfinite(slopes).all()
+        np.testing.assert_array_equal(slopes[..., 0], [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+        exact = 1.0 / (1.0 + 0.5 * 0.1 * start[0, 1]) ** 2  # v = v0 / (1 + k v0 t), w at zero
+        assert slopes[0, 0, 1] == pytest.approx(exact, abs=1e-6)
 
 
 def test_windows_follow_the_exact_motion(case, monkeypatch):
-    block, _, _, inputs, parameters, start = case
-    found = by_numpy(case, {}, monkeypatch)
+    block, time, step, inputs, parameters, start = case
+    smooth = [0.2 if "width" in p.name else v for p, v in zip(block.parameters, parameters, strict=True)]
+    found = by_numpy((block, time, step, inputs, smooth, start), {}, monkeypatch)
     f = block.to_numpy()
-    for w, c in ((0, 0), (20, 2)):
-        params = dict(zip(block.default_parameters, parameters[:, c], strict=True))
-        x = start[:, c, w]
+    params = dict(zip(block.default_parameters, smooth, strict=True))
+    for w in (0, 20):
+        x = start[:, w]
         for k in range(K - 1):
-            u = inputs[:, 0, k, 0, w]
+            u = inputs[:, 0, k, w]
             x = solve_ivp(
-                lambda t, x, u=u, params=params: f.derivatives(t, x, u, params),
+                lambda t, x, u=u: f.derivatives(t, x, u, params),
                 (0, DT),
                 x,
                 rtol=1e-9,
                 atol=1e-11,
             ).y[:, -1]
-            np.testing.assert_allclose(found[k + 1, :, c, w], x, rtol=0, atol=2e-3)  # a step over standstill
+            np.testing.assert_allclose(found[k + 1, :, w], x, rtol=0, atol=1e-5)
 
 
 def test_two_threads_say_what_one_says(case, monkeypatch):
@@ -98,7 +156,7 @@ def test_threads_that_outlive_an_interrupt_write_into_arrays_that_are_theirs(cas
     with pytest.raises(KeyboardInterrupt):
         by_compiler(case, {})
     _, (_, arrays, _, _) = begun[0]
-    states = arrays[-1]
+    states = arrays[-2]  # behind them the slopes
     states[1:] = np.nan
     assert [work(job) for work, job in begun] == [0, 0]  # nobody but the jobs holds the arrays now
     assert np.isfinite(states).all()

@@ -156,12 +156,12 @@ def simulate_runs(
     states = shoot(
         problem.block,
         begin,
-        h[:, None],
-        u.reshape(-1, S, M - 1, 1, N),
-        {i: v.reshape(S, M - 1, 1, N) for i, v in lagged.items()},
-        np.array(parameters)[:, None],
-        start[:, None],
-    )[:, :, 0]
+        h,
+        u.reshape(-1, S, M - 1, N),
+        {i: v.reshape(S, M - 1, N) for i, v in lagged.items()},
+        parameters,
+        start,
+    )
     x = np.moveaxis(states, 1, 0).reshape(states.shape[1], -1)
     with np.errstate(all="ignore"):
         found = problem.channels_at(x, parameters, t.ravel(), np.tile(log, M)).reshape(-1, M, N)
