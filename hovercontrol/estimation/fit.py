@@ -53,12 +53,16 @@ class Convergence:
         Largest change of the cost in a pass under fixed noise levels.
     enough : int
         Passes after which a path that alternates between stick and slip counts as converged.
+    idle : int
+        Passes without a cost lower than before, by `settled`, after which a fit gains no more: steep dry
+        friction throws a path to and fro.
     """
 
     fine: float = 2.0
     settled: float = 1.0
     stopped: float = 0.05
     enough: int = 3
+    idle: int = 4
 
 
 #: The values in use.
@@ -232,6 +236,8 @@ class _Iteration:
     weightings: int = 0
     before: float = np.inf
     change: float = np.inf
+    least: float = np.inf
+    idle: int = 0
     factor: float = COARSEST
     of_unknowns: Damping = field(default_factory=Damping)
     of_path: Damping = field(default_factory=Damping)
@@ -252,7 +258,7 @@ class _Iteration:
         is damped.
         """
         if judged is not None:
-            self.problem, self.before = judged, np.inf
+            self.problem, self.before, self.least = judged, np.inf, np.inf
         here, there = self.now.p, self.now.path
         step, along = self.now.steps(self.problem)
         del self.now  # before the next takes as much memory
@@ -323,7 +329,7 @@ class _Iteration:
     def _moving(self) -> None:
         """Go on to the first pass whose levels and correlation times of noise stay."""
         while True:
-            there = self._little_changes(CONVERGENCE.settled)
+            there = self._little_changes(CONVERGENCE.settled) or self.idle >= CONVERGENCE.idle
             while there and self.times and self.factor > FINEST:  # not before all factors were tried
                 there = not self._timed()
             if (there and self.k > self.hold) or self.k >= self.most + self.hold:
@@ -337,13 +343,14 @@ class _Iteration:
     def _still(self, count: int) -> bool:
         """Go on to the pass of least cost under the noise as it is, and tell whether that converged."""
         best = self.now.cost, self.now.p, self.now.path
+        self.least, self.idle = self.now.cost, 0
         while True:
             if self.now.cost < best[0]:
                 best = self.now.cost, self.now.p, self.now.path
             there = self._little_changes(
                 CONVERGENCE.stopped if count < CONVERGENCE.enough else 2.0 * CONVERGENCE.settled
             )
-            if there or count >= STILL:
+            if there or count >= STILL or self.idle >= CONVERGENCE.idle:
                 break
             self.onward()
             count += 1
@@ -363,11 +370,14 @@ class _Iteration:
             if not again:
                 break
         self.factor = self.factor if further else self.factor**0.5
+        self.idle = 0 if further else self.idle
         return bool(further)
 
     def _come_to(self, now: Pass) -> None:
         self.now = now
         self.change, self.before = self.before - now.cost, now.cost
+        falls = now.cost < self.least - CONVERGENCE.settled
+        self.least, self.idle = (now.cost, 0) if falls else (self.least, self.idle + 1)
         if self.trace:
             levels = f"{self.noise.process} {self.noise.seconds}"
             self.trace(f"  pass {self.k}: {now.cost:.2f} predicted {now.predicted:.2f} {levels}")

@@ -27,6 +27,9 @@ STEP = 0.01
 #: Sub-steps between two rows: to begin with where rows are far apart, and at most.
 FEW, MOST = 4, 64
 
+#: Delays whose sub-steps are kept, at most.
+HELD = 4
+
 #: Relative size of the perturbations of one-sided differences.
 NUDGE = 1e-6
 
@@ -213,7 +216,7 @@ class Problem(Unknowns):
         self.each = np.broadcast_to(np.clip(pieces, 1, MOST).astype(np.intp), self.dt.size)
         self.pieces = int(self.each.max())
         self._alike = [(int(n), np.flatnonzero(self.each == n)) for n in np.unique(self.each)]
-        self._arrived: list[SubSteps] | None = None
+        self._held: dict[tuple[float, bool], list[SubSteps]] = {}
         self._log_of = np.tile(self.rows.log, len(self.dt))
 
     @property
@@ -255,8 +258,22 @@ class Problem(Unknowns):
     def _all_sub_steps(
         self, parameters: Sequence[float], arrivals: Sequence[Arrival] | None = None
     ) -> list[SubSteps]:
-        """Return the sub-steps of steps that are in equally many."""
-        return [self.sub_steps(parameters, arrivals, *alike) for alike in self._alike]
+        """Return the sub-steps of steps that are in equally many.
+
+        Means of inputs change with the delay alone: those of the last few are kept.
+        """
+        key = self._delay(parameters), arrivals is None
+        if key in self._held:
+            parts = self._held[key]
+            return [
+                replace(s, lagged=self._lagged(parameters, s.t, s.h, self._log_of[at], arrivals))
+                for s, (_, at) in zip(parts, self._alike, strict=True)
+            ]
+        parts = [self.sub_steps(parameters, arrivals, *alike) for alike in self._alike]
+        while len(self._held) >= HELD:
+            del self._held[next(iter(self._held))]
+        self._held[key] = parts
+        return parts
 
     def _delay(self, parameters: Sequence[float]) -> float:
         """Return by how much commands are late [s]."""
@@ -284,15 +301,28 @@ class Problem(Unknowns):
         """
         delay = self._delay(parameters)
         u = np.empty((len(self.block.inputs), *t.shape))
-        lagged = {i: np.empty(t.shape) for i in self.known}
         width = np.broadcast_to(np.where(h > 0, h, 1e-9), t.shape)
         for k, arrival in enumerate(self.arrivals if arrivals is None else arrivals):
             own = np.flatnonzero(log == k)
-            begin, wide = t[:, own], width[:, own]
-            u[..., own] = arrival.mean(begin, begin + wide, delay)
-            for i, values in arrival.lagged(begin + 0.5 * wide, parameters, delay).items():
-                lagged[i][:, own] = values
-        return u, lagged
+            u[..., own] = arrival.mean(t[:, own], t[:, own] + width[:, own], delay)
+        return u, self._lagged(parameters, t, h, log, arrivals)
+
+    def _lagged(
+        self,
+        parameters: Sequence[float],
+        t: Array,
+        h: Array,
+        log: NDArray[np.intp],
+        arrivals: Sequence[Arrival] | None,
+    ) -> dict[int, Array]:
+        """Return input states in the middles of sub-steps; arguments as for :meth:`commands_at`."""
+        found = {i: np.empty(t.shape) for i in self.known}
+        for k, arrival in enumerate((self.arrivals if arrivals is None else arrivals) if self.known else ()):
+            own = np.flatnonzero(log == k)
+            middle = (t + 0.5 * h)[:, own]
+            for i, values in arrival.lagged(middle, parameters, self._delay(parameters)).items():
+                found[i][:, own] = values
+        return found
 
     def channels_at(self, x: Array, parameters: Sequence[float], t: Array, log: NDArray[np.intp]) -> Array:
         """Return the channels at states, shape (C, N).
@@ -359,13 +389,7 @@ class Problem(Unknowns):
         parameters, n = self.parameters(p), len(self.free)
         columns = self.columns(unknowns) if jacobian else None
         start = np.moveaxis(x[:-1], 2, 0).reshape(x.shape[2], -1)
-        if arrivals is not None:
-            parts = self._all_sub_steps(parameters, arrivals)
-        else:
-            if not self._arrived or self._moves_commands:
-                self._arrived = self._all_sub_steps(parameters)
-            parts = self._arrived
-        end, slopes = self._shot(start, parameters, parts, columns)
+        end, slopes = self._shot(start, parameters, self._all_sub_steps(parameters, arrivals), columns)
         F = np.moveaxis(end.reshape(n, *self.dt.shape), 0, 2)
         if columns is None:
             return F, np.empty(0), np.empty(0)

@@ -20,7 +20,7 @@ def steep(fitted):
 def test_steps_that_need_more_sub_steps_have_them_and_others_do_not(steep):
     each = pieces_needed(steep)
     problem = Problem(steep.problem.model, steep.problem.data, pieces=each)
-    assert problem.pieces == each.max() > 2 * each.min()
+    assert problem.pieces == each.max() > each.min()
     uniform = Problem(steep.problem.model, steep.problem.data, pieces=problem.pieces)
     n = len(problem.free)
     spread = np.sqrt(np.diagonal(steep.covariance_of_path[1:], axis1=2, axis2=3)[..., :n])

@@ -255,7 +255,7 @@ class _Along:
         self._steps = problem.sub_steps(problem.parameters(fit.p))
         self._t = self._steps.t + 0.5 * self._steps.h
         self._base: Array | None = None
-        self._held: tuple[Array, dict[int, Array]] | None = None
+        self._means: dict[float, Array] = {}
 
     def forcing(self, e: Effect) -> Array:
         """Return what an effect adds to the free states from row to row, (K-1, W, n)."""
@@ -303,33 +303,22 @@ class _Along:
         x[new] = values.reshape(len(new), steps, S, W).swapaxes(1, 2).reshape(len(new), S, -1)
 
     def _commands(self, model: Subject, block: Block, every: list[float]) -> tuple[Array, dict[int, Array]]:
-        problem = self.problem
-        same = timing(model) == timing(problem.model)
-        motion = model.motion
-        known = input_states(block, motion)
-        if (
-            same
-            and not set(known) - set(problem.known)
-            and block is not problem.block
-            and self._held
-            and not known
-        ):
-            return self._held
-        keys = list(block.default_parameters)
+        problem, keys, motion = self.problem, list(block.default_parameters), model.motion
         delay = sum(every[keys.index(name)] for name in timing(model) if name)
-        u = np.empty((len(block.inputs), *self._t.shape))
-        lagged = {i: np.empty(self._t.shape) for i in known}
         begin, h = self._steps.t, self._steps.h
         width = np.where(h > 0, h, 1e-9)
-        for k, log in enumerate(problem.logs):
+        lagged = {i: np.empty(begin.shape) for i in input_states(block, motion)}
+        means = np.empty((len(block.inputs), *begin.shape))
+        for k, log in enumerate(problem.logs if lagged or delay not in self._means else ()):
             own = np.flatnonzero(problem._log_of == k)
             arrival = Arrival(block, command_times(log)[0] - log.origin, log.inputs, motion)
-            u[..., own] = arrival.mean(begin[:, own], begin[:, own] + width[:, own], delay)
-            for i, v in arrival.lagged(begin[:, own] + 0.5 * width[:, own], every, delay).items():
-                lagged[i][..., own] = v
-        if same and not known:
-            self._held = u, lagged
-        return u, lagged
+            if delay not in self._means:
+                means[..., own] = arrival.mean(begin[:, own], begin[:, own] + width[:, own], delay)
+            if lagged:
+                middle = begin[:, own] + 0.5 * width[:, own]
+                for i, v in arrival.lagged(middle, every, delay).items():
+                    lagged[i][..., own] = v
+        return self._means.setdefault(delay, means), lagged
 
     def seen(self, e: Effect) -> Array:
         """Return what a measurement effect adds to the channels, (K, W, C)."""
