@@ -11,24 +11,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hovercontrol.core.block import Block
-from hovercontrol.estimation.commands import Arrival, command_times, divided, input_states
 from hovercontrol.estimation.data import Data
+from hovercontrol.estimation.inputs import Inputs
+from hovercontrol.estimation.steps import Counts, Steps
 from hovercontrol.estimation.subject import Subject, structure, timing
 from hovercontrol.estimation.unknowns import Unknowns
 from hovercontrol.models.base import shown_by
 from hovercontrol.targets.shoot import Columns, shoot, shoot_with_slopes
 
 Array = NDArray[np.float64]
-Counts = NDArray[np.intp]
 
 #: Longest sub-step [s].
 STEP = 0.01
 
 #: Sub-steps between two rows: to begin with where rows are far apart, and at most.
 FEW, MOST = 4, 64
-
-#: Delays whose sub-steps are kept, at most.
-HELD = 4
 
 #: Relative size of the perturbations of one-sided differences.
 NUDGE = 1e-6
@@ -62,26 +59,6 @@ class Linear:
     residual: Array
     jolt: Array | None = None
     fresh: NDArray[np.bool_] | None = None
-
-
-@dataclass(frozen=True, eq=False)
-class SubSteps:
-    """Steps from row to row in pieces: S of each of N steps.
-
-    Attributes
-    ----------
-    t, h : ndarray, shape (S, N)
-        Begin and length [s].
-    u : ndarray, shape (n_inputs, S, N)
-        Means of the inputs.
-    lagged : dict of int to ndarray, shape (S, N)
-        States that follow from the inputs, in the middles.
-    """
-
-    t: Array
-    h: Array
-    u: Array
-    lagged: dict[int, Array]
 
 
 class Problem(Unknowns):
@@ -120,24 +97,10 @@ class Problem(Unknowns):
         )
         paths = {state.name: self.guess[..., i] for i, state in enumerate(self.block.states)}
         super().__init__(model, self.block, paths, names)
-        keys = [p.name for p in self.block.parameters]
-        self._timing = [keys.index(name) if name else None for name in timing(model)]
-        self.known = input_states(self.block, model.motion)
+        self.inputs = Inputs(self.block, model, self.logs)
+        self.known = self.inputs.known
         self.free = tuple(i for i in range(len(self.block.states)) if i not in self.known)
         self.driven = tuple(j for j, i in enumerate(self.free) if self._is_driven(i))
-        clocks = [command_times(m) for m in self.logs]
-        motion = model.motion
-        self.arrivals = [
-            Arrival(self.block, t - m.origin, m.inputs, motion)
-            for m, (t, _) in zip(self.logs, clocks, strict=True)
-        ]
-        self._unsure = [t[std > 0] - m.origin for m, (t, std) in zip(self.logs, clocks, strict=True)]
-        unsure = any(t.size for t in self._unsure)
-        self._later = [
-            Arrival(self.block, t + std - m.origin, m.inputs, motion)
-            for m, (t, std) in zip(self.logs, clocks, strict=True)
-            if unsure
-        ]
         outputs, names_ = [s.name for s in self.block.outputs], [s.name for s in self.block.states]
         self._picked = [
             (names_.index(c), True)
@@ -213,116 +176,13 @@ class Problem(Unknowns):
 
     def set_pieces(self, pieces: int | Counts) -> None:
         """Choose in how many sub-steps all steps from row to row are, or each, shape (N,)."""
-        self.each = np.broadcast_to(np.clip(pieces, 1, MOST).astype(np.intp), self.dt.size)
-        self.pieces = int(self.each.max())
-        self._alike = [(int(n), np.flatnonzero(self.each == n)) for n in np.unique(self.each)]
-        self._held: dict[tuple[float, bool], list[SubSteps]] = {}
-        self._log_of = np.tile(self.rows.log, len(self.dt))
+        self.steps = Steps(self.rows, self.inputs, np.clip(pieces, 1, MOST))
+        self.each, self.pieces = self.steps.each, self.steps.pieces
 
     @property
     def longest_piece(self) -> float:
         """Length of the longest sub-step, were all steps divided evenly [s]."""
         return float(self.dt.max()) / self.pieces
-
-    def sub_steps(
-        self,
-        parameters: Sequence[float],
-        arrivals: Sequence[Arrival] | None = None,
-        pieces: int | None = None,
-        steps: Counts | None = None,
-    ) -> SubSteps:
-        """Return the sub-steps. Two meet where commands change most in a step: held inputs are exact then.
-
-        Parameters
-        ----------
-        parameters : sequence of float
-        arrivals : sequence of Arrival, optional
-        pieces : int, optional
-            In how many the steps are; default: as many as the finest.
-        steps : ndarray of int, optional
-            Which steps; default: all.
-        """
-        pieces = pieces or self.pieces
-        steps = np.arange(self.dt.size) if steps is None else steps
-        begin, dt, log = self.rows.time[:-1].ravel()[steps], self.dt.ravel()[steps], self._log_of[steps]
-        part = np.full(dt.shape, np.nan)
-        delay = self._delay(parameters)
-        if pieces > 1:
-            for k, arrival in enumerate(arrivals or self.arrivals):
-                own = np.flatnonzero((log == k) & (dt > 0))
-                part[own] = arrival.largest_change(begin[own], dt[own], delay, pieces)
-        t, h = divided(pieces, part)
-        t, h = begin + t * dt, h * dt
-        return SubSteps(t, h, *self.commands_at(parameters, t, h, log, arrivals))
-
-    def _all_sub_steps(
-        self, parameters: Sequence[float], arrivals: Sequence[Arrival] | None = None
-    ) -> list[SubSteps]:
-        """Return the sub-steps of steps that are in equally many.
-
-        Means of inputs change with the delay alone: those of the last few are kept.
-        """
-        key = self._delay(parameters), arrivals is None
-        if key in self._held:
-            parts = self._held[key]
-            return [
-                replace(s, lagged=self._lagged(parameters, s.t, s.h, self._log_of[at], arrivals))
-                for s, (_, at) in zip(parts, self._alike, strict=True)
-            ]
-        parts = [self.sub_steps(parameters, arrivals, *alike) for alike in self._alike]
-        while len(self._held) >= HELD:
-            del self._held[next(iter(self._held))]
-        self._held[key] = parts
-        return parts
-
-    def _delay(self, parameters: Sequence[float]) -> float:
-        """Return by how much commands are late [s]."""
-        return sum(parameters[at] for at in self._timing if at is not None)
-
-    def commands_at(
-        self,
-        parameters: Sequence[float],
-        t: Array,
-        h: Array,
-        log: NDArray[np.intp],
-        arrivals: Sequence[Arrival] | None = None,
-    ) -> tuple[Array, dict[int, Array]]:
-        """Return inputs' means from t to t + h, (n_inputs, S, N), and input states in the middles, (S, N).
-
-        Parameters
-        ----------
-        parameters : sequence of float
-        t : ndarray, shape (S, N)
-            Seconds since the start of each log.
-        h : ndarray, shape (S, N) or (N,)
-        log : ndarray of int, shape (N,)
-        arrivals : sequence of Arrival, optional
-            Of the commands of each log; default: as likely.
-        """
-        delay = self._delay(parameters)
-        u = np.empty((len(self.block.inputs), *t.shape))
-        width = np.broadcast_to(np.where(h > 0, h, 1e-9), t.shape)
-        for k, arrival in enumerate(self.arrivals if arrivals is None else arrivals):
-            own = np.flatnonzero(log == k)
-            u[..., own] = arrival.mean(t[:, own], t[:, own] + width[:, own], delay)
-        return u, self._lagged(parameters, t, h, log, arrivals)
-
-    def _lagged(
-        self,
-        parameters: Sequence[float],
-        t: Array,
-        h: Array,
-        log: NDArray[np.intp],
-        arrivals: Sequence[Arrival] | None,
-    ) -> dict[int, Array]:
-        """Return input states in the middles of sub-steps; arguments as for :meth:`commands_at`."""
-        found = {i: np.empty(t.shape) for i in self.known}
-        for k, arrival in enumerate((self.arrivals if arrivals is None else arrivals) if self.known else ()):
-            own = np.flatnonzero(log == k)
-            middle = (t + 0.5 * h)[:, own]
-            for i, values in arrival.lagged(middle, parameters, self._delay(parameters)).items():
-                found[i][:, own] = values
-        return found
 
     def channels_at(self, x: Array, parameters: Sequence[float], t: Array, log: NDArray[np.intp]) -> Array:
         """Return the channels at states, shape (C, N).
@@ -333,11 +193,7 @@ class Problem(Unknowns):
         parameters : sequence of float
         t, log : ndarray, shape (N,)
         """
-        delay = self._delay(parameters)
-        u = np.empty((len(self.block.inputs), t.size))
-        for k, arrival in enumerate(self.arrivals):
-            own = np.flatnonzero(log == k)
-            u[:, own] = arrival.at(t[own], delay)
+        u = self.inputs.at(parameters, t, log)
         with np.errstate(all="ignore"):
             y = self._outputs(t, x, u, list(parameters))
         return np.stack(
@@ -370,7 +226,7 @@ class Problem(Unknowns):
         *,
         jacobian: bool = True,
         unknowns: bool = True,
-        arrivals: Sequence[Arrival] | None = None,
+        late: bool = False,
     ) -> tuple[Array, Array, Array]:
         """Return where each row but the last leads, with slopes.
 
@@ -378,7 +234,10 @@ class Problem(Unknowns):
         ----------
         x : ndarray, shape (K, W, n_states)
         p : ndarray, shape (P,)
-        jacobian : bool, optional
+        jacobian, unknowns : bool, optional
+            Whether slopes are asked for, and those by the unknowns.
+        late : bool, optional
+            Whether commands act later by what is not sure of when they changed.
 
         Returns
         -------
@@ -389,7 +248,7 @@ class Problem(Unknowns):
         parameters, n = self.parameters(p), len(self.free)
         columns = self.columns(unknowns) if jacobian else None
         start = np.moveaxis(x[:-1], 2, 0).reshape(x.shape[2], -1)
-        end, slopes = self._shot(start, parameters, self._all_sub_steps(parameters, arrivals), columns)
+        end, slopes = self._shot(start, parameters, columns, late)
         F = np.moveaxis(end.reshape(n, *self.dt.shape), 0, 2)
         if columns is None:
             return F, np.empty(0), np.empty(0)
@@ -398,20 +257,20 @@ class Problem(Unknowns):
         for j in self._moves_commands if unknowns else ():  # not by the parameter alone
             other, step = self._nudged(p, j)
             every = self.parameters(other)
-            there = self._shot(start, every, self._all_sub_steps(every), None)[0]
+            there = self._shot(start, every)[0]
             B[..., j] = np.moveaxis((there - end).reshape(n, *self.dt.shape), 0, 2) / step
         return F, A, B
 
     def _shot(
-        self, start: Array, parameters: Sequence[float], parts: Sequence[SubSteps], columns: Columns | None
+        self, start: Array, parameters: Sequence[float], columns: Columns | None = None, late: bool = False
     ) -> tuple[Array, Array]:
         """Return the free states after steps from row to row, shape (n, N), and their slopes."""
         free = list(self.free)
         end = np.empty((len(free), start.shape[1]))
         slopes = np.empty((len(free), columns.count if columns else 0, start.shape[1]))
-        for s, (_, at) in zip(parts, self._alike, strict=True):
+        for at, s in self.steps.divided(parameters, late):
             known = {i: v[:, None] for i, v in s.lagged.items()}
-            begin = start if len(parts) == 1 else start[:, at]
+            begin = start if at.size == start.shape[1] else start[:, at]
             given = (self.block, s.t[:, None], s.h[:, None], s.u[:, :, None], known, parameters, begin)
             if columns:
                 states, found = shoot_with_slopes(*given, columns)
@@ -450,12 +309,8 @@ class Problem(Unknowns):
 
     def _inputs_at_rows(self, parameters: Sequence[float]) -> Array:
         """Return the commands that hold at the rows, (n_inputs, K, W)."""
-        delay = self._delay(parameters)
-        u = np.empty((len(self.block.inputs), *self.rows.time.shape))
-        for k, arrival in enumerate(self.arrivals):
-            own = np.flatnonzero(self.rows.log == k)
-            u[..., own] = arrival.at(self.rows.time[:, own], delay)
-        return u
+        log = np.broadcast_to(self.rows.log, self.rows.time.shape)
+        return self.inputs.at(parameters, self.rows.time, log)
 
     def sizes_alone(self) -> Array:
         """Return how large each unknown is whose term alone makes all accelerations seen, shape (P,)."""
@@ -490,9 +345,9 @@ class Problem(Unknowns):
         residual = np.where(self.seen, self.rows.values - y, 0.0)
         moving = (self.dt > 0)[..., None]
         jolt = fresh = None
-        if self._later:
-            jolt = np.where(moving, self.advance(x, p, jacobian=False, arrivals=self._later)[0] - F, 0.0)
-            fresh = self._fresh(self._delay(self.parameters(p)))
+        if self.inputs.unsure:
+            jolt = np.where(moving, self.advance(x, p, jacobian=False, late=True)[0] - F, 0.0)
+            fresh = self._fresh(self.inputs.delay(self.parameters(p)))
         defect = np.where(moving, F - x[1:][..., list(self.free)], 0.0)
         A = np.where(moving[..., None], A, np.eye(len(self.free)))
         B = np.where(moving[..., None], B * slope, 0.0)
@@ -503,6 +358,6 @@ class Problem(Unknowns):
         """Return in which steps a command begins to act of which is not known when it changed, (K-1, W)."""
         found = np.zeros(self.dt.shape, dtype=bool)
         for w, log in enumerate(self.rows.log.tolist()):
-            step = np.searchsorted(self.rows.time[:, w], self._unsure[log] + delay, side="right") - 1
+            step = np.searchsorted(self.rows.time[:, w], self.inputs.unsure[log] + delay, side="right") - 1
             found[step[(step >= 0) & (step < len(found))], w] = True
         return found

@@ -152,7 +152,7 @@ def within(fit: Fit) -> Within:
     problem = fit.problem
     n, S, N = len(problem.free), problem.pieces, problem.dt.size
     parameters = problem.parameters(fit.p)
-    steps = problem.sub_steps(parameters)
+    steps = problem.steps.finest(parameters)
     x = np.moveaxis(fit.path[:-1], 2, 0).reshape(-1, N)
     known = {i: v[None] for i, v in steps.lagged.items()}
     path = shoot(problem.block, steps.t[None], steps.h, steps.u[:, None], known, parameters, x)

@@ -364,7 +364,7 @@ def _simulate(fit: Fit, block: Block, x0: Array, t: Array, h: Array, log: NDArra
     """
     problem, shape = fit.problem, (1, *t.shape)
     parameters = problem.parameters(fit.p)
-    u, lagged = problem.commands_at(parameters, t.reshape(1, -1), h.ravel(), np.tile(log, len(t)))
+    u, lagged = problem.inputs.between(parameters, t.reshape(1, -1), h.ravel(), np.tile(log, len(t)))
     known = {i: v.reshape(shape) for i, v in lagged.items()}
     with np.errstate(all="ignore"):
         return shoot(block, t[None], h, u.reshape(len(u), *shape), known, parameters, x0)

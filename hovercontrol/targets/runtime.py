@@ -19,15 +19,9 @@ SIMULATION = (
 )  # fmt: skip
 #: Windows of logs, many at once.
 SHOOTING = (
-    "hc_names.h",
-    "hc_options.h",
-    "hc_model.h",
-    "hc_rk4.h",
-    *_LANES,
-    "hc_slopes.h",
-    "hc_shoot.h",
-    "hc_shoot.c",
-)
+    *("hc_names.h", "hc_options.h", "hc_model.h", "hc_rk4.h"), *_LANES,
+    *("hc_slopes.h", "hc_shoot.h", "hc_shoot.c"),
+)  # fmt: skip
 #: States that follow from given signals.
 FOLLOWING = ("hc_follow.h", "hc_follow.c")
 #: An instance of an FMU, whichever the version of FMI.

@@ -40,3 +40,21 @@ def test_once_fine_enough_nothing_changes_any_more(steep):
     uniform = Problem(fit.problem.model, fit.problem.data, pieces=2 * fit.problem.pieces)
     F, G = (q.advance(fit.path, fit.p, jacobian=False)[0] for q in (fit.problem, uniform))
     assert np.abs(F - G).max() < 1e-3
+
+
+@pytest.mark.parametrize("name", ["thrust_lag", "input_delay"])
+def test_sub_steps_that_are_kept_are_those_made_anew(fitted, name):
+    case = make(3, [name], Conditions(duration=10.0, logs=1))
+    problem = fitted(case.truth, case.logs, frozen=True).problem
+    for factor in (1.0, 1.5, 1.0, 2.0, 2.5, 3.0, 1.0):  # more than are kept
+        p = problem.start * np.where([name in n for n in problem.names], factor, 1.0)
+        parameters = problem.parameters(p)
+        kept = problem.steps.divided(parameters)
+        fresh = Problem(problem.model, problem.data, pieces=problem.each).steps.divided(parameters)
+        for (which, one), (whose, other) in zip(kept, fresh, strict=True):
+            np.testing.assert_array_equal(which, whose)
+            np.testing.assert_array_equal(one.t, other.t)
+            np.testing.assert_array_equal(one.u, other.u)
+            assert one.lagged.keys() == other.lagged.keys()
+            for i, values in one.lagged.items():
+                np.testing.assert_array_equal(values, other.lagged[i])

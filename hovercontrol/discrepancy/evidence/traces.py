@@ -152,7 +152,7 @@ def simulate_runs(
     h = dt / S
     begin = t[:-1] + np.arange(S)[:, None, None] * h
     every = np.tile(log, M - 1)
-    u, lagged = problem.commands_at(parameters, begin.reshape(S, -1), h.ravel(), every)
+    u, lagged = problem.inputs.between(parameters, begin.reshape(S, -1), h.ravel(), every)
     states = shoot(
         problem.block,
         begin,

@@ -16,8 +16,8 @@ from scipy import stats
 from hovercontrol.core.block import Block
 from hovercontrol.discrepancy.search.candidates import Candidate
 from hovercontrol.effects import Effect, Shape
-from hovercontrol.estimation.commands import Arrival, command_times, input_states
 from hovercontrol.estimation.fit import Fit
+from hovercontrol.estimation.inputs import Inputs
 from hovercontrol.estimation.kalman import run_filter
 from hovercontrol.estimation.noise import augment
 from hovercontrol.estimation.passes import inverse, products
@@ -252,7 +252,7 @@ class _Along:
         problem = self.problem
         self._values = dict(zip(problem.block.default_parameters, problem.parameters(fit.p), strict=True))
         self._within = within(fit)
-        self._steps = problem.sub_steps(problem.parameters(fit.p))
+        self._steps = problem.steps.finest(problem.parameters(fit.p))
         self._t = self._steps.t + 0.5 * self._steps.h
         self._base: Array | None = None
         self._means: dict[float, Array] = {}
@@ -303,22 +303,11 @@ class _Along:
         x[new] = values.reshape(len(new), steps, S, W).swapaxes(1, 2).reshape(len(new), S, -1)
 
     def _commands(self, model: Subject, block: Block, every: list[float]) -> tuple[Array, dict[int, Array]]:
-        problem, keys, motion = self.problem, list(block.default_parameters), model.motion
-        delay = sum(every[keys.index(name)] for name in timing(model) if name)
-        begin, h = self._steps.t, self._steps.h
-        width = np.where(h > 0, h, 1e-9)
-        lagged = {i: np.empty(begin.shape) for i in input_states(block, motion)}
-        means = np.empty((len(block.inputs), *begin.shape))
-        for k, log in enumerate(problem.logs if lagged or delay not in self._means else ()):
-            own = np.flatnonzero(problem._log_of == k)
-            arrival = Arrival(block, command_times(log)[0] - log.origin, log.inputs, motion)
-            if delay not in self._means:
-                means[..., own] = arrival.mean(begin[:, own], begin[:, own] + width[:, own], delay)
-            if lagged:
-                middle = begin[:, own] + 0.5 * width[:, own]
-                for i, v in arrival.lagged(middle, every, delay).items():
-                    lagged[i][..., own] = v
-        return self._means.setdefault(delay, means), lagged
+        inputs, steps, log = Inputs(block, model, self.problem.logs), self._steps, self.problem.steps.log
+        delay = inputs.delay(every)
+        if delay not in self._means:
+            self._means[delay] = inputs.means(delay, steps.t, steps.h, log)
+        return self._means[delay], inputs.lagged(every, self._t, log)
 
     def seen(self, e: Effect) -> Array:
         """Return what a measurement effect adds to the channels, (K, W, C)."""

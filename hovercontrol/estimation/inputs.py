@@ -1,0 +1,110 @@
+"""The commands of several logs as one Block gets them: means over sub-steps, states that follow."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hovercontrol.core.block import Block
+from hovercontrol.estimation.commands import Arrival, command_times, input_states
+from hovercontrol.estimation.measure import Measured
+from hovercontrol.estimation.subject import Subject, timing
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+
+class Inputs:
+    """The commands of several logs, each value held from its row to the next.
+
+    Parameters
+    ----------
+    block : Block
+    model : Model or BlockModel
+        Whose Block it is.
+    logs : sequence of Measured
+
+    Attributes
+    ----------
+    known : tuple of int
+        States of the Block that follow from the commands alone.
+    unsure : list of ndarray
+        Of each log, when commands changed of which that is not known well [s]; empty if all are known.
+    """
+
+    def __init__(self, block: Block, model: Subject, logs: Sequence[Measured]) -> None:
+        self.block, motion = block, model.motion
+        keys = [p.name for p in block.parameters]
+        self._timing = [keys.index(name) for name in timing(model) if name]
+        self.known = input_states(block, motion)
+        times = [(t - m.origin, std) for m, (t, std) in ((m, command_times(m)) for m in logs)]
+        self._likely = [Arrival(block, t, m.inputs, motion) for m, (t, _) in zip(logs, times, strict=True)]
+        unsure = any((std > 0).any() for _, std in times)
+        self.unsure = [t[std > 0] for t, std in times if unsure]
+        self._late = [
+            Arrival(block, t + std, m.inputs, motion)
+            for m, (t, std) in zip(logs, times, strict=True)
+            if unsure
+        ]
+
+    def delay(self, parameters: Sequence[float]) -> float:
+        """Return by how much commands are late [s]."""
+        return sum(parameters[at] for at in self._timing)
+
+    def arrivals(self, late: bool = False) -> list[Arrival]:
+        """Return the commands of each log: as likely, or where not sure a standard deviation later."""
+        return self._late if late else self._likely
+
+    def at(self, parameters: Sequence[float], t: Array, log: Indices) -> Array:
+        """Return the inputs that hold at times, shape (n_inputs, ...).
+
+        Parameters
+        ----------
+        parameters : sequence of float
+        t, log : ndarray, shape (...)
+            Seconds since the start of each log, and which.
+        """
+        u = np.empty((len(self.block.inputs), *t.shape))
+        for k, arrival in enumerate(self._likely):
+            own = log == k
+            u[:, own] = arrival.at(t[own], self.delay(parameters))
+        return u
+
+    def between(
+        self, parameters: Sequence[float], t: Array, h: Array, log: Indices, *, late: bool = False
+    ) -> tuple[Array, dict[int, Array]]:
+        """Return inputs' means from t to t + h, (n_inputs, S, N), and input states in the middles, (S, N).
+
+        Parameters
+        ----------
+        parameters : sequence of float
+        t : ndarray, shape (S, N)
+            Seconds since the start of each log.
+        h : ndarray, shape (S, N) or (N,)
+        log : ndarray of int, shape (N,)
+        late : bool, optional
+        """
+        means = self.means(self.delay(parameters), t, h, log, late=late)
+        return means, self.lagged(parameters, t + 0.5 * h, log, late=late)
+
+    def means(self, delay: float, t: Array, h: Array, log: Indices, *, late: bool = False) -> Array:
+        """Return inputs' means from t to t + h, late by `delay` [s]; see :meth:`between`."""
+        u = np.empty((len(self.block.inputs), *t.shape))
+        width = np.broadcast_to(np.where(h > 0, h, 1e-9), t.shape)
+        for k, arrival in enumerate(self.arrivals(late)):
+            own = np.flatnonzero(log == k)
+            u[..., own] = arrival.mean(t[:, own], t[:, own] + width[:, own], delay)
+        return u
+
+    def lagged(
+        self, parameters: Sequence[float], t: Array, log: Indices, *, late: bool = False
+    ) -> dict[int, Array]:
+        """Return the states that follow from the commands, by index, shape (S, N); see :meth:`between`."""
+        found = {i: np.empty(t.shape) for i in self.known}
+        for k, arrival in enumerate(self.arrivals(late) if self.known else ()):
+            own = np.flatnonzero(log == k)
+            for i, values in arrival.lagged(t[:, own], parameters, self.delay(parameters)).items():
+                found[i][:, own] = values
+        return found
