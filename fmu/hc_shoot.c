@@ -114,7 +114,7 @@ static void begin_slopes(hc_shooter *s)
 static void end_slopes(const hc_shooter *s, int count)
 {
     const hc_shoot *d = s->shoot;
-    const pack *slopes = s->x + d->n_states;
+    pack *slopes = s->x + d->n_states;
     for (long k = 0; k < (long)d->n_states * d->n_columns; k++)
         for (int l = 0; l < count; l++)
             d->slopes[k * d->windows + s->window[l]] = slopes[k][l];

@@ -5,14 +5,18 @@ from __future__ import annotations
 import re
 import subprocess
 
+import numpy as np
 import pytest
 
 from hovercontrol import interconnect
 from hovercontrol.controllers import tracking_controller
 from hovercontrol.controllers.references import circle
 from hovercontrol.models.vehicles import c17_simulation
+from hovercontrol.targets import shoot
 from hovercontrol.targets.c import c_source
-from hovercontrol.targets.c_lanes import lanes_source
+from hovercontrol.targets.c_lanes import lanes_source, slopes_source
+from hovercontrol.targets.runtime import FOLLOWING, SHOOTING
+from hovercontrol.targets.shoot import Columns
 
 from .support import MODELS, OK, RUNTIME, SOURCES, STRICT, compile_c
 
@@ -27,8 +31,11 @@ PARAMETERS = {
 }
 
 
+ALL_SOURCES = [*SOURCES, *(RUNTIME / name for name in (*SHOOTING, *FOLLOWING) if name.endswith(".c"))]
+
+
 @pytest.mark.parametrize("level", ["-O0", "-O3"])
-@pytest.mark.parametrize("source", SOURCES, ids=lambda path: path.name)
+@pytest.mark.parametrize("source", ALL_SOURCES, ids=lambda path: path.name)
 def test_strict_warnings_find_nothing(compiler, source, level, tmp_path):
     flags = [*STRICT, "-Wshadow", "-Wstrict-prototypes", "-Wmissing-prototypes", level, "-c", f"-I{RUNTIME}"]
     command = [compiler, *flags, str(source), "-o", str(tmp_path / "out.o")]
@@ -36,7 +43,7 @@ def test_strict_warnings_find_nothing(compiler, source, level, tmp_path):
     assert result.returncode == 0, result.stderr
 
 
-@pytest.mark.parametrize("source", [*SOURCES, *RUNTIME.glob("hc_*.h")], ids=lambda path: path.name)
+@pytest.mark.parametrize("source", [*ALL_SOURCES, *RUNTIME.glob("hc_*.h")], ids=lambda path: path.name)
 def test_only_the_standard_library_is_used(source):
     included = set(re.findall(r"#include <(.*?)>", source.read_text()))
     allowed = "float math stdarg stdbool stddef stdint stdio stdlib string"
@@ -45,7 +52,7 @@ def test_only_the_standard_library_is_used(source):
 
 def test_only_names_with_the_prefix_are_exported(compiler, tmp_path):
     names = set()
-    for source in SOURCES:
+    for source in ALL_SOURCES:
         definition = r"^(?!static|typedef|struct|enum)\w[\w \*]*?(\w+)\("
         names |= set(re.findall(definition, source.read_text(), re.MULTILINE))
     assert names
@@ -75,15 +82,56 @@ def test_sanitisers_find_nothing_in_lanes(compiler, closed, tmp_path):
     assert all(set(line.rsplit(" ", 1)[0]) <= {str(OK), " "} for line in lines), lines
 
 
+@pytest.mark.slow
+def test_sanitisers_find_nothing_in_windows_and_their_slopes(compiler, tmp_path):
+    """Windows of C17's craft, beside the same by NumPy."""
+    block = c17_simulation().plant()
+    lanes, slopes = (make(block, friction="smooth") for make in (lanes_source, slopes_source))
+    models = [tmp_path / "lanes.c", tmp_path / "slopes.c"]
+    for path, text in zip(models, (lanes, slopes), strict=True):
+        path.write_text(text)
+    program, flags = tmp_path / "sanitised", sanitising(compiler, tmp_path)
+    compile_c(compiler, [HERE / "shooting.c", *models, RUNTIME / "hc_shoot.c"], program, flags)
+    p = block.parameter_values()
+    arguments = [str(v) for v in (len(block.states), len(block.inputs), *p)]
+    result = subprocess.run([program, *arguments], capture_output=True, text=True)
+    assert result.returncode == 0, result.stderr
+    numbers = np.array(result.stdout.split(), dtype=float)
+    if not numbers.size:
+        pytest.skip("vectors gain nothing here")
+    n, windows, steps = len(block.states), 11, (2, 2, 11)
+    i = np.arange(np.prod(steps)).reshape(steps)
+    u = 0.1 * (np.arange(len(block.inputs) * i.size) % 9).reshape(-1, *steps)
+    start = (0.1 * (np.arange(n * windows) % 8) - 0.3).reshape(n, windows)
+    columns = Columns(range(n), [n if k < 2 else -1 for k in range(len(p))])
+    states, found = windows_by_numpy(
+        block, np.zeros(steps), 0.01 + 0.001 * (i % 5), u, {3: 0.05 * (i % 7)}, p, start, columns
+    )
+    theirs = np.concatenate([states[-1].ravel(), found.ravel()])
+    np.testing.assert_allclose(numbers, theirs, rtol=1e-10, atol=1e-12)
+
+
+def windows_by_numpy(block, *arguments):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(shoot, "_compiled", lambda block: None)
+        return shoot.shoot_with_slopes(block, *arguments)
+
+
+def sanitising(compiler, tmp_path):
+    """Return the sanitisers' flags, or skip where the compiler has none."""
+    flags = ["-g", "-O1", "-fsanitize=address,undefined,float-divide-by-zero", "-fno-sanitize-recover=all"]
+    probe = tmp_path / "probe.c"
+    probe.write_text("int main(void) { return 0; }\n")
+    call = [compiler, *flags, str(probe), "-o", str(tmp_path / "probe")]
+    if subprocess.run(call, capture_output=True).returncode:
+        pytest.skip(f"{compiler} cannot build with the address and undefined-behaviour sanitisers here")
+    return flags
+
+
 def run_sanitised(compiler, models, parameters, tmp_path, *more):
     """Return the lines that sanitised.c prints, one for each method."""
     program = tmp_path / "sanitised"
-    flags = ["-g", "-O1", "-fsanitize=address,undefined,float-divide-by-zero", "-fno-sanitize-recover=all"]
-    flags += more
-    probe = tmp_path / "probe.c"
-    probe.write_text("int main(void) { return 0; }\n")
-    if subprocess.run([compiler, *flags, str(probe), "-o", str(program)], capture_output=True).returncode:
-        pytest.skip(f"{compiler} cannot build with the address and undefined-behaviour sanitisers here")
+    flags = [*sanitising(compiler, tmp_path), *more]
     compile_c(compiler, [HERE / "sanitised.c", *models, *SOURCES], program, flags)
     arguments = [str(value) for value in parameters]
     result = subprocess.run([program, *arguments], capture_output=True, text=True)
