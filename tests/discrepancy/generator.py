@@ -111,13 +111,41 @@ BEYOND: dict[str, dict[str, Callable[[Random], float]]] = {
     "sway_cubic_drag": {"value": _from(0.1, 0.3)},
     "yaw_cubic_drag": {"value": _from(0.1, 0.3)},
 }
+#: The same of effects that the blind table does not have.
+REST: dict[str, dict[str, Callable[[Random], float]]] = {
+    "thrust_backlash": {"width": _from(0.2, 0.5)},
+    "rudder_backlash": {"width": _from(0.05, 0.15)},
+    "thrust_rate_limit": {"limit": _from(2.0, 6.0)},
+    "rudder_rate_limit": {"limit": _from(0.5, 2.0)},
+    "thrust_curve": {"value": _either(0.1, 0.3), "scale": _from(3.5, 3.5)},
+    "load_friction": {"value": _from(0.05, 0.2)},
+    "pose_lever_arm": {"x": _either(0.03, 0.1), "y": _either(0.0, 0.05)},
+    **{
+        f"lugre_{axis}": {
+            "stiffness": _from(200.0, 500.0),
+            "damping": _from(5.0, 15.0),
+            "coulomb": _from(0.1, 0.2),
+            "static": _from(0.25, 0.4),
+            "speed": _from(0.03, 0.1),
+        }
+        for axis in ("surge", "sway", "yaw")
+    },
+}
+#: Of a light craft of fans.
+FANS: dict[str, dict[str, Callable[[Random], float]]] = {
+    "fan_lag": {"seconds": _from(0.02, 0.05)},
+    "fan_delay": {"seconds": _from(0.01, 0.04)},
+    "fan_misalignment": {"value": _either(0.03, 0.1)},
+    "thrust_curve": {"value": _either(0.1, 0.3), "scale": _from(0.15, 0.15)},
+    "pose_lever_arm": {"x": _either(0.005, 0.02), "y": _either(0.0, 0.02)},
+}
 #: Effects that measurements of other quantities are needed for.
 VELOCITY_ONLY = {"gyro_bias", "gyro_scale", "velocity_misalignment", "sensor_lever_arm"}
 
 
 def hidden(name: str, rng: Random, model: Model, scale: float = 1.0) -> Effect:
     """Return an effect of random size; `scale` makes it smaller."""
-    values = {key: size(rng) for key, size in {**SIZES, **BEYOND}[name].items()}
+    values = {key: size(rng) for key, size in {**SIZES, **BEYOND, **REST}[name].items()}
     cls = type(effect(name, **values))
     for key in values:
         neutral = cls.numbers[key].neutral

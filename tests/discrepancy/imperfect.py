@@ -2,7 +2,7 @@
 
 As in :mod:`.generator` a case is made of a seed and what is hidden, and the search sees only the model, its
 coefficients up to 3 % off, and the logs. Here a craft that lacks a known effect meets a disturbance as well:
-a rough patch of floor, a load that swings, a cable, an oscillating torque, bumps, gusts. Six suites:
+a rough patch of floor, a load that swings, a cable, an oscillating torque, bumps, gusts. Seven suites:
 
 ========== =================================================================================
 partial    an effect of the catalogue beside a disturbance, about as large as the effect
@@ -10,6 +10,7 @@ remainder  a disturbance, nothing of the catalogue
 dirty      outliers, lost rows, stamps that are off; an effect or none
 gusts      coloured accelerations; an effect or none
 beyond     an effect that is named only where a search is asked for it; it is not
+rest       an effect of the catalogue that the blind table does not have; of six fans also none
 fans       a craft of six fans whose thrust lags, on a floor with a patch, tracked by cameras
 ========== =================================================================================
 """
@@ -33,8 +34,10 @@ from hovercontrol.models.model import Fan, Model
 from .disturbances import Disturbance, Drive, Motion, placed, unmet
 from .generator import (
     BEYOND,
+    FANS,
     GUST,
     NOISE,
+    REST,
     Case,
     Conditions,
     craft,
@@ -282,6 +285,10 @@ class Key(NamedTuple):
             seconds = rng.uniform(0.02, 0.05)
             lag = [lambda scale: effect(self.effect, seconds=scale * seconds)]
             return disturbed(rng, fan_craft(rng), lag, self.disturbance, conditions, CAMERA)
+        if self.variant == "fans":
+            values = {k: size(rng) for k, size in FANS.get(self.effect, {}).items()}
+            own = [lambda scale: effect(self.effect, **values)] if self.effect else []
+            return disturbed(rng, fan_craft(rng), own, self.disturbance, CONDITIONS["fans"], CAMERA)
         model, draw = craft(rng), int(rng.integers(2**32))
 
         def sized(scale: float) -> Effect:
@@ -298,6 +305,7 @@ CONDITIONS = {
     "dirty": Conditions(dt=0.01, faults=True),
     "gusts": Conditions(),
     "beyond": Conditions(),
+    "rest": Conditions(),
     "fans": Conditions(commands=fan_steps, dt=0.005, channels=POSE),
 }
 SUITES = tuple(CONDITIONS)
@@ -316,6 +324,9 @@ def keys(suite: str, seeds: int) -> Iterator[Key]:
             yield from (Key(suite, "", kind, "pose", seed) for kind in ("patch", "cable", "torque", "gusts"))
         elif suite == "beyond":
             yield from (Key(suite, name, "", "", seed) for name in BEYOND)
+        elif suite == "rest":
+            yield from (Key(suite, name, "", "", seed) for name in REST)
+            yield from (Key(suite, name, "", "fans", seed) for name in (*FANS, ""))
         elif suite == "fans":
             yield Key(suite, lag_of_fans(), "patch", "", seed)
         else:
