@@ -43,9 +43,9 @@ class ArrivalCriteria:
 ARRIVALS = ArrivalCriteria()
 
 
-#: Ends of the steps that laws which are not linear take from row to row, in parts of it: play takes up a
-#: new command at once, a limited rate takes its time.
-STEPS = (0.05, 0.2, 0.4, 0.6, 0.8, 1.0)
+#: Steps from row to row of laws that are not linear: so many in the first of these parts of it [s], since
+#: play takes up a new command at once; later ones as long as the second, at most so many.
+FIRST, SECONDS, MOST_STEPS = 16, (4e-3, 1e-3), 256
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,19 +181,13 @@ class Arrival:
         row = np.searchsorted(self.time, when - delay + 1e-9, side="right") - 1
         return np.where(row >= 0, self.inputs[:, np.maximum(row, 0)], 0.0)
 
-    def mean(self, begin: Array, end: Array, delay: float = 0.0) -> Array:
-        """Return the inputs' means from `begin` to `end` [s], shape (n_inputs, ...), late by `delay`."""
-        at = [
-            np.stack([np.interp(t - delay, self._knots, row, left=0.0) for row in self._integral])
-            if len(self._integral)
-            else np.empty((0, *begin.shape))
-            for t in (begin, end)
-        ]
-        held = np.maximum(0.0, end - delay - self._knots[-1]) - np.maximum(
-            0.0, begin - delay - self._knots[-1]
-        )
-        extra = self.inputs[:, -1].reshape(-1, *[1] * begin.ndim) * held
-        return (at[1] - at[0] + extra) / (end - begin)
+    def integral(self, when: Array, delay: float = 0.0) -> Array:
+        """Return the inputs' integrals up to times `when` [s], late by `delay`, shape (n_inputs, ...)."""
+        t = when - delay
+        held = self.inputs[:, -1].reshape(-1, *[1] * t.ndim) * np.maximum(0.0, t - self._knots[-1])
+        if not len(self._integral):
+            return held
+        return np.stack([np.interp(t, self._knots, row, left=0.0) for row in self._integral]) + held
 
     def largest_change(self, begin: Array, length: Array, delay: float, most: int) -> Array:
         """Return when commands change most within steps, in parts of each; NaN where they do not.
@@ -220,20 +214,21 @@ class Arrival:
             found[own] = (self._changes[at] + delay - begin[own]) / length[own]
         return found
 
-    def lagged(self, when: Array, parameters: Sequence[float], delay: float = 0.0) -> dict[int, Array]:
-        """Return the input states at times `when` [s], by index; from rest at the beginning."""
+    def lagged_integral(
+        self, when: Array, parameters: Sequence[float], delay: float = 0.0
+    ) -> dict[int, Array]:
+        """Return integrals of the input states up to times `when` [s], by index; from rest at the start."""
         laws = self._laws
         if laws is None:
             return {}
-        row = np.searchsorted(self.time, when - delay + 1e-9, side="right") - 1
-        at = np.maximum(row, 0)
+        t = when - delay
         if not laws.linear:
-            times, states = self._stepped(laws, parameters)
-            found = [np.interp(when - delay, times, own) for own in states]
+            found = list(_integrated(*self._stepped(laws, parameters), t))
         else:
-            later = np.maximum(when - delay - self.time[at], 0.0)  # before the log commands rest
+            at = np.maximum(np.searchsorted(self.time, t + 1e-9, side="right") - 1, 0)
+            later = np.maximum(t - self.time[at], 0.0)  # before the log commands rest
             found = [self._followed(a_of, b_of, parameters, at, later) for a_of, b_of in laws.linear]
-        return {i: np.where(row < 0, 0.0, own) for i, own in zip(laws.indices, found, strict=True)}
+        return dict(zip(laws.indices, found, strict=True))
 
     def _followed(
         self,
@@ -243,20 +238,51 @@ class Arrival:
         at: NDArray[np.intp],
         later: Array,
     ) -> Array:
-        """Return a state of ``x' = a x + b`` so much later than rows `at`, exactly."""
-        a = float(a_of(parameters))
+        """Return the integral of a state of ``x' = a x + b`` up to so much later than rows `at`, exactly."""
+        a, steps = float(a_of(parameters)), np.diff(self.time)
         goal = -np.broadcast_to(b_of(parameters, self.inputs), self.time.shape) / a
-        fade = np.exp(a * np.diff(self.time))
+        fade = np.exp(a * steps)
         bands = np.stack([np.ones(goal.size), np.append(-fade, 0.0)])  # next value - fade * value = arriving
         start = solve_banded((1, 0), bands, np.append(0.0, (1.0 - fade) * goal[:-1]), check_finite=False)
-        return np.asarray(goal[at] + (start[at] - goal[at]) * np.exp(a * later))
+        off = (start - goal) / a
+        before = np.append(0.0, np.cumsum(goal[:-1] * steps + off[:-1] * np.expm1(a * steps)))
+        return np.asarray(before[at] + goal[at] * later + off[at] * np.expm1(a * later))
 
     def _stepped(self, laws: _Laws, parameters: Sequence[float]) -> tuple[Array, Array]:
         """Return times, shape (m,), and the states at them, shape (n, m)."""
-        parts, steps = np.diff(STEPS, prepend=0.0), np.diff(self.time)[:, None]
-        h = (steps * parts).reshape(-1, 1)
-        ends = (self.time[:-1, None] + steps * np.array(STEPS)).reshape(-1, 1)
-        held = np.repeat(self.inputs[:, :-1], len(STEPS), axis=1)[..., None]
-        rest = np.zeros((len(self.block.states), *h.shape))
-        values = follow(self.block, laws.indices, ends - 0.5 * h, h, rest, held, parameters)
-        return np.append(self.time[0], ends), values[..., 0]
+        steps = np.diff(self.time)
+        early = np.minimum(SECONDS[0], 0.5 * steps)
+        rest = np.clip(np.ceil((steps - early) / SECONDS[1]), 1, MOST_STEPS).astype(np.intp)
+        row = np.repeat(np.arange(steps.size), FIRST + rest)
+        k = np.arange(row.size) - np.repeat(np.cumsum(FIRST + rest) - FIRST - rest, FIRST + rest) + 1
+        later = early[row] + (k - FIRST) / rest[row] * (steps - early)[row]
+        ends = self.time[row] + np.where(k <= FIRST, k / FIRST * early[row], later)
+        times = np.append(self.time[0], ends)
+        h = np.diff(times)[:, None]
+        unused = np.zeros((len(self.block.states), *h.shape))
+        held = self.inputs[:, row][..., None]
+        middle = ends[:, None] - 0.5 * h
+        return times, follow(self.block, laws.indices, middle, h, unused, held, parameters)[..., 0]
+
+
+def _integrated(times: Array, values: Array, when: Array) -> Array:
+    """Return integrals up to `when` of what is straight between times and stays behind the last.
+
+    Parameters
+    ----------
+    times : ndarray, shape (m,)
+    values : ndarray, shape (n, m)
+        Zero before the first time.
+    when : ndarray, shape (...)
+
+    Returns
+    -------
+    ndarray, shape (n, ...)
+    """
+    steps = np.diff(times)
+    before = np.zeros(values.shape)
+    before[:, 1:] = np.cumsum(0.5 * steps * (values[:, :-1] + values[:, 1:]), axis=1)
+    slope = np.append(np.diff(values) / steps, np.zeros((len(values), 1)), axis=1)
+    at = np.clip(np.searchsorted(times, when, side="right") - 1, 0, times.size - 1)
+    later = np.maximum(when - times[at], 0.0)
+    return before[:, at] + (values[:, at] + 0.5 * slope[:, at] * later) * later

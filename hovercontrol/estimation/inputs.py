@@ -75,36 +75,51 @@ class Inputs:
     def between(
         self, parameters: Sequence[float], t: Array, h: Array, log: Indices, *, late: bool = False
     ) -> tuple[Array, dict[int, Array]]:
-        """Return inputs' means from t to t + h, (n_inputs, S, N), and input states in the middles, (S, N).
+        """Return means in S sub-steps that follow each other: of inputs, and of states that follow from them.
 
         Parameters
         ----------
         parameters : sequence of float
         t : ndarray, shape (S, N)
-            Seconds since the start of each log.
+            Their begins, in seconds since the start of each log.
         h : ndarray, shape (S, N) or (N,)
+            Their lengths [s]; where one is 0 so are the means.
         log : ndarray of int, shape (N,)
         late : bool, optional
+
+        Returns
+        -------
+        ndarray, shape (n_inputs, S, N)
+        dict of int to ndarray, shape (S, N)
         """
         means = self.means(self.delay(parameters), t, h, log, late=late)
-        return means, self.lagged(parameters, t + 0.5 * h, log, late=late)
+        return means, self.lagged(parameters, t, h, log, late=late)
 
     def means(self, delay: float, t: Array, h: Array, log: Indices, *, late: bool = False) -> Array:
-        """Return inputs' means from t to t + h, late by `delay` [s]; see :meth:`between`."""
-        u = np.empty((len(self.block.inputs), *t.shape))
-        width = np.broadcast_to(np.where(h > 0, h, 1e-9), t.shape)
+        """Return the inputs' means, late by `delay` [s]; see :meth:`between`."""
+        u, edges, width = np.empty((len(self.block.inputs), *t.shape)), *_edges(t, h)
         for k, arrival in enumerate(self.arrivals(late)):
             own = np.flatnonzero(log == k)
-            u[..., own] = arrival.mean(t[:, own], t[:, own] + width[:, own], delay)
+            u[..., own] = np.diff(arrival.integral(edges[:, own], delay), axis=1) / width[:, own]
         return u
 
     def lagged(
-        self, parameters: Sequence[float], t: Array, log: Indices, *, late: bool = False
+        self, parameters: Sequence[float], t: Array, h: Array, log: Indices, *, late: bool = False
     ) -> dict[int, Array]:
-        """Return the states that follow from the commands, by index, shape (S, N); see :meth:`between`."""
+        """Return the means of the states that follow from the commands, by index; see :meth:`between`."""
         found = {i: np.empty(t.shape) for i in self.known}
-        for k, arrival in enumerate(self.arrivals(late) if self.known else ()):
+        if not found:
+            return found
+        delay, (edges, width) = self.delay(parameters), _edges(t, h)
+        for k, arrival in enumerate(self.arrivals(late)):
             own = np.flatnonzero(log == k)
-            for i, values in arrival.lagged(t[:, own], parameters, self.delay(parameters)).items():
-                found[i][:, own] = values
+            for i, values in arrival.lagged_integral(edges[:, own], parameters, delay).items():
+                found[i][:, own] = np.diff(values, axis=0) / width[:, own]
         return found
+
+
+def _edges(t: Array, h: Array) -> tuple[Array, Array]:
+    """Return where sub-steps begin and end, shape (S + 1, N), and their lengths to divide by, (S, N)."""
+    h = np.broadcast_to(h, t.shape)
+    edges = np.concatenate([t, t[-1:] + h[-1:]])
+    return edges, np.where(h > 0, h, np.inf)

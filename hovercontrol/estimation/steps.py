@@ -30,7 +30,7 @@ class SubSteps:
     u : ndarray, shape (n_inputs, S, N)
         Means of the inputs.
     lagged : dict of int to ndarray, shape (S, N)
-        States that follow from the inputs, in the middles.
+        Means of states that follow from the inputs.
     """
 
     t: Array
@@ -86,7 +86,7 @@ class Steps:
         key = self.inputs.delay(parameters), late
         if key in self._held:
             parts = [
-                replace(s, lagged=self.inputs.lagged(parameters, s.t + 0.5 * s.h, self.log[at], late=late))
+                replace(s, lagged=self.inputs.lagged(parameters, s.t, s.h, self.log[at], late=late))
                 for s, (_, at) in zip(self._held[key], self._alike, strict=True)
             ]
         else:

@@ -19,9 +19,13 @@ Array = NDArray[np.float64]
 SECONDS, STEP = 0.5, 0.005
 
 
+#: Effects that shift commands by a time.
+LATE = ("input_delay", "time_offset", "fan_delay")
+
+
 def late(model: Model) -> float:
     """Return how late the commands of a craft show in its log [s]."""
-    return sum(e.values["seconds"] for e in model.effects if e.name in ("input_delay", "time_offset"))
+    return sum(e.values["seconds"] for e in model.effects if e.name in LATE)
 
 
 def misfit(

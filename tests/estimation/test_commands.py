@@ -29,35 +29,56 @@ def arrival(*effects):
     return block, Arrival(block, TIME, COMMANDS, model.motion)
 
 
-def test_means_are_integrals_of_held_values():
+def mean(commands, begin, end, delay=0.0):
+    return (commands.integral(end, delay) - commands.integral(begin, delay))[0] / (end - begin)
+
+
+def test_integrals_are_those_of_held_values():
     _, commands = arrival()
     begin, end = np.array([0.05, 0.0, 0.24]), np.array([0.15, 0.3, 0.5])
     expected = [2.0, (0.1 * 1 + 0.15 * 3 - 0.05 * 2) / 0.3, (0.01 * 3 - 0.05 * 2 + 0.2 * 0.5) / 0.26]
-    np.testing.assert_allclose(commands.mean(begin, end)[0], expected)
+    np.testing.assert_allclose(mean(commands, begin, end), expected)
 
 
 def test_late_commands_are_zero_before_the_beginning():
     _, commands = arrival()
     begin = np.array([0.0, 0.1, 0.9])
-    np.testing.assert_allclose(commands.mean(begin, begin + 0.02, delay=0.1)[0], [0.0, 1.0, 0.5])
-    np.testing.assert_allclose(commands.mean(begin, begin + 0.02, delay=-0.1)[0], [3.0, 3.0, 0.5])
+    np.testing.assert_allclose(mean(commands, begin, begin + 0.02, 0.1), [0.0, 1.0, 0.5], atol=1e-12)
+    np.testing.assert_allclose(mean(commands, begin, begin + 0.02, -0.1), [3.0, 3.0, 0.5])
     np.testing.assert_allclose(commands.at(begin, delay=0.1)[0], [0.0, 1.0, 0.5])
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.04])
-def test_a_lag_is_that_of_its_equation(delay):
-    block, commands = arrival(effect("thrust_lag", seconds=0.07))
+@pytest.mark.parametrize(
+    "e",
+    [
+        effect("thrust_lag", seconds=0.07),
+        effect("thrust_backlash", width=0.6),
+        effect("thrust_rate_limit", limit=30.0),
+    ],
+    ids=lambda e: e.name,
+)
+def test_integrals_of_what_follows_are_those_of_its_equation(e, delay):
+    block, commands = arrival(e)
     parameters = block.parameter_values()
-    fine = np.linspace(0.0, 0.6, 60_001)
-    held = np.searchsorted(TIME, fine - delay + 1e-9, side="right") - 1
-    u = np.where(held >= 0, COMMANDS[0][np.maximum(held, 0)], 0.0)
-    value, path = 0.0, []
-    for command in u:
-        path.append(value)
-        value += (fine[1] - fine[0]) * (command - value) / 0.07
-    when = np.array([0.0, 0.05, 0.13, 0.27, 0.55])
-    found = commands.lagged(when, parameters, delay)[6]
-    np.testing.assert_allclose(found, np.interp(when, fine, path), atol=2e-4)
+    when = np.array([0.0, 0.05, 0.103 + delay, 0.16, 0.27, 0.3])
+    found = commands.lagged_integral(when, parameters, delay)[6]
+    rate = block.to_numpy().array_derivatives
+    t, value, area, areas = 0.0, 0.0, 0.0, [0.0]
+    for end in when[1:]:  # by small steps of Euler's method that meet where commands change
+        changes = [c for c in (*(TIME + delay), end) if t + 1e-12 < c <= end]
+        for goal in changes:
+            now = np.searchsorted(TIME, t - delay + 1e-9, side="right") - 1
+            u = COMMANDS[:, now] if now >= 0 else np.zeros(2)
+            count = max(1, round((goal - t) / 1e-5))
+            h = (goal - t) / count
+            for _ in range(count):
+                slope = float(rate(t, np.append(np.zeros(6), value), u, parameters)[6])
+                area += h * (value + 0.5 * h * slope)
+                value += h * slope
+            t = goal
+        areas.append(area)
+    np.testing.assert_allclose(found, areas, atol=1.5e-4)
 
 
 def test_states_that_follow_from_more_than_inputs_are_none():

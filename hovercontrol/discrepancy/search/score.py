@@ -256,6 +256,7 @@ class _Along:
         self._t = self._steps.t + 0.5 * self._steps.h
         self._base: Array | None = None
         self._means: dict[float, Array] = {}
+        self._lagged: dict[tuple[object, ...], list[Array]] = {}
 
     def forcing(self, e: Effect) -> Array:
         """Return what an effect adds to the free states from row to row, (K-1, W, n)."""
@@ -307,7 +308,13 @@ class _Along:
         delay = inputs.delay(every)
         if delay not in self._means:
             self._means[delay] = inputs.means(delay, steps.t, steps.h, log)
-        return self._means[delay], inputs.lagged(every, self._t, log)
+        parameters = {s.symbol: value for s, value in zip(block.parameters, every, strict=True)}
+        laws = [block.expand(block.derivatives[block.states[i].name]) for i in inputs.known]
+        used = sorted(set().union(*(law.free_symbols for law in laws)) & parameters.keys(), key=str)
+        key = delay, tuple(laws), tuple((s, parameters[s]) for s in used)
+        if key not in self._lagged:
+            self._lagged[key] = list(inputs.lagged(every, steps.t, steps.h, log).values())
+        return self._means[delay], dict(zip(inputs.known, self._lagged[key], strict=True))
 
     def seen(self, e: Effect) -> Array:
         """Return what a measurement effect adds to the channels, (K, W, C)."""
