@@ -21,6 +21,7 @@ from hovercontrol.estimation.measure import MOST_ROWS, Array, Measured, measure,
 from hovercontrol.estimation.noise import averaging_time
 from hovercontrol.estimation.prior import prior_of
 from hovercontrol.estimation.problem import Problem
+from hovercontrol.estimation.substeps import stable
 from hovercontrol.identify.excitation import (
     EXCITATION,
     covariance,
@@ -159,8 +160,9 @@ def _fitted(
         passes[0] += 1
         report(1 - 1 / (1 + passes[0] / 8), "fitting")
 
+    prior = prior_of(problem, subject)
     try:
-        return estimate(problem, prior_of(problem, subject), first_noise(problem), gate=True, trace=passed)
+        return stable(problem, lambda q: estimate(q, prior, first_noise(q), gate=True, trace=passed))
     except FloatingPointError as error:
         raise InputError(f"{model.name!r}: {error}: other start values may help") from error
 

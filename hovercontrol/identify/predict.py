@@ -19,6 +19,7 @@ from hovercontrol.estimation.fit import Fit, estimate, first_noise
 from hovercontrol.estimation.measure import Array, Measured, measure
 from hovercontrol.estimation.prior import prior_of
 from hovercontrol.estimation.problem import Problem
+from hovercontrol.estimation.substeps import stable
 from hovercontrol.identify.coasting import coasting
 from hovercontrol.identify.subject import subject_of
 from hovercontrol.logs import Log, Span
@@ -285,7 +286,8 @@ def smoothed(model: Model | Block, log: Log | Measured) -> Fit:
     problem = Problem(subject, data, ())
     with threadpool_limits(1, "blas"):
         try:
-            return estimate(problem, prior_of(problem, subject), first_noise(problem), frozen=True, gate=True)
+            prior = prior_of(problem, subject)
+            return stable(problem, lambda q: estimate(q, prior, first_noise(q), frozen=True, gate=True))
         except FloatingPointError:  # the model runs away: its states are those of any motion
             plain = copy(problem)
             plain.block = coasting(problem.block)

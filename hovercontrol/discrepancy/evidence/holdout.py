@@ -14,6 +14,7 @@ from hovercontrol.estimation.prediction import horizons, predict
 from hovercontrol.estimation.prior import prior_of
 from hovercontrol.estimation.problem import Problem
 from hovercontrol.estimation.subject import Subject
+from hovercontrol.estimation.substeps import stable
 
 Array = NDArray[np.float64]
 
@@ -76,7 +77,8 @@ def held_fit(model: Subject, data: Data, near: Fit | None = None) -> Fit:
     problem = Problem(model, data, pieces=pieces)
     path = problem.path_of(near.problem.block, near.path) if near else None
     noise = near.noise if near else first_noise(problem)
-    return estimate(problem, prior_of(problem, model), noise, path=path, frozen=True, gate=near is None)
+    prior, gate = prior_of(problem, model), near is None
+    return stable(problem, lambda q: estimate(q, prior, noise, path=path, frozen=True, gate=gate))
 
 
 @dataclass(frozen=True)

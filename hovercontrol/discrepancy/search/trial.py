@@ -16,6 +16,7 @@ from hovercontrol.estimation.fit import CONVERGENCE, Fit, estimate, first_noise,
 from hovercontrol.estimation.prior import prior_of
 from hovercontrol.estimation.problem import Problem
 from hovercontrol.estimation.subject import Subject
+from hovercontrol.estimation.substeps import stable
 
 
 @dataclass(frozen=True)
@@ -80,9 +81,9 @@ class Search:
         problem = Problem(model, near.problem.data, pieces=near.problem.each)
         prior = prior_of(problem, self.model)
         try:
-            return refit(near, problem, prior, times=times)
+            return stable(problem, lambda q: refit(near, q, prior, times=times))
         except FloatingPointError:  # what it lacks now it had used to stay on the logs: begin afresh
-            return estimate(problem, prior, first_noise(problem), times=times)
+            return stable(problem, lambda q: estimate(q, prior, first_noise(q), times=times))
 
 
 def passes(t: Tried, looked_at: int, criteria: Criteria) -> bool:
@@ -173,8 +174,12 @@ def _added(search: Search, current: Fit, e: Effect, start: Subject | None = None
     model = (start or current.model).with_effects([e])
     problem = Problem(model, current.problem.data, pieces=current.problem.each)
     prior = prior_of(problem, search.model)
-    try:
+
+    def fitted(problem: Problem) -> Fit:
         return refit(current, problem, prior, p=problem.start if start else None, times=False)
+
+    try:
+        return stable(problem, fitted)
     except FloatingPointError:
         return None
 
