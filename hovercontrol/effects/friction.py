@@ -67,7 +67,7 @@ class LugreSurge(LuGre):
     stiffness = Shape("1/s^2", lower=0.0, search=(300.0,))
     damping = Shape("1/s", lower=0.0, default=10.0)
     coulomb = Shape("m/s^2", lower=TINY, search=(0.1, 0.4))
-    static = Shape("m/s^2", lower=TINY, search=(0.5,))
+    static = Shape("m/s^2", lower=TINY, search=(0.15, 0.5))
     speed = Shape("m/s", lower=TINY, default=0.05)
 
 
@@ -78,7 +78,7 @@ class LugreSway(LuGre):
     stiffness = Shape("1/s^2", lower=0.0, search=(300.0,))
     damping = Shape("1/s", lower=0.0, default=10.0)
     coulomb = Shape("m/s^2", lower=TINY, search=(0.1, 0.4))
-    static = Shape("m/s^2", lower=TINY, search=(0.5,))
+    static = Shape("m/s^2", lower=TINY, search=(0.15, 0.5))
     speed = Shape("m/s", lower=TINY, default=0.05)
 
 
@@ -89,5 +89,5 @@ class LugreYaw(LuGre):
     stiffness = Shape("1/s^2", lower=0.0, search=(300.0,))
     damping = Shape("1/s", lower=0.0, default=10.0)
     coulomb = Shape("rad/s^2", lower=TINY, search=(0.2, 1.0))
-    static = Shape("rad/s^2", lower=TINY, search=(1.2,))
+    static = Shape("rad/s^2", lower=TINY, search=(0.3, 1.2))
     speed = Shape("rad/s", lower=TINY, default=0.1)

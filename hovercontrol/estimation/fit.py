@@ -205,7 +205,7 @@ def estimate(
     """
     start = problem.start.copy() if p is None else problem.outside(problem.inside(p))
     run = _Iteration(problem, prior, noise, frozen, times, most, hold, trace)
-    run.first(start, problem.guess if path is None else path)
+    run.first(start, problem.with_bristles(problem.guess, start) if path is None else path)
     if gate:
         run.gated()
     converged = run.settled(levels)
@@ -415,7 +415,7 @@ def refit(
         p = problem.start.copy()
         if not frozen:
             p = np.array([ended.get(name, v) for name, v in zip(problem.names, p.tolist(), strict=True)])
-    path = problem.path_of(near.problem.block, near.path)
+    path = problem.path_of(near.problem.block, near.path, p)
     return estimate(
         problem, prior, noise or near.noise, p=p, path=path, frozen=frozen, levels=levels, times=times,
         hold=HOLD, trace=trace,

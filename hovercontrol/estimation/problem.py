@@ -17,6 +17,7 @@ from hovercontrol.estimation.steps import Counts, Steps
 from hovercontrol.estimation.subject import Subject, structure, timing
 from hovercontrol.estimation.unknowns import Unknowns
 from hovercontrol.models.base import shown_by
+from hovercontrol.targets.follow import follow
 from hovercontrol.targets.shoot import Columns, shoot, shoot_with_slopes
 
 Array = NDArray[np.float64]
@@ -26,6 +27,9 @@ STEP = 0.01
 
 #: Sub-steps between two rows: to begin with where rows are far apart, and at most.
 FEW, MOST = 4, 64
+
+#: Least range of a friction's bristles, over their nominal value.
+SHORTEST = 1e-6
 
 #: Relative size of the perturbations of one-sided differences.
 NUDGE = 1e-6
@@ -124,12 +128,22 @@ class Problem(Unknowns):
         self.accelerations = np.array([self._acceleration(i) for i in self.driven])
         usual = math.ceil(float(np.max(self.dt)) / STEP - 1e-9)
         self.set_pieces(np.maximum(pieces, min(usual, FEW)))
+        if self.bristles:  # unlike what is not seen they cannot be anywhere
+            path = self.with_bristles(self.guess, self.start)
+            for i in self.bristles:
+                own = float(path[..., i].std())
+                self.spread[self.free.index(i)] = max(own, SHORTEST * self.block.states[i].nominal)
 
     def _acceleration(self, i: int) -> float:
         """Return the root mean square slope of a free state, as seen."""
         own = self.dt > 0
         slopes = np.diff(self.guess[..., self.free[i]], axis=0)[own] / self.dt[own]
         return float(np.sqrt(np.mean(slopes**2))) or float(self.spread[i])
+
+    @property
+    def bristles(self) -> list[int]:
+        """States that are estimated and are no motion: those of a friction, which follow it within little."""
+        return [i for i in self.free if self.block.states[i].name not in self.model.motion]
 
     # ---- what the model is ------------------------------------------------------------------------------
 
@@ -163,14 +177,40 @@ class Problem(Unknowns):
         other.data = replace(self.data, variance=variance)
         return other
 
-    def path_of(self, block: Block, path: Array) -> Array:
-        """Return another Block's path as one of this problem's, states that it lacks as guessed."""
+    def path_of(self, block: Block, path: Array, p: Array) -> Array:
+        """Return another Block's path as one of this problem's; unknowns are `p` where states follow from it.
+
+        Bristles of a friction follow the motion from rest, and what else it lacks is as guessed.
+        """
         other = [s.name for s in block.states]
         found = self.guess.copy()
         for i, s in enumerate(self.block.states):
             if s.name in other:
                 found[..., i] = path[..., other.index(s.name)]
-        return found
+        return self.with_bristles(found, p, other)
+
+    def with_bristles(self, path: Array, p: Array, known: Sequence[str] = ()) -> Array:
+        """Return a path on which bristles of a friction follow the motion, but for those that are known."""
+        states = [s.name for s in self.block.states]
+        new = [i for i in self.bristles if states[i] not in known]
+        if not new:
+            return path
+        (K, W), S, parameters = self.rows.time.shape, self.pieces, self.parameters(p)
+        steps = self.steps.finest(parameters)
+
+        def in_order(a: Array) -> Array:  # (..., S, (K - 1) W) to (..., (K - 1) S, W)
+            return a.reshape(*a.shape[:-2], S, K - 1, W).swapaxes(-3, -2).reshape(*a.shape[:-2], -1, W)
+
+        part = (np.arange(S)[:, None, None] + 0.5) / S
+        x = np.moveaxis(path, 2, 0)[:, None]
+        x = (x[:, :, :-1] + part * (x[:, :, 1:] - x[:, :, :-1])).reshape(len(states), S, -1)
+        for i, values in steps.lagged.items():
+            x[i] = values
+        t, h, x, u = (in_order(a) for a in (steps.t, steps.h, x, steps.u))
+        values = follow(self.block, new, t + 0.5 * h, h, x, u, parameters)[:, ::S]
+        path = path.copy()
+        path[..., new] = np.moveaxis(np.where(np.isfinite(values), values, 0.0), 0, -1)
+        return path
 
     # ---- simulation ----------------------------------------------------------------------------------------
 

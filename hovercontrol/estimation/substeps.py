@@ -115,12 +115,11 @@ def stable(problem: Problem, fitted: Callable[[Problem], Fit]) -> Fit:
     FloatingPointError
         If finer sub-steps do not help.
     """
-    bristles = any(problem.block.states[i].name not in problem.model.motion for i in problem.free)
     while True:
         try:
             return fitted(problem)
         except FloatingPointError:
-            if not bristles or problem.each.min() >= MOST_PIECES:
+            if not problem.bristles or problem.each.min() >= MOST_PIECES:
                 raise
         problem = _divided(problem, FINER * problem.each)
 

@@ -54,3 +54,19 @@ def close(ours, theirs):
     scale = max(float(np.abs(theirs).max()), 1e-3)
     off = np.abs(ours - theirs) > 1e-3 * scale
     assert off.mean() < 0.02
+
+
+def test_bristles_begin_where_they_follow_the_motion(fitted):
+    """Not seen, they are no unknown that may be anywhere: from zero a fit of six LuGre cases lost its way."""
+    case = make(5, [], Conditions(duration=8.0, logs=1, noise=0.0))
+    model = case.truth.with_effects([EFFECTS[-1]])
+    problem = fitted(model, case.logs, pieces=16, frozen=True, levels=False).problem
+    (z,) = problem.bristles
+    r = [s.name for s in problem.block.states].index("r")
+    path = problem.with_bristles(problem.guess, problem.start)[..., z]
+    sliding = np.abs(problem.guess[..., r]) > 0.6  # there they have the length that holds their force
+    level = 0.3 / 100.0 * np.sign(problem.guess[..., r])
+    sliding[:8] = False  # from rest
+    assert sliding.sum() >= 20
+    assert np.median(np.abs(path - level)[sliding]) < 2e-5
+    assert problem.spread[problem.free.index(z)] == pytest.approx(path.std(), rel=1e-6)

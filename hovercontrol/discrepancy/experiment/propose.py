@@ -197,7 +197,7 @@ def predicted(fit: Fit, manoeuvre: Manoeuvre) -> Data:
         manoeuvre.name, manoeuvre.time, 0.0, inputs, like.channels, np.zeros((len(like.channels), n)), rest,
         whole, whole, np.ones(n, dtype=bool), (), n,
     )  # fmt: skip
-    problem = Problem(fit.model, _data(like, empty, names))
+    problem = Problem(fit.model, _data(like, empty, names), pieces=fit.problem.pieces)
     (found,) = simulate_runs(problem, problem.start, problem.guess, list(runs_of(problem, 0)))
     return _data(like, replace(empty, states=found[0], values=found[1]), names)
 
