@@ -170,3 +170,15 @@ def test_an_effect_is_not_lost_to_noise_of_other_correlation_times():
     found = diagnose(case.model, case.logs, case.holdout, names=["thrust_deadzone", "reverse_thrust_loss"])
     assert [e.effect for e in found.effects] == ["thrust_deadzone"]
     assert found.evidence["thrust_deadzone"].gain > 100
+
+
+@pytest.mark.slow
+def test_lugre_friction_is_fitted_in_sub_steps_fine_enough_for_its_bristles():
+    """In four sub-steps of 20 ms they run away, and Stribeck friction took their place."""
+    case = make(2, ["lugre_surge"], SHORT)
+    found = searched(case, ["lugre_surge", "surge_stribeck", "slope"])
+    assert found.effects == ("lugre_surge",)
+    assert found.final.problem.pieces > found.base.problem.pieces or found.base.problem.pieces > 4
+    fitted, hidden = found.final.model.effect("lugre_surge").values, case.truth.effect("lugre_surge").values
+    for key in ("coulomb", "static", "speed"):
+        assert fitted[key] == pytest.approx(hidden[key], rel=0.2)

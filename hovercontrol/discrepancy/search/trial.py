@@ -58,6 +58,9 @@ class Tried:
     blocks : Blocks
     numbers : int
         How many unknowns it has.
+    finer : bool
+        Whether it was fitted in finer sub-steps than the model without it. Their gain is also that of the
+        sub-steps, and five numbers of a friction with bristles fit a part of much else.
     """
 
     name: str
@@ -65,6 +68,7 @@ class Tried:
     gain: float
     blocks: Blocks
     numbers: int
+    finer: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,6 +103,8 @@ def why_not(t: Tried, looked_at: int, criteria: Criteria) -> str:
     b = t.blocks
     if only_noise(t.fit, criteria):
         return ""
+    if t.finer:
+        return "its bristles, in finer sub-steps than the rest, do not explain all"
     p = criteria.level / max(looked_at, 1)
     if b.p_value > p:
         return f"blocks of the logs do not agree on it (t = {b.t:.1f}, {b.same_sign} of {b.n} with its sign)"
@@ -136,7 +142,8 @@ def try_effect(search: Search, current: Fit, e: Effect, scored: Scored | None = 
         return None
     fit = min(done, key=lambda f: f.cost)
     numbers = len(fit.p) - len(current.p)
-    t = Tried(e.name, fit, current.cost - fit.cost, agreement(fit, current, e.name), numbers)
+    finer = fit.problem.pieces > current.problem.pieces
+    t = Tried(e.name, fit, current.cost - fit.cost, agreement(fit, current, e.name), numbers, finer)
     short = scored is not None and scored.allowed and falls_short(t, scored)
     return _in_other_noise(search, current, t) if short and t.blocks.p_value < search.criteria.level else t
 
@@ -170,7 +177,10 @@ def _trials(scored: Scored) -> list[Effect]:
 
 
 def _added(search: Search, current: Fit, e: Effect, start: Subject | None = None) -> Fit | None:
-    """Return the fit of a model with one more effect, from where another ended or from given coefficients."""
+    """Return the fit of a model with one more effect, from where another ended or from given coefficients.
+
+    Bristles that run away are fitted in finer sub-steps where nothing else was added: that takes long.
+    """
     model = (start or current.model).with_effects([e])
     problem = Problem(model, current.problem.data, pieces=current.problem.each)
     prior = prior_of(problem, search.model)
@@ -179,7 +189,8 @@ def _added(search: Search, current: Fit, e: Effect, start: Subject | None = None
         return refit(current, problem, prior, p=problem.start if start else None, times=False)
 
     try:
-        return stable(problem, fitted)
+        first = len(current.model.effects) == len(search.model.effects)
+        return stable(problem, fitted) if first else fitted(problem)
     except FloatingPointError:
         return None
 
