@@ -175,10 +175,8 @@ def test_an_effect_is_not_lost_to_noise_of_other_correlation_times():
 @pytest.mark.slow
 def test_lugre_friction_is_fitted_in_sub_steps_fine_enough_for_its_bristles():
     """In four sub-steps of 20 ms they run away, and Stribeck friction took their place."""
-    case = make(2, ["lugre_surge"], SHORT)
-    found = searched(case, ["lugre_surge", "surge_stribeck", "slope"])
-    assert found.effects == ("lugre_surge",)
-    assert found.final.problem.pieces > found.base.problem.pieces or found.base.problem.pieces > 4
-    fitted, hidden = found.final.model.effect("lugre_surge").values, case.truth.effect("lugre_surge").values
-    for key in ("coulomb", "static", "speed"):
-        assert fitted[key] == pytest.approx(hidden[key], rel=0.2)
+    case = make(2, ["lugre_yaw"], SHORT)
+    found = searched(case, None)
+    assert found.effects == ("lugre_yaw",)
+    assert found.final.problem.pieces > 16
+    assert not np.any(CRITERIA.left(found.final))
