@@ -65,7 +65,7 @@ def test_the_fan_craft_turns_and_lags():
 
 def test_suites_are_as_large_as_planned():
     assert {s: len(list(keys(s, 5))) for s in SUITES} == {
-        "partial": 100, "remainder": 50, "dirty": 55, "gusts": 55, "beyond": 30, "fans": 5,
+        "partial": 100, "remainder": 50, "dirty": 55, "gusts": 55, "beyond": 30, "rest": 80, "fans": 5,
     }  # fmt: skip
     met = {(k.effect, k.disturbance) for k in keys("partial", 5) if not k.variant}
     assert len(met) == 50  # each effect beside each disturbance
