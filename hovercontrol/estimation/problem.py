@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from hovercontrol.core.block import Block
 from hovercontrol.estimation.data import Data
 from hovercontrol.estimation.inputs import Inputs
-from hovercontrol.estimation.steps import Counts, Steps
+from hovercontrol.estimation.steps import Counts, Steps, in_order
 from hovercontrol.estimation.subject import Subject, structure, timing
 from hovercontrol.estimation.unknowns import Unknowns
 from hovercontrol.models.base import shown_by
@@ -195,18 +195,14 @@ class Problem(Unknowns):
         new = [i for i in self.bristles if states[i] not in known]
         if not new:
             return path
-        (K, W), S, parameters = self.rows.time.shape, self.pieces, self.parameters(p)
+        W, S, parameters = self.rows.time.shape[1], self.pieces, self.parameters(p)
         steps = self.steps.finest(parameters)
-
-        def in_order(a: Array) -> Array:  # (..., S, (K - 1) W) to (..., (K - 1) S, W)
-            return a.reshape(*a.shape[:-2], S, K - 1, W).swapaxes(-3, -2).reshape(*a.shape[:-2], -1, W)
-
         part = (np.arange(S)[:, None, None] + 0.5) / S
         x = np.moveaxis(path, 2, 0)[:, None]
         x = (x[:, :, :-1] + part * (x[:, :, 1:] - x[:, :, :-1])).reshape(len(states), S, -1)
         for i, values in steps.lagged.items():
             x[i] = values
-        t, h, x, u = (in_order(a) for a in (steps.t, steps.h, x, steps.u))
+        t, h, x, u = (in_order(a, W) for a in (steps.t, steps.h, x, steps.u))
         values = follow(self.block, new, t + 0.5 * h, h, x, u, parameters)[:, ::S]
         path = path.copy()
         path[..., new] = np.moveaxis(np.where(np.isfinite(values), values, 0.0), 0, -1)
@@ -241,7 +237,7 @@ class Problem(Unknowns):
         )
 
     def columns(self, unknowns: bool = True) -> Columns:
-        """Return by what slopes are: free states, then unknowns, less those that move commands."""
+        """Return by what slopes are: free states, then unknowns."""
         n = len(self.free)
         of_state, of_parameter = [-1] * len(self.block.states), [-1] * len(self.block.parameters)
         for j, i in enumerate(self.free):

@@ -107,3 +107,10 @@ class Steps:
         t, h = divided(pieces, part)
         t, h = begin + t * dt, h * dt
         return SubSteps(t, h, *self.inputs.between(parameters, t, h, log, late=late))
+
+
+def in_order(of_steps: Array, windows: int) -> Array:
+    """Return numbers of sub-steps, shape (..., S, steps * W), in the order of time, (..., steps * S, W)."""
+    *before, S, N = of_steps.shape
+    found = of_steps.reshape(*before, S, N // windows, windows).swapaxes(-3, -2)
+    return found.reshape(*before, -1, windows)

@@ -21,6 +21,7 @@ from hovercontrol.estimation.inputs import Inputs
 from hovercontrol.estimation.kalman import run_filter
 from hovercontrol.estimation.noise import augment
 from hovercontrol.estimation.passes import inverse, products
+from hovercontrol.estimation.steps import in_order
 from hovercontrol.estimation.subject import Subject, structure, timing
 from hovercontrol.estimation.substeps import within
 from hovercontrol.models.base import shown_by
@@ -295,12 +296,8 @@ class _Along:
     def _simulate(self, block: Block, new: list[int], x: Array, u: Array, every: list[float]) -> None:
         """Run states that only a candidate has along the path, from rest in each stretch."""
         S, (steps, W) = self.problem.pieces, self.problem.dt.shape
-
-        def in_order(a: Array) -> Array:  # (..., S, steps * W) to (..., steps * S, W)
-            return a.reshape(*a.shape[:-2], S, steps, W).swapaxes(-3, -2).reshape(*a.shape[:-2], -1, W)
-
-        h = in_order(self._steps.h)
-        values = follow(block, new, in_order(self._t), h, in_order(x), in_order(u), every)[:, :-1]
+        t, h, path, inputs = (in_order(a, W) for a in (self._t, self._steps.h, x, u))
+        values = follow(block, new, t, h, path, inputs, every)[:, :-1]
         x[new] = values.reshape(len(new), steps, S, W).swapaxes(1, 2).reshape(len(new), S, -1)
 
     def _commands(self, model: Subject, block: Block, every: list[float]) -> tuple[Array, dict[int, Array]]:
