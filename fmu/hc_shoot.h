@@ -17,9 +17,9 @@ typedef struct {
     const double *values;    /* n_known, S, K-1, W */
     const double *parameters; /* n_parameters */
     double *states;          /* K, n_states, W; row 0 is where the runs begin */
+    double *slopes;          /* n_states, n_columns, W: what the states of the last row change with */
     const int *of_state;     /* n_states: the column of what a state begins with, or -1 */
     const int *of_parameter; /* n_parameters: its column, or -1; some may share one */
-    double *slopes;          /* n_states, n_columns, W: what the states of the last row change with */
 } hc_shoot;
 
 /* Classical Runge-Kutta for windows `from` to `to`. Slopes follow from the variational equation, exact for these very

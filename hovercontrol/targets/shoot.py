@@ -49,8 +49,8 @@ class _Shoot(ctypes.Structure):
         *((name, ctypes.c_int) for name in ("n_states", "n_inputs", "n_parameters", "n_known", "n_columns")),
         *((name, ctypes.c_long) for name in ("windows", "rows", "pieces")),
         *((name, ctypes.c_void_p) for name in ("known", "time", "step", "inputs", "values")),
-        *((name, ctypes.c_void_p) for name in ("parameters", "states")),
-        *((name, ctypes.c_void_p) for name in ("of_state", "of_parameter", "slopes")),
+        *((name, ctypes.c_void_p) for name in ("parameters", "states", "slopes")),
+        *((name, ctypes.c_void_p) for name in ("of_state", "of_parameter")),
     )
 
 
@@ -242,11 +242,11 @@ class _Compiled:
             which,
             *(np.ascontiguousarray(a) for a in (time, step, inputs, given)),
             np.array(parameters),
+            states,
+            slopes,
         ]
-        arrays += [states]
-        for of in (columns.of_state, columns.of_parameter) if columns else ():
-            arrays += [np.array(of, dtype=np.intc)]
-        arrays += [slopes]
+        if columns:
+            arrays += [np.array(of, dtype=np.intc) for of in (columns.of_state, columns.of_parameter)]
         numbers = len(known), slopes.shape[1], windows, rows + 1, pieces
         shoot = _Shoot(*self._sizes, *numbers, *(a.ctypes.data for a in arrays))
         parts = min(threads(), max(windows // SHARE, 1))

@@ -41,7 +41,7 @@ int main(int argc, char **argv)
         of_parameter[i] = i < 2 ? states : -1;
     }
     const hc_shoot shoot = {states, inputs, parameters, 1, columns, WINDOWS, ROWS, PIECES, &known, time, step, u, values,
-                            p, x, of_state, of_parameter, slopes};
+                            p, x, slopes, of_state, of_parameter};
     if (!hc_model_lanes) /* vectors gain nothing here */
         return 0;
     if (hc_shoot_run(&shoot, hc_model_lanes, &hc_model_slopes, 0, 8) ||
