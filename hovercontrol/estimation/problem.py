@@ -128,11 +128,13 @@ class Problem(Unknowns):
         self.accelerations = np.array([self._acceleration(i) for i in self.driven])
         usual = math.ceil(float(np.max(self.dt)) / STEP - 1e-9)
         self.set_pieces(np.maximum(pieces, min(usual, FEW)))
-        if self.bristles:  # unlike what is not seen they cannot be anywhere
-            path = self.with_bristles(self.guess, self.start)
-            for i in self.bristles:
-                own = float(path[..., i].std())
-                self.spread[self.free.index(i)] = max(own, SHORTEST * self.block.states[i].nominal)
+        self.spread_bristles()
+
+    def spread_bristles(self) -> None:
+        """Let bristles range as they do where they follow the motion: they cannot be anywhere."""
+        path = self.with_bristles(self.guess, self.start)
+        own = {i: max(float(path[..., i].std()), SHORTEST * self.block.states[i].nominal) for i in self.bristles}
+        self.spread = np.array([own.get(i, s) for i, s in zip(self.free, self.spread.tolist(), strict=True)])
 
     def _acceleration(self, i: int) -> float:
         """Return the root mean square slope of a free state, as seen."""
