@@ -133,7 +133,9 @@ class Problem(Unknowns):
     def spread_bristles(self) -> None:
         """Let bristles range as they do where they follow the motion: they cannot be anywhere."""
         path = self.with_bristles(self.guess, self.start)
-        own = {i: max(float(path[..., i].std()), SHORTEST * self.block.states[i].nominal) for i in self.bristles}
+        own = {
+            i: max(float(path[..., i].std()), SHORTEST * self.block.states[i].nominal) for i in self.bristles
+        }
         self.spread = np.array([own.get(i, s) for i, s in zip(self.free, self.spread.tolist(), strict=True)])
 
     def _acceleration(self, i: int) -> float:

@@ -5,7 +5,8 @@ import pytest
 
 from hovercontrol.discrepancy.diagnose import base_fit
 from hovercontrol.discrepancy.search.candidates import CANDIDATES, Candidate, candidates
-from hovercontrol.discrepancy.search.score import Scores, at_its_time, columns
+from hovercontrol.discrepancy.search.columns import columns
+from hovercontrol.discrepancy.search.score import Scores, at_its_time
 from hovercontrol.effects import effect
 from hovercontrol.estimation.data import gather
 

@@ -1,0 +1,147 @@
+"""What each amplitude of each candidate adds to a fit's states and channels, along its path."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hovercontrol.core.block import Block
+from hovercontrol.discrepancy.search.candidates import Candidate
+from hovercontrol.effects import Effect
+from hovercontrol.estimation.fit import Fit
+from hovercontrol.estimation.inputs import Inputs
+from hovercontrol.estimation.steps import in_order
+from hovercontrol.estimation.subject import Subject, structure, timing
+from hovercontrol.estimation.substeps import within
+from hovercontrol.models.base import shown_by
+from hovercontrol.targets.follow import follow
+
+Array = NDArray[np.float64]
+
+
+def columns(fit: Fit, tried: Sequence[Candidate]) -> tuple[Array, Array, list[tuple[int, ...]]]:
+    """Return what each amplitude of each candidate adds to states and channels, and each one's columns."""
+    problem = fit.problem
+    K, W, C = fit.linear.residual.shape
+    n = len(problem.free)
+    width = sum(max(len(c.amplitudes), 1) for c in tried)
+    drive, seen = np.zeros((K - 1, W, n, width)), np.zeros((K, W, C, width))
+    own, at = [], 0
+    runs = _Along(fit)
+    for candidate in tried:
+        mine = []
+        for key in candidate.amplitudes or ("",):
+            alone = _alone(candidate, key)
+            mine.append(at)
+            late = timing(problem.model.with_effects([alone])) != timing(problem.model)
+            with np.errstate(all="ignore"):
+                if type(alone).kind() == "measurement" and not late:
+                    seen[..., at] = _finite(runs.seen(alone))
+                else:
+                    drive[..., at] = _finite(runs.forcing(alone))
+            at += 1
+        own.append(tuple(mine))
+    return drive, seen, own
+
+
+def _finite(column: Array) -> Array:
+    """Return a column, or nothing at all where a trial runs away: it says nothing."""
+    return column if np.isfinite(column).all() else np.zeros_like(column)
+
+
+def _alone(candidate: Candidate, key: str) -> Effect:
+    """Return the trial with one amplitude, the others neutral."""
+    numbers, values = type(candidate.trial).numbers, dict(candidate.trial.values)
+    for other in candidate.amplitudes:
+        if other != key:
+            values[other] = numbers[other].neutral
+    return type(candidate.trial)(**values)
+
+
+class _Along:
+    """Forces and measurements of models along a fit's path."""
+
+    def __init__(self, fit: Fit) -> None:
+        self.fit, self.problem = fit, fit.problem
+        problem = self.problem
+        self._values = dict(zip(problem.block.default_parameters, problem.parameters(fit.p), strict=True))
+        self._within = within(fit)
+        self._steps = problem.steps.finest(problem.parameters(fit.p))
+        self._t = self._steps.t + 0.5 * self._steps.h
+        self._base: Array | None = None
+        self._means: dict[float, Array] = {}
+        self._lagged: dict[tuple[object, ...], list[Array]] = {}
+
+    def forcing(self, e: Effect) -> Array:
+        """Return what an effect adds to the free states from row to row, (K-1, W, n)."""
+        problem = self.problem
+        if self._base is None:
+            self._base = self._slopes(problem.model, self._values)
+        model = problem.model.with_effects([e])
+        own = {f"{problem.block.name}.{e.parameter(k)}": v for k, v in e.values.items()}
+        added = self._slopes(model, {**self._values, **own}) - self._base
+        return np.moveaxis(self._within.become(added).reshape(-1, *problem.dt.shape), 0, -1)
+
+    def _slopes(self, model: Subject, values: Mapping[str, float]) -> Array:
+        """Return the slopes of the free states in the middles of sub-steps, (n, S, N)."""
+        problem, block = self.problem, structure(model)
+        every = [values.get(name, start) for name, start in block.default_parameters.items()]
+        x = np.zeros((len(block.states), *self._t.shape))
+        names = [s.name for s in problem.block.states]
+        u, lagged = self._commands(model, block, every)
+        new = []
+        for i, s in enumerate(block.states):
+            if s.name in names:
+                x[i] = self._within.states[names.index(s.name)]
+            elif i in lagged:
+                x[i] = lagged[i]
+            else:
+                new.append(i)
+        for i in lagged:
+            x[i] = lagged[i]
+        if new:
+            self._simulate(block, new, x, u, every)
+        with np.errstate(all="ignore"):
+            slopes = block.to_numpy().array_derivatives(self._t, x, u, every)
+        rows = [[s.name for s in block.states].index(names[i]) for i in problem.free]
+        return np.stack([np.broadcast_to(slopes[i], self._t.shape) for i in rows])
+
+    def _simulate(self, block: Block, new: list[int], x: Array, u: Array, every: list[float]) -> None:
+        """Run states that only a candidate has along the path, from rest in each stretch."""
+        S, (steps, W) = self.problem.pieces, self.problem.dt.shape
+        t, h, path, inputs = (in_order(a, W) for a in (self._t, self._steps.h, x, u))
+        values = follow(block, new, t, h, path, inputs, every)[:, :-1]
+        x[new] = values.reshape(len(new), steps, S, W).swapaxes(1, 2).reshape(len(new), S, -1)
+
+    def _commands(self, model: Subject, block: Block, every: list[float]) -> tuple[Array, dict[int, Array]]:
+        inputs, steps, log = Inputs(block, model, self.problem.logs), self._steps, self.problem.steps.log
+        delay = inputs.delay(every)
+        if delay not in self._means:
+            self._means[delay] = inputs.means(delay, steps.t, steps.h, log)
+        parameters = {s.symbol: value for s, value in zip(block.parameters, every, strict=True)}
+        laws = [block.expand(block.derivatives[block.states[i].name]) for i in inputs.known]
+        used = sorted(set().union(*(law.free_symbols for law in laws)) & parameters.keys(), key=str)
+        key = delay, tuple(laws), tuple((s, parameters[s]) for s in used)
+        if key not in self._lagged:
+            self._lagged[key] = list(inputs.lagged(every, steps.t, steps.h, log).values())
+        return self._means[delay], dict(zip(inputs.known, self._lagged[key], strict=True))
+
+    def seen(self, e: Effect) -> Array:
+        """Return what a measurement effect adds to the channels, (K, W, C)."""
+        problem = self.problem
+        block = structure(problem.model.with_effects([e]))
+        own = {f"{problem.block.name}.{e.parameter(k)}": v for k, v in e.values.items()}
+        values = {k: {**self._values, **own}.get(k, v) for k, v in block.default_parameters.items()}
+        x = np.moveaxis(self.fit.path, 2, 0)
+        u = problem._inputs_at_rows(problem.parameters(self.fit.p))
+        after = block.to_numpy().outputs(problem.rows.time, x, u, values)
+        before = problem.block.to_numpy().outputs(problem.rows.time, x, u, self._values)
+        new = [s.name for s in block.outputs]
+        old = [s.name for s in problem.block.outputs]
+        found = np.zeros(problem.rows.values.shape)
+        for c, channel in enumerate(problem.rows.channels):
+            seen, was = new.index(shown_by(new, channel)), old.index(shown_by(old, channel))
+            found[..., c] = after[seen] - before[was]
+        return np.where(problem.seen, found, 0.0)
