@@ -200,6 +200,20 @@ def call_scalar(
             return tuple(float(v) for v in pair[1](t, np.array(x), np.array(u), np.array(p)))
 
 
+def array_function(block: Block, wanted: Sequence[sp.Expr]) -> Function:
+    """Return expressions of a Block's signals as a function ``(t, x, u, p) -> tuple`` of arrays, unchecked.
+
+    Examples
+    --------
+    >>> from hovercontrol import Block, Signal
+    >>> v, k = Signal("v", "m/s"), Signal("k", "1/s", start=2.0)
+    >>> decay = Block("decay", [v], [], [v], [k], {"v": -k.symbol * v.symbol})
+    >>> array_function(decay, [v.symbol**2])(0.0, np.array([[1.0, 2.0, 3.0]]), (), (2.0,))
+    (array([1., 4., 9.]),)
+    """
+    return _compile(Program(block, wanted), "numpy", numpy_functions(block)._groups)
+
+
 @lru_cache(maxsize=256)
 def numpy_functions(block: Block) -> NumpyFunctions:
     """Return the functions of a Block, derived once for equal Blocks.

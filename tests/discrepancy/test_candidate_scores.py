@@ -5,7 +5,7 @@ import pytest
 
 from hovercontrol.discrepancy.diagnose import base_fit
 from hovercontrol.discrepancy.search.candidates import CANDIDATES, Candidate, candidates
-from hovercontrol.discrepancy.search.columns import columns
+from hovercontrol.discrepancy.search.columns import Along, columns
 from hovercontrol.discrepancy.search.score import Scores, at_its_time
 from hovercontrol.effects import effect
 from hovercontrol.estimation.data import gather
@@ -38,6 +38,19 @@ def test_a_column_is_the_fits_own(sticking, drag):
     assert stuck.sum() > 300
     for rows in (stuck, ~stuck):
         assert np.sqrt(np.mean(error[rows] ** 2)) < 0.02 * np.sqrt(np.mean(fits[rows] ** 2))
+
+
+def test_what_a_candidate_adds_is_the_difference_of_two_models(sticking, monkeypatch):
+    """It is computed without what is in both of them, unless commands arrive otherwise."""
+    tried = candidates(sticking)
+    short = columns(sticking, tried)[0]
+    monkeypatch.setattr(Along, "_difference", lambda self, model, values: None)
+    whole = columns(sticking, tried)[0]
+    scale = np.abs(whole).max(axis=(0, 1, 2))
+    np.testing.assert_allclose(
+        short / np.maximum(scale, 1e-300), whole / np.maximum(scale, 1e-300), atol=1e-9
+    )
+    assert (scale > 0).sum() > 30
 
 
 def test_a_linear_effect_scores_the_same_at_any_trial(sticking):

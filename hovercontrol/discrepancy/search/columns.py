@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hovercontrol.core.block import Block
+from hovercontrol.core.functions import Function, array_function
 from hovercontrol.discrepancy.search.candidates import Candidate
 from hovercontrol.effects import Effect
 from hovercontrol.estimation.fit import Fit
@@ -29,7 +31,7 @@ def columns(fit: Fit, tried: Sequence[Candidate]) -> tuple[Array, Array, list[tu
     width = sum(max(len(c.amplitudes), 1) for c in tried)
     drive, seen = np.zeros((K - 1, W, n, width)), np.zeros((K, W, C, width))
     own, at = [], 0
-    runs = _Along(fit)
+    runs = Along(fit)
     for candidate in tried:
         mine = []
         for key in candidate.amplitudes or ("",):
@@ -60,7 +62,7 @@ def _alone(candidate: Candidate, key: str) -> Effect:
     return type(candidate.trial)(**values)
 
 
-class _Along:
+class Along:
     """Forces and measurements of models along a fit's path."""
 
     def __init__(self, fit: Fit) -> None:
@@ -77,16 +79,50 @@ class _Along:
     def forcing(self, e: Effect) -> Array:
         """Return what an effect adds to the free states from row to row, (K-1, W, n)."""
         problem = self.problem
-        if self._base is None:
-            self._base = self._slopes(problem.model, self._values)
         model = problem.model.with_effects([e])
         own = {f"{problem.block.name}.{e.parameter(k)}": v for k, v in e.values.items()}
-        added = self._slopes(model, {**self._values, **own}) - self._base
+        values = {**self._values, **own}
+        added = self._difference(model, values)
+        if added is None:
+            if self._base is None:
+                self._base = self._slopes(problem.model, self._values)
+            added = self._slopes(model, values) - self._base
         return np.moveaxis(self._within.become(added).reshape(-1, *problem.dt.shape), 0, -1)
+
+    def _difference(self, model: Subject, values: Mapping[str, float]) -> Array | None:
+        """Return what a model's slopes have beyond the fit's, (n, S, N), without computing what is in both.
+
+        None where commands arrive otherwise, or where numbers that both have differ.
+        """
+        problem, block = self.problem, structure(model)
+        alike = timing(model) == timing(problem.model)
+        alike = alike and all(values[k] == v for k, v in self._values.items())
+        changed = _changed(block, problem.block, problem.free) if alike else None
+        if changed is None:
+            return None
+        rows, function = changed
+        x, u, every = self._path(model, block, values)
+        added = np.zeros((len(problem.free), *self._t.shape))
+        with np.errstate(all="ignore"):
+            for row, found in zip(rows, function(self._t, x, u, every), strict=True):
+                added[row] = found
+        return added
 
     def _slopes(self, model: Subject, values: Mapping[str, float]) -> Array:
         """Return the slopes of the free states in the middles of sub-steps, (n, S, N)."""
         problem, block = self.problem, structure(model)
+        x, u, every = self._path(model, block, values)
+        with np.errstate(all="ignore"):
+            slopes = block.to_numpy().array_derivatives(self._t, x, u, every)
+        names = [s.name for s in block.states]
+        rows = [names.index(problem.block.states[i].name) for i in problem.free]
+        return np.stack([np.broadcast_to(slopes[i], self._t.shape) for i in rows])
+
+    def _path(
+        self, model: Subject, block: Block, values: Mapping[str, float]
+    ) -> tuple[Array, Array, list[float]]:
+        """Return states and inputs of a Block in the middles of sub-steps, and its parameters."""
+        problem = self.problem
         every = [values.get(name, start) for name, start in block.default_parameters.items()]
         x = np.zeros((len(block.states), *self._t.shape))
         names = [s.name for s in problem.block.states]
@@ -103,10 +139,7 @@ class _Along:
             x[i] = lagged[i]
         if new:
             self._simulate(block, new, x, u, every)
-        with np.errstate(all="ignore"):
-            slopes = block.to_numpy().array_derivatives(self._t, x, u, every)
-        rows = [[s.name for s in block.states].index(names[i]) for i in problem.free]
-        return np.stack([np.broadcast_to(slopes[i], self._t.shape) for i in rows])
+        return x, u, every
 
     def _simulate(self, block: Block, new: list[int], x: Array, u: Array, every: list[float]) -> None:
         """Run states that only a candidate has along the path, from rest in each stretch."""
@@ -145,3 +178,36 @@ class _Along:
             seen, was = new.index(shown_by(new, channel)), old.index(shown_by(old, channel))
             found[..., c] = after[seen] - before[was]
         return np.where(problem.seen, found, 0.0)
+
+
+@lru_cache(maxsize=256)
+def _changed(block: Block, base: Block, free: tuple[int, ...]) -> tuple[list[int], Function] | None:
+    """Return which free states of a Block change otherwise in another, and by what.
+
+    Parameters
+    ----------
+    block, base : Block
+    free : tuple of int
+        States of `base`.
+
+    Returns
+    -------
+    list of int
+        Places among `free`.
+    callable
+        ``(t, x, u, p) -> tuple`` of arrays; arguments are those of `block`.
+
+    None where a state that is not free changes otherwise, too.
+    """
+    rows, wanted = [], []
+    for i, s in enumerate(base.states):
+        law, before = block.derivatives[s.name], base.derivatives[s.name]
+        if block.definitions != base.definitions:
+            law, before = block.expand(law), base.expand(before)
+        if law == before:
+            continue
+        if i not in free:
+            return None
+        rows.append(free.index(i))
+        wanted.append(law - before)
+    return rows, array_function(block, wanted)
