@@ -18,6 +18,7 @@ from hovercontrol.discrepancy.search.trial import (
     begun_again,
     explained,
     falls_short,
+    in_finer_steps,
     passes,
     same_axis_drag,
     sized,
@@ -93,10 +94,17 @@ def select(
         pieces = settled_pieces(best.fit)
         if (pieces > current.problem.each).any():  # what coarse steps leave of steep friction would be named
             search.report("taking finer steps")
-            finer = in_pieces(current, pieces)
-            base, current = finer if current is base else in_pieces(base, pieces), finer
+            coarse, current = current, in_pieces(current, pieces)
+            base = current if coarse is base else in_pieces(base, pieces)
             first = []
-            continue
+            if abs(current.cost - coarse.cost) > criteria.least:  # else scores stand
+                continue
+            finer = in_finer_steps(search, current, best, list(tried.values()))
+            good = [t for t in finer if passes(t, len(seen), criteria)]
+            if not good:
+                continue
+            first = finer if current is base else []
+            best = _likeliest(search, good)
         better = without_it(search, current, best)
         if better is not None:
             if current is base:
