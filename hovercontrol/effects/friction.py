@@ -9,6 +9,7 @@ import sympy as sp
 
 from hovercontrol.core.signals import Signal
 from hovercontrol.effects.base import TINY, Coefficient, Effect, Shape
+from hovercontrol.effects.drag import _Coulomb, _Stribeck
 
 
 class LoadFriction(Effect):
@@ -37,6 +38,14 @@ class LuGre(Effect):
 
     axis: ClassVar[str]
     deflection: ClassVar[str]  # unit of z
+    contains = (_Coulomb, _Stribeck)
+
+    def like(self, other: Effect) -> Effect | None:
+        """Return this friction with the levels of one without bristles, of which half outlasts any speed."""
+        if not isinstance(other, self.contains) or other.axis != self.axis:
+            return None
+        level, speed = other.values["value"], other.values.get("speed", self.values["speed"])
+        return type(self)(**{**self.values, "static": level, "coulomb": 0.5 * level, "speed": speed})
 
     def bristles(self) -> Signal:
         """Return the state z."""

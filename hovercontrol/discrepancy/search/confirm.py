@@ -19,6 +19,7 @@ from hovercontrol.discrepancy.search.trial import (
     beside,
     explained,
     falls_short,
+    from_simpler,
     passes,
     same_axis_drag,
     try_effect,
@@ -200,7 +201,7 @@ def _rivals(
             tries += worthy
             if known is None:
                 search.report(f"trying {s.candidate.name} in place of {name}")
-            t = known or try_effect(search, less, s.effect, s)
+            t = known or from_simpler(search, less, s.effect, try_effect(search, less, s.effect, s), [mine])
             if worthy and (t is None or falls_short(t, s)) and s.gain == best:
                 # the next best one is the measure
                 best = max((o.gain for o in others[k + 1 :]), default=0.0)

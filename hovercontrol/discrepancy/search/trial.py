@@ -140,12 +140,49 @@ def try_effect(search: Search, current: Fit, e: Effect, scored: Scored | None = 
                 break
     if not done:
         return None
-    fit = min(done, key=lambda f: f.cost)
-    numbers = len(fit.p) - len(current.p)
-    finer = fit.problem.pieces > current.problem.pieces
-    t = Tried(e.name, fit, current.cost - fit.cost, agreement(fit, current, e.name), numbers, finer)
+    t = _tried(e.name, min(done, key=lambda f: f.cost), current)
     short = scored is not None and scored.allowed and falls_short(t, scored)
     return _in_other_noise(search, current, t) if short and t.blocks.p_value < search.criteria.level else t
+
+
+def _tried(name: str, fit: Fit, current: Fit) -> Tried:
+    """Return what the fit with an effect brings over the one without it."""
+    numbers = len(fit.p) - len(current.p)
+    finer = fit.problem.pieces > current.problem.pieces
+    return Tried(name, fit, current.cost - fit.cost, agreement(fit, current, name), numbers, finer)
+
+
+def from_simpler(
+    search: Search, current: Fit, e: Effect, t: Tried | None, others: Sequence[Tried]
+) -> Tried | None:
+    """Return an effect's fit, begun again where that of one like it ended, if that is likelier.
+
+    Dry friction with bristles does no worse than without, but from far off a fit loses its way.
+
+    Parameters
+    ----------
+    search : Search
+    current : Fit
+        Without the effect.
+    e : Effect
+    t : Tried or None
+        Its fit; None if that ran away.
+    others : sequence of Tried
+        Other effects beside the same model.
+    """
+    starts = [(o, e.like(o.fit.model.effect(o.name))) for o in others if o.name != e.name]
+    near, start = max(
+        ((o, like) for o, like in starts if like), key=lambda pair: pair[0].gain, default=(None, None)
+    )
+    if near is None or start is None or only_noise(near.fit, search.criteria) or (t and t.gain > near.gain):
+        return t
+    search.report(f"trying {e.name}")
+    try:
+        fit = search.fit(near.fit, near.fit.model.without_effects(near.name).with_effects([start]))
+    except FloatingPointError:
+        return t
+    again = _tried(e.name, fit, current)
+    return again if t is None or again.gain > t.gain else t
 
 
 def _in_other_noise(search: Search, current: Fit, t: Tried) -> Tried:
@@ -225,10 +262,7 @@ def in_finer_steps(search: Search, current: Fit, best: Tried, tried: Sequence[Tr
         near = penalised(t.fit) < penalised(best.fit) + TRIALS.near
         if near or same_axis_drag(t.fit.model.effect(t.name), drag):
             fit = in_pieces(t.fit, np.maximum(current.problem.each, t.fit.problem.each))
-            gain, blocks = current.cost - fit.cost, agreement(fit, current, t.name)
-            found.append(
-                Tried(t.name, fit, gain, blocks, t.numbers, fit.problem.pieces > current.problem.pieces)
-            )
+            found.append(_tried(t.name, fit, current))
     return found
 
 
