@@ -53,10 +53,15 @@ class LuGre(Effect):
         return Signal(f"lugre_{word}", self.deflection, f"bristles of friction against {self.axis}")
 
     def deflection_rate(self, c: Any, s: Any) -> sp.Expr:
-        """Return z'."""
+        """Return z', or where whoever steps it says how fast a state may follow (`s.fastest`), no faster.
+
+        Bristles that slide follow within microseconds, and a step longer than that throws them off.
+        """
         v, z = getattr(s, self.axis), self.bristles().symbol
         level = c.coulomb + (c.static - c.coulomb) * sp.exp(-((v / c.speed) ** 2))
-        return v - c.stiffness * sp.Abs(v) * z / level
+        rate = c.stiffness * sp.Abs(v) / level
+        fastest = getattr(s, "fastest", None)
+        return (v - rate * z) / (sp.sqrt(sp.sqrt(1 + (rate / fastest) ** 4)) if fastest else 1)
 
     def states(self, c: Any, s: Any) -> dict[Signal, sp.Expr]:
         return {self.bristles(): self.deflection_rate(c, s)}

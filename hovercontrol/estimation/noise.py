@@ -19,9 +19,6 @@ from hovercontrol.estimation.problem import Linear, Problem
 
 Array = NDArray[np.float64]
 
-#: Standard deviation of a block's first states about the guess, in parts of how far states range.
-LOOSE = 10.0
-
 
 @dataclass(frozen=True, eq=False)
 class Noise:
@@ -103,7 +100,7 @@ def augment(
     Q[..., :n, n : n + q] = cross
     Q[..., n : n + q, :n] = np.swapaxes(cross, -1, -2)
     Q[..., missing, missing] = own
-    P0[..., range(n), range(n)] = (LOOSE * problem.spread) ** 2
+    P0[..., range(n), range(n)] = linear.start**2
     P0[..., missing, missing] = noise.process**2
     if drift:
         own_drift = slice(n + q, n + q + STATES)

@@ -14,7 +14,7 @@ from hovercontrol.core.block import Block
 from hovercontrol.estimation.data import Data
 from hovercontrol.estimation.inputs import Inputs
 from hovercontrol.estimation.steps import Counts, Steps, in_order
-from hovercontrol.estimation.subject import Subject, structure, timing
+from hovercontrol.estimation.subject import FASTEST, Subject, structure, timing
 from hovercontrol.estimation.unknowns import Unknowns
 from hovercontrol.models.base import shown_by
 from hovercontrol.targets.follow import follow
@@ -27,6 +27,12 @@ STEP = 0.01
 
 #: Sub-steps between two rows: to begin with where rows are far apart, and at most.
 FEW, MOST = 4, 64
+
+#: Rate times length of a sub-step in which Runge-Kutta follows a state well (stable: to 2.8).
+FOLLOWED = 1.25
+
+#: Standard deviation of a block's first states about the path, in parts of how far states range.
+LOOSE = 10.0
 
 #: Least range of a friction's bristles, over their nominal value.
 SHORTEST = 1e-6
@@ -49,6 +55,8 @@ class Linear:
     D : ndarray, shape (K, W, C, P)
     residual : ndarray, shape (K, W, C)
         Measured minus path; zero where nothing was measured.
+    start : ndarray, shape (n,)
+        Standard deviation of a block's first states about the path.
     jolt : ndarray, shape (K-1, W, n), or None
         What a standard deviation of the times at which commands changed, where those are not known, adds.
     fresh : ndarray of bool, shape (K-1, W), or None
@@ -61,6 +69,7 @@ class Linear:
     H: Array
     D: Array
     residual: Array
+    start: Array
     jolt: Array | None = None
     fresh: NDArray[np.bool_] | None = None
 
@@ -127,16 +136,10 @@ class Problem(Unknowns):
         self.spread = np.maximum(within.std(axis=(0, 1)), least)
         self.accelerations = np.array([self._acceleration(i) for i in self.driven])
         usual = math.ceil(float(np.max(self.dt)) / STEP - 1e-9)
-        self.set_pieces(np.maximum(pieces, min(usual, FEW)))
-        self.spread_bristles()
-
-    def spread_bristles(self) -> None:
-        """Let bristles range as they do where they follow the motion: they cannot be anywhere."""
-        path = self.with_bristles(self.guess, self.start)
-        own = {
-            i: max(float(path[..., i].std()), SHORTEST * self.block.states[i].nominal) for i in self.bristles
-        }
-        self.spread = np.array([own.get(i, s) for i, s in zip(self.free, self.spread.tolist(), strict=True)])
+        pieces = np.maximum(pieces, min(usual, FEW))
+        if self.bristles:
+            pieces = np.maximum(pieces, np.ceil(self.dt.ravel() * FASTEST / FOLLOWED).astype(np.intp))
+        self.set_pieces(pieces)
 
     def _acceleration(self, i: int) -> float:
         """Return the root mean square slope of a free state, as seen."""
@@ -392,7 +395,15 @@ class Problem(Unknowns):
         A = np.where(moving[..., None], A, np.eye(len(self.free)))
         B = np.where(moving[..., None], B * slope, 0.0)
         H, D = np.where(own, H, 0.0), np.where(own, D * slope, 0.0)
-        return Linear(A, B, defect, H, D, residual, jolt, fresh)
+        return Linear(A, B, defect, H, D, residual, self._starts(x), jolt, fresh)
+
+    def _starts(self, path: Array) -> Array:
+        """Return how far off a path a block may begin: anywhere near, but bristles range as they do on it."""
+        found = LOOSE * self.spread
+        for i in self.bristles:
+            own = float(path[..., i].std())
+            found[self.free.index(i)] = max(own, SHORTEST * self.block.states[i].nominal)
+        return found
 
     def _fresh(self, delay: float) -> NDArray[np.bool_]:
         """Return in which steps a command begins to act of which is not known when it changed, (K-1, W)."""

@@ -10,6 +10,9 @@ from hovercontrol.models.model import Model
 #: What can be diagnosed.
 Subject = Model | BlockModel
 
+#: Largest rate at which bristles of a friction follow the motion [1/s]: logs do not show a millisecond.
+FASTEST = 1e3
+
 _STRUCTURES: dict[tuple[object, ...], Block] = {}
 
 
@@ -19,7 +22,7 @@ def structure(model: Subject) -> Block:
     if key not in _STRUCTURES:
         if len(_STRUCTURES) > 500:
             _STRUCTURES.clear()
-        _STRUCTURES[key] = model.plant(late=True)
+        _STRUCTURES[key] = model.plant(late=True, fastest=FASTEST)
     return _STRUCTURES[key]
 
 

@@ -122,7 +122,6 @@ def stable(problem: Problem, fitted: Callable[[Problem], Fit]) -> Fit:
             if not problem.bristles or problem.each.min() >= MOST_PIECES:
                 raise
         problem = _divided(problem, FINER * problem.each)
-        problem.spread_bristles()  # in coarse sub-steps they may have ranged far
 
 
 def settled_pieces(fit: Fit) -> Counts:

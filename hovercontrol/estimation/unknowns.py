@@ -20,7 +20,7 @@ NARROWEST, WIDEST = 5e-4, 0.3
 class Unknowns:
     """The unknowns of a model.
 
-    Those that scale something (widths, times, speeds: shapes above zero) are sought by their logarithm.
+    Those that scale something (widths, times, stiffnesses: shapes above zero) are sought by their logarithm.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ class Unknowns:
             e.parameter(k): n for e in model.effects for k, n in e.numbers.items() if isinstance(n, Shape)
         }
         self.log_scale = np.array(
-            [name in shapes and shapes[name].lower > 0.0 for name in self.names], dtype=bool
+            [name in shapes and _scales(shapes[name], values[name]) for name in self.names], dtype=bool
         )
         self._bound_widths(model, paths)
         self.start = np.clip(self.start, self.lower, self.upper)
@@ -109,3 +109,8 @@ class Unknowns:
         """Return the unknowns and what is the same as one, by name."""
         found = dict(zip(self.names, p.tolist(), strict=True))
         return {**found, **{one: found[other] for one, other in self.same.items()}}
+
+
+def _scales(shape: Shape, start: float) -> bool:
+    """Return whether a shape is above zero, and none at which its effect vanishes."""
+    return shape.lower > 0.0 or (shape.lower == 0.0 < start and np.isnan(shape.neutral))

@@ -84,8 +84,11 @@ class EffectModel(ABC):
         """Return the parameters that say how late inputs act and how late measurements are, or ``""``."""
 
     @abstractmethod
-    def plant(self, *, late: bool = False) -> Block:
-        """Return the plant; without delays if the caller shifts commands and clock (`late`)."""
+    def plant(self, *, late: bool = False, fastest: float | None = None) -> Block:
+        """Return the plant; without delays if the caller shifts commands and clock (`late`).
+
+        States of effects follow others at a rate of `fastest` at most [1/s], if given.
+        """
 
     # ---- the same for all ----------------------------------------------------------------------------
 
@@ -186,6 +189,11 @@ def quantity_of(output: str) -> tuple[str, bool]:
     (('r', True), ('u', False))
     """
     return output.removesuffix(_MEASURED), output.endswith(_MEASURED)
+
+
+def rate_limit(owner: str, fastest: float | None) -> Signal | None:
+    """Return the parameter that says how fast states of effects may follow others."""
+    return Signal(f"{owner}.fastest", "1/s", start=fastest) if fastest else None
 
 
 def delays_of(

@@ -19,7 +19,7 @@ from hovercontrol.core.signals import Signal, time
 from hovercontrol.effects import Effect, effect_class
 from hovercontrol.effects.generic import generic_effects
 from hovercontrol.errors import InputError, did_you_mean
-from hovercontrol.models.base import EffectModel, as_measured, delays_of
+from hovercontrol.models.base import EffectModel, as_measured, delays_of, rate_limit
 
 
 @checked
@@ -220,13 +220,15 @@ class BlockModel(EffectModel):
             e.measured(e.symbols(self.name), seen)
         return seen
 
-    def plant(self, *, late: bool = False) -> Block:
+    def plant(self, *, late: bool = False, fastest: float | None = None) -> Block:
         """Return the Block with the effects; as of a :class:`~hovercontrol.models.model.Model`.
 
         Parameters
         ----------
         late : bool, optional
             Whether the caller shifts inputs and clock itself (:meth:`timing`): a Block without delays.
+        fastest : float, optional
+            Largest rate at which states of effects follow the others [1/s], for who steps it coarsely.
 
         Raises
         ------
@@ -239,10 +241,12 @@ class BlockModel(EffectModel):
         lags, way = self._way()
         swap = {s.symbol: way.thrusts[s.name] for s in block.inputs}
         derivatives = {name: e.xreplace(swap) for name, e in block.derivatives.items()}
+        limit = rate_limit(self.name, fastest)
         motion = SimpleNamespace(
             **{s.name: s.symbol for s in (*block.states, *block.parameters)},
             **way.thrusts,
             time=time,
+            fastest=limit.symbol if limit else None,
         )
         own: dict[Signal, sp.Expr] = dict(lags)
         for e in self.effects:
@@ -252,6 +256,8 @@ class BlockModel(EffectModel):
                     hint = did_you_mean(state, derivatives)
                     raise InputError(f"effect {e.name}: {self.name!r} has no state {state!r}{hint}")
                 derivatives[state] += term
+        used = set().union(*(e.free_symbols for e in (*derivatives.values(), *own.values())))
+        limits = (limit,) if limit and limit.symbol in used else ()
         seen = self._seen()
         changed = {
             s: getattr(seen, s.name)
@@ -268,6 +274,7 @@ class BlockModel(EffectModel):
             parameters=(
                 *block.parameters,
                 *(p for e in self.effects for p in e.signals(self.name, self._units())),
+                *limits,
             ),
             derivatives={**derivatives, **{s.name: slope for s, slope in own.items()}},
             output_expressions=Expressions(

@@ -22,7 +22,7 @@ from hovercontrol.core.boundary import checked
 from hovercontrol.core.signals import Signal, time
 from hovercontrol.effects import Effect, effect_class, effect_names
 from hovercontrol.errors import InputError
-from hovercontrol.models.base import EffectModel, as_measured, delays_of
+from hovercontrol.models.base import EffectModel, as_measured, delays_of, rate_limit
 from hovercontrol.models.fans import Fan as Fan
 
 #: What effects make of commands, by all that it depends on.
@@ -334,7 +334,7 @@ class Model(EffectModel):
         seen = self._seen(owner)
         return str(delay or ""), str(seen.late or "")
 
-    def plant(self, name: str = "plant", *, late: bool = False) -> Block:
+    def plant(self, name: str = "plant", *, late: bool = False, fastest: float | None = None) -> Block:
         """Return the plant: rigid-body motion [C17 eq 8, 11] with the model's effects.
 
         Parameters
@@ -343,6 +343,8 @@ class Model(EffectModel):
             Name of the Block, the prefix of its parameter keys.
         late : bool, optional
             Whether the caller shifts commands and clock itself (:meth:`timing`): a plant without delays.
+        fastest : float, optional
+            Largest rate at which states of effects follow the motion [1/s], for who steps it coarsely.
 
         Returns
         -------
@@ -359,10 +361,13 @@ class Model(EffectModel):
             If the clocks make commands act before they are sent.
         """
         s = motion_symbols(self.fans, name)
+        limit = rate_limit(name, fastest)
+        s.fastest = limit.symbol if limit else None
         lags, _ = self._command_way(name, s)
         force = self.accelerations(name, s)
         states = lags | self.own_states(name, s)
         used = set().union(*(f.free_symbols for f in (*force.values(), *states.values())))
+        limits = (limit,) if limit and limit.symbol in used else ()
         changed = self.measurements(name)
         seen = {as_measured(s): changed[s.name] for s in MOTION if s.name in changed}
         commands = (self.thrust, self.rudder, *(f.command() for f in self.fans))
@@ -373,7 +378,7 @@ class Model(EffectModel):
             inputs=inputs,
             delays={} if late else delays_of(self.timing(name), inputs, self.coefficients()),
             outputs=(*MOTION, *seen),
-            parameters=self.parameters(name),
+            parameters=(*self.parameters(name), *limits),
             output_expressions={signal.name: e for signal, e in seen.items()},
             derivatives={
                 "x": s.u * sp.cos(s.psi) - s.v * sp.sin(s.psi),
