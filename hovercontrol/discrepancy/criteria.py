@@ -36,6 +36,9 @@ class Criteria:
     apart_t : float
         Nor one behind by less than so many standard errors of the difference over blocks (Vuong,
         Econometrica 57 (1989)): at two, 2.5 % of true ones are.
+    chance : float
+        A law of which a named one is a limit is a rival where its further numbers gain more than they do by
+        chance in all but this part of cases (Wilks, Ann. Math. Stat. 9 (1938)).
     remains : float
         Fall of twice the negative log likelihood by process noise in one equation from which on something
         remains there: two numbers, its size and its correlation time.
@@ -70,6 +73,7 @@ class Criteria:
     blocks: int = 6
     apart: float = 12.0
     apart_t: float = 2.0
+    chance: float = 0.05
     remains: float = 28.0
     negligible: float = 4e-3
     share: float = 0.4

@@ -333,10 +333,6 @@ class Effect:
         """
         return {}
 
-    def like(self, other: Effect) -> Effect | None:
-        """Return the effect at numbers at which it acts much as another; None if it has no such numbers."""
-        return None
-
     @classmethod
     def in_package(cls) -> bool:
         """Return whether the effect comes with the package, and is not somebody's own."""

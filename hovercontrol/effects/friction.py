@@ -40,13 +40,6 @@ class LuGre(Effect):
     deflection: ClassVar[str]  # unit of z
     contains = (_Coulomb, _Stribeck)
 
-    def like(self, other: Effect) -> Effect | None:
-        """Return this friction with the levels of one without bristles, of which half outlasts any speed."""
-        if not isinstance(other, self.contains) or other.axis != self.axis:
-            return None
-        level, speed = other.values["value"], other.values.get("speed", self.values["speed"])
-        return type(self)(**{**self.values, "static": level, "coulomb": 0.5 * level, "speed": speed})
-
     def bristles(self) -> Signal:
         """Return the state z."""
         word = re.sub(r"\W+", "_", self.axis).strip("_")

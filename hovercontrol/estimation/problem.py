@@ -14,7 +14,7 @@ from hovercontrol.core.block import Block
 from hovercontrol.estimation.data import Data
 from hovercontrol.estimation.inputs import Inputs
 from hovercontrol.estimation.steps import Counts, Steps, in_order
-from hovercontrol.estimation.subject import FASTEST, Subject, structure, timing
+from hovercontrol.estimation.subject import FOLLOWED, Subject, followed_rate, rate_key, structure, timing
 from hovercontrol.estimation.unknowns import Unknowns
 from hovercontrol.models.base import shown_by
 from hovercontrol.targets.follow import follow
@@ -27,9 +27,6 @@ STEP = 0.01
 
 #: Sub-steps between two rows: to begin with where rows are far apart, and at most.
 FEW, MOST = 4, 64
-
-#: Rate times length of a sub-step in which Runge-Kutta follows a state well (stable: to 2.8).
-FOLLOWED = 1.25
 
 #: Standard deviation of a block's first states about the path, in parts of how far states range.
 LOOSE = 10.0
@@ -137,8 +134,11 @@ class Problem(Unknowns):
         self.accelerations = np.array([self._acceleration(i) for i in self.driven])
         usual = math.ceil(float(np.max(self.dt)) / STEP - 1e-9)
         pieces = np.maximum(pieces, min(usual, FEW))
-        if self.bristles:
-            pieces = np.maximum(pieces, np.ceil(self.dt.ravel() * FASTEST / FOLLOWED).astype(np.intp))
+        keys = list(self.block.default_parameters)
+        if (limit := rate_key(self.block)) in keys:
+            rate = followed_rate(float(self.dt.max()) / MOST)
+            self._every[keys.index(limit)] = rate
+            pieces = np.maximum(pieces, np.ceil(self.dt.ravel() * rate / FOLLOWED).astype(np.intp))
         self.set_pieces(pieces)
 
     def _acceleration(self, i: int) -> float:

@@ -10,8 +10,9 @@ from hovercontrol.models.model import Model
 #: What can be diagnosed.
 Subject = Model | BlockModel
 
-#: Largest rate at which bristles of a friction follow the motion [1/s]: logs do not show a millisecond.
-FASTEST = 1e3
+#: Largest rate at which bristles of a friction follow the motion [1/s]: logs do not show a millisecond. Times
+#: the length of a sub-step it is at most the other: Runge-Kutta is stable to 2.8.
+FASTEST, FOLLOWED = 1e3, 1.25
 
 _STRUCTURES: dict[tuple[object, ...], Block] = {}
 
@@ -24,6 +25,22 @@ def structure(model: Subject) -> Block:
             _STRUCTURES.clear()
         _STRUCTURES[key] = model.plant(late=True, fastest=FASTEST)
     return _STRUCTURES[key]
+
+
+def rate_key(block: Block) -> str:
+    """Return what the parameter is called that says how fast bristles follow, if a Block has it."""
+    return f"{block.name}.fastest"
+
+
+def followed_rate(step: float) -> float:
+    """Return how fast bristles may follow in sub-steps as long as this [1/s].
+
+    Examples
+    --------
+    >>> followed_rate(1e-3), followed_rate(5e-3)
+    (1000.0, 250.0)
+    """
+    return min(FASTEST, FOLLOWED / max(step, 1e-9))
 
 
 _TIMINGS: dict[tuple[object, ...], tuple[str, str]] = {}

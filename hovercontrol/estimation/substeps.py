@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass
 
@@ -27,9 +26,6 @@ CLOSE, ABOUT = 1e-3, 5
 
 #: Least standard deviation of a state relative to how far it ranges: a body that dry friction holds has none.
 TINY = 1e-9
-
-#: Factor by which sub-steps are finer where a model ran away in coarse ones.
-FINER = 4
 
 #: Fewest steps from row to row that are worth sub-steps of their own.
 WORTH = 64
@@ -99,29 +95,6 @@ def in_pieces(fit: Fit, pieces: Counts) -> Fit:
     if np.array_equal(pieces, fit.problem.each):
         return fit
     return estimate(_divided(fit.problem, pieces), fit.prior, fit.noise, p=fit.p, path=fit.path)
-
-
-def stable(problem: Problem, fitted: Callable[[Problem], Fit]) -> Fit:
-    """Return a fit, in finer sub-steps where bristles of a friction run away in coarse ones.
-
-    Parameters
-    ----------
-    problem : Problem
-    fitted : callable
-        Fits a problem.
-
-    Raises
-    ------
-    FloatingPointError
-        If finer sub-steps do not help.
-    """
-    while True:
-        try:
-            return fitted(problem)
-        except FloatingPointError:
-            if not problem.bristles or problem.each.min() >= MOST_PIECES:
-                raise
-        problem = _divided(problem, FINER * problem.each)
 
 
 def settled_pieces(fit: Fit) -> Counts:

@@ -21,7 +21,6 @@ from hovercontrol.estimation.measure import MOST_ROWS, Array, Measured, measure,
 from hovercontrol.estimation.noise import averaging_time
 from hovercontrol.estimation.prior import prior_of
 from hovercontrol.estimation.problem import Problem
-from hovercontrol.estimation.substeps import stable
 from hovercontrol.identify.excitation import (
     EXCITATION,
     covariance,
@@ -162,7 +161,7 @@ def _fitted(
 
     prior = prior_of(problem, subject)
     try:
-        return stable(problem, lambda q: estimate(q, prior, first_noise(q), gate=True, trace=passed))
+        return estimate(problem, prior, first_noise(problem), gate=True, trace=passed)
     except FloatingPointError as error:
         raise InputError(f"{model.name!r}: {error}: other start values may help") from error
 

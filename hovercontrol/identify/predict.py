@@ -19,7 +19,6 @@ from hovercontrol.estimation.fit import Fit, estimate, first_noise
 from hovercontrol.estimation.measure import Array, Measured, measure
 from hovercontrol.estimation.prior import prior_of
 from hovercontrol.estimation.problem import Problem
-from hovercontrol.estimation.substeps import stable
 from hovercontrol.identify.coasting import coasting
 from hovercontrol.identify.subject import subject_of
 from hovercontrol.logs import Log, Span
@@ -287,7 +286,7 @@ def smoothed(model: Model | Block, log: Log | Measured) -> Fit:
     with threadpool_limits(1, "blas"):
         try:
             prior = prior_of(problem, subject)
-            return stable(problem, lambda q: estimate(q, prior, first_noise(q), frozen=True, gate=True))
+            return estimate(problem, prior, first_noise(problem), frozen=True, gate=True)
         except FloatingPointError:  # the model runs away: its states are those of any motion
             plain = copy(problem)
             plain.block = coasting(problem.block)

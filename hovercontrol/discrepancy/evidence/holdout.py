@@ -12,7 +12,7 @@ from hovercontrol.estimation.data import Data
 from hovercontrol.estimation.fit import Fit, estimate, first_noise
 from hovercontrol.estimation.prediction import horizons, predict
 from hovercontrol.estimation.prior import prior_of
-from hovercontrol.estimation.problem import MOST, Problem
+from hovercontrol.estimation.problem import Problem
 from hovercontrol.estimation.subject import Subject
 
 Array = NDArray[np.float64]
@@ -73,8 +73,6 @@ def held_fit(model: Subject, data: Data, near: Fit | None = None) -> Fit:
         Of another model on the same data, from which levels of noise and path begin.
     """
     problem = Problem(model, data, pieces=near.problem.each if near else 1)
-    if problem.bristles:  # in coarse sub-steps they are not those that were fitted
-        problem.set_pieces(MOST)
     path = problem.path_of(near.problem.block, near.path, problem.start) if near else None
     noise = near.noise if near else first_noise(problem)
     prior, gate = prior_of(problem, model), near is None

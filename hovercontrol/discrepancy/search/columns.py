@@ -15,7 +15,7 @@ from hovercontrol.effects import Effect
 from hovercontrol.estimation.fit import Fit
 from hovercontrol.estimation.inputs import Inputs
 from hovercontrol.estimation.steps import in_order
-from hovercontrol.estimation.subject import Subject, structure, timing
+from hovercontrol.estimation.subject import Subject, followed_rate, rate_key, structure, timing
 from hovercontrol.estimation.substeps import within
 from hovercontrol.models.base import shown_by
 from hovercontrol.targets.follow import follow
@@ -71,6 +71,7 @@ class Along:
         self._values = dict(zip(problem.block.default_parameters, problem.parameters(fit.p), strict=True))
         self._within = within(fit)
         self._steps = problem.steps.finest(problem.parameters(fit.p))
+        self._rate = {rate_key(problem.block): followed_rate(float(self._steps.h.max()))}
         self._t = self._steps.t + 0.5 * self._steps.h
         self._base: Array | None = None
         self._means: dict[float, Array] = {}
@@ -81,7 +82,7 @@ class Along:
         problem = self.problem
         model = problem.model.with_effects([e])
         own = {f"{problem.block.name}.{e.parameter(k)}": v for k, v in e.values.items()}
-        values = {**self._values, **own}
+        values = {**self._rate, **self._values, **own}
         added = self._difference(model, values)
         if added is None:
             if self._base is None:

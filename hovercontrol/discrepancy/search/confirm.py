@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from scipy.stats import chi2
 
 from hovercontrol.discrepancy.evidence.blocks import Blocks
 from hovercontrol.discrepancy.search.candidates import beyond, candidates, catalogue
@@ -19,7 +20,6 @@ from hovercontrol.discrepancy.search.trial import (
     beside,
     explained,
     falls_short,
-    from_simpler,
     passes,
     same_axis_drag,
     try_effect,
@@ -201,7 +201,7 @@ def _rivals(
             tries += worthy
             if known is None:
                 search.report(f"trying {s.candidate.name} in place of {name}")
-            t = known or from_simpler(search, less, s.effect, try_effect(search, less, s.effect, s), [mine])
+            t = known or try_effect(search, less, s.effect, s)
             if worthy and (t is None or falls_short(t, s)) and s.gain == best:
                 # the next best one is the measure
                 best = max((o.gain for o in others[k + 1 :]), default=0.0)
@@ -210,7 +210,7 @@ def _rivals(
                 continue
             t = _alike(search, t, mine)
             behind = criteria.penalised(t.fit) - criteria.penalised(final)
-            if _only_imitates(t, mine, behind):
+            if _only_imitates(t, mine, criteria.chance):
                 continue
             score = surely(t.fit, final)
             alternatives.append((name, t))
@@ -242,10 +242,12 @@ def _alike(search: Search, t: Tried, other: Tried) -> Tried:
     return t
 
 
-def _only_imitates(t: Tried, simpler: Tried, behind: float) -> bool:
-    """Return whether an effect is the simpler one with numbers more that do not pay for themselves.
+def _only_imitates(t: Tried, simpler: Tried, chance: float) -> bool:
+    """Return whether an effect is the simpler one with more numbers, which gain no more than by chance.
 
     Stribeck friction whose speed lies beyond all that were seen is Coulomb friction: it is always level.
     """
     rich, simple = (type(o.fit.problem.model.effect(o.name)) for o in (t, simpler))
-    return rich.axis == simple.axis and issubclass(simple, rich.contains) and behind >= 0.0
+    more = len(t.fit.p) - len(simpler.fit.p)
+    within = more > 0 and simpler.fit.cost - t.fit.cost < chi2.isf(chance, more)
+    return rich.axis == simple.axis and issubclass(simple, rich.contains) and bool(within)

@@ -18,7 +18,6 @@ from hovercontrol.discrepancy.search.trial import (
     begun_again,
     explained,
     falls_short,
-    from_simpler,
     in_finer_steps,
     passes,
     same_axis_drag,
@@ -28,7 +27,7 @@ from hovercontrol.discrepancy.search.trial import (
     with_times,
     without_it,
 )
-from hovercontrol.effects import Effect, Shape
+from hovercontrol.effects import Shape
 from hovercontrol.estimation.fit import Fit
 from hovercontrol.estimation.subject import Subject
 from hovercontrol.estimation.substeps import in_pieces, settled_pieces
@@ -172,7 +171,6 @@ def _add(search: Search, current: Fit, seen: Sequence[Scored]) -> list[Tried]:
     if not worthy:
         return []
     found: list[Tried] = []
-    asked_for: list[Effect] = []
     best: tuple[Scored, Tried] | None = None  # the best score that a fit confirms
     overrated = 0
     for s in worthy:
@@ -186,29 +184,18 @@ def _add(search: Search, current: Fit, seen: Sequence[Scored]) -> list[Tried]:
             continue
         search.report(f"trying {e.name}")
         t = try_effect(search, current, e, s)
-        asked_for.append(e)
         found += [t] if t else []
         if t is None or falls_short(t, s):
             overrated += 1
         else:
             best = best or (s, t)
     top = best[0] if best else worthy[0]
-    done = {e.name for e in asked_for}
+    done = {t.name for t in found}
     for s in seen:
-        e = s.candidate.trial
-        if not same_axis_drag(e, top.candidate.trial) or e.name in done:
-            continue
-        if any(e.like(t.fit.model.effect(t.name)) for t in found):
-            asked_for.append(s.effect)
-            continue
-        search.report(f"trying {e.name}")
-        t = try_effect(search, current, sized(model, s.effect), s)
-        found += [t] if t else []
-    for e in asked_for:
-        before = next((t for t in found if t.name == e.name), None)
-        after = from_simpler(search, current, e, before, found)
-        if after is not None and after is not before:
-            found = [*(t for t in found if t is not before), after]
+        if same_axis_drag(s.candidate.trial, top.candidate.trial) and s.candidate.name not in done:
+            search.report(f"trying {s.candidate.name}")
+            t = try_effect(search, current, sized(model, s.effect), s)
+            found += [t] if t else []
     return found
 
 

@@ -16,7 +16,7 @@ from hovercontrol.estimation.fit import CONVERGENCE, Fit, estimate, first_noise,
 from hovercontrol.estimation.prior import prior_of
 from hovercontrol.estimation.problem import Problem
 from hovercontrol.estimation.subject import Subject
-from hovercontrol.estimation.substeps import in_pieces, stable
+from hovercontrol.estimation.substeps import in_pieces
 
 
 @dataclass(frozen=True)
@@ -85,9 +85,9 @@ class Search:
         problem = Problem(model, near.problem.data, pieces=near.problem.each)
         prior = prior_of(problem, self.model)
         try:
-            return stable(problem, lambda q: refit(near, q, prior, times=times))
+            return refit(near, problem, prior, times=times)
         except FloatingPointError:  # what it lacks now it had used to stay on the logs: begin afresh
-            return stable(problem, lambda q: estimate(q, prior, first_noise(q), times=times))
+            return estimate(problem, prior, first_noise(problem), times=times)
 
 
 def passes(t: Tried, looked_at: int, criteria: Criteria) -> bool:
@@ -152,39 +152,6 @@ def _tried(name: str, fit: Fit, current: Fit) -> Tried:
     return Tried(name, fit, current.cost - fit.cost, agreement(fit, current, name), numbers, finer)
 
 
-def from_simpler(
-    search: Search, current: Fit, e: Effect, t: Tried | None, others: Sequence[Tried]
-) -> Tried | None:
-    """Return an effect's fit, begun again where that of one like it ended, if that is likelier.
-
-    Dry friction with bristles does no worse than without, but from far off a fit loses its way.
-
-    Parameters
-    ----------
-    search : Search
-    current : Fit
-        Without the effect.
-    e : Effect
-    t : Tried or None
-        Its fit; None if that ran away.
-    others : sequence of Tried
-        Other effects beside the same model.
-    """
-    starts = [(o, e.like(o.fit.model.effect(o.name))) for o in others if o.name != e.name]
-    near, start = max(
-        ((o, like) for o, like in starts if like), key=lambda pair: pair[0].gain, default=(None, None)
-    )
-    if near is None or start is None or only_noise(near.fit, search.criteria) or (t and t.gain > near.gain):
-        return t
-    search.report(f"trying {e.name}")
-    try:
-        fit = search.fit(near.fit, near.fit.model.without_effects(near.name).with_effects([start]))
-    except FloatingPointError:
-        return t
-    again = _tried(e.name, fit, current)
-    return again if t is None or again.gain > t.gain else t
-
-
 def _in_other_noise(search: Search, current: Fit, t: Tried) -> Tried:
     """Return a fit with its correlation times at their likeliest, beside the model without it under the same.
 
@@ -214,20 +181,12 @@ def _trials(scored: Scored) -> list[Effect]:
 
 
 def _added(search: Search, current: Fit, e: Effect, start: Subject | None = None) -> Fit | None:
-    """Return the fit of a model with one more effect, from where another ended or from given coefficients.
-
-    Bristles that run away are fitted in finer sub-steps where nothing else was added: that takes long.
-    """
+    """Return the fit of a model with one more effect, from where another ended or from given coefficients."""
     model = (start or current.model).with_effects([e])
     problem = Problem(model, current.problem.data, pieces=current.problem.each)
-    prior = prior_of(problem, search.model)
-
-    def fitted(problem: Problem) -> Fit:
-        return refit(current, problem, prior, p=problem.start if start else None, times=False)
-
+    p = problem.start if start else None
     try:
-        first = len(current.model.effects) == len(search.model.effects)
-        return stable(problem, fitted) if first else fitted(problem)
+        return refit(current, problem, prior_of(problem, search.model), p=p, times=False)
     except FloatingPointError:
         return None
 
