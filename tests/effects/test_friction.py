@@ -77,6 +77,23 @@ def test_a_craft_sticks_until_the_static_level_is_passed(push, slides):
     assert bool(moved > 0.05) is slides
 
 
+def test_bristles_follow_no_faster_than_they_are_allowed_to(rng):
+    """Who steps them coarsely says how fast: slower motion is as it was, and where they end stays."""
+    model = Model("one", [effect("lugre_surge", **NUMBERS)])
+    exact, limited = model.plant().to_numpy(), model.plant(fastest=1000.0).to_numpy()
+    for _ in range(50):
+        x, z = [*rng.normal(size=3), 0.02 * rng.normal(), *rng.normal(size=2)], 1e-3 * rng.normal()
+        near = exact.derivatives(0.0, [*x, z])
+        np.testing.assert_allclose(limited.derivatives(0.0, [*x, z]), near, rtol=1e-4, atol=1e-6)
+    fast = [0, 0, 0, 50.0, 0, 0]
+    ends = NUMBERS["coulomb"] / NUMBERS["stiffness"]
+    assert limited.derivatives(0.0, [*fast, ends])[-1] == pytest.approx(0.0, abs=1e-9)
+    off = 1e-4
+    rate = -limited.derivatives(0.0, [*fast, ends + off])[-1] / off
+    assert rate == pytest.approx(1000.0, rel=1e-3)
+    assert "plant.fastest" not in model.plant().default_parameters
+
+
 def test_states_of_an_effect_may_follow_from_the_motion():
     signal = effect("lugre_yaw", **NUMBERS).bristles()
     assert signal == Signal("lugre_r", "rad", "bristles of friction against r")

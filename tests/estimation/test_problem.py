@@ -69,4 +69,15 @@ def test_bristles_begin_where_they_follow_the_motion(fitted):
     sliding[:8] = False  # from rest
     assert sliding.sum() >= 20
     assert np.median(np.abs(path - level)[sliding]) < 2e-5
-    assert problem.spread[problem.free.index(z)] == pytest.approx(path.std(), rel=1e-6)
+    start = problem.linearise(problem.with_bristles(problem.guess, problem.start), problem.start).start
+    assert start[problem.free.index(z)] == pytest.approx(path.std(), rel=1e-6)
+
+
+@pytest.mark.parametrize(("dt", "pieces"), [(0.02, 16), (0.1, 64)])
+def test_bristles_bear_the_sub_steps_that_they_get(fitted, dt, pieces):
+    """They slide at rates of thousands in a second: steps of ten milliseconds throw them off."""
+    case = make(5, [], Conditions(duration=8.0, logs=1, dt=dt))
+    fit = fitted(case.truth.with_effects([EFFECTS[-1]]), case.logs, frozen=True, levels=False)
+    assert pieces <= fit.problem.pieces <= pieces + 1
+    (z,) = fit.problem.bristles
+    assert np.abs(fit.path[..., z]).max() < 3 * 0.5 / 100.0  # thrown off they go beyond any bound
