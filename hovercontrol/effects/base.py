@@ -303,7 +303,8 @@ class Effect:
         Parameters
         ----------
         c, s : namespace
-            As of :meth:`terms`.
+            As of :meth:`terms`; ``s.fastest`` is the largest rate at which they may follow others [1/s], or
+            None: a state that follows in less than a sub-step of a fit throws it off.
 
         Returns
         -------

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Hashable, Iterable, Mapping
 from dataclasses import replace
@@ -192,8 +193,18 @@ def quantity_of(output: str) -> tuple[str, bool]:
 
 
 def rate_limit(owner: str, fastest: float | None) -> Signal | None:
-    """Return the parameter that says how fast states of effects may follow others."""
-    return Signal(f"{owner}.fastest", "1/s", start=fastest) if fastest else None
+    """Return the parameter that says how fast states of effects may follow others.
+
+    Raises
+    ------
+    InputError
+        If that is no positive rate.
+    """
+    if fastest is None:
+        return None
+    if not 0.0 < fastest < math.inf:
+        raise InputError(f"fastest: expected a positive rate in 1/s, found {fastest:g}")
+    return Signal(f"{owner}.fastest", "1/s", start=fastest)
 
 
 def delays_of(

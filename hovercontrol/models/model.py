@@ -358,7 +358,7 @@ class Model(EffectModel):
         Raises
         ------
         InputError
-            If the clocks make commands act before they are sent.
+            If the clocks make commands act before they are sent, or `fastest` is not positive.
         """
         s = motion_symbols(self.fans, name)
         limit = rate_limit(name, fastest)

@@ -7,6 +7,7 @@ import pytest
 
 from hovercontrol.core.signals import Signal
 from hovercontrol.effects import effect, effect_class
+from hovercontrol.errors import InputError
 from hovercontrol.models.model import Model
 from hovercontrol.models.vehicles import c17_simulation
 from hovercontrol.simulation.trajectory import simulate
@@ -92,6 +93,8 @@ def test_bristles_follow_no_faster_than_they_are_allowed_to(rng):
     rate = -limited.derivatives(0.0, [*fast, ends + off])[-1] / off
     assert rate == pytest.approx(1000.0, rel=1e-3)
     assert "plant.fastest" not in model.plant().default_parameters
+    with pytest.raises(InputError, match="fastest: expected a positive rate in 1/s, found 0"):
+        model.plant(fastest=0.0)
 
 
 def test_states_of_an_effect_may_follow_from_the_motion():
