@@ -233,8 +233,8 @@ class BlockModel(EffectModel):
         Raises
         ------
         InputError
-            If an effect acts on a state that is not there, inputs would act before they are sent, or `fastest`
-            is not positive.
+            If an effect acts on a state that is not there, inputs would act before they are sent, or
+            `fastest` is not positive.
         """
         if not self.effects:
             return self.block
