@@ -220,7 +220,10 @@ def in_finer_steps(search: Search, current: Fit, best: Tried, tried: Sequence[Tr
     for t in (best, *(t for t in tried if t.name != best.name)):
         near = penalised(t.fit) < penalised(best.fit) + TRIALS.near
         if near or same_axis_drag(t.fit.model.effect(t.name), drag):
-            fit = in_pieces(t.fit, np.maximum(current.problem.each, t.fit.problem.each))
+            try:
+                fit = in_pieces(t.fit, np.maximum(current.problem.each, t.fit.problem.each))
+            except FloatingPointError:
+                continue
             found.append(_tried(t.name, fit, current))
     return found
 
