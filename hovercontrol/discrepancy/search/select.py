@@ -28,6 +28,7 @@ from hovercontrol.discrepancy.search.trial import (
     without_it,
 )
 from hovercontrol.effects import Shape
+from hovercontrol.effects.friction import LuGre
 from hovercontrol.estimation.fit import Fit
 from hovercontrol.estimation.subject import Subject
 from hovercontrol.estimation.substeps import in_pieces, settled_pieces
@@ -86,7 +87,8 @@ def select(
         first = [*found, *hidden] if current is base else first
         tried = {t.name: t for t in (*found, *hidden)}
         if not good and found and safe is None:  # beside another one it may be what it is alone not
-            good = [t for t in found if t.gain > criteria.least + criteria.each * t.numbers]
+            enough = [t for t in found if t.gain > criteria.least + criteria.each * t.numbers]
+            good = [t for t in enough if not t.bristles]
             safe = so_far() if good else None
         if not good:
             break
@@ -128,7 +130,8 @@ def _underrated(search: Search, current: Fit, seen: Sequence[Scored], done: set[
     """Return fits with what no score does justice to, in equations in which something remains.
 
     Under process noise that took what an effect does, the effect scores little, though blocks agree on it: of
-    these the best are fitted. Frictions that fade with speed are far from linear near standstill.
+    these the best are fitted. Frictions that fade with speed are far from linear near standstill. One with
+    bristles is not fitted: beside what remains it would not be named.
     """
     problem, criteria = current.problem, search.criteria
     axes = {
@@ -139,7 +142,8 @@ def _underrated(search: Search, current: Fit, seen: Sequence[Scored], done: set[
     if not axes:
         return []
     p = criteria.level / max(len(seen), 1)
-    agreed = [s for s in seen if s.allowed and s.p_value < p and s.candidate.name not in done][:UNDERRATED]
+    worthy = [s for s in seen if s.allowed and not isinstance(s.candidate.trial, LuGre)]
+    agreed = [s for s in worthy if s.p_value < p and s.candidate.name not in done][:UNDERRATED]
     found = []
     for s in seen:
         e = s.candidate.trial

@@ -58,9 +58,8 @@ class Tried:
     blocks : Blocks
     numbers : int
         How many unknowns it has.
-    finer : bool
-        Whether it was fitted in finer sub-steps than the model without it. Their gain is also that of the
-        sub-steps, and five numbers of a friction with bristles fit a part of much else.
+    bristles : bool
+        Whether it is a friction with bristles, whose five numbers fit a part of much else.
     """
 
     name: str
@@ -68,7 +67,7 @@ class Tried:
     gain: float
     blocks: Blocks
     numbers: int
-    finer: bool = False
+    bristles: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,8 +102,8 @@ def why_not(t: Tried, looked_at: int, criteria: Criteria) -> str:
     b = t.blocks
     if only_noise(t.fit, criteria):
         return ""
-    if t.finer:
-        return "its bristles, in finer sub-steps than the rest, do not explain all"
+    if t.bristles:
+        return "its bristles do not explain all"
     p = criteria.level / max(looked_at, 1)
     if b.p_value > p:
         return f"blocks of the logs do not agree on it (t = {b.t:.1f}, {b.same_sign} of {b.n} with its sign)"
@@ -148,8 +147,8 @@ def try_effect(search: Search, current: Fit, e: Effect, scored: Scored | None = 
 def _tried(name: str, fit: Fit, current: Fit) -> Tried:
     """Return what the fit with an effect brings over the one without it."""
     numbers = len(fit.p) - len(current.p)
-    finer = fit.problem.pieces > current.problem.pieces
-    return Tried(name, fit, current.cost - fit.cost, agreement(fit, current, name), numbers, finer)
+    bristles = len(fit.problem.bristles) > len(current.problem.bristles)
+    return Tried(name, fit, current.cost - fit.cost, agreement(fit, current, name), numbers, bristles)
 
 
 def _in_other_noise(search: Search, current: Fit, t: Tried) -> Tried:
@@ -296,4 +295,5 @@ def beside(fit: Fit, less: Fit, name: str) -> Tried:
     """
     e = fit.problem.model.effect(name)
     numbers = sum(e.parameter(k) in fit.problem.names for k in e.numbers)
-    return Tried(name, fit, less.cost - fit.cost, agreement(fit, less, name), numbers)
+    bristles = len(fit.problem.bristles) > len(less.problem.bristles)
+    return Tried(name, fit, less.cost - fit.cost, agreement(fit, less, name), numbers, bristles)
