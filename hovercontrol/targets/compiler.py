@@ -37,8 +37,9 @@ FLAGS = (
 )
 #: What lets a compiler use vectors for several lanes; nobody asks for the processor's exception flags.
 _LANES = ("-fno-trapping-math", "-fopenmp-simd", "-DHC_SIMD")
-#: Seconds after which a compiler that says nothing counts as broken: asked for its version, and at work.
-VERSION_SECONDS, COMPILE_SECONDS = 20.0, 120.0
+#: Seconds after which a compiler that says nothing counts as broken: asked for its version, and at work. Zig's
+#: first run for a machine builds that machine's C library, too: more than two minutes were seen on a busy one.
+VERSION_SECONDS, COMPILE_SECONDS = 20.0, 300.0
 
 _stalled: dict[tuple[str, ...], str] = {}
 _MACH = (b"\xcf\xfa\xed\xfe", b"\xca\xfe\xba\xbe")
