@@ -37,8 +37,8 @@ FLAGS = (
 )
 #: What lets a compiler use vectors for several lanes; nobody asks for the processor's exception flags.
 _LANES = ("-fno-trapping-math", "-fopenmp-simd", "-DHC_SIMD")
-#: Seconds after which a compiler that says nothing counts as broken: asked for its version, and at work. Zig's
-#: first run for a machine builds that machine's C library, too: more than two minutes were seen on a busy one.
+#: Seconds after which a compiler that says nothing counts as broken: asked for its version, and at work. Zig
+#: first builds the C library of each machine it compiles for: on a busy computer that took two minutes.
 VERSION_SECONDS, COMPILE_SECONDS = 20.0, 300.0
 
 _stalled: dict[tuple[str, ...], str] = {}
