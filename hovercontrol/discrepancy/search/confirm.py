@@ -18,6 +18,7 @@ from hovercontrol.discrepancy.search.trial import (
     Search,
     Tried,
     beside,
+    bristles_bring_nothing,
     explained,
     falls_short,
     passes,
@@ -210,7 +211,7 @@ def _rivals(
                 continue
             t = _alike(search, t, mine)
             behind = criteria.penalised(t.fit) - criteria.penalised(final)
-            if _only_imitates(t, mine, criteria.chance):
+            if _only_imitates(t, mine, criteria.chance) or bristles_bring_nothing(t, mine, criteria):
                 continue
             score = surely(t.fit, final)
             alternatives.append((name, t))

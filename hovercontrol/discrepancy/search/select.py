@@ -16,6 +16,7 @@ from hovercontrol.discrepancy.search.trial import (
     Search,
     Tried,
     begun_again,
+    bristles_bring_nothing,
     explained,
     falls_short,
     in_finer_steps,
@@ -159,6 +160,7 @@ def _underrated(search: Search, current: Fit, seen: Sequence[Scored], done: set[
 def _likeliest(search: Search, good: Sequence[Tried]) -> Tried:
     """Return the likeliest of effects that may be named, each with correlation times of its own."""
     penalised = search.criteria.penalised
+    good = [t for t in good if not any(bristles_bring_nothing(t, o, search.criteria) for o in good)]
     least = min(penalised(t.fit) for t in good)
     near = [with_times(search, t) for t in good if penalised(t.fit) < least + TRIALS.near]
     return min(near, key=lambda t: penalised(t.fit))

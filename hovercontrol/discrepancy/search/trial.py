@@ -279,6 +279,13 @@ def same_axis_drag(one: Effect, other: Effect) -> bool:
     return one.axis == other.axis != ""
 
 
+def bristles_bring_nothing(t: Tried, other: Tried, criteria: Criteria) -> bool:
+    """Whether friction has bristles where another one along its axis, without, leaves only noise."""
+    own, simple = (o.fit.model.effect(o.name) for o in (t, other))
+    contained = same_axis_drag(own, simple) and isinstance(simple, type(own).contains)
+    return t.bristles and contained and only_noise(other.fit, criteria)
+
+
 def twins(one: Effect, other: Effect) -> bool:
     """Whether two effects only say how late something is, which every log shows alike."""
     return one.name != other.name and one.shifts_time and other.shifts_time
