@@ -244,10 +244,12 @@ class BlockModel(EffectModel):
         derivatives = {name: e.xreplace(swap) for name, e in block.derivatives.items()}
         limit = rate_limit(self.name, fastest)
         motion = SimpleNamespace(
-            **{s.name: s.symbol for s in (*block.states, *block.parameters)},
+            **{
+                "fastest": limit.symbol if limit else None,  # unless the Block has a signal of that name
+                **{s.name: s.symbol for s in (*block.states, *block.parameters)},
+            },
             **way.thrusts,
             time=time,
-            fastest=limit.symbol if limit else None,
         )
         own: dict[Signal, sp.Expr] = dict(lags)
         for e in self.effects:
