@@ -193,13 +193,17 @@ def _against_truth(of: Case, found: Diagnosis) -> tuple[float, bool]:
     base, final = found.selection.base, found.selection.final
     problem = Problem(of.truth, base.problem.data, pieces=base.problem.pieces)
     true = refit(final, problem, prior_of(problem, of.model), p=problem.start)
-    numbers = sum(len(e.numbers) for e in of.truth.effects if e.name in of.names)
+    invisible = False
+    if found.verdict == "none" and of.names:  # fits without it from either side: one alone may end too high
+        bare = min(base.cost, refit(true, base.problem, base.prior).cost)
+        numbers = sum(len(e.numbers) for e in of.truth.effects if e.name in of.names)
+        invisible = bare - true.cost < CRITERIA.least + CRITERIA.each * numbers
     held = gather(of.model, [of.holdout])
     ours = held_fit(found.amended, held)
     best = held_fit(true.model, ours.problem.data, ours)
     one, other = gap(ours).rms, gap(best).rms
     ratio = float(np.sqrt(np.mean([(one[c] / other[c]) ** 2 for c in one])))
-    return ratio, base.cost - true.cost < CRITERIA.least + CRITERIA.each * numbers
+    return ratio, invisible
 
 
 def _coverage(of: Case, found: Diagnosis) -> tuple[int, int]:
