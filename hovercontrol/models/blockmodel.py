@@ -21,6 +21,13 @@ from hovercontrol.effects.generic import generic_effects
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.models.base import EffectModel, as_measured, delays_of, rate_limit
 
+#: Names that a signal may not have, and why.
+TAKEN = {
+    "time": "effects see the time under that name",
+    "true": "effects see what is there, before any sensor's error, under that name",
+    "late": "effects say under that name how late measurements are",
+}
+
 
 @checked
 @dataclass(frozen=True)
@@ -43,7 +50,8 @@ class BlockModel(EffectModel):
     Raises
     ------
     InputError
-        If an effect is unknown, stands twice, or acts on a state that the Block does not have.
+        If an effect is unknown, stands twice, or acts on a state that the Block does not have, or if a signal
+        has a name that effects use for something else.
 
     Examples
     --------
@@ -82,6 +90,9 @@ class BlockModel(EffectModel):
             for name in self.catalogue:
                 self.effect_class(name)
         self.block.need_prompt_inputs("a model")
+        for s in (*self.block.states, *self.block.inputs, *self.block.parameters, *self.block.outputs):
+            if s.name in TAKEN:
+                raise InputError(self.block.where(f"no signal may be called {s.name!r}: {TAKEN[s.name]}"))
         self._refuse_twice()
 
     def _repr_html_(self) -> str:
