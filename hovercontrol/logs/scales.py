@@ -70,7 +70,8 @@ def scale_faults(log: Log) -> list[str]:
                 "Give metres, or x=NAME:mm"
             )
     if log.has("psi"):
-        turning = float(np.median(np.abs(_rates(log, "psi"))))
+        by_row, over = _rates(log, "psi", each=True), _rates(log, "psi")
+        turning = float(min(np.median(np.abs(by_row)), np.median(np.abs(over))))  # noise turns to and fro
         if turning > SCALES.turning:
             said.append(
                 f"{log.name}: the heading turns at {turning:.3g} rad/s: is it in degrees? "
@@ -86,14 +87,19 @@ def scale_faults(log: Log) -> list[str]:
     return said
 
 
-def _rates(log: Log, *names: str) -> Floats:
-    """Return how fast columns change [1/s], shape (m, number of names); zeros where there is too little."""
+def _rates(log: Log, *names: str, each: bool = False) -> Floats:
+    """Return how fast columns change [1/s], shape (m, number of names); zeros where there is too little.
+
+    Over a while, or from each row to the next. A heading counts however it is wrapped.
+    """
     values = log.stack(*names)
     known = np.isfinite(values).all(axis=1)
     time, values = log.time[known], values[known]
     if time.size < 3:
         return np.zeros((1, len(names)))
+    if names == ("psi",) and not each:
+        values = np.unwrap(values, axis=0)
     every = max(1, round(SCALES.over / float(np.median(np.diff(time)))))
-    if names == ("psi",) or time.size <= 2 * every:
-        every = 1  # over longer a heading that is wrapped would hide its turns
+    if each or time.size <= 2 * every:
+        every = 1
     return np.asarray(np.diff(values[::every], axis=0) / np.diff(time[::every])[:, None], dtype=float)

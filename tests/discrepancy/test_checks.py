@@ -82,6 +82,14 @@ def test_a_missing_effect_is_no_fault_of_the_log(effect):
         ),
         (in_degrees(LOG, "rudder"), "column 'rudder': expected an angle in rad"),
         (changed(x=1e3 * LOG["x"], y=1e3 * LOG["y"]), "the position moves 1000 times as far"),
+        (
+            Log(
+                "a",
+                LOG.time,
+                {k: (1e3 if k in "xy" else 1.0) * LOG[k] for k in LOG.columns if k not in "uvr"},
+            ),
+            "is it in millimetres or centimetres? Give metres",
+        ),
         (Log("a", 1e3 * LOG.time, LOG.columns), "a: rows are 20 s apart: is its time in seconds?"),
     ],
 )

@@ -51,6 +51,15 @@ def test_a_sound_log_and_a_heading_that_is_wrapped_pass(sound):
     assert scale_faults(sound) == scale_faults(wrapped) == []
 
 
+@pytest.mark.parametrize("hertz", [500, 2000])
+def test_a_noisy_compass_read_fast_passes_and_in_degrees_does_not(hertz):
+    t = np.arange(0.0, 10.0, 1 / hertz)
+    psi = np.angle(np.exp(1j * (6.0 * t + 0.1 * np.random.default_rng(1).normal(size=t.size))))
+    assert np.median(np.abs(np.diff(psi))) * hertz > 30.0  # as fast from row to row as no craft turns
+    assert scale_faults(Log("a", t, {"psi": psi})) == []
+    assert "is it in degrees" in scale_faults(Log("a", t, {"psi": np.degrees(psi)}))[0]
+
+
 def test_gaps_and_short_logs_pass(sound):
     holes = sound["x"].copy()
     holes[5:900] = np.nan

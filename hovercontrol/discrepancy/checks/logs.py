@@ -21,6 +21,7 @@ from hovercontrol.estimation.subject import Subject, structure
 from hovercontrol.logs import Log
 from hovercontrol.logs.check import check_heading
 from hovercontrol.logs.frames import check_frame
+from hovercontrol.logs.scales import scale_faults
 
 Array = NDArray[np.float64]
 
@@ -102,6 +103,8 @@ def check_logs(model: Subject, logs: Sequence[Log], holdout: Log | None = None) 
         _refuse_dead(log, channels)
         _refuse_apart(log, channels, [s.name for s in block.inputs])
         refuse_units(model, log)
+        for fault in scale_faults(log) if model.is_craft else []:
+            raise InputError(fault)
         if log.has("psi"):
             known = np.isfinite(log["psi"])
             rate = log["r"][known] if log.has("r") and np.isfinite(log["r"][known]).all() else None
