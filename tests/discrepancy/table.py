@@ -27,7 +27,7 @@ from hovercontrol.discrepancy import Diagnosis, diagnose
 from hovercontrol.discrepancy.criteria import CRITERIA
 from hovercontrol.discrepancy.evidence.holdout import gap, held_fit
 from hovercontrol.estimation.data import gather
-from hovercontrol.estimation.fit import refit
+from hovercontrol.estimation.fit import estimate, first_noise, refit
 from hovercontrol.estimation.prior import prior_of
 from hovercontrol.estimation.problem import Problem
 
@@ -192,7 +192,11 @@ def _against_truth(of: Case, found: Diagnosis) -> tuple[float, bool]:
     """Return the hold-out error over the true structure's, and whether the truth could not be seen."""
     base, final = found.selection.base, found.selection.final
     problem = Problem(of.truth, base.problem.data, pieces=base.problem.pieces)
-    true = refit(final, problem, prior_of(problem, of.model), p=problem.start)
+    prior = prior_of(problem, of.model)
+    try:
+        true = refit(final, problem, prior, p=problem.start)
+    except FloatingPointError:  # the path belongs to other coefficients, and without noise nothing bridges that
+        true = estimate(problem, prior, first_noise(problem), p=problem.start)
     invisible = False
     if found.verdict == "none" and of.names:  # fits without it from either side: one alone may end too high
         bare = min(base.cost, refit(true, base.problem, base.prior).cost)

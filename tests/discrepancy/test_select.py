@@ -25,7 +25,7 @@ from hovercontrol.estimation.fit import refit
 from hovercontrol.estimation.prior import prior_of
 from hovercontrol.estimation.problem import Problem
 
-from .generator import Conditions, make, outside
+from .generator import Conditions, make, mild, outside
 from .imperfect import Key
 
 SHORT = Conditions(duration=20.0, logs=1)
@@ -173,6 +173,18 @@ def test_an_effect_is_not_lost_to_noise_of_other_correlation_times():
     found = diagnose(case.model, case.logs, case.holdout, names=["thrust_deadzone", "reverse_thrust_loss"])
     assert [e.effect for e in found.effects] == ["thrust_deadzone"]
     assert found.evidence["thrust_deadzone"].gain > 100
+
+
+def test_coefficients_that_process_noise_stood_in_for_come_back():
+    """On mild laps a craft without its dead zone fits best with no yaw moments at all, and random ones."""
+    case = make(2120, ["thrust_deadzone"], Conditions(commands=mild))
+    found = searched(case, ["thrust_deadzone"])
+    assert found.base.model.coefficients()["rudder_torque"] < 0.1  # there are 2.2
+    assert found.effects == ("thrust_deadzone",)
+    truth = case.truth.coefficients()
+    for name in ("rudder_torque", "yaw_coulomb", "thrust_deadzone_width"):
+        assert found.final.model.coefficients()[name] == pytest.approx(truth[name], rel=0.03)
+    assert found.final.noise.process.max() < 1e-3
 
 
 @pytest.mark.slow

@@ -34,11 +34,15 @@ class TrialCriteria:
         Part of the gain asked for that a score must promise for a fit: a score is no more than near it.
     near : float
         Difference of cost below which both fits get correlation times of their own.
+    quiet : float
+        Part of its process noise with which a fit begins again at the given coefficients, to make its equations
+        explain what the noise took.
     """
 
     half: float = 0.5
     promised: float = 0.75
     near: float = 300.0
+    quiet: float = 0.1
 
 
 #: The values in use.
@@ -179,13 +183,15 @@ def _trials(scored: Scored) -> list[Effect]:
     return [type(trial)(**{**trial.values, shapes[0]: size * part}) for part in (0.4, 1.0, 2.5)]
 
 
-def _added(search: Search, current: Fit, e: Effect, start: Subject | None = None) -> Fit | None:
+def _added(
+    search: Search, current: Fit, e: Effect, start: Subject | None = None, levels: bool = True
+) -> Fit | None:
     """Return the fit of a model with one more effect, from where another ended or from given coefficients."""
     model = (start or current.model).with_effects([e])
     problem = Problem(model, current.problem.data, pieces=current.problem.each)
     p = problem.start if start else None
     try:
-        return refit(current, problem, prior_of(problem, search.model), p=p, times=False)
+        return refit(current, problem, prior_of(problem, search.model), p=p, levels=levels, times=False)
     except FloatingPointError:
         return None
 
@@ -193,10 +199,16 @@ def _added(search: Search, current: Fit, e: Effect, start: Subject | None = None
 def begun_again(search: Search, current: Fit, t: Tried) -> Tried:
     """Return a fit, or the likelier one that begins at the given coefficients.
 
-    The model without an effect may have gone far to make up for it, and not come back.
+    The model without an effect may have gone far to make up for it, and not come back: where process noise
+    took what an equation says, its coefficients are free to vanish. So that noise is small at first, and stays.
     """
-    given = as_given(search, current)
-    fit = _added(search, t.fit, t.fit.model.effect(t.name), given)
+    given, e = as_given(search, current), t.fit.model.effect(t.name)
+    if np.any(search.criteria.left(t.fit)):
+        quiet = replace(t.fit.noise, process=TRIALS.quiet * t.fit.noise.process)
+        fit = _added(search, replace(t.fit, noise=quiet), e, given, levels=False)
+        fit = fit and _added(search, replace(fit, noise=t.fit.noise), e)
+    else:
+        fit = _added(search, t.fit, e, given)
     if fit is None or fit.cost > t.fit.cost - 1.0:
         return t
     again = replace(t, fit=fit, gain=t.gain + t.fit.cost - fit.cost, blocks=agreement(fit, current, t.name))
