@@ -65,7 +65,7 @@ def diagnose(
     Exit status 0 for none and effect; 1 for partial, ambiguous, unexplained.
     """
     from hovercontrol.discrepancy import diagnose as find
-    from hovercontrol.discrepancy.report import gap_sentence, headline, remainder_sentence, write_report
+    from hovercontrol.discrepancy.report import write_report
 
     if not logs:
         raise InputError("diagnose: expected one or more logs")
@@ -100,8 +100,7 @@ def diagnose(
         files = write_folder(out, write, stale=("model.toml", "next_experiment.csv"))
     for warning in found.warnings:
         print(f"warning: {warning}", file=sys.stderr)
-    said = "\n".join((headline(found), gap_sentence(found), remainder_sentence(found)))
-    given.show(said, files, out, found.result() if json else None)
+    given.show("\n".join(found.sentences()), files, out, found.result() if json else None)
     return 0 if found.verdict in ("none", "effect") else 1
 
 

@@ -120,8 +120,13 @@ class Diagnosis:
     >>> from hovercontrol.samples import sample_path
     >>> log = read_log(sample_path()).between(0.0, 15.0)
     >>> found = diagnose(hc.vehicle("c17_experiment"), [log], names=["slope"])
-    >>> found.verdict, found.model.name, found.rows_dropped
-    ('none', 'c17_experiment', 0)
+    >>> found  # doctest: +ELLIPSIS
+    Diagnosis of 'c17_experiment': none
+    Missing: nothing beyond noise.
+    No log was held out; ...
+    What remains: nothing beyond noise.
+    >>> found.rows_dropped
+    0
     """
 
     verdict: Verdict
@@ -231,11 +236,19 @@ class Diagnosis:
             "regime": self.regime,
         }
 
-    def _repr_html_(self) -> str:
+    def sentences(self) -> tuple[str, str, str]:
+        """Return what is missing, what it takes of the held-out error, and what remains, a sentence each."""
         from hovercontrol.discrepancy.report import gap_sentence, headline, remainder_sentence
+
+        return headline(self), gap_sentence(self), remainder_sentence(self)
+
+    def __repr__(self) -> str:
+        return "\n".join((f"Diagnosis of {self.model.name!r}: {self.verdict}", *self.sentences()))
+
+    def _repr_html_(self) -> str:
         from hovercontrol.notebook.results import diagnosis_html
 
-        return diagnosis_html(self, (headline(self), gap_sentence(self), remainder_sentence(self)))
+        return diagnosis_html(self, self.sentences())
 
     def plot(self) -> Figure:
         """Return errors without and with what was added as a picture."""

@@ -126,6 +126,9 @@ class Fit:
     left: Array
     converged: bool
 
+    def __repr__(self) -> str:
+        return f"Fit of {self.problem.model.name!r}: {len(self.p)} unknowns, cost {self.cost:.6g}"
+
     @property
     def model(self):  # type: ignore[no-untyped-def]
         """The model with the unknowns as fitted."""

@@ -266,6 +266,9 @@ class Identified:
             lines.append("not converged")
         return "\n".join(lines)
 
+    def __repr__(self) -> str:
+        return self.table()
+
     def _repr_html_(self) -> str:
         from hovercontrol.notebook.results import identified_html
 

@@ -195,7 +195,7 @@ def _against_truth(of: Case, found: Diagnosis) -> tuple[float, bool]:
     prior = prior_of(problem, of.model)
     try:
         true = refit(final, problem, prior, p=problem.start)
-    except FloatingPointError:  # the path belongs to other coefficients, and without noise nothing bridges that
+    except FloatingPointError:  # the path is another model's, and without noise nothing bridges that
         true = estimate(problem, prior, first_noise(problem), p=problem.start)
     invisible = False
     if found.verdict == "none" and of.names:  # fits without it from either side: one alone may end too high

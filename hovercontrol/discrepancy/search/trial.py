@@ -35,8 +35,8 @@ class TrialCriteria:
     near : float
         Difference of cost below which both fits get correlation times of their own.
     quiet : float
-        Part of its process noise with which a fit begins again at the given coefficients, to make its equations
-        explain what the noise took.
+        Part of its process noise with which a fit begins again at the given coefficients: its equations must
+        then explain what the noise took.
     """
 
     half: float = 0.5
@@ -200,7 +200,7 @@ def begun_again(search: Search, current: Fit, t: Tried) -> Tried:
     """Return a fit, or the likelier one that begins at the given coefficients.
 
     The model without an effect may have gone far to make up for it, and not come back: where process noise
-    took what an equation says, its coefficients are free to vanish. So that noise is small at first, and stays.
+    took what an equation says, its coefficients are free to vanish. So there is little at first.
     """
     given, e = as_given(search, current), t.fit.model.effect(t.name)
     if np.any(search.criteria.left(t.fit)):
