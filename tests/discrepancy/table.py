@@ -349,7 +349,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
             writer.writeheader()
         waiting = {pool.submit(run, *case): case for case in todo}
         for k, future in enumerate(as_completed(waiting)):
-            row = future.result()
+            try:
+                row = future.result()
+            except Exception as error:
+                pool.shutdown(wait=False, cancel_futures=True)
+                raise RuntimeError(f"the case {waiting[future]} failed") from error
             rows.append(row)
             writer.writerow(asdict(row))
             file.flush()
