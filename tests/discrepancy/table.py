@@ -166,15 +166,15 @@ def judge(hidden: Sequence[str], found: Diagnosis, invisible: bool, remainder: b
 
     Exact includes `none` where even the true effect would not pass the threshold, a delay named as one
     finding with the clock, and, where something of no catalogue acts as well (gusts), `partial` and, with
-    nothing hidden, `unexplained`. Honest: `ambiguous` with the truth inside, `unexplained`, or the truth
-    named beside a remainder that is not there.
+    nothing hidden that would pass it, `unexplained`. Honest: `ambiguous` with the truth inside,
+    `unexplained`, or the truth named beside a remainder that is not there.
     """
     truth, named = set(hidden), {e.effect for e in found.effects}
     inside = named | {r.name for r in found.rivals}
     if found.verdict == "none":
         return "exact" if not truth or invisible else "missed"
     if found.verdict == "unexplained":
-        return "honest" if truth else "exact" if remainder else "wrong"
+        return "exact" if remainder and (not truth or invisible) else "honest" if truth else "wrong"
     late = {n if n not in SAME else "late" for n in truth} == {n if n not in SAME else "late" for n in named}
     if found.verdict in ("effect", "partial"):
         if not late:
@@ -198,7 +198,8 @@ def _against_truth(of: Case, found: Diagnosis) -> tuple[float, bool]:
     except FloatingPointError:  # the path is another model's, and without noise nothing bridges that
         true = estimate(problem, prior, first_noise(problem), p=problem.start)
     invisible = False
-    if found.verdict == "none" and of.names:  # fits without it from either side: one alone may end too high
+    if found.verdict in ("none", "unexplained") and of.names:
+        # fits without it from either side: one alone may end too high
         bare = min(base.cost, refit(true, base.problem, base.prior).cost)
         numbers = sum(len(e.numbers) for e in of.truth.effects if e.name in of.names)
         invisible = bare - true.cost < CRITERIA.least + CRITERIA.each * numbers
@@ -271,8 +272,8 @@ def table(rows: Sequence[Row], options: str = "") -> str:
         if axis in TOGETHER:
             text, members, wanted = TOGETHER[axis]
             lines += _line(text, [r for member in members for r in by_axis[member]], wanted)
-    # Where "none" is right the true structure keeps the hidden values that its fit began with.
-    exact = [r for r in rows if r.outcome == "exact" and r.verdict != "none" and np.isfinite(r.ratio)]
+    # Where nothing is rightly named the true structure keeps the hidden values that its fit began with.
+    exact = [r for r in rows if r.outcome == "exact" and r.named and np.isfinite(r.ratio)]
     if exact:
         ratios = np.array([r.ratio for r in exact])
         held, count = sum(r.inside for r in rows), max(sum(r.intervals for r in rows), 1)
