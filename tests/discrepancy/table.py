@@ -22,13 +22,14 @@ from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hovercontrol.discrepancy import Diagnosis, diagnose
 from hovercontrol.discrepancy.criteria import CRITERIA
 from hovercontrol.discrepancy.evidence.holdout import gap, held_fit
 from hovercontrol.estimation.data import gather
-from hovercontrol.estimation.fit import estimate, first_noise, refit
-from hovercontrol.estimation.prior import prior_of
+from hovercontrol.estimation.fit import Fit, estimate, first_noise, refit
+from hovercontrol.estimation.prior import Prior, prior_of
 from hovercontrol.estimation.problem import Problem
 
 from .generator import OUTSIDE, SIZES, VELOCITY_ONLY, Case, Conditions, make, mild, outside
@@ -192,15 +193,11 @@ def _against_truth(of: Case, found: Diagnosis) -> tuple[float, bool]:
     """Return the hold-out error over the true structure's, and whether the truth could not be seen."""
     base, final = found.selection.base, found.selection.final
     problem = Problem(of.truth, base.problem.data, pieces=base.problem.pieces)
-    prior = prior_of(problem, of.model)
-    try:
-        true = refit(final, problem, prior, p=problem.start)
-    except FloatingPointError:  # the path is another model's, and without noise nothing bridges that
-        true = estimate(problem, prior, first_noise(problem), p=problem.start)
+    true = _fitted(final, problem, prior_of(problem, of.model), problem.start)
     invisible = False
     if found.verdict in ("none", "unexplained") and of.names:
         # fits without it from either side: one alone may end too high
-        bare = min(base.cost, refit(true, base.problem, base.prior).cost)
+        bare = min(base.cost, _fitted(true, base.problem, base.prior).cost)
         numbers = sum(len(e.numbers) for e in of.truth.effects if e.name in of.names)
         invisible = bare - true.cost < CRITERIA.least + CRITERIA.each * numbers
     held = gather(of.model, [of.holdout])
@@ -209,6 +206,14 @@ def _against_truth(of: Case, found: Diagnosis) -> tuple[float, bool]:
     one, other = gap(ours).rms, gap(best).rms
     ratio = float(np.sqrt(np.mean([(one[c] / other[c]) ** 2 for c in one])))
     return ratio, invisible
+
+
+def _fitted(near: Fit, problem: Problem, prior: Prior, p: NDArray[np.float64] | None = None) -> Fit:
+    """Return a fit from where another ended, or afresh where that path, another model's, leads astray."""
+    try:
+        return refit(near, problem, prior, p=p)
+    except FloatingPointError:
+        return estimate(problem, prior, first_noise(problem), p=p)
 
 
 def _coverage(of: Case, found: Diagnosis) -> tuple[int, int]:
