@@ -187,6 +187,14 @@ def test_coefficients_that_process_noise_stood_in_for_come_back():
     assert found.final.noise.process.max() < 1e-3
 
 
+def test_a_jump_is_found_when_it_was_though_its_score_lies_under_large_noise():
+    case = make(12225, ["parameter_jump"], Conditions(channels=("x", "y", "psi")))
+    found = searched(case, ["parameter_jump"])
+    jump, truth = (m.effect("parameter_jump").values for m in (found.final.model, case.truth))
+    assert jump["seconds"] == pytest.approx(truth["seconds"], abs=0.01)  # of a row; its score is 0.04 s off
+    assert jump["factor"] == pytest.approx(truth["factor"], abs=1e-3)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [2, 4, 5])
 def test_lugre_friction_is_told_from_stribeck_friction_in_a_log_of_twenty_seconds(seed):

@@ -155,6 +155,20 @@ def at_its_time(fit: Fit, scored: Scored) -> Scored:
     return _delay(fit, scored) if trial.shifts_time else scored
 
 
+def sooner_or_later(fit: Fit, name: str) -> Effect | None:
+    """Return a fitted effect that begins at a likelier time, up to four rows away; None if none does."""
+    e = fit.problem.model.effect(name)
+    times = [k for k, n in e.numbers.items() if isinstance(n, Shape) and n.of == "time"]
+    if not times:
+        return None
+    e, key = fit.model.effect(name), times[0]
+    away = fit.problem.shortest * np.array([-4.0, -2.0, -1.0, -0.5, -0.25, 0.25, 0.5, 1.0, 2.0, 4.0])
+    moved = [type(e)(**{**e.values, key: t}) for t in (e.values[key] + away).tolist() if t > 0.0]
+    each = Scores(fit, [Candidate(name, m, ()) for m in moved]).each()
+    best = max(map(_as_it_is, each), key=lambda s: s.gain)
+    return best.candidate.trial if best.allowed else None
+
+
 def _jump(fit: Fit, scored: Scored, key: str) -> Scored:
     """Return the candidate with the time of its jump found to half a row."""
     best, number = scored, type(scored.candidate.trial).numbers[key]

@@ -15,6 +15,7 @@ from hovercontrol.discrepancy.search.trial import (
     TRIALS,
     Search,
     Tried,
+    at_its_likeliest,
     begun_again,
     bristles_bring_nothing,
     explained,
@@ -94,6 +95,7 @@ def select(
         if not good:
             break
         best = begun_again(search, current, _likeliest(search, good))
+        best = at_its_likeliest(search, current, best)
         pieces = settled_pieces(best.fit)
         if (pieces > current.problem.each).any():  # what coarse steps leave of steep friction would be named
             search.report("taking finer steps")
