@@ -155,7 +155,7 @@ def at_its_time(fit: Fit, scored: Scored) -> Scored:
     return _delay(fit, scored) if trial.shifts_time else scored
 
 
-def sooner_or_later(fit: Fit, name: str) -> Effect | None:
+def likelier_time(fit: Fit, name: str) -> Effect | None:
     """Return a fitted effect that begins at a likelier time, up to four rows away; None if none does."""
     e = fit.problem.model.effect(name)
     times = [k for k, n in e.numbers.items() if isinstance(n, Shape) and n.of == "time"]

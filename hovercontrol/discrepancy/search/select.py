@@ -15,7 +15,7 @@ from hovercontrol.discrepancy.search.trial import (
     TRIALS,
     Search,
     Tried,
-    at_its_likeliest,
+    at_likeliest_time,
     begun_again,
     bristles_bring_nothing,
     explained,
@@ -95,7 +95,7 @@ def select(
         if not good:
             break
         best = begun_again(search, current, _likeliest(search, good))
-        best = at_its_likeliest(search, current, best)
+        best = at_likeliest_time(search, current, best)
         pieces = settled_pieces(best.fit)
         if (pieces > current.problem.each).any():  # what coarse steps leave of steep friction would be named
             search.report("taking finer steps")

@@ -10,7 +10,7 @@ import numpy as np
 from hovercontrol.discrepancy.criteria import Criteria
 from hovercontrol.discrepancy.evidence.blocks import Blocks, agreement
 from hovercontrol.discrepancy.evidence.sensors import only_noise
-from hovercontrol.discrepancy.search.score import Scored, sooner_or_later
+from hovercontrol.discrepancy.search.score import Scored, likelier_time
 from hovercontrol.effects import Effect, Shape
 from hovercontrol.estimation.fit import CONVERGENCE, Fit, estimate, first_noise, refit
 from hovercontrol.estimation.prior import prior_of
@@ -215,9 +215,9 @@ def begun_again(search: Search, current: Fit, t: Tried) -> Tried:
     return with_times(search, again)
 
 
-def at_its_likeliest(search: Search, current: Fit, t: Tried) -> Tried:
+def at_likeliest_time(search: Search, current: Fit, t: Tried) -> Tried:
     """Return a fit whose effect begins when it is likeliest: its score said so under the noise without it."""
-    while (e := sooner_or_later(t.fit, t.name)) is not None:
+    while (e := likelier_time(t.fit, t.name)) is not None:
         fit = _added(search, t.fit, e)
         if fit is None or fit.cost > t.fit.cost - 1.0:
             break
