@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import re
 from collections.abc import Mapping, Sequence
@@ -11,6 +12,7 @@ from types import MappingProxyType
 import numpy as np
 
 from hovercontrol.errors import InputError
+from hovercontrol.io.files import write_new
 from hovercontrol.logs import POSE, VELOCITY, Log
 
 #: Longest recording [s].
@@ -76,8 +78,10 @@ class Recorder:
             If there is nothing to save, or the folder cannot be written.
         """
         taken = [int(found[1]) for found in map(_NAME.fullmatch, names_in(folder)) if found]
-        path = folder / f"pilot-{max(taken, default=0) + 1:03d}.csv"
-        self.log(path.name).save(path)
+        for number in itertools.count(max(taken, default=0) + 1):
+            path = folder / f"pilot-{number:03d}.csv"
+            if write_new(path, self.log(path.name).save):
+                break
         return path
 
 

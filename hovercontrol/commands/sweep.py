@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -14,12 +13,15 @@ import typer
 from hovercontrol.commands import given
 from hovercontrol.commands.given import Out
 from hovercontrol.errors import InputError, shown
-from hovercontrol.io import files
-from hovercontrol.io.files import check_folder
+from hovercontrol.io import files, written
+from hovercontrol.io.files import check_folder, folder_made, own_folder
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
+
+#: Files of a checkpoint, of :mod:`hovercontrol.targets.checkpoint`.
+RUNS = "runs-*.parquet"
 
 EXAMPLE = "Example: hovercontrol sweep k06-turn --vary controller.k2=0.5:6:200 --of r --figure final"
 
@@ -60,19 +62,18 @@ def sweep(
         raise InputError("sweep: expected one or two different --vary KEY=FROM:TO:POINTS")
     loaded = load_scenario(scenario)
     out = out or Path("out") / f"{loaded.name}-sweep"
-    check_folder(out)
-    partial = out.resolve().with_name(f"{out.resolve().name}.partial")
-    if not resume:
-        shutil.rmtree(partial, ignore_errors=True)
+    partial = _partial_folder(out)
+    if written.refuse_others(partial) and not resume:
+        written.remove_own(partial, RUNS)
     with _kept(partial), given.progress_bar(f"sweep {loaded.name}", 1.0) as report:
         found = run(loaded, ranges, of, figure, progress=lambda done: report(done), checkpoint=partial)
-        written = found.save(out)
+        saved = found.save(out)
     values = found.values.ravel()
     if json:
         axes = [{"key": a.name, "unit": a.unit, "values": a.values} for a in found.axes]
         failed = [str(f) for f in found.result.failures]
         content = {"of": found.of, "figure": figure, "unit": found.unit, "axes": axes, "values": found.values}
-        given.show("", written, out, {"scenario": loaded.name, **content, "failures": failed})
+        given.show("", saved, out, {"scenario": loaded.name, **content, "failures": failed})
         return 1 if failed else 0
     if np.isfinite(values).any():
         for word, k in (("smallest", np.nanargmin(values)), ("largest", np.nanargmax(values))):
@@ -85,26 +86,33 @@ def sweep(
     failures = found.result.failures
     if failures:
         print(f"{len(failures)} of {len(values)} runs fail; the first: {failures[0]}")
-    print(f"wrote {', '.join(f.name for f in written)} to {out}")
+    print(f"wrote {', '.join(f.name for f in saved)} to {out}")
     return 1 if failures else 0
+
+
+def _partial_folder(out: Path) -> Path:
+    """Return where results are kept until the sweep ends: beside the folder of the results."""
+    check_folder(out)
+    whole = out.resolve()
+    if not whole.name:
+        raise InputError(f"--out: expected a folder with a name, found {whole}")
+    return whole.with_name(f"{whole.name}.partial")
 
 
 @contextmanager
 def _kept(partial: Path) -> Iterator[None]:
     """Keep what was done of a sweep while it may still go on, no longer."""
-    try:
-        yield
-    except KeyboardInterrupt:
-        if any(partial.glob("*/*.parquet")):
-            files.kept[:] = [partial]
-        else:
-            shutil.rmtree(partial, ignore_errors=True)
-        raise
-    except InputError:
-        if not any(partial.glob("*/*.parquet")):
-            shutil.rmtree(partial, ignore_errors=True)
-        raise
-    shutil.rmtree(partial, ignore_errors=True)
+    with folder_made(partial.parent):
+        own_folder(partial)
+        try:
+            yield
+        except (InputError, KeyboardInterrupt) as error:
+            if not any(partial.glob(f"*/{RUNS}")):
+                written.remove_own(partial, RUNS)
+            elif isinstance(error, KeyboardInterrupt):
+                files.kept[:] = [partial]
+            raise
+        written.remove_own(partial, RUNS)
 
 
 def _range(text: str) -> tuple[str, NDArray[np.float64]]:

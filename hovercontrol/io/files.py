@@ -17,14 +17,15 @@ import re
 import shutil
 import stat
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
+import warnings
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from fnmatch import fnmatch
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 from hovercontrol.errors import InputError, did_you_mean
+from hovercontrol.io import written
 
 #: What this process wrote last, for who is asked whether anything was.
 placed: list[Path] = []
@@ -147,18 +148,36 @@ def write_atomically(path: str | Path, write: Callable[[Path], object]) -> Path:
     return target
 
 
-def write_quietly(path: str | Path, write: Callable[[Path], object]) -> Path:
-    """Do as :func:`write_atomically`, for what is no result (a cache): it is not listed as written."""
+def write_new(path: Path, write: Callable[[Path], object]) -> bool:
+    """Do as :func:`write_atomically` where nothing has that name; return whether the file was written."""
+    try:
+        write_quietly(path, write, place=_place_new)
+    except _TakenError:
+        return False
+    _tell(path)
+    return True
+
+
+def write_quietly(
+    path: str | Path,
+    write: Callable[[Path], object],
+    *,
+    mode: int = 0o666,
+    place: Callable[[Path, Path], object] = os.replace,
+) -> Path:
+    """Do as :func:`write_atomically`, for what is no result (a cache): it is not listed as written.
+
+    The file gets the permissions `mode` less those of the umask; `place` gives it its name.
+    """
     target = Path(path)
-    with _refusals(target):
-        target.parent.mkdir(parents=True, exist_ok=True)
+    with _refusals(target), folder_made(target.parent):
         clear_dead(target.parent)
         handle, name = tempfile.mkstemp(prefix=_prefix(), suffix=target.suffix, dir=target.parent)
         os.close(handle)
         with _removed_at_last(Path(name)) as temporary:
             write(temporary)
-            os.chmod(temporary, 0o666 & ~_umask())
-            os.replace(temporary, target)
+            os.chmod(temporary, mode & ~_umask())
+            place(temporary, target)
     return target
 
 
@@ -170,7 +189,9 @@ def write_folder(
     Parameters
     ----------
     folder : path
-        Where the files are to stand; made if it is not there. Other files in it are kept.
+        Where the files are to stand; made if it is not there. Other files in it are kept, and so is a file
+        of the same name that this package did not write, or that was changed since: under another name,
+        with a warning.
     write : callable
         Called with the temporary folder.
     stale : sequence of str, optional
@@ -192,9 +213,8 @@ def write_folder(
     gets its files one by one. Should the run be killed just then, the next one completes that.
     """
     target = Path(folder)
-    with _refusals(target):
-        real = target.resolve()
-        real.parent.mkdir(parents=True, exist_ok=True)
+    real = _resolved(target)
+    with _refusals(target), folder_made(real.parent):
         for place in (real.parent, real):
             clear_dead(place)
         as_one = _exchangeable(real)
@@ -204,21 +224,61 @@ def write_folder(
             Path(tempfile.mkdtemp(prefix=_prefix(), dir=real.parent if as_one else real))
         ) as temporary:
             write(temporary)
-            names = sorted(file.name for file in temporary.iterdir())
+            files = sorted(file for file in temporary.iterdir() if file.name != written.LIST)
+            made = {file.name: written.digest(file) for file in files}
+            gone = [name for name in written.stale_files(real, tuple(stale)) if name not in made]
+            kept = {name: written.free_name(real, name) for name in written.users_files(real, made)}
+            written.write_list(temporary, _all_listed(real, gone) | made)
             os.chmod(temporary, real.stat().st_mode & 0o7777 if real.exists() else 0o777 & ~_umask())
             if as_one:
-                _keep_others(real, temporary, names, stale)
+                _keep_others(real, temporary, [*made, *gone], kept)
                 _exchange(temporary, real)
             else:
+                _refuse_folders(real, made)
+                for name, other in kept.items():
+                    os.rename(real / name, real / other)
                 ready = temporary.with_name(temporary.name.replace(".writing-", ".placing-", 1))
                 _unfinished.discard(temporary)  # from here on it is to be completed, not removed
                 os.rename(temporary, ready)
                 _place(ready, real)
-                for name in os.listdir(real):
-                    if name not in names and any(fnmatch(name, pattern) for pattern in stale):
-                        (real / name).unlink()
+                for name in gone:
+                    (real / name).unlink()
+    for name, other in kept.items():
+        text = f"{target / name} was not written by hovercontrol, or was changed since: kept as {other}"
+        warnings.warn(text, stacklevel=3)
     _tell(target)
-    return [target / name for name in names]
+    return [target / name for name in made]
+
+
+@contextmanager
+def folder_made(folder: Path) -> Iterator[None]:
+    """Make a folder and its parents; where what is done in it fails, remove those that were made for it."""
+    new = [p for p in (folder, *folder.parents) if not os.path.lexists(p)]
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        yield
+    except BaseException:
+        for made in new:
+            with contextlib.suppress(OSError):  # never made, or no longer empty
+                made.rmdir()
+        raise
+
+
+def own_folder(folder: Path) -> None:
+    """Make a working folder of this package, with its list; one that is there already is kept.
+
+    Raises
+    ------
+    InputError
+        If something else has that name, or the system refuses it.
+    """
+    if written.refuse_others(folder):
+        return
+    with _refusals(folder), folder_made(folder.parent):
+        clear_dead(folder.parent)
+        with _removed_at_last(Path(tempfile.mkdtemp(prefix=_prefix(), dir=folder.parent))) as temporary:
+            written.write_list(temporary, {})
+            os.rename(temporary, folder)
 
 
 def clear_dead(folder: Path) -> None:
@@ -226,7 +286,7 @@ def clear_dead(folder: Path) -> None:
     with contextlib.suppress(OSError):
         for name in os.listdir(folder):
             found = _NAME.fullmatch(name)
-            if not found or found[2] != _host() or _alive(int(found[3])):
+            if not found or found[2] != _host() or _alive(int(found[3])) or not _own(folder / name):
                 continue
             if found[1] == "placing":
                 _place(folder / name, folder)
@@ -240,6 +300,24 @@ def clear_own() -> None:
 
 
 # ---- how ----------------------------------------------------------------------------------------------
+
+
+class _TakenError(Exception):
+    """Something has that name already."""
+
+
+def _place_new(temporary: Path, target: Path) -> None:
+    """Give a file a name that nothing has."""
+    try:
+        try:
+            os.link(temporary, target, follow_symlinks=False)
+        except FileExistsError:
+            raise
+        except OSError:  # a file system without links
+            os.close(os.open(target, os.O_CREAT | os.O_EXCL))
+            os.replace(temporary, target)
+    except FileExistsError:
+        raise _TakenError from None
 
 
 @contextmanager
@@ -256,6 +334,11 @@ def _refusals(target: Path) -> Iterator[None]:
         raise InputError(f"{_short(target)}: cannot be written: {reason(error)}") from None
 
 
+def _resolved(target: Path) -> Path:
+    with _refusals(target):
+        return target.resolve()
+
+
 @contextmanager
 def _removed_at_last(temporary: Path) -> Iterator[Path]:
     _unfinished.add(temporary)
@@ -264,6 +347,12 @@ def _removed_at_last(temporary: Path) -> Iterator[Path]:
     finally:
         _remove(temporary)
         _unfinished.discard(temporary)
+
+
+def _own(path: Path) -> bool:
+    """Return whether something is this user's and no link: in a shared folder others may choose its name."""
+    found = os.lstat(path)
+    return not stat.S_ISLNK(found.st_mode) and (os.name == "nt" or found.st_uid == os.getuid())
 
 
 def _remove(path: Path) -> None:
@@ -292,17 +381,32 @@ def _exchangeable(target: Path) -> bool:
         return True
     here = Path.cwd().resolve()
     used = here == target or target in here.parents or os.path.ismount(target)
-    return not used and not any(entry.is_dir(follow_symlinks=False) for entry in os.scandir(target))
+    with os.scandir(target) as entries:
+        return not used and not any(entry.is_dir(follow_symlinks=False) for entry in entries)
 
 
-def _keep_others(old: Path, new: Path, names: Sequence[str], stale: Sequence[str]) -> None:
-    """Let a new folder have the files that others put into the old one."""
+def _all_listed(folder: Path, gone: Sequence[str]) -> dict[str, str]:
+    """Return what the list of a folder says of the files that are still there."""
+    known = written.listed(folder) or {}
+    return {k: v for k, v in known.items() if k not in gone and os.path.lexists(folder / k)}
+
+
+def _refuse_folders(folder: Path, names: Mapping[str, str]) -> None:
+    """Refuse to put a file where a folder stands, before the first file is moved."""
+    for name in names:
+        if (folder / name).is_dir() and not (folder / name).is_symlink():
+            raise InputError(f"{_short(folder / name)}: cannot be written: a folder has that name")
+
+
+def _keep_others(old: Path, new: Path, replaced: Sequence[str], kept: Mapping[str, str]) -> None:
+    """Let a new folder have the files that others put into the old one, those in `kept` by another name."""
     for entry in os.scandir(old) if old.exists() else ():
-        if entry.name not in names and not any(fnmatch(entry.name, pattern) for pattern in stale):
+        name = kept.get(entry.name, entry.name)
+        if entry.name != written.LIST and (name != entry.name or name not in replaced):
             try:
-                os.link(entry.path, new / entry.name, follow_symlinks=False)
+                os.link(entry.path, new / name, follow_symlinks=False)
             except OSError:  # a file system without links
-                shutil.copy2(entry.path, new / entry.name, follow_symlinks=False)
+                shutil.copy2(entry.path, new / name, follow_symlinks=False)
 
 
 def _exchange(new: Path, target: Path) -> None:

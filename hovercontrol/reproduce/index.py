@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import hovercontrol
-from hovercontrol.io.files import write_atomically
+from hovercontrol.io.files import write_folder
 from hovercontrol.reproduce.item import KINDS, Outcome
 from hovercontrol.reproduce.markers import numbered_items, places
 
@@ -64,9 +64,13 @@ def write_index(outcomes: Sequence[Outcome], folder: Path) -> None:
     """Write ``index.html`` and ``index.json`` of outcomes, with the places in the code of numbered items."""
     documents = list(dict.fromkeys(o.item.document for o in outcomes))
     content = json.dumps(index_content(outcomes), indent=1, allow_nan=False)
-    write_atomically(folder / "index.json", lambda path: path.write_text(content, encoding="utf-8"))
     page = _page(outcomes, documents)
-    write_atomically(folder / "index.html", lambda path: path.write_text(page, encoding="utf-8"))
+
+    def write(place: Path) -> None:
+        (place / "index.json").write_text(content, encoding="utf-8")
+        (place / "index.html").write_text(page, encoding="utf-8")
+
+    write_folder(folder, write)
 
 
 def index_content(outcomes: Sequence[Outcome]) -> dict[str, Any]:

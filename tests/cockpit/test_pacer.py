@@ -126,6 +126,27 @@ def test_nothing_recorded_is_said_in_one_line(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
+def test_a_recording_takes_no_name_that_something_has(tmp_path):
+    """A link, a folder, and what another cockpit saves into the same folder just now."""
+    recorder = Recorder([])
+    for k in range(2):
+        recorder.add({"time": 0.01 * k, **dict.fromkeys(("x", "y", "psi", "u", "v", "r"), 0.0)})
+    (tmp_path / "pilot-001.csv").symlink_to("nowhere")
+    (tmp_path / "pilot-002.csv").mkdir()
+    assert [recorder.save(tmp_path).name for _ in range(2)] == ["pilot-003.csv", "pilot-004.csv"]
+    assert (tmp_path / "pilot-001.csv").is_symlink()
+    (tmp_path / "pilot-004.csv").write_text("the other's")
+
+    def unseen(folder):
+        return []
+
+    with pytest.MonkeyPatch.context() as changed:
+        changed.setattr("hovercontrol.cockpit.recorder.names_in", unseen)
+        assert recorder.save(tmp_path).name == "pilot-005.csv"
+    assert (tmp_path / "pilot-004.csv").read_text() == "the other's"
+    assert len(list(tmp_path.iterdir())) == 5
+
+
 class Slow(Loop):
     """A loop on a machine that takes twice as long as real time."""
 

@@ -71,7 +71,7 @@ def figures(value: object, name: str = "") -> dict[str, float]:
 
 def told(command: str, status: int, out: str, folder: Path, before: set[str]) -> dict[str, object]:
     """Return the record of a command that has run in a folder which had the files `before`."""
-    files = {p.relative_to(folder).as_posix() for p in folder.rglob("*") if p.is_file()} - before
+    files = files_of(folder) - before
     if command == "new":
         said = tomllib.loads((folder / "craft.toml").read_text(encoding="utf-8"))
     else:
@@ -80,7 +80,7 @@ def told(command: str, status: int, out: str, folder: Path, before: set[str]) ->
 
 
 def files_of(folder: Path) -> set[str]:
-    return {p.relative_to(folder).as_posix() for p in folder.rglob("*") if p.is_file()}
+    return {p.relative_to(folder).as_posix() for p in folder.rglob("[!.]*") if p.is_file()}
 
 
 def main() -> None:

@@ -16,7 +16,7 @@ def test_the_list_has_every_script_with_its_title(call):
 def test_an_analysis_leaves_its_files(call, tmp_path):
     done = call("analyze", "c17_beta_region", "--out", str(tmp_path))
     assert done.returncode == 0 and "(19) implies (18)" in done.stdout
-    assert {f.suffix for f in tmp_path.iterdir()} == {".png", ".svg", ".csv", ".txt"}
+    assert {f.suffix for f in tmp_path.glob("[!.]*")} == {".png", ".svg", ".csv", ".txt"}
 
 
 @pytest.mark.parametrize(

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from hovercontrol.errors import InputError
+from hovercontrol.io.files import own_folder
 from hovercontrol.scenarios import load_scenario, run_scenario
 from hovercontrol.scenarios.varied import vary
 
@@ -23,7 +24,7 @@ def test_one_number_is_a_curve_two_are_a_map(call, tmp_path):
         assert float(row["u.final"]) == pytest.approx(exact, abs=1e-5)
     done = call("sweep", *words, "--vary", "plant.u=0:1:3", "--out", str(tmp_path / "map"))
     assert done.returncode == 0
-    assert {f.name for f in (tmp_path / "map").iterdir()} == {"sweep.csv", "sweep.png", "sweep.svg"}
+    assert {f.name for f in (tmp_path / "map").glob("sweep.*")} == {"sweep.csv", "sweep.png", "sweep.svg"}
 
 
 def test_every_phase_is_flown_with_its_own_parameters():
@@ -89,3 +90,53 @@ def test_a_sweep_that_was_stopped_goes_on_to_the_same_bits(call, tmp_path, monke
     assert sorted(p.name for p in tmp_path.iterdir()) == ["out", "whole"]
     one, other = ((tmp_path / name / "sweep.csv").read_bytes() for name in ("out", "whole"))
     assert one == other
+
+
+# ---- the user's own files --------------------------------------------------------------------------------
+
+WORDS = ("sweep", "k06-turn", "--vary", "controller.k2=0.5:6:4")
+
+
+def test_a_users_folder_of_the_name_of_the_partial_results_is_refused_and_kept(call, tmp_path):
+    (tmp_path / "res.partial" / "thesis").mkdir(parents=True)
+    (tmp_path / "res.partial" / "thesis" / "text.tex").write_text("years")
+    for words in ((), ("--resume",)):
+        done = call(*WORDS, *words, "--out", "res", cwd=tmp_path)
+        assert done.returncode == 2 and done.stderr.count("\n") == 1
+        assert "res.partial: expected results of an unfinished run, found not a folder" in done.stderr
+    assert (tmp_path / "res.partial" / "thesis" / "text.tex").read_text() == "years"
+    assert [p.name for p in tmp_path.iterdir()] == ["res.partial"]
+
+
+def test_a_link_of_the_name_of_the_partial_results_receives_nothing(call, tmp_path):
+    (tmp_path / "far").mkdir()
+    (tmp_path / "res.partial").symlink_to("far")
+    done = call(*WORDS, "--out", "res", cwd=tmp_path)
+    assert done.returncode == 2 and "found a symbolic link" in done.stderr
+    assert list((tmp_path / "far").iterdir()) == [] and (tmp_path / "res.partial").is_symlink()
+    (tmp_path / "res.partial").unlink()
+    own_folder(tmp_path / "res.partial")
+    (tmp_path / "res.partial" / "phase-1").symlink_to(tmp_path / "far")
+    assert call(*WORDS, "--resume", "--out", "res", cwd=tmp_path).returncode == 2
+    assert list((tmp_path / "far").iterdir()) == []
+
+
+def test_what_a_user_puts_among_partial_results_outlives_them(call, tmp_path):
+    own_folder(tmp_path / "res.partial")
+    (tmp_path / "res.partial" / "phase-1").mkdir()
+    mine = [tmp_path / "res.partial" / name for name in ("notes.txt", "phase-1/notes.txt")]
+    for file in mine:
+        file.write_text("mine")
+    assert call(*WORDS, "--out", "res", cwd=tmp_path).returncode == 2, "it is not a folder of results alone"
+    assert [file.read_text() for file in mine] == ["mine", "mine"]
+
+
+@pytest.mark.parametrize("out", ["/", "//", "/.."])
+def test_the_root_is_no_folder_for_a_sweep(call, tmp_path, out):
+    done = call(*WORDS, "--out", out, cwd=tmp_path)
+    assert done.returncode == 2 and "--out: expected a folder with a name, found /" in done.stderr
+
+
+def test_a_refused_sweep_leaves_nothing(call, tmp_path):
+    done = call("sweep", "k06-turn", "--vary", "controller.k3=1:2:3", cwd=tmp_path)
+    assert done.returncode == 2 and list(tmp_path.iterdir()) == []

@@ -55,7 +55,7 @@ def test_a_missing_slope_is_found_named_added_and_shown(folder, tmp_path):
     assert gap.startswith("On the held-out log it takes ")
     assert remains == "What remains: nothing beyond noise."
     assert wrote == "wrote model.toml, report.html, result.json to out"
-    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == [
+    assert sorted(p.name for p in (tmp_path / "out").glob("[!.]*")) == [
         "model.toml",
         "report.html",
         "result.json",

@@ -10,6 +10,7 @@ import pytest
 
 from hovercontrol.errors import InputError
 from hovercontrol.identify.study import Study
+from hovercontrol.io.files import write_folder
 from hovercontrol.logs import BenchTable, Condition, gather, read_log
 from hovercontrol.models.modelfile import load_model
 from hovercontrol.models.vehicles import vehicle
@@ -63,10 +64,12 @@ def test_a_held_out_log_predicted_worse_than_trivially_is_a_negative_finding(sam
 
 
 def test_pictures_of_an_earlier_run_are_removed(sample_study, tmp_path):
-    for name in ("free_run_old.png", "path.png"):
-        (tmp_path / name).write_text("old")
+    write_folder(tmp_path, lambda folder: (folder / "free_run_old.png").write_text("of an earlier run"))
+    for name in ("free_run_mine.png", "path.png"):
+        (tmp_path / name).write_text("the user's")
     files = sample_study.save(tmp_path)
-    assert {p.name for p in tmp_path.iterdir()} == {*(f.name for f in files), "path.png"}
+    seen = {p.name for p in tmp_path.glob("[!.]*")}
+    assert seen == {*(f.name for f in files), "free_run_mine.png", "path.png"}
 
 
 def test_the_table_of_predictions_has_the_trivial_one_beside(sample_study, tmp_path):

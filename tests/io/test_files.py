@@ -4,12 +4,14 @@ import os
 import resource
 import subprocess
 import sys
+import warnings
 
 import pytest
 
 from hovercontrol.errors import InputError
 from hovercontrol.io import files
 from hovercontrol.io.files import check_folder, readable, write_atomically, write_folder
+from hovercontrol.io.written import LIST
 
 
 def test_the_file_and_its_folder_appear(tmp_path):
@@ -59,14 +61,14 @@ def results(text, *names):
 
 
 def content(folder):
-    return {path.name: path.read_text() for path in folder.iterdir() if path.is_file()}
+    return {path.name: path.read_text() for path in folder.iterdir() if path.is_file() and path.name != LIST}
 
 
 def test_a_folder_appears_and_is_replaced_with_what_others_put_there_kept(tmp_path):
     out = tmp_path / "new" / "out"
     assert write_folder(out, results("1")) == [out / "a.csv", out / "b.csv"]
+    write_folder(out, results("1", "old_c.csv"))
     (out / "notes.txt").write_text("mine")
-    (out / "old_c.csv").write_text("1")
     write_folder(out, results("2", "a.csv"), stale=("old_*.csv",))
     assert content(out) == {"a.csv": "2", "b.csv": "1", "notes.txt": "mine"}
     assert [p.name for p in out.parent.iterdir()] == ["out"]
@@ -78,7 +80,7 @@ def test_a_folder_with_folders_and_the_one_we_are_in_are_filled(tmp_path, monkey
     monkeypatch.chdir(tmp_path)
     write_folder(".", results("2", "a.csv"))
     assert content(tmp_path) == {"a.csv": "2", "b.csv": "1"} and (tmp_path / "sub").is_dir()
-    assert len(list(tmp_path.iterdir())) == 3
+    assert {p.name for p in tmp_path.iterdir()} == {"a.csv", "b.csv", "sub", LIST}
 
 
 def test_a_link_to_a_folder_stays_one(tmp_path):
@@ -97,6 +99,74 @@ def test_without_an_exchange_of_names_there_is_still_a_folder(tmp_path, monkeypa
         write_folder(tmp_path / "out", results(text))
     assert content(tmp_path / "out") == {"a.csv": "2", "b.csv": "2"}
     assert [p.name for p in tmp_path.iterdir()] == ["out"]
+
+
+@pytest.mark.parametrize("as_one", [True, False])
+def test_a_users_file_is_neither_removed_nor_overwritten(tmp_path, as_one):
+    """A file that was not written here, one that was changed since, and a link, of names that are wanted."""
+    out = tmp_path / "out"
+    write_folder(out, results("1", "changed.csv", "old_1.csv", "old_2.csv"))
+    if not as_one:
+        (out / "sub").mkdir()
+    (out / "changed.csv").write_text("mine")
+    (out / "old_2.csv").write_text("mine")
+    (out / "old_3.csv").write_text("mine")
+    (out / "own.csv").write_text("mine")
+    (out / "same.csv").write_text("2")
+    (tmp_path / "far.csv").write_text("far")
+    (out / "link.csv").symlink_to(tmp_path / "far.csv")
+    names = ("changed.csv", "own.csv", "same.csv", "link.csv")
+    with pytest.warns(UserWarning, match="kept as") as said:
+        write_folder(out, results("2", *names), stale=("old_*.csv",))
+    end = "changed.csv was not written by hovercontrol, or was changed since: kept as changed.kept-1.csv"
+    assert len(said) == 3 and str(said[0].message).endswith(end)
+    mine = {f"{name}.kept-1.csv": "mine" for name in ("changed", "own")}
+    old = {"old_2.csv": "mine", "old_3.csv": "mine"}
+    assert content(out) == {**dict.fromkeys(names, "2"), **mine, **old, "link.kept-1.csv": "far"}
+    assert (tmp_path / "far.csv").read_text() == "far" and (out / "link.kept-1.csv").is_symlink()
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        write_folder(out, results("3", *names))  # now they are its own
+    assert content(out) == {**dict.fromkeys(names, "3"), **mine, **old, "link.kept-1.csv": "far"}
+
+
+def test_a_list_that_is_a_link_counts_for_nothing(tmp_path):
+    write_folder(tmp_path / "a", results("1", "old.csv"))
+    (tmp_path / "b").mkdir()
+    (tmp_path / "b" / LIST).symlink_to(tmp_path / "a" / LIST)
+    (tmp_path / "b" / "old.csv").write_text("1")
+    write_folder(tmp_path / "b", results("2", "new.csv"), stale=("old.csv",))
+    assert content(tmp_path / "b") == {"old.csv": "1", "new.csv": "2"}
+
+
+def test_names_of_unfinished_files_that_are_links_are_left_alone(tmp_path):
+    """In a shared folder somebody else may choose the names that a killed run would have left."""
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "a.txt").write_text("thesis")
+    dead = files._prefix().replace(f"-{os.getpid()}-", "-4194305-")  # no process has that number
+    (tmp_path / "out").mkdir()
+    link = tmp_path / "out" / f"{dead.replace('writing', 'placing')}x"
+    link.symlink_to(tmp_path / "mine")
+    write_atomically(tmp_path / "out" / "b.txt", lambda path: path.write_text("1"))
+    assert link.is_symlink() and (tmp_path / "mine" / "a.txt").read_text() == "thesis"
+    assert not (tmp_path / "out" / "a.txt").exists()
+
+
+def test_a_failure_leaves_no_empty_folder(tmp_path):
+    def fail(place):
+        raise OSError(28, "No space left on device")
+
+    for write in (write_atomically, write_folder):
+        with pytest.raises(InputError, match="No space left"):
+            write(tmp_path / "new" / "deep" / "a", fail)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_folder_in_the_place_of_a_file_is_refused_before_anything_is_moved(tmp_path):
+    (tmp_path / "out" / "b.csv").mkdir(parents=True)
+    with pytest.raises(InputError, match=r"b\.csv: cannot be written: a folder has that name"):
+        write_folder(tmp_path / "out", results("1"))
+    assert [p.name for p in (tmp_path / "out").iterdir()] == ["b.csv"]
 
 
 KILLED = """
