@@ -95,6 +95,12 @@ class PythonEngine:
 
     def load(self, saved: Any) -> None:
         """Go on from what :meth:`save` returned."""
+        sizes = [
+            len(part) for part in self._run.save()[3:7]
+        ]  # when ticks are due, states, inputs, parameters
+        found = [len(part) for part in saved[3:7]]
+        if found != sizes:
+            raise ValueError(f"expected {sizes} numbers, found {found}")
         self._run.load(saved)
         self._params = tuple(saved[-2])
         self._find_switches()

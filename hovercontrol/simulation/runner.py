@@ -6,11 +6,12 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
 import struct
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 import numpy as np
@@ -42,11 +43,32 @@ class Snapshot:
         What it is a state of.
     data : tuple
         For the runner.
+
+    Attributes
+    ----------
+    checksum : str
+        SHA-256 of all that, by which damage is seen.
     """
 
     time: float
     of: tuple[str, ...]
     data: tuple[Any, ...]
+    checksum: str = field(init=False, repr=False, default="")
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "checksum", self._computed())
+
+    def _computed(self) -> str:
+        content = (self.time, self.of, tuple(_as_bytes(part) for part in self.data))
+        return hashlib.sha256(repr(content).encode()).hexdigest()
+
+    @property
+    def damaged(self) -> bool:
+        """Whether it is not what :meth:`Runner.save` made."""
+        try:
+            return self.checksum != self._computed()
+        except (AttributeError, TypeError, ValueError):  # what was pickled comes back as something else
+            return True
 
 
 class Runner(ABC):
@@ -187,7 +209,7 @@ class Runner(ABC):
         Raises
         ------
         InputError
-            If it was taken of something else.
+            If it was taken of something else, or is damaged; the runner is then as it was.
         """
 
     # ---- inside --------------------------------------------------------------------------------------
@@ -228,6 +250,8 @@ class Runner(ABC):
     def _check(self, snapshot: Snapshot, of: tuple[str, ...]) -> None:
         if not isinstance(snapshot, Snapshot):
             raise InputError(f"{self._label}: expected what save() returned, found {snapshot!r}")
+        if snapshot.damaged:
+            raise InputError(f"{self._label}: the snapshot is damaged: its checksum differs")
         if snapshot.of != of:
             other = (
                 "another version or instance of it"
@@ -257,7 +281,7 @@ class Engine(Protocol):
         """Return all that it knows."""
 
     def load(self, saved: Any) -> None:
-        """Go on from what :meth:`save` returned."""
+        """Go on from what :meth:`save` returned; raise ValueError where it is of another size."""
 
 
 class BlockRunner(Runner):
@@ -315,11 +339,24 @@ class BlockRunner(Runner):
     def restore(self, snapshot: Snapshot) -> None:
         """Go back, or on, to where a snapshot was taken; see :meth:`Runner.restore`."""
         self._check(snapshot, self._of())
-        self._rest, self._sent, self._values, late, saved = snapshot.data
-        self.time = snapshot.time
+        before = self.save()
+        try:
+            self._take(snapshot)
+        except (TypeError, ValueError) as error:
+            self._take(before)
+            raise InputError(f"{self._label}: the snapshot is not one of save(): {error}") from None
+
+    def _take(self, snapshot: Snapshot) -> None:
+        rest, sent, values, late, saved = snapshot.data
+        numbers = [snapshot.time, rest, *values, *np.frombuffer(sent)]
+        if (len(sent), len(values)) != (len(self._sent), len(self._values)) or not np.isfinite(numbers).all():
+            raise ValueError("its time, inputs or parameters are not those of this Block")
+        self._engine.load(saved)
+        if not np.isfinite(self._engine.states()).all():
+            raise ValueError("a state is not a number")
         if self._late:
             self._late.load(late)
-        self._engine.load(saved)
+        self._rest, self._sent, self._values, self.time = rest, sent, values, snapshot.time
 
     def _of(self) -> tuple[str, ...]:
         return "block", self._block.name, self._block.content_hash, self._engine.kind
@@ -362,6 +399,10 @@ class BlockRunner(Runner):
         if status != INPUT_NOT_FINITE:
             self.time, self._rest = self._engine.time(), 0.0
         super()._fail(status)
+
+
+def _as_bytes(value: Any) -> Any:
+    return (value.shape, value.tobytes()) if isinstance(value, np.ndarray) else value
 
 
 def _number(label: str, name: str, value: Any) -> float:

@@ -1,16 +1,22 @@
-"""Checkpoints of a sweep: a folder of Parquet files from which the same sweep continues."""
+"""Checkpoints of a sweep: a folder of Parquet files from which the same sweep continues.
+
+A file's name ends in the digest of its bytes: one that was damaged is seen, and its runs are computed again.
+"""
 
 from __future__ import annotations
 
 import hashlib
+import io
 import json
+import re
+import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from hovercontrol.errors import InputError
-from hovercontrol.io.files import check_folder, write_quietly
+from hovercontrol.io.files import check_folder, readable, reason, write_quietly
 from hovercontrol.simulation.reasons import REASONS
 from hovercontrol.targets.sweep import FIGURES, SweepResult
 
@@ -18,6 +24,7 @@ if TYPE_CHECKING:
     from hovercontrol.targets.compiled import CompiledBlock
 
 _KEY = b"hovercontrol.sweep"
+_NAME = re.compile(r"runs-\d{9}-\d{9}-([0-9a-f]{32})\.parquet")
 
 
 def fingerprint(ready: CompiledBlock, *rest: Any) -> str:
@@ -53,18 +60,22 @@ class Checkpoint:
     def load(self, result: SweepResult) -> None:
         """Put in place what the folder holds; other runs are left as they are.
 
+        A damaged file is removed, with a warning: its runs are to be computed again.
+
         Raises
         ------
         InputError
-            If a file is not readable, or belongs to another sweep.
+            If a file cannot be read, is none of a sweep, or belongs to another sweep.
         """
         import pyarrow.parquet
 
         for path in sorted(self.folder.glob("*.parquet")):
-            try:
-                table = pyarrow.parquet.read_table(path)
-            except (OSError, pyarrow.ArrowException) as error:
-                raise InputError(f"{path}: not readable as Parquet: {error}") from None
+            content = _checked(path)
+            if content is None:
+                path.unlink(missing_ok=True)
+                warnings.warn(f"{path}: damaged; its runs are computed again", stacklevel=2)
+                continue
+            table = pyarrow.parquet.read_table(io.BytesIO(content))
             if (table.schema.metadata or {}).get(_KEY) != self.digest.encode():
                 raise InputError(
                     f"{path}: belongs to another sweep (other equations, values or options): take another "
@@ -90,5 +101,30 @@ class Checkpoint:
 
         table = result.to_table(part)
         table = table.replace_schema_metadata({_KEY: self.digest.encode()})
-        path = self.folder / f"runs-{part.start:09d}-{part.stop:09d}.parquet"
-        write_quietly(path, lambda file: pyarrow.parquet.write_table(table, file))
+        stream = io.BytesIO()
+        pyarrow.parquet.write_table(table, stream)
+        content = stream.getvalue()
+        path = self.folder / f"runs-{part.start:09d}-{part.stop:09d}-{_digest(content)}.parquet"
+        write_quietly(path, lambda file: file.write_bytes(content))
+
+
+def _digest(content: bytes) -> str:
+    return hashlib.sha256(content).hexdigest()[:32]
+
+
+def _checked(path: Path) -> bytes | None:
+    """Return the content of a file of a checkpoint, None if it is not what was written.
+
+    Raises
+    ------
+    InputError
+        If its name is not that of such a file, or the system refuses it.
+    """
+    named = _NAME.fullmatch(path.name)
+    if named is None:
+        raise InputError(f"{path}: not readable as Parquet of a sweep: expected runs-FROM-TO-DIGEST.parquet")
+    try:
+        content = readable(path, "results of a sweep").read_bytes()
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {reason(error)}") from None
+    return content if _digest(content) == named[1] else None

@@ -84,6 +84,9 @@ class NativeEngine:
 
     def load(self, saved: bytes) -> None:
         """Go on from what :meth:`save` returned."""
+        size = self._calls.runner_size(self._at) * np.dtype(float).itemsize
+        if len(saved) != size:
+            raise ValueError(f"expected {size} bytes, found {len(saved)}")
         numbers = np.frombuffer(saved).copy()
         self._calls.runner_load(self._at, numbers.ctypes.data)
 

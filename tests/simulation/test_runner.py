@@ -1,5 +1,6 @@
 """Stepping is simulating: whatever the grid, the Block, the engine; and a snapshot goes on to the bit."""
 
+import dataclasses
 import pickle
 import shutil
 
@@ -168,6 +169,47 @@ def test_from_a_snapshot_it_goes_on_to_the_bit_also_elsewhere(name, engine):
     elsewhere = [other.step([1.5] * n, 0.003 * (k + 1)) for k in range(9)]
     assert np.array_equal(first, again) and np.array_equal(first, elsewhere)
     assert runner.time == other.time and np.array_equal(runner.state, other.state)
+
+
+def shortened(snapshot, by):
+    """The snapshot as its maker would have it, its last part cut or made longer."""
+    *rest, saved = snapshot.data
+    if isinstance(saved, bytes):
+        return dataclasses.replace(snapshot, data=(*rest, saved[:by] if by < 0 else saved + bytes(by)))
+    states = saved[4][:by] if by < 0 else saved[4] * 2
+    return dataclasses.replace(snapshot, data=(*rest, (*saved[:4], states, *saved[5:])))
+
+
+@needs_cc
+@pytest.mark.parametrize("engine", ["native", "python"])
+def test_a_damaged_snapshot_is_refused_and_changes_nothing(engine, rng):
+    """Bits flipped in what pickle wrote, parts too short or too long, numbers that are none."""
+    runner, same = (start(LATE_HYBRID, engine) for _ in range(2))
+    for each in (runner, same):
+        each.step([0.5], 0.011)
+    snapshot = runner.save()
+    none = dataclasses.replace(snapshot, data=(np.nan, *snapshot.data[1:]))
+    for wrong in (shortened(snapshot, -8), shortened(snapshot, 8), shortened(snapshot, -1), none,
+                  dataclasses.replace(snapshot, data=snapshot.data[:-1])):  # fmt: skip
+        with pytest.raises(InputError, match="the snapshot is not one of save") as refused:
+            runner.restore(wrong)
+        assert "\n" not in str(refused.value)
+    content, first = pickle.dumps(snapshot), same.step([1.5], 0.007).tolist()
+    assert runner.step([1.5], 0.007).tolist() == first
+    for _ in range(150):
+        flipped = bytearray(content)
+        bit = int(rng.integers(8 * len(content)))
+        flipped[bit // 8] ^= 1 << bit % 8
+        try:
+            found = pickle.loads(bytes(flipped))
+        except Exception:  # pickle's own
+            continue
+        try:
+            runner.restore(found)
+        except InputError as error:
+            assert "\n" not in str(error)
+        else:
+            assert runner.step([1.5], 0.007).tolist() == first
 
 
 @needs_cc

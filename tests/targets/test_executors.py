@@ -225,6 +225,27 @@ def test_a_checkpoint_that_is_none_is_refused(tmp_path):
         sweep_on(Immediate(), DECAY, GRID, params=RATES, checkpoint=tmp_path)
 
 
+@pytest.mark.parametrize("flips", [15, pytest.param(150, marks=pytest.mark.slow)])
+def test_a_damaged_checkpoint_is_said_and_its_runs_are_computed_again(tmp_path, rng, flips):
+    """One bit is flipped at random places of the files: results are never others."""
+    whole = DECAY.sweep(GRID, params=RATES)
+    sweep_on(Immediate(), DECAY, GRID, params=RATES, checkpoint=tmp_path)
+    for _ in range(flips):
+        path = rng.choice(sorted(tmp_path.glob("*.parquet")))
+        content = bytearray(path.read_bytes())
+        bit = int(rng.integers(8 * len(content)))
+        content[bit // 8] ^= 1 << bit % 8
+        path.write_bytes(content)
+        executor = Immediate()
+        with pytest.warns(UserWarning, match=r"runs-\d+-\d+-\w+\.parquet: damaged; its runs are computed"):
+            found = sweep_on(executor, DECAY, GRID, params=RATES, checkpoint=tmp_path)
+        assert_same(found, whole)
+        assert executor.calls == 1 and path.read_bytes() != content
+    path.write_bytes(b"")
+    with pytest.warns(UserWarning, match="damaged"):
+        assert_same(sweep_on(Immediate(), DECAY, GRID, params=RATES, checkpoint=tmp_path), whole)
+
+
 # ---- bad input -------------------------------------------------------------------------------------------
 
 

@@ -121,7 +121,10 @@ class FmuRunner(Runner):
         self._check(snapshot, self._of())
         self._rest, self._sent, y, ended, handle = snapshot.data
         with self._fmu(f"going back to t = {snapshot.time:.9g} s"):
-            self._engine.restore(handle)
+            try:
+                self._engine.restore(handle)
+            except KeyError:  # a copy, by pickle, of a snapshot that is gone
+                raise InputError(f"{self._label}: the FMU keeps that snapshot no longer") from None
         self.time, self._y, self.ended = snapshot.time, y.copy(), ended
 
     def close(self) -> None:
