@@ -20,6 +20,7 @@ import signal
 import subprocess
 import sys
 import tempfile
+import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cache
 from pathlib import Path
@@ -29,6 +30,7 @@ import sympy as sp
 from hovercontrol.core.block import Block
 from hovercontrol.errors import InputError
 from hovercontrol.io.files import write_quietly
+from hovercontrol.io.trusted import distrust, private_folder_made, trusted_bytes
 
 #: The same numbers on every machine: no fast-math, no fused multiply-add, nothing of this processor alone.
 #: (Measured: -flto and -march=native gain less than 10 %.)
@@ -128,17 +130,33 @@ def _answer(call: Sequence[str], folder: str | None, seconds: float) -> tuple[in
 def cache_folder() -> Path:
     """Return the folder of cached libraries: ``$HOVERCONTROL_CACHE``, else the user's cache directory.
 
-    Where that cannot be written, a private temporary folder that ends with this process.
+    Where that cannot be written, or where others may put a library, a private temporary folder that ends with
+    this process; of others a warning tells.
     """
     own = os.environ.get("HOVERCONTROL_CACHE")
     base = os.environ.get("XDG_CACHE_HOME") or os.environ.get("LOCALAPPDATA") or "~/.cache"
     try:
-        folder = Path(own or os.path.join(base, "hovercontrol")).expanduser().absolute() / "compiled"
-        folder.mkdir(parents=True, exist_ok=True)
+        place = Path(own or os.path.join(base, "hovercontrol")).expanduser()
+        private_folder_made(place)
+        folder = place.resolve() / "compiled"  # the user may have links, below them there are none
+        folder.mkdir(mode=0o700, exist_ok=True)
+        reason = distrust(folder)
+        if reason:
+            _tell_distrust(str(folder), reason)
+            return _private_folder()
         with tempfile.TemporaryFile(dir=folder):
             return folder
     except (OSError, RuntimeError):  # read-only, full, no home
         return _private_folder()
+
+
+@cache
+def _tell_distrust(folder: str, reason: str) -> None:
+    """Tell once that a cache is not used."""
+    text = (
+        f"compiled code is not kept in {folder}: {reason}; chmod go-w, or another $HOVERCONTROL_CACHE, helps"
+    )
+    warnings.warn(text, stacklevel=3)
 
 
 @cache
@@ -259,20 +277,36 @@ def _key(command: tuple[str, ...], flags: Sequence[str], files: Mapping[str, str
 
 
 def _cached(folder: Path, stem: str, suffix: str) -> Path | None:
-    """Return the library of that name whose bytes are those its name promises; remove any other."""
-    for path in sorted(_shelf(folder, stem).glob(f"{stem}-*{suffix}")):
-        try:
-            if _digest(path) == path.stem.rpartition("-")[2]:
-                return path
+    """Return the library of that name whose bytes are those its name promises; remove any other.
+
+    It is the user's own, and others cannot have written it; the same holds for the folders that it lies in.
+    """
+    shelf = _shelf(folder, stem)
+    if not shelf.exists() or distrust(shelf, within=folder):
+        return None
+    for path in sorted(shelf.glob(f"{stem}-*{suffix}")):
+        content = trusted_bytes(path)
+        if content is not None and _digest(content) == path.stem.rpartition("-")[2]:
+            return path
+        with contextlib.suppress(OSError):  # another process removed it, or it is a folder
             path.unlink()
-        except OSError:  # another process removed it, or it may not be read
-            continue
     return None
 
 
 def _shelf(folder: Path, stem: str) -> Path:
     """Return the part of a cache folder for names that end in a key: to look through all takes time."""
     return folder / stem[-2:]
+
+
+def _made_shelf(folder: Path, stem: str) -> Path:
+    """Return a part of a cache folder, made for the user alone; earlier versions followed the umask."""
+    shelf = _shelf(folder, stem)
+    shelf.mkdir(mode=0o700, exist_ok=True)
+    if shelf.is_symlink():
+        raise NotADirectoryError(f"{shelf} is a symbolic link")
+    if distrust(shelf, within=folder):
+        shelf.chmod(0o700)
+    return shelf
 
 
 def cached_text(stem: str, suffix: str, make: Callable[[], str]) -> str:
@@ -292,10 +326,10 @@ def cached_text(stem: str, suffix: str, make: Callable[[], str]) -> str:
         with contextlib.suppress(OSError):  # another process removed it
             return found.read_text(encoding="utf-8")
     text = make()
-    digest = hashlib.sha256(text.encode()).hexdigest()[:16]
-    with contextlib.suppress(InputError):  # a full disk: it is made again next time
-        target = _shelf(folder, stem) / f"{stem}-{digest}{suffix}"
-        write_quietly(target, lambda path: path.write_bytes(text.encode()))
+    digest = _digest(text.encode())
+    with contextlib.suppress(InputError, OSError):  # a full disk: it is made again next time
+        target = _made_shelf(folder, stem) / f"{stem}-{digest}{suffix}"
+        write_quietly(target, lambda path: path.write_bytes(text.encode()), mode=0o600)
     return text
 
 
@@ -325,8 +359,8 @@ def _generator() -> str:
     return digest.hexdigest()
 
 
-def _digest(path: Path) -> str:
-    return hashlib.sha256(path.read_bytes()).hexdigest()[:16]
+def _digest(content: bytes) -> str:
+    return hashlib.sha256(content).hexdigest()[:16]
 
 
 def _build(
@@ -357,10 +391,11 @@ def _build(
             log.write_text(f"{shlex.join(call)}\n{out}{said}", encoding="utf-8")
             first = next((x for x in said.splitlines() if "error" in x), f"status {status}")
             raise CompilerFailedError(f"the C compiler {command[0]} failed: {first.strip()}; its log: {log}")
-        if not made.read_bytes()[:4].startswith(_MAGIC[suffix]):
+        content = made.read_bytes()
+        if not content[:4].startswith(_MAGIC[suffix]):
             raise CompilerFailedError(f"the C compiler {command[0]} failed: what it wrote is no library")
-        target = _shelf(folder, stem) / f"{stem}-{_digest(made)}{suffix}"
-        target.parent.mkdir(exist_ok=True)
+        target = _made_shelf(folder, stem) / f"{stem}-{_digest(content)}{suffix}"
+        made.chmod(0o700)
         try:
             os.replace(made, target)
         except OSError:  # Windows: the same file, built by another process, is in use

@@ -1,11 +1,13 @@
 """The C compiler is found or its lack said; libraries are built once, whole, and never loaded broken."""
 
+import hashlib
 import os
 import platform
 import shutil
 import stat
 import subprocess
 import sys
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -342,3 +344,115 @@ def test_a_folder_in_the_place_of_a_library_is_passed_by(cache):
     there.unlink()
     there.mkdir()
     assert load_library("two", TWO).two() == 2
+
+
+# ---- what others may have put there ------------------------------------------------------------------------
+
+THREE = {**TWO, "two.h": TWO["two.h"].replace("TWO 2", "TWO 3")}
+posix = pytest.mark.skipif(os.name == "nt", reason="permissions of POSIX")
+
+
+def planted(cache, folder):
+    """Put a library that returns 3 where the one that returns 2 is looked for; its name fits its bytes."""
+    load_library("two", TWO)
+    (right,) = libraries(cache)
+    load_library("two", THREE)
+    (wrong,) = (p for p in libraries(cache) if p != right)
+    content = wrong.read_bytes()
+    name = f"{right.stem.rpartition('-')[0]}-{hashlib.sha256(content).hexdigest()[:16]}.so"
+    shutil.rmtree(cache)
+    place = folder / name.split("-")[1][-2:] / name
+    place.parent.mkdir(parents=True)
+    place.write_bytes(content)
+    for path in (cache.parent, cache, place.parent, place):
+        path.chmod(0o700)
+    return place
+
+
+@pytest.fixture
+def fresh(monkeypatch):
+    """The temporary folder of a process that has loaded nothing, and told nothing."""
+    for function in (compiler._private_folder, compiler._tell_distrust):
+        function.cache_clear()
+    yield
+    for function in (compiler._private_folder, compiler._tell_distrust):
+        function.cache_clear()
+
+
+@needs_cc
+@posix
+def test_a_library_of_the_users_own_in_folders_of_the_users_own_is_taken(cache):
+    planted(cache, cache)
+    assert load_library("two", TWO).two() == 3, "so that the tests below show something"
+
+
+@needs_cc
+@posix
+@pytest.mark.parametrize("mode", [0o777, 0o770, 0o702])
+@pytest.mark.parametrize("level", ["cache", "compiled"])
+def test_a_cache_into_which_others_may_write_is_not_used(cache, mode, level, fresh):
+    planted(cache, cache)
+    {"cache": cache.parent, "compiled": cache}[level].chmod(mode)
+    with pytest.warns(UserWarning, match="compiled code is not kept in .*: others may write to ") as said:
+        assert load_library("two", TWO).two() == 2
+        assert load_library("two", TWO).two() == 2
+    assert len(said) == 1 and "\n" not in str(said[0].message)
+    assert compiler._private_folder().stat().st_mode & 0o777 == 0o700
+
+
+@needs_cc
+@posix
+@pytest.mark.parametrize("level", ["folder", "file"])
+def test_a_part_of_the_cache_that_others_may_write_is_not_taken(cache, level):
+    place = planted(cache, cache)
+    {"folder": place.parent, "file": place}[level].chmod(0o766)
+    assert load_library("two", TWO).two() == 2
+
+
+@needs_cc
+@posix
+@pytest.mark.parametrize("level", ["compiled", "folder", "file"])
+def test_a_link_in_the_cache_is_not_followed(cache, level, tmp_path, fresh):
+    place = planted(cache, cache)
+    path = {"compiled": cache, "folder": place.parent, "file": place}[level]
+    path.rename(tmp_path / "far")
+    path.symlink_to(tmp_path / "far")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        assert load_library("two", TWO).two() == 2
+
+
+@needs_cc
+@posix
+@pytest.mark.skipif(getattr(os, "getuid", int)() != 0, reason="only root can give a file to another user")
+@pytest.mark.parametrize("level", ["cache", "compiled", "folder", "file"])
+def test_what_belongs_to_another_user_is_not_taken(cache, level, fresh):
+    place = planted(cache, cache)
+    os.chown(
+        {"cache": cache.parent, "compiled": cache, "folder": place.parent, "file": place}[level], 1234, -1
+    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        assert load_library("two", TWO).two() == 2
+
+
+@posix
+def test_a_generated_text_that_others_may_write_is_made_again(cache):
+    compiler.cached_text("text-0123456789abcdef01234567", ".c", lambda: "right")
+    (path,) = cache.glob("*/text-*.c")
+    path.chmod(0o666)
+    assert compiler.cached_text("text-0123456789abcdef01234567", ".c", lambda: "again") == "again"
+
+
+@needs_cc
+@posix
+@pytest.mark.parametrize("umask", [0o000, 0o002])
+def test_a_cache_is_the_users_alone_whatever_the_umask(cache, umask, monkeypatch):
+    before = os.umask(umask)
+    try:
+        load_library("two", TWO)
+    finally:
+        os.umask(before)
+    monkeypatch.setattr(compiler, "_build", None)  # would not be callable
+    assert load_library("two", TWO).two() == 2
+    assert {p.stat().st_mode & 0o077 for p in (cache.parent, *cache.parent.rglob("*"))} == {0}
