@@ -54,6 +54,7 @@ class Pacer:
         self._finished: list[Recorder] = []
         self._paused, self._note, self._frame = True, "", 0
         self._heard: float | None = None
+        self._paused_at = 0.0
         self._begin()
         self._state: dict[str, Any] = {}
         self._tell()
@@ -70,18 +71,17 @@ class Pacer:
         if self._thread.is_alive():
             self._thread.join()
 
-    def heard(self, stick: tuple[Any, Any] | None = None) -> None:
-        """Say that the pilot's browser is there, with the stick as it is.
+    def heard(self, stick: tuple[Any, Any]) -> None:
+        """Take the stick as it is; that the pilot's browser is there is known by it.
 
         Raises
         ------
         InputError
-            If the stick is no pair of numbers from -1 to 1.
+            If the stick is no pair of numbers from -1 to 1: then nothing was heard.
         """
         with self._lock:
-            if stick is not None:
-                self.loop.command(stick=stick)
-                self._note = "" if any(stick) else self._note
+            self.loop.command(stick=stick)
+            self._note = "" if any(stick) else self._note
             self._heard = time.monotonic()
 
     def left(self) -> None:
@@ -91,18 +91,24 @@ class Pacer:
                 self._release("The browser left: commands were set to zero.")
 
     def command(self, **orders: Any) -> None:
-        """Tell the loop what the pilot wants; see :meth:`.orders.Flown.command`."""
+        """Tell the loop what the pilot wants, see :meth:`.orders.Flown.command`; heard as a stick is."""
         with self._lock:
             self.loop.command(**orders)
+            if any(orders.values()):  # an order that orders nothing may come from nobody
+                self._heard = time.monotonic()
             self._note = ""
             self._tell()
 
     def pause(self, paused: bool) -> None:
-        """Let time stand still, or go on."""
+        """Let time stand still, or go on; silence is counted while it goes on."""
         with self._lock:
-            self._paused = paused
-            self._heard = None if self._heard is None else time.monotonic()
-            self._begin()
+            if paused != self._paused:
+                self._paused, now = paused, time.monotonic()
+                if paused:
+                    self._paused_at = now
+                elif self._heard is not None:
+                    self._heard = now - max(0.0, self._paused_at - self._heard)
+                self._begin()
             self._tell()
 
     def reset(self) -> None:

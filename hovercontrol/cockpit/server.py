@@ -20,6 +20,7 @@ from aiohttp import WSMsgType, web
 from hovercontrol.cockpit.about import about
 from hovercontrol.cockpit.guard import guard
 from hovercontrol.cockpit.loops import LOOPS, Loops
+from hovercontrol.cockpit.messages import check_message
 from hovercontrol.cockpit.pacer import Pacer
 from hovercontrol.cockpit.shelf import Shelf
 from hovercontrol.errors import InputError, did_you_mean, one_line, shown
@@ -153,26 +154,20 @@ class Console:
             await talk.send_json({"error": one_line(error, 300)})
 
     async def _obey(self, talk: web.WebSocketResponse, message: dict[str, Any]) -> None:
-        if message.get("take"):
+        if message.get("take") and self.pilot is not talk:
             self._give(talk)
         if self.pilot is not talk:
             if message.keys() - {"stick", "take"}:
                 raise InputError("another page flies this craft: take control first")
             return
-        stick = message.pop("stick", None)
-        if stick is not None and not (isinstance(stick, list) and len(stick) == 2):
-            raise InputError(f"stick: expected two numbers, found {shown(stick)}")
-        self.pacer.heard(tuple(stick) if stick else None)
-        orders = {"command": dict, "loop": str, "pause": bool, "record": bool, "reset": bool, "take": bool}
-        for key, value in message.items():
-            if key not in orders:
-                raise InputError(f"unknown order {shown(key)}{did_you_mean(key, orders)}")
-            if not isinstance(value, orders[key]):
-                raise InputError(f"{key}: expected {orders[key].__name__}, found {shown(value)}")
+        check_message(message)
+        stick = tuple(message.get("stick", ()))
         if "loop" in message:
             self._switch(talk, message["loop"])
         if "command" in message:
-            self._command(message["command"])
+            self.pacer.command(**message["command"], **({"stick": stick} if stick else {}))
+        elif stick:
+            self.pacer.heard(stick)
         if "pause" in message:
             self.pacer.pause(message["pause"])
         if message.get("reset"):
@@ -180,21 +175,6 @@ class Console:
         if "record" in message:
             self.pacer.record(message["record"])
             await self._save_finished()
-
-    def _command(self, order: dict[str, Any]) -> None:
-        known = ("law", "references", "disturbances", "switches")
-        for key in order:
-            if key not in known:
-                raise InputError(f"command: unknown {shown(key)}{did_you_mean(key, known)}")
-        for key in known[1:]:
-            if not isinstance(order.get(key, {}), dict):
-                raise InputError(f"{key}: expected an object, found {shown(order[key])}")
-        for key, values in order.get("disturbances", {}).items():
-            if not isinstance(values, dict | None):
-                raise InputError(
-                    f"disturbance {shown(key)}: expected an object or null, found {shown(values)}"
-                )
-        self.pacer.command(**order)
 
     def _switch(self, talk: web.WebSocketResponse, kind: str) -> None:
         """Let another loop fly, as soon as it is built; every page is told anew what flies."""

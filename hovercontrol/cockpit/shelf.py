@@ -4,8 +4,13 @@ from __future__ import annotations
 
 import asyncio
 import math
+import mimetypes
+import os
+import shutil
+import stat
 import tempfile
 from pathlib import Path
+from typing import BinaryIO
 from urllib.parse import quote
 
 import numpy as np
@@ -47,20 +52,31 @@ class Shelf:
     async def _logs(self, request: web.Request) -> web.Response:
         return web.json_response(names_in(self.folder))
 
-    def _named(self, request: web.Request) -> Path:
+    def _opened(self, request: web.Request) -> BinaryIO:
+        """Open the log that is asked for; what is read is this file, whatever its name leads to by then."""
         name = request.match_info["name"]
-        if name not in names_in(self.folder):  # no path leads out of the folder
-            raise web.HTTPNotFound(text=f"there is no log {name!r} in {self.folder}\n")
-        return self.folder / name
+        try:
+            if name not in names_in(self.folder):  # no path leads out of the folder
+                raise FileNotFoundError
+            return open_log(self.folder, name)
+        except OSError:
+            raise web.HTTPNotFound(text=f"there is no log {name!r} in {self.folder}\n") from None
 
-    async def _download(self, request: web.Request) -> web.FileResponse:
-        path = self._named(request)
-        return web.FileResponse(
-            path, headers={"Content-Disposition": f"attachment; filename*=UTF-8''{quote(path.name)}"}
+    async def _download(self, request: web.Request) -> web.Response:
+        name = request.match_info["name"]
+        return web.Response(
+            body=self._opened(request),  # sent piece by piece, then closed
+            content_type=mimetypes.guess_type(name)[0] or "application/octet-stream",
+            headers={"Content-Disposition": f"attachment; filename*=UTF-8''{quote(name)}"},
         )
 
     async def _columns(self, request: web.Request) -> web.Response:
-        return await self._shown(self._named(request))
+        name = request.match_info["name"]
+        with self._opened(request) as log, tempfile.TemporaryDirectory() as folder:
+            copy = Path(folder) / f"log{Path(name).suffix.lower()}"
+            with copy.open("wb") as file:
+                await asyncio.to_thread(shutil.copyfileobj, log, file)
+            return await self._shown(copy, name)
 
     async def _replay(self, request: web.Request) -> web.Response:
         if self.replay is None:
@@ -81,6 +97,32 @@ class Shelf:
         except InputError as error:
             raise web.HTTPBadRequest(text=str(error).replace(str(path), name or path.name)) from None
         return web.json_response({"name": name or path.name, "columns": columns})
+
+
+def open_log(folder: Path, name: str) -> BinaryIO:
+    """Open a regular file of a folder, and only of this folder, for reading.
+
+    Between a look at a name and its opening a link can be put there: the name is opened within the opened
+    folder, no link is followed, and what is open is looked at.
+
+    Raises
+    ------
+    OSError
+        If there is none: no such name, a link, a folder, a pipe.
+    """
+    flags = os.O_RDONLY | getattr(os, "O_BINARY", 0) | getattr(os, "O_NONBLOCK", 0)
+    if os.open not in os.supports_dir_fd:  # Windows: links are for administrators there
+        file = os.open(folder / name, flags)
+    else:
+        place = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+        try:
+            file = os.open(name, flags | os.O_NOFOLLOW, dir_fd=place)
+        finally:
+            os.close(place)
+    if os.sep in name or not stat.S_ISREG(os.fstat(file).st_mode):
+        os.close(file)
+        raise FileNotFoundError(name)
+    return os.fdopen(file, "rb")
 
 
 def log_columns(path: str | Path) -> dict[str, list[float]]:

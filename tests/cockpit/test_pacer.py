@@ -73,6 +73,21 @@ def test_commands_go_to_zero_within_half_a_second_of_silence(pacer):
     assert "No word from the browser" in pacer.state["note"] and pacer.state["law"] == "manual"
 
 
+def test_silence_is_counted_on_where_time_stood_still_meanwhile(pacer):
+    """To stop time and let it go on, over and over, does not keep the thrust on."""
+    pacer.pause(False)
+    fly(pacer, 0.1, (1.0, 0.0))
+    last = pacer.state["signals"]["time"]
+    begun = time.monotonic()
+    while not pacer.state["note"]:
+        assert time.monotonic() - begun < 5.0
+        pacer.pause(True)
+        time.sleep(0.01)
+        pacer.pause(False)
+        time.sleep(0.1)
+    assert pacer.state["signals"]["thrust"] == 0 and pacer.state["signals"]["time"] - last < 0.6
+
+
 def test_commands_go_to_zero_at_once_when_the_browser_leaves_whatever_law_flies(pacer):
     pacer.pause(False)
     pacer.heard((0.0, 0.0))

@@ -2,7 +2,9 @@
 
 import asyncio
 import json
+import os
 import socket
+import threading
 from contextlib import asynccontextmanager
 from functools import cache
 
@@ -17,8 +19,9 @@ from hovercontrol.cockpit.guard import is_loopback
 from hovercontrol.cockpit.loop import Loop
 from hovercontrol.cockpit.pacer import Pacer
 from hovercontrol.cockpit.server import Console, listen
-from hovercontrol.cockpit.shelf import MOST_ROWS, log_columns
+from hovercontrol.cockpit.shelf import MOST_ROWS, log_columns, open_log
 from hovercontrol.errors import InputError
+from hovercontrol.io.files import _swap
 from hovercontrol.logs import Log, read_log
 from hovercontrol.models.vehicles import vehicle
 
@@ -175,6 +178,57 @@ async def test_a_page_that_falls_silent_loses_the_craft_within_half_a_second(cli
             message = await talk.receive_json(timeout=20)
         assert message["signals"]["time"] - silent_since <= 0.5
         assert "No word from the browser" in message["note"]
+
+
+@pytest.mark.parametrize(
+    "said",
+    [
+        "{}",
+        "junk",
+        "[]",
+        '{"stick": null}',
+        '{"stick": [9, 0]}',
+        '{"stick": [1, 0], "pawse": true}',
+        '{"stick": [1, 0], "command": {"law": "nonsense"}}',
+        '{"command": {}}',
+        '{"command": {"references": {}, "disturbances": {}}}',
+        '{"command": {"law": "nonsense"}}',
+        '{"take": true}',
+        '{"pause": false}',
+        '{"record": false}',
+    ],
+)
+def test_what_is_no_stick_and_no_command_is_as_silent_as_nothing(tmp_path, said, monkeypatch):
+    """Full thrust goes off in time, however often it is said."""
+
+    async def fly(client, folder):
+        async with talking(client) as (talk, _):
+            await told(talk, lambda m: m.get("signals", {}).get("thrust", 0) > 0)
+            since = asyncio.get_running_loop().time()
+            thrust = 1.0
+            while thrust:
+                assert asyncio.get_running_loop().time() - since < 5.0
+                await talk.send_str(said)
+                message = await talk.receive_json(timeout=20)
+                thrust = message["signals"]["thrust"] if "frame" in message else thrust
+            assert message["law"] == "manual" and "No word from the browser" in message["note"]
+
+    monkeypatch.setattr("hovercontrol.cockpit.pacer.SILENCE", 0.3)
+    asyncio.run(with_client(fly, tmp_path))
+
+
+@pytest.mark.parametrize("said", ['{"stick": [1, 0]}', '{"command": {"law": "forward"}}'])
+def test_a_stick_and_a_command_keep_the_craft(tmp_path, said, monkeypatch):
+    async def fly(client, folder):
+        async with talking(client) as (talk, _):
+            since = asyncio.get_running_loop().time()
+            while asyncio.get_running_loop().time() - since < 1.0:
+                await talk.send_str(said)
+                message = await talk.receive_json(timeout=20)
+            assert "No word" not in message["note"]
+
+    monkeypatch.setattr("hovercontrol.cockpit.pacer.SILENCE", 0.4)
+    asyncio.run(with_client(fly, tmp_path))
 
 
 @served
@@ -364,6 +418,56 @@ async def test_a_link_among_the_recordings_is_not_served(client, tmp_path):
     assert await (await client.get("/logs")).json() == ["own.csv"]
     assert (await client.get("/logs/link.csv")).status == 404
     assert (await client.get("/logs/own.csv")).status == 200
+
+
+@pytest.mark.skipif(os.name == "nt", reason="links are for administrators there")
+@pytest.mark.parametrize("what", ["", "/columns"])
+def test_a_link_that_is_swapped_in_during_a_download_is_not_served(tmp_path, what):
+    """A log and a link to a secret change places all the while: what is served is the log, or nothing."""
+    (tmp_path / "secret.csv").write_text("time,x,y,psi,secret\n0,1,2,3,42\n1,1,2,3,42\n")
+    flights = tmp_path / "flights"
+    flights.mkdir()
+    own = "time,x,y,psi\n0,1,2,3\n1,1,2,3\n"
+    (flights / "a.csv").write_text(own)
+    (flights / "link").symlink_to(tmp_path / "secret.csv")
+    end = threading.Event()
+
+    def swap():
+        while not end.is_set():
+            _swap(os.fsencode(flights / "link"), os.fsencode(flights / "a.csv"))
+
+    async def ask(client, folder):
+        answers = []
+        until = asyncio.get_running_loop().time() + 1.0
+        while asyncio.get_running_loop().time() < until:
+            answer = await client.get(f"/logs/a.csv{what}")
+            answers.append((answer.status, await answer.text()))
+        assert not [text for _, text in answers if "secret" in text or "42" in text]
+        assert {status for status, _ in answers} == {200, 404}
+        assert what or {text for status, text in answers if status == 200} == {own}
+
+    swapping = threading.Thread(target=swap)
+    swapping.start()
+    try:
+        asyncio.run(with_client(ask, tmp_path))
+    finally:
+        end.set()
+        swapping.join()
+
+
+def test_only_files_of_the_folder_itself_are_opened(tmp_path):
+    (tmp_path / "secret.csv").write_text("x")
+    folder = tmp_path / "flights"
+    (folder / "sub.csv").mkdir(parents=True)
+    (folder / "own.csv").write_text("y")
+    (folder / "link.csv").symlink_to(tmp_path / "secret.csv")
+    (folder / "up").symlink_to(tmp_path)
+    os.mkfifo(folder / "pipe.csv")
+    for name in ("link.csv", "sub.csv", "pipe.csv", "../secret.csv", "up/secret.csv", "none.csv"):
+        with pytest.raises(OSError):
+            open_log(folder, name)
+    with open_log(folder, "own.csv") as file:
+        assert file.read() == b"y"
 
 
 @served
