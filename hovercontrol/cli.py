@@ -30,7 +30,9 @@ def _command() -> object:
 
     from hovercontrol import endings
     from hovercontrol.commands.app import app
+    from hovercontrol.io.matplotlib_folder import set_matplotlib_folder
 
+    set_matplotlib_folder()
     try:
         return app(standalone_mode=False)
     except typer.TyperException as error:

@@ -163,11 +163,12 @@ def write_quietly(
     write: Callable[[Path], object],
     *,
     mode: int = 0o666,
-    place: Callable[[Path, Path], object] = os.replace,
+    place: Callable[[Path, Path], object] | None = None,
 ) -> Path:
     """Do as :func:`write_atomically`, for what is no result (a cache): it is not listed as written.
 
-    The file gets the permissions `mode` less those of the umask; `place` gives it its name.
+    The file gets the permissions `mode` less those of the umask; `place` gives it its name, instead of any
+    older file.
     """
     target = Path(path)
     with _refusals(target), folder_made(target.parent):
@@ -177,7 +178,7 @@ def write_quietly(
         with _removed_at_last(Path(name)) as temporary:
             write(temporary)
             os.chmod(temporary, mode & ~_umask())
-            place(temporary, target)
+            (place or os.replace)(temporary, target)
     return target
 
 
