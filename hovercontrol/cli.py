@@ -12,12 +12,16 @@ import sys
 
 def main() -> None:
     """Run the command line; the entry point of the ``hovercontrol`` command."""
-    if sys.modules["__main__"].__dict__.get("main") is main:  # a process of its own, nothing is done yet
+    alone = sys.modules["__main__"].__dict__.get("main") is main  # a process of its own, nothing is done yet
+    if alone:
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, _leave)
     from hovercontrol import endings
 
-    sys.exit(endings.run(_command))
+    status = endings.run(_command)
+    if alone:
+        endings.leave(status)
+    sys.exit(status)
 
 
 def _leave(number: int, frame: object) -> None:

@@ -5,18 +5,21 @@ Nothing here takes time to import, so that Ctrl-C is understood from the first m
 
 from __future__ import annotations
 
+import atexit
 import contextlib
+import functools
 import os
 import signal
 import sys
 import threading
+import time
 import warnings
 from collections.abc import Callable
 from types import FrameType
 from typing import Any, NoReturn
 
 from hovercontrol.errors import InputError, one_line
-from hovercontrol.io import files
+from hovercontrol.io import files, output
 
 DONE, FINDING, WRONG, FAULT = 0, 1, 2, 3
 
@@ -30,6 +33,8 @@ STATUSES = (
 #: Signals that stop a command, and its status then: 128 and the signal's number, as shells have it.
 STOPS = {signal.SIGINT: 130, signal.SIGTERM: 143}
 
+#: Longest that threads and exit handlers of a user's file may delay the end of a command [s].
+LONGEST_END = 5.0
 
 _asked: list[signal.Signals] = []
 
@@ -65,6 +70,9 @@ def run(command: Callable[[], object]) -> int:
             found = command()
             status = found if isinstance(found, int) else DONE
         except SystemExit as end:  # of the library that draws tables: its reader has left
+            text = _users_fault(end)
+            if text:
+                return _say(text, WRONG)
             status = end.code if isinstance(end.code, int) and end.code != 1 else DONE
         if status in STOPS.values():  # the library of the command line knows one status for all signals
             return _stopped(STOPS[_asked[-1]] if _asked else status)
@@ -77,8 +85,14 @@ def run(command: Callable[[], object]) -> int:
         if _asked:  # machine code that is interrupted may end in an error of its own
             return _stopped(STOPS[_asked[-1]])
         return _failed(error)
+    except BaseException as error:  # a class of the user's
+        text = _users_fault(error)
+        if not text:
+            raise
+        return _say(text, WRONG)
     finally:
         warnings.showwarning = before
+        output.release()
 
 
 def _failed(error: Exception) -> int:
@@ -88,6 +102,9 @@ def _failed(error: Exception) -> int:
     if isinstance(error, BrokenPipeError):
         _drop_output()
         return DONE
+    text = _users_fault(error)
+    if text:
+        return _say(text, WRONG)
     if isinstance(error, OSError):
         _drop_output()
         return _say(f"{error.filename or 'the output cannot be written'}: {files.reason(error)}", WRONG)
@@ -95,6 +112,54 @@ def _failed(error: Exception) -> int:
         return _say("not enough memory", WRONG)
     # a fault of ours: never a traceback at a user, never taken for a finding
     return _say(f"unexpected {type(error).__name__}: {error} (please report this)", FAULT)
+
+
+def told_apart(command: Callable[..., object]) -> Callable[..., object]:
+    """Return a command in which an interrupt that a user's file raises is its error, not a stop by the user.
+
+    The library of the command line would take both for the same.
+    """
+
+    @functools.wraps(command)
+    def run(**given: Any) -> object:
+        try:
+            return command(**given)
+        except (EOFError, KeyboardInterrupt) as error:
+            text = "" if isinstance(error, Stopped) else _users_fault(error)
+            if text:
+                raise InputError(text) from error
+            raise
+
+    return run
+
+
+def _users_fault(error: BaseException) -> str:
+    """Return the error line of what a Python file of the user's raised, empty if none was involved."""
+    module = sys.modules.get("hovercontrol.io.users_code")  # there if such a file was run
+    return module.fault(error) if module is not None else ""
+
+
+def leave(status: int) -> NoReturn:
+    """End the process with a status, in time whatever threads and exit handlers a user's file has left."""
+    if output.was_reserved:
+        output.reserve()  # a handler at the end may print, too
+    module = sys.modules.get("hovercontrol.io.users_code")
+    if module is not None and module.is_running():
+        with contextlib.suppress(OSError, ValueError):
+            _flush()
+        atexit._run_exitfuncs()
+        os._exit(status)
+    if module is not None:
+        threading.Thread(target=_end_in_time, args=(status, module.OWN_THREADS), daemon=True).start()
+    sys.exit(status)
+
+
+def _end_in_time(status: int, own: str) -> None:
+    time.sleep(LONGEST_END)
+    for thread in threading.enumerate():
+        if thread.name.startswith(own):  # a library is being built
+            thread.join()
+    os._exit(status)
 
 
 class _Notices:

@@ -53,7 +53,7 @@ def shown(value: Any, longest: int = 80) -> str:
         return f"a number of {_digits(value)} digits"
     try:
         text = one_line(repr(value), 10 * longest)
-    except Exception:  # a value that cannot be written, such as a list of huge numbers
+    except (Exception, SystemExit):  # a list of huge numbers; a class of the user's that cannot be shown
         return f"a {type(value).__name__}"
     return text if len(text) <= longest else f"{text[: longest - 8]}...{text[-4:]}"
 

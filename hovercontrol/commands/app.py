@@ -20,7 +20,7 @@ from hovercontrol.commands import (
     simulate,
     sweep,
 )
-from hovercontrol.endings import STATUSES
+from hovercontrol.endings import STATUSES, told_apart
 
 app = typer.Typer(
     name="hovercontrol",
@@ -71,4 +71,4 @@ for command, example in (
     (cockpit.cockpit, cockpit.EXAMPLE),
     (schema.schema, schema.EXAMPLE),
 ):
-    app.command(epilog=example, help=_paragraphs(command.__doc__ or ""))(command)
+    app.command(epilog=example, help=_paragraphs(command.__doc__ or ""))(told_apart(command))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import sys
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from pathlib import Path
@@ -12,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hovercontrol.errors import InputError
+from hovercontrol.io import output
 
 if TYPE_CHECKING:
     from hovercontrol.logs import Log
@@ -63,7 +63,19 @@ Frame = Annotated[
         help="Axes of the logs: ned is converted (x, y, psi, v, r); z-up or enu: no conversion, no check.",
     ),
 ]
-Json = Annotated[bool, typer.Option("--json", help="Print only the result, as JSON, on standard output.")]
+
+
+def _reserve(chosen: bool) -> bool:
+    """Keep standard output for the one JSON value, as soon as it is known that there is to be one."""
+    if chosen:
+        output.reserve()
+    return chosen
+
+
+Json = Annotated[
+    bool,
+    typer.Option("--json", callback=_reserve, help="Print only the result, as JSON, on standard output."),
+]
 #: Gaps are always bridged; scripts may still ask for it.
 AllowGaps = Annotated[bool, typer.Option("--allow-gaps", hidden=True)]
 
@@ -115,7 +127,7 @@ def show(text: str, files: Sequence[Path], out: Path, result: object = None) -> 
         from hovercontrol.io.plain_json import json_text, plain
 
         content = {**plain(result), "files": [str(out / f.name) for f in files]}
-        sys.stdout.write(json_text(content))
+        output.write(json_text(content))
         return
     if text:
         print(text)
@@ -127,7 +139,7 @@ def show_list(titles: Mapping[str, str], json: bool) -> None:
     if json:
         from hovercontrol.io.plain_json import json_text
 
-        sys.stdout.write(json_text(titles))
+        output.write(json_text(titles))
         return
     for name, title in titles.items():
         print(f"{name:24} {title}")
@@ -135,13 +147,15 @@ def show_list(titles: Mapping[str, str], json: bool) -> None:
 
 def refuse_twice(command: str, names: Sequence[str]) -> None:
     """Refuse the same log given twice, also by different paths, and an option in a log's place."""
+    from hovercontrol.io.files import readable
     from hovercontrol.logs.gather import split_files
 
     given: dict[Path, str] = {}
     for name in names:
         if name.startswith("--"):
             raise InputError(f"{command}: expected a log, found {name}: the option before it lacks its value")
-        measured = Path(os.path.realpath(split_files(name)[0]))  # commands may be those of several runs
+        first = Path(split_files(name)[0])  # commands may be those of several runs
+        measured = Path(os.path.realpath(first if "\0" not in name else readable(first)))
         if measured in given:
             known = "" if given[measured] == name else f" (as {given[measured]})"
             raise InputError(f"{command}: {name} is given twice{known}; a held-out log is not in the fit")

@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib.util
+import os
 import sys
-import traceback
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.io.files import readable
+from hovercontrol.io.users_code import run_users_code
+
+#: Begins the name of the module that a user's file becomes where its own name is taken.
+_PREFIX = "users_file_"
+_run_before: set[str] = set()
 
 
 def names_python(text: str) -> bool:
@@ -42,50 +48,58 @@ def from_python(text: str, *kinds: type) -> Any:
     """
     file, _, name = (text if ".py:" in text else f"{text}:").rpartition(":")
     path = readable(file, "a Python file")
-    module = _run(path)
-    known = {key: value for key, value in vars(module).items() if isinstance(value, kinds)}
-    wanted = " or ".join(kind.__name__ for kind in kinds)
-    nearest = did_you_mean(name, known) if known else "; the file defines none"
+    known, other = run_users_code(path, lambda: _defined(path, name, kinds))
     if not name and len(known) == 1:
         return next(iter(known.values()))
     if name in known:
         return known[name]
-    if hasattr(module, name):
-        found = type(getattr(module, name)).__name__
-        raise InputError(f"{text}: expected a {wanted}, found a {found}{nearest}")
+    wanted = " or ".join(kind.__name__ for kind in kinds)
+    nearest = did_you_mean(name, known) if known else "; the file defines none"
+    if other:
+        raise InputError(f"{text}: expected a {wanted}, found a {other}{nearest}")
     if not name:
         raise InputError(f"{text}: expected FILE.py:NAME of a {wanted}{nearest}")
     raise InputError(f"{path}: defines no {name!r}{nearest}")
 
 
+def _defined(path: Path, name: str, kinds: tuple[type, ...]) -> tuple[dict[str, Any], str]:
+    """Return what a file defines of some kinds, and the type of what has the name if it is of another."""
+    module = _run(path)
+    known = {key: value for key, value in vars(module).items() if isinstance(value, kinds)}
+    other = name and name not in known and hasattr(module, name)
+    return known, type(getattr(module, name)).__name__ if other else ""
+
+
+def _is_installed(path: Path) -> bool:
+    """Return whether a file is called as a module that is installed, or imported already."""
+    if path.stem in _run_before:
+        return False
+    try:
+        found = importlib.util.find_spec(path.stem)
+    except (ImportError, ValueError):  # a name with dots; __main__
+        return True
+    if found is None or os.path.realpath(found.origin or "") == os.path.realpath(path):
+        _run_before.add(path.stem)
+        return False
+    return True
+
+
 def _run(path: Path) -> ModuleType:
-    spec = importlib.util.spec_from_file_location(path.stem, path)
+    """Execute a file; while it runs, what lies beside it can be imported.
+
+    A file that is called as something installed (``control.py``) does not hide that from this package.
+    """
+    hides = _is_installed(path)
+    own = f"{_PREFIX}{path.stem}" if hides else path.stem
+    spec = importlib.util.spec_from_file_location(own, path)
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)
-    beside, before = str(path.resolve().parent), sys.modules.get(path.stem)
-    sys.modules[path.stem] = module  # what it defines looks itself up there
-    sys.path.insert(0, beside)
+    sys.modules[own] = module  # what it defines looks itself up there
+    beside = str(path.resolve().parent)
+    sys.path.insert(len(sys.path) if hides else 0, beside)
     try:
         spec.loader.exec_module(module)
-    except KeyboardInterrupt:
-        raise
-    except BaseException as error:  # sys.exit as well: it is the file that ends there, not this command
-        raise InputError(
-            f"{path}{_line(error, spec.origin)}: {type(error).__name__}: {_why(error)}"
-        ) from error
     finally:
-        sys.path.remove(beside)
-        if before is not None:
-            sys.modules[path.stem] = before
+        with contextlib.suppress(ValueError, AttributeError):
+            sys.path.remove(beside)
     return module
-
-
-def _line(error: BaseException, file: str | None) -> str:
-    own = [f.lineno for f in traceback.extract_tb(error.__traceback__) if f.filename == file]
-    at = error.lineno if isinstance(error, SyntaxError) else own[-1] if own else None
-    return f", line {at}" if at else ""
-
-
-def _why(error: BaseException) -> str:
-    text = error.msg if isinstance(error, SyntaxError) else str(error)
-    return next(iter(text.strip().splitlines()), "no more is said")

@@ -7,6 +7,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from functools import cache
 from typing import TypeVar
 
+from hovercontrol.io.users_code import OWN_THREADS
 from hovercontrol.targets.compiler import NotCachedError, find_compiler
 
 T = TypeVar("T")
@@ -14,7 +15,7 @@ T = TypeVar("T")
 
 @cache
 def _builder() -> ThreadPoolExecutor:
-    return ThreadPoolExecutor(1)
+    return ThreadPoolExecutor(1, thread_name_prefix=OWN_THREADS)
 
 
 def loaded(load: Callable[[bool], T]) -> Future[T]:

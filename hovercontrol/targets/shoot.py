@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hovercontrol.core.block import Block
+from hovercontrol.io.users_code import OWN_THREADS
 from hovercontrol.simulation.runge_kutta import rk4_step
 from hovercontrol.targets.background import loaded, ready
 from hovercontrol.targets.c_lanes import lanes_source, slopes_source
@@ -271,7 +272,7 @@ def threads() -> int:
 @cache
 def pool() -> ThreadPoolExecutor:
     """Return the threads in which windows are simulated."""
-    return ThreadPoolExecutor(threads())
+    return ThreadPoolExecutor(threads(), thread_name_prefix=OWN_THREADS)
 
 
 @lru_cache(maxsize=500)
