@@ -11,7 +11,7 @@ import pytest
 
 from hovercontrol import endings
 from hovercontrol.errors import InputError
-from hovercontrol.io import files
+from hovercontrol.io import folders
 
 RUN = [sys.executable, "-m", "hovercontrol.cli"]
 STOPPED = "hovercontrol: stopped; nothing was written\n"
@@ -54,7 +54,7 @@ def test_every_end_has_its_status_and_one_line(command, status, said, capsys):
 
 def test_who_is_stopped_after_the_results_stand_says_so(tmp_path, capsys):
     def command():
-        files.write_folder(tmp_path / "out", lambda folder: (folder / "a.csv").write_text("1"))
+        folders.write_folder(tmp_path / "out", lambda folder: (folder / "a.csv").write_text("1"))
         raise KeyboardInterrupt
 
     assert endings.run(command) == 130
@@ -81,7 +81,7 @@ def test_a_signal_ends_with_one_line_and_nothing_of_the_folder(tmp_path, number,
         os.kill(os.getpid(), number)
         time.sleep(5)
 
-    status = endings.run(lambda: files.write_folder(tmp_path / "out", write))
+    status = endings.run(lambda: folders.write_folder(tmp_path / "out", write))
     assert (status, capsys.readouterr().err) == (endings.STOPS[number], STOPPED)
     assert list(tmp_path.iterdir()) == []
 

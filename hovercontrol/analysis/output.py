@@ -11,7 +11,8 @@ from matplotlib.figure import Figure
 
 from hovercontrol.endings import run
 from hovercontrol.io.figure_style import figure_style
-from hovercontrol.io.files import check_folder, write_folder
+from hovercontrol.io.files import check_folder
+from hovercontrol.io.folders import write_folder
 
 #: Called now and then with the share that is done, 0 to 1.
 Progress = Callable[[float], None]

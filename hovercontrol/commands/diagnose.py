@@ -11,7 +11,8 @@ import typer
 
 from hovercontrol.commands import given
 from hovercontrol.errors import InputError
-from hovercontrol.io.files import check_folder, write_folder
+from hovercontrol.io.files import check_folder
+from hovercontrol.io.folders import write_folder
 
 EXAMPLE = "Example: hovercontrol diagnose a.csv b.csv --holdout c.csv --model craft.toml --out out/diagnose"
 

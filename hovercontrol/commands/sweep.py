@@ -14,7 +14,8 @@ from hovercontrol.commands import given
 from hovercontrol.commands.given import Out
 from hovercontrol.errors import InputError, shown
 from hovercontrol.io import files, written
-from hovercontrol.io.files import check_folder, folder_made, own_folder
+from hovercontrol.io.files import check_folder, folder_made
+from hovercontrol.io.folders import own_folder
 
 if TYPE_CHECKING:
     import numpy as np

@@ -22,7 +22,7 @@ from hovercontrol.discrepancy.search.leads import Lead
 from hovercontrol.discrepancy.verdict import Verdict
 from hovercontrol.estimation.fit import Fit
 from hovercontrol.estimation.subject import Subject
-from hovercontrol.io.files import write_folder
+from hovercontrol.io.folders import write_folder
 from hovercontrol.models.base import quantity_of
 from hovercontrol.models.model import Model
 

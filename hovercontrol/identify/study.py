@@ -14,7 +14,7 @@ from hovercontrol.identify.fit import identify, measure_shared, refuse_other_uni
 from hovercontrol.identify.plot import plot_free_run
 from hovercontrol.identify.predict import FreeRun, Prediction, prediction, run_of, smoothed
 from hovercontrol.identify.result import Identified, aligned
-from hovercontrol.io.files import write_folder
+from hovercontrol.io.folders import write_folder
 from hovercontrol.logs import VELOCITY, Log
 from hovercontrol.models.model import Model
 from hovercontrol.models.modelfile import save_model

@@ -16,7 +16,7 @@ from hovercontrol.errors import InputError
 from hovercontrol.estimation.subject import structure
 from hovercontrol.identify import identify
 from hovercontrol.identify.result import Fitted, aligned
-from hovercontrol.io.files import write_folder
+from hovercontrol.io.folders import write_folder
 from hovercontrol.io.plain_json import json_text, plain
 from hovercontrol.log_check.facts import Array, Column, LogFacts, Timing, facts
 from hovercontrol.logs import Log

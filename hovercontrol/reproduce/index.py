@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import hovercontrol
-from hovercontrol.io.files import write_folder
+from hovercontrol.io.folders import write_folder
 from hovercontrol.reproduce.item import KINDS, Outcome
 from hovercontrol.reproduce.markers import numbered_items, places
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError
 from hovercontrol.io.figure_style import figure_style
-from hovercontrol.io.files import write_folder
+from hovercontrol.io.folders import write_folder
 from hovercontrol.reproduce.index import write_index
 from hovercontrol.reproduce.item import Item, Outcome
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError, did_you_mean
-from hovercontrol.io.files import write_folder
+from hovercontrol.io.folders import write_folder
 from hovercontrol.logs import Log
 from hovercontrol.scenarios.definition import Metric, Scenario
 from hovercontrol.scenarios.measures import measure

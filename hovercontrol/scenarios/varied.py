@@ -17,7 +17,7 @@ from hovercontrol.core.boundary import checked
 from hovercontrol.core.interconnect import interconnect
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.io.figure_style import BLUE, COLOUR_MAP
-from hovercontrol.io.files import write_folder
+from hovercontrol.io.folders import write_folder
 from hovercontrol.scenarios.definition import Scenario
 from hovercontrol.scenarios.parts import loop_parts, phase_parameters
 from hovercontrol.scenarios.phases import EARLY, phase_grid

@@ -21,7 +21,7 @@ from hovercontrol.cockpit.pacer import Pacer
 from hovercontrol.cockpit.server import Console, listen
 from hovercontrol.cockpit.shelf import MOST_ROWS, log_columns, open_log
 from hovercontrol.errors import InputError
-from hovercontrol.io.files import _swap
+from hovercontrol.io.folders import _swap
 from hovercontrol.logs import Log, read_log
 from hovercontrol.models.vehicles import vehicle
 

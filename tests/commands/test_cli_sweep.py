@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from hovercontrol.errors import InputError
-from hovercontrol.io.files import own_folder
+from hovercontrol.io.folders import own_folder
 from hovercontrol.scenarios import load_scenario, run_scenario
 from hovercontrol.scenarios.varied import vary
 

@@ -10,7 +10,7 @@ import pytest
 
 from hovercontrol.errors import InputError
 from hovercontrol.identify.study import Study
-from hovercontrol.io.files import write_folder
+from hovercontrol.io.folders import write_folder
 from hovercontrol.logs import BenchTable, Condition, gather, read_log
 from hovercontrol.models.modelfile import load_model
 from hovercontrol.models.vehicles import vehicle

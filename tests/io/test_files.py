@@ -9,8 +9,9 @@ import warnings
 import pytest
 
 from hovercontrol.errors import InputError
-from hovercontrol.io import files
-from hovercontrol.io.files import check_folder, readable, write_atomically, write_folder
+from hovercontrol.io import files, folders
+from hovercontrol.io.files import check_folder, readable, write_atomically
+from hovercontrol.io.folders import write_folder
 from hovercontrol.io.written import LIST
 
 
@@ -94,7 +95,7 @@ def test_without_an_exchange_of_names_there_is_still_a_folder(tmp_path, monkeypa
     def refuse(one, other):
         raise OSError(38, "Function not implemented")
 
-    monkeypatch.setattr(files, "_swap", refuse)
+    monkeypatch.setattr(folders, "_swap", refuse)
     for text in ("1", "2"):
         write_folder(tmp_path / "out", results(text))
     assert content(tmp_path / "out") == {"a.csv": "2", "b.csv": "2"}
@@ -143,7 +144,7 @@ def test_names_of_unfinished_files_that_are_links_are_left_alone(tmp_path):
     """In a shared folder somebody else may choose the names that a killed run would have left."""
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "a.txt").write_text("thesis")
-    dead = files._prefix().replace(f"-{os.getpid()}-", "-4194305-")  # no process has that number
+    dead = files.temporary_prefix().replace(f"-{os.getpid()}-", "-4194305-")  # no process has that number
     (tmp_path / "out").mkdir()
     link = tmp_path / "out" / f"{dead.replace('writing', 'placing')}x"
     link.symlink_to(tmp_path / "mine")
@@ -172,7 +173,7 @@ def test_a_folder_in_the_place_of_a_file_is_refused_before_anything_is_moved(tmp
 KILLED = """
 import os, signal, sys
 from pathlib import Path
-from hovercontrol.io import files
+from hovercontrol.io import folders
 
 steps, place, calls = int(sys.argv[1]), sys.argv[2], 0
 
@@ -187,7 +188,7 @@ def write(folder):
         (folder / f"{k}.csv").write_text("2")
     sys.addaudithook(count)
 
-files.write_folder(place, write)
+folders.write_folder(place, write)
 """  # fmt: skip
 
 
@@ -218,7 +219,7 @@ def test_a_killed_run_leaves_old_or_new_and_the_next_clears_up(tmp_path, as_one)
 
 
 def test_a_running_neighbour_is_left_alone(tmp_path):
-    theirs = tmp_path / files._prefix().replace(str(os.getpid()), "1")
+    theirs = tmp_path / files.temporary_prefix().replace(str(os.getpid()), "1")
     theirs.mkdir()
     write_atomically(tmp_path / "a.txt", lambda path: path.write_text("1"))
     assert theirs.exists()
