@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import builtins
 import contextlib
 import os
 import signal
 import sys
 import threading
 import traceback
+import warnings
 from collections.abc import Callable
 from concurrent.futures import thread as pools
 from pathlib import Path
 from typing import Any, NoReturn, TextIO, TypeVar
+
+import numpy as np
 
 from hovercontrol.errors import InputError, one_line
 
@@ -131,6 +135,10 @@ class _Process:
     """What a file can break of the process that it runs in."""
 
     def __init__(self) -> None:
+        self._built_in = dict(vars(builtins))
+        self._numerics, self._trace = np.geterr(), sys.gettrace()
+        self._warnings = warnings.catch_warnings()
+        self._warnings.__enter__()
         self._path, self._entries = sys.path, list(sys.path)
         self._finders = sys.meta_path, list(sys.meta_path)
         self._modules = dict(sys.modules)
@@ -150,6 +158,10 @@ class _Process:
 
     def restore(self) -> str:
         """Give all back; return what cannot be passed over, empty if nothing."""
+        builtins.__dict__.update(self._built_in)  # first: all below needs them
+        sys.settrace(self._trace)
+        self._warnings.__exit__(None, None, None)
+        np.seterr(**self._numerics)
         lost = not isinstance(sys.path, list) or not set(self._entries) <= set(sys.path)
         self._restore_imports()
         self._restore_streams()
