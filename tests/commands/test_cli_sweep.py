@@ -140,3 +140,28 @@ def test_the_root_is_no_folder_for_a_sweep(call, tmp_path, out):
 def test_a_refused_sweep_leaves_nothing(call, tmp_path):
     done = call("sweep", "k06-turn", "--vary", "controller.k3=1:2:3", cwd=tmp_path)
     assert done.returncode == 2 and list(tmp_path.iterdir()) == []
+
+
+def test_a_damaged_partial_result_is_said_and_computed_again(call, tmp_path, monkeypatch):
+    from hovercontrol.targets.checkpoint import Checkpoint
+
+    add = Checkpoint.add
+
+    def stopped(self, result, part):
+        add(self, result, part)
+        raise KeyboardInterrupt
+
+    words = ("sweep", "k06-turn", "--vary", "controller.k2=0.5:6:32")
+    with monkeypatch.context() as changed:
+        changed.setattr(Checkpoint, "add", stopped)
+        assert call(*words, "--out", "out", cwd=tmp_path).returncode == 130
+    (file,) = (tmp_path / "out.partial").glob("*/*.parquet")
+    content = bytearray(file.read_bytes())
+    content[len(content) // 2] ^= 4
+    file.write_bytes(content)
+    done = call(*words, "--resume", "--out", "out", cwd=tmp_path)
+    said = [line for line in done.stderr.splitlines() if line.startswith("warning")]
+    assert done.returncode == 0 and len(said) == 1 and "damaged; its runs are computed again" in said[0]
+    assert call(*words, "--out", "whole", cwd=tmp_path).returncode == 0
+    one, other = ((tmp_path / name / "sweep.csv").read_bytes() for name in ("out", "whole"))
+    assert one == other and not (tmp_path / "out.partial").exists()
