@@ -102,11 +102,11 @@ def refuse_others(folder: Path) -> bool:
     if not os.path.lexists(folder):
         return False
     if listed(folder) is None:
-        found = "a symbolic link" if folder.is_symlink() else "not a folder of such results"
-        raise InputError(f"{folder}: expected results of an unfinished run, found {found}; move it away")
+        found = "a symbolic link" if folder.is_symlink() else "what hovercontrol did not make"
+        raise InputError(f"{folder}: expected a folder of unfinished results, found {found}; move it away")
     inner = [entry.path for entry in os.scandir(folder) if entry.is_symlink()]
     if inner:
-        raise InputError(f"{inner[0]}: expected results of an unfinished run, found a symbolic link")
+        raise InputError(f"{inner[0]}: expected unfinished results, found a symbolic link; move it away")
     return True
 
 
