@@ -107,16 +107,20 @@ class BlockSystem(control.NonlinearIOSystem):
 
     # What python-control calls at every point; the two methods above, without looking up parameters again.
     def _rhs(self, t: float, x: Any, u: Any) -> Array:
-        native = self._native or self._look_for_native()
+        native, u = self._native or self._look_for_native(), self._commanded(u)
         if native:
             return native[0](t, x, u)
         return self._points.python("derivatives", t, x, u, self._values)
 
     def _out(self, t: float, x: Any, u: Any) -> Array:
-        native = self._native or self._look_for_native()
+        native, u = self._native or self._look_for_native(), self._commanded(u)
         if native:
             return native[1](t, x, u)
         return self._points.python("outputs", t, x, u, self._values)
+
+    def _commanded(self, u: Any) -> Any:
+        """Return inputs; ``control.find_operating_point`` hands on None where its user gives none."""
+        return np.zeros(self.ninputs) if u is None else u
 
     def _look_for_native(self) -> tuple[Point, Point] | None:
         self._native = self._points.native(self._values)
@@ -196,14 +200,15 @@ class HybridSystem(BlockSystem):
         return {k: v for k, v in self.__dict__.items() if k != "_compiled"}
 
     def _advanced(self, t: float, until: float, x: Any, u: Any) -> Array:
-        return self._compiled.advance_values(t, until, np.ravel(x), np.ravel(u), self._values, _STEPS)
+        given = np.ravel(self._commanded(u))
+        return self._compiled.advance_values(t, until, np.ravel(x), given, self._values, _STEPS)
 
     def _rhs(self, t: float, x: Any, u: Any) -> Array:
         return self._advanced(t, t + self.dt, x, u)
 
     def _out(self, t: float, x: Any, u: Any) -> Array:
         outputs = self._compiled.point_values("outputs", self._values)
-        return outputs(t, self._advanced(t, t, x, u), np.ravel(u))
+        return outputs(t, self._advanced(t, t, x, u), np.ravel(self._commanded(u)))
 
     def _updates(self, t: float, x: Any, u: Any, params: Mapping[str, float]) -> Array:
         self._update_params(params)

@@ -84,6 +84,16 @@ def test_an_operating_point_that_python_control_finds_leads_to_a_regulator_that_
     assert np.linalg.eigvals(linear.A - linear.B @ K) == pytest.approx(poles)
 
 
+def test_an_operating_point_without_inputs_is_that_at_rest():
+    position, force = Signal("x", "m"), Signal("a", "m/s")
+    rate, place = Signal("k", "1/s", start=2.0), Signal("place", "m", start=0.3)
+    law = {"x": -rate.symbol * (position.symbol - place.symbol) + force.symbol}
+    system = Block("spring", [position], [force], [position], [rate, place], law).to_control()
+    point = ct.find_operating_point(system, [0.0])
+    assert point.states == pytest.approx([0.3])
+    assert ct.linearize(system, point).B == pytest.approx(1.0)
+
+
 def test_parameters_and_names_are_those_that_are_given():
     system = c17_simulation().plant().to_control()
     changed = ct.linearize(system, X, U, params={"plant.thrust": 2.0})
