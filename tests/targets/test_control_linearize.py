@@ -91,7 +91,7 @@ def test_an_operating_point_without_inputs_is_that_at_rest():
     system = Block("spring", [position], [force], [position], [rate, place], law).to_control()
     point = ct.find_operating_point(system, [0.0])
     assert point.states == pytest.approx([0.3])
-    assert ct.linearize(system, point).B == pytest.approx(1.0)
+    assert ct.linearize(system, point).B.item() == pytest.approx(1.0)
 
 
 def test_parameters_and_names_are_those_that_are_given():
