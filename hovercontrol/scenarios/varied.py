@@ -16,8 +16,9 @@ from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
 from hovercontrol.core.interconnect import interconnect
 from hovercontrol.errors import InputError, did_you_mean
-from hovercontrol.io.figure_style import BLUE, COLOUR_MAP
 from hovercontrol.io.files import write_folder
+from hovercontrol.io.pyplot import open_in_pyplot
+from hovercontrol.notebook.sweep_plots import draw_grid
 from hovercontrol.scenarios.definition import Scenario
 from hovercontrol.scenarios.parts import loop_parts, phase_parameters
 from hovercontrol.scenarios.phases import EARLY, phase_grid
@@ -60,19 +61,19 @@ class Varied:
         return found.reshape([len(axis.values) for axis in self.axes])
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the figure as a curve over one number, or as a map over two."""
-        ax = Figure(figsize=(7, 4.5), layout="constrained").subplots() if ax is None else ax
-        label = f"{self.figure} of {self.of} [{self.unit}]"
+        """Draw the figure as a curve over one number, or as a map over two.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Draw here; default a new figure of pyplot.
+        """
+        if ax is None:
+            figure = open_in_pyplot(Figure(figsize=(7, 4.5), layout="constrained"))
+            ax = figure.subplots()
         ax.set_title(self.scenario.title)
-        ax.set_xlabel(str(self.axes[-1]))
-        if len(self.axes) == 1:
-            ax.plot(self.axes[0].values, self.values, ".-", color=BLUE)
-            ax.set_ylabel(label)
-            ax.grid(alpha=0.3)
-            return ax
-        shown = ax.pcolormesh(self.axes[1].values, self.axes[0].values, self.values, cmap=COLOUR_MAP)
-        ax.set_ylabel(str(self.axes[0]))
-        ax.figure.colorbar(shown, ax=ax, label=label)
+        label = f"{self.figure} of {self.of} [{self.unit}]"
+        draw_grid(ax, [(str(axis), axis.values) for axis in self.axes], self.values, label)
         return ax
 
     def _repr_html_(self) -> str:

@@ -20,6 +20,7 @@ from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
 from hovercontrol.core.interconnect import interconnect, rename
 from hovercontrol.errors import InputError, did_you_mean
+from hovercontrol.io.pyplot import open_in_pyplot
 from hovercontrol.simulation.trajectory import initial_state
 
 if TYPE_CHECKING:
@@ -274,7 +275,7 @@ class FrozenMargins:
         """Return phase, gain and delay margins over time as a picture."""
         from hovercontrol.notebook.plots import margins_figure
 
-        return margins_figure(self)
+        return open_in_pyplot(margins_figure(self))
 
     @property
     def worst(self) -> Margins:

@@ -14,6 +14,7 @@ from scipy.special import chdtri
 
 from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError
+from hovercontrol.io.pyplot import open_in_pyplot
 
 Array = NDArray[np.float64]
 
@@ -79,10 +80,11 @@ class Consistency:
         ndarray of matplotlib.axes.Axes
             One, or two if there is a NIS.
         """
-        import matplotlib.pyplot as plt
+        from matplotlib.figure import Figure
 
         t = np.arange(len(self.nees)) if time is None else np.asarray(time, dtype=float)
-        figure, axes = plt.subplots(1, 2 if len(self.nis) else 1, squeeze=False, figsize=(10, 4))
+        figure = Figure(figsize=(10, 4), layout="constrained")
+        axes = figure.subplots(1, 2 if len(self.nis) else 1, squeeze=False)
         left = axes[0, 0]
         left.plot(t, self.nees, color="0.85", linewidth=0.5)
         left.plot(t, self.mean_nees, color="C0", label="mean over runs")
@@ -103,7 +105,7 @@ class Consistency:
             axes[0, 1].set(xlabel="run", ylabel="NIS, mean over the run")
             axes[0, 1].set_title(f"{self.nis_inside:.0%} in the band")
             axes[0, 1].legend()
-        figure.tight_layout()
+        open_in_pyplot(figure)
         return axes[0]
 
 
