@@ -30,7 +30,7 @@ from numpy.typing import ArrayLike
 
 from hovercontrol.errors import InputError
 from hovercontrol.io.tables import positive
-from hovercontrol.simulation.trajectory import checked_times
+from hovercontrol.simulation.given import checked_times
 from hovercontrol.targets.checkpoint import Checkpoint, fingerprint
 from hovercontrol.targets.resting import without_resting_states
 from hovercontrol.targets.sweep import (

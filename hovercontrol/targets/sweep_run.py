@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from hovercontrol.core.block import Block
 from hovercontrol.core.delays import arrivals_of_runs
 from hovercontrol.errors import InputError
-from hovercontrol.simulation.trajectory import input_rows
+from hovercontrol.simulation.given import input_rows
 from hovercontrol.targets.engines import Engine
 from hovercontrol.targets.library import Array, Library, Solver
 from hovercontrol.targets.sweep import (
@@ -59,7 +59,7 @@ def run_sweep(
     InputError
         As there.
     """
-    u = input_rows(block, inputs, len(times))
+    u = input_rows(block, inputs, times)
     if x0 is not None and not isinstance(x0, Mapping):
         x0 = rows_by_state(block, x0)
     runs = number_of_runs({**(params or {}), **(x0 or {})})

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from hovercontrol.core.block import Block
 from hovercontrol.core.interconnect import interconnect, rename
 from hovercontrol.errors import InputError, did_you_mean
-from hovercontrol.simulation.trajectory import initial_state
+from hovercontrol.simulation.given import initial_state
 
 Point = ArrayLike | Mapping[str, float]
 
