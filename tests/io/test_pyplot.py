@@ -4,6 +4,7 @@ import ast
 import os
 import subprocess
 import sys
+import types
 from pathlib import Path
 
 import matplotlib.pyplot as plt
@@ -70,6 +71,22 @@ def test_a_figure_keeps_its_size_and_is_closed_as_any_other():
     assert tuple(figure.get_size_inches()) == (3.0, 2.0)
     plt.close(figure)
     assert plt.get_fignums() == [2]
+
+
+def test_the_value_of_a_cell_is_shown_after_what_was_opened_before_it_and_closed(monkeypatch):
+    shown: list = []
+    display = types.SimpleNamespace(display=shown.append)
+    monkeypatch.setitem(sys.modules, "IPython", types.SimpleNamespace(display=display))
+    monkeypatch.setitem(sys.modules, "IPython.display", display)
+    first, own, value = open_in_pyplot(Figure()), plt.figure(), open_in_pyplot(Figure())
+    value._ipython_display_()
+    assert not shown, "this backend shows nothing"
+    monkeypatch.setattr(plt, "get_backend", lambda: "module://matplotlib_inline.backend_inline")
+    value._ipython_display_()
+    assert shown == [first, value]
+    assert [plt.figure(n) for n in plt.get_fignums()] == [own]
+    value._ipython_display_()
+    assert shown == [first, value, value], "a closed one is shown whenever it is a value"
 
 
 def test_axes_that_are_given_stay_their_owners(rng):
