@@ -17,7 +17,7 @@ from hovercontrol.core.boundary import checked
 from hovercontrol.core.interconnect import interconnect
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.io.files import write_folder
-from hovercontrol.io.pyplot import open_in_pyplot
+from hovercontrol.io.pyplot import open_in_pyplot, shown_once
 from hovercontrol.notebook.sweep_plots import draw_grid
 from hovercontrol.scenarios.definition import Scenario
 from hovercontrol.scenarios.parts import loop_parts, phase_parameters
@@ -60,21 +60,23 @@ class Varied:
         found: Array = getattr(self.result[self.of], self.figure)
         return found.reshape([len(axis.values) for axis in self.axes])
 
-    def plot(self, ax: Axes | None = None) -> Axes:
+    def plot(self, axes: Axes | None = None) -> Figure:
         """Draw the figure as a curve over one number, or as a map over two.
 
         Parameters
         ----------
-        ax : matplotlib.axes.Axes, optional
-            Draw here; default a new figure of pyplot.
+        axes : matplotlib.axes.Axes, optional
+            Draw here; default a new figure.
         """
-        if ax is None:
-            figure = open_in_pyplot(Figure(figsize=(7, 4.5), layout="constrained"))
-            ax = figure.subplots()
-        ax.set_title(self.scenario.title)
+        own = Figure(figsize=(7, 4.5), layout="constrained") if axes is None else None
+        axes = own.subplots() if own else axes
+        assert axes is not None
+        axes.set_title(self.scenario.title)
         label = f"{self.figure} of {self.of} [{self.unit}]"
-        draw_grid(ax, [(str(axis), axis.values) for axis in self.axes], self.values, label)
-        return ax
+        draw_grid(axes, [(str(axis), axis.values) for axis in self.axes], self.values, label)
+        drawn = axes.get_figure(root=True)
+        assert isinstance(drawn, Figure)
+        return open_in_pyplot(drawn) if own else shown_once(drawn)
 
     def _repr_html_(self) -> str:
         from hovercontrol.notebook.results import varied_html

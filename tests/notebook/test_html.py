@@ -141,7 +141,9 @@ def test_results_show_their_numbers(results, name, said):
         assert word in text, word
 
 
-@pytest.mark.parametrize("name", ["log", "run", "sweep", "study", "identified", "free run", "diagnosis"])
+@pytest.mark.parametrize(
+    "name", ["log", "run", "sweep", "varied", "study", "identified", "free run", "diagnosis"]
+)
 def test_every_result_can_be_drawn(results, name):
     figure = results[name].plot()
     assert plt.gcf() is figure
