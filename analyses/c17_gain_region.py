@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from matplotlib.figure import Figure
+
 from hovercontrol.analysis import gain_region
 from hovercontrol.analysis.output import Progress, save, script
 
@@ -21,7 +23,9 @@ def main(out: Path, progress: Progress | None = None, *, points: int = 200) -> l
         f"With thrust within 0 to 6.1 and the rudder within +-26 deg, of which Theorem 3 knows nothing, "
         f"{limited / max(1, region['guaranteed'].sum()):.1%} of its region fails.",
     ]
-    return save(out, "c17_gain_region", region.plot(), {"c17_gain_region": region.save}, findings)
+    figure = Figure(figsize=(7.0, 5.8), layout="constrained")
+    region.plot(axes=figure.subplots())
+    return save(out, "c17_gain_region", figure, {"c17_gain_region": region.save}, findings)
 
 
 if __name__ == "__main__":

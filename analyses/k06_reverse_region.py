@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from matplotlib.figure import Figure
+
 from hovercontrol.analysis import reverse_region
 from hovercontrol.analysis.output import Progress, save, script
 
@@ -26,7 +28,9 @@ def main(out: Path, progress: Progress | None = None, *, points: int = 40) -> li
         f"Linearisation and simulation agree at {linear:.1%} of the points, {delayed:.1%} with delay.",
     ]
     name = "k06_reverse_region"
-    return save(out, name, region.plot(), {name: region.save}, findings)
+    figure = Figure(figsize=(7.0, 5.8), layout="constrained")
+    region.plot(axes=figure.subplots())
+    return save(out, name, figure, {name: region.save}, findings)
 
 
 if __name__ == "__main__":

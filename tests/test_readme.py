@@ -4,6 +4,7 @@ import re
 from pathlib import Path
 
 import matplotlib
+import matplotlib.pyplot as plt
 import pytest
 import typer.main
 
@@ -28,6 +29,7 @@ def test_every_example_runs_in_order(capsys, tmp_path, monkeypatch):
             assert capsys.readouterr().out.strip() == expected.strip()
         else:
             exec(block, space)
+    assert len(plt.get_fignums()) == 2, "the response's and the region's picture"
     assert space["loop"].to_control().nstates == 83
     assert (tmp_path / "plant.fmu").stat().st_size > 10_000
     assert space["region"].outside("theorem", "simulated") == []

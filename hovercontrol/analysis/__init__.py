@@ -17,6 +17,7 @@ from hovercontrol.analysis.c17.normal_form import NormalForm, normal_form
 from hovercontrol.analysis.c17.zero_dynamics import ZeroDynamics, predict, zero_dynamics
 from hovercontrol.analysis.common.directions import Direction
 from hovercontrol.analysis.common.excitation import Excitation, FunctionSet, excitation, signals_of
+from hovercontrol.analysis.common.loop_modes import OutsideModes
 from hovercontrol.analysis.common.margins import FrozenMargins, Margins, loop_margins, margins, margins_along
 from hovercontrol.analysis.common.observability import Gramian, SlidingGramian, observability_gramian
 from hovercontrol.analysis.common.packet_loss import PacketLoop, packet_loop, packet_loop_along
@@ -35,7 +36,7 @@ __all__ = [
     "IssGain", "iss_gain", "mismatch", "peak_gain", "lyapunov_gain", "simulated_errors",
     "forward_region", "reverse_region",
     "clopper_pearson", "region_of_attraction",
-    "turn_basins", "Margins", "FrozenMargins", "loop_margins", "margins", "margins_along",
+    "turn_basins", "Margins", "FrozenMargins", "OutsideModes", "loop_margins", "margins", "margins_along",
     "PacketLoop", "packet_loop", "packet_loop_along",
     "Stabilizability", "stabilizability",
 ]  # fmt: skip

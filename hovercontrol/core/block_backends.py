@@ -188,14 +188,18 @@ class Backends:
         return written
 
     def linearize(
-        self, x: ArrayLike, u: ArrayLike = (), params: Mapping[str, float] | None = None, t: float = 0.0
+        self,
+        x: ArrayLike | control.OperatingPoint,
+        u: ArrayLike | None = None,
+        params: Mapping[str, float] | None = None,
+        t: float = 0.0,
     ) -> control.StateSpace:
         """Return the exact linearisation at a point as a python-control state-space system.
 
         Parameters
         ----------
-        x : array_like, shape (n_states,)
-        u : array_like, shape (n_inputs,)
+        x : array_like, shape (n_states,), scalar for all states, or control.OperatingPoint
+        u : array_like, shape (n_inputs,), or scalar for all inputs; default the operating point's, or 0
         params : mapping, optional
             Parameter values by key, over the defaults.
         t : float, optional

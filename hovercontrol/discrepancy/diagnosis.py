@@ -23,6 +23,7 @@ from hovercontrol.discrepancy.verdict import Verdict
 from hovercontrol.estimation.fit import Fit
 from hovercontrol.estimation.subject import Subject
 from hovercontrol.io.folders import write_folder
+from hovercontrol.io.pyplot import open_in_pyplot
 from hovercontrol.models.base import quantity_of
 from hovercontrol.models.model import Model
 
@@ -254,7 +255,7 @@ class Diagnosis:
         """Return errors without and with what was added as a picture."""
         from hovercontrol.notebook.plots import diagnosis_figure
 
-        return diagnosis_figure(self)
+        return open_in_pyplot(diagnosis_figure(self))
 
     def save(self, folder: str | Path) -> list[Path]:
         """Write ``result.json``, ``model.toml`` and, where there is one, ``next_experiment.csv``.

@@ -15,6 +15,7 @@ from hovercontrol.errors import InputError
 from hovercontrol.estimators.regression import regression
 from hovercontrol.estimators.regressors import Regressors
 from hovercontrol.estimators.sampled import SampledEstimator
+from hovercontrol.io.pyplot import open_in_pyplot
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -76,7 +77,7 @@ class CoefficientHistory:
         for ax in axes[len(self.coefficients) :]:
             ax.set_visible(False)
         figure.supxlabel("time [s]")
-        return figure
+        return open_in_pyplot(figure)
 
 
 @checked

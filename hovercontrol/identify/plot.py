@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from hovercontrol.core.boundary import checked
+from hovercontrol.io.pyplot import open_in_pyplot
 from hovercontrol.logs import POSE, VELOCITY
 
 if TYPE_CHECKING:
@@ -48,6 +49,11 @@ def plot_free_run(run: FreeRun, *, held_out: bool = False) -> Figure:
     >>> len(figure.axes)
     1
     """
+    return open_in_pyplot(free_run_figure(run, held_out=held_out))
+
+
+def free_run_figure(run: FreeRun, *, held_out: bool = False) -> Figure:
+    """Return the figure of :func:`plot_free_run`, unknown to pyplot."""
     known = [c for pair in zip(POSE, VELOCITY, strict=True) for c in pair]
     planar = set(known) <= set(run.channels)
     left_over = [c for c in run.channels if c not in known]

@@ -21,6 +21,7 @@ from hovercontrol.estimation.prior import prior_of
 from hovercontrol.estimation.problem import Problem
 from hovercontrol.identify.coasting import coasting
 from hovercontrol.identify.subject import subject_of
+from hovercontrol.io.pyplot import open_in_pyplot
 from hovercontrol.logs import Log, Span
 from hovercontrol.models.model import Model
 from hovercontrol.targets.shoot import shoot
@@ -82,9 +83,9 @@ class FreeRun:
 
     def plot(self) -> Figure:
         """Return the simulation over the measurement as a picture."""
-        from hovercontrol.identify.plot import plot_free_run
+        from hovercontrol.identify.plot import free_run_figure
 
-        return plot_free_run(self)
+        return open_in_pyplot(free_run_figure(self))
 
 
 @checked

@@ -16,6 +16,7 @@ from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.estimation.fit import Fit
 from hovercontrol.io.files import write_atomically
+from hovercontrol.io.pyplot import open_in_pyplot
 from hovercontrol.models.model import Model
 
 if TYPE_CHECKING:
@@ -278,7 +279,7 @@ class Identified:
         """Return the coefficients and their errors, beside what they were before, as a picture."""
         from hovercontrol.notebook.plots import identified_figure
 
-        return identified_figure(self)
+        return open_in_pyplot(identified_figure(self))
 
     def save_csv(self, path: str | Path) -> Path:
         """Write the coefficients, one row each, all numbers in full.

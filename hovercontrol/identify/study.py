@@ -11,10 +11,11 @@ from typing import TYPE_CHECKING
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.estimation.measure import MOST_ROWS, Measured
 from hovercontrol.identify.fit import identify, measure_shared, refuse_other_units
-from hovercontrol.identify.plot import plot_free_run
+from hovercontrol.identify.plot import free_run_figure
 from hovercontrol.identify.predict import FreeRun, Prediction, prediction, run_of, smoothed
 from hovercontrol.identify.result import Identified, aligned
 from hovercontrol.io.folders import write_folder
+from hovercontrol.io.pyplot import open_in_pyplot
 from hovercontrol.logs import VELOCITY, Log
 from hovercontrol.models.model import Model
 from hovercontrol.models.modelfile import save_model
@@ -149,7 +150,7 @@ class Study:
         if log and log not in runs:
             raise InputError(f"no log {log!r}{did_you_mean(log, runs)}")
         chosen = runs[log] if log else next(iter(runs.values()))
-        return plot_free_run(chosen.run, held_out=chosen.holdout)
+        return open_in_pyplot(free_run_figure(chosen.run, held_out=chosen.holdout))
 
     def text(self) -> str:
         """Return the findings as plain text: coefficients, predictions, rejected spans."""
@@ -204,7 +205,7 @@ class Study:
             ]
             _table(temporary / "rejected.csv", ["log", "start_s", "stop_s", "rows", "reason"], spans)
             for j in self.judged:
-                figure = plot_free_run(j.run, held_out=j.holdout)
+                figure = free_run_figure(j.run, held_out=j.holdout)
                 figure.savefig(temporary / f"free_run_{j.label}.png", dpi=120)
 
         return write_folder(folder, write, stale=("free_run_*.png",))

@@ -18,6 +18,7 @@ from hovercontrol.identify import identify
 from hovercontrol.identify.result import Fitted, aligned
 from hovercontrol.io.folders import write_folder
 from hovercontrol.io.plain_json import json_text, plain
+from hovercontrol.io.pyplot import open_in_pyplot
 from hovercontrol.log_check.facts import Array, Column, LogFacts, Timing, facts
 from hovercontrol.logs import Log
 from hovercontrol.models.blockmodel import BlockModel
@@ -123,7 +124,7 @@ class Checked:
         """Return a picture: every log's columns over time, its gaps and outliers, and the coefficients."""
         from hovercontrol.log_check.picture import draw
 
-        return draw(self)
+        return open_in_pyplot(draw(self))
 
     def _repr_html_(self) -> str:
         from hovercontrol.notebook.results import checked_html
@@ -138,12 +139,13 @@ class Checked:
         folder : path
             Made if it is not there.
         """
+        from hovercontrol.log_check.picture import draw
 
         def write(temporary: Path) -> None:
             (temporary / "check.txt").write_text(self.text() + "\n", encoding="utf-8")
             (temporary / "check.json").write_text(json_text(self.to_json()), encoding="utf-8")
             if self.logs:
-                figure = self.plot()
+                figure = draw(self)
                 for suffix in ("png", "svg"):
                     figure.savefig(temporary / f"check.{suffix}", dpi=110)
 

@@ -14,6 +14,7 @@ from scipy.interpolate import PchipInterpolator
 
 from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError
+from hovercontrol.io.pyplot import open_in_pyplot
 from hovercontrol.logs.check import check_finite
 from hovercontrol.logs.log import Floats, Log
 from hovercontrol.logs.source import open_source
@@ -57,7 +58,8 @@ class BenchTable:
         """Return thrust over command."""
         from hovercontrol.notebook.data_plots import curve_figure
 
-        return curve_figure(self.name, self.command, self.thrust, "command [us]", "thrust of one fan [N]")
+        labels = "command [us]", "thrust of one fan [N]"
+        return open_in_pyplot(curve_figure(self.name, self.command, self.thrust, *labels))
 
     @classmethod
     def from_csv(cls, path: str | Path, *, fans: int = 2, idle: float = 1000.0) -> BenchTable:

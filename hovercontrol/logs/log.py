@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError, did_you_mean, shown
 from hovercontrol.io.files import write_atomically
+from hovercontrol.io.pyplot import open_in_pyplot
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -208,7 +209,7 @@ class Log:
         """Return the columns over time as a picture."""
         from hovercontrol.notebook.plots import log_figure
 
-        return log_figure(self, UNITS)
+        return open_in_pyplot(log_figure(self, UNITS))
 
     def save(self, path: str | Path) -> None:
         """Write CSV, or Parquet where the suffix says so; the file is written atomically.

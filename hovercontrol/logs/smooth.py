@@ -15,6 +15,7 @@ from scipy.ndimage import maximum_filter1d, median_filter, percentile_filter
 
 from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError
+from hovercontrol.io.pyplot import open_in_pyplot
 from hovercontrol.logs.clock import Clock, fit_clock, measured, moved
 from hovercontrol.logs.kalman import Estimate, fit_noise, run_filter, run_smoother
 from hovercontrol.logs.log import POSE, VELOCITY, Floats, Log, Mask
@@ -142,7 +143,7 @@ class Smoothed:
         """Return pose and body velocities over time; what was not used, and where the motion is guessed."""
         from hovercontrol.notebook.data_plots import smoothed_figure
 
-        return smoothed_figure(self)
+        return open_in_pyplot(smoothed_figure(self))
 
     def usable(self) -> Log:
         """Return the log without the rows that are only guessed (they become gaps)."""

@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from hovercontrol.discrepancy.diagnosis import Diagnosis
     from hovercontrol.identify.result import Identified
     from hovercontrol.logs import Log
-    from hovercontrol.targets.sweep import SweepResult
 
 #: Colours for the colour-blind (Okabe and Ito).
 BLUE, ORANGE, GREY = "#0072B2", "#D55E00", "0.55"
@@ -118,23 +117,6 @@ def _bars(found: Diagnosis) -> Figure:
 def _title(found: Diagnosis) -> str:
     names = ", ".join(dict.fromkeys(e.effect for e in found.effects))
     return f"{found.verdict}: {names}" if names else str(found.verdict)
-
-
-def sweep_figure(found: SweepResult, of: str | None = None, figure: str = "final") -> Figure:
-    """Return one figure of one output over what was varied alone, else over the runs."""
-    name = of or found.outputs[0]
-    values = getattr(found[name], figure)
-    given = {**found.parameters, **{f"{k}.start": v for k, v in found.x0.items()}}
-    varied = {k: v for k, v in given.items() if np.ptp(v) > 0}
-    drawn = Figure(figsize=(7.0, 4.2), layout="constrained")
-    axis = drawn.subplots()
-    key, at = next(iter(varied.items())) if len(varied) == 1 else ("run", np.arange(len(found), dtype=float))
-    order = np.argsort(at, kind="stable")
-    axis.plot(at[order], values[order], ".-" if len(found) <= 400 else ".", color=BLUE, ms=4, lw=0.8)
-    axis.set_xlabel(key)
-    axis.set_ylabel(f"{figure} of {name}")
-    axis.grid(alpha=0.3)
-    return drawn
 
 
 def budget_figure(found: Budget) -> Figure:

@@ -117,7 +117,7 @@ def diagnosis_html(found: Diagnosis, sentences: Sequence[str]) -> str:
 
 def sweep_html(found: SweepResult) -> str:
     """Return a sweep as HTML: the spread of each output's figures over the runs, and what failed."""
-    given = {**found.parameters, **{f"{name}.start": v for name, v in found.x0.items()}}
+    given = found.given
     runs = np.arange(len(found), dtype=float)
     varied = [
         (name, float(v.min()), float(v.max()), sparkline(runs, v))

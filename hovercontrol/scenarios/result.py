@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.io.folders import write_folder
+from hovercontrol.io.pyplot import open_in_pyplot
 from hovercontrol.logs import Log
 from hovercontrol.scenarios.definition import Metric, Scenario
 from hovercontrol.scenarios.measures import measure
@@ -136,7 +137,7 @@ class Run:
         chosen = name or ("tracking_error" if "tracking_error" in drawn else "path")
         if chosen not in drawn:
             raise InputError(f"no picture {chosen!r}{did_you_mean(chosen, drawn)}")
-        return drawn[chosen]
+        return open_in_pyplot(drawn[chosen])
 
     def save(self, folder: str | Path) -> list[Path]:
         """Write ``log.csv``, ``metrics.csv`` and the pictures; they are written atomically.

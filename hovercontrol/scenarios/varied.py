@@ -16,8 +16,9 @@ from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
 from hovercontrol.core.interconnect import interconnect
 from hovercontrol.errors import InputError, did_you_mean
-from hovercontrol.io.figure_style import BLUE, COLOUR_MAP
 from hovercontrol.io.folders import write_folder
+from hovercontrol.io.pyplot import open_in_pyplot, shown_once
+from hovercontrol.notebook.sweep_plots import draw_grid
 from hovercontrol.scenarios.definition import Scenario
 from hovercontrol.scenarios.parts import loop_parts, phase_parameters
 from hovercontrol.scenarios.phases import EARLY, phase_grid
@@ -59,21 +60,23 @@ class Varied:
         found: Array = getattr(self.result[self.of], self.figure)
         return found.reshape([len(axis.values) for axis in self.axes])
 
-    def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the figure as a curve over one number, or as a map over two."""
-        ax = Figure(figsize=(7, 4.5), layout="constrained").subplots() if ax is None else ax
+    def plot(self, axes: Axes | None = None) -> Figure:
+        """Draw the figure as a curve over one number, or as a map over two.
+
+        Parameters
+        ----------
+        axes : matplotlib.axes.Axes, optional
+            Draw here; default a new figure.
+        """
+        own = Figure(figsize=(7, 4.5), layout="constrained") if axes is None else None
+        axes = own.subplots() if own else axes
+        assert axes is not None
+        axes.set_title(self.scenario.title)
         label = f"{self.figure} of {self.of} [{self.unit}]"
-        ax.set_title(self.scenario.title)
-        ax.set_xlabel(str(self.axes[-1]))
-        if len(self.axes) == 1:
-            ax.plot(self.axes[0].values, self.values, ".-", color=BLUE)
-            ax.set_ylabel(label)
-            ax.grid(alpha=0.3)
-            return ax
-        shown = ax.pcolormesh(self.axes[1].values, self.axes[0].values, self.values, cmap=COLOUR_MAP)
-        ax.set_ylabel(str(self.axes[0]))
-        ax.figure.colorbar(shown, ax=ax, label=label)
-        return ax
+        draw_grid(axes, [(str(axis), axis.values) for axis in self.axes], self.values, label)
+        drawn = axes.get_figure(root=True)
+        assert isinstance(drawn, Figure)
+        return open_in_pyplot(drawn) if own else shown_once(drawn)
 
     def _repr_html_(self) -> str:
         from hovercontrol.notebook.results import varied_html

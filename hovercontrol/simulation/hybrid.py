@@ -15,8 +15,9 @@ import numpy as np
 from hovercontrol.core.block import Block
 from hovercontrol.core.interconnect import interconnect
 from hovercontrol.errors import InputError
+from hovercontrol.simulation.given import initial_state
 from hovercontrol.simulation.sampled import Ticking as Ticking
-from hovercontrol.simulation.trajectory import initial_state, simulate, time_response
+from hovercontrol.simulation.trajectory import simulate, time_response
 
 if TYPE_CHECKING:
     import control

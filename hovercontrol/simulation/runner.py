@@ -20,8 +20,8 @@ from numpy.typing import ArrayLike, NDArray
 from hovercontrol.core.block import Block
 from hovercontrol.core.delays import UnderWay, delay_values
 from hovercontrol.errors import InputError, did_you_mean
+from hovercontrol.simulation.given import initial_state
 from hovercontrol.simulation.reasons import REASONS
-from hovercontrol.simulation.trajectory import initial_state
 
 Array = NDArray[np.float64]
 Inputs = Sequence[float] | Mapping[str, float] | float | Array

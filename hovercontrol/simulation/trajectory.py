@@ -21,6 +21,7 @@ from hovercontrol.core.delays import arrivals, undelayed
 from hovercontrol.core.functions import call_scalar, numpy_functions
 from hovercontrol.core.switching import longest_step
 from hovercontrol.errors import InputError, did_you_mean
+from hovercontrol.simulation.given import checked_times, initial_state, input_rows
 from hovercontrol.simulation.ticking import run_hybrid
 
 if TYPE_CHECKING:
@@ -94,7 +95,7 @@ def simulate(
     """
     block = block.in_continuous_time
     times = checked_times(time)
-    u = input_rows(block, inputs, len(times))
+    u = input_rows(block, inputs, times)
     x = initial_state(block, x0)
     p = block.parameter_values(params)
     if method not in METHODS:
@@ -212,65 +213,6 @@ def time_response(
         title=block.name,
         plot_inputs=bool(block.inputs),
     )
-
-
-def checked_times(time: ArrayLike) -> Array:
-    """Return a time grid, shape (n,); refuse what does not increase."""
-    times = np.ascontiguousarray(time, dtype=float)  # C reads it
-    if times.ndim != 1 or len(times) < 2 or not np.isfinite(times).all() or (np.diff(times) <= 0).any():
-        raise InputError("time must be two or more finite, increasing numbers")
-    return times
-
-
-def input_rows(block: Block, inputs: Any, n: int) -> Array:
-    """Return all inputs at n times, shape (n_inputs, n), those given over the start values."""
-    u = np.array([np.full(n, s.start) for s in block.inputs]).reshape(-1, n)
-    if inputs is None:
-        return u
-    names = [s.name for s in block.inputs]
-    if isinstance(inputs, Mapping):
-        for name, values in inputs.items():
-            block.signal(name)
-            if name not in names:
-                raise InputError(f"block {block.name!r}: {name!r} is not an input")
-            u[names.index(name)] = _row(name, values, n)
-        return u
-    given = np.asarray(inputs, dtype=float)
-    if given.ndim == 1 and len(names) == 1 and given.shape == (n,):
-        given = given.reshape(1, n)
-    if given.ndim == 0 or given.shape[0] != len(names):
-        raise InputError(
-            f"block {block.name!r}: expected {len(names)} rows of inputs, found shape {given.shape}"
-        )
-    for k, values in enumerate(given):
-        u[k] = _row(names[k], values, n)
-    return u
-
-
-def _row(name: str, values: ArrayLike, n: int) -> Array:
-    row = np.asarray(values, dtype=float)
-    if row.shape not in ((), (n,)) or not np.isfinite(row).all():
-        raise InputError(f"input {name!r}: expected one or {n} finite values, found shape {row.shape}")
-    return row
-
-
-def initial_state(block: Block, x0: Any) -> Array:
-    """Return the initial state, shape (n_states,), what is given over the start values."""
-    start = np.array([s.start for s in block.states])
-    if x0 is None:
-        return start
-    if isinstance(x0, Mapping):
-        names = [s.name for s in block.states]
-        for name, value in x0.items():
-            block.signal(name)
-            if name not in names:
-                raise InputError(f"block {block.name!r}: {name!r} is not a state")
-            start[names.index(name)] = value
-        return start
-    given = np.asarray(x0, dtype=float).ravel()
-    if given.shape != start.shape:
-        raise InputError(f"block {block.name!r}: expected {start.size} initial states, found {given.size}")
-    return given
 
 
 def _pieces(times: Array, u: Array, hold: str) -> list[tuple[int, int]]:

@@ -23,15 +23,11 @@ from hovercontrol.core.boundary import checked
 from hovercontrol.core.delays import arrivals, undelayed
 from hovercontrol.core.friction import Friction
 from hovercontrol.errors import InputError, shown
+from hovercontrol.simulation.given import checked_times, initial_state, input_rows
 from hovercontrol.simulation.python_runner import start_block
 from hovercontrol.simulation.reasons import REASONS
 from hovercontrol.simulation.runner import BlockRunner, Inputs
-from hovercontrol.simulation.trajectory import (
-    checked_times,
-    initial_state,
-    input_rows,
-    time_response,
-)
+from hovercontrol.simulation.trajectory import time_response
 from hovercontrol.targets.engines import Engine, checked_solver, engine_of
 from hovercontrol.targets.executors import sweep_on
 from hovercontrol.targets.library import (
@@ -276,7 +272,7 @@ class CompiledBlock:
                 "hovercontrol.simulate interpolates with hold='linear'"
             )
         times = checked_times(time)
-        u = input_rows(self.block, inputs, len(times))
+        u = input_rows(self.block, inputs, times)
         x = initial_state(self.block, x0)
         p = np.array(self.block.parameter_values(params))
         solver = checked_solver(method, step, rtol, atol)

@@ -16,6 +16,7 @@ from hovercontrol.core.functions import numpy_functions
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.io.tables import positive
 from hovercontrol.targets.library import Point, Solver
+from hovercontrol.targets.linear import point_values, state_space
 from hovercontrol.targets.points import points
 
 Array = NDArray[np.float64]
@@ -106,16 +107,20 @@ class BlockSystem(control.NonlinearIOSystem):
 
     # What python-control calls at every point; the two methods above, without looking up parameters again.
     def _rhs(self, t: float, x: Any, u: Any) -> Array:
-        native = self._native or self._look_for_native()
+        native, u = self._native or self._look_for_native(), self._commanded(u)
         if native:
             return native[0](t, x, u)
         return self._points.python("derivatives", t, x, u, self._values)
 
     def _out(self, t: float, x: Any, u: Any) -> Array:
-        native = self._native or self._look_for_native()
+        native, u = self._native or self._look_for_native(), self._commanded(u)
         if native:
             return native[1](t, x, u)
         return self._points.python("outputs", t, x, u, self._values)
+
+    def _commanded(self, u: Any) -> Any:
+        """Return inputs; ``control.find_operating_point`` hands on None where its user gives none."""
+        return np.zeros(self.ninputs) if u is None else u
 
     def _look_for_native(self) -> tuple[Point, Point] | None:
         self._native = self._points.native(self._values)
@@ -124,9 +129,11 @@ class BlockSystem(control.NonlinearIOSystem):
     def linearize(
         self,
         x0: Any,
-        u0: ArrayLike = (),
+        u0: ArrayLike | None = None,
         t: float = 0.0,
         params: Mapping[str, float] | None = None,
+        *,
+        copy_names: bool = True,
         **kwargs: Any,
     ) -> control.StateSpace:
         """Return the linearisation at a point, from the exact Jacobians.
@@ -134,30 +141,26 @@ class BlockSystem(control.NonlinearIOSystem):
         Parameters
         ----------
         x0 : array_like, shape (n_states,), scalar for all states, or control.OperatingPoint
-        u0 : array_like, shape (n_inputs,), or scalar for all inputs; default 0
+        u0 : array_like, shape (n_inputs,), or scalar for all inputs; default the operating point's, or 0
         t : float, optional
             Time [s].
         params : mapping, optional
             Parameter values by key.
+        copy_names : bool, optional
+            Whether the names of signals and the system are kept; if not, python-control numbers them.
         **kwargs
-            As for :func:`control.linearize`: ``name``, ``inputs``, ``outputs``, ``states``, ``copy_names``.
+            As for :func:`control.linearize`: ``name``, ``inputs``, ``outputs``, ``states``.
 
         Raises
         ------
         InputError
-            If a number of values or a key is wrong.
+            If a number of values or a key is wrong, or a value is not finite.
         """
         if isinstance(x0, control.OperatingPoint):
-            x0, u0 = x0.states, x0.inputs if np.size(u0) == 0 else u0
-        x = _point(x0, self.nstates, "state", self.block.name)
-        u = _point(u0, self.ninputs, "input", self.block.name)
+            x0, u0 = x0.states, x0.inputs if u0 is None else u0
+        x = point_values(x0, self.nstates, "state", self.block.name)
+        u = point_values(u0, self.ninputs, "input", self.block.name)
         kwargs.pop("eps", None)  # a step for finite differences: nothing is left to choose
-        kwargs.pop("copy_names", None)  # the names are always those of the signals
-        if self.nstates == 1 and self.ninputs == 0:
-            raise InputError(
-                f"block {self.block.name!r}: python-control cannot hold a linear system of one state and no "
-                "input; to_numpy().jacobian() gives its matrix"
-            )
         self._update_params(params)
         f = numpy_functions(self.block)
         matrices = [
@@ -165,8 +168,10 @@ class BlockSystem(control.NonlinearIOSystem):
             for rows in ("derivatives", "outputs")
             for columns in ("states", "inputs")
         ]
-        labels = {"inputs": self.input_labels, "outputs": self.output_labels, "states": self.state_labels}
-        return control.StateSpace(*matrices, **{"name": f"{self.name}$linearized", **labels, **kwargs})
+        if copy_names:
+            labels = {"inputs": self.input_labels, "outputs": self.output_labels, "states": self.state_labels}
+            kwargs = {"name": f"{self.name}$linearized", **labels, **kwargs}
+        return state_space(matrices, self.dt, **kwargs)
 
 
 class HybridSystem(BlockSystem):
@@ -195,14 +200,15 @@ class HybridSystem(BlockSystem):
         return {k: v for k, v in self.__dict__.items() if k != "_compiled"}
 
     def _advanced(self, t: float, until: float, x: Any, u: Any) -> Array:
-        return self._compiled.advance_values(t, until, np.ravel(x), np.ravel(u), self._values, _STEPS)
+        given = np.ravel(self._commanded(u))
+        return self._compiled.advance_values(t, until, np.ravel(x), given, self._values, _STEPS)
 
     def _rhs(self, t: float, x: Any, u: Any) -> Array:
         return self._advanced(t, t + self.dt, x, u)
 
     def _out(self, t: float, x: Any, u: Any) -> Array:
         outputs = self._compiled.point_values("outputs", self._values)
-        return outputs(t, self._advanced(t, t, x, u), np.ravel(u))
+        return outputs(t, self._advanced(t, t, x, u), np.ravel(self._commanded(u)))
 
     def _updates(self, t: float, x: Any, u: Any, params: Mapping[str, float]) -> Array:
         self._update_params(params)
@@ -273,12 +279,3 @@ def to_control(
     if not 0 < step < np.inf:
         raise InputError(f"block {block.name!r}: step must be positive, found {step!r}")
     return HybridSystem(block, name, step)
-
-
-def _point(values: ArrayLike, n: int, kind: str, name: str) -> Array:
-    point = np.asarray(values, dtype=float).ravel()
-    if point.size == 0 or (point.size == 1 and n != 1):
-        point = np.full(n, point[0] if point.size else 0.0)
-    if point.size != n:
-        raise InputError(f"block {name!r}: expected {n} {kind} values, found {point.size}")
-    return point

@@ -30,7 +30,7 @@ from numpy.typing import ArrayLike
 
 from hovercontrol.errors import InputError
 from hovercontrol.io.tables import positive
-from hovercontrol.simulation.trajectory import checked_times
+from hovercontrol.simulation.given import checked_times
 from hovercontrol.targets.checkpoint import Checkpoint, fingerprint
 from hovercontrol.targets.resting import without_resting_states
 from hovercontrol.targets.sweep import (
@@ -41,6 +41,7 @@ from hovercontrol.targets.sweep import (
     SweepResult,
     number_of_runs,
     rows_by_state,
+    units_of_runs,
     values_of_runs,
 )
 
@@ -221,7 +222,8 @@ def _empty(work: _Work) -> SweepResult:
     outputs, states = (tuple(s.name for s in group) for group in (block.outputs, block.states))
     figures: dict[str, Any] = {name: np.full((runs, len(outputs)), np.nan) for name in FIGURES}
     last, status = np.full((runs, len(states)), np.nan), np.full(runs, WORKER_FAILED, dtype=np.intc)
-    return SweepResult(outputs, states, work.params, work.x0, **figures, states_final=last, status=status)
+    given = (work.params, work.x0, units_of_runs(block))
+    return SweepResult(outputs, states, *given, **figures, states_final=last, status=status)
 
 
 def _run(

@@ -18,6 +18,7 @@ from hovercontrol.core.boundary import checked
 from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.io.files import write_atomically
+from hovercontrol.io.pyplot import open_in_pyplot
 from hovercontrol.simulation.reasons import REASONS
 
 if TYPE_CHECKING:
@@ -93,6 +94,8 @@ class SweepResult:
         Names, in the order of the columns below.
     parameters, x0 : mapping of str to ndarray (n_runs,)
         The values that were given.
+    units : mapping of str to str
+        Of outputs by name, and of what is in ``given``.
     final, maximum, minimum, rms, settling : ndarray (n_runs, n_outputs)
         At the end; over the times that count; from when on the output stays within its band [s].
         NaN in a run that failed.
@@ -108,6 +111,7 @@ class SweepResult:
     states: tuple[str, ...]
     parameters: Mapping[str, Array]
     x0: Mapping[str, Array]
+    units: Mapping[str, str]
     final: Array
     maximum: Array
     minimum: Array
@@ -129,7 +133,7 @@ class SweepResult:
     @property
     def failures(self) -> tuple[Failure, ...]:
         """The runs that failed, with the reason and the values they were given."""
-        given = self._given()
+        given = self.given
         return tuple(
             Failure(
                 k, self.errors.get(k, REASONS[self.status[k]]), {n: float(v[k]) for n, v in given.items()}
@@ -137,7 +141,9 @@ class SweepResult:
             for k in np.flatnonzero(self.status).tolist()
         )
 
-    def _given(self) -> dict[str, Array]:
+    @property
+    def given(self) -> dict[str, Array]:
+        """What was given to the runs: parameters by key, and ``STATE.start``."""
         return {**self.parameters, **{f"{name}.start": v for name, v in self.x0.items()}}
 
     def _repr_html_(self) -> str:
@@ -146,12 +152,25 @@ class SweepResult:
         return sweep_html(self)
 
     def plot(self, of: str | None = None, figure: str = "final") -> Figure:
-        """Return a figure (final, maximum, minimum, rms, settling) of an output over what was varied."""
-        from hovercontrol.notebook.plots import sweep_figure
+        """Draw a figure (final, maximum, minimum, rms, settling) of an output over what was varied.
+
+        One number gives a curve, a grid of two a map; anything else is drawn over the number of the run.
+
+        Parameters
+        ----------
+        of, figure : str, optional
+            The output, default the first; and its figure.
+
+        Raises
+        ------
+        InputError
+            If the output or the figure is unknown.
+        """
+        from hovercontrol.notebook.sweep_plots import sweep_figure
 
         if figure not in FIGURES:
             raise InputError(f"unknown figure {figure!r}{did_you_mean(figure, FIGURES)}")
-        return sweep_figure(self, of, figure)
+        return open_in_pyplot(sweep_figure(self, of, figure))
 
     def to_table(self, runs: slice = slice(None)) -> pyarrow.Table:
         """Return one row for each run: what was given, its status, ``OUTPUT.FIGURE``, ``STATE.end``.
@@ -163,7 +182,7 @@ class SweepResult:
         """
         import pyarrow
 
-        columns: dict[str, Any] = {"run": np.arange(len(self)), **self._given()}
+        columns: dict[str, Any] = {"run": np.arange(len(self)), **self.given}
         columns["status"] = np.array(REASONS)[self.status]
         for name in self.outputs:
             columns |= {f"{name}.{figure}": getattr(self[name], figure) for figure in FIGURES}
@@ -230,6 +249,13 @@ def values_of_runs(
             except InputError as error:
                 raise InputError(f"block {block.name!r}: {error} (run {run})") from None
     return every, {name: columns[name] for name in given or {}}
+
+
+def units_of_runs(block: Block) -> dict[str, str]:
+    """Return the units of a Block's outputs, parameters and initial states, by the names that sweeps use."""
+    starts = {f"{s.name}.start": s.unit for s in block.states}
+    given = starts | {block.parameter_key(s.name): s.unit for s in block.parameters}
+    return given | {s.name: s.unit for s in block.outputs}
 
 
 def settling_bands(block: Block, band: float | Mapping[str, float]) -> Array:

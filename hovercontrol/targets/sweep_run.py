@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,7 +12,7 @@ from numpy.typing import ArrayLike
 from hovercontrol.core.block import Block
 from hovercontrol.core.delays import arrivals_of_runs
 from hovercontrol.errors import InputError
-from hovercontrol.simulation.trajectory import input_rows
+from hovercontrol.simulation.given import input_rows
 from hovercontrol.targets.engines import Engine
 from hovercontrol.targets.library import Array, Library, Solver
 from hovercontrol.targets.sweep import (
@@ -22,6 +23,7 @@ from hovercontrol.targets.sweep import (
     number_of_runs,
     rows_by_state,
     settling_bands,
+    units_of_runs,
     values_of_runs,
 )
 
@@ -57,7 +59,7 @@ def run_sweep(
     InputError
         As there.
     """
-    u = input_rows(block, inputs, len(times))
+    u = input_rows(block, inputs, times)
     if x0 is not None and not isinstance(x0, Mapping):
         x0 = rows_by_state(block, x0)
     runs = number_of_runs({**(params or {}), **(x0 or {})})
@@ -104,5 +106,6 @@ def run_sweep(
         back = np.argsort(order)
         figures, last, status = figures[back], last[back], status[back]
     names = tuple(s.name for s in block.outputs)
-    each = {name: figures[:, :, k] for k, name in enumerate(FIGURES)}
-    return SweepResult(names, tuple(starts), given_p, given_x, **each, states_final=last, status=status)
+    each: dict[str, Any] = {name: figures[:, :, k] for k, name in enumerate(FIGURES)}
+    given = (given_p, given_x, units_of_runs(block))
+    return SweepResult(names, tuple(starts), *given, **each, states_final=last, status=status)

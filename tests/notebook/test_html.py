@@ -4,6 +4,7 @@ import re
 import xml.etree.ElementTree as ET
 from html.parser import HTMLParser
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
@@ -140,9 +141,12 @@ def test_results_show_their_numbers(results, name, said):
         assert word in text, word
 
 
-@pytest.mark.parametrize("name", ["log", "run", "sweep", "study", "identified", "free run", "diagnosis"])
+@pytest.mark.parametrize(
+    "name", ["log", "run", "sweep", "varied", "study", "identified", "free run", "diagnosis"]
+)
 def test_every_result_can_be_drawn(results, name):
     figure = results[name].plot()
+    assert plt.gcf() is figure
     axes = figure.axes
     assert axes and all(len(a.lines) + len(a.patches) + len(a.collections) for a in axes)
     assert any(a.get_xlabel() for a in axes)

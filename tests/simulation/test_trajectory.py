@@ -132,7 +132,11 @@ def test_progress_is_reported_up_to_the_end():
         ({"inputs": {"aa": 1.0}}, "no signal 'aa'; did you mean 'a'"),
         ({"inputs": {"v": 1.0}}, "'v' is not an input"),
         ({"inputs": {"a": [1.0, 2.0]}}, "input 'a': expected one or 3"),
-        ({"inputs": {"a": np.nan}}, "finite"),
+        ({"inputs": {"a": np.nan}}, "input 'a': expected finite values, found nan$"),
+        ({"inputs": {"a": [0.0, np.nan, 0.0]}}, r"input 'a': .* found nan at t = 1 s \(row 1\)"),
+        ({"inputs": [[0.0, 0.0, np.inf]]}, r"input 'a': .* found inf at t = 2 s \(row 2\)"),
+        ({"x0": [np.nan]}, "block 'cart': initial state 'v' is nan"),
+        ({"x0": {"v": np.inf}}, "block 'cart': initial state 'v' is inf"),
         ({"inputs": [[1.0] * 3] * 2}, "expected 1 rows"),
         ({"x0": [1.0, 2.0]}, "expected 1 initial states, found 2"),
         ({"x0": {"a": 1.0}}, "'a' is not a state"),
@@ -144,6 +148,13 @@ def test_progress_is_reported_up_to_the_end():
 def test_wrong_arguments_are_refused_in_words(arguments, message):
     with pytest.raises(InputError, match=message):
         simulate(CART, **{"time": [0, 1, 2], **arguments})
+
+
+@pytest.mark.parametrize("run", ["simulate", "sweep"])
+def test_machine_code_tells_a_command_that_is_not_a_number_with_its_time(run):
+    message = r"input 'a': expected finite values, found nan at t = 0.5 s \(row 1\)"
+    with pytest.raises(InputError, match=message):
+        getattr(CART.compile(), run)([0.0, 0.5, 1.0], inputs=[[0.0, np.nan, 0.0]])
 
 
 def test_a_motion_that_runs_away_names_the_time_it_did():

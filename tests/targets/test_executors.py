@@ -44,7 +44,7 @@ def dask():
 
 
 def assert_same(one, other):
-    assert (one.outputs, one.states) == (other.outputs, other.states)
+    assert (one.outputs, one.states, one.units) == (other.outputs, other.states, other.units)
     for name in (*FIGURES, "states_final", "status"):
         assert getattr(one, name).tobytes() == getattr(other, name).tobytes(), name
 

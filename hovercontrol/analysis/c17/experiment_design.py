@@ -32,6 +32,7 @@ from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError
 from hovercontrol.io.figure_style import COLOUR_MAP
 from hovercontrol.io.files import write_atomically
+from hovercontrol.io.pyplot import open_in_pyplot, shown_once
 from hovercontrol.io.tables import positive
 from hovercontrol.models.model import Model
 from hovercontrol.models.vehicles import c17_experiment, c17_simulation
@@ -116,6 +117,7 @@ class ExpectedErrors:
         axes : matplotlib.axes.Axes, optional
             Where to draw; default a figure of its own.
         """
+        own = axes is None
         if axes is None:
             axes = Figure(figsize=(8.0, 1.5 + 0.4 * len(self.references)), layout="constrained").subplots()
         scale = LogNorm(1e-3 * RUNS.doubt, 0.1 * RUNS.doubt, clip=True)
@@ -139,7 +141,7 @@ class ExpectedErrors:
         figure.colorbar(
             drawn, ax=axes, extend="both", label=f"standard error [SI], {RUNS.doubt:g} before the run"
         )
-        return figure
+        return open_in_pyplot(figure) if own else shown_once(figure)
 
 
 @checked

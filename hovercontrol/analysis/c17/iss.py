@@ -30,6 +30,7 @@ from hovercontrol.analysis.c17.normal_form import (
 from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
 from hovercontrol.core.sgn import regularise
+from hovercontrol.io.pyplot import open_in_pyplot
 from hovercontrol.io.tables import positive
 from hovercontrol.models.model import Model
 
@@ -195,7 +196,7 @@ class IssGain:
         """Return the bound of the error per unit of each coefficient as a picture."""
         from hovercontrol.notebook.plots import iss_figure
 
-        return iss_figure(self)
+        return open_in_pyplot(iss_figure(self))
 
     def table(self) -> str:
         """Return the bound of the error per unit of each coefficient as text."""

@@ -26,6 +26,7 @@ from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError
 from hovercontrol.estimators.regression import Regression, regression
 from hovercontrol.estimators.regressors import Regressors
+from hovercontrol.io.pyplot import open_in_pyplot
 
 Array = NDArray[np.float64]
 
@@ -150,7 +151,7 @@ class Excitation:
         ax.axhline(self.tolerance, color="black", linestyle="--", label="tolerance")
         ax.set(xlabel="number of the singular value [1]", ylabel="singular value / largest [1]")
         ax.legend()
-        return figure
+        return open_in_pyplot(figure)
 
 
 @checked

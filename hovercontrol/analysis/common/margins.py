@@ -8,28 +8,26 @@ guide for slow references, not a proof.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING
 
 import control
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
+from hovercontrol.analysis.common.cut_loop import CutLoop, Point
+from hovercontrol.analysis.common.loop_modes import OutsideModes, split_loop
 from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
-from hovercontrol.core.interconnect import interconnect, rename
 from hovercontrol.errors import InputError, did_you_mean
-from hovercontrol.simulation.trajectory import initial_state
+from hovercontrol.io.pyplot import open_in_pyplot
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
-Point = ArrayLike | Mapping[str, float]
-
-#: What a signal is called where it comes back to the wire that is cut.
-RETURNED = "_returned"
+ALL_DECAY = OutsideModes()
 
 #: A factor as small, or its inverse, stands for none at all.
 SMALL = 1e-9
@@ -43,7 +41,7 @@ class Margins:
     Attributes
     ----------
     stable : bool
-        Whether the linearised loop is stable.
+        Whether the linearised loop is stable and no mode outside it grows.
     gain_up, gain_down : float
         Factors of the gain, above and below 1, at which it is at the edge; inf and 0 where it bears all.
     phase : float
@@ -59,6 +57,9 @@ class Margins:
     jitter : float
         Every delay that varies as it likes within 0 and this [s] is borne: ``1/max |w T(j w)|``, after Kao
         and Lincoln (2004), the theorem that K06 section 5.3.3 names. Sufficient, so never above `delay`.
+    outside : OutsideModes
+        The modes that do not decay and that the loop through the wire does not change: a position that
+        nobody feeds back integrates. They count in no margin.
 
     Examples
     --------
@@ -76,99 +77,11 @@ class Margins:
     disk_phase: float = math.nan
     delay: float = math.nan
     jitter: float = math.nan
+    outside: OutsideModes = ALL_DECAY
 
 
-def break_loop(blocks: Sequence[Block], at: str | Sequence[str], name: str = "loop") -> Block:
-    """Return Blocks joined with wires cut: inputs `at`, outputs ``AT_returned``.
-
-    Parameters
-    ----------
-    blocks : sequence of Block
-        That join to a closed loop without inputs.
-    at : str or sequence of str
-        Signals that one of the Blocks drives.
-    name : str, optional
-
-    Raises
-    ------
-    InputError
-        If nothing drives the signal, or the Blocks leave other inputs open.
-    """
-    cut = [at] if isinstance(at, str) else list(at)
-    driven = {s.name for block in blocks for s in block.outputs}
-    for signal in cut:
-        if signal not in driven:
-            raise InputError(f"{name}: no block drives {signal!r}{did_you_mean(signal, driven)}")
-    parts = []
-    for block in blocks:
-        own = {s.name: f"{s.name}{RETURNED}" for s in block.outputs if s.name in cut}
-        parts.append(rename(block, own) if own else block)
-    whole = interconnect(parts, name, outputs=[f"{signal}{RETURNED}" for signal in cut])
-    more = [s.name for s in whole.inputs if s.name not in cut]
-    if more:
-        raise InputError(f"{name}: nothing drives {more[0]!r}: a loop to be cut must be closed")
-    return interconnect(parts, name, inputs=cut, outputs=[f"{signal}{RETURNED}" for signal in cut])
-
-
-class CutLoop:
-    """A loop with wires cut, to be linearised at many points.
-
-    Parameters
-    ----------
-    blocks, at
-        As for :func:`break_loop`.
-
-    Raises
-    ------
-    InputError
-        As there.
-    """
-
-    def __init__(self, blocks: Sequence[Block], at: str | Sequence[str]) -> None:
-        cut = [at] if isinstance(at, str) else list(at)
-        self._cut = break_loop(blocks, cut).to_control()
-        self._closed = interconnect(blocks, "loop", outputs=cut)
-
-    def linearize(
-        self, x: Point | None = None, time: float = 0.0, params: Mapping[str, float] | None = None
-    ) -> control.StateSpace:
-        """Return the linear system from the cut wires to where they come back; feedback is positive.
-
-        Parameters
-        ----------
-        x : array_like or mapping by name, optional
-            State of the closed loop, over its start values.
-        time : float, optional
-            [s]
-        params : mapping, optional
-            Parameter values by key.
-
-        Raises
-        ------
-        InputError
-            If a name or a number of values is wrong.
-        """
-        point = initial_state(self._closed, x)
-        through = self._closed.to_numpy().outputs(time, point, (), params)
-        return self._cut.linearize(point, through, time, params)
-
-    def along(
-        self, motion: control.TimeResponseData, params: Mapping[str, float] | None = None
-    ) -> Iterator[control.StateSpace]:
-        """Give the linear systems at each row of a motion of the closed loop, frozen.
-
-        Raises
-        ------
-        InputError
-            If the motion has not all states of this loop.
-        """
-        names, labels = [s.name for s in self._closed.states], list(motion.state_labels)
-        missing = [name for name in names if name not in labels]
-        if missing:
-            raise InputError(f"motion: no state {missing[0]!r}{did_you_mean(missing[0], labels)}")
-        states = np.asarray(motion.states)[[labels.index(name) for name in names]]
-        for time, x in zip(np.asarray(motion.time).tolist(), states.T, strict=True):
-            yield self.linearize(x, time, params)
+#: The names of what can be drawn over time.
+MARGINS = tuple(f.name for f in fields(Margins) if f.name != "outside")
 
 
 @checked
@@ -204,12 +117,17 @@ def margins(
     >>> round(found.phase, 3), round(found.delay, 5), round(found.jitter, 5)  # pi/(2 k) and 1/k
     (90.0, 0.7854, 0.5)
     """
-    return loop_margins(-CutLoop(blocks, at).linearize(x, time, params))
+    return _of_line(CutLoop(blocks, at).linearize(x, time, params))
 
 
 @checked
 def loop_margins(loop: control.StateSpace | control.TransferFunction) -> Margins:
     """Return the margins of a linear loop, continuous, one input and output, negative feedback.
+
+    Raises
+    ------
+    InputError
+        If the loop is another.
 
     Examples
     --------
@@ -218,10 +136,15 @@ def loop_margins(loop: control.StateSpace | control.TransferFunction) -> Margins
     >>> round(found.phase, 6), round(found.delay, 5)
     (90.0, 0.7854)
     """
-    loop = control.ss(loop)
+    if not loop.issiso() or loop.isdtime(strict=True):
+        raise InputError(
+            f"margins: expected a continuous loop with one input and one output, found {loop.ninputs} "
+            f"and {loop.noutputs}, dt = {loop.dt}"
+        )
+    loop, outside = split_loop(control.ss(loop))
     closed = control.feedback(loop, 1)
-    if not (np.real(closed.poles()) < 0).all():
-        return Margins(stable=False)
+    if outside.grow or not (np.real(closed.poles()) < 0).all():
+        return Margins(stable=False, outside=outside)
     gains, phases, _, _, crossovers, _ = control.stability_margins(loop, returnall=True)
     gains = np.asarray(gains)[(gains > SMALL) & (gains < 1 / SMALL)]
     phases, crossovers = np.radians(np.asarray(phases, dtype=float)), np.asarray(crossovers, dtype=float)
@@ -239,6 +162,7 @@ def loop_margins(loop: control.StateSpace | control.TransferFunction) -> Margins
         disk_phase=phase,
         delay=float(min(late, default=math.inf)),
         jitter=_jitter(closed),
+        outside=outside,
     )
 
 
@@ -265,26 +189,26 @@ class FrozenMargins:
 
     def __getitem__(self, name: str) -> Array:
         """Return one margin over time, shape (n,)."""
-        names = [f.name for f in fields(Margins)]
-        if name not in names:
-            raise InputError(f"no margin {name!r}{did_you_mean(name, names)}")
+        if name not in MARGINS:
+            raise InputError(f"no margin {name!r}{did_you_mean(name, MARGINS)}")
         return np.array([getattr(m, name) for m in self.each], dtype=float)
 
     def plot(self) -> Figure:
         """Return phase, gain and delay margins over time as a picture."""
         from hovercontrol.notebook.plots import margins_figure
 
-        return margins_figure(self)
+        return open_in_pyplot(margins_figure(self))
 
     @property
     def worst(self) -> Margins:
         """What is borne all the way, margin by margin; NaN if the loop is unstable anywhere."""
+        outside = max((m.outside for m in self.each), key=lambda modes: (modes.grow, len(modes.poles)))
         if not self["stable"].all():
-            return Margins(stable=False)
-        found = {f.name: float(self[f.name].min()) for f in fields(Margins) if f.name != "stable"}
+            return Margins(stable=False, outside=outside)
+        found = {name: float(self[name].min()) for name in MARGINS if name != "stable"}
         found["gain_down"] = float(self["gain_down"].max())
         found["crossover"] = float(self["crossover"][np.argmin(self["phase"])])
-        return Margins(stable=True, **found)
+        return Margins(stable=True, outside=outside, **found)
 
 
 @checked
@@ -322,14 +246,21 @@ def margins_along(
     >>> [round(m.phase, 3) for m in found.each]
     [90.0, 90.0]
     """
-    each = tuple(loop_margins(-line) for line in CutLoop(blocks, at).along(motion, params))
+    each = tuple(_of_line(line) for line in CutLoop(blocks, at).along(motion, params))
     return FrozenMargins(np.asarray(motion.time, dtype=float), each)
+
+
+def _of_line(line: control.StateSpace) -> Margins:
+    """Return the margins of a cut loop, whose feedback is positive."""
+    return loop_margins(control.StateSpace(line.A, line.B, -line.C, -line.D, states=line.state_labels))
 
 
 def _jitter(closed: control.StateSpace) -> float:
     """Return 1/max |w T(j w)|; 0 where T feeds through at once, which bears no varying delay."""
     if np.any(closed.D):
         return 0.0
+    if not closed.nstates:
+        return math.inf
     A, B, C = closed.A, closed.B, closed.C
     size = float(control.system_norm(control.ss(A, B, C @ A, C @ B), "inf", print_warning=False))
     return 1 / size if size > 0 else math.inf

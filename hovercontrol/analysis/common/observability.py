@@ -28,6 +28,7 @@ from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError
 from hovercontrol.estimators.regression import regression
 from hovercontrol.estimators.regressors import Regressors
+from hovercontrol.io.pyplot import open_in_pyplot
 
 Array = NDArray[np.float64]
 
@@ -95,7 +96,7 @@ class SlidingGramian:
 
     def plot(self) -> Figure:
         """Return eigenvalues and condition number over the windows."""
-        return _sliding_figure(self, "SI units, or s")
+        return open_in_pyplot(_sliding_figure(self, "SI units, or s"))
 
 
 def _sliding_figure(sliding: SlidingGramian, unit: str) -> Figure:
@@ -234,7 +235,7 @@ class Gramian:
         """
         width = (self.window[1] - self.window[0]) / 5 if width is None else width
         unit = "s" if any(size != 1.0 for size in self.sizes.values()) else "SI units"
-        return _sliding_figure(self.sliding(width), unit)
+        return open_in_pyplot(_sliding_figure(self.sliding(width), unit))
 
 
 @checked

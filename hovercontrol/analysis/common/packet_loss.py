@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import brentq
 
-from hovercontrol.analysis.common.margins import CutLoop, Point
+from hovercontrol.analysis.common.cut_loop import CutLoop, Point
 from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError, did_you_mean
@@ -175,7 +175,7 @@ def packet_loop(
     period : float
         From packet to packet [s].
     x, time, params
-        As for :meth:`~hovercontrol.analysis.common.margins.CutLoop.linearize`.
+        As for :meth:`~hovercontrol.analysis.common.cut_loop.CutLoop.linearize`.
     lost : {"hold", "zero"}, optional
         What the craft does without a packet: go on with the last commands, or take those of the point itself
         (zero deviation).

@@ -19,6 +19,7 @@ from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.io.figure_style import figure_style
 from hovercontrol.io.files import write_atomically
+from hovercontrol.io.pyplot import open_in_pyplot, shown_once
 from hovercontrol.io.tables import number
 from hovercontrol.targets.compiled import CompiledBlock
 from hovercontrol.targets.sweep import Axis as Axis
@@ -224,6 +225,7 @@ class Region:
             Draw here; default a new figure.
         """
         with figure_style():
+            own = axes is None
             if axes is None:
                 figure = Figure(figsize=(7.0, 5.8), layout="constrained")
                 axes = figure.subplots()
@@ -233,7 +235,7 @@ class Region:
             draw_region(self, names or self.maps, axes)
         drawn = axes.get_figure(root=True)
         assert isinstance(drawn, Figure)
-        return drawn
+        return open_in_pyplot(drawn) if own else shown_once(drawn)
 
 
 def mesh(x: Axis, y: Axis) -> tuple[Array, Array]:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from hovercontrol.analysis.k06.trials import need_trial
 from hovercontrol.autopilot import SWITCHES, Imperfections, seeds
+from hovercontrol.io.pyplot import open_in_pyplot
 from hovercontrol.scenarios import Scenario
 from hovercontrol.scenarios.parts import loop_parts, phase_parameters
 from hovercontrol.scenarios.real import real_loop
@@ -78,7 +79,7 @@ class Budget:
         """Return what each imperfection costs alone as a picture."""
         from hovercontrol.notebook.plots import budget_figure
 
-        return budget_figure(self)
+        return open_in_pyplot(budget_figure(self))
 
     def share(self, name: str) -> float:
         """Return by which part of the whole the mean square gap falls without one; negative if it grows."""

@@ -6,7 +6,7 @@ Bar-Shalom, Li and Kirubarajan, "Estimation with Applications to Tracking and Na
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,6 +14,10 @@ from scipy.special import chdtri
 
 from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError
+from hovercontrol.io.pyplot import open_in_pyplot
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
 
@@ -66,7 +70,7 @@ class Consistency:
         """Part of the runs with NIS in its band; `level` is expected."""
         return float(np.mean((self.nis >= self.nis_band[0]) & (self.nis <= self.nis_band[1])))
 
-    def plot(self, time: ArrayLike | None = None) -> Any:
+    def plot(self, time: ArrayLike | None = None) -> Figure:
         """Draw NEES over time and NIS of each run with their bands.
 
         Parameters
@@ -76,13 +80,14 @@ class Consistency:
 
         Returns
         -------
-        ndarray of matplotlib.axes.Axes
-            One, or two if there is a NIS.
+        matplotlib.figure.Figure
+            With one axes, or two if there is a NIS.
         """
-        import matplotlib.pyplot as plt
+        from matplotlib.figure import Figure
 
         t = np.arange(len(self.nees)) if time is None else np.asarray(time, dtype=float)
-        figure, axes = plt.subplots(1, 2 if len(self.nis) else 1, squeeze=False, figsize=(10, 4))
+        figure = Figure(figsize=(10, 4), layout="constrained")
+        axes = figure.subplots(1, 2 if len(self.nis) else 1, squeeze=False)
         left = axes[0, 0]
         left.plot(t, self.nees, color="0.85", linewidth=0.5)
         left.plot(t, self.mean_nees, color="C0", label="mean over runs")
@@ -103,8 +108,7 @@ class Consistency:
             axes[0, 1].set(xlabel="run", ylabel="NIS, mean over the run")
             axes[0, 1].set_title(f"{self.nis_inside:.0%} in the band")
             axes[0, 1].legend()
-        figure.tight_layout()
-        return axes[0]
+        return open_in_pyplot(figure)
 
 
 @checked

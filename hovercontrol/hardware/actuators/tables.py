@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError
 from hovercontrol.io.files import write_atomically
+from hovercontrol.io.pyplot import open_in_pyplot
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -113,7 +114,7 @@ class FanTable:
         """Return a curve for each rudder angle: speed over force, or force over speed."""
         from hovercontrol.notebook.data_plots import fan_table_figure
 
-        return fan_table_figure(self)
+        return open_in_pyplot(fan_table_figure(self))
 
     def to_csv(self, path: str | Path) -> Path:
         """Write the table; :func:`read_fan_table` reads it back.
@@ -246,4 +247,5 @@ class ServoTable:
         """Return rudder angle over pulse width."""
         from hovercontrol.notebook.data_plots import curve_figure
 
-        return curve_figure(self.name, self.pulse, self.angle, "pulse [ms]", "rudder angle [deg]")
+        labels = "pulse [ms]", "rudder angle [deg]"
+        return open_in_pyplot(curve_figure(self.name, self.pulse, self.angle, *labels))

@@ -24,6 +24,7 @@ from hovercontrol.hardware.actuators.k06 import (
 from hovercontrol.hardware.actuators.tables import FanTable
 from hovercontrol.hardware.calibration.fits import fit_reverse_ratio, fit_thrust
 from hovercontrol.hardware.calibration.result import Fit, Floats, measured
+from hovercontrol.io.pyplot import open_in_pyplot
 from hovercontrol.logs.check import check_finite
 from hovercontrol.logs.source import open_source
 
@@ -102,7 +103,7 @@ class FanCalibration:
         below.set_ylabel("residual [N]")
         for axis in (above, below):
             axis.grid(alpha=0.3)
-        return figure
+        return open_in_pyplot(figure)
 
 
 @checked

@@ -12,6 +12,7 @@ from scipy.special import stdtrit
 
 from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError
+from hovercontrol.io.pyplot import open_in_pyplot
 
 Floats = NDArray[np.float64]
 
@@ -127,7 +128,7 @@ class Fit:
         Returns
         -------
         matplotlib.figure.Figure
-            Not attached to a screen; ``figure.savefig("fit.png")`` writes it.
+            ``figure.savefig("fit.png")`` writes it.
         """
         figure = Figure(figsize=(6.4, 5.6), layout="constrained")
         above, below = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
@@ -148,7 +149,7 @@ class Fit:
         below.set_ylim(-most, most)
         for axis in (above, below):
             axis.grid(alpha=0.3)
-        return figure
+        return open_in_pyplot(figure)
 
 
 def fit_polynomial(

@@ -13,6 +13,7 @@ from scipy.optimize import root
 
 from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError, did_you_mean
+from hovercontrol.io.pyplot import open_in_pyplot
 from hovercontrol.io.tables import positive
 from hovercontrol.logs.check import check_finite
 from hovercontrol.logs.source import open_source
@@ -135,7 +136,7 @@ class MeasuredDelays:
         ax.set_title("mean {:.4g}, sd {:.4g}, {:.4g} to {:.4g} ms".format(*numbers), fontsize="small")
         ax.set(xlabel="delay [ms]", ylabel="messages")
         figure.legend(loc="outside lower center", ncols=2, frameon=False)
-        return figure
+        return open_in_pyplot(figure)
 
 
 @checked

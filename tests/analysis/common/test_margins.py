@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 
 from hovercontrol import Block, InputError, Signal, interconnect
 from hovercontrol.analysis.c17.loops import c17_ellipse, on_reference
-from hovercontrol.analysis.common.margins import CutLoop, break_loop, loop_margins, margins, margins_along
+from hovercontrol.analysis.common.cut_loop import CutLoop, break_loop
+from hovercontrol.analysis.common.margins import loop_margins, margins, margins_along
 from hovercontrol.analysis.k06.law_regions import delayed_force, force_craft
 from hovercontrol.controllers import tracking_controller
 from hovercontrol.controllers.k06 import forward, setpoints

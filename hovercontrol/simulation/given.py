@@ -1,0 +1,87 @@
+"""What a simulation is given: times, inputs and an initial state, checked and in the Block's order."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hovercontrol.core.block import Block
+from hovercontrol.errors import InputError
+
+Array = NDArray[np.float64]
+
+
+def checked_times(time: ArrayLike) -> Array:
+    """Return a time grid, shape (n,); refuse what does not increase."""
+    times = np.ascontiguousarray(time, dtype=float)  # C reads it
+    if times.ndim != 1 or len(times) < 2 or not np.isfinite(times).all() or (np.diff(times) <= 0).any():
+        raise InputError("time must be two or more finite, increasing numbers")
+    return times
+
+
+def input_rows(block: Block, inputs: Any, times: Array) -> Array:
+    """Return all inputs at n times, shape (n_inputs, n), those given over the start values."""
+    n = len(times)
+    u = np.array([np.full(n, s.start) for s in block.inputs]).reshape(-1, n)
+    if inputs is None:
+        return u
+    names = [s.name for s in block.inputs]
+    if isinstance(inputs, Mapping):
+        for name, values in inputs.items():
+            block.signal(name)
+            if name not in names:
+                raise InputError(f"block {block.name!r}: {name!r} is not an input")
+            u[names.index(name)] = _row(name, values, times)
+        return u
+    given = np.asarray(inputs, dtype=float)
+    if given.ndim == 1 and len(names) == 1 and given.shape == (n,):
+        given = given.reshape(1, n)
+    if given.ndim == 0 or given.shape[0] != len(names):
+        raise InputError(
+            f"block {block.name!r}: expected {len(names)} rows of inputs, found shape {given.shape}"
+        )
+    for k, values in enumerate(given):
+        u[k] = _row(names[k], values, times)
+    return u
+
+
+def _row(name: str, values: ArrayLike, times: Array) -> Array:
+    row = np.asarray(values, dtype=float)
+    if row.shape not in ((), times.shape):
+        raise InputError(f"input {name!r}: expected one or {len(times)} values, found shape {row.shape}")
+    bad = np.flatnonzero(~np.isfinite(row))
+    if bad.size:
+        where = f" at t = {times[bad[0]]:.6g} s (row {bad[0]})" if row.ndim else ""
+        raise InputError(f"input {name!r}: expected finite values, found {row.flat[bad[0]]}{where}")
+    return row
+
+
+def initial_state(block: Block, x0: Any) -> Array:
+    """Return the initial state, shape (n_states,), what is given over the start values; it is finite."""
+    start = _given_state(block, x0)
+    for signal, value in zip(block.states, start.tolist(), strict=True):
+        if not math.isfinite(value):
+            raise InputError(f"block {block.name!r}: initial state {signal.name!r} is {value}")
+    return start
+
+
+def _given_state(block: Block, x0: Any) -> Array:
+    start = np.array([s.start for s in block.states])
+    if x0 is None:
+        return start
+    if isinstance(x0, Mapping):
+        names = [s.name for s in block.states]
+        for name, value in x0.items():
+            block.signal(name)
+            if name not in names:
+                raise InputError(f"block {block.name!r}: {name!r} is not a state")
+            start[names.index(name)] = value
+        return start
+    given = np.asarray(x0, dtype=float).ravel()
+    if given.shape != start.shape:
+        raise InputError(f"block {block.name!r}: expected {start.size} initial states, found {given.size}")
+    return given
