@@ -15,8 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hovercontrol.estimation.damping import Damping, Relaxation
-from hovercontrol.estimation.kalman import run_filter
-from hovercontrol.estimation.noise import ONWARD, Noise, augment, moved, timed
+from hovercontrol.estimation.noise import ONWARD, Noise, moved, timed
 from hovercontrol.estimation.outliers import OUTLIERS, outliers
 from hovercontrol.estimation.passes import Pass, alone, held, inverse, residuals, run_pass, tried_pass
 from hovercontrol.estimation.prior import Prior
@@ -52,6 +51,9 @@ class Convergence:
         by a step that is taken: a number that moves by a standard error changes it by one.
     stopped : float
         Largest change of the cost in a pass under fixed noise levels.
+    reached : float
+        Largest fall of the cost that a step of the unknowns predicts at the end: the square of their distance
+        from the optimum in standard errors, a tenth of one.
     enough : int
         Passes after which a path that alternates between stick and slip counts as converged.
     idle : int
@@ -61,6 +63,7 @@ class Convergence:
 
     settled: float = 1.0
     stopped: float = 0.05
+    reached: float = 0.01
     enough: int = 3
     idle: int = 4
 
@@ -227,6 +230,8 @@ def estimate(
 class _Iteration:
     """Where an iteration is: what is fitted, noise, passes done, the cost before, damping of each step.
 
+    A step may raise the cost by `rise` at most; under noise that moves, by anything.
+
     Only the pass it has come to is kept: those of long logs take 200 MB each.
     """
 
@@ -246,11 +251,10 @@ class _Iteration:
     idle: int = 0
     factor: float = COARSEST
     stalled: bool = False
-    rise: float = CONVERGENCE.settled
+    rise: float = np.inf
     relaxation: Relaxation = field(default_factory=Relaxation)
     of_levels: Damping = field(default_factory=lambda: Damping(most=ONWARD))
     now: Pass = field(init=False)
-    under: Noise = field(init=False)
 
     def first(self, p: Array, path: Array) -> None:
         """Make the first pass."""
@@ -263,14 +267,14 @@ class _Iteration:
     def onward(self, judged: Problem | None = None) -> None:
         """Make the next pass, with samples left out or down-weighted if they were judged again.
 
-        A step that raises the sum of squares is halved, and so is one behind which the model runs away; what
-        goes to and fro about a kink of dry friction is damped. Where no part of a step will do, the iteration
-        has stalled.
+        A step that raises both the sum of squares and the cost is halved, and so is one behind which the model
+        runs away; what goes to and fro about a kink of dry friction is damped. Where no part of a step will
+        do, the iteration has stalled.
         """
-        highest = self._squares() + self.rise if judged is None else np.inf
         if judged is not None:
-            self.problem, self.before, self.least = judged, np.inf, np.inf
+            self.problem, self.before, self.least, self.rise = judged, np.inf, np.inf, np.inf
         now, problem, self.k = self.now, self.problem, self.k + 1
+        squares, cost = now.squares + self.rise, now.cost + self.rise
         (step, along), here, there = now.steps(problem), problem.inside(now.p), now.path
         std = deviations(problem, now.smooth.covariance)
         known = np.diag(now.S.sum(axis=0)) + self.prior.precision if step.any() else np.zeros_like(step)
@@ -283,22 +287,16 @@ class _Iteration:
             self.problem = controlled(problem, path, p, std)
             return tried_pass(self.problem, self.noise, self.prior, p, path, self.frozen)
 
-        found = behind(part)
-        while (found is None or found.squares > highest) and part > (SHORTEST if found else TINIEST):
+        def rises(there: Pass | None) -> bool:
+            return there is None or (there.squares > squares and there.cost > cost)
+
+        while rises(found := behind(part)) and part > (SHORTEST if found else TINIEST):
             part *= 0.5
-            found = behind(part)
-        self.stalled = found is None or found.squares > highest
+        self.stalled = rises(found)
         found = behind(0.0) if self.stalled else found
         if found is None:
             raise FloatingPointError("the model runs away")
         self._come_to(found)
-
-    def _squares(self) -> float:
-        """Return the sum of squares of the pass it has come to, under the noise as it is now."""
-        if self.under is self.noise:
-            return self.now.squares
-        system = augment(self.problem, self.now.linear, self.noise, unknowns=False)
-        return float((run_filter(system).white ** 2).sum()) + self.prior.cost(self.problem.inside(self.now.p))
 
     def gated(self) -> None:
         """Go on until nothing stands out: large outliers hide small ones."""
@@ -314,6 +312,7 @@ class _Iteration:
         while (problem := self._less()) is not None:
             self.onward(problem)
             if levels:
+                self.rise = np.inf
                 self.noise = moved(self.problem, self.noise, self.now.system, self.now.smooth, self.of_levels)
                 self.onward()
             changed = True
@@ -354,6 +353,7 @@ class _Iteration:
 
     def _moving(self) -> None:
         """Go on to the first pass whose levels and correlation times of noise stay."""
+        self.rise = np.inf  # what descends under one noise need not under the next
         while True:
             there = self._little_changes(CONVERGENCE.settled) or self.idle >= CONVERGENCE.idle
             while there and self.times and self.factor > FINEST:  # not before all factors were tried
@@ -373,9 +373,8 @@ class _Iteration:
         while True:
             if self.now.cost < best[0]:
                 best = self.now.cost, self.now.p, self.now.path
-            there = self._little_changes(
-                CONVERGENCE.stopped if count < CONVERGENCE.enough else 2.0 * CONVERGENCE.settled
-            )
+            enough = CONVERGENCE.stopped if count < CONVERGENCE.enough else 2.0 * CONVERGENCE.settled
+            there = self._little_changes(enough, CONVERGENCE.reached)
             if there or count >= STILL or self.idle >= CONVERGENCE.idle or self.stalled:
                 break
             self.rise *= 0.5  # summable: it comes to rest (Li and Fukushima, Optim. Methods Softw. 13, 2000)
@@ -386,8 +385,8 @@ class _Iteration:
             self.now = run_pass(self.problem, self.noise, self.prior, *best[1:], self.frozen)
         return there
 
-    def _little_changes(self, enough: float) -> bool:
-        return bool(abs(self.change) < enough and self.now.predicted < CONVERGENCE.settled)
+    def _little_changes(self, enough: float, left: float = CONVERGENCE.settled) -> bool:
+        return bool(abs(self.change) < enough and self.now.predicted < left)
 
     def _timed(self) -> bool:
         """Try correlation times by a factor; tell whether they moved. The next factor is smaller if not."""
@@ -401,7 +400,7 @@ class _Iteration:
         return bool(further)
 
     def _come_to(self, now: Pass) -> None:
-        self.now, self.under = now, self.noise
+        self.now = now
         self.change, self.before = self.before - now.cost, now.cost
         falls = now.cost < self.least - CONVERGENCE.settled
         self.least, self.idle = (now.cost, 0) if falls else (self.least, self.idle + 1)

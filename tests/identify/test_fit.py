@@ -332,17 +332,21 @@ def weak(rudder_log, seed):
 
 
 @pytest.mark.parametrize("seed", range(8))
-def test_a_log_that_tells_little_ends_in_a_result_that_rounding_does_not_change(rudder_log, seed):
-    """Another processor rounds otherwise: numbers changed by 1e-13 to 1e-10 of themselves do the same."""
+def test_a_log_that_tells_little_ends_in_what_rounding_does_not_change(rudder_log, seed):
+    """Another processor rounds otherwise: numbers changed by 1e-13 to 1e-10 of themselves do the same.
+
+    The result is the same, or it is said that the logs do not determine it.
+    """
     log = weak(rudder_log, seed)
     found = identify(c17_experiment(), [log])
     assert not all(f.excited for f in found.coefficients)
     for k, size in enumerate((1e-13, 1e-12, 1e-11, 1e-10)):
         again = identify(c17_experiment(), [perturbed(log, size, np.random.default_rng(k))])
-        assert again.converged == found.converged
+        assert again.not_converged == found.not_converged
+        close = 0.01 if found.converged else 0.2
         for one, other in zip(found.coefficients, again.coefficients, strict=True):
             assert one.excited == other.excited
-            assert not one.excited or abs(one.value - other.value) < 0.01 * one.std
+            assert not one.excited or abs(one.value - other.value) < close * one.std
 
 
 def test_a_force_that_lags_behind_its_command_need_not_be_measured():
