@@ -267,9 +267,9 @@ class _Iteration:
     def onward(self, judged: Problem | None = None) -> None:
         """Make the next pass, with samples left out or down-weighted if they were judged again.
 
-        A step that raises both the sum of squares and the cost is halved, and so is one behind which the model
-        runs away; what goes to and fro about a kink of dry friction is damped. Where no part of a step will
-        do, the iteration has stalled.
+        A step that raises both the sum of squares and the cost is halved, and so is one behind which the
+        model runs away; what goes to and fro about a kink of dry friction is damped. Where no part of a step
+        will do, the iteration has stalled.
         """
         if judged is not None:
             self.problem, self.before, self.least, self.rise = judged, np.inf, np.inf, np.inf
