@@ -26,7 +26,6 @@ from hovercontrol.estimation.fit import Fit, estimate, first_noise
 from hovercontrol.estimation.prior import prior_of
 from hovercontrol.estimation.problem import Problem
 from hovercontrol.estimation.subject import Subject
-from hovercontrol.estimation.substeps import fine_enough
 from hovercontrol.logs import Log
 
 
@@ -101,7 +100,7 @@ def base_fit(model: Subject, data: Data) -> Fit:
     """Return a model fitted to logs as it was given, less samples that stand out."""
     problem = Problem(model, data)
     prior = prior_of(problem, model)
-    return fine_enough(estimate(problem, prior, first_noise(problem), gate=True))
+    return estimate(problem, prior, first_noise(problem), gate=True)
 
 
 def _diagnosed(

@@ -1,4 +1,4 @@
-"""Steps of an iteration that go to and fro, or creep: Aitken's rule, each element by itself."""
+"""Steps of an iteration that go to and fro, or creep: Aitken's rule, for a whole step or its elements."""
 
 from __future__ import annotations
 
@@ -52,3 +52,37 @@ class Damping:
             part = np.where(np.isfinite(part), part, 1.0)
         self.step, self.part = step, part
         return np.asarray(part * step)
+
+
+@dataclass(eq=False)
+class Relaxation:
+    """Takes the part of a whole step after which, by the last two, the next one would be zero.
+
+    Of steps s and s' of which the part a of s was taken, with m = s' s / s s, that part is a/(1 - m):
+    Aitken's rule for vectors (Irons and Tuck, 1969). The direction stays: what falls along it still does.
+
+    Attributes
+    ----------
+    step : ndarray
+        Proposed last.
+    part : float
+        Of it that was taken.
+    """
+
+    step: Array = field(default_factory=lambda: np.zeros(0))
+    part: float = 1.0
+
+    def of(self, step: Array) -> float:
+        """Return the part of a proposed step that is to be taken, ``LEAST`` to 1.
+
+        Parameters
+        ----------
+        step : ndarray
+            Of the shape of the last one, else that one is forgotten; elements in comparable units.
+        """
+        part, square = 1.0, float(self.step @ self.step)
+        if self.step.shape == step.shape and square > 0.0:
+            along = float(step @ self.step) / square
+            part = float(np.clip(self.part / (1.0 - along), LEAST, 1.0)) if along < 1.0 else 1.0
+        self.step, self.part = step, part
+        return part

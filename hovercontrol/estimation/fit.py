@@ -14,12 +14,13 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from hovercontrol.estimation.damping import Damping
+from hovercontrol.estimation.damping import Damping, Relaxation
 from hovercontrol.estimation.noise import ONWARD, Noise, moved, timed
 from hovercontrol.estimation.outliers import OUTLIERS, outliers
 from hovercontrol.estimation.passes import Pass, alone, held, inverse, residuals, run_pass, tried_pass
 from hovercontrol.estimation.prior import Prior
 from hovercontrol.estimation.problem import Linear, Problem
+from hovercontrol.estimation.step_control import controlled, deviations
 
 Array = NDArray[np.float64]
 
@@ -45,12 +46,14 @@ class Convergence:
 
     Attributes
     ----------
-    fine : float
-        Largest change of the cost by halved sub-steps.
     settled : float
-        Largest change of the cost in a pass while noise levels move.
+        Largest change of the cost in a pass while noise levels move, and largest rise of the sum of squares
+        by a step that is taken: a number that moves by a standard error changes it by one.
     stopped : float
         Largest change of the cost in a pass under fixed noise levels.
+    reached : float
+        Largest fall of the cost that a step of the unknowns predicts at the end: the square of their distance
+        from the optimum in standard errors, a tenth of one.
     enough : int
         Passes after which a path that alternates between stick and slip counts as converged.
     idle : int
@@ -58,9 +61,9 @@ class Convergence:
         friction throws a path to and fro.
     """
 
-    fine: float = 2.0
     settled: float = 1.0
     stopped: float = 0.05
+    reached: float = 0.01
     enough: int = 3
     idle: int = 4
 
@@ -74,6 +77,9 @@ COARSEST, FINEST = 2.0, 1.2
 
 #: Times at most that one such step is followed by another of the same factor.
 FURTHER = 3
+
+#: Shortest part of a step that is tried, and where the model runs away behind it.
+SHORTEST, TINIEST = 0.05, 1e-6
 
 #: Passes of a refit before levels of noise move.
 HOLD = 2
@@ -224,6 +230,8 @@ def estimate(
 class _Iteration:
     """Where an iteration is: what is fitted, noise, passes done, the cost before, damping of each step.
 
+    A step may raise the cost by `rise` at most; under noise that moves, by anything.
+
     Only the pass it has come to is kept: those of long logs take 200 MB each.
     """
 
@@ -242,13 +250,15 @@ class _Iteration:
     least: float = np.inf
     idle: int = 0
     factor: float = COARSEST
-    of_unknowns: Damping = field(default_factory=Damping)
-    of_path: Damping = field(default_factory=Damping)
+    stalled: bool = False
+    rise: float = np.inf
+    relaxation: Relaxation = field(default_factory=Relaxation)
     of_levels: Damping = field(default_factory=lambda: Damping(most=ONWARD))
     now: Pass = field(init=False)
 
     def first(self, p: Array, path: Array) -> None:
         """Make the first pass."""
+        self.problem = controlled(self.problem, path, p)
         now = tried_pass(self.problem, self.noise, self.prior, p, path, self.frozen)
         if now is None:
             raise FloatingPointError("the model runs away from the first row on")
@@ -257,25 +267,36 @@ class _Iteration:
     def onward(self, judged: Problem | None = None) -> None:
         """Make the next pass, with samples left out or down-weighted if they were judged again.
 
-        A step after which the model runs away is halved; what goes to and fro about a kink of dry friction
-        is damped.
+        A step that raises both the sum of squares and the cost is halved, and so is one behind which the
+        model runs away; what goes to and fro about a kink of dry friction is damped. Where no part of a step
+        will do, the iteration has stalled.
         """
         if judged is not None:
-            self.problem, self.before, self.least = judged, np.inf, np.inf
-        here, there = self.now.p, self.now.path
-        step, along = self.now.steps(self.problem)
-        del self.now  # before the next takes as much memory
-        p = self.problem.outside(self.problem.inside(here) + self.of_unknowns.taken(step))
-        path = there + self.of_path.taken(along)
-        self.k += 1
-        while True:
-            found = tried_pass(self.problem, self.noise, self.prior, p, path, self.frozen)
-            if found is not None:
-                return self._come_to(found)
-            p, path, self.k = 0.5 * (p + here), 0.5 * (path + there), self.k + 1
-            self.of_unknowns, self.of_path = Damping(), Damping()
-            if self.k > self.most + STILL:
-                raise FloatingPointError("the model runs away")
+            self.problem, self.before, self.least, self.rise = judged, np.inf, np.inf, np.inf
+        now, problem, self.k = self.now, self.problem, self.k + 1
+        squares, cost = now.squares + self.rise, now.cost + self.rise
+        (step, along), here, there = now.steps(problem), problem.inside(now.p), now.path
+        std = deviations(problem, now.smooth.covariance)
+        known = np.diag(now.S.sum(axis=0)) + self.prior.precision if step.any() else np.zeros_like(step)
+        moves = (along[1:][..., list(problem.free)] / std).ravel()
+        part = self.relaxation.of(np.r_[step * np.sqrt(known), moves])  # in standard deviations
+        del self.now, now  # before the next takes as much memory
+
+        def behind(part: float) -> Pass | None:
+            p, path = problem.outside(here + part * step), there + part * along
+            self.problem = controlled(problem, path, p, std)
+            return tried_pass(self.problem, self.noise, self.prior, p, path, self.frozen)
+
+        def rises(there: Pass | None) -> bool:
+            return there is None or (there.squares > squares and there.cost > cost)
+
+        while rises(found := behind(part)) and part > (SHORTEST if found else TINIEST):
+            part *= 0.5
+        self.stalled = rises(found)
+        found = behind(0.0) if self.stalled else found
+        if found is None:
+            raise FloatingPointError("the model runs away")
+        self._come_to(found)
 
     def gated(self) -> None:
         """Go on until nothing stands out: large outliers hide small ones."""
@@ -291,6 +312,7 @@ class _Iteration:
         while (problem := self._less()) is not None:
             self.onward(problem)
             if levels:
+                self.rise = np.inf
                 self.noise = moved(self.problem, self.noise, self.now.system, self.now.smooth, self.of_levels)
                 self.onward()
             changed = True
@@ -331,6 +353,7 @@ class _Iteration:
 
     def _moving(self) -> None:
         """Go on to the first pass whose levels and correlation times of noise stay."""
+        self.rise = np.inf  # what descends under one noise need not under the next
         while True:
             there = self._little_changes(CONVERGENCE.settled) or self.idle >= CONVERGENCE.idle
             while there and self.times and self.factor > FINEST:  # not before all factors were tried
@@ -346,15 +369,15 @@ class _Iteration:
     def _still(self, count: int) -> bool:
         """Go on to the pass of least cost under the noise as it is, and tell whether that converged."""
         best = self.now.cost, self.now.p, self.now.path
-        self.least, self.idle = self.now.cost, 0
+        self.least, self.idle, self.rise = self.now.cost, 0, CONVERGENCE.settled
         while True:
             if self.now.cost < best[0]:
                 best = self.now.cost, self.now.p, self.now.path
-            there = self._little_changes(
-                CONVERGENCE.stopped if count < CONVERGENCE.enough else 2.0 * CONVERGENCE.settled
-            )
-            if there or count >= STILL or self.idle >= CONVERGENCE.idle:
+            enough = CONVERGENCE.stopped if count < CONVERGENCE.enough else 2.0 * CONVERGENCE.settled
+            there = self._little_changes(enough, CONVERGENCE.reached)
+            if there or count >= STILL or self.idle >= CONVERGENCE.idle or self.stalled:
                 break
+            self.rise *= 0.5  # summable: it comes to rest (Li and Fukushima, Optim. Methods Softw. 13, 2000)
             self.onward()
             count += 1
         if not there and best[0] < self.now.cost - CONVERGENCE.stopped:
@@ -362,8 +385,8 @@ class _Iteration:
             self.now = run_pass(self.problem, self.noise, self.prior, *best[1:], self.frozen)
         return there
 
-    def _little_changes(self, enough: float) -> bool:
-        return bool(abs(self.change) < enough and self.now.predicted < CONVERGENCE.settled)
+    def _little_changes(self, enough: float, left: float = CONVERGENCE.settled) -> bool:
+        return bool(abs(self.change) < enough and self.now.predicted < left)
 
     def _timed(self) -> bool:
         """Try correlation times by a factor; tell whether they moved. The next factor is smaller if not."""

@@ -41,6 +41,8 @@ class Pass:
         Of the unknowns, in the coordinates in which they are sought.
     predicted : float
         Reduction of the cost that this step predicts.
+    squares : float
+        The cost without the determinants of the filter: what steps reduce.
     """
 
     p: Array
@@ -54,6 +56,7 @@ class Pass:
     g: Array
     step: Array
     predicted: float
+    squares: float
 
     def steps(self, problem: Problem) -> tuple[Array, Array]:
         """Return the steps of the unknowns, in the coordinates in which they are sought, and of the path."""
@@ -74,8 +77,9 @@ def run_pass(problem: Problem, noise: Noise, prior: Prior, p: Array, path: Array
     if not frozen and len(p):
         step, predicted = _newton(problem, prior, p, S, g)
     smooth = run_smoother(system, filtered, np.ones(1) if frozen else np.concatenate([[1.0], step]))
-    cost = float(costs.sum()) + prior.cost(problem.inside(p))
-    return Pass(p, path, linear, system, smooth, cost, costs, S, g, step, predicted)
+    squares = float(every[:, 0, 0].sum()) + prior.cost(problem.inside(p))
+    cost = squares + float(filtered.log_det.sum())
+    return Pass(p, path, linear, system, smooth, cost, costs, S, g, step, predicted, squares)
 
 
 def tried_pass(

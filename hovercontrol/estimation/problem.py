@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from hovercontrol.core.block import Block
 from hovercontrol.estimation.data import Data
 from hovercontrol.estimation.inputs import Inputs
-from hovercontrol.estimation.steps import Counts, Steps, in_order
+from hovercontrol.estimation.steps import Counts, Steps
 from hovercontrol.estimation.subject import FOLLOWED, Subject, followed_rate, rate_key, structure, timing
 from hovercontrol.estimation.unknowns import Unknowns
 from hovercontrol.models.base import shown_by
@@ -27,6 +27,9 @@ STEP = 0.01
 
 #: Sub-steps between two rows: to begin with where rows are far apart, and at most.
 FEW, MOST = 4, 64
+
+#: Part of all steps for which sub-steps are short enough where all are divided alike: runs of many steps.
+ENOUGH = 0.95
 
 #: Standard deviation of a block's first states about the path, in parts of how far states range.
 LOOSE = 10.0
@@ -202,15 +205,13 @@ class Problem(Unknowns):
         new = [i for i in self.bristles if states[i] not in known]
         if not new:
             return path
-        W, S, parameters = self.rows.time.shape[1], self.pieces, self.parameters(p)
-        steps = self.steps.finest(parameters)
-        part = (np.arange(S)[:, None, None] + 0.5) / S
-        x = np.moveaxis(path, 2, 0)[:, None]
-        x = (x[:, :, :-1] + part * (x[:, :, 1:] - x[:, :, :-1])).reshape(len(states), S, -1)
+        parameters = self.parameters(p)
+        steps = self.steps.in_time(parameters)
+        x = steps.between(path)
         for i, values in steps.lagged.items():
             x[i] = values
-        t, h, x, u = (in_order(a, W) for a in (steps.t, steps.h, x, steps.u))
-        values = follow(self.block, new, t + 0.5 * h, h, x, u, parameters)[:, ::S]
+        every = follow(self.block, new, steps.t + 0.5 * steps.h, steps.h, x, steps.u, parameters)
+        values = every[:, steps.begin, np.arange(steps.begin.shape[1])]
         path = path.copy()
         path[..., new] = np.moveaxis(np.where(np.isfinite(values), values, 0.0), 0, -1)
         return path
@@ -224,8 +225,8 @@ class Problem(Unknowns):
 
     @property
     def longest_piece(self) -> float:
-        """Length of the longest sub-step, were all steps divided evenly [s]."""
-        return float(self.dt.max()) / self.pieces
+        """Length of the sub-steps that are short enough for nearly all steps, as parts of the longest [s]."""
+        return float(self.dt.max() / np.quantile(self.each, ENOUGH))
 
     def channels_at(self, x: Array, parameters: Sequence[float], t: Array, log: NDArray[np.intp]) -> Array:
         """Return the channels at states, shape (C, N).

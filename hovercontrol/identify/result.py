@@ -229,6 +229,12 @@ class Identified:
             said += f"; it does not predict {', '.join(r.state for r in blind)}" if blind else ""
         return f"{said}; something is missing or wrong in the model or the logs"
 
+    @property
+    def not_converged(self) -> str:
+        """What is said of a fit that did not converge; empty if it did."""
+        said = "not converged: the logs determine these coefficients to no better than their standard errors"
+        return "" if self.converged else said
+
     def _ahead(self, remaining: Remaining) -> float:
         """Return how far off an equation's state is predicted; where it is not seen, the best channel."""
         best = min(self.ahead.values(), default=1.0)
@@ -263,8 +269,8 @@ class Identified:
         lines += ["", f"chi2/dof {self.chi2_per_dof:.3g}; {used}"]
         if self.misfit:
             lines.append(self.misfit)
-        if not self.converged:
-            lines.append("not converged")
+        if self.not_converged:
+            lines.append(self.not_converged)
         return "\n".join(lines)
 
     def __repr__(self) -> str:

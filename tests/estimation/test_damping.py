@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from hovercontrol.estimation.damping import Damping
+from hovercontrol.estimation.damping import LEAST, Damping, Relaxation
 
 
 def ends(damping, propose, x, times):
@@ -37,3 +37,19 @@ def test_a_step_of_another_shape_begins_anew():
     damping = Damping()
     damping.taken(np.array([1.0]))
     assert np.array_equal(damping.taken(np.array([-1.0, 1.0])), [-1.0, 1.0])
+
+
+@pytest.mark.parametrize("rate", [-2.5, -1.0, -0.7, 0.0])
+def test_a_whole_step_that_goes_to_and_fro_is_relaxed(rate):
+    relaxation, x = Relaxation(), np.array([0.0, 5.0])
+    for _ in range(3):
+        step = (rate - 1.0) * (x - np.array([3.0, -1.0]))
+        x = x + relaxation.of(step) * step
+    assert x == pytest.approx([3.0, -1.0], abs=1e-9)
+
+
+def test_a_relaxed_step_keeps_its_direction_and_is_never_lengthened():
+    relaxation = Relaxation()
+    parts = [relaxation.of(np.array(step)) for step in ([1.0, 0.0], [0.9, 0.1], [-8.0, 0.0], [-9.0, 0.0])]
+    assert parts[0] == parts[1] == parts[3] == 1.0 or min(parts) >= LEAST
+    assert max(parts) <= 1.0 and parts[2] == LEAST

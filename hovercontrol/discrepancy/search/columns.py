@@ -14,7 +14,6 @@ from hovercontrol.discrepancy.search.candidates import Candidate
 from hovercontrol.effects import Effect
 from hovercontrol.estimation.fit import Fit
 from hovercontrol.estimation.inputs import Inputs
-from hovercontrol.estimation.steps import in_order
 from hovercontrol.estimation.subject import Subject, followed_rate, rate_key, structure, timing
 from hovercontrol.estimation.substeps import within
 from hovercontrol.models.base import shown_by
@@ -70,7 +69,7 @@ class Along:
         problem = self.problem
         self._values = dict(zip(problem.block.default_parameters, problem.parameters(fit.p), strict=True))
         self._within = within(fit)
-        self._steps = problem.steps.finest(problem.parameters(fit.p))
+        self._steps = self._within.steps
         self._rate = {rate_key(problem.block): followed_rate(float(self._steps.h.max()))}
         self._t = self._steps.t + 0.5 * self._steps.h
         self._base: Array | None = None
@@ -88,10 +87,10 @@ class Along:
             if self._base is None:
                 self._base = self._slopes(problem.model, self._values)
             added = self._slopes(model, values) - self._base
-        return np.moveaxis(self._within.become(added).reshape(-1, *problem.dt.shape), 0, -1)
+        return self._within.become(added)
 
     def _difference(self, model: Subject, values: Mapping[str, float]) -> Array | None:
-        """Return what a model's slopes have beyond the fit's, (n, S, N), without computing what is in both.
+        """Return what a model's slopes have beyond the fit's, (n, M, W), without computing what is in both.
 
         None where commands arrive otherwise, or where numbers that both have differ.
         """
@@ -110,7 +109,7 @@ class Along:
         return added
 
     def _slopes(self, model: Subject, values: Mapping[str, float]) -> Array:
-        """Return the slopes of the free states in the middles of sub-steps, (n, S, N)."""
+        """Return the slopes of the free states in the middles of sub-steps, (n, M, W)."""
         problem, block = self.problem, structure(model)
         x, u, every = self._path(model, block, values)
         with np.errstate(all="ignore"):
@@ -144,13 +143,10 @@ class Along:
 
     def _simulate(self, block: Block, new: list[int], x: Array, u: Array, every: list[float]) -> None:
         """Run states that only a candidate has along the path, from rest in each stretch."""
-        S, (steps, W) = self.problem.pieces, self.problem.dt.shape
-        t, h, path, inputs = (in_order(a, W) for a in (self._t, self._steps.h, x, u))
-        values = follow(block, new, t, h, path, inputs, every)[:, :-1]
-        x[new] = values.reshape(len(new), steps, S, W).swapaxes(1, 2).reshape(len(new), S, -1)
+        x[new] = follow(block, new, self._t, self._steps.h, x, u, every)[:, :-1]
 
     def _commands(self, model: Subject, block: Block, every: list[float]) -> tuple[Array, dict[int, Array]]:
-        inputs, steps, log = Inputs(block, model, self.problem.logs), self._steps, self.problem.steps.log
+        inputs, steps, log = Inputs(block, model, self.problem.logs), self._steps, self.problem.rows.log
         delay = inputs.delay(every)
         if delay not in self._means:
             self._means[delay] = inputs.means(delay, steps.t, steps.h, log)

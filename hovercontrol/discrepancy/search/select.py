@@ -20,7 +20,6 @@ from hovercontrol.discrepancy.search.trial import (
     bristles_bring_nothing,
     explained,
     falls_short,
-    in_finer_steps,
     passes,
     same_axis_drag,
     sized,
@@ -33,7 +32,6 @@ from hovercontrol.effects import Shape
 from hovercontrol.effects.friction import LuGre
 from hovercontrol.estimation.fit import Fit
 from hovercontrol.estimation.subject import Subject
-from hovercontrol.estimation.substeps import in_pieces, settled_pieces
 
 #: Candidates that blocks agree on and that are fitted though they score too little, at most.
 UNDERRATED = 2
@@ -96,20 +94,6 @@ def select(
             break
         best = begun_again(search, current, _likeliest(search, good))
         best = at_likeliest_time(search, current, best)
-        pieces = settled_pieces(best.fit)
-        if (pieces > current.problem.each).any():  # what coarse steps leave of steep friction would be named
-            search.report("taking finer steps")
-            coarse, current = current, in_pieces(current, pieces)
-            base = current if coarse is base else in_pieces(base, pieces)
-            first = []
-            if abs(current.cost - coarse.cost) > criteria.least:  # else scores stand
-                continue
-            finer = in_finer_steps(search, current, best, list(tried.values()))
-            good = [t for t in finer if passes(t, len(seen), criteria)]
-            if not good:
-                continue
-            first = finer if current is base else []
-            best = _likeliest(search, good)
         better = without_it(search, current, best)
         if better is not None:
             if current is base:

@@ -16,7 +16,6 @@ from hovercontrol.estimation.fit import CONVERGENCE, Fit, estimate, first_noise,
 from hovercontrol.estimation.prior import prior_of
 from hovercontrol.estimation.problem import Problem
 from hovercontrol.estimation.subject import Subject
-from hovercontrol.estimation.substeps import in_pieces
 
 
 @dataclass(frozen=True)
@@ -223,30 +222,6 @@ def at_likeliest_time(search: Search, current: Fit, t: Tried) -> Tried:
             break
         t = replace(t, fit=fit, gain=t.gain + t.fit.cost - fit.cost, blocks=agreement(fit, current, t.name))
     return t
-
-
-def in_finer_steps(search: Search, current: Fit, best: Tried, tried: Sequence[Tried]) -> list[Tried]:
-    """Return effects fitted in the sub-steps of a model without them: the best, and what is near or its twin.
-
-    Parameters
-    ----------
-    search : Search
-    current : Fit
-        In finer sub-steps than they.
-    best : Tried
-    tried : sequence of Tried
-    """
-    penalised, found = search.criteria.penalised, []
-    drag = best.fit.model.effect(best.name)
-    for t in (best, *(t for t in tried if t.name != best.name)):
-        near = penalised(t.fit) < penalised(best.fit) + TRIALS.near
-        if near or same_axis_drag(t.fit.model.effect(t.name), drag):
-            try:
-                fit = in_pieces(t.fit, np.maximum(current.problem.each, t.fit.problem.each))
-            except FloatingPointError:
-                continue
-            found.append(_tried(t.name, fit, current))
-    return found
 
 
 def without_it(search: Search, current: Fit, t: Tried) -> Fit | None:
