@@ -144,12 +144,17 @@ def _underrated(search: Search, current: Fit, seen: Sequence[Scored], done: set[
 
 
 def _likeliest(search: Search, good: Sequence[Tried]) -> Tried:
-    """Return the likeliest of effects that may be named, each with correlation times of its own."""
+    """Return the likeliest of effects that may be named, each with correlation times of its own.
+
+    Of level ones rounding must not choose: the one with fewer numbers is returned, then the first by name.
+    """
     penalised = search.criteria.penalised
     good = [t for t in good if not any(bristles_bring_nothing(t, o, search.criteria) for o in good)]
     least = min(penalised(t.fit) for t in good)
     near = [with_times(search, t) for t in good if penalised(t.fit) < least + TRIALS.near]
-    return min(near, key=lambda t: penalised(t.fit))
+    least = min(penalised(t.fit) for t in near)
+    level = [t for t in near if penalised(t.fit) < least + TRIALS.level]
+    return min(level, key=lambda t: (t.numbers, t.name))
 
 
 def _add(search: Search, current: Fit, seen: Sequence[Scored]) -> list[Tried]:

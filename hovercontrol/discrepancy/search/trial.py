@@ -33,6 +33,8 @@ class TrialCriteria:
         Part of the gain asked for that a score must promise for a fit: a score is no more than near it.
     near : float
         Difference of cost below which both fits get correlation times of their own.
+    level : float
+        Difference of cost that counts as none: fits stop within it.
     quiet : float
         Part of its process noise with which a fit begins again at the given coefficients: its equations must
         then explain what the noise took.
@@ -41,6 +43,7 @@ class TrialCriteria:
     half: float = 0.5
     promised: float = 0.75
     near: float = 300.0
+    level: float = 0.1
     quiet: float = 0.1
 
 
