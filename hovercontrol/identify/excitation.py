@@ -9,6 +9,7 @@ does not carry an estimate four standard errors away).
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,6 +22,7 @@ from hovercontrol.estimation.fit import Fit
 from hovercontrol.estimation.kalman import run_filter
 from hovercontrol.estimation.noise import augment
 from hovercontrol.estimation.passes import inverse, products
+from hovercontrol.estimation.problem import MOST, Linear, Problem
 
 Array = NDArray[np.float64]
 
@@ -39,11 +41,16 @@ class ExcitationCriteria:
         Standard errors within which a state is at rest.
     no_information : float
         Standard error, relative to the size of the coefficient, above which it is infinite.
+    growth : float
+        Growth of a state from row to row above which sub-steps are too long for friction at rest: an
+        explicit step h along a slope s grows from h s = 2.8 on (Hairer and Wanner, Solving ODEs II, IV.2), an
+        unstable craft by a few per cent.
     """
 
     named: float = 0.1
     resting: float = 3.0
     no_information: float = 1e5
+    growth: float = 2.0
 
 
 #: The values in use.
@@ -54,17 +61,39 @@ def information(fit: Fit) -> Array:
     """Return what the logs alone say of the coefficients, in their own units, shape (P, P).
 
     States that are at rest but for noise are taken to be at rest: on a velocity that is fitted to noise drag
-    seems to act, and the log would seem to excite it.
+    seems to act, and the log would seem to excite it. Where even the shortest sub-steps are too long for
+    friction at rest, the path is the fitted one.
     """
-    problem, path = fit.problem, fit.path.copy()
+    slope = fit.problem.slope(fit.p)
+    found = _linear_at_rest(fit)
+    if found is None:
+        S = fit.S.sum(axis=0)
+    else:
+        problem, linear = found
+        S = products(run_filter(augment(problem, linear, fit.noise)).white)[:, 1:, 1:].sum(axis=0)
+    return np.asarray(S / np.outer(slope, slope))
+
+
+def _linear_at_rest(fit: Fit) -> tuple[Problem, Linear] | None:
+    """Return the problem and its linearisation about the resting path, in sub-steps that dry friction allows.
+
+    It is steepest at rest, where the fitted path may never be: sub-steps short enough for that path may be
+    too long here.
+    """
+    problem, path = copy(fit.problem), fit.path.copy()
     n = len(problem.free)
     std = np.sqrt(np.maximum(np.diagonal(fit.covariance_of_path, axis1=2, axis2=3)[..., :n], 0.0))
     free = path[..., list(problem.free)]
     path[..., list(problem.free)] = np.where(np.abs(free) < EXCITATION.resting * std, 0.0, free)
-    system = augment(problem, problem.linearise(path, fit.p), fit.noise)
-    slope = problem.slope(fit.p)
-    S = products(run_filter(system).white)[:, 1:, 1:].sum(axis=0)
-    return np.asarray(S / np.outer(slope, slope))
+    while True:
+        linear = problem.linearise(path, fit.p)
+        own = np.abs(np.diagonal(linear.A, axis1=2, axis2=3)).max(axis=2).ravel()
+        long = ~(own < EXCITATION.growth)  # what overflows is too long, too
+        if not long.any():
+            return problem, linear
+        if problem.each[long].max() >= MOST:
+            return None
+        problem.set_pieces(np.where(long, 2 * problem.each, problem.each))
 
 
 def covariance(S: Array, size: Array, widen: Array) -> Array:
