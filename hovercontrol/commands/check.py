@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hovercontrol.commands import given
-from hovercontrol.errors import InputError
+from hovercontrol.errors import ArgumentError, InputError
 from hovercontrol.io.files import check_folder
 
 if TYPE_CHECKING:
@@ -67,6 +67,7 @@ def check(
     with given.progress_bar("check", 1.0) as report:
         report(0.0, "reading logs")
         every, written, unread = [], [], []
+        wrong: ArgumentError | None = None
         for name in logs:
             try:
                 every.append(read(name))
@@ -74,8 +75,11 @@ def check(
                 if not all(path.is_file() for path in split_files(name)):
                     raise
                 unread.append(str(error))
+                wrong = error if isinstance(error, ArgumentError) else wrong
                 continue
             written.append(stamps(name, every[-1], columns))
+        if wrong and not every:  # an option that fits none of the logs is at fault, not they
+            raise wrong
         found = find(
             every,
             known,

@@ -71,7 +71,7 @@ def diagnose(
         raise InputError("diagnose: expected one or more logs")
     out = out or Path("out") / "diagnose"
     check_folder(out)
-    given.refuse_twice("diagnose", [*logs, *([holdout] if holdout else [])])
+    given.refuse_twice("diagnose", logs, [holdout] if holdout else [])
     lacks = given.subject("diagnose", model, vehicle)
     names = given.listed(effects, "--effects")
     for name in names or []:

@@ -133,18 +133,19 @@ def show_list(titles: Mapping[str, str], json: bool) -> None:
         print(f"{name:24} {title}")
 
 
-def refuse_twice(command: str, names: Sequence[str]) -> None:
+def refuse_twice(command: str, names: Sequence[str], held: Sequence[str] = ()) -> None:
     """Refuse the same log given twice, also by different paths, and an option in a log's place."""
     from hovercontrol.logs.gather import split_files
 
     given: dict[Path, str] = {}
-    for name in names:
+    for name in (*names, *held):
         if name.startswith("--"):
             raise InputError(f"{command}: expected a log, found {name}: the option before it lacks its value")
         measured = Path(os.path.realpath(split_files(name)[0]))  # commands may be those of several runs
         if measured in given:
             known = "" if given[measured] == name else f" (as {given[measured]})"
-            raise InputError(f"{command}: {name} is given twice{known}; a held-out log is not in the fit")
+            why = "; a held-out log is not in the fit" if name in held else ""
+            raise InputError(f"{command}: {name} is given twice{known}{why}")
         given[measured] = name
 
 
@@ -202,12 +203,15 @@ def listed(text: str, option: str = "") -> list[str] | None:
 
 def pairs(text: str) -> dict[str, str]:
     """Return what ``--columns`` says: our name of a column to the file's."""
-    found = {}
+    found: dict[str, str] = {}
     for part in listed(text, "--columns") or []:
         ours, equals, theirs = part.partition("=")
+        ours, theirs = ours.strip(), theirs.strip()
         if not (ours and equals and theirs):
             raise InputError(f"--columns: expected NAME=COLUMN, found {part!r}")
-        found[ours.strip()] = theirs.strip()
+        if ours in found:
+            raise InputError(f"--columns: {ours!r} is given twice: {found[ours]!r} and {theirs!r}")
+        found[ours] = theirs
     return found
 
 

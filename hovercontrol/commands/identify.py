@@ -60,7 +60,7 @@ def identify(
         raise InputError("identify: expected one or more logs (or --sample)")
     out = out or Path("out") / "identify"
     check_folder(out)
-    given.refuse_twice("identify", [*names, *held])
+    given.refuse_twice("identify", names, held)
     craft = given.craft("identify", model, vehicle)
     inputs = {s.name: s.unit for s in craft.plant().inputs}
     read = given.reader(inputs, columns, bench, bench_fans, only_while, settle, frame)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from warnings import catch_warnings
 
 from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
@@ -211,8 +212,9 @@ def check(
         if not errors:
             report(0.5, "a trial fit")
             coefficients = _shown(model, logs, errors, warnings, report)
+    seen = [line for line in warnings if line not in errors]
     return Checked(
-        tuple(found), _once(errors), _once(warnings), model.name if model is not None else "", coefficients
+        tuple(found), _once(errors), _once(seen), model.name if model is not None else "", coefficients
     )
 
 
@@ -240,9 +242,10 @@ def _shown(
 ) -> tuple[Fitted, ...]:
     subject = model if isinstance(model, Model) else model.plant()
     try:
-        trial = identify(
-            subject, logs, most_rows=MOST_ROWS, progress=lambda part, what: report(0.5 + 0.5 * part, what)
-        )
+        with catch_warnings(action="ignore", category=UserWarning):  # the checks before have told
+            trial = identify(
+                subject, logs, most_rows=MOST_ROWS, progress=lambda part, what: report(0.5 + 0.5 * part, what)
+            )
     except InputError as error:
         errors.append(str(error))
         return ()

@@ -16,6 +16,8 @@ from hovercontrol.estimation.measure import Measured, steps
 from hovercontrol.estimation.navigation import NAVIGATION, corrections
 from hovercontrol.estimation.spikes import stand_out
 from hovercontrol.logs import POSE, VELOCITY, Log, Span, fit_clock, smooth_pose
+from hovercontrol.logs.codes import code_faults
+from hovercontrol.logs.held import held_faults
 from hovercontrol.logs.log import UNITS
 from hovercontrol.logs.scales import scale_faults
 
@@ -184,7 +186,7 @@ def facts(
     corrected = corrections(log)
     navigated = NAVIGATION.least <= corrected.size <= NAVIGATION.most * len(log)
     craft = any(log.has(name) for name in (*POSE, *VELOCITY))  # other machines may be slow, or fast
-    remarks = scale_faults(log) if craft else []
+    remarks = code_faults(log, measured) or held_faults(log, measured) or (scale_faults(log) if craft else [])
     rejected = _rejected(log) if log.has(*POSE) and not navigated and not remarks else ()
     columns = tuple(
         _column(log, name, known.get(name, ""), kind, name in measured, rejected)
@@ -195,7 +197,7 @@ def facts(
         rows = log.stack(*measured) if measured else np.zeros((len(log), 1))
         seen = np.isfinite(rows).any(axis=1)
         timing = [_timing(log.name, log.time[seen], rows[seen])]
-    if navigated:
+    if navigated and not remarks:
         apart = float(np.median(np.diff(log.time[corrected])))
         remarks.append(
             f"{log.name}: its position jumps {corrected.size} times, usually after {apart:.3g} s, and stays "
