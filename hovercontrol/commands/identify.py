@@ -48,8 +48,8 @@ def identify(
     Writes model.toml, coefficients.csv, prediction.csv and rejected.csv,
     and for each log a figure of the free-running simulation with the measurement.
 
-    Exit status 1 if a coefficient is not excited by the logs, or a body velocity of a held-out log is
-    predicted worse 1 s ahead than by assuming that it stays constant.
+    Exit status 1 if a coefficient is not excited by the logs, the model does not explain the logs, or a body
+    velocity of a held-out log is predicted worse 1 s ahead than by assuming that it stays constant.
     """
     from hovercontrol.identify.study import Study
     from hovercontrol.samples import sample_path
@@ -94,6 +94,8 @@ def _as_json(study: Study) -> dict[str, Any]:
         "rows": found.rows,
         "outliers": found.outliers,
         "rejected": found.rejected,
+        "chi2_per_dof": found.chi2_per_dof,
+        "misfit": found.misfit or None,
         "converged": found.converged,
         "prediction": [
             {

@@ -39,7 +39,7 @@ from hovercontrol.identify.subject import chosen, subject_of
 from hovercontrol.logs import Log
 from hovercontrol.logs.codes import code_faults
 from hovercontrol.logs.frames import check_frame
-from hovercontrol.logs.held import HELD, held_faults
+from hovercontrol.logs.held import held_faults, held_pose
 from hovercontrol.logs.scales import scale_faults
 from hovercontrol.models.model import Model
 
@@ -133,11 +133,11 @@ def measure_shared(model: Model | Block, logs: Sequence[Log | Measured], most_ro
 
 
 def _refuse_faulty(block: Block, log: Log) -> None:
-    """Refuse a log with numbers for missing values, or with measurements held over many rows; warn of few."""
+    """Refuse a log with numbers for missing values or a pose held over many rows; warn of others held."""
     inputs = [s.name for s in block.inputs if log.has(s.name)]
     seen = dict.fromkeys(s.name for s in (*block.outputs, *block.states) if log.has(s.name))
     channels = [name for name in seen if name not in inputs]
-    for fault in (*code_faults(log, [*channels, *inputs]), *held_faults(log, channels, HELD.bearable)):
+    for fault in (*code_faults(log, [*channels, *inputs]), *held_pose(log)):
         raise InputError(fault)
     for fault in held_faults(log, channels):
         warnings.warn(fault, stacklevel=4)

@@ -18,6 +18,7 @@ from hovercontrol.estimation.subject import structure
 from hovercontrol.identify import identify
 from hovercontrol.identify.result import Fitted, aligned
 from hovercontrol.io.files import write_folder
+from hovercontrol.io.percent import percent
 from hovercontrol.io.plain_json import json_text, plain
 from hovercontrol.log_check.facts import Array, Column, LogFacts, Timing, facts
 from hovercontrol.logs import Log
@@ -328,4 +329,4 @@ def _verdict(c: Fitted) -> str:
     if not c.excited:
         return f"no: {c.reason}"
     part = c.std / abs(c.value) if c.value else math.inf
-    return f"yes, to {100 * part:.2g} %" if part < 1 else "yes: not distinguished from zero"
+    return f"yes, to {percent(part)}" if part < 1 else "yes: not distinguished from zero"

@@ -224,10 +224,8 @@ def _column(log: Log, name: str, unit: str, kind: str, measured: bool, rejected:
     noise: float | None = None
     outliers: tuple[float, ...] = ()
     if measured and known.sum() > 3 and sizes.size:
-        rows = Log(log.name, log.time[known], {name: row[known]})
-        for span in rejected:  # wrong samples are no measure of noise
-            rows = rows.select((rows.time < span.start) | (rows.time > span.stop))
-        noise, outliers = _noise(rows, name)
+        right = known & ~_within(log.time, rejected)  # wrong samples are no measure of noise
+        noise, outliers = _noise(Log(log.name, log.time[right], {name: row[right]}), name)
     every = None
     if kind == "command":
         at = log.time[known][1:][np.diff(row[known]) != 0.0]
@@ -237,6 +235,16 @@ def _column(log: Log, name: str, unit: str, kind: str, measured: bool, rejected:
         name, unit, kind, int((~known).sum()), low, high, noise,
         float(sizes.min()) if sizes.size else None, outliers, every,
     )  # fmt: skip
+
+
+def _within(time: Array, spans: Sequence[Span]) -> NDArray[np.bool_]:
+    """Return which times lie in any of some spans, ends included."""
+    found = np.zeros(time.size, dtype=bool)
+    begin = np.searchsorted(time, [s.start for s in spans], side="left")
+    end = np.searchsorted(time, [s.stop for s in spans], side="right")
+    for a, b in zip(begin, end, strict=True):
+        found[a:b] = True
+    return found
 
 
 def _noise(log: Log, name: str) -> tuple[float | None, tuple[float, ...]]:

@@ -24,7 +24,7 @@ class HeldCriteria:
     rows : float
         Rows from one new measurement to the next, in the median, from which on they are held.
     bearable : float
-        The same up to which a fit is little off.
+        The same of a pose, up to which a fit is little off: farther apart, its steps look like jumps.
     regular : float
         Part of the measurements that come within a row, or a fifth, of that.
     fewest : int
@@ -75,6 +75,18 @@ def held_faults(log: Log, names: Sequence[str], over: float = 1.0) -> list[str]:
                 "between; write each measurement once, in a file of its own, and give both as POSE+COMMANDS"
             )
     return said
+
+
+def held_pose(log: Log) -> list[str]:
+    """Return the line on a pose that is held for so long that no velocities follow from it.
+
+    Examples
+    --------
+    >>> t = 0.02 * np.arange(1000)
+    >>> held_pose(Log("a", t, {"x": np.sin(t), "y": np.cos(t), "psi": t}))
+    []
+    """
+    return held_faults(log, [name for name in POSE if log.has(name)], HELD.bearable)
 
 
 def held(log: Log, names: Sequence[str]) -> tuple[int, float] | None:

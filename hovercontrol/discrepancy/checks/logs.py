@@ -22,7 +22,7 @@ from hovercontrol.logs import Log
 from hovercontrol.logs.check import check_heading
 from hovercontrol.logs.codes import code_faults
 from hovercontrol.logs.frames import check_frame
-from hovercontrol.logs.held import HELD, held_faults
+from hovercontrol.logs.held import held_faults, held_pose
 from hovercontrol.logs.scales import scale_faults
 
 Array = NDArray[np.float64]
@@ -84,7 +84,7 @@ def check_logs(model: Subject, logs: Sequence[Log], holdout: Log | None = None) 
     ------
     InputError
         If a log lacks an input of the model (the nearest column is named), is too short, holds a channel that
-        is empty, constant, held over several rows or in wrong units, or numbers that stand for missing
+        is empty, constant or in wrong units, a pose held over several rows or numbers that stand for missing
         values, has commands and measurements at other times or clocks that drift apart by much, or shares
         rows with another.
 
@@ -105,7 +105,7 @@ def check_logs(model: Subject, logs: Sequence[Log], holdout: Log | None = None) 
         channels = _channels(block, log)
         inputs = [s.name for s in block.inputs]
         _refuse_dead(log, channels)
-        for fault in (*code_faults(log, [*channels, *inputs]), *held_faults(log, channels, HELD.bearable)):
+        for fault in (*code_faults(log, [*channels, *inputs]), *held_pose(log)):
             raise InputError(fault)
         _refuse_apart(log, channels, inputs)
         refuse_units(model, log)
