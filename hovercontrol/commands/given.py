@@ -14,6 +14,7 @@ import typer
 from hovercontrol.errors import InputError
 
 if TYPE_CHECKING:
+    from hovercontrol.core.block import Block
     from hovercontrol.logs import Log
     from hovercontrol.models.blockmodel import BlockModel
     from hovercontrol.models.model import Model
@@ -87,6 +88,25 @@ def craft(command: str, model: Path | None, vehicle: str | None) -> Model:
         found: Model = from_python(str(model), Model)
         return found
     return load_model(model) if model else known_vehicle(vehicle or "c17_experiment")
+
+
+def own_machine(name: str) -> Model | Block | None:
+    """Return the Model, the Block or the plant of the BlockModel that a Python file of the user's defines.
+
+    Raises
+    ------
+    InputError
+        As :func:`hovercontrol.io.pythonfile.from_python`.
+    """
+    from hovercontrol.core.block import Block
+    from hovercontrol.io.pythonfile import from_python, names_python
+    from hovercontrol.models.blockmodel import BlockModel
+    from hovercontrol.models.model import Model
+
+    if not names_python(name):
+        return None
+    found: Block | BlockModel | Model = from_python(name, Block, BlockModel, Model)
+    return found.plant() if isinstance(found, BlockModel) else found
 
 
 def subject(command: str, model: str | None, vehicle: str | None) -> Model | BlockModel:

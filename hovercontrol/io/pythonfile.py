@@ -12,6 +12,9 @@ from typing import Any
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.io.files import readable
 
+#: Kinds of machines, and how many of other kinds an error line lists.
+MACHINES, MOST = ("Block", "BlockModel", "Model"), 8
+
 
 def names_python(text: str) -> bool:
     """Return whether a text names something in a Python file.
@@ -30,7 +33,8 @@ def from_python(text: str, *kinds: type) -> Any:
     Parameters
     ----------
     text : str
-        ``FILE.py:NAME``; ``FILE.py`` alone where it defines one thing of these kinds.
+        ``FILE.py:NAME``; ``FILE.py`` alone where it defines one thing of these kinds. The Block of a model
+        that is one of them counts as the model.
     *kinds : type
         What is wanted.
 
@@ -45,9 +49,11 @@ def from_python(text: str, *kinds: type) -> Any:
     module = _run(path)
     known = {key: value for key, value in vars(module).items() if isinstance(value, kinds)}
     wanted = " or ".join(kind.__name__ for kind in kinds)
-    nearest = did_you_mean(name, known) if known else "; the file defines none"
-    if not name and len(known) == 1:
-        return next(iter(known.values()))
+    nearest = did_you_mean(name, known) if known else _others(module)
+    parts = {id(getattr(value, "block", None)) for value in known.values()}
+    alone = {id(value): value for value in known.values() if id(value) not in parts}
+    if not name and len(alone) == 1:
+        return next(iter(alone.values()))
     if name in known:
         return known[name]
     if hasattr(module, name):
@@ -56,6 +62,14 @@ def from_python(text: str, *kinds: type) -> Any:
     if not name:
         raise InputError(f"{text}: expected FILE.py:NAME of a {wanted}{nearest}")
     raise InputError(f"{path}: defines no {name!r}{nearest}")
+
+
+def _others(module: ModuleType) -> str:
+    """Return the end of an error line: what machines of other kinds a file defines."""
+    there = [
+        f"{key} (a {type(v).__name__})" for key, v in vars(module).items() if type(v).__name__ in MACHINES
+    ]
+    return f"; the file defines none, but {', '.join(there[:MOST])}" if there else "; the file defines none"
 
 
 def _run(path: Path) -> ModuleType:
