@@ -101,8 +101,11 @@ def stamps(files: str, log: Log, columns: str) -> dict[str, NDArray[np.float64]]
     from hovercontrol.logs.source import open_source
 
     clock = given.pairs(columns).get("time", "time")
+    paths = split_files(files)
+    if len(paths) == 1:  # its rows are those of the log
+        return {paths[0].name: log.time}
     found = {}
-    for path in split_files(files):
+    for path in paths:
         header = open_source(path).header
         renamed = {"time": clock} if column_of(clock, header)[0] in header else {}
         time = read_log(path, renamed, motion=False, usecols=[]).time

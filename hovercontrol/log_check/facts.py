@@ -23,6 +23,9 @@ from hovercontrol.logs.scales import scale_faults
 
 Array = NDArray[np.float64]
 
+#: Rows in which spikes are looked for at a time, and rows to either side that tell (three, of three at most).
+PIECE, BESIDE = 1_000_000, 12
+
 
 @checked
 @dataclass(frozen=True)
@@ -220,21 +223,27 @@ def _timing(name: str, stamps: Array, samples: Array | None) -> Timing:
 def _column(log: Log, name: str, unit: str, kind: str, measured: bool, rejected: Sequence[Span]) -> Column:
     row = log[name]
     known = np.isfinite(row)
-    sizes = steps(row[known])
+    time, seen = _rows(log.time, known), _rows(row, known)
+    resolution = float(steps(seen).min(initial=np.inf))
     noise: float | None = None
     outliers: tuple[float, ...] = ()
-    if measured and known.sum() > 3 and sizes.size:
+    if measured and seen.size > 3 and resolution < np.inf:
         right = known & ~_within(log.time, rejected)  # wrong samples are no measure of noise
-        noise, outliers = _noise(Log(log.name, log.time[right], {name: row[right]}), name)
+        noise, outliers = _noise(Log(log.name, _rows(log.time, right), {name: _rows(row, right)}), name)
     every = None
     if kind == "command":
-        at = log.time[known][1:][np.diff(row[known]) != 0.0]
+        at = time[1:][np.diff(seen) != 0.0]
         every = float(np.median(np.diff(at))) if at.size > 1 else None
-    low, high = (float(f(row[known])) if known.any() else float("nan") for f in (np.min, np.max))
+    low, high = (float(f(seen)) if seen.size else float("nan") for f in (np.min, np.max))
     return Column(
-        name, unit, kind, int((~known).sum()), low, high, noise,
-        float(sizes.min()) if sizes.size else None, outliers, every,
+        name, unit, kind, row.size - seen.size, low, high, noise,
+        resolution if resolution < np.inf else None, outliers, every,
     )  # fmt: skip
+
+
+def _rows(column: Array, wanted: NDArray[np.bool_]) -> Array:
+    """Return some rows of a column: itself if that is all, since a copy of a long one takes memory."""
+    return column if wanted.all() else column[wanted]
 
 
 def _within(time: Array, spans: Sequence[Span]) -> NDArray[np.bool_]:
@@ -264,9 +273,11 @@ def _noise(log: Log, name: str) -> tuple[float | None, tuple[float, ...]]:
         return None, ()
     alone = np.zeros(n, dtype=bool)
     for a, b in segments:
-        if b - a > 8:
-            z = (row[a:b] / noise)[None, :, None]
-            alone[a:b] = stand_out(z, np.ones(z.shape, dtype=bool))[0, :, 0]
+        for begin in range(a, b if b - a > 8 else a, PIECE):
+            end, first, last = min(begin + PIECE, b), max(begin - BESIDE, a), min(begin + PIECE + BESIDE, b)
+            z = (row[first:last] / noise)[None, :, None]
+            found = stand_out(z, np.ones(z.shape, dtype=bool))[0, :, 0]
+            alone[begin:end] = found[begin - first : end - first]
     return noise, tuple(log.time[alone].tolist())
 
 

@@ -180,3 +180,14 @@ def test_spans_are_shaded_as_one():
     t = t + 0.5 * np.repeat(np.arange(200), 100)  # 199 gaps
     axes = check([Log("gaps.csv", t, {"r": np.sin(t)})]).plot().axes
     assert all(len(a.patches) < 10 for a in axes) and any(len(a.collections) for a in axes)
+
+
+def test_outliers_of_a_long_log_are_found_piece_by_piece(monkeypatch):
+    rng, t = np.random.default_rng(4), 0.02 * np.arange(3000)
+    row = np.sin(t) + 0.01 * rng.normal(size=t.size)
+    at = np.unique(rng.integers(0, t.size, 60))
+    row[at] += rng.choice([-1.0, 1.0], at.size)
+    log = Log("long.csv", t, {"r": row})
+    whole = facts(log).columns[0].outliers
+    monkeypatch.setattr(sys.modules["hovercontrol.log_check.facts"], "PIECE", 100)
+    assert facts(log).columns[0].outliers == whole and len(whole) > 40
