@@ -76,6 +76,8 @@ def diagnose(
     names = given.listed(effects, "--effects")
     for name in names or []:
         lacks.effect_class(name)
+        if names and names.count(name) > 1:
+            raise InputError(f"diagnose: --effects: {name!r} is given twice")
     inputs = {s.name: s.unit for s in lacks.plant(late=True).inputs}
     moves = lacks.is_craft
     read = given.reader(inputs, columns, bench, bench_fans, only_while, settle, frame, motion=moves)

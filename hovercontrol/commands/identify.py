@@ -61,6 +61,7 @@ def identify(
     out = out or Path("out") / "identify"
     check_folder(out)
     given.refuse_twice("identify", names, held)
+    sought = given.listed(coefficients, "--coefficients")
     craft = given.craft("identify", model, vehicle)
     inputs = {s.name: s.unit for s in craft.plant().inputs}
     read = given.reader(inputs, columns, bench, bench_fans, only_while, settle, frame)
@@ -73,7 +74,7 @@ def identify(
             craft,
             every[: len(names)],
             every[len(names) :],
-            coefficients=given.listed(coefficients),
+            coefficients=sought,
             progress=lambda part, what: report(0.1 + 0.9 * part, what),
         )
         files = study.save(out)

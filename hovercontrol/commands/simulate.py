@@ -61,6 +61,8 @@ def simulate(
         raise InputError(
             "simulate: expected a scenario's name (hovercontrol simulate --list shows them) or a TOML file"
         )
+    if columns and not commands:
+        raise InputError("simulate: --columns is of the log that --commands names; expected both")
     log = read_log(commands, given.pairs(columns), motion=False) if commands else None
     own = given.own_machine(scenario)
     if isinstance(own, Block):

@@ -12,6 +12,7 @@ from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError
 from hovercontrol.logs.log import Log
 from hovercontrol.models.model import RUDDER, Model
+from hovercontrol.scenarios.checks import MAX_ROWS
 from hovercontrol.scenarios.definition import Phase, Scenario
 
 #: Sections that only model files have.
@@ -81,7 +82,7 @@ def run_length(seconds: float | None, log: Log | None) -> float:
     Raises
     ------
     InputError
-        If that is no time, or the log is shorter.
+        If that is no time or takes too many rows, or the log is shorter.
     """
     if log is not None and not len(log):
         raise InputError(f"{log.name}: expected samples, found no rows")
@@ -89,6 +90,8 @@ def run_length(seconds: float | None, log: Log | None) -> float:
     found = longest if seconds is None else seconds
     if not STEP <= found < math.inf:
         raise InputError(f"expected a run of at least {STEP:g} s, found {found:g} s")
+    if found / STEP > MAX_ROWS:
+        raise InputError(f"expected a run of at most {STEP * MAX_ROWS:g} s, found {found:g} s")
     if log is not None and found > longest:
         raise InputError(f"{log.name}: expected commands for {found:g} s, found {longest:g} s")
     return found

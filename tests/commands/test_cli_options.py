@@ -65,6 +65,7 @@ def test_a_log_that_cannot_be_read_is_a_finding(call, folder):
         (["sweep", "k06-turn", *VARY, *VARY], "--vary controller.k2 is given twice"),
         (["sweep", "k06-turn", *VARY, "--of", "r", "--of", "u"], "--of is given 2 times"),
         (["export", "table1", "--platforms", "all", "--platforms", "all"], "--platforms is given 2 times"),
+        (["export", "table1", "--platforms", ","], "no platform is named; known: "),
         (["export", "table1", "--platforms", "all,nope"], "unknown platform 'nope'; known: "),
         (["export", "table1", "--platforms", "all,al"], "unknown platform 'al'; did you mean 'all'?"),
     ],
@@ -82,3 +83,24 @@ def test_all_platforms_are_all_whatever_is_beside():
 def test_a_name_is_never_proposed_for_itself():
     assert did_you_mean("all", ["all", "ball"]) == "; did you mean 'ball'?"
     assert did_you_mean("all", ["all", "windows"]) == "; known: windows"
+
+
+@pytest.mark.parametrize(
+    ("args", "said"),
+    [
+        (["simulate", "craft.toml", "--duration", "1e9"], "expected a run of at most 40000 s, found 1e+09 s"),
+        (
+            ["simulate", "craft.toml", "--columns", "thrust=a"],
+            "--columns is of the log that --commands",
+        ),
+        (["identify", "a.csv", "--coefficients", ","], "--coefficients: expected names separated by commas"),
+        (["diagnose", "a.csv", "--effects", "slope,wind,slope"], "--effects: 'slope' is given twice"),
+        (["reproduce", "c17", "--only", "nope"], "unknown item 'nope'; known: "),
+    ],
+)
+def test_what_cannot_be_meant_is_refused_before_any_work(call, folder, args, said):
+    call("new", "craft.toml", cwd=folder)
+    before = sorted(folder.iterdir())
+    done = call(*args, cwd=folder)
+    assert done.returncode == 2 and said in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1 and sorted(folder.iterdir()) == before

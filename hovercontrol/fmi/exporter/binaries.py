@@ -116,8 +116,8 @@ def chosen_platforms(names: str | Iterable[str] | None) -> tuple[Platform, ...]:
     """
     if names is None:
         names = this_platform()
-    wanted = [n.strip() for n in names.split(",")] if isinstance(names, str) else list(names)
-    if not wanted or wanted == [""]:
+    wanted = [n.strip() for n in names.split(",") if n.strip()] if isinstance(names, str) else list(names)
+    if not wanted:
         raise InputError("no platform is named" + did_you_mean("", [*PLATFORMS, "all"]))
     known = [*PLATFORMS, "all"]
     for name in wanted:
