@@ -1,4 +1,4 @@
-"""A log of 10^7 rows (CSV, 450 MB, made on the spot): ``hovercontrol identify`` from file to result."""
+"""A log of 10^7 rows (CSV, 450 MB, made on the spot): ``identify`` and ``check`` from file to result."""
 
 from __future__ import annotations
 
@@ -33,12 +33,22 @@ def rows() -> Iterator[tuple[str, str, str, bool | None]]:
             make(path)
             os._exit(0)
         os.waitpid(child, 0)
-        begin = time.perf_counter()
-        command = [sys.executable, "-m", "hovercontrol.cli", "identify", str(path), "--out", f"{folder}/out"]
-        quiet = [(os.POSIX_SPAWN_OPEN, n, os.devnull, os.O_WRONLY, 0) for n in (1, 2)]
-        pid = os.posix_spawn(sys.executable, command, dict(os.environ), file_actions=quiet)
-        _, status, used = os.wait4(pid, 0)
-        spent, peak = time.perf_counter() - begin, used.ru_maxrss / 2**20
-    yield "identify, exit status", str(os.waitstatus_to_exitcode(status)), "0", status == 0
-    yield "identify, time", f"{spent:.0f} s", "", None
-    yield "identify, peak memory", f"{peak:.2f} GiB", "< 2 GiB", peak < 2.0
+        fitted, checked = (run(command, path) for command in ("identify", "check"))
+    for name, (status, spent, peak) in (("identify", fitted), ("check", checked)):
+        yield f"{name}, exit status", str(status), "0", status == 0
+        yield f"{name}, time", f"{spent:.0f} s", "", None
+        yield f"{name}, peak memory", f"{peak:.2f} GiB", "< 2 GiB", peak < 2.0
+    yield "check over identify, time", f"{checked[1] / fitted[1]:.2f}", "<= 1", checked[1] <= fitted[1]
+    same = checked[2] <= 1.05 * fitted[2]  # it imports more, 20 MB
+    yield "check over identify, memory", f"{checked[2] / fitted[2]:.2f}", "<= 1.05", same
+
+
+def run(name: str, log: Path) -> tuple[int, float, float]:
+    """Return exit status, time [s] and peak memory [GiB] of a command on a log."""
+    command = [sys.executable, "-m", "hovercontrol.cli", name, str(log), "--vehicle", "c17_experiment"]
+    command += ["--out", str(log.parent / name)]
+    quiet = [(os.POSIX_SPAWN_OPEN, n, os.devnull, os.O_WRONLY, 0) for n in (1, 2)]
+    begin = time.perf_counter()
+    pid = os.posix_spawn(sys.executable, command, dict(os.environ), file_actions=quiet)
+    _, status, used = os.wait4(pid, 0)
+    return os.waitstatus_to_exitcode(status), time.perf_counter() - begin, used.ru_maxrss / 2**20

@@ -27,6 +27,16 @@ class InputError(ValueError):
         super().__init__(one_line(text))
 
 
+class ArgumentError(InputError):
+    """Wrong input of which the log is not at fault, but what the caller says of it: a name, a unit, a frame.
+
+    Examples
+    --------
+    >>> isinstance(ArgumentError("frame: expected one of ned, found 'nde'"), InputError)
+    True
+    """
+
+
 def one_line(text: object, longest: int = LONGEST_LINE) -> str:
     r"""Return a text as one line that a terminal shows as it is.
 
@@ -67,6 +77,8 @@ def _digits(value: int) -> int:
 def did_you_mean(name: object, known: Iterable[object]) -> str:
     """Return the end of an error line: the nearest known name, or what there is to choose from.
 
+    A name is never proposed in its own place.
+
     Examples
     --------
     >>> did_you_mean("yaw_colomb", ["yaw_coulomb", "thrust"])
@@ -74,7 +86,7 @@ def did_you_mean(name: object, known: Iterable[object]) -> str:
     >>> did_you_mean("zzz", ["b", "a"])
     '; known: a, b'
     """
-    names = sorted(str(one)[:LONGEST_NAME] for one in known)
+    names = sorted(str(one)[:LONGEST_NAME] for one in known if str(one) != name)
     words = {word: one for one in reversed(names) for word in [*one.split("_"), one]}
     nearest = get_close_matches(
         name[:LONGEST_NAME] if isinstance(name, str) else shown(name), words, n=1, cutoff=0.6

@@ -20,6 +20,7 @@ from hovercontrol.commands import (
     simulate,
     sweep,
 )
+from hovercontrol.commands.once import OnceCommand
 from hovercontrol.endings import STATUSES, told_apart
 
 app = typer.Typer(
@@ -71,4 +72,5 @@ for command, example in (
     (cockpit.cockpit, cockpit.EXAMPLE),
     (schema.schema, schema.EXAMPLE),
 ):
-    app.command(epilog=example, help=_paragraphs(command.__doc__ or ""))(told_apart(command))
+    about = _paragraphs(command.__doc__ or "")
+    app.command(cls=OnceCommand, epilog=example, help=about)(told_apart(command))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hovercontrol.commands import given
-from hovercontrol.errors import InputError
+from hovercontrol.errors import ArgumentError, InputError
 from hovercontrol.io.files import check_folder
 
 if TYPE_CHECKING:
@@ -67,6 +67,7 @@ def check(
     with given.progress_bar("check", 1.0) as report:
         report(0.0, "reading logs")
         every, written, unread = [], [], []
+        wrong: ArgumentError | None = None
         for name in logs:
             try:
                 every.append(read(name))
@@ -74,8 +75,11 @@ def check(
                 if not all(path.is_file() for path in split_files(name)):
                     raise
                 unread.append(str(error))
+                wrong = error if isinstance(error, ArgumentError) else wrong
                 continue
             written.append(stamps(name, every[-1], columns))
+        if wrong and not every:  # an option that fits none of the logs is at fault, not they
+            raise wrong
         found = find(
             every,
             known,
@@ -97,8 +101,11 @@ def stamps(files: str, log: Log, columns: str) -> dict[str, NDArray[np.float64]]
     from hovercontrol.logs.source import open_source
 
     clock = given.pairs(columns).get("time", "time")
+    paths = split_files(files)
+    if len(paths) == 1:  # its rows are those of the log
+        return {paths[0].name: log.time}
     found = {}
-    for path in split_files(files):
+    for path in paths:
         header = open_source(path).header
         renamed = {"time": clock} if column_of(clock, header)[0] in header else {}
         time = read_log(path, renamed, motion=False, usecols=[]).time

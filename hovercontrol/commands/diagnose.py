@@ -72,11 +72,13 @@ def diagnose(
         raise InputError("diagnose: expected one or more logs")
     out = out or Path("out") / "diagnose"
     check_folder(out)
-    given.refuse_twice("diagnose", [*logs, *([holdout] if holdout else [])])
+    given.refuse_twice("diagnose", logs, [holdout] if holdout else [])
     lacks = given.subject("diagnose", model, vehicle)
     names = given.listed(effects, "--effects")
     for name in names or []:
         lacks.effect_class(name)
+        if names and names.count(name) > 1:
+            raise InputError(f"diagnose: --effects: {name!r} is given twice")
     inputs = {s.name: s.unit for s in lacks.plant(late=True).inputs}
     moves = lacks.is_craft
     read = given.reader(inputs, columns, bench, bench_fans, only_while, settle, frame, motion=moves)

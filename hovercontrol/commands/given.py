@@ -14,6 +14,7 @@ from hovercontrol.errors import InputError
 from hovercontrol.io import output
 
 if TYPE_CHECKING:
+    from hovercontrol.core.block import Block
     from hovercontrol.logs import Log
     from hovercontrol.models.blockmodel import BlockModel
     from hovercontrol.models.model import Model
@@ -101,6 +102,25 @@ def craft(command: str, model: Path | None, vehicle: str | None) -> Model:
     return load_model(model) if model else known_vehicle(vehicle or "c17_experiment")
 
 
+def own_machine(name: str) -> Model | Block | None:
+    """Return the Model, the Block or the plant of the BlockModel that a Python file of the user's defines.
+
+    Raises
+    ------
+    InputError
+        As :func:`hovercontrol.io.pythonfile.from_python`.
+    """
+    from hovercontrol.core.block import Block
+    from hovercontrol.io.pythonfile import from_python, names_python
+    from hovercontrol.models.blockmodel import BlockModel
+    from hovercontrol.models.model import Model
+
+    if not names_python(name):
+        return None
+    found: Block | BlockModel | Model = from_python(name, Block, BlockModel, Model)
+    return found.plant() if isinstance(found, BlockModel) else found
+
+
 def subject(command: str, model: str | None, vehicle: str | None) -> Model | BlockModel:
     """Return a craft as :func:`craft` does, or what a Python file of the user's defines.
 
@@ -145,20 +165,21 @@ def show_list(titles: Mapping[str, str], json: bool) -> None:
         print(f"{name:24} {title}")
 
 
-def refuse_twice(command: str, names: Sequence[str]) -> None:
+def refuse_twice(command: str, names: Sequence[str], held: Sequence[str] = ()) -> None:
     """Refuse the same log given twice, also by different paths, and an option in a log's place."""
     from hovercontrol.io.files import readable
     from hovercontrol.logs.gather import split_files
 
     given: dict[Path, str] = {}
-    for name in names:
+    for name in (*names, *held):
         if name.startswith("--"):
             raise InputError(f"{command}: expected a log, found {name}: the option before it lacks its value")
         first = Path(split_files(name)[0])  # commands may be those of several runs
         measured = Path(os.path.realpath(first if "\0" not in name else readable(first)))
         if measured in given:
             known = "" if given[measured] == name else f" (as {given[measured]})"
-            raise InputError(f"{command}: {name} is given twice{known}; a held-out log is not in the fit")
+            why = "; a held-out log is not in the fit" if name in held else ""
+            raise InputError(f"{command}: {name} is given twice{known}{why}")
         given[measured] = name
 
 
@@ -216,12 +237,15 @@ def listed(text: str, option: str = "") -> list[str] | None:
 
 def pairs(text: str) -> dict[str, str]:
     """Return what ``--columns`` says: our name of a column to the file's."""
-    found = {}
+    found: dict[str, str] = {}
     for part in listed(text, "--columns") or []:
         ours, equals, theirs = part.partition("=")
+        ours, theirs = ours.strip(), theirs.strip()
         if not (ours and equals and theirs):
             raise InputError(f"--columns: expected NAME=COLUMN, found {part!r}")
-        found[ours.strip()] = theirs.strip()
+        if ours in found:
+            raise InputError(f"--columns: {ours!r} is given twice: {found[ours]!r} and {theirs!r}")
+        found[ours] = theirs
     return found
 
 

@@ -48,8 +48,8 @@ def identify(
     Writes model.toml, coefficients.csv, prediction.csv and rejected.csv,
     and for each log a figure of the free-running simulation with the measurement.
 
-    Exit status 1 if a coefficient is not excited by the logs, or a body velocity of a held-out log is
-    predicted worse 1 s ahead than by assuming that it stays constant.
+    Exit status 1 if a coefficient is not excited by the logs, the model does not explain the logs, or a body
+    velocity of a held-out log is predicted worse 1 s ahead than by assuming that it stays constant.
     """
     from hovercontrol.identify.study import Study
     from hovercontrol.samples import sample_path
@@ -60,7 +60,8 @@ def identify(
         raise InputError("identify: expected one or more logs (or --sample)")
     out = out or Path("out") / "identify"
     check_folder(out)
-    given.refuse_twice("identify", [*names, *held])
+    given.refuse_twice("identify", names, held)
+    sought = given.listed(coefficients, "--coefficients")
     craft = given.craft("identify", model, vehicle)
     inputs = {s.name: s.unit for s in craft.plant().inputs}
     read = given.reader(inputs, columns, bench, bench_fans, only_while, settle, frame)
@@ -73,7 +74,7 @@ def identify(
             craft,
             every[: len(names)],
             every[len(names) :],
-            coefficients=given.listed(coefficients),
+            coefficients=sought,
             progress=lambda part, what: report(0.1 + 0.9 * part, what),
         )
         files = study.save(out)
@@ -94,6 +95,8 @@ def _as_json(study: Study) -> dict[str, Any]:
         "rows": found.rows,
         "outliers": found.outliers,
         "rejected": found.rejected,
+        "chi2_per_dof": found.chi2_per_dof,
+        "misfit": found.misfit or None,
         "converged": found.converged,
         "prediction": [
             {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -15,6 +16,8 @@ from hovercontrol.errors import InputError
 from hovercontrol.io.files import check_folder
 
 if TYPE_CHECKING:
+    from hovercontrol.core.block import Block
+    from hovercontrol.logs import Log
     from hovercontrol.scenarios import Run
 
 EXAMPLE = "Example: hovercontrol simulate table1 --out out/table1"
@@ -24,7 +27,8 @@ def simulate(
     scenario: Annotated[
         str,
         typer.Argument(
-            help="A scenario's name (--list shows them) or file; a model file; FILE.py:NAME of a Model."
+            help="A scenario's name (--list shows them) or file; a model file; FILE.py:NAME of a Model, "
+            "BlockModel or Block."
         ),
     ] = "",
     duration: Annotated[
@@ -41,12 +45,14 @@ def simulate(
 ) -> int:
     """Run a scenario; write its log, a table of its figures of merit, and pictures.
 
-    A model file is driven from rest by steps of its commands, or by those of a log.
+    A model file, and a Block of your own, is driven from rest by steps of its commands, or by those of a log.
 
     Exit status 1 if a figure of merit is outside the range that the scenario states.
     """
+    from hovercontrol.core.block import Block
     from hovercontrol.logs import read_log
     from hovercontrol.scenarios import load_scenario, run_scenario, scenario_names
+    from hovercontrol.scenarios.drive import driven
 
     if list_:
         given.show_list({name: load_scenario(name).title for name in scenario_names()}, json)
@@ -55,8 +61,17 @@ def simulate(
         raise InputError(
             "simulate: expected a scenario's name (hovercontrol simulate --list shows them) or a TOML file"
         )
+    if columns and not commands:
+        raise InputError("simulate: --columns is of the log that --commands names; expected both")
     log = read_log(commands, given.pairs(columns), motion=False) if commands else None
-    loaded = load_scenario(scenario, seconds=duration, commands=log)
+    own = given.own_machine(scenario)
+    if isinstance(own, Block):
+        return _drive(own, duration, log, out, json)
+    loaded = (
+        load_scenario(scenario, seconds=duration, commands=log)
+        if own is None
+        else replace(driven(own, own.name, duration, log), file=scenario)
+    )
     out = out or Path("out") / loaded.name
     check_folder(out)
     with given.progress_bar(f"simulate {loaded.name}", loaded.end) as report:
@@ -67,6 +82,21 @@ def simulate(
         _show_clipped(run)
     given.show("", files, out, _as_json(run) if json else None)
     return 0 if all(m.met for m in run.metrics()) else 1
+
+
+def _drive(block: Block, seconds: float | None, log: Log | None, out: Path | None, json: bool) -> int:
+    """Drive a machine of the user's own, which has no figures of merit."""
+    from hovercontrol.scenarios.drive import run_length
+    from hovercontrol.scenarios.machine import run_machine
+
+    out = out or Path("out") / block.name
+    check_folder(out)
+    with given.progress_bar(f"simulate {block.name}", run_length(seconds, log)) as report:
+        run = run_machine(block, seconds=seconds, commands=log, progress=report)
+        files = run.save(out)
+    content = {"scenario": block.name, "figures": [], "clipped": {}}
+    given.show("", files, out, content if json else None)
+    return 0
 
 
 def _as_json(run: Run) -> dict[str, Any]:

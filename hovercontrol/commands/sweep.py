@@ -58,9 +58,14 @@ def sweep(
     from hovercontrol.scenarios import load_scenario
     from hovercontrol.scenarios.varied import vary as run
 
-    ranges = dict(_range(text) for text in vary or [])
-    if len(ranges) != len(vary or []) or not ranges:
-        raise InputError("sweep: expected one or two different --vary KEY=FROM:TO:POINTS")
+    ranges: dict[str, NDArray[np.float64]] = {}
+    for text in vary or []:
+        key, values = _range(text)
+        if key in ranges:
+            raise InputError(f"sweep: --vary {key} is given twice")
+        ranges[key] = values
+    if not ranges:
+        raise InputError("sweep: expected one or two --vary KEY=FROM:TO:POINTS")
     loaded = load_scenario(scenario)
     out = out or Path("out") / f"{loaded.name}-sweep"
     partial = _partial_folder(out)

@@ -17,6 +17,7 @@ from hovercontrol.discrepancy.evidence.of_effects import Evidence
 from hovercontrol.discrepancy.evidence.remainder import Remainder
 from hovercontrol.discrepancy.evidence.sensors import SlowError
 from hovercontrol.discrepancy.experiment.proposal import Experiment
+from hovercontrol.discrepancy.places import acts_in
 from hovercontrol.discrepancy.search.confirm import Rival, Selection
 from hovercontrol.discrepancy.search.leads import Lead
 from hovercontrol.discrepancy.verdict import Verdict
@@ -24,7 +25,6 @@ from hovercontrol.estimation.fit import Fit
 from hovercontrol.estimation.subject import Subject
 from hovercontrol.io.folders import write_folder
 from hovercontrol.io.pyplot import open_in_pyplot
-from hovercontrol.models.base import quantity_of
 from hovercontrol.models.model import Model
 
 if TYPE_CHECKING:
@@ -313,22 +313,3 @@ def numbers_of(fit: Fit, names: Sequence[str]) -> tuple[Found, ...]:
             std = math.sqrt(max(C[j, j], 0.0))
             found.append(Found(name, parameter, acts_in(fit, name), float(fit.p[j]), std, unit))
     return tuple(found)
-
-
-def acts_in(fit: Fit, name: str) -> str:
-    """Return where an effect acts, in words of the equations."""
-    block = fit.problem.block
-    e = fit.problem.model.effect(name)
-    own = {block.parameter(e.parameter(k)).symbol for k in e.numbers}
-    motion = fit.problem.model.motion
-    rows = [
-        f"{s.name}'"
-        for s in block.states
-        if s.name in motion and block.expand(block.derivatives[s.name]).free_symbols & own
-    ]
-    rows += [
-        f"{quantity_of(o.name)[0]} as measured" if quantity_of(o.name)[1] else o.name
-        for o in block.outputs
-        if block.expand(block.output_expressions[o.name]).free_symbols & own
-    ]
-    return " ".join(rows) or ("all commands" if type(e).kind() == "input" else "the log's clock")

@@ -78,14 +78,38 @@ def stand_out(z: Array, seen: Mask) -> Mask:
 def _alone(rows: Array, width: int) -> Mask:
     """Return at which rows as many as `width` begin that stand out together, (W, K + 1 - width, C)."""
     W, K, C = rows.shape
-    edge = np.full((W, SPIKES.beside, C), np.nan)
+    if width > K:
+        return np.zeros((W, 0, C), dtype=np.bool_)
+    beside = SPIKES.beside
+    edge = np.full((W, beside, C), np.nan)
     padded = np.concatenate([edge, rows, edge], axis=1)
-    at = [padded[:, k : k + K - width + 1] for k in range(2 * SPIKES.beside + width)]
-    before, own, after = (
-        np.stack(at[: SPIKES.beside][::-1]),
-        np.stack(at[SPIKES.beside : -SPIKES.beside]),
-        np.stack(at[-SPIKES.beside :]),
-    )
+    found = _perhaps(padded, width)
+    w, k, c = np.nonzero(found)
+    near = padded[w, k + np.arange(2 * beside + width)[:, None], c]  # few: the ranks of all rows take long
+    found[w, k, c] = _between(near[:beside][::-1], near[beside:-beside], near[-beside:], width)
+    return found
+
+
+def _perhaps(padded: Array, width: int) -> Mask:
+    """Return at which rows as many as `width` may begin that stand out together, (W, K + 1 - width, C).
+
+    The middle of both sides is farther than ``stands_out`` from such a row, and each side less than
+    ``apart`` / 2 of that from their middle: the row is above the medians of both, or below both.
+    """
+    count, beside = padded.shape[1] - 2 * SPIKES.beside - width + 1, SPIKES.beside
+    a, b, c = (padded[:, k : padded.shape[1] - 2 + k] for k in range(3))
+    median = np.maximum(np.minimum(a, b), np.minimum(np.maximum(a, b), c))
+    own = padded[:, beside : beside + count]
+    over = own - median[:, :count]
+    beyond = own - median[:, beside + width : beside + width + count]
+    least = (1.0 - 0.5 * SPIKES.apart) * SPIKES.stands_out
+    unknown = np.isnan(over) | np.isnan(beyond)  # beside an end
+    clear = (np.minimum(over, beyond) > least) | (np.maximum(over, beyond) < -least)
+    return np.asarray((clear | unknown) & np.isfinite(own))
+
+
+def _between(before: Array, own: Array, after: Array, width: int) -> Mask:
+    """Return which rows, shape (width, N), stand out from those before and after, nearest first, (3, N)."""
     left, right = _ranked(before, 0.5), _ranked(after, 0.5)
     none, no_more = np.isnan(left), np.isnan(right)
     one = none | no_more  # at the end of a stretch there is one side only: it must be whole, and tell more

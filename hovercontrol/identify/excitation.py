@@ -21,6 +21,7 @@ from hovercontrol.estimation.fit import Fit
 from hovercontrol.estimation.kalman import run_filter
 from hovercontrol.estimation.noise import augment
 from hovercontrol.estimation.passes import inverse, products
+from hovercontrol.estimation.step_control import controlled, deviations
 
 Array = NDArray[np.float64]
 
@@ -39,11 +40,16 @@ class ExcitationCriteria:
         Standard errors within which a state is at rest.
     no_information : float
         Standard error, relative to the size of the coefficient, above which it is infinite.
+    growth : float
+        Growth of a state from row to row above which sub-steps are too long for friction at rest: an
+        explicit step h along a slope s grows from h s = 2.8 on (Hairer and Wanner, Solving ODEs II, IV.2), an
+        unstable craft by a few per cent.
     """
 
     named: float = 0.1
     resting: float = 3.0
     no_information: float = 1e5
+    growth: float = 2.0
 
 
 #: The values in use.
@@ -54,16 +60,20 @@ def information(fit: Fit) -> Array:
     """Return what the logs alone say of the coefficients, in their own units, shape (P, P).
 
     States that are at rest but for noise are taken to be at rest: on a velocity that is fitted to noise drag
-    seems to act, and the log would seem to excite it.
+    seems to act, and the log would seem to excite it. Where the shortest sub-steps are too long for friction
+    at rest, the path is the fitted one.
     """
-    problem, path = fit.problem, fit.path.copy()
-    n = len(problem.free)
+    n = len(fit.problem.free)
+    path, slope = fit.path.copy(), fit.problem.slope(fit.p)
     std = np.sqrt(np.maximum(np.diagonal(fit.covariance_of_path, axis1=2, axis2=3)[..., :n], 0.0))
-    free = path[..., list(problem.free)]
-    path[..., list(problem.free)] = np.where(np.abs(free) < EXCITATION.resting * std, 0.0, free)
-    system = augment(problem, problem.linearise(path, fit.p), fit.noise)
-    slope = problem.slope(fit.p)
-    S = products(run_filter(system).white)[:, 1:, 1:].sum(axis=0)
+    free = path[..., list(fit.problem.free)]
+    path[..., list(fit.problem.free)] = np.where(np.abs(free) < EXCITATION.resting * std, 0.0, free)
+    problem = controlled(fit.problem, path, fit.p, deviations(fit.problem, fit.covariance_of_path))
+    linear = problem.linearise(path, fit.p)
+    if np.abs(np.diagonal(linear.A, axis1=2, axis2=3)).max() < EXCITATION.growth:
+        S = products(run_filter(augment(problem, linear, fit.noise)).white)[:, 1:, 1:].sum(axis=0)
+    else:
+        S = fit.S.sum(axis=0)
     return np.asarray(S / np.outer(slope, slope))
 
 

@@ -16,6 +16,7 @@ from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.estimation.fit import Fit
 from hovercontrol.io.files import write_atomically
+from hovercontrol.io.percent import percent
 from hovercontrol.io.pyplot import open_in_pyplot
 from hovercontrol.models.model import Model
 
@@ -156,8 +157,8 @@ class Identified:
         Measurement noise of each channel: as fitted beside the process noise, and as third differences
         show it.
     chi2_per_dof : float
-        Mean square of the former over the latter: about 1 where process noise bridges what the model lacks;
-        how much that is, :attr:`remaining` says.
+        Mean square of the former over the latter: it judges the measurement noise alone and is about 1 also
+        where process noise bridges what the model lacks; how much that is, :attr:`remaining` says.
     rows, rows_total : int
         Rows with a measurement that was used, rows of the logs.
     outliers, rejected : int
@@ -255,8 +256,7 @@ class Identified:
         lines = aligned([("coefficient", "value", "std", "unit", ""), *self.rows_of_table()])
         channels = [(c, f"{self.residual[c]:.3g}", f"{self.noise[c]:.3g}", u) for c, u in self.units.items()]
         equations = [
-            (r.equation, f"{r.rms:.3g}", f"{r.seen:.3g}", r.unit, f"{100 * r.share:.2g} %")
-            for r in self.remaining
+            (r.equation, f"{r.rms:.3g}", f"{r.seen:.3g}", r.unit, percent(r.share)) for r in self.remaining
         ]
         lines += ["", *aligned([("channel", "residual", "noise", "unit"), *channels])]
         if equations:
@@ -266,7 +266,7 @@ class Identified:
         used = f"{self.rows} of {self.rows_total} rows of {', '.join(self.logs)}"
         used += f"; left out: {', '.join(left)}" if left else ""
         used += f"; down-weighted: {self.down_weighted} with a doubtful sample" if self.down_weighted else ""
-        lines += ["", f"chi2/dof {self.chi2_per_dof:.3g}; {used}"]
+        lines += ["", f"{used}; chi2/dof {self.chi2_per_dof:.3g} of the measurement noise alone"]
         if self.misfit:
             lines.append(self.misfit)
         if self.not_converged:

@@ -15,6 +15,7 @@ from hovercontrol.identify.plot import free_run_figure
 from hovercontrol.identify.predict import FreeRun, Prediction, prediction, run_of, smoothed
 from hovercontrol.identify.result import Identified, aligned
 from hovercontrol.io.folders import write_folder
+from hovercontrol.io.percent import percent
 from hovercontrol.io.pyplot import open_in_pyplot
 from hovercontrol.logs import VELOCITY, Log
 from hovercontrol.models.model import Model
@@ -128,10 +129,10 @@ class Study:
 
     @property
     def negative(self) -> bool:
-        """Whether a coefficient is not excited, or a held-out log predicted worse than trivially."""
-        return not all(c.excited for c in self.found.coefficients) or any(
-            j.worse for j in self.judged if j.holdout
-        )
+        """Whether something is not excited, not explained, or, held out, predicted worse than trivially."""
+        found = self.found
+        unexcited = not all(c.excited for c in found.coefficients)
+        return unexcited or bool(found.misfit) or any(j.worse for j in self.judged if j.holdout)
 
     def _repr_html_(self) -> str:
         from hovercontrol.notebook.results import study_html
@@ -158,7 +159,7 @@ class Study:
         for j in self.judged:
             p, label = j.prediction, f"{j.label}{' (held out)' if j.holdout else ''}"
             for k, c in enumerate(p.rms):
-                cells = (f"{p.rms[c]:.3g}", f"{p.trivial[c]:.3g}", p.units[c], f"{100 * p.share[c]:.3g} %")
+                cells = (f"{p.rms[c]:.3g}", f"{p.trivial[c]:.3g}", p.units[c], percent(p.share[c], 3))
                 rows.append(("" if k else label, c, *cells))
         assert self.found.model is not None
         lines = [

@@ -18,6 +18,9 @@ from hovercontrol.io.users_code import run_users_code
 _PREFIX = "users_file_"
 _run_before: set[str] = set()
 
+#: Kinds of machines, and how many of other kinds an error line lists.
+MACHINES, MOST = ("Block", "BlockModel", "Model"), 8
+
 
 def names_python(text: str) -> bool:
     """Return whether a text names something in a Python file.
@@ -36,7 +39,8 @@ def from_python(text: str, *kinds: type) -> Any:
     Parameters
     ----------
     text : str
-        ``FILE.py:NAME``; ``FILE.py`` alone where it defines one thing of these kinds.
+        ``FILE.py:NAME``; ``FILE.py`` alone where it defines one thing of these kinds. The Block of a model
+        that is one of them counts as the model.
     *kinds : type
         What is wanted.
 
@@ -48,13 +52,15 @@ def from_python(text: str, *kinds: type) -> Any:
     """
     file, _, name = (text if ".py:" in text else f"{text}:").rpartition(":")
     path = readable(file, "a Python file")
-    known, other = run_users_code(path, lambda: _defined(path, name, kinds))
-    if not name and len(known) == 1:
-        return next(iter(known.values()))
+    known, other, others = run_users_code(path, lambda: _defined(path, name, kinds))
+    parts = {id(getattr(value, "block", None)) for value in known.values()}
+    alone = {id(value): value for value in known.values() if id(value) not in parts}
+    if not name and len(alone) == 1:
+        return next(iter(alone.values()))
     if name in known:
         return known[name]
     wanted = " or ".join(kind.__name__ for kind in kinds)
-    nearest = did_you_mean(name, known) if known else "; the file defines none"
+    nearest = did_you_mean(name, known) if known else others
     if other:
         raise InputError(f"{text}: expected a {wanted}, found a {other}{nearest}")
     if not name:
@@ -62,12 +68,19 @@ def from_python(text: str, *kinds: type) -> Any:
     raise InputError(f"{path}: defines no {name!r}{nearest}")
 
 
-def _defined(path: Path, name: str, kinds: tuple[type, ...]) -> tuple[dict[str, Any], str]:
-    """Return what a file defines of some kinds, and the type of what has the name if it is of another."""
+def _defined(path: Path, name: str, kinds: tuple[type, ...]) -> tuple[dict[str, Any], str, str]:
+    """Return what a file defines of some kinds, and for errors what it defines instead.
+
+    That is the type of what has the name, if it is of another kind, and the end of an error line: which
+    machines of other kinds there are.
+    """
     module = _run(path)
     known = {key: value for key, value in vars(module).items() if isinstance(value, kinds)}
     other = name and name not in known and hasattr(module, name)
-    return known, type(getattr(module, name)).__name__ if other else ""
+    found = {key: type(value).__name__ for key, value in vars(module).items()}
+    there = [f"{key} (a {kind})" for key, kind in found.items() if kind in MACHINES]
+    others = f"; the file defines none, but {', '.join(there[:MOST])}" if there else "; the file defines none"
+    return known, type(getattr(module, name)).__name__ if other else "", others
 
 
 def _is_installed(path: Path) -> bool:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from warnings import catch_warnings
 
 from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
@@ -17,6 +18,7 @@ from hovercontrol.estimation.subject import structure
 from hovercontrol.identify import identify
 from hovercontrol.identify.result import Fitted, aligned
 from hovercontrol.io.folders import write_folder
+from hovercontrol.io.percent import percent
 from hovercontrol.io.plain_json import json_text, plain
 from hovercontrol.io.pyplot import open_in_pyplot
 from hovercontrol.log_check.facts import Array, Column, LogFacts, Timing, facts
@@ -213,8 +215,9 @@ def check(
         if not errors:
             report(0.5, "a trial fit")
             coefficients = _shown(model, logs, errors, warnings, report)
+    seen = [line for line in warnings if line not in errors]
     return Checked(
-        tuple(found), _once(errors), _once(warnings), model.name if model is not None else "", coefficients
+        tuple(found), _once(errors), _once(seen), model.name if model is not None else "", coefficients
     )
 
 
@@ -242,9 +245,10 @@ def _shown(
 ) -> tuple[Fitted, ...]:
     subject = model if isinstance(model, Model) else model.plant()
     try:
-        trial = identify(
-            subject, logs, most_rows=MOST_ROWS, progress=lambda part, what: report(0.5 + 0.5 * part, what)
-        )
+        with catch_warnings(action="ignore", category=UserWarning):  # the checks before have told
+            trial = identify(
+                subject, logs, most_rows=MOST_ROWS, progress=lambda part, what: report(0.5 + 0.5 * part, what)
+            )
     except InputError as error:
         errors.append(str(error))
         return ()
@@ -327,4 +331,4 @@ def _verdict(c: Fitted) -> str:
     if not c.excited:
         return f"no: {c.reason}"
     part = c.std / abs(c.value) if c.value else math.inf
-    return f"yes, to {100 * part:.2g} %" if part < 1 else "yes: not distinguished from zero"
+    return f"yes, to {percent(part)}" if part < 1 else "yes: not distinguished from zero"

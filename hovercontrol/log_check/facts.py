@@ -16,10 +16,15 @@ from hovercontrol.estimation.measure import Measured, steps
 from hovercontrol.estimation.navigation import NAVIGATION, corrections
 from hovercontrol.estimation.spikes import stand_out
 from hovercontrol.logs import POSE, VELOCITY, Log, Span, fit_clock, smooth_pose
+from hovercontrol.logs.codes import code_faults
+from hovercontrol.logs.held import held_faults
 from hovercontrol.logs.log import UNITS
 from hovercontrol.logs.scales import scale_faults
 
 Array = NDArray[np.float64]
+
+#: Rows in which spikes are looked for at a time, and rows to either side that tell (three, of three at most).
+PIECE, BESIDE = 1_000_000, 12
 
 
 @checked
@@ -184,7 +189,7 @@ def facts(
     corrected = corrections(log)
     navigated = NAVIGATION.least <= corrected.size <= NAVIGATION.most * len(log)
     craft = any(log.has(name) for name in (*POSE, *VELOCITY))  # other machines may be slow, or fast
-    remarks = scale_faults(log) if craft else []
+    remarks = code_faults(log, measured) or held_faults(log, measured) or (scale_faults(log) if craft else [])
     rejected = _rejected(log) if log.has(*POSE) and not navigated and not remarks else ()
     columns = tuple(
         _column(log, name, known.get(name, ""), kind, name in measured, rejected)
@@ -195,7 +200,7 @@ def facts(
         rows = log.stack(*measured) if measured else np.zeros((len(log), 1))
         seen = np.isfinite(rows).any(axis=1)
         timing = [_timing(log.name, log.time[seen], rows[seen])]
-    if navigated:
+    if navigated and not remarks:
         apart = float(np.median(np.diff(log.time[corrected])))
         remarks.append(
             f"{log.name}: its position jumps {corrected.size} times, usually after {apart:.3g} s, and stays "
@@ -218,23 +223,37 @@ def _timing(name: str, stamps: Array, samples: Array | None) -> Timing:
 def _column(log: Log, name: str, unit: str, kind: str, measured: bool, rejected: Sequence[Span]) -> Column:
     row = log[name]
     known = np.isfinite(row)
-    sizes = steps(row[known])
+    time, seen = _rows(log.time, known), _rows(row, known)
+    resolution = float(steps(seen).min(initial=np.inf))
     noise: float | None = None
     outliers: tuple[float, ...] = ()
-    if measured and known.sum() > 3 and sizes.size:
-        rows = Log(log.name, log.time[known], {name: row[known]})
-        for span in rejected:  # wrong samples are no measure of noise
-            rows = rows.select((rows.time < span.start) | (rows.time > span.stop))
-        noise, outliers = _noise(rows, name)
+    if measured and seen.size > 3 and resolution < np.inf:
+        right = known & ~_within(log.time, rejected)  # wrong samples are no measure of noise
+        noise, outliers = _noise(Log(log.name, _rows(log.time, right), {name: _rows(row, right)}), name)
     every = None
     if kind == "command":
-        at = log.time[known][1:][np.diff(row[known]) != 0.0]
+        at = time[1:][np.diff(seen) != 0.0]
         every = float(np.median(np.diff(at))) if at.size > 1 else None
-    low, high = (float(f(row[known])) if known.any() else float("nan") for f in (np.min, np.max))
+    low, high = (float(f(seen)) if seen.size else float("nan") for f in (np.min, np.max))
     return Column(
-        name, unit, kind, int((~known).sum()), low, high, noise,
-        float(sizes.min()) if sizes.size else None, outliers, every,
+        name, unit, kind, row.size - seen.size, low, high, noise,
+        resolution if resolution < np.inf else None, outliers, every,
     )  # fmt: skip
+
+
+def _rows(column: Array, wanted: NDArray[np.bool_]) -> Array:
+    """Return some rows of a column: itself if that is all, since a copy of a long one takes memory."""
+    return column if wanted.all() else column[wanted]
+
+
+def _within(time: Array, spans: Sequence[Span]) -> NDArray[np.bool_]:
+    """Return which times lie in any of some spans, ends included."""
+    found = np.zeros(time.size, dtype=bool)
+    begin = np.searchsorted(time, [s.start for s in spans], side="left")
+    end = np.searchsorted(time, [s.stop for s in spans], side="right")
+    for a, b in zip(begin, end, strict=True):
+        found[a:b] = True
+    return found
 
 
 def _noise(log: Log, name: str) -> tuple[float | None, tuple[float, ...]]:
@@ -254,9 +273,11 @@ def _noise(log: Log, name: str) -> tuple[float | None, tuple[float, ...]]:
         return None, ()
     alone = np.zeros(n, dtype=bool)
     for a, b in segments:
-        if b - a > 8:
-            z = (row[a:b] / noise)[None, :, None]
-            alone[a:b] = stand_out(z, np.ones(z.shape, dtype=bool))[0, :, 0]
+        for begin in range(a, b if b - a > 8 else a, PIECE):
+            end, first, last = min(begin + PIECE, b), max(begin - BESIDE, a), min(begin + PIECE + BESIDE, b)
+            z = (row[first:last] / noise)[None, :, None]
+            found = stand_out(z, np.ones(z.shape, dtype=bool))[0, :, 0]
+            alone[begin:end] = found[begin - first : end - first]
     return noise, tuple(log.time[alone].tolist())
 
 

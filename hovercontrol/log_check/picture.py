@@ -11,6 +11,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 
 from hovercontrol.identify.result import Fitted
+from hovercontrol.io.envelope import envelope
+from hovercontrol.io.percent import percent
 from hovercontrol.log_check.facts import Column, LogFacts
 
 if TYPE_CHECKING:
@@ -55,7 +57,8 @@ def draw(checked: Checked) -> Figure:
     for axis in axes.ravel():
         if axis.figure is not None:
             handles |= dict(zip(*reversed(axis.get_legend_handles_labels()), strict=True))
-    top.legend(list(handles.values()), list(handles), loc="outside lower center", ncols=5, frameon=False)
+    place: dict[str, Any] = {"loc": "outside lower center", "ncols": 3 * wide, "frameon": False}
+    top.legend(list(handles.values()), list(handles), **place)
     if bottom is not None:
         _coefficients(bottom.subplots(), checked.coefficients)
     return figure
@@ -69,27 +72,20 @@ def _drawn(columns: Sequence[Column]) -> list[Column]:
 
 def _column(axis: Axes, facts: LogFacts, column: Column) -> None:
     log, row = facts.log, facts.log[column.name]
-    known = np.isfinite(row)
+    drawn = envelope(row)
     command = column.kind == "command"
     axis.plot(
-        log.time[known], row[known], color=COLOURS[column.kind], lw=0.8,
+        log.time[drawn], row[drawn], color=COLOURS[column.kind], lw=0.8,
         drawstyle="steps-post" if command else "default",
         label="command" if command else "measured" if column.kind == "measured" else "other",
     )  # fmt: skip
-    for k, (a, b) in enumerate(facts.timing[0].gaps):
-        axis.axvspan(a, b, color=GAP, hatch="//", ec="0.6", lw=0, label="gap" if k == 0 else None)
+    _spans(axis, facts.timing[0].gaps, color=GAP, hatch="//", ec="0.6", lw=0, label="gap")
     if not command:
-        for k, s in enumerate(facts.rejected):
-            axis.axvspan(
-                s.start,
-                s.stop,
-                color=WRONG,
-                alpha=0.3,
-                lw=0.6,
-                label="rejected: no craft moves like this" if k == 0 else None,
-            )
+        wrong = [(s.start, s.stop) for s in facts.rejected]
+        _spans(axis, wrong, color=WRONG, alpha=0.3, lw=0.6, label="rejected: no craft moves like this")
     if column.outliers:
         at = np.searchsorted(log.time, column.outliers)
+        at = at[envelope(row[at])]
         axis.plot(log.time[at], row[at], "x", color=WRONG, ms=5, label="stands alone")
     unit = f" [{column.unit}]" if column.unit else ""
     axis.set_ylabel(f"{column.name}{unit}", rotation=0, ha="right", va="center")
@@ -100,11 +96,19 @@ def _column(axis: Axes, facts: LogFacts, column: Column) -> None:
     axis.tick_params(labelsize="small")
 
 
+def _spans(axis: Axes, spans: Sequence[tuple[float, float]], **style: Any) -> None:
+    """Shade spans of time [s] from bottom to top, all as one: a log may have thousands."""
+    if spans:
+        wide = [(a, b - a) for a, b in spans]
+        axis.broken_barh(wide, (0.0, 1.0), transform=axis.get_xaxis_transform(), **style)
+
+
 def _stamps(axis: Axes, facts: LogFacts) -> None:
     """Draw how far rows are apart: jitter, losses and gaps at a glance."""
     time = facts.log.time
     steps = 1e3 * np.diff(time)
-    axis.semilogy(time[1:], steps, ".", color="0.35", ms=2, label="from row to row")
+    drawn = envelope(steps)
+    axis.semilogy(time[1:][drawn], steps[drawn], ".", color="0.35", ms=2, label="from row to row")
     if steps.size:
         usual = float(np.median(steps))
         axis.set_ylim(min(0.3 * usual, 0.8 * steps.min()), max(3.0 * usual, 1.25 * steps.max()))
@@ -127,7 +131,7 @@ def _coefficients(axis: Axes, coefficients: tuple[Fitted, ...]) -> None:
             k, min(part, largest) - least, left=least, height=0.6, hatch="" if good else "////",
             color=MEASURED if good else "white", ec=MEASURED if good else WRONG,
         )  # fmt: skip
-        label = f"{part:.3g} %" if np.isfinite(part) else "unknown"
+        label = percent(part / 100, 3)
         axis.annotate(
             label if good else f"{label}: not shown", (min(part, largest), k), xytext=(4, 0),
             textcoords="offset points", va="center", fontsize="small",

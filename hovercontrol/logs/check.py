@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hovercontrol.errors import InputError, shown
+from hovercontrol.logs.codes import code_text, gap_code
 from hovercontrol.logs.log import Floats, Log
 from hovercontrol.logs.source import Source
 
@@ -45,6 +46,15 @@ def check_finite(file: str, source: Source, column: str, values: Floats) -> None
     more = f" ({bad.size} such rows)" if bad.size > 1 else ""
     wanted = f"a number up to {PLAUSIBLE.value:g}" if np.isfinite(values[bad[0]]) else "a finite number"
     raise InputError(f"{file}: {where}, column {column!r}: expected {wanted}, found {shown(text)}{more}")
+
+
+def check_codes(file: str, source: Source, column: str, values: Floats, *, any_number: bool) -> None:
+    """Raise if a number stands for missing values; ``column`` is its name in the file."""
+    code = gap_code(values, any_number=any_number)
+    if code is not None:
+        at = np.flatnonzero(values == code)
+        where = f"in {source.place(int(at[0]), column)[0]}"
+        raise InputError(f"{file}: {code_text(column, code, at.size, where)}")
 
 
 def check_time(file: str, source: Source, column: str, time: Floats) -> None:

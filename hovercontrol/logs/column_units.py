@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Container
 
 from hovercontrol.core.units import conversion_factor, plain_si
-from hovercontrol.errors import InputError
+from hovercontrol.errors import ArgumentError, InputError
 from hovercontrol.logs.log import UNITS
 
 
@@ -47,7 +47,7 @@ def factor_to_si(name: str, unit: str, wanted: str = "") -> float:
 
     Raises
     ------
-    InputError
+    ArgumentError
         If there is no such unit, or it does not measure what the column holds.
 
     Examples
@@ -62,4 +62,4 @@ def factor_to_si(name: str, unit: str, wanted: str = "") -> float:
     try:
         return sign * conversion_factor(plain, wanted or {"time": "s", **UNITS}.get(name) or plain_si(plain))
     except InputError as error:
-        raise InputError(f"column {name!r}, read as {unit!r}: {error}") from None
+        raise ArgumentError(f"column {name!r}, read as {unit!r}: {error}") from None

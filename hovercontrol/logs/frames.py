@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hovercontrol.core.boundary import checked
-from hovercontrol.errors import InputError, shown
+from hovercontrol.errors import ArgumentError, InputError, shown
 from hovercontrol.logs.log import POSE, Floats, Log
 
 if TYPE_CHECKING:
@@ -97,7 +97,7 @@ def in_z_up(log: Log, frame: str) -> Log:
     ([0.0, 2.0], [0.0, 0.0], [0.0, 0.0], [-0.1, -0.1])
     """
     if frame not in FRAMES:
-        raise InputError(f"frame: expected one of {', '.join(FRAMES)}, found {frame!r}")
+        raise ArgumentError(f"frame: expected one of {', '.join(FRAMES)}, found {frame!r}")
     if frame == "ned":
         turned = {"x": "y", "y": "x"}
         changed = {name: log[turned[name]] for name in turned if log.has("x", "y")}

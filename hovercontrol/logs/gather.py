@@ -4,20 +4,20 @@ from __future__ import annotations
 
 import operator
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from hovercontrol.core.boundary import checked
-from hovercontrol.errors import InputError
+from hovercontrol.errors import ArgumentError, InputError, did_you_mean
 from hovercontrol.logs.bench import BenchTable
 from hovercontrol.logs.check import check_gaps
 from hovercontrol.logs.column_units import column_of
 from hovercontrol.logs.join import join_logs
 from hovercontrol.logs.log import Log
-from hovercontrol.logs.read import read_log
+from hovercontrol.logs.read import names_in, read_log
 
 #: What a bench table turns into the force of a fan carries the fan's name behind this.
 PULSE = "pwm_"
@@ -53,7 +53,7 @@ class Condition:
 
         Raises
         ------
-        InputError
+        ArgumentError
             If it is not COLUMN, one of > >= < <=, NUMBER.
 
         Examples
@@ -65,7 +65,7 @@ class Condition:
         try:
             return cls(found[1], found[2], float(found[3]))  # type: ignore[index]
         except (TypeError, ValueError):
-            raise InputError(f"expected a condition like 'pwm_lift>1000', found {text!r}") from None
+            raise ArgumentError(f"expected a condition like 'pwm_lift>1000', found {text!r}") from None
 
 
 @checked
@@ -108,6 +108,8 @@ def gather(
 
     Raises
     ------
+    ArgumentError
+        If a name or a unit of `columns`, or the condition, does not fit the files.
     InputError
         As :func:`read_log` and :func:`join_logs`; or if an input is missing, nothing is left, or the gaps
         are longer than what is left.
@@ -128,10 +130,12 @@ def gather(
     extra = {only_while.column: ""} if only_while and only_while.column != "time" else {}
     paths = split_files(files)
     if len(paths) == 1:
+        _check_columns(paths[0], columns or {}, extra)
         log = measured = read_log(paths[0], columns, wanted | extra, motion=motion)
     else:
         pose, commands = paths
         ours, theirs = _columns_by_file(pose, commands, columns or {})
+        _check_columns(commands, theirs, extra)
         sent = read_log(commands, theirs, wanted | extra, motion=False)
         measured = read_log(pose, ours, motion=motion)
         log = join_logs(measured, sent)
@@ -158,6 +162,13 @@ def split_files(files: str) -> list[Path]:
     return paths
 
 
+def _check_columns(file: Path, columns: Mapping[str, str], conditions: Iterable[str]) -> None:
+    """Raise if a condition is of a column that the file does not have."""
+    for name in conditions:
+        if name not in (known := names_in(file, columns)):
+            raise ArgumentError(f"{file}: condition: no column {name!r}{did_you_mean(name, known)}")
+
+
 def _columns_by_file(
     pose: Path, commands: Path, columns: Mapping[str, str]
 ) -> tuple[dict[str, str], dict[str, str]]:
@@ -179,10 +190,10 @@ def _longest(log: Log, condition: Condition, settle: float) -> Log:
     edges = np.flatnonzero(np.diff(np.concatenate([[False], holds, [False]]).astype(int)))
     if not edges.size:
         text = f"{condition.column} {condition.comparison} {condition.value:g}"
-        raise InputError(f"{log.name}: {text} holds in no row")
+        raise ArgumentError(f"{log.name}: {text} holds in no row")
     starts, stops = edges[::2], edges[1::2]
     k = int(np.argmax(log.time[stops - 1] - log.time[starts]))
     kept = log.between(log.time[starts[k]] + settle, log.time[stops[k] - 1])
     if not len(kept):
-        raise InputError(f"{log.name}: nothing is left after {settle:g} s to settle")
+        raise ArgumentError(f"{log.name}: nothing is left after {settle:g} s to settle")
     return kept

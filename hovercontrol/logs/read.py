@@ -12,8 +12,8 @@ import numpy as np
 import pyarrow as pa
 
 from hovercontrol.core.boundary import checked
-from hovercontrol.errors import InputError, did_you_mean
-from hovercontrol.logs.check import check_finite, check_heading, check_time
+from hovercontrol.errors import ArgumentError, InputError, did_you_mean
+from hovercontrol.logs.check import check_codes, check_finite, check_heading, check_time
 from hovercontrol.logs.column_units import column_of, factor_to_si
 from hovercontrol.logs.log import POSE, VELOCITY, Floats, Log
 from hovercontrol.logs.source import Source, open_source
@@ -60,6 +60,8 @@ def read_log(
 
     Raises
     ------
+    ArgumentError
+        If `columns` names a column that the file does not have, or one twice, or an unknown unit.
     InputError
         Anything wrong with the file: which line (the header is line 1; in Parquet which row, from
         1), which column, what was expected and what was found. Over 1 GiB of numbers is refused.
@@ -98,6 +100,9 @@ def read_log(
     if not time.size:
         raise InputError(f"{file}: expected samples below the header, found no rows")
     for ours in (name for name in names if name in checked):
+        if ours != "time":
+            pose = ours in (*POSE, *VELOCITY)
+            check_codes(str(file), source, names[ours], data[ours], any_number=pose)
         check_finite(str(file), source, names[ours], data[ours])
     check_time(str(file), source, names["time"], time)
     if "psi" in data:
@@ -105,14 +110,31 @@ def read_log(
     return Log(file.name, data.pop("time"), data)
 
 
+def names_in(path: Path, columns: Mapping[str, str]) -> dict[str, str]:
+    """Return a file's column name under each of ours; its numbers are not read.
+
+    Raises
+    ------
+    InputError
+        As :func:`read_log`.
+    """
+    header = open_source(path).header
+    return _our_names(str(path), header, {k: column_of(v, header)[0] for k, v in columns.items()})
+
+
 def _our_names(file: str, header: list[str], renamed: Mapping[str, str]) -> dict[str, str]:
     """Return the file's column name under each of ours, in the file's order."""
+    ours_of: dict[str, str] = {}
     for ours, theirs in renamed.items():
         if theirs not in header:
-            raise InputError(
+            raise ArgumentError(
                 f"{file}: no column {theirs!r} to read {ours!r} from{did_you_mean(theirs, header)}"
             )
-    ours_of = {theirs: ours for ours, theirs in renamed.items()}
+        if theirs in ours_of:
+            raise ArgumentError(
+                f"{file}: column {theirs!r} is to be both {ours_of[theirs]!r} and {ours!r}; name it once"
+            )
+        ours_of[theirs] = ours
     kept = [name for name in header if name in ours_of or (name and name not in renamed)]
     return {ours_of.get(theirs, theirs): theirs for theirs in kept}
 

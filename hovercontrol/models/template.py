@@ -53,9 +53,10 @@ _FANS = """
 _BLOCK = '''\
 """A machine of your own: its equations as a Block, written once, and what it may lack.
 
-    hovercontrol check run.csv --model {file}:MODEL       # is the log good, and what can it show?
-    hovercontrol diagnose run.csv --holdout other.csv --model {file}:MODEL
-    hovercontrol export {file}:BLOCK -o {stem}.fmu
+    hovercontrol simulate {file}                     # drive it: a log and a picture
+    hovercontrol check run.csv --model {file}        # is the log good, and what can it show?
+    hovercontrol diagnose run.csv --holdout other.csv --model {file}
+    hovercontrol export {file} -o {stem}.fmu
 
 A log is a CSV file with time [s], the inputs (force) and what is measured (position). In Python:
 BLOCK.start() steps it, hovercontrol.simulate(BLOCK, ...) simulates it, BLOCK.to_control() is the same for

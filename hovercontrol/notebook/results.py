@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hovercontrol.io.percent import percent
 from hovercontrol.notebook.html import Markup, card, fold, lines, sparkline, table
 
 if TYPE_CHECKING:
@@ -68,7 +69,7 @@ def identified_html(found: Identified) -> str:
         )
         std = f"± {c.std:.2g}" if math.isfinite(c.std) else "unknown"
         rows.append((c.name, c.value, std, c.unit, c.start, remark))
-    left = [(r.equation, r.rms, r.seen, r.unit, f"{100 * r.share:.2g} %") for r in found.remaining]
+    left = [(r.equation, r.rms, r.seen, r.unit, percent(r.share)) for r in found.remaining]
     used = f"{found.rows} of {found.rows_total} rows of {', '.join(found.logs)}"
     return card(
         "Identified",
@@ -100,7 +101,7 @@ def study_html(study: Study) -> str:
 def diagnosis_html(found: Diagnosis, sentences: Sequence[str]) -> str:
     """Return a diagnosis as HTML: verdict, sentences on it, what was added, what remains, what came near."""
     added = [(e.effect, e.parameter, e.acts_in, e.value, f"± {e.std:.2g}", e.unit) for e in found.effects]
-    left = [(r.equation, r.rms, r.unit, f"{100 * r.share_explained:.2g} %") for r in found.remainders]
+    left = [(r.equation, r.rms, r.unit, percent(r.share_explained)) for r in found.remainders]
     leads = [(lead.name, lead.gain, lead.reason) for lead in found.leads]
     return card(
         "Diagnosis",

@@ -61,7 +61,7 @@ def chosen_items(document: str = "", only: Sequence[str] = ()) -> list[Item]:
     for name in only:
         if _short(name) not in known:
             hint = did_you_mean(name, list(dict.fromkeys(known.values())))
-            raise InputError(f"reproduce: nothing rebuilds {name!r}{hint}; --list shows all")
+            raise InputError(f"reproduce: unknown item {name!r}{hint}; --list shows all")
     wanted = {_short(name) for name in only}
     return [item for item in items if _short(item.name) in wanted]
 

@@ -12,6 +12,7 @@ from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError
 from hovercontrol.logs.log import Log
 from hovercontrol.models.model import RUDDER, Model
+from hovercontrol.scenarios.checks import MAX_ROWS
 from hovercontrol.scenarios.definition import Phase, Scenario
 
 #: Sections that only model files have.
@@ -61,15 +62,7 @@ def driven(model: Model, name: str, seconds: float | None = None, log: Log | Non
     >>> scenario.end, sorted(scenario.commands)
     (20.0, ['rudder', 'thrust', 'time'])
     """
-    if log is not None and not len(log):
-        raise InputError(f"{log.name}: expected samples, found no rows")
-    longest = END if log is None else float(np.ptp(log.time))
-    seconds = longest if seconds is None else seconds
-    if not STEP <= seconds < math.inf:
-        raise InputError(f"expected a run of at least {STEP:g} s, found {seconds:g} s")
-    if log is not None and seconds > longest:
-        raise InputError(f"{log.name}: expected commands for {seconds:g} s, found {longest:g} s")
-    inputs = model.plant().inputs
+    seconds = run_length(seconds, log)
     return Scenario(
         name=name,
         title=f"{model.name}: {'steps of its commands' if log is None else f'commands of {log.name}'}",
@@ -79,8 +72,34 @@ def driven(model: Model, name: str, seconds: float | None = None, log: Log | Non
         belief=model,
         start={},
         phases=(Phase("steps" if log is None else "log", seconds),),
-        commands=_steps(inputs, seconds) if log is None else _of_log(inputs, log),
+        commands=played(model.plant().inputs, seconds, log),
     )
+
+
+def run_length(seconds: float | None, log: Log | None) -> float:
+    """Return how long a run is [s]: as asked, as long as the log of its commands, or 20.
+
+    Raises
+    ------
+    InputError
+        If that is no time or takes too many rows, or the log is shorter.
+    """
+    if log is not None and not len(log):
+        raise InputError(f"{log.name}: expected samples, found no rows")
+    longest = END if log is None else float(np.ptp(log.time))
+    found = longest if seconds is None else seconds
+    if not STEP <= found < math.inf:
+        raise InputError(f"expected a run of at least {STEP:g} s, found {found:g} s")
+    if found / STEP > MAX_ROWS:
+        raise InputError(f"expected a run of at most {STEP * MAX_ROWS:g} s, found {found:g} s")
+    if log is not None and found > longest:
+        raise InputError(f"{log.name}: expected commands for {found:g} s, found {longest:g} s")
+    return found
+
+
+def played(inputs: Sequence[Signal], seconds: float, log: Log | None) -> dict[str, tuple[float, ...]]:
+    """Return time [s] and commands of a run: those of a log, or else steps within the inputs' bounds."""
+    return _steps(inputs, seconds) if log is None else _of_log(inputs, log)
 
 
 def _steps(inputs: Sequence[Signal], seconds: float) -> dict[str, tuple[float, ...]]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -102,6 +102,11 @@ def held_commands(scenario: Scenario, time: Array) -> dict[str, Array] | None:
     """Return the commands that a scenario plays, as they are held at some times; None if it plays none."""
     if scenario.commands is None:
         return None
-    times = np.array(scenario.commands["time"])
+    return held(scenario.commands, time)
+
+
+def held(commands: Mapping[str, Sequence[float]], time: Array) -> dict[str, Array]:
+    """Return commands, each held from one of their times to the next, at some times [s]."""
+    times = np.array(commands["time"])
     row = np.searchsorted(times, time + SAME, side="right") - 1
-    return {k: np.array(v)[row] for k, v in scenario.commands.items() if k != "time"}
+    return {k: np.array(v)[row] for k, v in commands.items() if k != "time"}

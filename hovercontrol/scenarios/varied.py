@@ -142,7 +142,7 @@ def vary(
     if not 1 <= len(ranges) <= 2:
         raise InputError(f"{where}: expected one or two parameters to vary, found {len(ranges)}")
     if figure not in FIGURES:
-        raise InputError(f"unknown figure {figure!r}{did_you_mean(figure, FIGURES)}: {', '.join(FIGURES)}")
+        raise InputError(f"unknown figure {figure!r}{did_you_mean(figure, FIGURES)}")
     parts = loop_parts(scenario)
     loop = sampled_loop(scenario, parts) if scenario.sampling else interconnect([*parts.values()], "loop")
     outputs = [s.name for s in loop.outputs]

@@ -39,7 +39,7 @@ def test_every_phase_is_flown_with_its_own_parameters():
     ("words", "said"),
     [
         (["k06-trun", "--vary", "controller.k2=1:2:3"], "did you mean 'k06-turn'?"),
-        (["k06-turn"], "expected one or two different --vary"),
+        (["k06-turn"], "expected one or two --vary"),
         (
             ["k06-turn", "--vary", "controller.k2=1:2"],
             "expected KEY=FROM:TO:POINTS, found 'controller.k2=1:2'",

@@ -63,6 +63,15 @@ def test_a_held_out_log_predicted_worse_than_trivially_is_a_negative_finding(sam
     assert not replace(sample_study, judged=(seen, held_out)).negative, "only what was held out counts"
 
 
+def test_a_model_that_does_not_explain_the_logs_is_a_negative_finding(sample_study):
+    found = sample_study.found
+    left = tuple(replace(r, rms=0.5 * r.seen) for r in found.remaining)
+    study = replace(sample_study, found=replace(found, remaining=left))
+    assert study.found.misfit.startswith("the model does not explain the logs") and study.negative
+    assert study.found.chi2_per_dof < 1.2  # process noise makes up for it
+    assert f"chi2/dof {study.found.chi2_per_dof:.3g} of the measurement noise alone" in study.text()
+
+
 def test_pictures_of_an_earlier_run_are_removed(sample_study, tmp_path):
     write_folder(tmp_path, lambda folder: (folder / "free_run_old.png").write_text("of an earlier run"))
     for name in ("free_run_mine.png", "path.png"):

@@ -164,3 +164,30 @@ def test_a_log_of_a_navigation_is_told_from_one_with_wrong_poses():
     moves = {"x": 0.5 * t + fixes + 1e-4 * rng.normal(size=t.size), "u": 0.5 + 1e-3 * rng.normal(size=t.size)}
     found = facts(Log("ins.csv", t, still | moves))
     assert found.rejected == () and "output of a navigation" in found.remarks[0]
+
+
+def test_the_picture_of_a_long_log_is_small(tmp_path):
+    t = 0.01 * np.arange(50_000)
+    rng = np.random.default_rng(0)
+    jitter = 1e-3 * rng.uniform(size=t.size)
+    pose = {"x": np.sin(t) + 1e-3 * rng.normal(size=t.size), "y": np.cos(t), "psi": 0.1 * t}
+    check([Log("long.csv", t + jitter, pose)]).save(tmp_path)
+    assert (tmp_path / "check.svg").stat().st_size < 2_000_000  # each stamp takes 80 bytes
+
+
+def test_spans_are_shaded_as_one():
+    t = 0.02 * np.arange(20_000)
+    t = t + 0.5 * np.repeat(np.arange(200), 100)  # 199 gaps
+    axes = check([Log("gaps.csv", t, {"r": np.sin(t)})]).plot().axes
+    assert all(len(a.patches) < 10 for a in axes) and any(len(a.collections) for a in axes)
+
+
+def test_outliers_of_a_long_log_are_found_piece_by_piece(monkeypatch):
+    rng, t = np.random.default_rng(4), 0.02 * np.arange(3000)
+    row = np.sin(t) + 0.01 * rng.normal(size=t.size)
+    at = np.unique(rng.integers(0, t.size, 60))
+    row[at] += rng.choice([-1.0, 1.0], at.size)
+    log = Log("long.csv", t, {"r": row})
+    whole = facts(log).columns[0].outliers
+    monkeypatch.setattr(sys.modules["hovercontrol.log_check.facts"], "PIECE", 100)
+    assert facts(log).columns[0].outliers == whole and len(whole) > 40

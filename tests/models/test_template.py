@@ -9,7 +9,7 @@ from hovercontrol import InputError, cli, load_model
 from hovercontrol.discrepancy import diagnose
 from hovercontrol.effects import Effect
 from hovercontrol.io.pythonfile import from_python
-from hovercontrol.logs import Log
+from hovercontrol.logs import Log, read_log
 from hovercontrol.models.blockmodel import BlockModel
 from hovercontrol.models.model import Model
 from hovercontrol.models.template import KINDS, template
@@ -49,6 +49,43 @@ def simulated(block, t, u):
 
     response = simulate(block, t, u)
     return dict(zip(response.output_labels, np.atleast_2d(response.outputs), strict=True))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_command_takes_it_as_its_head_says(kind, tmp_path, monkeypatch, capsys):
+    path, fmu = tmp_path / FILES[kind], tmp_path / "craft.fmu"
+    assert run(monkeypatch, "new", path, "--kind", kind) == 0
+    assert run(monkeypatch, "simulate", path, "--out", tmp_path / "run") == 0, capsys.readouterr().err
+    log = tmp_path / "run" / "log.csv"
+    written = read_log(log, motion=False)
+    for s in load(path).plant().inputs:
+        assert s.lower <= written[s.name].min() < written[s.name].max() <= s.upper
+    assert run(monkeypatch, "check", log, "--model", path, "--out", tmp_path / "check") in (0, 1)
+    assert "could estimate" in (tmp_path / "check" / "check.txt").read_text()
+    assert run(monkeypatch, "export", path, "-o", fmu) == 0 and fmu.is_file()
+    assert all(f"    hovercontrol {name} " in path.read_text() for name in ("simulate", "check", "diagnose"))
+
+
+def test_a_machine_is_driven_by_the_commands_of_a_log(tmp_path, monkeypatch, capsys):
+    """The trolley's v' = F / 50 kg - 0.4 v / s by hand: under 60 N, v = 3 m/s (1 - exp(-0.4 t))."""
+    path, t = tmp_path / "trolley.py", 0.1 * np.arange(101)
+    path.write_text(template("block", "trolley", path.name), encoding="utf-8")
+    Log("force", t, {"force": np.full(t.size, 60.0)}).save(tmp_path / "force.csv")
+    done = run(monkeypatch, "simulate", path, "--commands", tmp_path / "force.csv", "--out", tmp_path / "out")
+    assert done == 0, capsys.readouterr().err
+    log = read_log(tmp_path / "out" / "log.csv", motion=False)
+    assert log.time[-1] == 10.0
+    assert log["position"] == pytest.approx(3.0 * (log.time - (1 - np.exp(-0.4 * log.time)) / 0.4), abs=1e-4)
+
+
+def test_a_command_for_craft_says_what_it_found_instead(tmp_path, monkeypatch, capsys):
+    path = tmp_path / "trolley.py"
+    path.write_text(template("block", "trolley", path.name), encoding="utf-8")
+    assert run(monkeypatch, "identify", "run.csv", "--model", path) == 2
+    said = capsys.readouterr().err
+    assert "expected FILE.py:NAME of a Model; the file defines none, but BLOCK (a Block), MODEL" in said
+    assert len(said.strip().splitlines()) == 1
 
 
 @pytest.mark.parametrize("kind", ["rudder", "fan"])

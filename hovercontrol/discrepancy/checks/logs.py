@@ -20,7 +20,9 @@ from hovercontrol.estimation.rows import BLOCKING
 from hovercontrol.estimation.subject import Subject, structure
 from hovercontrol.logs import Log
 from hovercontrol.logs.check import check_heading
+from hovercontrol.logs.codes import code_faults
 from hovercontrol.logs.frames import check_frame
+from hovercontrol.logs.held import held_faults, held_pose
 from hovercontrol.logs.scales import scale_faults
 
 Array = NDArray[np.float64]
@@ -82,8 +84,9 @@ def check_logs(model: Subject, logs: Sequence[Log], holdout: Log | None = None) 
     ------
     InputError
         If a log lacks an input of the model (the nearest column is named), is too short, holds a channel that
-        is empty or constant or in wrong units, has commands and measurements at other times or clocks that
-        drift apart by much, or shares rows with another.
+        is empty, constant or in wrong units, a pose held over several rows or numbers that stand for missing
+        values, has commands and measurements at other times or clocks that drift apart by much, or shares
+        rows with another.
 
     Examples
     --------
@@ -100,8 +103,11 @@ def check_logs(model: Subject, logs: Sequence[Log], holdout: Log | None = None) 
         _refuse_inputs(block, log)
         warnings += _length(log, is_craft=model.is_craft)
         channels = _channels(block, log)
+        inputs = [s.name for s in block.inputs]
         _refuse_dead(log, channels)
-        _refuse_apart(log, channels, [s.name for s in block.inputs])
+        for fault in (*code_faults(log, [*channels, *inputs]), *held_pose(log)):
+            raise InputError(fault)
+        _refuse_apart(log, channels, inputs)
         refuse_units(model, log)
         for fault in scale_faults(log) if model.is_craft else []:
             raise InputError(fault)
@@ -110,7 +116,7 @@ def check_logs(model: Subject, logs: Sequence[Log], holdout: Log | None = None) 
             rate = log["r"][known] if log.has("r") and np.isfinite(log["r"][known]).all() else None
             check_heading(log.name, "psi", log.time[known], log["psi"][known], rate)
         check_frame(model, log)
-        warnings += _stuck(log, channels) + _cut_off(log, [s.name for s in block.inputs])
+        warnings += held_faults(log, channels) + _stuck(log, channels) + _cut_off(log, inputs)
     _refuse_other_pace(every)
     refuse_duplicates(logs, holdout, _measured(block), [s.name for s in block.inputs])
     for log in every:

@@ -7,9 +7,10 @@ import numpy as np
 from hovercontrol.discrepancy.evidence.of_effects import Evidence
 from hovercontrol.discrepancy.report import pictures
 from hovercontrol.discrepancy.report.context import Context, numbers_by_effect
-from hovercontrol.discrepancy.report.formatting import effect_words, percent, rounded, unit
+from hovercontrol.discrepancy.report.formatting import effect_words, rounded, unit
 from hovercontrol.discrepancy.report.templates import legend, render, table
 from hovercontrol.discrepancy.report.verdict import SIGNIFICANCE, key_of, most_fallen
+from hovercontrol.io.percent import percent
 
 #: Rows of the evidence table.
 MEASURES = (

@@ -121,18 +121,6 @@ def small(value: float, digits: int = 2) -> str:
     return minus(f"{number:.{places}f}")
 
 
-def percent(part: float) -> str:
-    """Return a part in percent.
-
-    Examples
-    --------
-    >>> percent(0.034), percent(1.7), percent(0.00021)
-    ('3.4 %', '170 %', '0.021 %')
-    """
-    value = 100.0 * part
-    return f"{value:.0f} %" if value >= 99.5 else f"{value:.2g} %"
-
-
 def times(value: float) -> str:
     """Return how many times, to three digits or so.
 

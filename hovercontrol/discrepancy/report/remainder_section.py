@@ -11,10 +11,11 @@ from hovercontrol.discrepancy.evidence.laws import regime_of, small, worst
 from hovercontrol.discrepancy.evidence.missing import Missing
 from hovercontrol.discrepancy.report import pictures
 from hovercontrol.discrepancy.report.context import Context
-from hovercontrol.discrepancy.report.formatting import listed, percent, prime, unit
+from hovercontrol.discrepancy.report.formatting import listed, prime, unit
 from hovercontrol.discrepancy.report.formatting import small as digits
 from hovercontrol.discrepancy.report.free_run import on_rows
 from hovercontrol.discrepancy.report.templates import Table, legend, render, table
+from hovercontrol.io.percent import percent
 
 Array = NDArray[np.float64]
 

@@ -17,7 +17,6 @@ from hovercontrol.discrepancy.report.formatting import (
     listed,
     meaning,
     number_of,
-    percent,
     prime,
     small,
     times,
@@ -26,6 +25,7 @@ from hovercontrol.discrepancy.report.formatting import (
 from hovercontrol.discrepancy.report.templates import legend, render
 from hovercontrol.discrepancy.search.leads import ASKED_FOR, Lead
 from hovercontrol.effects import Effect
+from hovercontrol.io.percent import percent
 
 if TYPE_CHECKING:
     from hovercontrol.discrepancy.diagnosis import Diagnosis, Found

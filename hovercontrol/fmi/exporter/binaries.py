@@ -116,15 +116,15 @@ def chosen_platforms(names: str | Iterable[str] | None) -> tuple[Platform, ...]:
     """
     if names is None:
         names = this_platform()
-    wanted = [n.strip() for n in names.split(",")] if isinstance(names, str) else list(names)
-    if wanted == ["all"]:
-        return tuple(PLATFORMS.values())
-    if not wanted or wanted == [""]:
+    wanted = [n.strip() for n in names.split(",") if n.strip()] if isinstance(names, str) else list(names)
+    if not wanted:
         raise InputError("no platform is named" + did_you_mean("", [*PLATFORMS, "all"]))
+    known = [*PLATFORMS, "all"]
     for name in wanted:
-        if name not in PLATFORMS:
-            raise InputError(f"unknown platform {name!r}{did_you_mean(str(name), [*PLATFORMS, 'all'])}")
-    return tuple(p for p in PLATFORMS.values() if p.name in wanted)  # once each, in one order
+        if name not in known:
+            raise InputError(f"unknown platform {name!r}{did_you_mean(str(name), known)}")
+    every = "all" in wanted
+    return tuple(p for p in PLATFORMS.values() if every or p.name in wanted)  # once each, in one order
 
 
 def build_binary(name: str, files: Mapping[str, str], wanted: Platform) -> bytes:

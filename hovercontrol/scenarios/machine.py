@@ -1,0 +1,92 @@
+"""A run of a machine of the user's own: a Block, driven by steps of its inputs or by those of a log."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from hovercontrol.core.block import Block
+from hovercontrol.core.boundary import checked
+from hovercontrol.io.folders import write_folder
+from hovercontrol.logs import Log
+from hovercontrol.scenarios.drive import STEP, played, run_length
+from hovercontrol.scenarios.phases import held, phase_grid
+from hovercontrol.simulation.trajectory import simulate
+
+
+@checked
+@dataclass(frozen=True, eq=False)
+class MachineRun:
+    """What a machine did.
+
+    Attributes
+    ----------
+    log : Log
+        Outputs and inputs, as ``check`` and ``diagnose`` read them.
+    units : mapping of str to str
+        Of its columns.
+    """
+
+    log: Log
+    units: Mapping[str, str]
+
+    def save(self, folder: str | Path) -> list[Path]:
+        """Write ``log.csv`` and ``signals.png``, atomically.
+
+        Parameters
+        ----------
+        folder : path
+            Made if it is not there.
+        """
+        from hovercontrol.notebook.plots import log_figure
+
+        def write(temporary: Path) -> None:
+            self.log.save(temporary / "log.csv")
+            log_figure(self.log, self.units).savefig(temporary / "signals.png", dpi=130)
+
+        return write_folder(folder, write)
+
+
+@checked
+def run_machine(
+    block: Block,
+    *,
+    seconds: float | None = None,
+    commands: Log | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> MachineRun:
+    """Drive a Block from its start values, by the inputs of a log or by steps.
+
+    Parameters
+    ----------
+    block : Block
+    seconds : float, optional
+        How long [s]; default: 20, or as long as the log.
+    commands : Log, optional
+        With the Block's inputs, each held from row to row. Default: steps as a model file is driven by.
+    progress : callable, optional
+        Called now and then with the time reached [s].
+
+    Raises
+    ------
+    InputError
+        If there is no time to run, the log lacks an input or is shorter, or the simulation fails.
+
+    Examples
+    --------
+    >>> import hovercontrol as hc
+    >>> v, a = hc.Signal("v", "m/s"), hc.Signal("a", "m/s^2", lower=-1.0, upper=1.0)
+    >>> run = run_machine(hc.Block("cart", [v], [a], [v], derivatives={"v": a.symbol}), seconds=3.0)
+    >>> list(run.log.columns), len(run.log), run.units["v"]
+    (['v', 'a'], 151, 'm/s')
+    """
+    length = run_length(seconds, commands)
+    time = phase_grid(0.0, length, STEP)
+    inputs = held(played(block.inputs, length, commands), time)
+    run = simulate(block, time, inputs, progress=progress)
+    seen = dict(zip(run.output_labels, np.reshape(run.outputs, (-1, time.size)), strict=True))
+    units = {s.name: s.unit for s in (*block.outputs, *block.inputs)}
+    return MachineRun(Log(block.name, time, {**seen, **inputs}), units)

@@ -1,0 +1,65 @@
+"""Numbers that stand for missing values are named with their column, rows and what to do."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from hovercontrol.errors import InputError
+from hovercontrol.identify import identify
+from hovercontrol.log_check import check
+from hovercontrol.logs import Log, read_log
+from hovercontrol.logs.codes import gap_code
+from hovercontrol.models.vehicles import c17_experiment
+
+T = 0.02 * np.arange(400)
+LOST = (T > 3.0) & (T < 3.5)
+
+
+def coded(column: str, code: float) -> Log:
+    """A craft that goes round, with one column coded where it was lost."""
+    columns = {"x": np.sin(T), "y": np.cos(T), "psi": 0.3 + T}
+    columns |= {"thrust": 2.0 + np.sin(3 * T), "rudder": 0.3 * np.cos(T)}
+    return Log("run.csv", T, columns | {column: np.where(LOST, code, columns[column])})
+
+
+@pytest.mark.parametrize("code", [-999.0, -9999.0, 999.0, 9999.0, -1e30, 1e38])
+@pytest.mark.parametrize("column", ["x", "psi", "thrust"])
+def test_a_code_for_missing_values_is_named_in_one_line(column, code, tmp_path):
+    coded(column, code).save(tmp_path / "run.csv")
+    with pytest.raises(InputError) as said:
+        read_log(tmp_path / "run.csv", inputs=["thrust", "rudder"])
+    assert f"column {column!r}: {code:g} in {LOST.sum()} rows, the first in line 153, seems" in str(
+        said.value
+    )
+    assert "delete such rows" in str(said.value) and "degrees" not in str(said.value)
+
+
+def test_logs_made_in_python_are_looked_at_too():
+    log = coded("psi", -999.0)
+    line = f"run.csv: column 'psi': -999 in {LOST.sum()} rows, the first at 3.02 s, seems"
+    with pytest.raises(InputError, match=line):
+        identify(c17_experiment(), [log])
+    assert [e.startswith(line) for e in check([log], c17_experiment()).errors] == [True]
+    assert [w.startswith(line) for w in check([log]).warnings] == [True]
+
+
+def test_any_number_that_repeats_far_outside_a_pose_is_one():
+    assert gap_code(coded("x", 1e6)["x"]) == 1e6
+    assert gap_code(coded("x", 1e6)["x"], any_number=False) is None
+
+
+@pytest.mark.parametrize(
+    "row",
+    [
+        np.linspace(0.0, 999.0, 400),  # reached by moving
+        np.where(LOST, 0.0, 5.0 + 0.1 * np.sin(T)),  # zero is a place
+        np.where(LOST, 999.0, 0.0),  # switched on
+        np.full(400, 999.0),
+        np.where(T == 2.0, 40.0, np.sin(T)),  # an outlier: one row
+        np.full(400, np.nan),
+        np.empty(0),
+    ],
+)
+def test_what_a_signal_may_be_is_no_code(row):
+    assert gap_code(row) is None
