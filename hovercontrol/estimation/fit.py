@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from hovercontrol.estimation.damping import Damping, Relaxation
 from hovercontrol.estimation.noise import ONWARD, Noise, moved, timed
 from hovercontrol.estimation.outliers import OUTLIERS, outliers
-from hovercontrol.estimation.passes import Pass, alone, held, inverse, residuals, run_pass, tried_pass
+from hovercontrol.estimation.passes import Pass, alone, held, inverse, residuals, tried_pass
 from hovercontrol.estimation.prior import Prior
 from hovercontrol.estimation.problem import Linear, Problem
 from hovercontrol.estimation.step_control import controlled, deviations
@@ -278,7 +278,7 @@ class _Iteration:
         (step, along), here, there = now.steps(problem), problem.inside(now.p), now.path
         std = deviations(problem, now.smooth.covariance)
         known = np.diag(now.S.sum(axis=0)) + self.prior.precision if step.any() else np.zeros_like(step)
-        moves = (along[1:][..., list(problem.free)] / std).ravel()
+        moves = (along[..., list(problem.free)] / std).ravel()
         part = self.relaxation.of(np.r_[step * np.sqrt(known), moves])  # in standard deviations
         del self.now, now  # before the next takes as much memory
 
@@ -367,23 +367,16 @@ class _Iteration:
             self.onward()
 
     def _still(self, count: int) -> bool:
-        """Go on to the pass of least cost under the noise as it is, and tell whether that converged."""
-        best = self.now.cost, self.now.p, self.now.path
+        """Go on until little changes under the noise as it is, and tell whether that converged."""
         self.least, self.idle, self.rise = self.now.cost, 0, CONVERGENCE.settled
         while True:
-            if self.now.cost < best[0]:
-                best = self.now.cost, self.now.p, self.now.path
             enough = CONVERGENCE.stopped if count < CONVERGENCE.enough else 2.0 * CONVERGENCE.settled
             there = self._little_changes(enough, CONVERGENCE.reached)
             if there or count >= STILL or self.idle >= CONVERGENCE.idle or self.stalled:
-                break
+                return there
             self.rise *= 0.5  # summable: it comes to rest (Li and Fukushima, Optim. Methods Softw. 13, 2000)
             self.onward()
             count += 1
-        if not there and best[0] < self.now.cost - CONVERGENCE.stopped:
-            del self.now
-            self.now = run_pass(self.problem, self.noise, self.prior, *best[1:], self.frozen)
-        return there
 
     def _little_changes(self, enough: float, left: float = CONVERGENCE.settled) -> bool:
         return bool(abs(self.change) < enough and self.now.predicted < left)

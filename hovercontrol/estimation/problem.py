@@ -226,7 +226,12 @@ class Problem(Unknowns):
     @property
     def longest_piece(self) -> float:
         """Length of the sub-steps that are short enough for nearly all steps, as parts of the longest [s]."""
-        return float(self.dt.max() / np.quantile(self.each, ENOUGH))
+        return float(self.dt.max()) / self.usual_pieces
+
+    @property
+    def usual_pieces(self) -> int:
+        """In how many sub-steps nearly all steps are, at most."""
+        return math.ceil(np.quantile(self.each, ENOUGH))
 
     def channels_at(self, x: Array, parameters: Sequence[float], t: Array, log: NDArray[np.intp]) -> Array:
         """Return the channels at states, shape (C, N).

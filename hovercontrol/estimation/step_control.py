@@ -2,6 +2,8 @@
 
 The error control of every integrator (Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I,
 II.4), with the standard deviation of each state as its scale. What it is for is said in :mod:`.substeps`.
+A body at rest stays there in sub-steps of any length: whether small motions of it grow is seen beside the
+path.
 """
 
 from __future__ import annotations
@@ -17,21 +19,22 @@ from hovercontrol.estimation.steps import Counts
 
 Array = NDArray[np.float64]
 
-#: Largest change of a state by halved sub-steps, in standard deviations of that state; and rows about such a
-#: step that are divided with it: the next pass runs along another path.
-CLOSE, ABOUT = 1e-2, 5
+#: Largest change by halved sub-steps, of a state in its standard deviations and of a small motion relative to
+#: it; and rows about such a step that are divided with it: the next pass runs along another path.
+CLOSE, ABOUT = 0.1, 5
 
-#: Least standard deviation of a state relative to how far it ranges: a body that dry friction holds has none.
-TINY = 1e-9
+#: A small motion, and the least standard deviation of a state (a body that dry friction holds has none), in
+#: parts of how far the state ranges.
+SMALL = 1e-4
 
-#: Standard deviation of a state before the first pass tells it, relative to how far it ranges.
+#: Standard deviation of a state before the first pass tells it, in parts of how far it ranges.
 FIRST = 1e-2
 
 
 def deviations(problem: Problem, covariance: Array) -> Array:
-    """Return the standard deviations of the free states behind each step, (K-1, W, n), of (K, W, N, N)."""
-    variance = np.diagonal(covariance[1:], axis1=2, axis2=3)[..., : len(problem.free)]
-    return np.sqrt(np.maximum(variance, (TINY * problem.spread) ** 2))
+    """Return standard deviations of the free states, (K, W, n), of their covariance, (K, W, N, N)."""
+    variance = np.diagonal(covariance, axis1=2, axis2=3)[..., : len(problem.free)]
+    return np.sqrt(np.maximum(variance, (SMALL * problem.spread) ** 2))
 
 
 def controlled(problem: Problem, path: Array, p: Array, std: Array | None = None) -> Problem:
@@ -43,22 +46,31 @@ def controlled(problem: Problem, path: Array, p: Array, std: Array | None = None
     path : ndarray, shape (K, W, n_states)
     p : ndarray, shape (P,)
         Unknowns.
-    std : ndarray, shape (K-1, W, n), optional
+    std : ndarray, shape (K, W, n), optional
         By :func:`deviations`; None before the first pass.
     """
-    std = FIRST * problem.spread if std is None else std
-    there = problem.advance(path, p, jacobian=False)[0]
+    std = FIRST * problem.spread if std is None else std[1:]
+    beside = path.copy()
+    beside[..., list(problem.free)] += SMALL * problem.spread
+
+    def ends(problem: Problem) -> tuple[Array, Array]:
+        here, there = (problem.advance(x, p, jacobian=False)[0] for x in (path, beside))
+        return here, there - here
+
+    end, motion = ends(problem)
     while True:
         finer = _divided(problem, np.minimum(2 * problem.each, MOST))
-        halved = finer.advance(path, p, jacobian=False)[0]
-        with np.errstate(invalid="ignore"):
-            off = np.nan_to_num((np.abs(there - halved) / std).max(axis=-1), nan=np.inf)
-        coarse = maximum_filter1d(off, ABOUT, axis=0) > CLOSE
+        finer_end, finer_motion = ends(finer)
+        with np.errstate(all="ignore"):
+            off = np.abs(end - finer_end) / std, np.abs(motion - finer_motion) / (SMALL * problem.spread)
+            worst = np.nan_to_num(np.maximum(*off).max(axis=-1), nan=np.inf)
+        coarse = maximum_filter1d(worst, ABOUT, axis=0) > CLOSE
         coarse &= problem.each.reshape(coarse.shape) < MOST
         if not coarse.any():
             return problem
         problem = _divided(problem, np.where(coarse.ravel(), finer.each, problem.each))
-        there = np.where(coarse[..., None], halved, there)
+        end = np.where(coarse[..., None], finer_end, end)
+        motion = np.where(coarse[..., None], finer_motion, motion)
 
 
 def _divided(problem: Problem, pieces: Counts) -> Problem:

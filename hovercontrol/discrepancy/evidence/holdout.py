@@ -72,7 +72,7 @@ def held_fit(model: Subject, data: Data, near: Fit | None = None) -> Fit:
     near : Fit, optional
         Of another model on the same data, from which levels of noise and path begin.
     """
-    problem = Problem(model, data, pieces=near.problem.each if near else 1)
+    problem = Problem(model, data)
     path = problem.path_of(near.problem.block, near.path, problem.start) if near else None
     noise = near.noise if near else first_noise(problem)
     prior, gate = prior_of(problem, model), near is None

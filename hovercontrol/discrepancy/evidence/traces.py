@@ -148,7 +148,7 @@ def simulate_runs(
     start = np.stack([path[row[0], block[0]] for row, block in runs], axis=-1)
     log = np.array([problem.rows.log[block[0]] for _, block in runs])
     dt = np.diff(t, axis=0)
-    S = max(problem.pieces, math.ceil(float(dt.max()) / STEP - 1e-9))
+    S = max(problem.usual_pieces, math.ceil(float(dt.max()) / STEP - 1e-9))
     h = dt / S
     begin = t[:-1] + np.arange(S)[:, None, None] * h
     every = np.tile(log, M - 1)

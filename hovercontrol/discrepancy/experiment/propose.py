@@ -197,7 +197,7 @@ def predicted(fit: Fit, manoeuvre: Manoeuvre) -> Data:
         manoeuvre.name, manoeuvre.time, 0.0, inputs, like.channels, np.zeros((len(like.channels), n)), rest,
         whole, whole, np.ones(n, dtype=bool), (), n,
     )  # fmt: skip
-    problem = Problem(fit.model, _data(like, empty, names), pieces=fit.problem.pieces)
+    problem = Problem(fit.model, _data(like, empty, names), pieces=fit.problem.usual_pieces)
     (found,) = simulate_runs(problem, problem.start, problem.guess, list(runs_of(problem, 0)))
     return _data(like, replace(empty, states=found[0], values=found[1]), names)
 
@@ -222,7 +222,7 @@ def _information(fit: Fit) -> Array:
 
 def _added(fit: Fit, seen: Data) -> tuple[float, Array, Array]:
     """Return what a fitted model leaves of another log, its path fitted to it, with normal equations."""
-    problem = Problem(fit.model, seen, fit.problem.names, pieces=fit.problem.pieces)
+    problem = Problem(fit.model, seen, fit.problem.names, pieces=fit.problem.usual_pieces)
     noise = replace(fit.noise, scale=np.ones((1, len(seen.channels))))
     try:
         path = estimate(problem, fit.prior, noise, frozen=True, levels=False).path

@@ -87,7 +87,7 @@ class Search:
 
     def fit(self, near: Fit, model: Subject, times: bool = False) -> Fit:
         """Fit a model from where another ended; correlation times of process noise stay unless asked."""
-        problem = Problem(model, near.problem.data, pieces=near.problem.each)
+        problem = Problem(model, near.problem.data)
         prior = prior_of(problem, self.model)
         try:
             return refit(near, problem, prior, times=times)
@@ -190,7 +190,7 @@ def _added(
 ) -> Fit | None:
     """Return the fit of a model with one more effect, from where another ended or from given coefficients."""
     model = (start or current.model).with_effects([e])
-    problem = Problem(model, current.problem.data, pieces=current.problem.each)
+    problem = Problem(model, current.problem.data)
     p = problem.start if start else None
     try:
         return refit(current, problem, prior_of(problem, search.model), p=p, levels=levels, times=False)
