@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Literal, cast
 from numpy.typing import ArrayLike
 
 from hovercontrol.core.backends import backend
+from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError
 
 if TYPE_CHECKING:
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from hovercontrol.targets.compiled import CompiledBlock
 
 
+@checked
 class Backends:
     """The methods of a :class:`~hovercontrol.core.block.Block` that others carry out."""
 
