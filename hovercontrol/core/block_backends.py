@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, cast
 
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
     from hovercontrol.targets.compiled import CompiledBlock
 
 
-@checked
+@partial(checked, name="Block")
 class Backends:
     """The methods of a :class:`~hovercontrol.core.block.Block` that others carry out."""
 

@@ -37,12 +37,14 @@ _PACKAGE = str(Path(__file__).parents[1]) + os.sep
 _LIBRARIES = tuple({sysconfig.get_path(name) + os.sep for name in ("stdlib", "purelib", "platlib")})
 
 
-def checked(thing: Thing) -> Thing:
+def checked(thing: Thing, name: str = "") -> Thing:
     """Make a public function, or a class's constructor and methods, refuse arguments of a wrong type.
 
     Parameters
     ----------
     thing : function or class
+    name : str, optional
+        What error lines call a class; default: its own name.
 
     Returns
     -------
@@ -65,16 +67,17 @@ def checked(thing: Thing) -> Thing:
     if not inspect.isclass(thing):
         label = thing.__qualname__.rpartition("<locals>.")[2]
         return typing.cast(Thing, _Gate(thing, label, bound="." in label).function())
-    for name, body in list(vars(thing).items()):
-        maker = name in ("__init__", "__new__")
+    owner = name or thing.__name__
+    for key, body in list(vars(thing).items()):
+        maker = key in ("__init__", "__new__")
         inner = body.__func__ if isinstance(body, classmethod | staticmethod) else body
         done = hasattr(inner, "__checked__") or not inspect.isfunction(inner)
-        if not done and (maker or not name.startswith("_")):
-            label = thing.__name__ if maker else f"{thing.__name__}.{name}"
+        if not done and (maker or not key.startswith("_")):
+            label = owner if maker else f"{owner}.{key}"
             gate = _Gate(inner, label, bound=not isinstance(body, staticmethod) or maker)
             if gate.parameters:
                 guarded = gate.function()
-                setattr(thing, name, guarded if inner is body else type(body)(guarded))
+                setattr(thing, key, guarded if inner is body else type(body)(guarded))
     return thing
 
 

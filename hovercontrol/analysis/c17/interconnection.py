@@ -130,7 +130,8 @@ def region_of_attraction(
     y = _cells("tracking_error", "m", tracking_error, cells, "initial |z1|")
     for name, value in (("deadline", deadline), ("duration", duration), ("tolerance", tolerance)):
         positive(name, value)
-    at_least("runs", runs, least=1)
+    if runs < 1:
+        raise InputError(f"runs: expected 1 or more in a cell, found {runs!r}")
     at_least("seed", seed)
     model = c17_simulation() if model is None else model
     if limits:
