@@ -19,7 +19,7 @@ import sympy as sp
 from hovercontrol.core.annotations import fits
 from hovercontrol.core.backends import backend
 from hovercontrol.core.block_backends import Backends
-from hovercontrol.core.boundary import checked
+from hovercontrol.core.boundary import checked, checks_itself
 from hovercontrol.core.checking import check
 from hovercontrol.core.expressions import Expressions
 from hovercontrol.core.signals import Signal
@@ -210,6 +210,7 @@ class Block(Backends):
         """The value of every parameter, by its key."""
         return {self.parameter_key(p.name): p.start for p in self.parameters}
 
+    @checks_itself
     def parameter_values(
         self, params: Mapping[str, float] | None = None, *, bounded: bool = True
     ) -> tuple[float, ...]:
@@ -228,7 +229,7 @@ class Block(Backends):
             If a key is unknown (the nearest is named), a value is no number or out of its bounds.
         """
         if params is not None and not fits(params, Mapping[str, Any]):
-            text = f"parameter values: expected names, each with a number, found {shown(params)}"
+            text = f"params: expected names, each with a number, found {shown(params)}"
             raise InputError(self.where(text))
         values = dict(self.default_parameters)
         signals = dict(zip(values, self.parameters, strict=True))
@@ -238,7 +239,7 @@ class Block(Backends):
                 raise InputError(self.where(f"unknown parameter {key!r}{hint}"))
             try:
                 if type(value) is not float and not fits(value, float):
-                    raise InputError(f"parameter {key!r} must be a number, found {shown(value)}")
+                    raise InputError(f"params[{key!r}]: expected a number, found {shown(value)}")
                 values[key] = signals[key].check(float(value), key) if bounded else float(value)
             except InputError as error:
                 raise InputError(self.where(str(error))) from None

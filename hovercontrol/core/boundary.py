@@ -81,6 +81,12 @@ def checked(thing: Thing, name: str = "") -> Thing:
     return thing
 
 
+def checks_itself(method: Thing) -> Thing:
+    """Leave a method's arguments to itself: inside the package, too, it is given what a user gave."""
+    method.__checked__ = True  # type: ignore[attr-defined]
+    return method
+
+
 class _Gate:
     """What the arguments of one function must be, read from its annotations when it is first called."""
 
