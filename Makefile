@@ -3,7 +3,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 unexport PYTHONDONTWRITEBYTECODE  # the tests start many processes: compile each file once
 
-.PHONY: demo test test-slow test-all coverage mutations oldest check wheel fuzz benchmarks docs pictures clean
+.PHONY: demo test test-slow test-all coverage mutations oldest newest check wheel fuzz benchmarks docs pictures clean
 .DELETE_ON_ERROR:
 
 demo: .venv/ready  ## the paper's Table I, coefficients from the sample log, what K06's model lacked
@@ -46,7 +46,11 @@ mutations: .venv/ready  ## one-line faults in a copy of the code: does make test
 	$(BIN)/python -m tests.mutations
 
 oldest: .venv/ready  ## the quick tests with the oldest versions that pyproject.toml allows
-	$(BIN)/python -m tests.packaging.oldest
+	$(BIN)/python -m tests.packaging.versions oldest
+
+NEWEST ?=
+newest: .venv/ready  ## the quick tests with the newest of every dependency, on the newest Python of this machine
+	$(BIN)/python -m tests.packaging.versions newest $(NEWEST)
 
 wheel: .venv/ready  ## wheel and sdist, installed in fresh environments; sizes and times
 	$(BIN)/python -m tests.packaging.install

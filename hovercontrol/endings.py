@@ -9,10 +9,14 @@ import atexit
 import contextlib
 import functools
 import os
+import platform
+import shlex
 import signal
 import sys
+import tempfile
 import threading
 import time
+import traceback
 import warnings
 from collections.abc import Callable
 from types import FrameType
@@ -26,8 +30,8 @@ DONE, FINDING, WRONG, FAULT = 0, 1, 2, 3
 #: What every status means; ``hovercontrol --help`` prints it.
 STATUSES = (
     "Exit status: 0 done; 1 done, with a negative finding; 2 wrong input or output not writable, with a "
-    "one-line message; 3 an internal error; 130 stopped by Ctrl-C, 143 by SIGTERM. Results are written "
-    "atomically."
+    "one-line message; 3 an internal error, with a file to send; 130 stopped by Ctrl-C, 143 by SIGTERM. "
+    "Results are written atomically."
 )
 
 #: Signals that stop a command, and its status then: 128 and the signal's number, as shells have it.
@@ -55,8 +59,8 @@ def run(command: Callable[[], object]) -> int:
     command : callable
         Returns the status, or None for 0. An :class:`.InputError` and anything that the system refuses (a
         full disk, a missing permission) are one line and 2, a signal is one line and 130 or 143, a closed
-        pipe is 0 without a message, everything else one line and 3. Warnings are printed at the end of work
-        that succeeds.
+        pipe is 0 without a message, everything else one line and 3, with a file to send. Warnings are
+        printed at the end of work that succeeds.
     """
     _open_streams()
     files.placed.clear()
@@ -111,7 +115,32 @@ def _failed(error: Exception) -> int:
     if isinstance(error, MemoryError):
         return _say("not enough memory", WRONG)
     # a fault of ours: never a traceback at a user, never taken for a finding
-    return _say(f"unexpected {type(error).__name__}: {error} (please report this)", FAULT)
+    file = _fault_file(error)
+    send = f"please report this and send {file}" if file else "please report this"
+    return _say(f"unexpected {one_line(f'{type(error).__name__}: {error}', 600)}; {send}", FAULT)
+
+
+def _fault_file(error: Exception) -> str:
+    """Write what helps to find a fault into a file of its own that a user can send; return its path.
+
+    It lies in the folder for temporary files: a command that fails leaves nothing where it runs. Empty where
+    that cannot be written.
+    """
+    from importlib.metadata import PackageNotFoundError, version
+
+    lines = [f"command: {shlex.join(sys.argv)}", f"system: {platform.platform()}, Python {sys.version}"]
+    for name in ("hovercontrol", "numpy", "scipy", "sympy", "control", "matplotlib", "pyarrow"):
+        with contextlib.suppress(PackageNotFoundError):
+            lines.append(f"{name} {version(name)}")
+    trace = "".join(traceback.format_exception(error))
+    try:
+        with tempfile.NamedTemporaryFile(
+            "w", prefix="hovercontrol-fault-", suffix=".txt", delete=False, encoding="utf-8", errors="replace"
+        ) as file:
+            file.write("\n".join([*lines, "", trace]))
+    except OSError:
+        return ""
+    return file.name
 
 
 def told_apart(command: Callable[..., object]) -> Callable[..., object]:

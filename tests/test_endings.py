@@ -4,9 +4,11 @@ import os
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from hovercontrol import endings
@@ -44,12 +46,44 @@ def _signals_as_before(monkeypatch):
         (raised(SystemExit(1)), 0, ""),
         (raised(MemoryError()), 2, "hovercontrol: not enough memory\n"),
         (raised(KeyboardInterrupt()), 130, STOPPED),
-        (raised(KeyError("x")), 3, "hovercontrol: unexpected KeyError: 'x' (please report this)\n"),
     ],
 )  # fmt: skip
 def test_every_end_has_its_status_and_one_line(command, status, said, capsys):
     assert endings.run(command) == status
     assert capsys.readouterr() == ("", said)
+
+
+def test_a_fault_of_the_package_is_one_line_and_a_file_to_send(capsys, tmp_path, monkeypatch):
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    monkeypatch.setattr(sys, "argv", ["hovercontrol", "check", "my run.csv"])
+    assert endings.run(raised(KeyError("x" * 5000))) == 3
+    said = capsys.readouterr().err
+    (file,) = tmp_path.iterdir()
+    assert said.startswith("hovercontrol: unexpected KeyError: 'xxx") and said.count("\n") == 1
+    assert said.endswith(f"; please report this and send {file}\n")
+    text = file.read_text()
+    assert "command: hovercontrol check 'my run.csv'" in text and f"numpy {np.__version__}" in text
+    assert "raise error" in text and __file__ in text  # where it came from
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "none"))
+    assert endings.run(raised(KeyError("x"))) == 3
+    assert capsys.readouterr().err == "hovercontrol: unexpected KeyError: 'x'; please report this\n"
+
+
+def test_a_wrong_argument_of_the_packages_own_call_is_a_fault_of_the_package(call, tmp_path, monkeypatch):
+    """A gate told it as the user's once: 'Log.__getitem__: name: expected a text, found 0'."""
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    monkeypatch.setattr("hovercontrol.estimation.measure.POSE", (0,))
+    done = call("identify", "--sample", "--out", str(tmp_path / "out"))
+    assert done.returncode == 3
+    assert "unexpected TypeError: Log.has: names: expected a text, found 0; please report" in done.stderr
+    assert [f.suffix for f in tmp_path.iterdir()] == [".txt"]
+
+
+def test_a_wrong_argument_in_a_model_file_of_the_users_is_his(call, tmp_path):
+    (tmp_path / "m.py").write_text("import hovercontrol as hc\nMODEL = hc.vehicle(3)\n")
+    done = call("identify", "--sample", "--model", "m.py:MODEL", cwd=tmp_path)
+    assert done.returncode == 2
+    assert "m.py, line 2: InputError: vehicle: name: expected a text, found 3" in done.stderr
 
 
 def test_who_is_stopped_after_the_results_stand_says_so(tmp_path, capsys):

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from hovercontrol.commands import given
+from hovercontrol.core.boundary import as_user
 from hovercontrol.errors import InputError, one_line
 
 EXAMPLE = "Example: hovercontrol export table1:plant -o plant.fmu --platforms x86_64-linux,x86_64-windows"
@@ -69,12 +70,13 @@ def export(
     out = out or Path("out") / f"{chosen.block.name}.fmu"
     stop, step = chosen.stop if stop is None else stop, chosen.step if step is None else step
     with given.progress_bar(f"export {one_line(block, 60)}", 1.0) as report:
-        path = export_fmu(
+        path: Path = as_user(
+            export_fmu,
             chosen.block,
             out,
-            version=fmi,  # type: ignore[arg-type]
+            version=fmi,
             platforms=[p.name for p in wanted],
-            friction=friction,  # type: ignore[arg-type]
+            friction=friction,
             stop=stop,
             step=step,
             description=chosen.text,

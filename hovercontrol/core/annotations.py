@@ -21,12 +21,16 @@ LOOKED_AT = 1000
 _UNIONS = (Union, types.UnionType)
 
 
+#: ``ArrayLike`` is a named type in some versions of NumPy. In others it is a union, whose members join those
+#: of a union that it stands in. What the members are is private to NumPy.
+_MEMBERS = frozenset(typing.get_args(npt.ArrayLike))
+
+
 def _meant(hint: Any) -> Any:
-    """Return what a named annotation stands for (NumPy's ``ArrayLike`` is one from Python 3.12 on)."""
-    return getattr(hint, "__value__", hint)
-
-
-_ARRAY = frozenset(typing.get_args(_meant(npt.ArrayLike)))
+    """Return what a named annotation stands for; for NumPy's ``ArrayLike`` an array."""
+    while hint != npt.ArrayLike and hasattr(hint, "__value__"):
+        hint = hint.__value__
+    return np.ndarray if hint == npt.ArrayLike else hint
 
 
 def fits(value: Any, hint: Any) -> bool:
@@ -95,14 +99,12 @@ def _fits_generic(value: Any, origin: Any, inner: tuple[Any, ...]) -> bool:
 
 def _parts(inner: tuple[Any, ...]) -> list[Any]:
     """Return what a union is of; what NumPy calls like an array is one part."""
-    flat = [
-        part
-        for one in map(_meant, inner)
-        for part in (typing.get_args(one) if typing.get_origin(one) in _UNIONS else [one])
-    ]
-    if not set(flat) >= _ARRAY:
-        return flat
-    return [np.ndarray, *(one for one in flat if one not in _ARRAY)]
+    flat: list[Any] = []
+    if _MEMBERS and set(inner) >= _MEMBERS:
+        flat, inner = [np.ndarray], tuple(one for one in inner if one not in _MEMBERS)
+    for one in map(_meant, inner):
+        flat += _parts(typing.get_args(one)) if typing.get_origin(one) in _UNIONS else [one]
+    return flat
 
 
 def _is_array(hint: Any) -> bool:
@@ -110,6 +112,8 @@ def _is_array(hint: Any) -> bool:
 
 
 def _is_numbers(value: Any) -> bool:
+    if isinstance(value, np.ndarray) and value.dtype.kind in "biuf":
+        return True
     if value is None or isinstance(value, str | bytes | Mapping | set):
         return False
     try:

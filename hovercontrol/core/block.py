@@ -16,14 +16,15 @@ from typing import Any, Literal
 
 import sympy as sp
 
+from hovercontrol.core.annotations import fits
 from hovercontrol.core.backends import backend
 from hovercontrol.core.block_backends import Backends
-from hovercontrol.core.boundary import checked
+from hovercontrol.core.boundary import checked, checks_itself
 from hovercontrol.core.checking import check
 from hovercontrol.core.expressions import Expressions
 from hovercontrol.core.signals import Signal
 from hovercontrol.core.ticks import Tick as Tick
-from hovercontrol.errors import InputError, did_you_mean
+from hovercontrol.errors import InputError, did_you_mean, shown
 
 Rows = Literal["derivatives", "outputs"]
 Columns = Literal["states", "inputs", "parameters"]
@@ -209,7 +210,7 @@ class Block(Backends):
         """The value of every parameter, by its key."""
         return {self.parameter_key(p.name): p.start for p in self.parameters}
 
-    @checked
+    @checks_itself
     def parameter_values(
         self, params: Mapping[str, float] | None = None, *, bounded: bool = True
     ) -> tuple[float, ...]:
@@ -227,6 +228,9 @@ class Block(Backends):
         InputError
             If a key is unknown (the nearest is named), a value is no number or out of its bounds.
         """
+        if params is not None and not fits(params, Mapping[str, Any]):
+            text = f"params: expected names, each with a number, found {shown(params)}"
+            raise InputError(self.where(text))
         values = dict(self.default_parameters)
         signals = dict(zip(values, self.parameters, strict=True))
         for key, value in (params or {}).items():
@@ -234,12 +238,11 @@ class Block(Backends):
                 hint = did_you_mean(key, values)
                 raise InputError(self.where(f"unknown parameter {key!r}{hint}"))
             try:
+                if type(value) is not float and not fits(value, float):
+                    raise InputError(f"params[{key!r}]: expected a number, found {shown(value)}")
                 values[key] = signals[key].check(float(value), key) if bounded else float(value)
-            except (TypeError, ValueError) as error:
-                if isinstance(error, InputError):
-                    raise InputError(self.where(str(error))) from None
-                text = f"parameter {key!r} must be a number, found {value!r}"
-                raise InputError(self.where(text)) from None
+            except InputError as error:
+                raise InputError(self.where(str(error))) from None
         return tuple(values.values())
 
     @checked

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, cast
 
 from numpy.typing import ArrayLike
 
 from hovercontrol.core.backends import backend
+from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError
 
 if TYPE_CHECKING:
@@ -21,6 +23,7 @@ if TYPE_CHECKING:
     from hovercontrol.targets.compiled import CompiledBlock
 
 
+@partial(checked, name="Block")
 class Backends:
     """The methods of a :class:`~hovercontrol.core.block.Block` that others carry out."""
 

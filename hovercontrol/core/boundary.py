@@ -3,6 +3,9 @@
 What an argument must be is said once, by its annotation. :func:`checked` compares each argument with it and
 refuses in one line that names the function, the argument, what was expected and what was found; a value of
 one of the usual types passes after one look into a set.
+
+Only who calls from outside the package gets an :class:`.InputError`. A wrong argument of the package's own
+calls is a fault of the package, a ``TypeError``, and any other error of the package passes as it is.
 """
 
 from __future__ import annotations
@@ -10,10 +13,14 @@ from __future__ import annotations
 import ast
 import functools
 import inspect
-import re
+import os
 import sys
+import sysconfig
 import typing
 from collections.abc import Callable, Iterator, Mapping
+from numbers import Real
+from pathlib import Path
+from types import FrameType
 from typing import Any, Literal, TypeVar
 
 import numpy as np
@@ -23,31 +30,29 @@ from hovercontrol.errors import InputError, did_you_mean, shown
 
 Thing = TypeVar("Thing", bound=Callable[..., Any])
 
-#: What Python and NumPy raise where a number, a size or a shape is not one to calculate with.
-_STUMBLES = (
-    TypeError,
-    ValueError,
-    AttributeError,
-    LookupError,
-    ArithmeticError,
-    NotImplementedError,
-    MemoryError,
-)
+#: What Python and NumPy raise where a number is not one to calculate with.
+_STUMBLES = ValueError, ArithmeticError, IndexError, MemoryError
+
+_PACKAGE = str(Path(__file__).parents[1]) + os.sep
+_LIBRARIES = tuple({sysconfig.get_path(name) + os.sep for name in ("stdlib", "purelib", "platlib")})
 
 
-def checked(thing: Thing) -> Thing:
+def checked(thing: Thing, name: str = "") -> Thing:
     """Make a public function, or a class's constructor and methods, refuse arguments of a wrong type.
 
     Parameters
     ----------
     thing : function or class
+    name : str, optional
+        What error lines call a class; default: its own name.
 
     Returns
     -------
     function or class
         The same; an argument of another type than its annotation raises :class:`.InputError`: the function,
         the argument, what was expected and what was found, in one line. So does a number with which it cannot
-        calculate (NaN, infinite, or an empty array) where it stumbles over it.
+        calculate (NaN, infinite, or an empty array) where it stumbles over it. Both are for calls from
+        outside the package: a wrong argument from inside raises ``TypeError``, and no error is explained.
 
     Examples
     --------
@@ -62,17 +67,24 @@ def checked(thing: Thing) -> Thing:
     if not inspect.isclass(thing):
         label = thing.__qualname__.rpartition("<locals>.")[2]
         return typing.cast(Thing, _Gate(thing, label, bound="." in label).function())
-    for name, body in list(vars(thing).items()):
-        maker = name in ("__init__", "__new__")
+    owner = name or thing.__name__
+    for key, body in list(vars(thing).items()):
+        maker = key in ("__init__", "__new__")
         inner = body.__func__ if isinstance(body, classmethod | staticmethod) else body
         done = hasattr(inner, "__checked__") or not inspect.isfunction(inner)
-        if not done and (maker or not name.startswith("_")):
-            label = thing.__name__ if maker else f"{thing.__name__}.{name}"
+        if not done and (maker or not key.startswith("_")):
+            label = owner if maker else f"{owner}.{key}"
             gate = _Gate(inner, label, bound=not isinstance(body, staticmethod) or maker)
             if gate.parameters:
                 guarded = gate.function()
-                setattr(thing, name, guarded if inner is body else type(body)(guarded))
+                setattr(thing, key, guarded if inner is body else type(body)(guarded))
     return thing
+
+
+def checks_itself(method: Thing) -> Thing:
+    """Leave a method's arguments to itself: inside the package, too, it is given what a user gave."""
+    method.__checked__ = True  # type: ignore[attr-defined]
+    return method
 
 
 class _Gate:
@@ -103,16 +115,17 @@ class _Gate:
             for k in range(skipped, len(args)):
                 key = order[k - skipped] if k - skipped < len(order) else rest
                 if key in usual and type(args[k]) not in usual[key]:
-                    self._look(key, args[k])
+                    self._look(key, args[k], sys._getframe(1))
             for key, value in kwargs.items():
                 if key in usual and type(value) not in usual[key]:
-                    self._look(key, value)
+                    self._look(key, value, sys._getframe(1))
             try:
                 return inner(*args, **kwargs)
             except InputError:
                 raise
             except _STUMBLES as error:
-                self._blame(error, args, kwargs)
+                if called_by_user(sys._getframe(1)):
+                    self._blame(error, args, kwargs)
                 raise
 
         guard.__checked__ = True  # type: ignore[attr-defined]
@@ -138,7 +151,7 @@ class _Gate:
                 found[key] = eval(hint, names, names_for_checkers(self.inner.__module__))
         return found
 
-    def _look(self, key: str, value: Any) -> None:
+    def _look(self, key: str, value: Any, caller: FrameType) -> None:
         if value is not self.parameters[key].default and not fits(value, self.hints[key]):
             where, part, hint = innermost(key, value, self.hints[key])
             nearest = ""
@@ -146,10 +159,11 @@ class _Gate:
                 nearest = did_you_mean(part, typing.get_args(hint))
                 nearest = "" if nearest.startswith("; known") else nearest  # all are named already
             expected = described(hint)
-            raise InputError(f"{self.name}: {where}: expected {expected}, found {shown(part)}{nearest}")
+            text = f"{self.name}: {where}: expected {expected}, found {shown(part)}{nearest}"
+            raise InputError(text) if called_by_user(caller) else TypeError(text)
 
     def _blame(self, error: Exception, args: tuple[Any, ...], kwargs: Mapping[str, Any]) -> None:
-        """Raise an error of one line where nothing can be calculated with a number, a size or a shape."""
+        """Raise an error of one line where an argument holds no number, or one that is not finite."""
         given = dict(zip(self._positions(), args[self.skipped :], strict=False)) | dict(kwargs)
         try:
             inspect.signature(self.inner).bind(*args, **kwargs)
@@ -160,23 +174,41 @@ class _Gate:
         given = {k: v for k, v in given.items() if k in self.hints and v is not self.parameters[k].default}
         for key, value in given.items():
             fault = fault_of(value)
-            if not fault and self.hints[key] is int and value < 0:
-                fault = "zero or more"
             if fault:
                 raise InputError(f"{self.name}: {key}: expected {fault}, found {shown(value)}") from error
-        if _ABOUT_SHAPES.search(str(error)):
-            arrays = {k: v for k, v in given.items() if described(self.hints[k]).startswith("numbers")}
-            shapes = {k: np.shape(v) for k, v in arrays.items() if v is not None}
-            if shapes:
-                found = ", ".join(f"{key} {shape}" for key, shape in shapes.items())
-                raise InputError(f"{self.name}: expected shapes that go together, found {found}") from error
 
 
-#: What Python and NumPy say where shapes do not go together.
-_ABOUT_SHAPES = re.compile(
-    r"shape|broadcast|dimension|ax[ie]s|0-d|unsized|no len|ndim|not subscriptable|not iterable|out of bounds"
-    r"|index|reshape|concatenate|zip\(\)|homogeneous|not match|same length"
-)
+def as_user(function: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Any:
+    """Call a function with what a user gives elsewhere, in a file perhaps: its gate speaks to the user.
+
+    Parameters
+    ----------
+    function : callable
+    *args, **kwargs
+
+    Examples
+    --------
+    >>> from hovercontrol.controllers.references import circle
+    >>> as_user(circle, radius="wide", rate=0.2)
+    Traceback (most recent call last):
+        ...
+    hovercontrol.errors.InputError: circle: radius: expected a number, found 'wide'
+    """
+    return function(*args, **kwargs)
+
+
+def called_by_user(frame: FrameType | None) -> bool:
+    """Return whether a call comes from code outside the package; what libraries call is their caller's."""
+    while frame is not None:
+        if frame.f_code is as_user.__code__:
+            return True
+        file = frame.f_code.co_filename
+        if file.startswith(_PACKAGE):
+            return False
+        if not file.startswith(_LIBRARIES):
+            return True
+        frame = frame.f_back
+    return True
 
 
 @functools.cache
@@ -213,10 +245,13 @@ def fault_of(value: Any) -> str:
     """
     if isinstance(value, Mapping):
         return next(filter(None, map(fault_of, list(value.values())[:LOOKED_AT])), "")
-    if isinstance(value, str | bytes) or value is None:
-        return ""
+    if isinstance(value, list | tuple) and value:  # of anything: it is not made an array
+        found = next(filter(None, map(fault_of, value[:LOOKED_AT])), "")
+        return "finite numbers" if found == "a finite number" else found
     if isinstance(value, np.ndarray | list | tuple) and np.size(value) == 0:
         return "at least one value"
+    if not isinstance(value, np.ndarray | np.generic | Real):
+        return ""
     try:
         numbers = np.asarray(value, dtype=float)
     except OverflowError:

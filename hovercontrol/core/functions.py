@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from sympy.printing.numpy import NumPyPrinter
 from sympy.printing.pycode import PythonCodePrinter
 
+from hovercontrol.core.boundary import checked
 from hovercontrol.core.derivatives import partial_derivatives
 from hovercontrol.core.expressions import with_symbols
 from hovercontrol.core.program import Program
@@ -47,6 +48,7 @@ class NumpyFunctions:
             [s.symbol for s in block.parameters],
         )
 
+    @checked
     def derivatives(
         self, t: ArrayLike, x: ArrayLike, u: ArrayLike = (), params: Mapping[str, float] | None = None
     ) -> Array:
@@ -74,12 +76,14 @@ class NumpyFunctions:
         """
         return self._evaluate(self._pair("derivatives"), t, x, u, params)
 
+    @checked
     def outputs(
         self, t: ArrayLike, x: ArrayLike, u: ArrayLike = (), params: Mapping[str, float] | None = None
     ) -> Array:
         """Return the outputs, shape (n_outputs, ...); arguments as in :meth:`derivatives`."""
         return self._evaluate(self._pair("outputs"), t, x, u, params)
 
+    @checked
     def jacobian(
         self,
         t: ArrayLike,

@@ -10,6 +10,8 @@ from typing import Any
 
 import sympy as sp
 
+from hovercontrol.core.boundary import checked
+
 
 class sgn(sp.Function):  # noqa: N801  (reads as in the papers)
     """Sign of `v`, smoothed over the width `w`: regularised as ``tanh(v/w)``.
@@ -33,6 +35,7 @@ class sgn(sp.Function):  # noqa: N801  (reads as in the papers)
     def _eval_is_real(self) -> bool:
         return True
 
+    @checked
     def fdiff(self, argindex: int = 1) -> Any:
         """Return the derivative of the regularised form.
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import sympy as sp
 
-from hovercontrol.core.boundary import checked
+from hovercontrol.core.boundary import as_user, checked
 from hovercontrol.core.units import Dimension, dimension, is_plain_si, plain_si
 from hovercontrol.errors import InputError, did_you_mean
 
@@ -155,6 +155,6 @@ class Signal:
         >>> Signal("u", "m/s").replace(name="v").name
         'v'
         """
-        return dataclasses.replace(self, **changes)
+        return as_user(dataclasses.replace, self, **changes)
 
     but = replace  # its former name, in scripts

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from hovercontrol.core.arguments import at_least
 from hovercontrol.core.boundary import checked
 from hovercontrol.discrepancy.checks import check_fitted, check_logs
 from hovercontrol.discrepancy.checks.stand_ins import switched_off
@@ -72,7 +73,8 @@ def diagnose(
     Raises
     ------
     InputError
-        If there is no log, or one from which nothing right can follow (:func:`.checks.check_logs`).
+        If there is no log, or one from which nothing right can follow (:func:`.checks.check_logs`), or the
+        seed is negative.
 
     Examples
     --------
@@ -88,6 +90,7 @@ def diagnose(
     >>> found.verdict, [e.effect for e in found.effects][:1]
     ('effect', ['slope'])
     """
+    at_least("diagnose: seed", seed)
     if not logs:
         raise InputError("diagnosis needs at least one log")
     with threadpool_limits(1, "blas"):  # its threads would wait for each other at many small matrices

@@ -12,7 +12,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import SimpleNamespace
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 import sympy as sp
 
@@ -20,10 +20,13 @@ from hovercontrol.core.boundary import checked
 from hovercontrol.core.signals import Signal
 from hovercontrol.effects.own import explain
 from hovercontrol.errors import InputError, did_you_mean
-from hovercontrol.io.tables import finite
+from hovercontrol.io import tables
 
 #: Smallest width of regularised dry friction: zero would divide.
 TINY = 1e-9
+
+#: A number of which nothing is known.
+SMALL = 0.01
 
 
 @checked
@@ -176,7 +179,7 @@ class Effect:
             given: Any = values.get(key, number.default)
             if given is None:
                 raise InputError(f"effect {self.name}: {key!r} is missing (unit {number.unit})")
-            found = finite(f"effect {self.name}: {key}", given)
+            found = tables.finite(f"effect {self.name}: {key}", given)
             if not number.lower <= found <= number.upper:
                 raise InputError(
                     f"effect {self.name}: {key} = {found:g} is out of its bounds "
@@ -193,6 +196,45 @@ class Effect:
 
     def __hash__(self) -> int:
         return hash((self.name, tuple(self.values.items())))
+
+    @classmethod
+    def within_bounds(cls, **values: float) -> Self:
+        """Return the effect with numbers that a search proposes, each at the nearest that its bounds allow.
+
+        Parameters
+        ----------
+        **values : float
+            By number, in its unit.
+
+        Raises
+        ------
+        InputError
+            If a value is not a number, or the effect has no such number.
+
+        Examples
+        --------
+        >>> from hovercontrol.effects import effect_class
+        >>> effect_class("yaw_coulomb").within_bounds(value=-0.1, width=0.0)
+        yaw_coulomb(value=0, width=1e-09)
+        """
+        found = {k: tables.number(f"effect {cls.name}: {k}", v) for k, v in values.items()}
+        for key, bounds in cls.numbers.items():
+            if key in found:
+                found[key] = min(max(found[key], bounds.lower), bounds.upper)
+        return cls(**found)
+
+    @classmethod
+    def small(cls) -> Self:
+        """Return the effect where it does nothing; a number without a finite neutral value is small.
+
+        Examples
+        --------
+        >>> from hovercontrol.effects import effect_class
+        >>> effect_class("yaw_coulomb").small()
+        yaw_coulomb(value=0, width=0.01)
+        """
+        neutral = {k: n.neutral for k, n in cls.numbers.items()}
+        return cls.within_bounds(**{k: v if math.isfinite(v) else SMALL for k, v in neutral.items()})
 
     @classmethod
     def parameter(cls, number: str) -> str:

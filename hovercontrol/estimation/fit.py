@@ -213,7 +213,7 @@ def estimate(
         If no path leads along the logs: the model runs away.
     """
     start = problem.start.copy() if p is None else problem.outside(problem.inside(p))
-    run = _Iteration(problem, prior, noise, frozen, times, most, hold, trace)
+    run = _Iteration(problem, prior, noise.of(problem), frozen, times, most, hold, trace)
     run.first(start, problem.with_bristles(problem.guess, start) if path is None else path)
     if gate:
         run.gated()
@@ -443,5 +443,5 @@ def refit(
 
 def first_noise(problem: Problem) -> Noise:
     """Return levels of noise to begin with: of the measurements as seen, and all acceleration missing."""
-    data, q = problem.data, len(problem.driven)
-    return Noise(data.noise, data.scales, problem.accelerations, np.full(q, 5.0 * problem.shortest))
+    data, none = problem.data, np.empty(0)
+    return Noise(data.noise, data.scales, none, none, ()).of(problem)

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from hovercontrol.core.arguments import at_least
 from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
 from hovercontrol.core.signals import Signal
@@ -140,6 +141,7 @@ def measure(block: Block, log: Log, most_rows: int = MOST_ROWS) -> Measured:
     >>> measure(hoverdemon().plant(), Log("still", [0.0, 0.1, 0.2], columns)).channels
     ('u', 'v', 'r')
     """
+    at_least("measure: most_rows", most_rows, least=1)
     inputs = [s.name for s in block.inputs]
     names = dict.fromkeys([s.name for s in (*block.outputs, *block.states)])
     channels = tuple(name for name in names if log.has(name) and name not in inputs)

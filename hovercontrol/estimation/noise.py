@@ -19,6 +19,9 @@ from hovercontrol.estimation.problem import Linear, Problem
 
 Array = NDArray[np.float64]
 
+#: Correlation time of a missing acceleration to begin with, in rows.
+FIRST = 5.0
+
 
 @dataclass(frozen=True, eq=False)
 class Noise:
@@ -34,12 +37,33 @@ class Noise:
         Root mean square of the missing acceleration, by driven state.
     seconds : ndarray, shape (q,)
         Its correlation time.
+    driven : tuple of str
+        Names of the driven states.
     """
 
     measured: Array
     scale: Array
     process: Array
     seconds: Array
+    driven: tuple[str, ...]
+
+    def of(self, problem: Problem) -> Noise:
+        """Return the noise in the equations of another problem on the same rows.
+
+        An effect may act in an equation in which the model without it has nothing: there all acceleration is
+        missing at first.
+        """
+        if self.driven == problem.driven_names:
+            return self
+        process, seconds = (
+            problem.accelerations.copy(),
+            np.full(len(problem.driven), FIRST * problem.shortest),
+        )
+        for j, name in enumerate(problem.driven_names):
+            if name in self.driven:
+                k = self.driven.index(name)
+                process[j], seconds[j] = self.process[k], self.seconds[k]
+        return replace(self, process=process, seconds=seconds, driven=problem.driven_names)
 
 
 def augment(

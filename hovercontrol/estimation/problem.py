@@ -96,7 +96,8 @@ class Problem(Unknowns):
     free : tuple of int
         States that are estimated: all but those that follow from the commands alone.
     driven : tuple of int
-        Places among `free` of the states on which forces act: process noise is theirs.
+        Places among `free` of the states on which forces act or may act: process noise is theirs.
+    driven_names : tuple of str
     """
 
     def __init__(
@@ -115,6 +116,7 @@ class Problem(Unknowns):
         self.free = tuple(i for i in range(len(self.block.states)) if i not in self.known)
         self.driven = tuple(j for j, i in enumerate(self.free) if self._is_driven(i))
         outputs, names_ = [s.name for s in self.block.outputs], [s.name for s in self.block.states]
+        self.driven_names = tuple(self.block.states[self.free[j]].name for j in self.driven)
         self._picked = [
             (names_.index(c), True)
             if c in names_ and shown_by(outputs, c) == c
@@ -158,8 +160,10 @@ class Problem(Unknowns):
     # ---- what the model is ------------------------------------------------------------------------------
 
     def _is_driven(self, i: int) -> bool:
-        """Whether a force acts on a state: its derivative holds a parameter or an input of the Block."""
+        """Whether a force may act on a state: its derivative holds a parameter or an input of the Block."""
         name = self.block.states[i].name
+        if name in self.model.pushed:
+            return True
         if name not in self.model.motion:
             return False  # bristles of a friction follow from the motion
         own = {s.symbol for s in (*self.block.parameters, *self.block.inputs)}

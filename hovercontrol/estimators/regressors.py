@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from hovercontrol.core.arguments import as_row
 from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
 from hovercontrol.core.functions import call_scalar, numpy_functions
@@ -91,8 +92,10 @@ class Regressors:
         signals : mapping of str to array_like
             States and inputs by name, each shape (k,) or a number.
         """
+        t = as_row("time", t)
+        values = self.columns(t, signals)
         table = np.zeros((self._shape[0] * self._shape[1], len(t)))
-        table[self._places] = self._functions.outputs(t, (), self.columns(t, signals))
+        table[self._places] = self._functions.outputs(t, (), values)
         return table.reshape(*self._shape, len(t))
 
     def columns(self, t: Array, signals: Mapping[str, ArrayLike]) -> Array:
@@ -104,7 +107,8 @@ class Regressors:
             If time does not increase or signals are missing, of another length or not finite; all
             missing ones are named.
         """
-        if t.ndim != 1 or len(t) < 2 or not np.isfinite(t).all() or not (np.diff(t) > 0).all():
+        t = as_row("time", t)
+        if len(t) < 2 or not np.isfinite(t).all() or not (np.diff(t) > 0).all():
             raise InputError("time must be two or more finite, increasing numbers")
         names = (*self.measured, *self.inputs)
         missing = [name for name in names if name not in signals]
@@ -116,13 +120,13 @@ class Regressors:
             )
         rows = np.empty((len(names), len(t)))
         for k, name in enumerate(names):
-            row = np.asarray(signals[name], dtype=float)
-            if row.shape != t.shape:
-                text = f"expected {len(t)} values, found shape {row.shape}"
+            own = np.asarray(signals[name], dtype=float)
+            if own.shape != t.shape:
+                text = f"expected {len(t)} values, found shape {own.shape}"
                 raise InputError(f"signal {name!r}: {text}")
-            bad = np.flatnonzero(~np.isfinite(row))
+            bad = np.flatnonzero(~np.isfinite(own))
             if bad.size:
                 where = f"at t = {t[bad[0]]:.6g} s (row {bad[0]})"
                 raise InputError(f"signal {name!r}: not finite {where}")
-            rows[k] = row
+            rows[k] = own
         return rows

@@ -13,6 +13,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from hovercontrol.core.arguments import at_least
 from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError
@@ -118,6 +119,7 @@ def measure_shared(model: Model | Block, logs: Sequence[Log | Measured], most_ro
     """
     subject = subject_of(model)
     block = subject.plant()
+    at_least("most_rows", most_rows, least=1)
     total = sum(len(log) for log in logs if isinstance(log, Log))
     found = []
     for log in logs:

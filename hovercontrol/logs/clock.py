@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.ndimage import minimum_filter1d
 
+from hovercontrol.core.arguments import as_row
 from hovercontrol.core.boundary import checked
 from hovercontrol.logs.log import POSE, VELOCITY, Floats, Log, gap_rows
 
@@ -124,6 +125,11 @@ def fit_clock(arrival: Floats, samples: Floats | None = None) -> Clock:
     -------
     Clock
 
+    Raises
+    ------
+    InputError
+        If `arrival` is not a row of numbers.
+
     Examples
     --------
     >>> jitter = 1e-3 * np.sin(np.arange(100.0) ** 2)
@@ -131,6 +137,7 @@ def fit_clock(arrival: Floats, samples: Floats | None = None) -> Clock:
     >>> clock.steady, round(clock.period, 4)
     (True, 0.02)
     """
+    arrival = as_row("fit_clock: arrival", arrival)
     steps = np.diff(arrival)
     period = float(np.median(steps)) if steps.size else 0.0
     as_stamped = Clock(arrival, False, period, 0, 0.0)

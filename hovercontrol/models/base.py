@@ -32,6 +32,11 @@ class EffectModel(ABC):
 
     is_craft: ClassVar[bool] = False
 
+    @property
+    def pushed(self) -> tuple[str, ...]:
+        """The states on which an effect may push though nothing in the model does yet."""
+        return ()
+
     if TYPE_CHECKING:
 
         @property

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Hashable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from types import SimpleNamespace
 from typing import Any
 
@@ -109,6 +111,19 @@ class BlockModel(EffectModel):
     def motion(self) -> tuple[str, ...]:
         """The Block's own states."""
         return tuple(s.name for s in self.block.states)
+
+    @cached_property
+    def pushed(self) -> tuple[str, ...]:
+        """The states on which an effect of the catalogue acts; those of every machine act where others do."""
+        if self.catalogue is None:
+            return ()
+        motion = self._motion({s.name: s.symbol for s in self.block.inputs})
+        found: set[str] = set()
+        for cls in self.candidates():
+            with contextlib.suppress(AttributeError, InputError):  # it cannot act in this Block
+                e = cls.small()
+                found.update(e.terms(e.symbols(self.name), motion))
+        return tuple(s.name for s in self.block.states if s.name in found)
 
     @property
     def signature(self) -> tuple[Hashable, ...]:
@@ -231,6 +246,17 @@ class BlockModel(EffectModel):
             e.measured(e.symbols(self.name), seen)
         return seen
 
+    def _motion(self, inputs: Mapping[str, sp.Expr], limit: Signal | None = None) -> SimpleNamespace:
+        """Return what effects see in ``terms`` and ``states``."""
+        return SimpleNamespace(
+            **{
+                "fastest": limit.symbol if limit else None,  # unless the Block has a signal of that name
+                **{s.name: s.symbol for s in (*self.block.states, *self.block.parameters)},
+            },
+            **inputs,
+            time=time,
+        )
+
     def plant(self, *, late: bool = False, fastest: float | None = None) -> Block:
         """Return the Block with the effects; as of a :class:`~hovercontrol.models.model.Model`.
 
@@ -254,14 +280,7 @@ class BlockModel(EffectModel):
         swap = {s.symbol: way.thrusts[s.name] for s in block.inputs}
         derivatives = {name: e.xreplace(swap) for name, e in block.derivatives.items()}
         limit = rate_limit(self.name, fastest)
-        motion = SimpleNamespace(
-            **{
-                "fastest": limit.symbol if limit else None,  # unless the Block has a signal of that name
-                **{s.name: s.symbol for s in (*block.states, *block.parameters)},
-            },
-            **way.thrusts,
-            time=time,
-        )
+        motion = self._motion(way.thrusts, limit)
         own: dict[Signal, sp.Expr] = dict(lags)
         for e in self.effects:
             own |= e.states(e.symbols(self.name), motion)

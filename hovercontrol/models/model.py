@@ -107,6 +107,11 @@ class Model(EffectModel):
         return tuple(s.name for s in MOTION)
 
     @property
+    def pushed(self) -> tuple[str, ...]:
+        """The body velocities."""
+        return tuple(s.name for s in MOTION[3:])
+
+    @property
     def signature(self) -> tuple[Hashable, ...]:
         """What the plant's equations depend on: all but the numbers."""
         return (self.name, self.thrust, self.rudder, self._fans_alike(), *(type(e) for e in self.effects))

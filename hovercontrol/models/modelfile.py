@@ -28,7 +28,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from hovercontrol.core.boundary import checked
+from hovercontrol.core.boundary import as_user, checked
 from hovercontrol.core.signals import Signal
 from hovercontrol.core.units import UnitError, conversion_factor
 from hovercontrol.effects import Effect, effect, effect_class
@@ -218,8 +218,8 @@ def _curve(fan: str, value: Any) -> Polynomial | BenchCurve:
                 raise InputError(f"fans.{fan}.curve: {key!r} is missing")
     try:
         if isinstance(value, dict):
-            return BenchCurve(value["signal"], value["force"])
-        return Polynomial(value)
+            return as_user(BenchCurve, value["signal"], value["force"])
+        return as_user(Polynomial, value)
     except InputError as error:
         raise InputError(f"fans.{fan}: {error}") from None
 

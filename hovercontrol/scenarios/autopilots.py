@@ -8,6 +8,7 @@ from typing import Any
 
 from hovercontrol.autopilot import SWITCHES, Imperfections
 from hovercontrol.autopilot.navigation import NAVIGATION, check_beacons
+from hovercontrol.core.boundary import as_user
 from hovercontrol.core.random_numbers import LARGEST_SEED
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.hardware.actuators import (
@@ -76,7 +77,7 @@ def autopilot_section(folder: Path, section: Mapping[str, Any]) -> Autopilot:
     if "beacons" in given:
         given["beacons"] = _beacons(given["beacons"])
         check_beacons("autopilot", given["beacons"], navigation)
-    return Autopilot(**given, imperfections=Imperfections(**own))
+    return as_user(Autopilot, **given, imperfections=Imperfections(**own))
 
 
 def _propeller(name: str) -> VariablePitch | None:

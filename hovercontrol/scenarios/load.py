@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from hovercontrol.controllers.references import REFERENCES
-from hovercontrol.core.boundary import checked
+from hovercontrol.core.boundary import as_user, checked
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.io.pythonfile import from_python, names_python
 from hovercontrol.io.tables import check_keys, number, positive, read_toml, table, text
@@ -198,7 +198,7 @@ def _kind(
 def _body(content: Mapping[str, Any]) -> Body:
     if "body" not in content:
         return HOVERDEMON_BODY
-    return Body(**_section(content, "body", BODY, tuple(BODY)))
+    return as_user(Body, **_section(content, "body", BODY, tuple(BODY)))
 
 
 def _estimator(content: Mapping[str, Any], belief: Model) -> dict[str, Any] | None:
@@ -274,7 +274,8 @@ def _reference(content: Mapping[str, Any]) -> dict[str, Any] | None:
     for key in required:
         if key not in given:
             raise InputError(f"reference: {key!r} is missing for kind = {kind!r}")
-    REFERENCES[kind](**{key: value for key, value in given.items() if key != "kind"})  # refuses wrong values
+    own = {key: value for key, value in given.items() if key != "kind"}
+    as_user(REFERENCES[kind], **own)  # refuses wrong values
     return given
 
 

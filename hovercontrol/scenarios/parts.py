@@ -23,7 +23,7 @@ from hovercontrol.controllers.k06 import (
 from hovercontrol.controllers.k06.heading import TICK
 from hovercontrol.controllers.references import REFERENCES
 from hovercontrol.core.block import Block
-from hovercontrol.core.boundary import checked
+from hovercontrol.core.boundary import as_user, checked
 from hovercontrol.errors import InputError
 from hovercontrol.estimators import kalman_bucy, sampled_estimator
 from hovercontrol.scenarios.definition import Phase, Scenario
@@ -75,19 +75,19 @@ def loop_parts(scenario: Scenario) -> dict[str, Block]:
     if scenario.tracks:
         return parts | _tracking_parts(scenario)
     given = dict(scenario.controller)
-    law = {"controller": LAWS[given.pop("kind")](body=scenario.body, **given)}
+    law = {"controller": as_user(LAWS[given.pop("kind")], body=scenario.body, **given)}
     if scenario.guidance is not None:
         given = dict(scenario.guidance)
         if scenario.sampling is None and scenario.autopilot is None:
             raise InputError("[guidance] is sampled: it needs a [sampling], and ticks with its commands")
         period = TICK if scenario.sampling is None else scenario.sampling.command
         tick = {"body": scenario.body, "period": period}
-        law = {"guidance": GUIDANCE[given.pop("kind")](**tick, **given), **law}
+        law = {"guidance": as_user(GUIDANCE[given.pop("kind")], **tick, **given), **law}
         _check_told(law["guidance"], law["controller"], scenario.controller["kind"])
     reference = setpoints(law.values())
     if reference.outputs:
         parts["reference"] = reference
-    return parts | law | {"actuation": force_to_command(**scenario.actuation)}
+    return parts | law | {"actuation": as_user(force_to_command, **scenario.actuation)}
 
 
 def _check_told(guidance: Block, law: Block, kind: str) -> None:
@@ -104,16 +104,16 @@ def _check_told(guidance: Block, law: Block, kind: str) -> None:
 def _tracking_parts(scenario: Scenario) -> dict[str, Block]:
     assert scenario.controller is not None and scenario.reference is not None
     reference: dict[str, Any] = dict(scenario.reference)
-    parts = {"reference": REFERENCES[reference.pop("kind")](**reference)}
-    parts["controller"] = tracking_controller(scenario.belief, **scenario.controller)
+    parts = {"reference": as_user(REFERENCES[reference.pop("kind")], **reference)}
+    parts["controller"] = as_user(tracking_controller, scenario.belief, **scenario.controller)
     if scenario.estimator is not None:
         given = dict(scenario.estimator)
         first = {f"plant.{name}": value for name, value in given.pop("first", {}).items()}
         belief = scenario.belief.plant().with_values({**scenario.start, **first})
         parts["estimator"] = (
-            kalman_bucy(belief, **given)
+            as_user(kalman_bucy, belief, **given)
             if scenario.sampling is None
-            else sampled_estimator(belief, period=scenario.sampling.measurement, **given)
+            else as_user(sampled_estimator, belief, period=scenario.sampling.measurement, **given)
         )
     return parts
 

@@ -112,6 +112,7 @@ class CompiledBlock:
         whole = isinstance(self._engine, Library) and bool(x[..., self._engine.resting].any())
         return engine_of(self._plain, self.friction, whole, lanes) if whole or lanes else self._engine
 
+    @checked
     def derivatives(
         self, t: float, x: ArrayLike, u: ArrayLike = (), params: Mapping[str, float] | None = None
     ) -> Array:
@@ -130,12 +131,14 @@ class CompiledBlock:
         """
         return self.point_function("derivatives", params)(t, x, u)
 
+    @checked
     def outputs(
         self, t: float, x: ArrayLike, u: ArrayLike = (), params: Mapping[str, float] | None = None
     ) -> Array:
         """Return the outputs, shape (n_outputs,); arguments as in :meth:`derivatives`."""
         return self.point_function("outputs", params)(t, x, u)
 
+    @checked
     def point_function(self, rows: Rows, params: Mapping[str, float] | None = None) -> Point:
         """Return the function ``(t, x, u) -> array`` at fixed parameters, for the loops of other solvers."""
         values = self.block.parameter_values(params, bounded=False) if params else self._defaults
@@ -149,6 +152,7 @@ class CompiledBlock:
         self.block.need_prompt_inputs("a function of one instant")
         return engine_of(self.block, "smooth").point(rows, values)
 
+    @checked
     def advance(
         self,
         t: float,
@@ -207,6 +211,7 @@ class CompiledBlock:
         self._whole = engine_of(self.block, self.friction)
         return self._whole
 
+    @checked
     def start(
         self,
         x0: ArrayLike | Mapping[str, float] | None = None,

@@ -28,6 +28,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from hovercontrol.core.boundary import as_user
 from hovercontrol.errors import InputError
 from hovercontrol.io.tables import positive
 from hovercontrol.simulation.given import checked_times
@@ -272,7 +273,7 @@ def _simulate(
     ready: bytes, times: Array, params: dict[str, Array], x: Array, options: dict[str, Any]
 ) -> dict[str, Any]:
     """Simulate a part, in whatever process this is."""
-    result = _load(ready).sweep(times, params=params, x0=x, threads=1, **options)
+    result = as_user(_load(ready).sweep, times, params=params, x0=x, threads=1, **options)
     return {name: getattr(result, name) for name in (*FIGURES, "states_final", "status")}
 
 

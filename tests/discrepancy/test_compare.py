@@ -43,7 +43,7 @@ def test_a_model_that_lacks_an_effect_disagrees(name):
 def test_gusts_count_as_noise_where_they_are_said_to_be_there():
     case = make(14, [], Conditions(duration=20.0, logs=1, gusts=True))
     data = gather(case.truth, case.logs)
-    gusts = Noise(data.noise, data.scales, np.array([0.05, 0.05, 0.15]), np.full(3, 0.3))
+    gusts = Noise(data.noise, data.scales, np.array([0.05, 0.05, 0.15]), np.full(3, 0.3), ("u", "v", "r"))
     assert not compare(case.truth, case.logs).agrees
     told = compare(case.truth, case.logs, noise=gusts)
     assert all(c.remains < c.largest for c in told.channels)

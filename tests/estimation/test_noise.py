@@ -59,7 +59,7 @@ def test_each_move_raises_the_likelihood_until_the_truth_comes_back(linearised):
 @pytest.mark.parametrize(("seconds", "truth"), [(0.06, 0.4), (0.6, 0.1)])
 def test_another_correlation_time_is_taken_where_it_is_likelier(pushed, seconds, truth):
     problem, linear = pushed(lasting=truth, push=1.0)
-    noise = Noise(np.array([0.01]), np.ones((1, 1)), np.array([1.0]), np.array([seconds]))
+    noise = Noise(np.array([0.01]), np.ones((1, 1)), np.array([1.0]), np.array([seconds]), ("v",))
     found, further = timed(problem, linear, noise, 2.0)
     assert further and abs(np.log(found.seconds[0] / truth)) < abs(np.log(seconds / truth))
     assert cost(problem, linear, found) < cost(problem, linear, noise)
@@ -67,12 +67,12 @@ def test_another_correlation_time_is_taken_where_it_is_likelier(pushed, seconds,
 
 def test_no_correlation_time_is_sought_where_nothing_is_missing(linearised):
     problem, linear = linearised
-    none = Noise(np.array([0.01]), np.ones((1, 1)), np.zeros(1), np.array([0.3]))
+    none = Noise(np.array([0.01]), np.ones((1, 1)), np.zeros(1), np.array([0.3]), ("v",))
     assert timed(problem, linear, none, 2.0) == (none, False)
 
 
 def test_the_mean_of_a_missing_acceleration_is_smaller_the_longer_it_is_taken():
-    noise = Noise(np.ones(1), np.ones((1, 1)), np.array([2.0, 2.0]), np.array([0.1, 1e4]))
+    noise = Noise(np.ones(1), np.ones((1, 1)), np.array([2.0, 2.0]), np.array([0.1, 1e4]), ("u", "v"))
     short, long = averaged(noise, 0.4)
     s = np.linspace(0.0, 0.4, 801)
     dense = np.exp(-np.abs(s[:, None] - s) / 0.1).mean()

@@ -14,6 +14,7 @@ from scipy.stats import beta
 from hovercontrol.analysis.c17.iss import DRAG
 from hovercontrol.analysis.c17.loops import c17_ellipse, on_reference, tracking_loop
 from hovercontrol.analysis.common.regions import Axis, Region, axis, refuse_large
+from hovercontrol.core.arguments import at_least
 from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError
 from hovercontrol.io.tables import positive
@@ -129,8 +130,9 @@ def region_of_attraction(
     y = _cells("tracking_error", "m", tracking_error, cells, "initial |z1|")
     for name, value in (("deadline", deadline), ("duration", duration), ("tolerance", tolerance)):
         positive(name, value)
-    if isinstance(runs, bool) or not isinstance(runs, int) or runs < 1:
+    if runs < 1:
         raise InputError(f"runs: expected 1 or more in a cell, found {runs!r}")
+    at_least("seed", seed)
     model = c17_simulation() if model is None else model
     if limits:
         model = replace(model, thrust=c17_experiment().thrust, rudder=c17_experiment().rudder)

@@ -27,6 +27,7 @@ from hovercontrol.analysis.c17.normal_form import (
     once_for_equations,
     symbol,
 )
+from hovercontrol.core.arguments import as_row, at_least
 from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
 from hovercontrol.core.sgn import regularise
@@ -303,13 +304,21 @@ def simulated_errors(
     ndarray, shape (n, runs)
         Infinite where the craft spins away.
 
+    Raises
+    ------
+    InputError
+        If there is no run, or the seed is negative.
+
     Examples
     --------
     >>> import hovercontrol as hc
     >>> simulated_errors(hc.vehicle("c17_simulation"), [0.0, 0.1], runs=2, duration=5.0).shape
     (2, 2)
     """
-    each = np.repeat(np.asarray(sizes, dtype=float), runs)
+    each = np.repeat(
+        as_row("simulated_errors: sizes", sizes), at_least("simulated_errors: runs", runs, least=1)
+    )
+    at_least("simulated_errors: seed", seed)
     truth = np.array([model.coefficients()[name] for name in DRAG])
     draw = np.random.default_rng(seed).uniform(-1.0, 1.0, (len(DRAG), each.size))
     believed = np.maximum(truth[:, None] + each * draw, 0.0)

@@ -8,7 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from hovercontrol.core.arguments import as_row
 from hovercontrol.core.boundary import checked
+from hovercontrol.errors import InputError
 
 Array = NDArray[np.float64]
 
@@ -45,7 +47,19 @@ class Direction:
 
     @classmethod
     def of(cls, units: Mapping[str, str], vector: Array, sizes: Array) -> Direction:
-        """Return the direction of a vector, shape (m,), of coefficients in units of these sizes."""
+        """Return the direction of a vector, shape (m,), of coefficients in units of these sizes.
+
+        Raises
+        ------
+        InputError
+            If there are not as many components and sizes as units, or the vector is zero.
+        """
+        vector, sizes = (
+            as_row(f"Direction.of: {name}", a, len(units))
+            for name, a in (("vector", vector), ("sizes", sizes))
+        )
+        if not vector.any():
+            raise InputError("Direction.of: vector: expected another one than zero")
         unit = vector / np.linalg.norm(vector)
         lead = _first_largest(np.abs(unit))
         unit = unit * np.sign(unit[lead])

@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import brentq
 
 from hovercontrol.analysis.common.cut_loop import CutLoop, Point
+from hovercontrol.core.arguments import as_row, at_least
 from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError, did_you_mean
@@ -142,8 +143,16 @@ class PacketLoop:
         steps, runs : int
             How many packets there are in a run, and how many runs.
         seed : int, optional
+
+        Raises
+        ------
+        InputError
+            If there are not as many starts as states, or a count or the seed is negative.
         """
         self.second_moment(loss)
+        for name, value in (("steps", steps), ("runs", runs), ("seed", seed)):
+            at_least(f"PacketLoop.simulate: {name}", value)
+        x0 = as_row("PacketLoop.simulate: x0", x0, self.arrives.shape[1])
         lost = np.random.default_rng(seed).uniform(size=(steps, runs)) < loss
         x = np.empty((steps + 1, runs, self.arrives.shape[1]))
         x[0] = x0

@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
 
 from hovercontrol.analysis.common.region_drawing import draw_region
-from hovercontrol.core.boundary import checked
+from hovercontrol.core.boundary import as_user, checked
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.io.figure_style import figure_style
 from hovercontrol.io.files import write_atomically
@@ -289,7 +289,7 @@ def sweep_map(
         points of the map.
     """
     refuse_large(loop, len(x.values) * len(y.values), _trial(loop, x, y, params, grid, options))
-    return loop.sweep(grid, params=params(*mesh(x, y)), progress=progress, **options)
+    return as_user(loop.sweep, grid, params=params(*mesh(x, y)), progress=progress, **options)
 
 
 def refuse_large(loop: CompiledBlock, runs: int, seconds_per_run: float) -> None:

@@ -81,15 +81,15 @@ def remainders(base: Fit, final: Fit, criteria: Criteria = CRITERIA) -> tuple[Re
     problem = final.problem
     over = averaging_time(final.problem)
     before, after = averaged(base.noise, over), averaged(final.noise, over)
+    lacked = dict(zip(base.noise.driven, zip(before, criteria.left(base), strict=True), strict=True))
     found = []
     for j, i in enumerate(problem.driven):
         state = problem.block.states[problem.free[i]]
         gain = _gain(final, j, criteria)
         there = gain > criteria.remains and criteria.left(final)[j]
         left = float(after[j]) if there else 0.0
-        lacked = float(before[j]) if j < len(before) else 0.0
-        lacks = criteria.left(base)[j]
-        share = 1.0 - (left / lacked) ** 2 if final is not base and lacks else 0.0
+        rms, lacks = lacked.get(state.name, (0.0, False))
+        share = 1.0 - (left / rms) ** 2 if final is not base and lacks else 0.0
         unit = rate(state.unit)
         found.append(
             Remainder(

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hovercontrol.effects import Coefficient, Effect, Shape, effect_class, effect_names
+from hovercontrol.effects import Effect, Shape, effect_class, effect_names
 from hovercontrol.errors import InputError
 from hovercontrol.estimation.fit import Fit
 from hovercontrol.estimation.subject import Subject, structure
@@ -68,8 +68,8 @@ class Candidate:
             if isinstance(number, Shape) and number.lower >= number.neutral:  # far off it says little
                 part = float(np.clip(part, *CANDIDATES.believed))
             value = number.neutral + part * (values[key] - number.neutral)
-            values[key] = float(np.clip(value, number.lower, number.upper))
-        return cls(**values)
+            values[key] = value
+        return cls.within_bounds(**values)
 
     def allowed(self, parts: Sequence[float]) -> bool:
         """Return whether those amplitudes are within their bounds: a drag does not push."""
@@ -122,7 +122,8 @@ def candidates(fit: Fit, names: Sequence[str] | None = None) -> list[Candidate]:
                 grid.append([(key, _width(fit, cls, default) if is_width else default)])
             else:
                 grid.append([(key, number.neutral + CANDIDATES.trial)])
-        trials = [cls(**dict(values)) for values in itertools.product(*grid)]
+        # of a state that hardly moves all trial values may lie at one bound
+        trials = list(dict.fromkeys(cls.within_bounds(**dict(v)) for v in itertools.product(*grid)))
         if not _fault(fit.problem.model, trials[0]):
             found += [Candidate(cls.name, trial, amplitudes) for trial in trials]
     return found
@@ -146,16 +147,12 @@ def left_out(model: Subject, names: Sequence[str] | None = None) -> list[str]:
     for cls in catalogue(model, names):
         if cls.in_package():
             continue
-        fault = _fault(model, cls(**{k: _some(n) for k, n in cls.numbers.items()}))
+        fault = _fault(model, cls.small())
         if fault and names is not None:
             raise InputError(fault)
         if fault:
             said.append(f"not tried: {fault}")
     return said
-
-
-def _some(number: Coefficient) -> float:
-    return float(np.clip(np.nan_to_num(number.neutral, nan=CANDIDATES.trial), number.lower, number.upper))
 
 
 def _fault(model: Subject, e: Effect) -> str:

@@ -58,7 +58,7 @@ def _alone(candidate: Candidate, key: str) -> Effect:
     for other in candidate.amplitudes:
         if other != key:
             values[other] = numbers[other].neutral
-    return type(candidate.trial)(**values)
+    return candidate.trial.within_bounds(**values)
 
 
 class Along:

@@ -163,7 +163,7 @@ def likelier_time(fit: Fit, name: str) -> Effect | None:
         return None
     e, key = fit.model.effect(name), times[0]
     away = fit.problem.shortest * np.array([-4.0, -2.0, -1.0, -0.5, -0.25, 0.25, 0.5, 1.0, 2.0, 4.0])
-    moved = [type(e)(**{**e.values, key: t}) for t in (e.values[key] + away).tolist() if t > 0.0]
+    moved = [e.within_bounds(**{**e.values, key: t}) for t in (e.values[key] + away).tolist() if t > 0.0]
     each = Scores(fit, [Candidate(name, m, ()) for m in moved]).each()
     best = max(map(_as_it_is, each), key=lambda s: s.gain)
     return best.candidate.trial if best.allowed else None
@@ -198,7 +198,8 @@ def _best_of(fit: Fit, scored: Scored, key: str, places: Array, amplitudes: tupl
     """Return a candidate at the best of these values of one of its numbers."""
     trial = scored.candidate.trial
     tried = [
-        Candidate(trial.name, type(trial)(**{**trial.values, key: float(t)}), amplitudes) for t in places
+        Candidate(trial.name, trial.within_bounds(**{**trial.values, key: float(t)}), amplitudes)
+        for t in places
     ]
     each = Scores(fit, tried).each()
     return max(each if amplitudes else map(_as_it_is, each), key=lambda s: (s.allowed, s.gain))

@@ -173,7 +173,7 @@ def _in_other_noise(search: Search, current: Fit, t: Tried) -> Tried:
 def _neutral(e: Effect) -> Effect:
     """Return an effect with the numbers that scale it at their neutral values."""
     neutral = {k: n.neutral for k, n in type(e).numbers.items() if not np.isnan(n.neutral)}
-    return type(e)(**{**e.values, **neutral})
+    return e.within_bounds(**{**e.values, **neutral})
 
 
 def _trials(scored: Scored) -> list[Effect]:
@@ -182,7 +182,7 @@ def _trials(scored: Scored) -> list[Effect]:
     if len(shapes) != 1 or not isinstance(type(trial).numbers[shapes[0]], Shape):
         return []
     size = trial.values[shapes[0]]
-    return [type(trial)(**{**trial.values, shapes[0]: size * part}) for part in (0.4, 1.0, 2.5)]
+    return [trial.within_bounds(**{**trial.values, shapes[0]: size * part}) for part in (0.4, 1.0, 2.5)]
 
 
 def _added(
@@ -266,7 +266,7 @@ def sized(model: Subject, e: Effect) -> Effect:
     if not alike:
         return e
     value = max(abs(e.values["value"]), 0.5 * max(abs(o.values["value"]) for o in alike))
-    return type(e)(**{**e.values, "value": value})
+    return e.within_bounds(**{**e.values, "value": value})
 
 
 def explained(t: Tried) -> bool:

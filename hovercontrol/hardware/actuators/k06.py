@@ -16,6 +16,7 @@ import numpy as np
 import sympy as sp
 from numpy.typing import ArrayLike
 
+from hovercontrol.core.arguments import as_row, together
 from hovercontrol.core.boundary import checked
 from hovercontrol.hardware.actuators.signals import DEGREE
 from hovercontrol.hardware.actuators.tables import FanTable, Floats, ServoTable
@@ -61,6 +62,7 @@ def rudder_of_force_angle(
     >>> round(rudder_of_force_angle(-phi * DEGREE) / DEGREE, 1)
     -19.9
     """
+    angle, slope, offset = map(_quantity, (angle, slope, offset))
     return offset - slope * angle
 
 
@@ -82,7 +84,12 @@ def force_angle_of_rudder(
     >>> round(force_angle_of_rudder(rudder_of_force_angle(0.3)), 6)
     0.3
     """
+    rudder, slope, offset = map(_quantity, (rudder, slope, offset))
     return (offset - rudder) / slope
+
+
+def _quantity(value: Quantity) -> Quantity:
+    return np.asarray(value, dtype=float) if isinstance(value, list | tuple) else value
 
 
 @checked
@@ -103,13 +110,18 @@ def forward_thrust(speed: ArrayLike, rudder: ArrayLike = 0.0) -> Floats:
     -------
     ndarray, of their common shape
 
+    Raises
+    ------
+    InputError
+        If the shapes do not go together.
+
     Examples
     --------
     >>> forward_thrust([5_000.0, 10_000.0]).tolist()
     [0.3625, 1.45]
     """
-    n = np.asarray(speed, dtype=float) / 1e4
-    return np.asarray(THRUST_AT_10000 * n**2 * np.cos(np.asarray(rudder, dtype=float) * DEGREE))
+    n, angle = together("forward_thrust", speed=speed, rudder=rudder)
+    return np.asarray(THRUST_AT_10000 * (n / 1e4) ** 2 * np.cos(angle * DEGREE))
 
 
 @checked
@@ -148,13 +160,18 @@ def fan_force(speed: ArrayLike, rudder: ArrayLike = 0.0) -> Floats:
     -------
     ndarray, of their common shape
 
+    Raises
+    ------
+    InputError
+        If the shapes do not go together.
+
     Examples
     --------
     >>> fan_force([10_000.0, -10_000.0]).round(3).tolist()
     [1.45, -0.624]
     """
-    n = np.asarray(speed, dtype=float)
-    return np.where(n < 0, -reverse_ratio(n), 1.0) * forward_thrust(n, rudder)
+    n, angle = together("fan_force", speed=speed, rudder=rudder)
+    return np.where(n < 0, -reverse_ratio(n), 1.0) * forward_thrust(n, angle)
 
 
 @checked
@@ -192,13 +209,18 @@ def fan_tables(
     tuple of two FanTable
         Speeds [RPM] over forces, and forces [N] over speeds.
 
+    Raises
+    ------
+    InputError
+        If an axis is not a row of numbers, or as of :class:`FanTable`.
+
     Examples
     --------
     >>> lookup, reverse = fan_tables()
     >>> lookup.shape, float(lookup.values.min()), float(lookup.values.max())
     ((14, 161), -12000.0, 12000.0)
     """
-    angles, wanted = (np.asarray(a, dtype=float) for a in (rudder, columns))
+    angles, wanted = (as_row(f"{name}: {k}", a) for k, a in (("rudder", rudder), ("columns", columns)))
     half = step * np.arange(1, round(highest / step) + 1)
     speeds = np.concatenate([-half[::-1], [0.0], half])
     fine = np.linspace(-highest, highest, 4801)

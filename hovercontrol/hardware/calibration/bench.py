@@ -11,6 +11,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
+from hovercontrol.core.arguments import as_row
 from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.hardware.actuators.k06 import (
@@ -190,7 +191,7 @@ def thrust_table_from_bench(
     ------
     InputError
         If there are too few measurements at an angle or in reverse, forward thrust was not measured at rudder
-        0, or a fitted force does not grow with the speed; the line says where.
+        0, a fitted force does not grow with the speed, or an axis is no row of numbers; the line says where.
 
     Examples
     --------
@@ -203,6 +204,7 @@ def thrust_table_from_bench(
     ([-40.0, 0.0, 40.0], (14, 161))
     """
     angle, n, f = measured(name, rudder, speed, force)
+    rows, columns = (as_row(f"{name}: {k}", a) for k, a in (("rows", rows), ("columns", columns)))
     ahead = n > 0
     thrust = {
         float(a): fit_thrust(n[here], f[here], title=f"{name}: thrust at rudder {a:g} deg")
@@ -220,9 +222,9 @@ def thrust_table_from_bench(
     angles = np.array(sorted(thrust))
     quadratics = np.array([thrust[a].values for a in angles])
 
-    def model(speeds: Floats, row: float) -> Any:
+    def model(speeds: Floats, angle: float) -> Any:
         size = np.abs(speeds)
-        own = [np.interp(row, angles, q) for q in quadratics.T]
+        own = [np.interp(angle, angles, q) for q in quadratics.T]
         found = np.polyval(own, np.maximum(size, lowest) / 1e3) * np.minimum(size / lowest, 1.0) ** 2
         back = np.polyval(ratio.values, np.clip(size, ratio.x.min(), ratio.x.max()) / 1e3)
         return np.where(speeds < 0, -back, 1.0) * found

@@ -13,6 +13,7 @@ import numpy as np
 import sympy as sp
 from numpy.typing import ArrayLike, NDArray
 
+from hovercontrol.core.arguments import together
 from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
 from hovercontrol.core.expressions import Definitions
@@ -312,7 +313,8 @@ def locate(
     Raises
     ------
     InputError
-        If the number of ranges is not that of the beacons, or as of :func:`range_solver`.
+        If the number of ranges is not that of the beacons, `previous` is of another shape, or as of
+        :func:`range_solver`.
 
     Examples
     --------
@@ -332,8 +334,9 @@ def locate(
     inputs = [np.where(heard, rho, 0.0), heard]
     if previous is not None:
         before = np.asarray(previous, dtype=float)
-        if before.ndim == 0 or before.shape[0] != 2:
+        if not 0 < before.ndim <= rho.ndim or before.shape[0] != 2:
             raise InputError(f"locate: previous: expected x and y, found shape {before.shape}")
+        together("locate", ranges=rho[0], previous=before[0])
         spread = before.reshape(2, *(1,) * (rho.ndim - before.ndim), *before.shape[1:])
         before = np.broadcast_to(spread, (2, *rho.shape[1:]))
         known = np.isfinite(before).all(axis=0, keepdims=True)

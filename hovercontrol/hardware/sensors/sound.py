@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from hovercontrol.core.arguments import together
 from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError
 
@@ -50,7 +51,7 @@ def speed_of_sound(
     Raises
     ------
     InputError
-        If a temperature or a humidity is out of its range.
+        If a temperature or a humidity is out of its range, or shapes do not go together.
 
     Examples
     --------
@@ -60,7 +61,13 @@ def speed_of_sound(
     >>> round(float(cold), 1), round(float(2700 * (1 - cold / warm)), 1)
     (344.0, 4.9)
     """
-    t, h, p, c = (np.asarray(a, dtype=float) for a in (temperature, humidity, pressure, carbon_dioxide))
+    t, h, p, c = together(
+        "speed_of_sound",
+        temperature=temperature,
+        humidity=humidity,
+        pressure=pressure,
+        carbon_dioxide=carbon_dioxide,
+    )
     for what, values, low, high in (("temperature", t, COLDEST, WARMEST), ("humidity", h, 0.0, 1.0)):
         if not ((values >= low) & (values <= high)).all():
             raise InputError(f"{what}: expected {low:g} to {high:g}, found {np.ravel(values)[0]:g}")

@@ -1,0 +1,78 @@
+"""Checks of arguments that an annotation cannot say: how many, how long, which shapes go together."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hovercontrol.errors import InputError, shown
+
+Array = NDArray[np.float64]
+
+
+def at_least(where: str, value: int, least: int = 0) -> int:
+    """Return a number of things, or the seed of random numbers.
+
+    Raises
+    ------
+    InputError
+        If it is smaller than `least`.
+
+    Examples
+    --------
+    >>> at_least("sweep: runs", 3, least=1)
+    3
+    """
+    if value < least:
+        raise InputError(f"{where}: expected {least} or more, found {shown(value)}")
+    return value
+
+
+def as_row(where: str, value: ArrayLike, length: int | None = None) -> Array:
+    """Return numbers as an array of shape (n,).
+
+    Parameters
+    ----------
+    where : str
+        Of the error: function and argument.
+    value : array_like, shape (n,)
+    length : int, optional
+        What n must be.
+
+    Raises
+    ------
+    InputError
+        If they are of another shape.
+
+    Examples
+    --------
+    >>> as_row("bench: rows", [1, 2])
+    array([1., 2.])
+    """
+    found = np.asarray(value, dtype=float)
+    if found.ndim != 1 or length not in (None, found.size):
+        wanted = "a row of numbers" if length is None else f"{length} numbers"
+        raise InputError(f"{where}: expected {wanted}, found shape {found.shape}")
+    return found
+
+
+def together(function: str, **arrays: ArrayLike) -> list[Array]:
+    """Return arguments as arrays whose shapes broadcast.
+
+    Raises
+    ------
+    InputError
+        If they do not; all shapes are named.
+
+    Examples
+    --------
+    >>> [a.shape for a in together("fan_force", speed=[1.0, 2.0], rudder=0.0)]
+    [(2,), ()]
+    """
+    found = {name: np.asarray(value, dtype=float) for name, value in arrays.items()}
+    try:
+        np.broadcast_shapes(*(a.shape for a in found.values()))
+    except ValueError:
+        shapes = ", ".join(f"{name} {a.shape}" for name, a in found.items())
+        raise InputError(f"{function}: expected shapes that go together, found {shapes}") from None
+    return list(found.values())

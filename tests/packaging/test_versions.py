@@ -1,0 +1,32 @@
+"""Which Python and which versions ``make oldest`` and ``make newest`` take."""
+
+import subprocess
+import sys
+
+import pytest
+
+from tests.packaging import versions
+
+
+def test_the_oldest_versions_are_the_lower_bounds_of_the_project():
+    bounds = versions.lower_bounds("test")
+    assert "numpy==2.1.3" in bounds and all(bound.count("==") == 1 for bound in bounds)
+    assert versions.oldest_python() == (3, 11)
+
+
+def test_the_newest_python_of_this_machine_is_found_and_is_what_it_is_taken_for():
+    version, path = versions.chosen("newest")
+    assert version >= sys.version_info[:2]
+    said = subprocess.run([path, "--version"], capture_output=True, text=True, check=True).stdout
+    assert said.startswith(f"Python {version[0]}.{version[1]}.")
+
+
+def test_without_a_newer_python_the_present_one_is_taken(monkeypatch):
+    monkeypatch.setattr(versions, "_candidates", lambda: iter(()))
+    assert versions.chosen("newest") == (sys.version_info[:2], sys.executable)
+
+
+def test_without_the_oldest_python_nothing_is_installed(monkeypatch):
+    monkeypatch.setattr(versions, "pythons", lambda: {(3, 13): "python3.13"})
+    with pytest.raises(SystemExit, match=r"expected Python 3\.11, found 3\.13"):
+        versions.chosen("oldest")
