@@ -7,7 +7,7 @@ import pytest
 
 from hovercontrol.effects import effect
 from hovercontrol.estimation.data import gather
-from hovercontrol.estimation.fit import estimate, first_noise, refit
+from hovercontrol.estimation.fit import CONVERGENCE, estimate, first_noise, refit
 from hovercontrol.estimation.noise import averaged
 from hovercontrol.estimation.prior import prior_of
 from hovercontrol.estimation.problem import Problem
@@ -173,11 +173,11 @@ def test_a_refit_ends_where_the_first_one_did(fitted, cart_model, pushed_log):
 
 
 def test_a_path_that_sticks_and_slips_comes_to_rest(fitted):
-    """Undamped, each pass takes the path to the other side of dry friction's kink, and the cost with it."""
+    """Undamped, each pass takes the path to the other side of dry friction's kink, and the cost by 20 with it."""
     case, costs = make(16, ["input_delay"], SHORT), []
     note = lambda line: costs.append(float(line.split(":")[1].split()[0]))  # noqa: E731
     fit = fitted(subject_of(case.model), case.logs, trace=note)
-    assert fit.converged and len(costs) < 18 and abs(costs[-1] - costs[-2]) < 1.0
+    assert fit.converged and len(costs) < 18 and abs(costs[-1] - costs[-2]) < 2.0 * CONVERGENCE.settled
 
 
 def test_frozen_unknowns_do_not_move(fitted, cart_model, pushed_log):
