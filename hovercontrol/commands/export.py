@@ -8,7 +8,6 @@ from typing import Annotated
 import typer
 
 from hovercontrol.commands import given
-from hovercontrol.core.boundary import as_user
 from hovercontrol.errors import InputError, one_line
 
 EXAMPLE = "Example: hovercontrol export table1:plant -o plant.fmu --platforms x86_64-linux,x86_64-windows"
@@ -49,6 +48,7 @@ def export(
 ) -> int:
     """Write an FMU (FMI 2.0 or 3.0, Model Exchange and Co-Simulation in one file)."""
     from hovercontrol.commands.exportable import choices, choose
+    from hovercontrol.core.boundary import as_user
     from hovercontrol.fmi.exporter.binaries import PLATFORMS, chosen_platforms
     from hovercontrol.fmi.exporter.export import export_fmu
     from hovercontrol.fmi.exporter.variables import Interface

@@ -18,7 +18,10 @@ from numpy.typing import ArrayLike
 from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
 from hovercontrol.core.signals import Signal, time
-from hovercontrol.errors import InputError
+from hovercontrol.errors import InputError, shown
+
+#: Least time between two points [s], and over that of the whole path: coefficients grow with its fifth power.
+CLOSEST = 1e-9
 
 #: What every reference puts out, and what the tracking controller takes in.
 OUTPUTS = (
@@ -223,7 +226,8 @@ def waypoints(points: ArrayLike, times: ArrayLike, name: str = "reference") -> B
     Raises
     ------
     InputError
-        If a value is no number, shapes differ, there are fewer than two points, or times do not increase.
+        If a value is no number, shapes differ, there are fewer than two points, or times do not increase or
+        almost coincide.
 
     Examples
     --------
@@ -238,6 +242,9 @@ def waypoints(points: ArrayLike, times: ArrayLike, name: str = "reference") -> B
         )
     if not (np.isfinite(path).all() and np.isfinite(knots).all() and (np.diff(knots) > 0).all()):
         raise InputError("waypoints: points and times must be finite, times increasing")
+    least = CLOSEST * max(knots[-1] - knots[0], 1.0)
+    if np.diff(knots).min() < least:
+        raise InputError(f"waypoints: times must differ by {least:.3g} s or more, found {shown(knots)}")
     from scipy.interpolate import PPoly, make_interp_spline  # 0.3 s that only this reference needs
 
     rest = [(1, 0.0), (2, 0.0)]

@@ -144,6 +144,8 @@ def test_two_points_make_the_smoothest_step():
         lambda: waypoints([[0, 0]], [0]),
         lambda: waypoints([[0, 0], [1, 1]], [0, 0]),
         lambda: waypoints([[0, 0], [1, 1]], [1, 0]),
+        lambda: waypoints([[0, 0], [1, 1]], [0, 1e-320]),
+        lambda: waypoints([[0, 0], [1, 1], [2, 0]], [0, 1e-320, 2]),
         lambda: waypoints([[0, 0, 0], [1, 1, 1]], [0, 1]),
         lambda: waypoints([[0, 0], [1, np.nan]], [0, 1]),
         lambda: waypoints([[0, 0], [1, 1]], [0, 1, 2]),
