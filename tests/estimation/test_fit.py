@@ -173,7 +173,7 @@ def test_a_refit_ends_where_the_first_one_did(fitted, cart_model, pushed_log):
 
 
 def test_a_path_that_sticks_and_slips_comes_to_rest(fitted):
-    """Undamped, each pass takes the path to the other side of dry friction's kink, and the cost by 20 with it."""
+    """Undamped, each pass takes the path across dry friction's kink, and the cost by 20."""
     case, costs = make(16, ["input_delay"], SHORT), []
     note = lambda line: costs.append(float(line.split(":")[1].split()[0]))  # noqa: E731
     fit = fitted(subject_of(case.model), case.logs, trace=note)

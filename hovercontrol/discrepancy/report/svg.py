@@ -20,7 +20,7 @@ MOST = 360
 RINGS = 12
 
 #: Room around the axes: left at least, right, top, bottom.
-LEFT, RIGHT, TOP, BOTTOM = 46.0, 8.0, 22.0, 22.0
+LEFT, RIGHT, TOP, BOTTOM = 46.0, 8.0, 26.0, 22.0
 
 #: Width of a character of tick labels and of a title, in the widest of the fonts that a page may get.
 WIDE, WIDER = 7.0, 8.6
