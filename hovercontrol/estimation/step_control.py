@@ -19,9 +19,10 @@ from hovercontrol.estimation.steps import Counts
 
 Array = NDArray[np.float64]
 
-#: Largest change by halved sub-steps, of a state in its standard deviations and of a small motion relative to
-#: it; and rows about such a step that are divided with it: the next pass runs along another path.
-CLOSE, ABOUT = 0.1, 5
+#: Largest change of a state by halved sub-steps, in its standard deviations over the root of the number of
+#: steps: errors of one sign add up over all steps, noise over their root. Largest change of a small motion,
+#: relative to it. Rows about such a step that are divided with it: the next pass runs along another path.
+CLOSE, STEADY, ABOUT = 0.3, 0.1, 5
 
 #: A small motion, and the least standard deviation of a state (a body that dry friction holds has none), in
 #: parts of how far the state ranges.
@@ -49,7 +50,7 @@ def controlled(problem: Problem, path: Array, p: Array, std: Array | None = None
     std : ndarray, shape (K, W, n), optional
         By :func:`deviations`; None before the first pass.
     """
-    std = FIRST * problem.spread if std is None else std[1:]
+    least = (FIRST * problem.spread if std is None else std[1:]) * CLOSE / np.sqrt(problem.dt.size)
     beside = path.copy()
     beside[..., list(problem.free)] += SMALL * problem.spread
 
@@ -62,9 +63,10 @@ def controlled(problem: Problem, path: Array, p: Array, std: Array | None = None
         finer = _divided(problem, np.minimum(2 * problem.each, MOST))
         finer_end, finer_motion = ends(finer)
         with np.errstate(all="ignore"):
-            off = np.abs(end - finer_end) / std, np.abs(motion - finer_motion) / (SMALL * problem.spread)
-            worst = np.nan_to_num(np.maximum(*off).max(axis=-1), nan=np.inf)
-        coarse = maximum_filter1d(worst, ABOUT, axis=0) > CLOSE
+            off = np.abs(end - finer_end) / least
+            grown = np.abs(motion - finer_motion) / (STEADY * SMALL * problem.spread)
+            worst = np.nan_to_num(np.maximum(off, grown).max(axis=-1), nan=np.inf)
+        coarse = maximum_filter1d(worst, ABOUT, axis=0) > 1.0
         coarse &= problem.each.reshape(coarse.shape) < MOST
         if not coarse.any():
             return problem

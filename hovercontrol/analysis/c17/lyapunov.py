@@ -24,6 +24,7 @@ from hovercontrol.analysis.c17.normal_form import (
     symbol,
 )
 from hovercontrol.analysis.common.regions import as_numbers
+from hovercontrol.core.arguments import together
 from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError
 from hovercontrol.models.model import Model
@@ -75,19 +76,21 @@ class LyapunovFunction:
         """
         return sp.factor(self.condition_18() ** 2 - self.condition_19() ** 2)
 
-    def numbers(self, matrix: sp.Matrix, k1: Array, k2: Array, beta: Array) -> Array:
-        """Return A, P or Q at arrays of gains and beta of one shape, shape (..., 2, 2).
+    def numbers(self, matrix: sp.Matrix, k1: ArrayLike, k2: ArrayLike, beta: ArrayLike) -> Array:
+        """Return A, P or Q at gains and beta whose shapes broadcast, shape (..., 2, 2).
 
         Parameters
         ----------
         matrix : sympy.Matrix, shape (2, 2)
             A, P or Q.
-        k1, k2, beta : ndarray, of one shape
+        k1, k2, beta : array_like
             Gains [1/s^2, 1/s] and beta [1/s].
         """
-        entries = sp.lambdify((self.k1, self.k2, self.beta), list(matrix))(k1, k2, beta)
-        full = [np.broadcast_to(np.asarray(e, dtype=float), k1.shape) for e in entries]
-        return np.stack(full, axis=-1).reshape(*k1.shape, 2, 2)
+        given = together("LyapunovFunction.numbers", k1=k1, k2=k2, beta=beta)
+        shape = np.broadcast_shapes(*(a.shape for a in given))
+        entries = sp.lambdify((self.k1, self.k2, self.beta), list(matrix))(*given)
+        full = [np.broadcast_to(np.asarray(e, dtype=float), shape) for e in entries]
+        return np.stack(full, axis=-1).reshape(*shape, 2, 2)
 
 
 @lru_cache(maxsize=1)
