@@ -28,8 +28,7 @@ from hovercontrol.discrepancy import Diagnosis, diagnose
 from hovercontrol.logs import Log
 from hovercontrol.targets.shoot import pool
 
-from .generator import Case, make, outside
-from .table import AXES, Planned, reduced
+from .table import Planned, case_of, read_rows, reduced
 
 #: Relative changes of all numbers in the logs, and the number of threads; the first is the reference.
 RUNS = ((0.0, 1), (1e-13, 2), (1e-12, 1), (1e-11, 2), (1e-10, 1), (1e-10, 2))
@@ -66,15 +65,6 @@ def drawn(count: int) -> list[Planned]:
     """Return cases of the reduced blind table, spread evenly over it."""
     every = reduced()
     return [every[int((k + 0.5) * len(every) / count)] for k in range(count)]
-
-
-def case_of(axis: str, hidden: tuple[str, ...], seed: int) -> Case:
-    """Return a case of the blind test, as its table makes it."""
-    a = AXES[axis]
-    number = 1000 * list(AXES).index(axis) + 100 * seed + a.hidden.index(hidden)
-    if axis == "outside":
-        return outside(number, hidden[0], a.conditions)
-    return make(number, hidden, a.conditions)
 
 
 def run(axis: str, hidden: tuple[str, ...], seed: int) -> list[Row]:
@@ -165,7 +155,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     given = parser.parse_args(arguments)
     given.out.mkdir(parents=True, exist_ok=True)
     path = given.out / "runs.csv"
-    rows = _read(path)
+    rows = read_rows(path, Row)
     done = {(r.axis, r.hidden, r.seed) for r in rows}
     wanted = drawn(given.cases)
     names = {(axis, "+".join(hidden), seed) for axis, hidden, seed in wanted}
@@ -191,14 +181,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     (given.out / "table.md").write_text(text, encoding="utf-8")
     print(text)
     return 1 if any(r.other or r.deviation > ALLOWED for r in rows) else 0
-
-
-def _read(path: Path) -> list[Row]:
-    if not path.exists():
-        return []
-    kinds = {f.name: {"str": str, "int": int, "float": float}[str(f.type)] for f in fields(Row)}
-    with path.open(newline="", encoding="utf-8") as file:
-        return [Row(**{k: kinds[k](v) for k, v in line.items()}) for line in csv.DictReader(file)]
 
 
 if __name__ == "__main__":

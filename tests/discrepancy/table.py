@@ -20,6 +20,7 @@ from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,6 +39,7 @@ from .generator import OUTSIDE, SIZES, VELOCITY_ONLY, Case, Conditions, make, mi
 SAME = {"input_delay", "time_offset"}
 
 Planned = tuple[str, tuple[str, ...], int]  # axis, hidden, seed
+Kind = TypeVar("Kind")
 
 POSE, VELOCITIES = ("x", "y", "psi"), ("u", "v", "r")
 ONE = tuple((name,) for name in SIZES)
@@ -140,11 +142,18 @@ class Row:
     seconds: float
 
 
-def run(axis: str, hidden: tuple[str, ...], seed: int) -> Row:
-    """Return what comes of one case."""
+def case_of(axis: str, hidden: tuple[str, ...], seed: int) -> Case:
+    """Return one case."""
     a = AXES[axis]
     number = 1000 * list(AXES).index(axis) + 100 * seed + a.hidden.index(hidden)
-    of = outside(number, hidden[0], a.conditions) if axis == "outside" else make(number, hidden, a.conditions)
+    if axis == "outside":
+        return outside(number, hidden[0], a.conditions)
+    return make(number, hidden, a.conditions)
+
+
+def run(axis: str, hidden: tuple[str, ...], seed: int) -> Row:
+    """Return what comes of one case."""
+    a, of = AXES[axis], case_of(axis, hidden, seed)
     begin = time.perf_counter()
     found = diagnose(of.model, of.logs, of.holdout)
     seconds = time.perf_counter() - begin
@@ -321,12 +330,13 @@ def _count(row: Row) -> int:
     return len([n for n in row.hidden.split("+") if n])
 
 
-def _read(path: Path) -> list[Row]:
+def read_rows(path: Path, kind: type[Kind]) -> list[Kind]:
+    """Return the rows of a CSV file as dataclasses of texts and numbers; none where there is no file."""
     if not path.exists():
         return []
-    kinds = {f.name: {"str": str, "int": int, "float": float}[str(f.type)] for f in fields(Row)}
+    kinds = {f.name: {"str": str, "int": int, "float": float}[str(f.type)] for f in fields(kind)}
     with path.open(newline="", encoding="utf-8") as file:
-        return [Row(**{k: kinds[k](v) for k, v in line.items()}) for line in csv.DictReader(file)]
+        return [kind(**{k: kinds[k](v) for k, v in line.items()}) for line in csv.DictReader(file)]
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -339,7 +349,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     given = parser.parse_args(arguments)
     given.out.mkdir(parents=True, exist_ok=True)
     path = given.out / "cases.csv"
-    rows = _read(path)
+    rows = read_rows(path, Row)
     done = {(r.axis, r.hidden, r.seed) for r in rows}
     wanted = list(cases(given.axes, given.seeds))
     if given.reduced:
