@@ -23,6 +23,9 @@ from hovercontrol.targets.follow import follow
 
 Array = NDArray[np.float64]
 
+#: Part of a command's range below which a change is rounding.
+ROUNDING = 1e-8
+
 
 @dataclass(frozen=True)
 class ArrivalCriteria:
@@ -121,7 +124,7 @@ def command_times(log: Measured) -> tuple[Array, Array]:
     sampled = log.sampled
     usual = float(np.median(np.diff(log.time[sampled]))) if sampled.sum() > 1 else 0.0
     step = np.diff(log.time)
-    changed = (np.diff(log.inputs, axis=1) != 0).any(axis=0)
+    changed = changes(log.inputs)[1:] > 0.0
     late = step > ARRIVALS.missing * usual
     unsure = np.flatnonzero(changed & sampled[1:] & late)
     time[unsure + 1] -= 0.5 * step[unsure]
@@ -150,6 +153,25 @@ def divided(pieces: int, part: Array) -> tuple[Array, Array]:
     return np.where(s < before, s * first, part + (s - before) * second), np.where(s < before, first, second)
 
 
+def changes(inputs: Array) -> Array:
+    """Return by how much commands change at each row, in parts of how far each ranges, shape (n,).
+
+    Less than ``ROUNDING`` is no change. Before the first row commands are zero.
+
+    Parameters
+    ----------
+    inputs : ndarray, shape (n_inputs, n)
+
+    Examples
+    --------
+    >>> changes(np.array([[0.0, 2.0, 2.0 - 1e-12, 0.0]])).round(6).tolist()
+    [0.0, 1.0, 0.0, 1.0]
+    """
+    widest = np.maximum(np.ptp(inputs, axis=1, keepdims=True), 1e-300)
+    sizes = np.abs(np.diff(inputs, axis=1, prepend=0.0)) / widest
+    return np.asarray(np.where(sizes > ROUNDING, sizes, 0.0).sum(axis=0))
+
+
 class Arrival:
     """The commands of one log, each value held from its row to the next; zero before the first.
 
@@ -170,9 +192,7 @@ class Arrival:
             [np.zeros((len(inputs), 1)), np.cumsum(inputs * steps, axis=1)], axis=1
         )
         self._knots = np.append(time, time[-1] + 1.0)
-        changes = np.abs(np.diff(inputs, axis=1, prepend=0.0))
-        widest = np.maximum(np.ptp(inputs, axis=1, keepdims=True), 1e-300)
-        change = (changes / widest).sum(axis=0)
+        change = changes(inputs)
         self._changes, self._sizes = time[change > 0], change[change > 0]
         self._laws = _laws(block, motion)
 
