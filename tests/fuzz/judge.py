@@ -111,8 +111,8 @@ def _stopped_after_the_last_file(said: str, before: set[str], after: set[str]) -
     return {name.split(" ")[0] for name in after - before} == {f"out/{name}" for name in SAMPLE_RUN}
 
 
-SAMPLE_RUN = ("log.csv", "path.png", "rudder.png", "thrust.png", "velocities.png")
-"""The files of ``hovercontrol simulate sample``."""
+SAMPLE_RUN = (".hovercontrol.json", "log.csv", "path.png", "rudder.png", "thrust.png", "velocities.png")
+"""The files of ``hovercontrol simulate sample``, and the list of them."""
 
 
 def forked(words: list[str], folder: Path, fault: Callable[[int], None], inside: Callable[[], None]) -> int:
