@@ -18,12 +18,7 @@ from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError
 from hovercontrol.estimation.data import Data, gather
-from hovercontrol.estimation.fit import Fit, estimate, first_noise
-from hovercontrol.estimation.measure import MOST_ROWS, Array, Measured, measure, refuse_still
-from hovercontrol.estimation.noise import averaging_time
-from hovercontrol.estimation.prior import prior_of
-from hovercontrol.estimation.problem import Problem
-from hovercontrol.identify.excitation import (
+from hovercontrol.estimation.excitation import (
     EXCITATION,
     covariance,
     idle_inputs,
@@ -33,6 +28,11 @@ from hovercontrol.identify.excitation import (
     unexcited_directions,
     widening,
 )
+from hovercontrol.estimation.fit import Fit, estimate, first_noise
+from hovercontrol.estimation.measure import MOST_ROWS, Array, Measured, measure, refuse_still
+from hovercontrol.estimation.noise import averaging_time
+from hovercontrol.estimation.prior import prior_of
+from hovercontrol.estimation.problem import Problem
 from hovercontrol.identify.predict import prediction
 from hovercontrol.identify.remaining import remaining
 from hovercontrol.identify.result import Fitted, Identified
