@@ -15,20 +15,21 @@ from hovercontrol.models.model import Model
 
 @dataclass(frozen=True)
 class PlainBlock(BlockModel):
-    """A Block as it is: nothing is added to it, and each of its parameters may be sought, by full name."""
+    """A Block of which each parameter may be sought, by its full name."""
 
     @property
     def signature(self) -> tuple[Hashable, ...]:
-        """The Block: its outputs, bounds and values, too."""
-        return (self.block,)
+        """The Block: its outputs, bounds and values, too; and the kinds of effects added to it."""
+        return (self.block, *(type(e) for e in self.effects))
 
     def linear_coefficients(self) -> tuple[str, ...]:
         """Return the full names of the parameters in which the Block is linear."""
-        return tuple(self.block.parameter(name).name for name in linear_parameters(self.block))
+        own = tuple(self.block.parameter(name).name for name in linear_parameters(self.block))
+        return (*own, *self._linear_in_effects())
 
     def coefficients(self) -> dict[str, float]:
         """Return every parameter's value by its full name."""
-        return {p.name: p.start for p in self.block.parameters}
+        return {p.name: p.start for p in self.block.parameters} | self._effect_coefficients()
 
     def coefficient_name(self, name: str) -> str:
         """Return the full name of a parameter."""
@@ -41,7 +42,7 @@ class PlainBlock(BlockModel):
 
 def subject_of(model: Model | Block) -> Subject:
     """Return what the estimation engine takes for a model or a Block."""
-    return model if isinstance(model, Model) else PlainBlock(model, ())
+    return model if isinstance(model, Model) else PlainBlock(model)
 
 
 def chosen(model: Model | Block, names: Sequence[str] | None) -> tuple[str, ...]:

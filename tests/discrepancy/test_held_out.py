@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from hovercontrol.discrepancy.criteria import CRITERIA
-from hovercontrol.discrepancy.diagnose import base_fit
 from hovercontrol.discrepancy.evidence.blocks import agreement
 from hovercontrol.discrepancy.evidence.holdout import Gained, Horizons
 from hovercontrol.discrepancy.evidence.of_effects import Evidence
+from hovercontrol.discrepancy.search.base import base_fit
 from hovercontrol.discrepancy.search.confirm import Selection
 from hovercontrol.discrepancy.search.held_out import (
     HeldOut,
