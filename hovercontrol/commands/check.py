@@ -95,10 +95,8 @@ def check(
 
 def stamps(files: str, log: Log, columns: str) -> dict[str, NDArray[np.float64]]:
     """Return the time stamps of a log's files [s] as they stand there, within the time of the log."""
-    from hovercontrol.logs.column_units import column_of
     from hovercontrol.logs.gather import split_files
-    from hovercontrol.logs.read import read_log
-    from hovercontrol.logs.source import open_source
+    from hovercontrol.logs.read import header_of, read_log
 
     clock = given.pairs(columns).get("time", "time")
     paths = split_files(files)
@@ -106,8 +104,9 @@ def stamps(files: str, log: Log, columns: str) -> dict[str, NDArray[np.float64]]
         return {paths[0].name: log.time}
     found = {}
     for path in paths:
-        header = open_source(path).header
-        renamed = {"time": clock} if column_of(clock, header)[0] in header else {}
-        time = read_log(path, renamed, motion=False, usecols=[]).time
+        header = header_of(path, {})
+        there = all(column_of(part, header)[0] in header for part in parts_of(clock, header))
+        renamed = {"time": clock} if there else {}
+        time = read_log(path, renamed, motion=False, usecols=[]).on_clock_of(log).time
         found[path.name] = time[(time >= log.time[0] - EDGE) & (time <= log.time[-1] + EDGE)]
     return {name: time for name, time in found.items() if time.size}

@@ -238,7 +238,11 @@ def listed(text: str, option: str = "") -> list[str] | None:
 def pairs(text: str) -> dict[str, str]:
     """Return what ``--columns`` says: our name of a column to the file's."""
     found: dict[str, str] = {}
+    ours = ""
     for part in listed(text, "--columns") or []:
+        if "=" not in part and found and found[ours].count(",") < 3:  # psi=qx,qy,qz,qw
+            found[ours] += f",{part}"
+            continue
         ours, equals, theirs = part.partition("=")
         ours, theirs = ours.strip(), theirs.strip()
         if not (ours and equals and theirs):
@@ -246,6 +250,9 @@ def pairs(text: str) -> dict[str, str]:
         if ours in found:
             raise InputError(f"--columns: {ours!r} is given twice: {found[ours]!r} and {theirs!r}")
         found[ours] = theirs
+    for ours, theirs in found.items():
+        if theirs.count(",") == 1:
+            raise InputError(f"--columns: expected NAME=COLUMN, found {theirs.partition(',')[2]!r}")
     return found
 
 

@@ -83,6 +83,7 @@ def join_logs(
     if both:
         raise InputError(f"{pose.name}: column {both[0]!r} is also in {commands.name}")
     idle = _idle_values(commands, before)
+    commands = commands.on_clock_of(pose)
     kept = steady(pose)
     kept = kept.select(kept.time <= commands.time[-1] + hold)
     if idle is None:
@@ -108,7 +109,7 @@ def join_logs(
     measured = {name: np.full(time.size, np.nan) for name in kept.columns}
     for name, column in kept.columns.items():
         measured[name][at] = column
-    return Log(pose.name, time, {**measured, **held})
+    return Log(pose.name, time, {**measured, **held}, origin=pose.origin)
 
 
 def _changes(commands: Log, idle: Mapping[str, float] | None) -> Floats:
