@@ -87,7 +87,7 @@ def read_log(
     if isinstance(opened, Tables):
         units = dict(inputs) if isinstance(inputs, Mapping) else dict.fromkeys(inputs, "")
         return join_tables(
-            opened, given, units, partial(_read_source, file, motion=False, usecols=()), motion=motion
+            opened, given, units, partial(_read_source, file, motion=False), motion=motion
         )
     return _read_source(file, opened, given, inputs, motion=motion, usecols=usecols)
 

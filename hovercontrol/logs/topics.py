@@ -13,8 +13,8 @@ from hovercontrol.logs.join import join_logs
 from hovercontrol.logs.log import POSE, VELOCITY, Log, gap_rows
 from hovercontrol.logs.readers.tables import Table, Tables
 
-#: Reads some columns of one table into a log: its arguments are the table, the columns and the inputs.
-ReadTable = Callable[[Table, Mapping[str, str], Mapping[str, str]], Log]
+#: Reads columns of one table into a log, as :func:`.read.read_log` reads a file.
+ReadTable = Callable[..., Log]
 
 
 def join_tables(
@@ -66,7 +66,7 @@ def join_tables(
             clock = clocks
         if not clock:
             raise InputError(f"{file.file}: {name}: no column of time is known: --columns time=NAME")
-        logs[name] = read(tables[name], {**clock, **own}, {k: v for k, v in inputs.items() if k in own})
+        logs[name] = read(tables[name], {**clock, **own}, {k: v for k, v in inputs.items() if k in own}, usecols=list(own))
     commands = set(inputs) or {k for k in named if k not in (*POSE, *VELOCITY)}
     if not set(named) - commands:
         commands = set()

@@ -14,8 +14,8 @@ from hovercontrol.logs.readers.tables import Table, Tables, faults, library
 
 _CLOCKS = {"TimeUS": "us", "TimeMS": "ms"}
 
-#: What the log calls units that have other names elsewhere; others that are none are passed over.
-_UNITS = {"degheading": "deg", "deglatitude": "deg", "deglongitude": "deg", "m/s/s": "m/s^2", "°C": "degC"}
+#: What the log calls units that have other names elsewhere; pulses of servos are counted in us, not in s.
+_UNITS = {"us": "", "degheading": "deg", "deglatitude": "deg", "deglongitude": "deg", "m/s/s": "m/s^2", "°C": "degC"}
 
 _HEAD = 3
 """Bytes before the values of a message."""
@@ -36,6 +36,9 @@ def ardupilot(file: Path) -> Tables:
 
         def init_clock(self) -> None:
             self.clock = reader.DFReaderClock()
+
+        def init_arrays_fast(self, progress_callback: Any = None) -> None:
+            self.init_arrays(progress_callback)  # the other writes on standard error past Python
 
     with faults(file, "ArduPilot log"):
         index = Index(str(file))

@@ -6,9 +6,11 @@ The clock of a topic is the stamp in the header of its messages where it agrees 
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import fields, is_dataclass
+from operator import attrgetter, itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -70,7 +72,7 @@ def _table(file: Path, reader: Any, topic: str) -> Table | None:
     if not getters:
         return None
     recorded, stamp = f"{topic}/time", f"{topic}/header.stamp"
-    units = {name: "ns" for name, get in getters.items() if get.__name__ == "stamp"} | {recorded: "ns"}
+    units = {name: "ns" for name, get in getters.items() if getattr(get, "__name__", "") == "stamp"} | {recorded: "ns"}
     agrees = stamp in getters and abs(getters[stamp](message) - first[1]) < LATE
     rows = sum(int(connection.msgcount) for connection in connections)
     table = Table(file, topic, [recorded, *getters], rows, lambda names: {}, stamp if agrees else recorded, units)
@@ -122,8 +124,18 @@ def _inside(name: str, value: Any) -> Iterator[tuple[str, Getter]]:
 
 def _getter(path: str) -> Getter:
     """Return a function of a message that returns the number at a path like ``a.b[2].c``."""
-    # the path is made of names of fields and of indices alone: _numbers built it from a message
-    get: Getter = eval(f"lambda message: message.{path}", {"__builtins__": {}})
+    steps: list[Getter] = [
+        itemgetter(int(index)) if index else attrgetter(names.strip("."))
+        for names, index in re.findall(r"([^\[\]]+)|\[(\d+)\]", path)
+    ]
+    if len(steps) == 1:
+        return steps[0]
+
+    def get(message: Any) -> Any:
+        for step in steps:
+            message = step(message)
+        return message
+
     return get
 
 

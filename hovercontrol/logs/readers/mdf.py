@@ -43,7 +43,7 @@ class _Group:
         said = str(getattr(group.channel_group, "acq_name", "") or "").strip()
         self.name = said or f"group{number}"
         master = measured.masters_db.get(number)
-        self.channels = {c.name: k for k, c in enumerate(group.channels) if k != master and _is_number(c)}
+        self.channels = {c.name: k for k, c in enumerate(group.channels) if k != master and _is_number(c, measured)}
         units = {c.name: _unit(c) for c in group.channels}
         self.units = {name: units[name] for name in self.channels if units[name]}
 
@@ -70,9 +70,10 @@ class _Group:
         return values.astype(values.dtype.newbyteorder("="))
 
 
-def _is_number(channel: Any) -> bool:
-    """Return whether a channel holds numbers: integers or floats (data types 0 to 5)."""
-    return int(channel.data_type) <= 5
+def _is_number(channel: Any, measured: Any) -> bool:
+    """Return whether a channel holds integers or floats; codes of types differ between versions of MDF."""
+    kind = int(channel.data_type)
+    return kind <= 5 if str(measured.version) >= "4" else kind not in (7, 8)
 
 
 def _unit(channel: Any) -> str:
