@@ -9,8 +9,8 @@ import numpy as np
 
 from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError, did_you_mean
-from hovercontrol.logs.clock import steady
-from hovercontrol.logs.log import Floats, Log
+from hovercontrol.logs.clock import measured, steady
+from hovercontrol.logs.log import Floats, Log, Mask
 
 
 @dataclass(frozen=True)
@@ -110,6 +110,18 @@ def join_logs(
     for name, column in kept.columns.items():
         measured[name][at] = column
     return Log(pose.name, time, {**measured, **held}, origin=pose.origin)
+
+
+def measured_rows(log: Log) -> Mask:
+    """Return in which rows something was measured; in the others a command changes.
+
+    Examples
+    --------
+    >>> measured_rows(Log("a", [0.0, 0.5, 1.0], {"x": [0.0, np.nan, 1.0], "fan": [0.0, 1.0, 1.0]}))
+    array([ True, False,  True])
+    """
+    names = measured(log)
+    return np.isfinite(log.stack(*names)).any(axis=1) if names else np.ones(len(log), dtype=bool)
 
 
 def _changes(commands: Log, idle: Mapping[str, float] | None) -> Floats:

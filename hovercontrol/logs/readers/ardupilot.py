@@ -12,6 +12,9 @@ import numpy as np
 from hovercontrol.errors import InputError
 from hovercontrol.logs.readers.tables import Table, Tables, faults, library
 
+#: Messages about the log itself.
+_ABOUT = ("FMT", "FMTU", "UNIT", "MULT")
+
 _CLOCKS = {"TimeUS": "us", "TimeMS": "ms"}
 
 #: What the log calls units that have other names elsewhere; pulses of servos are counted in us, not in s.
@@ -46,6 +49,7 @@ def ardupilot(file: Path) -> Tables:
         tables = [
             table
             for number, form in sorted(index.formats.items(), key=lambda pair: str(pair[1].name))
+            if form.name not in _ABOUT
             for table in _tables(file, raw, form, index.offsets[number], reader.FORMAT_TO_STRUCT)
         ]
         index.close()

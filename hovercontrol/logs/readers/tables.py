@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from importlib import import_module
 from pathlib import Path
+from traceback import clear_frames
 from typing import Any
 
 import numpy as np
@@ -141,15 +142,18 @@ def quiet() -> Iterator[None]:
 @contextmanager
 def faults(file: Path, what: str) -> Iterator[None]:
     """Raise whatever a library raises on a damaged file as one line."""
-    try:
-        with quiet():
+    with quiet():
+        try:
             yield
-    except InputError:
-        raise
-    except MemoryError:
-        raise InputError(f"{file}: not readable as {what}: it asks for more memory than there is") from None
-    except Exception as error:
-        raise InputError(f"{file}: not readable as {what}: {reason(error)}") from None
+            return
+        except InputError:
+            raise
+        except MemoryError:
+            why = "it asks for more memory than there is"
+        except Exception as error:
+            why = reason(error)
+            clear_frames(error.__traceback__)  # what is half made and complains when it is deleted goes now
+    raise InputError(f"{file}: not readable as {what}: {why}")
 
 
 def library(file: Path, module: str, what: str) -> Any:
