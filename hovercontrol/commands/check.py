@@ -97,7 +97,7 @@ def check(
 
 
 def topics_of(logs: list[str], inputs: list[str], model: str | None, vehicle: str | None) -> str:
-    """Return the topics of files that hold several, and a proposal of ``--columns`` for each; empty for others."""
+    """Return the topics of files that hold several, and proposals of ``--columns``; empty for others."""
     from hovercontrol.logs.gather import split_files
     from hovercontrol.logs.overview import overview
 

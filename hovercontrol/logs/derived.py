@@ -1,7 +1,7 @@
 """Columns made of others while a file is read: time of stamps, heading of a rotation.
 
-``time=sec+nanosec`` adds columns of integers; dates and stamps of an epoch become seconds since the first row;
-``psi=qx,qy,qz,qw:z-up`` and ``psi=rx,ry,rz`` make a heading of a quaternion or a rotation vector.
+``time=sec+nanosec`` adds columns of integers; dates and stamps of an epoch become seconds since the first
+row; ``psi=qx,qy,qz,qw:z-up`` and ``psi=rx,ry,rz`` make a heading of a quaternion or a rotation vector.
 """
 
 from __future__ import annotations
@@ -12,7 +12,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pyarrow as pa
 
 from hovercontrol.errors import ArgumentError, did_you_mean
@@ -152,7 +151,7 @@ def with_derived(file: Path, source: Source, columns: Mapping[str, str]) -> Sour
 
 
 def parts_of(said: str, header: Collection[str]) -> list[str]:
-    """Return the columns, with units, of which ``--columns`` makes one; or what is said itself, if it is a column.
+    """Return the columns, with units, of which ``--columns`` makes one; a column of the file stays as it is.
 
     Examples
     --------
@@ -174,7 +173,9 @@ def _clock_parts(file: Path, source: Source, said: str) -> list[tuple[str, str]]
     if name in source.header:
         unit = unit or source.units.get(name, "")
         return [(name, unit)] if needs_stamps(source, name, unit) else []
-    return [column_of(part, source.header) for part in _known(file, source, "time", said)] if "+" in said else []
+    return (
+        [column_of(part, source.header) for part in _known(file, source, "time", said)] if "+" in said else []
+    )
 
 
 def _heading(file: Path, source: Source, ours: str, said: str) -> Recipe | None:

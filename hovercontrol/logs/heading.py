@@ -1,8 +1,9 @@
 """The heading of a body from its rotation: a quaternion or a rotation vector.
 
-The heading is the angle about the axis that is up, from a horizontal axis of the frame to the same axis of the body,
-projected on the floor: the x axis where y or z is up (for z: the yaw of roll, pitch and yaw), the y axis where x is. It is
-positive by the right-hand rule about that axis, so for ``z-up`` from x to y.
+The heading is the angle about the axis that is up, from a horizontal axis of the frame to the same axis of
+the body, projected on the floor: the x axis where y or z is up (for z: the yaw of roll, pitch and yaw), the y
+axis where x is. It is positive by the right-hand rule about that axis: for ``z-up`` from x to y, for ``y-up``
+from x to -z.
 """
 
 from __future__ import annotations

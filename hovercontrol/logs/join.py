@@ -121,7 +121,8 @@ def measured_rows(log: Log) -> Mask:
     array([ True, False,  True])
     """
     names = measured(log)
-    return np.isfinite(log.stack(*names)).any(axis=1) if names else np.ones(len(log), dtype=bool)
+    found: Mask = np.isfinite(log.stack(*names)).any(axis=1) if names else np.ones(len(log), dtype=bool)
+    return found
 
 
 def _changes(commands: Log, idle: Mapping[str, float] | None) -> Floats:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,13 +18,19 @@ from hovercontrol.logs.source import Source, format_of, open_log
 
 #: Topics of what is wanted, not measured, and of what a simulator knows.
 _WANTED = re.compile(r"set_?point|desired|target|reference|groundtruth|_sp\b", re.IGNORECASE)
-_COMMAND = re.compile(r"cmd|command|actuator|motor|servo|rc_?ou|throttle|thrust|rudder|pwm|fan|esc", re.IGNORECASE)
-_NO_POSITION = re.compile(r"vel|acc|gyr|angular|linear|orient|quat|twist|mag|rot|del|\bv[xy]$|var|ref_", re.IGNORECASE)
+_COMMAND = re.compile(
+    r"cmd|command|actuator|motor|servo|rc_?ou|throttle|thrust|rudder|pwm|fan|esc", re.IGNORECASE
+)
+_NO_POSITION = re.compile(
+    r"vel|acc|gyr|angular|linear|orient|quat|twist|mag|rot|del|\bv[xy]$|var|ref_", re.IGNORECASE
+)
 
 #: Ends of the names of x and y of a position, of a heading, of a yaw rate, and of body velocities.
 _POSITIONS = ((r"x", "y"), (r"\bPN", "PE"), (r"pos\[0\]", "pos[1]"), (r"position\[0\]", "position[1]"))
 _HEADING = re.compile(r"(^|[./_])(heading|yaw|psi)$", re.IGNORECASE)
-_RATE = re.compile(r"(angular(_velocity)?\.z|angular_velocity/xyz\[2\]|GyrZ|yaw_?rate|yawspeed|(^|[./])r)$", re.IGNORECASE)
+_RATE = re.compile(
+    r"(angular(_velocity)?\.z|angular_velocity/xyz\[2\]|GyrZ|yaw_?rate|yawspeed|(^|[./])r)$", re.IGNORECASE
+)
 _QUATERNIONS = (
     ("orientation.x", "orientation.y", "orientation.z", "orientation.w"),
     ("rotation.x", "rotation.y", "rotation.z", "rotation.w"),
@@ -103,14 +109,16 @@ def overview(file: Path, inputs: Sequence[str] = (), options: str = "") -> str |
         lines += [f"      {text}" for text in _wrapped([n.removeprefix(prefix) for n in topic.header])]
     if not said:
         return "\n".join([*lines, "No column's name suggests a pose: --columns x=TOPIC/FIELD,y=...,psi=..."])
-    if kind == "Motive CSV":  # y is up there, unless it was exported otherwise
+    if kind == "Motive (OptiTrack) CSV":  # y is up there, unless it was exported otherwise
         said |= {"y": f"{said['y'].removesuffix('.y')}.z:-"} if "y" in said else {}
         said |= {"psi": f"{said['psi']}:y-up"} if "," in said.get("psi", "") else {}
     options += " --frame ned" if kind in _NED else ""
     pairs = ",".join(f"{ours}={theirs}" for ours, theirs in said.items())
     missing = [name for name in (*POSE, *inputs) if name not in said]
     hint = f" ({', '.join(missing)}: no name suggests a column)" if missing else ""
-    return "\n".join([*lines, f"Names suggest{hint}:", f"  hovercontrol check {file} --columns '{pairs}'{options}"])
+    return "\n".join(
+        [*lines, f"Names suggest{hint}:", f"  hovercontrol check {file} --columns '{pairs}'{options}"]
+    )
 
 
 def _topics(file: Path) -> list[Topic]:
@@ -163,7 +171,12 @@ def proposal(topics: Sequence[Topic], inputs: Sequence[str] = ()) -> dict[str, s
         if "psi" not in found:
             headings = [psi for topic in measured if (psi := _heading(topic.header))]
             found |= {"psi": headings[0]} if headings else {}
-    rates = [name for topic in measured for name in topic.header if _RATE.search(name) and not _COMMAND.search(name)]
+    rates = [
+        name
+        for topic in measured
+        for name in topic.header
+        if _RATE.search(name) and not _COMMAND.search(name)
+    ]
     found |= {"r": rates[0]} if rates else {}
     return found | _commands(topics, inputs, set(found.values()))
 
@@ -178,7 +191,11 @@ def _pose(topic: Topic) -> tuple[dict[str, str], Topic] | None:
             plain = first.replace("\\b", "").replace("\\", "")
             stem = name[: len(name) - len(plain)]
             alone = not stem or stem[-1] in "./_" or len(plain) > 1
-            if alone and f"{stem}{second}" in header and not _NO_POSITION.search(stem.removeprefix(topic.name)):
+            if (
+                alone
+                and f"{stem}{second}" in header
+                and not _NO_POSITION.search(stem.removeprefix(topic.name))
+            ):
                 pose = {"x": name, "y": f"{stem}{second}"}
                 psi = _heading(topic.header)
                 return ({**pose, "psi": psi} if psi else pose), topic
@@ -213,12 +230,16 @@ def _commands(topics: Sequence[Topic], inputs: Sequence[str], taken: set[str]) -
     open_inputs = [name for name in inputs if name not in found]
     if inputs and not open_inputs:
         return found
-    changing = [n for topic in topics if _COMMAND.search(topic.name) for n in _changing(topic) if n not in taken]
+    changing = [
+        n for topic in topics if _COMMAND.search(topic.name) for n in _changing(topic) if n not in taken
+    ]
     changing = [name for name in changing if name not in found.values()]
     if inputs:
         return found | dict(zip(open_inputs, changing, strict=False))
     own = [re.sub(r"\W+", "_", re.split("/", name)[-1]).strip("_") for name in changing[:MOST_COMMANDS]]
-    return {ours: theirs for ours, theirs in zip(own, changing, strict=False) if ours not in (*POSE, *VELOCITY)}
+    return {
+        ours: theirs for ours, theirs in zip(own, changing, strict=False) if ours not in (*POSE, *VELOCITY)
+    }
 
 
 def _changing(topic: Topic) -> list[str]:

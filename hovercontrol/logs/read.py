@@ -86,9 +86,7 @@ def read_log(
     opened = open_log(file)
     if isinstance(opened, Tables):
         units = dict(inputs) if isinstance(inputs, Mapping) else dict.fromkeys(inputs, "")
-        return join_tables(
-            opened, given, units, partial(_read_source, file, motion=False), motion=motion
-        )
+        return join_tables(opened, given, units, partial(_read_source, file, motion=False), motion=motion)
     return _read_source(file, opened, given, inputs, motion=motion, usecols=usecols)
 
 

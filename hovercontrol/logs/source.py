@@ -64,6 +64,8 @@ class Format:
     reader : str
         ``module:function`` in :mod:`hovercontrol.logs.readers`; takes the path and returns a
         :class:`Source` or :class:`~hovercontrol.logs.readers.tables.Tables`.
+    columns : str
+        How columns are called, for the documentation.
     starts : tuple of bytes
         How such a file begins.
     library : str
@@ -73,25 +75,35 @@ class Format:
     name: str
     suffixes: tuple[str, ...]
     reader: str
+    columns: str
     starts: tuple[bytes, ...] = ()
     library: str = ""
 
 
-#: All formats, a line each; CSV is what is none of the others.
+#: How the exports of Vicon begin, with and without a byte order mark.
+_VICON = tuple(
+    mark + name + end
+    for mark in (b"", b"\xef\xbb\xbf")
+    for name in (b"Segments", b"Trajectories", b"Joints", b"Model Outputs", b"Devices", b"Objects")
+    for end in (b"\n", b"\r\n", b",")
+)
+
+#: All formats; CSV is what is none of the others.
 FORMATS = (
-    Format("Parquet", PARQUET, "parquet:ParquetSource", (b"PAR1",)),
-    Format("Motive CSV", (), "motive:motive", (b"Format Version,", b"\xef\xbb\xbfFormat Version,")),
-    Format("Vicon CSV", (), "vicon:vicon", tuple(
-        mark + name + end for mark in (b"", b"\xef\xbb\xbf") for end in (b"\n", b"\r\n", b",")
-        for name in (b"Segments", b"Trajectories", b"Joints", b"Model Outputs", b"Devices", b"Objects")
-    )),
-    Format("ROS bag", (".bag", ".mcap", ".db3"), "bag:bag", (
-        b"#ROSBAG V2.0", b"\x89MCAP0\r\n", b"SQLite format 3\0"), "rosbags"),
-    Format("PX4 ULog", (".ulg", ".ulog"), "ulog:ulog", (b"ULog\x01\x12\x35",), "pyulog"),
-    Format("ArduPilot log", (".bin",), "ardupilot:ardupilot", (b"\xa3\x95\x80",), "pymavlink"),
-    Format("MATLAB", (".mat",), "matlab:matlab", (b"MATLAB ",)),
-    Format("MDF", (".mf4", ".mdf"), "mdf:mdf", (b"MDF     ",), "asammdf"),
-    Format("CSV", (), "csv:CsvSource"),
+    Format("Parquet", PARQUET, "parquet:ParquetSource", "as in the file", (b"PAR1",)),
+    Format("Motive (OptiTrack) CSV", (), "motive:motive", "`Body.x`, `Body.qx` ... `Body.qw` or `Body.rx`; m, rad; y is up",  # noqa: E501
+           (b"Format Version,", b"\xef\xbb\xbfFormat Version,")),
+    Format("Vicon CSV", (), "vicon:vicon", "`Body.x`, `Body.rx` (rotation vector), `Body:Marker.x`; m, rad", _VICON),  # noqa: E501
+    Format("ROS bag, MCAP", (".bag", ".mcap", ".db3"), "bag:bag", "`/odom/pose.pose.position.x`, `/odom/time` (recorded)",  # noqa: E501
+           (b"#ROSBAG V2.0", b"\x89MCAP0\r\n", b"SQLite format 3\0"), "rosbags"),
+    Format("PX4 ULog", (".ulg", ".ulog"), "ulog:ulog", "`vehicle_attitude/q[0]`; a second instance `topic[1]/...`",  # noqa: E501
+           (b"ULog\x01\x12\x35",), "pyulog"),
+    Format("ArduPilot log", (".bin",), "ardupilot:ardupilot", "`ATT/Yaw`, `IMU[0]/GyrZ`; units as the log states them",  # noqa: E501
+           (b"\xa3\x95\x80",), "pymavlink"),
+    Format("MATLAB, to version 7", (".mat",), "matlab:matlab", "`time`, `log.x`, `log.pos[0]`", (b"MATLAB ",)),  # noqa: E501
+    Format("MDF 3 and 4", (".mf4", ".mdf"), "mdf:mdf",
+           "the channel, `group/channel` where two have its name; units as the file states them", (b"MDF     ",), "asammdf"),  # noqa: E501
+    Format("CSV", (), "csv:CsvSource", "as in the header"),
 )  # fmt: skip
 
 
@@ -143,10 +155,10 @@ def format_of(file: Path) -> Format:
     InputError
         If there is no such file, or it is known not to be a log.
     """
-    bag = next(f for f in FORMATS if f.name == "ROS bag")
+    bag = next(f for f in FORMATS if f.library == "rosbags")
     if file.is_dir() and (file / "metadata.yaml").is_file():  # ROS 2 records into a folder
         return bag
-    readable(file, "a log file (CSV, Parquet or another format)")
+    readable(file, "a log file")
     suffix = file.suffix.lower()
     if suffix in (".toml", ".py", ".fmu"):
         raise InputError(f"{file}: expected a log (CSV or Parquet), found a {suffix} file")

@@ -1,6 +1,6 @@
 """Time from stamps: seconds and nanoseconds in two columns, dates, and counts since an epoch.
 
-Stamps of 1.7e9 s leave a float 0.2 us; so they are kept as integers of nanoseconds until the first is subtracted.
+A float of 1.7e9 s resolves 0.2 us, so stamps are integers of nanoseconds until the first is subtracted.
 """
 
 from __future__ import annotations
@@ -46,7 +46,11 @@ STAMPS = StampCriteria()
 PLACES = {"s": 9, "ms": 6, "us": 3, "ns": 0}
 
 #: Ends of names that say the unit of a part of a stamp.
-_NAMED = (("ns", r"(nsecs?|nanosecs?|nanoseconds?|ns)"), ("us", r"(usecs?|microsec(ond)?s?|us)"), ("ms", r"(msecs?|ms)"))
+_NAMED = (
+    ("ns", r"(nsecs?|nanosecs?|nanoseconds?|ns)"),
+    ("us", r"(usecs?|microsec(ond)?s?|us)"),
+    ("ms", r"(msecs?|ms)"),
+)
 _DAY = re.compile(r"\d{4}-\d\d-\d\d")
 _ZONE = re.compile(r"(Z|[-+]\d\d:?\d\d)$")
 
@@ -117,10 +121,12 @@ class Stamps:
         return np.asarray(time)
 
     def _unit(self, name: str, unit: str) -> str:
-        """Return the unit of a part; by its name, or by what year its stamps would mean, where none is given."""
+        """Return the unit of a part; where none is given by its name, or by the year that it would mean."""
         if unit and unit not in PLACES:
             if len(self.parts) > 1:
-                raise ArgumentError(f"{self.file}: time: expected s, ms, us or ns for {name!r}, found {unit!r}")
+                raise ArgumentError(
+                    f"{self.file}: time: expected s, ms, us or ns for {name!r}, found {unit!r}"
+                )
             conversion_factor(unit, "s")
         if unit:
             return unit
@@ -146,8 +152,10 @@ class Stamps:
         places = PLACES.get(unit, 9)
         if pa.types.is_decimal(kind):
             scaled = column.cast(pa.decimal128(38, places), safe=False)
-            low = np.frombuffer(scaled.buffers()[1], dtype=np.int64)[:: 2]
-            return np.where(np.asarray(scaled.is_valid()), low[scaled.offset : scaled.offset + len(scaled)], 0)
+            low = np.frombuffer(scaled.buffers()[1], dtype=np.int64)[::2]
+            return np.where(
+                np.asarray(scaled.is_valid()), low[scaled.offset : scaled.offset + len(scaled)], 0
+            )
         if pa.types.is_integer(kind):
             return _integers(column.cast(pa.int64())) * 10**places
         values = np.nan_to_num(column.cast(pa.float64(), safe=False).to_numpy(zero_copy_only=False))

@@ -66,7 +66,9 @@ def join_tables(
             clock = clocks
         if not clock:
             raise InputError(f"{file.file}: {name}: no column of time is known: --columns time=NAME")
-        logs[name] = read(tables[name], {**clock, **own}, {k: v for k, v in inputs.items() if k in own}, usecols=list(own))
+        logs[name] = read(
+            tables[name], {**clock, **own}, {k: v for k, v in inputs.items() if k in own}, usecols=list(own)
+        )
     commands = set(inputs) or {k for k in named if k not in (*POSE, *VELOCITY)}
     if not set(named) - commands:
         commands = set()
@@ -112,14 +114,14 @@ def _joined(name: str, logs: Sequence[Log], commands: set[str]) -> Log:
 
 
 def _interpolated(log: Log, other: Log, names: Sequence[str]) -> Log:
-    """Add columns of another log, linear between its rows; rows outside it and within its gaps are left out."""
+    """Add columns of another log, linear between its rows; rows outside it or in its gaps are left out."""
     inside = (log.time >= other.time[0]) & (log.time <= other.time[-1])
     for row in gap_rows(other.time):
         inside &= (log.time <= other.time[row - 1]) | (log.time >= other.time[row])
     if not inside.any():
         raise InputError(
-            f"{log.name}: no time in common: {', '.join(log.columns)} from {log.time[0]:g} to {log.time[-1]:g} s, "
-            f"{', '.join(names)} from {other.time[0]:g} to {other.time[-1]:g} s"
+            f"{log.name}: no time in common: {', '.join(log.columns)} from {log.time[0]:g} to "
+            f"{log.time[-1]:g} s, {', '.join(names)} from {other.time[0]:g} to {other.time[-1]:g} s"
         )
     kept = log.select(inside)
     values = {k: np.unwrap(other[k]) if k == "psi" else other[k] for k in names}
@@ -133,6 +135,8 @@ def _held(logs: Sequence[Log]) -> Log:
     time = np.unique(np.concatenate([log.time for log in logs]))
     time = time[time >= max(log.time[0] for log in logs)]
     held = {
-        k: v[np.searchsorted(log.time, time, side="right") - 1] for log in logs for k, v in log.columns.items()
+        k: v[np.searchsorted(log.time, time, side="right") - 1]
+        for log in logs
+        for k, v in log.columns.items()
     }
     return Log(" + ".join(dict.fromkeys(log.name for log in logs)), time, held, origin=logs[0].origin)

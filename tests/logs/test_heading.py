@@ -23,7 +23,9 @@ def written(file: Path, rotation: Rotation, last: int = 4) -> Path:
     return file
 
 
-@pytest.mark.parametrize("said", ["qx,qy,qz,qw", "qx,qy,qz,qw:z-up", "quat(qx;qy;qz;qw)", "quat(qx;qy;qz;qw):z-up"])
+@pytest.mark.parametrize(
+    "said", ["qx,qy,qz,qw", "qx,qy,qz,qw:z-up", "quat(qx;qy;qz;qw)", "quat(qx;qy;qz;qw):z-up"]
+)
 def test_the_heading_is_the_yaw_of_yaw_pitch_roll(tmp_path: Path, said: str) -> None:
     rotation = Rotation.from_euler("ZYX", np.column_stack([YAW, TILT, -TILT]))
     log = read_log(written(tmp_path / "a.csv", rotation), pairs(f"psi={said},y=y"))
@@ -53,7 +55,9 @@ def test_three_columns_are_a_rotation_vector(tmp_path: Path) -> None:
 
 def test_what_is_no_rotation_is_told(tmp_path: Path) -> None:
     file = written(tmp_path / "a.csv", Rotation.from_euler("z", YAW[:, None]))
-    with pytest.raises(InputError, match="row 1, columns x, y, qz, qw: expected a quaternion of length 1, found"):
+    with pytest.raises(
+        InputError, match="row 1, columns x, y, qz, qw: expected a quaternion of length 1, found"
+    ):
         file.write_text(file.read_text().replace("0.0,0,0,", "0.0,3,0,", 1))
         read_log(file, {"psi": "x,y,qz,qw", "x": "qx", "y": "qy"})
     with pytest.raises(ArgumentError, match="no column 'qa' to read 'psi' from"):

@@ -26,7 +26,7 @@ FORMS = {
     "ms": ("t:ms", lambda k: f"{k // 10**6}.{k % 10**6:06}", "t"),
     "s by its size": ("t", lambda k: f"{k // 10**9}.{k % 10**9:09}", "t"),
     "a date": ("t", lambda k: f"2024-11-26T19:00:0{k // 10**9 - 1732647600}.{k % 10**9:09}Z", "t"),
-    "a date with a blank": ("t", lambda k: f"2024-11-26 20:00:0{k // 10**9 - 1732647600}.{k % 10**9:09}+01:00", "t"),
+    "a date with a blank": ("t", lambda k: f"2024-11-26 20:00:0{k // 10**9 - 1732647600}.{k % 10**9:09}+01:00", "t"),  # noqa: E501
     "a time of day": ("t", lambda k: f"19:00:0{k // 10**9 - 1732647600}.{k % 10**9:09}", "t"),
 }  # fmt: skip
 
@@ -42,11 +42,15 @@ def test_differences_of_stamps_are_exact(tmp_path: Path, form: str) -> None:
     assert log.origin == FIRST or form == "a time of day"
 
 
-@pytest.mark.parametrize("kind", [pa.int64(), pa.timestamp("ns"), pa.timestamp("ns", "UTC"), pa.decimal128(20)])
+@pytest.mark.parametrize(
+    "kind", [pa.int64(), pa.timestamp("ns"), pa.timestamp("ns", "UTC"), pa.decimal128(20)]
+)
 def test_stamps_in_parquet_are_exact(tmp_path: Path, kind: pa.DataType) -> None:
     time = pa.array([FIRST + step for step in STEPS]).cast(kind)
     zeros = pa.array([0.0] * 3)
-    pyarrow.parquet.write_table(pa.table({"t": time, **dict.fromkeys(("x", "y", "psi"), zeros)}), tmp_path / "a.pq")
+    pyarrow.parquet.write_table(
+        pa.table({"t": time, **dict.fromkeys(("x", "y", "psi"), zeros)}), tmp_path / "a.pq"
+    )
     said = "t:ns" if pa.types.is_integer(kind) or pa.types.is_decimal(kind) else "t"
     assert read_log(tmp_path / "a.pq", {"time": said}).time.tolist() == [0.0, 1e-9, 0.02]
 

@@ -1,4 +1,7 @@
-"""ArduPilot's dataflash logs (.BIN), indexed by pymavlink: ``ATT/Yaw``, instances ``IMU[0]/GyrZ``, time in us since boot."""
+"""ArduPilot's dataflash logs (.BIN), indexed by pymavlink: ``ATT/Yaw``, instances ``IMU[0]/GyrZ``.
+
+Time is in us since boot.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +21,14 @@ _ABOUT = ("FMT", "FMTU", "UNIT", "MULT")
 _CLOCKS = {"TimeUS": "us", "TimeMS": "ms"}
 
 #: What the log calls units that have other names elsewhere; pulses of servos are counted in us, not in s.
-_UNITS = {"us": "", "degheading": "deg", "deglatitude": "deg", "deglongitude": "deg", "m/s/s": "m/s^2", "°C": "degC"}
+_UNITS = {
+    "us": "",
+    "degheading": "deg",
+    "deglatitude": "deg",
+    "deglongitude": "deg",
+    "m/s/s": "m/s^2",
+    "°C": "degC",
+}
 
 _HEAD = 3
 """Bytes before the values of a message."""
@@ -34,7 +44,7 @@ def ardupilot(file: Path) -> Tables:
     """
     reader = library(file, "pymavlink.DFReader", "ArduPilot logs")
 
-    class Index(reader.DFReader_binary):  # type: ignore[misc, name-defined]
+    class Index(reader.DFReader_binary):  # type: ignore[name-defined]
         """Finds messages; the clock of GPS would take a pass through all of them."""
 
         def init_clock(self) -> None:
@@ -91,7 +101,9 @@ def _table(
         return {name: _decoded(raw, at, *places[name.rpartition("/")[2]]) for name in names}
 
     stated = {f"{topic}/{name}": unit for name, unit in units.items()} | {f"{topic}/{clock}": _CLOCKS[clock]}
-    return Table(file, topic, [f"{topic}/{name}" for name in places], len(at), load, f"{topic}/{clock}", stated)
+    return Table(
+        file, topic, [f"{topic}/{name}" for name in places], len(at), load, f"{topic}/{clock}", stated
+    )
 
 
 def _decoded(raw: Any, at: Any, offset: int, code: str, scale: float) -> Any:

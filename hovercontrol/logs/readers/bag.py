@@ -1,7 +1,7 @@
 """ROS 1 and 2 bags and MCAP files, read by rosbags: ``/odom/pose.pose.position.x``, ``/scan/ranges[0]``.
 
-The clock of a topic is the stamp in the header of its messages where it agrees with the time at which they were recorded
-(``/odom/time``), else that time.
+The clock of a topic is the stamp in the header of its messages where it agrees with the time at which they
+were recorded (``/odom/time``), else that time.
 """
 
 from __future__ import annotations
@@ -72,10 +72,14 @@ def _table(file: Path, reader: Any, topic: str) -> Table | None:
     if not getters:
         return None
     recorded, stamp = f"{topic}/time", f"{topic}/header.stamp"
-    units = {name: "ns" for name, get in getters.items() if getattr(get, "__name__", "") == "stamp"} | {recorded: "ns"}
+    units = {name: "ns" for name, get in getters.items() if getattr(get, "__name__", "") == "stamp"} | {
+        recorded: "ns"
+    }
     agrees = stamp in getters and abs(getters[stamp](message) - first[1]) < LATE
     rows = sum(int(connection.msgcount) for connection in connections)
-    table = Table(file, topic, [recorded, *getters], rows, lambda names: {}, stamp if agrees else recorded, units)
+    table = Table(
+        file, topic, [recorded, *getters], rows, lambda names: {}, stamp if agrees else recorded, units
+    )
     table.load = lambda names: _read(table, topic, {name: getters.get(name) for name in names})
     return table
 

@@ -17,7 +17,7 @@ import pyarrow.csv
 from hovercontrol.errors import InputError
 from hovercontrol.io.files import reason
 from hovercontrol.logs.readers.arrow import is_number
-from hovercontrol.logs.readers.dialect import HEAD, Dialect, is_comment, recognise
+from hovercontrol.logs.readers.dialect import COMMENTS, HEAD, Dialect, is_comment, recognise
 
 BLOCK = 2**20
 """Bytes of text converted at a time."""
@@ -215,10 +215,13 @@ class _Rewritten(io.RawIOBase):
         while self._skip and text:
             text = text[text.find(b"\n") + 1 :] if b"\n" in text else b""
             self._skip -= 1
-        text = re.sub(rb"(?m)^[ \t]*(?:#|%|//).*(?:\n|\Z)", b"", text)
+        if any(mark.encode() in text for mark in COMMENTS):
+            text = re.sub(rb"(?m)^[ \t]*(?:#|%|//).*(?:\n|\Z)", b"", text)
         if self._blanks:
-            text = re.sub(rb"(?m)^[ \t]+|[ \t\r]+$", b"", text)
-            text = re.sub(rb"[ \t]+", self._blanks, text)
+            text = text.replace(b"\t", b" ").replace(b"\r\n", b"\n")
+            while b"  " in text:
+                text = text.replace(b"  ", b" ")
+            text = text.replace(b"\n ", b"\n").replace(b" \n", b"\n").strip(b" ").replace(b" ", self._blanks)
         return text
 
     def close(self) -> None:

@@ -105,8 +105,10 @@ def recognise(head: bytes, file: str) -> Dialect:
     Examples
     --------
     >>> found = recognise(b"Run 7\nt;x\ns;mm\n0;1,5\n1;2,5\n", "a.csv")
-    >>> found.names, found.units, found.text
-    (('t', 'x'), ('s', 'mm'), 'semicolons between values, decimal commas, header in line 2, a line of units below the header')
+    >>> found.names, found.units
+    (('t', 'x'), ('s', 'mm'))
+    >>> found.text
+    'semicolons between values, decimal commas, header in line 2, a line of units below the header'
     """
     encoding, text = _decoded(head, file)
     lines = text.splitlines()
@@ -169,7 +171,7 @@ def _with(dialect: Dialect, lines: Sequence[str]) -> Dialect | None:
             return None
         if any(cells):
             rows.append((k, comment, cells))
-    for at, (line, comment, names) in enumerate(rows):
+    for at, (header, comment, names) in enumerate(rows):
         below = [row for row in rows[at + 1 : at + 60] if not row[1]]
         if not _is_header(names, least=2 if dialect.separator != "," else 1) or not below:
             continue
@@ -179,7 +181,9 @@ def _with(dialect: Dialect, lines: Sequence[str]) -> Dialect | None:
             continue
         width = len(data[0][2])
         trailing = width == len(names) + 1 and not data[0][2][-1]
-        if comment and any(len(cells) == width and _is_header(cells) for _, c, cells in rows[at + 1:] if not c):
+        if comment and any(
+            len(cells) == width and _is_header(cells) for _, c, cells in rows[at + 1 :] if not c
+        ):
             continue  # a header that is no comment follows
         alike = sum(len(row[2]) == width for row in data)
         if (width != len(names) and not trailing) or 2 * alike < len(data):
@@ -187,12 +191,14 @@ def _with(dialect: Dialect, lines: Sequence[str]) -> Dialect | None:
         if not all(_is_data(row[2], dialect.separator) for row in data[:3]):
             continue
         cells = [cell for row in data for cell in row[2]]
-        comma = any(_COMMA.fullmatch(c) for c in cells) and not any("." in c and _POINT.fullmatch(c) for c in cells)
+        comma = any(_COMMA.fullmatch(c) for c in cells) and not any(
+            "." in c and _POINT.fullmatch(c) for c in cells
+        )
         first = data[0][0]
         return replace(
             dialect,
             decimal="," if comma else ".",
-            header=line,
+            header=header,
             first=first,
             names=(*names, "") if trailing else tuple(names),
             units=units,

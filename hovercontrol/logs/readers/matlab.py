@@ -1,4 +1,4 @@
-"""MATLAB's .mat files up to version 7, read by SciPy: ``time``, ``log.x``; vectors of one length are a table."""
+"""MATLAB's .mat files up to version 7, read by SciPy: ``time``, ``log.x``; vectors of one length: a table."""
 
 from __future__ import annotations
 
@@ -29,7 +29,8 @@ def matlab(file: Path) -> Tables:
     with file.open("rb") as stream:
         if stream.read(16).startswith((b"MATLAB 7.3", b"\x89HDF")):
             raise InputError(
-                f"{file}: expected a MATLAB file up to version 7, found version 7.3; save it with save(..., '-v7')"
+                f"{file}: expected a MATLAB file up to version 7, found version 7.3; "
+                "save it with save(..., '-v7')"
             )
     from scipy.io import loadmat
 
@@ -47,7 +48,9 @@ def matlab(file: Path) -> Tables:
         struct = name.partition(".")[0] if len(lengths) > 1 and "." in name else ""
         groups.setdefault((struct, len(values)), {})[name] = values
     if not groups:
-        raise InputError(f"{file}: expected vectors of numbers, found {', '.join(list(found)[3:8]) or 'nothing'}")
+        raise InputError(
+            f"{file}: expected vectors of numbers, found {', '.join(list(found)[3:8]) or 'nothing'}"
+        )
     return Tables(file, [_table(file, struct, columns) for (struct, _), columns in groups.items()])
 
 

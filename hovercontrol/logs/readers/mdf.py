@@ -43,7 +43,9 @@ class _Group:
         said = str(getattr(group.channel_group, "acq_name", "") or "").strip()
         self.name = said or f"group{number}"
         master = measured.masters_db.get(number)
-        self.channels = {c.name: k for k, c in enumerate(group.channels) if k != master and _is_number(c, measured)}
+        self.channels = {
+            c.name: k for k, c in enumerate(group.channels) if k != master and _is_number(c, measured)
+        }
         units = {c.name: _unit(c) for c in group.channels}
         self.units = {name: units[name] for name in self.channels if units[name]}
 

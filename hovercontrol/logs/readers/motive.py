@@ -1,6 +1,7 @@
 """CSV exports of Motive (OptiTrack): rigid bodies and markers, lost ones blank.
 
-Above the numbers stand the properties of the take, then rows of types, names, IDs, kinds (Rotation, Position) and axes.
+Above the numbers stand the properties of the take, then rows of types, names, IDs, kinds (Rotation, Position)
+and axes.
 """
 
 from __future__ import annotations
@@ -35,7 +36,9 @@ def motive(file: Path) -> CsvSource:
     heads = [row for row in rows[1:at] if any(cell.strip() for cell in row)]
     labels = {row[1].strip().lower(): row for row in heads if len(row) > 1 and row[1].strip()}
     if not at or "name" not in labels or len(heads) < 2:
-        raise InputError(f"{file}: a Motive export: expected rows of names above a row that begins with Frame")
+        raise InputError(
+            f"{file}: a Motive export: expected rows of names above a row that begins with Frame"
+        )
     axes, kinds, bodies = rows[at], heads[-1], labels["name"]
     length = _LENGTHS.get(take.get("Length Units", "Meters").strip().lower(), "m")
     width = max(len(rows[at + 1]) if len(rows) > at + 1 else 0, len(axes))
@@ -48,7 +51,13 @@ def motive(file: Path) -> CsvSource:
         names.append(name)
         units.append(unit if name else "")
     source = CsvSource(
-        file, Dialect(header=_line(lines, "frame"), first=_line(lines, "frame") + 1, names=tuple(names), units=tuple(units))
+        file,
+        Dialect(
+            header=_line(lines, "frame"),
+            first=_line(lines, "frame") + 1,
+            names=tuple(names),
+            units=tuple(units),
+        ),
     )
     found = dict.fromkeys(name.rpartition(".")[0] for name in names if name.endswith(".x"))
     source.said = f"Motive export ({', '.join(list(found)[:8]) or 'no bodies'}; lengths in {length})"
@@ -66,7 +75,11 @@ def _column(body: str, kind: str, axis: str, quaternion: bool, length: str) -> t
         return (f"{body}.q{axis.lower()}", "") if quaternion else (f"{body}.r{axis.lower()}", "deg")
     if kind == "Position":
         return f"{body}.{axis.lower()}", length
-    return (f"{body}.{kind.lower().replace(' ', '_')}", length if "Error" in kind else "") if body and kind else ("", "")
+    return (
+        (f"{body}.{kind.lower().replace(' ', '_')}", length if "Error" in kind else "")
+        if body and kind
+        else ("", "")
+    )
 
 
 def _line(lines: list[str], begin: str) -> int:

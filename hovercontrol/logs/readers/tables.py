@@ -120,7 +120,7 @@ class Tables:
         return {_dots(name): name for name in reversed(self.header)}
 
     def named(self, column: str) -> str:
-        """Return the name of a column, also where it is written with dots for slashes or without the first slash."""
+        """Return the name of a column; dots may be written for slashes, the first slash may be left out."""
         return column if column in self.header else self._dotted.get(_dots(column), column)
 
     def table_of(self, column: str) -> Table | None:
@@ -168,5 +168,6 @@ def library(file: Path, module: str, what: str) -> Any:
         return import_module(module)
     except ImportError as error:
         raise InputError(
-            f'{file}: reading {what} needs {module.partition(".")[0]}: pip install "hovercontrol[logs]" ({reason(error)})'
+            f"{file}: reading {what} needs {module.partition('.')[0]}: "
+            f'pip install "hovercontrol[logs]" ({reason(error)})'
         ) from None

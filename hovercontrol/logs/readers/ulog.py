@@ -37,5 +37,11 @@ def _table(file: Path, data: Any) -> Table:
     time = columns[clock]
     columns[clock] = time.astype(np.int64)
     return Table(
-        file, topic, list(columns), len(time), lambda names: {n: columns[n] for n in names}, clock, {clock: "us"}
+        file,
+        topic,
+        list(columns),
+        len(time),
+        lambda names: {n: columns[n] for n in names},
+        clock,
+        {clock: "us"},
     )

@@ -1,7 +1,7 @@
 """CSV exports of Vicon (Nexus, Tracker): sections of segments, trajectories, devices, each with its rate.
 
-A section is its name, its rate [Hz], a row of objects, a row of axes, a row of units, and rows of frame, subframe and numbers.
-Rotations are rotation vectors (RX, RY, RZ) or quaternions (with RW).
+A section is its name, its rate [Hz], a row of objects, a row of axes, a row of units, and rows of frame,
+subframe and numbers. Rotations are rotation vectors (RX, RY, RZ) or quaternions (with RW).
 """
 
 from __future__ import annotations
@@ -32,11 +32,7 @@ def vicon(file: Path) -> Table | Tables:
         If a section has no rate or no rows.
     """
     text = file.read_bytes().decode("utf-8-sig", errors="replace").replace("\r\n", "\n")
-    starts = sorted(
-        at
-        for name in SECTIONS
-        for at in _places(text, name)
-    )
+    starts = sorted(at for name in SECTIONS for at in _places(text, name))
     ends = [*starts[1:], len(text)]
     used: set[str] = set()
     tables = []
@@ -52,7 +48,7 @@ def _places(text: str, name: str) -> list[int]:
     found, at = [], text.find(name)
     while at >= 0:
         end = text.find("\n", at)
-        alone = not text[at + len(name) : end].strip(", \"") if end >= 0 else False
+        alone = not text[at + len(name) : end].strip(', "') if end >= 0 else False
         if alone and (at == 0 or text[at - 1] == "\n"):
             found.append(at)
         at = text.find(name, at + 1)
@@ -60,13 +56,15 @@ def _places(text: str, name: str) -> list[int]:
 
 
 def _section(file: Path, text: str, line: int, used: set[str]) -> Table:
-    section = text[: text.find("\n")].strip(", \"")
+    section = text[: text.find("\n")].strip(', "')
     lines = text.split("\n", 5)
     try:
         rate = float(lines[1].split(",")[0])
         objects, axes, units = (next(csv.reader([row]), []) for row in lines[2:5])
     except (IndexError, ValueError, csv.Error):
-        raise InputError(f"{file}: line {line + 1}: {section}: expected a rate [Hz], and rows of names and units") from None
+        raise InputError(
+            f"{file}: line {line + 1}: {section}: expected a rate [Hz], and rows of names and units"
+        ) from None
     if not rate > 0.0 or len(lines) < 6 or not lines[5].strip():
         raise InputError(f"{file}: line {line + 1}: {section}: expected a positive rate and rows of numbers")
     names, stated = _columns(objects, axes, units)
@@ -78,14 +76,18 @@ def _section(file: Path, text: str, line: int, used: set[str]) -> Table:
     sub = data[1] if subframes > 1 else 0.0
     columns: dict[str, Any] = {clock: (data[0] * subframes + sub) / rate}
     columns |= {name: data[k] for k, name in enumerate(header) if name}
-    table = Table(file, section, list(columns), rows, lambda wanted: {n: columns[n] for n in wanted}, clock=clock)
+    table = Table(
+        file, section, list(columns), rows, lambda wanted: {n: columns[n] for n in wanted}, clock=clock
+    )
     table.units = {header[k]: unit for k, unit in stated.items() if header[k]}
     table.line = line + 5
     table.said = f"Vicon export ({section} at {rate:g} Hz)"
     return table
 
 
-def _columns(objects: Sequence[str], axes: Sequence[str], units: Sequence[str]) -> tuple[list[str], Mapping[int, str]]:
+def _columns(
+    objects: Sequence[str], axes: Sequence[str], units: Sequence[str]
+) -> tuple[list[str], Mapping[int, str]]:
     """Return names and units of columns; an object's name stands above the first of its columns."""
     names: list[str] = []
     stated: dict[int, str] = {}

@@ -1,4 +1,4 @@
-"""Text tables are read as people have them: separators, decimal commas, comments, lines above and below the header."""
+"""Text tables are read as people write them: separators, decimal commas, comments, units, lines above."""
 
 import warnings
 from pathlib import Path
@@ -9,20 +9,20 @@ import pytest
 from hovercontrol.errors import InputError
 from hovercontrol.logs import read_log
 
-#: The same two rows, t = 0.5, 0.6 s, u = 1.5, 1.5 m/s, v = 2, 2 m/s, r = 3, -3 rad/s; and what is said of each.
+#: The same two rows, t = 0.5, 0.6 s, u = 1.5, 1.5 m/s, v = 2, 2 m/s, r = 3, -3 rad/s; and what is said of each.  # noqa: E501
 FORMS = {
     "plain": ("time,u,v,r\n0.5,1.5,2,3\n0.6,1.5,2,-3\n", ""),
     "semicolons": ("time;u;v;r\n0.5;1.5;2;3\n0.6;1.5;2;-3\n", "semicolons"),
-    "decimal commas": ("time;u;v;r\n0,5;1,5;2;3\n0,6;1,5;2;-3\n", "semicolons between values, decimal commas"),
+    "decimal commas": ("time;u;v;r\n0,5;1,5;2;3\n0,6;1,5;2;-3\n", "semicolons between values, decimal commas"),  # noqa: E501
     "quoted decimal commas": ('time,u,v,r\n"0,5","1,5",2,3\n"0,6","1,5",2,-3\n', "decimal commas"),
     "tabs": ("time\tu\tv\tr\n0.5\t1.5\t2\t3\n0.6\t1.5\t2\t-3\n", "tabs"),
     "blanks": (" time   u v  r\n 0.5 1.5  2 3\n 0.6\t1.5 2 -3 \n", "blanks"),
-    "blanks, decimal commas": ("time u v r\n0,5 1,5 2 3\n0,6 1,5 2 -3\n", "blanks between values, decimal commas"),
+    "blanks, decimal commas": ("time u v r\n0,5 1,5 2 3\n0,6 1,5 2 -3\n", "blanks between values, decimal commas"),  # noqa: E501
     "a commented header": ("# time u v r\n0.5 1.5 2 3\n0.6 1.5 2 -3\n", "blanks"),
     "rostopic": ("%time,u,v,r\n0.5,1.5,2,3\n0.6,1.5,2,-3\n", ""),
     "comments": ("# by a tool, 2, 3, 4\ntime,u,v,r\n0.5,1.5,2,3\n// pause, 1, 2, 3\n0.6,1.5,2,-3\n",
                  "header in line 2, comment lines"),
-    "lines above the header": ("Logger 2\nDate;2026-01-31\nRate;50\n\ntime;u;v;r\n0.5;1.5;2;3\n0.6;1.5;2;-3\n",
+    "lines above the header": ("Logger 2\nDate;2026-01-31\nRate;50\n\ntime;u;v;r\n0.5;1.5;2;3\n0.6;1.5;2;-3\n",  # noqa: E501
                                "header in line 5"),
     "units": ("time,u,v,r\n[ms],[mm/s],[cm/s],\n500,1500,200,3\n600,1500,200,-3\n", "units below the header"),
     "units without brackets": ("time,u,v,r\nms,mm/s,cm/s,rad/s\n500,1500,200,3\n600,1500,200,-3\n", "units"),

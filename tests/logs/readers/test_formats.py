@@ -1,4 +1,4 @@
-"""The same run is read from a file of each format: pose of one topic, commands of another, in SI, on one clock."""
+"""The same run is read from a file of each format: pose of one topic, commands of another, in SI."""
 
 import warnings
 from pathlib import Path
@@ -26,10 +26,10 @@ FORMATS = {
                        "x=vehicle_local_position.x,y=vehicle_local_position.y,psi=vehicle_attitude.q[1],"
                        "vehicle_attitude.q[2],vehicle_attitude.q[3],vehicle_attitude.q[0],"
                        "thrust=actuator_motors.control[0]", 1e-6),
-    "ardupilot": ("pymavlink", written.ardupilot, "a.bin", "x=POS/PN,y=POS/PE,psi=ATT/Yaw,thrust=RCOU.C1", 1e-4),
+    "ardupilot": ("pymavlink", written.ardupilot, "a.bin", "x=POS/PN,y=POS/PE,psi=ATT/Yaw,thrust=RCOU.C1", 1e-4),  # noqa: E501
     "mdf4": ("asammdf", written.mdf, "a.mf4", "x=pos_x,y=pos_y,psi=yaw", 1e-9),
     "mdf3": ("asammdf", lambda p: written.mdf(p, "3.30"), "a.mdf", "x=pos_x,y=pos_y,psi=yaw", 1e-9),
-    "matlab": ("scipy", written.matlab, "a.mat", "x=pose.pos[0],y=pose.pos[1],psi=pose.yaw,thrust=cmd.thrust", 1e-12),
+    "matlab": ("scipy", written.matlab, "a.mat", "x=pose.pos[0],y=pose.pos[1],psi=pose.yaw,thrust=cmd.thrust", 1e-12),  # noqa: E501
 }  # fmt: skip
 
 
@@ -46,8 +46,7 @@ def check(log: Log, tolerance: float) -> None:
     measured = np.isfinite(log["x"])
     time = log.time[measured]
     assert np.array_equal(np.round(np.diff(time), 9), np.full(time.size - 1, 0.02))
-    k = int(round((written.POSE_TIME.size - time.size) / 1))  # cut where no command is known
-    assert 1 <= k <= 3
+    assert 1 <= written.POSE_TIME.size - time.size <= 3  # cut where no command is known
     assert log["x"][measured] == pytest.approx(written.X[1 : 1 + time.size], abs=tolerance)
     assert log["psi"][measured] == pytest.approx(written.PSI[1 : 1 + time.size], abs=tolerance)
     thrust = np.floor(2.0 * (0.1 * np.floor((written.POSE_TIME[1:] - 0.005 + 1e-9) / 0.1) + 0.005))
@@ -98,11 +97,11 @@ def test_a_motive_export(tmp_path: Path, euler: bool, lengths: str) -> None:
     file = written.motive(tmp_path / "take.csv", euler=euler, lengths=lengths)
     psi = "Craft.ry" if euler else "Craft.qx,Craft.qy,Craft.qz,Craft.qw:y-up"
     columns = pairs(f"x=Craft.x,y=Craft.z:-,psi={psi}")
-    with pytest.raises(InputError, match="line 13, column 'Craft.*expected a finite number, found ''"):
+    with pytest.raises(InputError, match=r"line 13, column 'Craft.*expected a finite number, found ''"):
         read_log(file, columns)
     rows = file.read_text().splitlines()
     file.write_text("\n".join(rows[:12] + rows[13:]))
-    with pytest.warns(UserWarning, match="Motive export .Craft; lengths in"):
+    with pytest.warns(UserWarning, match=r"Motive export .Craft; lengths in"):
         log = read_log(file, columns)
     there = np.arange(101) != 5
     assert log.time == pytest.approx(written.POSE_TIME[there])
@@ -120,7 +119,7 @@ def test_a_vicon_export(tmp_path: Path, trajectories: bool) -> None:
     assert log["x"] == pytest.approx(written.X, abs=1e-6)
     assert log["psi"] == pytest.approx(written.PSI, abs=1e-6)
     if trajectories:
-        with pytest.raises(InputError, match="line 118, column 'Craft:nose.x': expected a finite number"):
+        with pytest.raises(InputError, match=r"line 118, column 'Craft:nose.x': expected a finite number"):
             read_log(file, {"x": "Craft:nose.x", "y": "Craft:nose.y", "psi": "Craft.rz"})
 
 
@@ -131,13 +130,15 @@ def test_a_library_that_is_missing_is_said_how_to_install(tmp_path: Path, monkey
         raise ImportError(f"No module named {name!r}")
 
     monkeypatch.setattr("hovercontrol.logs.readers.tables.import_module", missing)
-    with pytest.raises(InputError, match=r'a.ulg: reading PX4 logs needs pyulog: pip install "hovercontrol\[logs\]"'):
+    with pytest.raises(
+        InputError, match=r'a.ulg: reading PX4 logs needs pyulog: pip install "hovercontrol\[logs\]"'
+    ):
         read_log(tmp_path / "a.ulg")
 
 
 def test_a_matlab_file_of_version_7_3_is_refused(tmp_path: Path) -> None:
     (tmp_path / "a.mat").write_bytes(b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(512, b"\0"))
-    with pytest.raises(InputError, match="a.mat: expected a MATLAB file up to version 7, found version 7.3; save it with"):
+    with pytest.raises(InputError, match=r"a\.mat: expected a MATLAB file up to version 7, found .* save it"):
         read_log(tmp_path / "a.mat")
 
 
@@ -163,7 +164,9 @@ def test_a_damaged_file_ends_in_one_line(tmp_path: Path, name: str, capfd) -> No
 
 
 @pytest.mark.parametrize("suffix", ["bag", "mcap", "db3", "ulg", "bin", "mat", "mf4", "mdf", "pq", "csv"])
-@pytest.mark.parametrize("content", [b"", b"time,u,v,r\n0,1,2,3\n", bytes(range(256)) * 20, b"\xa3\x95\x80" * 99])
+@pytest.mark.parametrize(
+    "content", [b"", b"time,u,v,r\n0,1,2,3\n", bytes(range(256)) * 20, b"\xa3\x95\x80" * 99]
+)
 def test_a_file_with_a_wrong_suffix_ends_in_one_line(tmp_path: Path, suffix: str, content: bytes) -> None:
     for library in ("rosbags", "pyulog", "pymavlink", "asammdf"):
         pytest.importorskip(library)

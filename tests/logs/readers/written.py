@@ -84,7 +84,9 @@ def ulog(path: Path) -> Path:
         rows.append((now, message(b"D", struct.pack("<HQfff", 0, now, x, 0.0, psi))))
         now += 1000
         half = (psi + 0.0015) / 2  # of this time
-        rows.append((now, message(b"D", struct.pack("<HQffff", 1, now, np.cos(half), 0.0, 0.0, np.sin(half)))))
+        rows.append(
+            (now, message(b"D", struct.pack("<HQffff", 1, now, np.cos(half), 0.0, 0.0, np.sin(half))))
+        )
     for t, thrust in zip(COMMAND_TIME, THRUST, strict=True):
         now = 7_000_000 + round(1e6 * t)
         rows.append((now, message(b"D", struct.pack("<HQff", 2, now, thrust, 0.0))))
@@ -102,7 +104,9 @@ def ardupilot(path: Path) -> Path:
             "<BB4s16s64s", kind, length, name.encode(), form.encode(), columns.encode()
         )
 
-    out = b"\xa3\x95\x80" + struct.pack("<BB4s16s64s", 128, 89, b"FMT", b"BBnNZ", b"Type,Length,Name,Format,Columns")
+    out = b"\xa3\x95\x80" + struct.pack(
+        "<BB4s16s64s", 128, 89, b"FMT", b"BBnNZ", b"Type,Length,Name,Format,Columns"
+    )
     out += fmt(1, "UNIT", "QbZ", "TimeUS,Id,Label") + fmt(2, "FMTU", "QBNN", "TimeUS,FmtType,UnitIds,MultIds")
     out += fmt(3, "MULT", "Qbd", "TimeUS,Id,Mult")
     out += fmt(4, "POS", "Qff", "TimeUS,PN,PE") + fmt(5, "ATT", "Qcc", "TimeUS,Roll,Yaw")
@@ -156,10 +160,10 @@ def motive(path: Path, *, euler: bool = False, lengths: str = "Millimeters") -> 
     axes = ["X", "Y", "Z"] if euler else ["X", "Y", "Z", "W"]
     columns = [*["Rotation"] * len(axes), *["Position"] * 3, "Mean Marker Error"]
     n = len(columns)
-    take = f"Format Version,1.23,Take Name,Take 7,Capture Frame Rate,50.000000,Rotation Type,{'XYZ' if euler else 'Quaternion'},"
+    take = f"Format Version,1.23,Take Name,Take 7,Capture Frame Rate,50.000000,Rotation Type,{'XYZ' if euler else 'Quaternion'},"  # noqa: E501
     lines = [
         take + f"Length Units,{lengths},Coordinate Space,Global", "",
-        ",Type," + ",".join(["Rigid Body"] * n), ",Name," + ",".join(["Craft"] * n), ",ID," + ",".join(["1"] * n),
+        ",Type," + ",".join(["Rigid Body"] * n), ",Name," + ",".join(["Craft"] * n), ",ID," + ",".join(["1"] * n),  # noqa: E501
         ",," + ",".join(columns), "Frame,Time (Seconds)," + ",".join([*axes, "X", "Y", "Z", ""]),
     ]  # fmt: skip
     for k, (t, x, psi) in enumerate(zip(POSE_TIME, X, PSI, strict=True)):
@@ -172,8 +176,16 @@ def motive(path: Path, *, euler: bool = False, lengths: str = "Millimeters") -> 
 
 def vicon(path: Path, *, trajectories: bool = True) -> Path:
     """Write what Nexus exports of one segment [mm, rotation vector in rad], and of a marker."""
-    lines = ["Segments", "50", ",,Craft:Craft,,,,,", "Frame,Sub Frame,RX,RY,RZ,TX,TY,TZ", ",,rad,rad,rad,mm,mm,mm"]
-    lines += [f"{k + 1},0,0,0,{psi:.9f},{1000 * x:.6f},0,50" for k, (x, psi) in enumerate(zip(X, PSI, strict=True))]
+    lines = [
+        "Segments",
+        "50",
+        ",,Craft:Craft,,,,,",
+        "Frame,Sub Frame,RX,RY,RZ,TX,TY,TZ",
+        ",,rad,rad,rad,mm,mm,mm",
+    ]
+    lines += [
+        f"{k + 1},0,0,0,{psi:.9f},{1000 * x:.6f},0,50" for k, (x, psi) in enumerate(zip(X, PSI, strict=True))
+    ]
     if trajectories:
         lines += ["", "Trajectories", "50", ",,Craft:nose,,", "Frame,Sub Frame,X,Y,Z", ",,mm,mm,mm"]
         lines += [f"{k + 1},0,{1000 * x:.6f},1,2" if k != 5 else f"{k + 1},0,,," for k, x in enumerate(X)]
