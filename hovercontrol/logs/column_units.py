@@ -98,7 +98,7 @@ def factors_of_file(
             continue
         try:
             factor = factor_to_si(ours, units[theirs], wanted.get(ours, ""))
-        except (ArgumentError, InputError) as error:
+        except ValueError as error:  # an InputError, or a text that is too long for a unit
             if ours in wanted or ours in ("time", *UNITS):
                 raise InputError(f"{file}: {error}; another unit: --columns {ours}={theirs}:UNIT") from None
             continue  # nobody asks for it

@@ -7,6 +7,7 @@ import csv
 import io
 import re
 from collections.abc import Collection, Iterator, Mapping
+from dataclasses import replace
 from itertools import islice
 from pathlib import Path
 from typing import Any, BinaryIO, TextIO
@@ -85,9 +86,7 @@ class CsvSource:
         convert.decimal_point = dialect.decimal
         skipped = 0 if dialect.rewritten else dialect.first
         read = pyarrow.csv.ReadOptions(block_size=BLOCK, column_names=self._names, skip_rows=skipped)
-        parse = pyarrow.csv.ParseOptions(
-            delimiter="," if dialect.separator == " " else dialect.separator, invalid_row_handler=_passed_over
-        )
+        parse = pyarrow.csv.ParseOptions(delimiter="," if dialect.separator == " " else dialect.separator)
         if dialect.separator == " " and dialect.decimal == ",":
             parse.delimiter = ";"
         source: Any = self.file
@@ -114,7 +113,9 @@ class CsvSource:
             with self._open(pyarrow.csv.ConvertOptions()) as reader:
                 schema = reader.schema
         except (pa.ArrowInvalid, UnicodeDecodeError) as error:
-            raise self._fault(self.header, error) from None
+            if not self._comments_found():
+                raise self._fault(self.header, error) from None
+            return self.numeric()
         return {field.name for field in schema if pa.types.is_null(field.type) or is_number(field.type)}
 
     def rows_expected(self) -> int:
@@ -127,12 +128,30 @@ class CsvSource:
         """Read columns of numbers as float64, those in `exact` as :meth:`kind` says; text is an error."""
         types = {name: self.kind(name) if name in exact else pa.float64() for name in names}
         convert = pyarrow.csv.ConvertOptions(include_columns=names, column_types=types)
+        rows = 0
         try:
             with self._open(convert) as reader:
-                yield from reader
+                for batch in reader:
+                    rows += batch.num_rows
+                    yield batch
         except (pa.ArrowInvalid, UnicodeDecodeError) as error:
-            numbers = [name for name in names if not pa.types.is_string(types[name])]
-            raise self._fault(numbers, error) from None
+            if not self._comments_found():
+                numbers = [name for name in names if not pa.types.is_string(types[name])]
+                raise self._fault(numbers, error) from None
+            for batch in self.batches(names, exact):  # once more, without comments, behind what was given
+                rest = batch.slice(min(rows, batch.num_rows))
+                rows -= batch.num_rows - rest.num_rows
+                if rest.num_rows:
+                    yield rest
+
+    def _comments_found(self) -> bool:
+        """Return whether there are comment lines where none were expected; from now on they are."""
+        if self.dialect.comments:
+            return False
+        with self._text() as stream:
+            found = any(is_comment(line) for line in islice(stream, self.dialect.first, None))
+        self.dialect = replace(self.dialect, comments=found)
+        return found
 
     def place(self, row: int, column: str) -> tuple[str, str]:
         """Return the line (the file's first is line 1, blank lines count) and the text of a cell."""
@@ -154,12 +173,8 @@ class CsvSource:
                 return
             reader = csv.reader(stream, delimiter=dialect.separator)
             for cells in self._cells(reader, dialect.first):
-                if cells and not (is_comment(cells[0]) and self._is_passed_over(cells)):
+                if cells and not (dialect.comments and is_comment(cells[0])):
                     yield reader.line_num + dialect.first, cells
-
-    def _is_passed_over(self, cells: list[str]) -> bool:
-        """Return whether Arrow is not given a comment line, or does not count it as a row."""
-        return self.dialect.comments or len(cells) != len(self.header)
 
     def _is_number(self, text: str) -> bool:
         return _number(text.replace(self.dialect.decimal, ".") if self.dialect.decimal != "." else text)
@@ -227,11 +242,6 @@ class _Rewritten(io.RawIOBase):
     def close(self) -> None:
         self._file.close()
         super().close()
-
-
-def _passed_over(row: Any) -> str:
-    """Tell Arrow to pass over a row of too few or too many cells that is a comment."""
-    return "skip" if is_comment(row.text or "") else "error"
 
 
 def _number(text: str) -> bool:

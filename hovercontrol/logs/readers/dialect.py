@@ -17,9 +17,11 @@ COMMENTS = ("#", "%", "//")
 #: Separators in the order in which they are tried; a blank stands for any run of blanks and tabs.
 SEPARATORS = {",": "commas", ";": "semicolons", "\t": "tabs", "|": "bars", " ": "blanks"}
 
-_POINT = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?|[-+]?(nan|inf|infinity)", re.IGNORECASE)
+_POINT = re.compile(r"[-+]?(\d+(\.\d*)?|\.\d+)([eE][-+]?\d+)?|[-+]?(nan|inf|infinity)", re.IGNORECASE)
 _COMMA = re.compile(r"[-+]?\d*,\d+([eE][-+]?\d+)?")
 _DATE = re.compile(r"\d{4}-\d\d-\d\d.*|\d\d:\d\d:\d\d.*")
+_ONE = r"(?:[numkcMµ]?(?:s|m|rad|g|N|Nm|V|A|W|Hz|Pa|J|bar)|sec|min|h|hr|in|inch|ft|deg|°|degC|°C|K|rpm|RPM|rev|kmh|kph|mph|T|uT|%|1)"
+_UNIT = re.compile(rf"{_ONE}(?:\^?-?\d)?(?:[*/·. ]{_ONE}(?:\^?-?\d)?)*")
 _NO_UNIT = frozenset({"", "-", "--", "1", "%", "none", "n/a"})
 
 
@@ -228,19 +230,14 @@ def _is_units(names: Sequence[str], cells: Sequence[str]) -> bool:
 def _bare(cell: str) -> str:
     found = re.fullmatch(r"\[(.*)\]|\((.*)\)|<(.*)>", cell)
     text = (next(part for part in found.groups() if part is not None) if found else cell).strip()
-    return "" if text.lower() in _NO_UNIT else text.replace("°", "deg").replace("²", "^2").replace("µ", "u")
+    if text.lower() in _NO_UNIT:
+        return ""
+    text = re.sub(r"([a-zA-Z])(-?\d)", r"\1^\2", text.replace("²", "^2"))
+    for ours, theirs in (("°C", "degC"), ("°", "deg"), ("µ", "u"), ("sec", "s"), ("·", "*")):
+        text = text.replace(ours, theirs)
+    return text
 
 
 def _is_unit(cell: str) -> bool:
-    from hovercontrol.core.units import dimension
-
-    text = _bare(cell)
-    if not text or text != cell:  # in brackets
-        return True
-    if _POINT.fullmatch(text) or _DATE.fullmatch(text):
-        return False
-    try:
-        dimension(text)
-    except InputError:
-        return False
-    return True
+    """Return whether a cell is a unit, in brackets whatever it is."""
+    return not _bare(cell) or _bare(cell) != cell or bool(_UNIT.fullmatch(cell))

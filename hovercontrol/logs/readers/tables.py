@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import gc
+import logging
 import os
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
@@ -135,8 +137,13 @@ def _dots(name: str) -> str:
 @contextmanager
 def quiet() -> Iterator[None]:
     """Keep what a library prints to itself: standard output may be one JSON value."""
-    with open(os.devnull, "w") as nowhere, redirect_stdout(nowhere), redirect_stderr(nowhere):
-        yield
+    before = logging.root.manager.disable
+    logging.disable(logging.CRITICAL)
+    try:
+        with open(os.devnull, "w") as nowhere, redirect_stdout(nowhere), redirect_stderr(nowhere):
+            yield
+    finally:
+        logging.disable(before)
 
 
 @contextmanager
@@ -152,7 +159,8 @@ def faults(file: Path, what: str) -> Iterator[None]:
             why = "it asks for more memory than there is"
         except Exception as error:
             why = reason(error)
-            clear_frames(error.__traceback__)  # what is half made and complains when it is deleted goes now
+            clear_frames(error.__traceback__)
+        gc.collect()  # what is half made may complain when it is deleted
     raise InputError(f"{file}: not readable as {what}: {why}")
 
 

@@ -20,6 +20,9 @@ from hovercontrol.errors import InputError
 from hovercontrol.logs.readers.tables import Table, Tables
 
 SECTIONS = ("Segments", "Trajectories", "Joints", "Model Outputs", "Devices", "Objects")
+MOST_SUBFRAMES = 10_000
+"""Samples of a device within one frame; a number above is none."""
+
 _AXES = {"TX": "x", "TY": "y", "TZ": "z", "RX": "rx", "RY": "ry", "RZ": "rz", "RW": "qw"}
 
 
@@ -72,8 +75,8 @@ def _section(file: Path, text: str, line: int, used: set[str]) -> Table:
     clock = f"{section}/time" if "time" in used else "time"
     data = _numbers(file, lines[5], len(axes), line + 5)
     rows = len(data[0])
-    subframes = int(np.nanmax(data[1], initial=0.0)) + 1 if axes[1:2] and "sub" in axes[1].lower() else 1
-    sub = data[1] if subframes > 1 else 0.0
+    sub = data[1] if axes[1:2] and "sub" in axes[1].lower() else np.zeros(rows)
+    subframes = 1 + int(np.max(sub, initial=0.0, where=np.isfinite(sub) & (sub < MOST_SUBFRAMES)))
     columns: dict[str, Any] = {clock: (data[0] * subframes + sub) / rate}
     columns |= {name: data[k] for k, name in enumerate(header) if name}
     table = Table(
