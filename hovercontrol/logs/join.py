@@ -121,8 +121,9 @@ def measured_rows(log: Log) -> Mask:
     array([ True, False,  True])
     """
     names = measured(log)
-    found: Mask = np.isfinite(log.stack(*names)).any(axis=1) if names else np.ones(len(log), dtype=bool)
-    return found
+    if not names:
+        return np.ones(len(log), dtype=bool)
+    return np.asarray(np.isfinite(log.stack(*names)).any(axis=1), dtype=bool)
 
 
 def _changes(commands: Log, idle: Mapping[str, float] | None) -> Floats:

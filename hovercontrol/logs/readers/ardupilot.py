@@ -5,6 +5,7 @@ Time is in us since boot.
 
 from __future__ import annotations
 
+import mmap
 import struct
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -30,6 +31,9 @@ _UNITS = {
     "°C": "degC",
 }
 
+_FORMAT = b"\xa3\x95\x80"
+"""How a message begins that describes another."""
+
 _HEAD = 3
 """Bytes before the values of a message."""
 
@@ -54,6 +58,7 @@ def ardupilot(file: Path) -> Tables:
             self.init_arrays(progress_callback)  # the other writes on standard error past Python
 
     with faults(file, "ArduPilot log"):
+        _check_lengths(file)
         index = Index(str(file))
         raw = np.memmap(file, dtype=np.uint8, mode="r")
         tables = [
@@ -66,6 +71,18 @@ def ardupilot(file: Path) -> Tables:
     if not tables:
         raise InputError(f"{file}: an ArduPilot log without messages that have a time")
     return Tables(file, tables)
+
+
+def _check_lengths(file: Path) -> None:
+    """Raise if a format says that its messages have no length: the search for the next would not end."""
+    with file.open("rb") as stream, mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as raw:
+        at = raw.find(_FORMAT)
+        while at >= 0:
+            if raw[at + 4 : at + 5] and raw[at + 4] <= _HEAD:
+                raise InputError(
+                    f"{file}: byte {at}: expected messages of over {_HEAD} bytes, found {raw[at + 4]}"
+                )
+            at = raw.find(_FORMAT, at + 1)
 
 
 def _tables(file: Path, raw: Any, form: Any, offsets: Any, structs: Mapping[str, Any]) -> list[Table]:

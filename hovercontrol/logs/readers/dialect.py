@@ -20,7 +20,10 @@ SEPARATORS = {",": "commas", ";": "semicolons", "\t": "tabs", "|": "bars", " ": 
 _POINT = re.compile(r"[-+]?(\d+(\.\d*)?|\.\d+)([eE][-+]?\d+)?|[-+]?(nan|inf|infinity)", re.IGNORECASE)
 _COMMA = re.compile(r"[-+]?\d*,\d+([eE][-+]?\d+)?")
 _DATE = re.compile(r"\d{4}-\d\d-\d\d.*|\d\d:\d\d:\d\d.*")
-_ONE = r"(?:[numkcMµ]?(?:s|m|rad|g|N|Nm|V|A|W|Hz|Pa|J|bar)|sec|min|h|hr|in|inch|ft|deg|°|degC|°C|K|rpm|RPM|rev|kmh|kph|mph|T|uT|%|1)"
+_ONE = (
+    r"(?:[numkcMµ]?(?:s|m|rad|g|N|Nm|V|A|W|Hz|Pa|J|bar)"
+    r"|sec|min|h|hr|in|inch|ft|deg|°|degC|°C|K|rpm|RPM|rev|kmh|kph|mph|T|uT|%|1)"
+)
 _UNIT = re.compile(rf"{_ONE}(?:\^?-?\d)?(?:[*/·. ]{_ONE}(?:\^?-?\d)?)*")
 _NO_UNIT = frozenset({"", "-", "--", "1", "%", "none", "n/a"})
 

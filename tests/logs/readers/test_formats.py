@@ -177,3 +177,14 @@ def test_a_file_with_a_wrong_suffix_ends_in_one_line(tmp_path: Path, suffix: str
     with pytest.raises(InputError) as caught:
         read_log(file)
     assert "\n" not in str(caught.value) and str(file) in str(caught.value)
+
+
+def test_messages_without_a_length_are_refused(tmp_path: Path) -> None:
+    pytest.importorskip("pymavlink")
+    file = written.ardupilot(tmp_path / "a.bin")
+    raw = bytearray(file.read_bytes())
+    at = raw.find(b"\xa3\x95\x80\x05")  # the format of ATT
+    raw[at + 4] = 0
+    file.write_bytes(raw)
+    with pytest.raises(InputError, match=f"byte {at}: expected messages of over 3 bytes, found 0"):
+        read_log(file, {"psi": "ATT/Yaw"}, motion=False)
