@@ -21,6 +21,7 @@ from benchmarks import (
     fused,
     lacking,
     large_log,
+    log_formats,
     navigation,
     real_logs,
     regions,
@@ -46,6 +47,7 @@ ALL = {
     "discrepancy": discrepancy,
     "regions": regions,
     "large_log": large_log,
+    "log_formats": log_formats,
     "autopilot": autopilot,
     "navigation": navigation,
 }

@@ -93,7 +93,7 @@ high = 0.001
         (["identify", "--sample", "--vehicle", "four_fan"], "no column 'rear_left'"),
         (["identify", "--sample", "--coefficients", "thrust,thrust"], "coefficient 'thrust' is named twice"),
         (["identify", "--sample", "--while", "time>50"], "time > 50 holds in no row"),
-        (["identify", "nothere.csv"], "nothere.csv: expected a CSV or Parquet file, there is no such file"),
+        (["identify", "nothere.csv"], "nothere.csv: expected a log file, there is no such file"),
     ],
 )
 def test_wrong_input_is_one_line_with_status_2_and_nothing_written(call, tmp_path, args, said):

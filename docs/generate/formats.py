@@ -8,6 +8,7 @@ from typing import Any
 
 from generate.pages import code, table, toctree, write
 from hovercontrol.log_check.facts import UNITS
+from hovercontrol.logs.source import FORMATS
 from hovercontrol.models.model import MOTION
 from hovercontrol.schema import KINDS, schema
 
@@ -19,6 +20,49 @@ ABOUT = {
     ),
     "result": ("result.json of a diagnosis", "What `hovercontrol diagnose` found, for other programs."),
 }
+
+
+#: What the page on logs says of other formats.
+_OTHER_LOGS = (
+    "## Formats",
+    'A file\'s format is known by its content, else by its suffix. Libraries come with `pip install "hovercontrol[logs]"`.',
+    table(
+        ("format", "suffix", "library", "names of columns"),
+        [(f.name, ", ".join(f"`{s}`" for s in f.suffixes), f.library, f.columns) for f in FORMATS],
+    ),
+    "ROS 2's bags are also read as the folder into which they were recorded. Files of other suffixes are read as CSV.",
+    "In CSV these are recognised, and said in one line: commas, semicolons, tabs, bars or blanks between values; decimal commas; UTF-16; "
+    "comment lines (`#`, `%`, `//`); lines above the header; a line of units below it, which are converted to SI.",
+    "## Topics",
+    "`hovercontrol check flight.ulg` lists the topics of a log with their rates and columns, and proposes `--columns`. Each topic has its own "
+    "clock. The rows of the log are those of the topic with most of the measured columns; measured columns of other topics are interpolated "
+    "linearly between their rows, commands hold until the next row. A topic's clock is the stamp in the header of its ROS messages where that agrees with the "
+    "time of recording to 10 s, else that time; `--columns time=/odom/time` names another. Dots may be written for slashes: `ATT.Yaw`.",
+    "## Time and heading",
+    table(
+        ("`--columns`", "what it does"),
+        [
+            (
+                "`time=stamp`",
+                "a number in s; a date as ISO 8601 writes it; or a stamp since 1970 in s, ms, us or ns, told by its size",
+            ),
+            ("`time=stamp:ms`", "a number in another unit"),
+            (
+                "`time=sec+nanosec`",
+                "a sum of integers; units by names (`sec`, `nsec`, `usec`), or `time=a:s+b:ns`",
+            ),
+            ("`psi=qx,qy,qz,qw`", "the heading of a quaternion, scalar last; also `quat(qx;qy;qz;qw)`"),
+            ("`psi=rx,ry,rz`", "the heading of a rotation vector; also `rotvec(rx;ry;rz)`"),
+            (
+                "`psi=qx,qy,qz,qw:y-up`",
+                "about another axis: `x-up`, `y-up`, `z-up` (default), `z-down` ...; `:-z-up` turns the sign",
+            ),
+        ],
+    ),
+    "Dates and stamps since 1970 count from the first row; differences are exact to 1 ns. The heading is the angle about the axis that is up by the right-hand rule, "
+    "in rad and without jumps, from the frame's x axis (y, where x is up) to the body's, projected on the floor. For `z-up` that is yaw, from x to y; for "
+    "`y-up` it is from x to -z, so the plane's coordinates are `x=pos.x,y=pos.z:-`.",
+)
 
 
 def pages(into: Path) -> tuple[str, str]:
@@ -43,8 +87,8 @@ def pages(into: Path) -> tuple[str, str]:
         )
     write(
         into / "formats" / "log.md",
-        "# Logs (CSV or Parquet)",
-        "A header and a row for each time. `time` and any of pose and body velocities, then the inputs by the plant's names. "
+        "# Logs",
+        "CSV or Parquet has a header and a row for each time: `time` and any of pose and body velocities, then the inputs by the plant's names. "
         "Missing values are empty cells. Other names and units are mapped: `--columns time=stamp_ms:ms,psi=yaw:deg`. The frame is x, y on "
         "the floor with z up; psi turns from x to y. `--frame ned` converts north-east-down logs.",
         table(
@@ -59,9 +103,15 @@ def pages(into: Path) -> tuple[str, str]:
             "time,x,y,psi,thrust,rudder\n0.00,0.000,0.000,0.000,1.5,0.10\n0.02,0.000,0.000,0.001,1.5,0.10",
             "text",
         ),
+        *_OTHER_LOGS,
     )
     kinds = ["log", *KINDS]
-    rows = [("[Logs](formats/log.md)", "CSV or Parquet")]
+    rows = [
+        (
+            "[Logs](formats/log.md)",
+            "CSV, Parquet, and logs of ROS, PX4, ArduPilot, MATLAB, MDF, Motive, Vicon",
+        )
+    ]
     rows += [(f"[{ABOUT[k][0]}](formats/{k}.md)", ABOUT[k][1]) for k in KINDS]
     write(into / "formats.md", "# File formats", table(("file", "what it is"), rows),
           toctree(f"formats/{k}" for k in kinds))  # fmt: skip

@@ -62,6 +62,9 @@ def check(
     given.refuse_twice("check", logs)
     known = given.subject("check", model, vehicle) if model or vehicle else None
     inputs = {s.name: s.unit for s in known.plant(late=True).inputs} if known else {}
+    if not columns and (topics := topics_of(logs, list(inputs), model, vehicle)):
+        print(topics)
+        return 1
     moves = known is not None and known.is_craft
     read = given.reader(inputs, columns, bench, bench_fans, only_while, settle, frame, motion=moves)
     with given.progress_bar("check", 1.0) as report:
@@ -93,21 +96,35 @@ def check(
     return 1 if found.negative else 0
 
 
+def topics_of(logs: list[str], inputs: list[str], model: str | None, vehicle: str | None) -> str:
+    """Return the topics of files that hold several, and proposals of ``--columns``; empty for others."""
+    from hovercontrol.logs.gather import split_files
+    from hovercontrol.logs.overview import overview
+
+    options = f" --model {model}" if model else f" --vehicle {vehicle}" if vehicle else ""
+    paths = dict.fromkeys(path for name in logs for path in split_files(name))
+    return "\n".join(text for path in paths if path.exists() and (text := overview(path, inputs, options)))
+
+
 def stamps(files: str, log: Log, columns: str) -> dict[str, NDArray[np.float64]]:
     """Return the time stamps of a log's files [s] as they stand there, within the time of the log."""
     from hovercontrol.logs.column_units import column_of
+    from hovercontrol.logs.derived import parts_of
     from hovercontrol.logs.gather import split_files
-    from hovercontrol.logs.read import read_log
-    from hovercontrol.logs.source import open_source
+    from hovercontrol.logs.join import measured_rows
+    from hovercontrol.logs.read import header_of, read_log
 
-    clock = given.pairs(columns).get("time", "time")
     paths = split_files(files)
-    if len(paths) == 1:  # its rows are those of the log
-        return {paths[0].name: log.time}
+    if len(paths) == 1:  # its rows are those of the log, less those of commands of another topic
+        return {paths[0].name: log.time[measured_rows(log)]}
     found = {}
     for path in paths:
-        header = open_source(path).header
-        renamed = {"time": clock} if column_of(clock, header)[0] in header else {}
-        time = read_log(path, renamed, motion=False, usecols=[]).time
+        header = header_of(path, {})
+        own = {
+            ours: theirs
+            for ours, theirs in given.pairs(columns).items()
+            if all(column_of(part, header)[0] in header for part in parts_of(theirs, header))
+        }
+        time = read_log(path, own, motion=False, usecols=[]).on_clock_of(log).time
         found[path.name] = time[(time >= log.time[0] - EDGE) & (time <= log.time[-1] + EDGE)]
     return {name: time for name, time in found.items() if time.size}

@@ -30,7 +30,10 @@ Out = Annotated[
 ]
 Logs = Annotated[
     list[str] | None,
-    typer.Argument(metavar="LOG", help="CSV or Parquet; POSE.csv+COMMANDS.csv for a run in two files."),
+    typer.Argument(
+        metavar="LOG",
+        help="CSV, Parquet, ROS bag, ULog, BIN, MAT, MDF; POSE.csv+COMMANDS.csv for a run in two files.",
+    ),
 ]
 ModelFile = Annotated[
     Path | None,
@@ -45,7 +48,7 @@ Columns = Annotated[
     typer.Option(
         "--columns",
         help="The files' names of columns, with units that are not SI, a minus for the other sign: "
-        "time=stamp_ms:ms,rudder=servo:-deg",
+        "time=stamp_ms:ms,rudder=servo:-deg,psi=qx,qy,qz,qw:z-up",
     ),
 ]
 Bench = Annotated[
@@ -238,7 +241,11 @@ def listed(text: str, option: str = "") -> list[str] | None:
 def pairs(text: str) -> dict[str, str]:
     """Return what ``--columns`` says: our name of a column to the file's."""
     found: dict[str, str] = {}
+    ours = ""
     for part in listed(text, "--columns") or []:
+        if "=" not in part and found and found[ours].count(",") < 3:  # psi=qx,qy,qz,qw
+            found[ours] += f",{part}"
+            continue
         ours, equals, theirs = part.partition("=")
         ours, theirs = ours.strip(), theirs.strip()
         if not (ours and equals and theirs):
@@ -246,6 +253,9 @@ def pairs(text: str) -> dict[str, str]:
         if ours in found:
             raise InputError(f"--columns: {ours!r} is given twice: {found[ours]!r} and {theirs!r}")
         found[ours] = theirs
+    for theirs in found.values():
+        if theirs.count(",") == 1:
+            raise InputError(f"--columns: expected NAME=COLUMN, found {theirs.partition(',')[2]!r}")
     return found
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Container
+from collections.abc import Container, Mapping
 
 from hovercontrol.core.units import conversion_factor, plain_si
 from hovercontrol.errors import ArgumentError, InputError
@@ -63,3 +63,45 @@ def factor_to_si(name: str, unit: str, wanted: str = "") -> float:
         return sign * conversion_factor(plain, wanted or {"time": "s", **UNITS}.get(name) or plain_si(plain))
     except InputError as error:
         raise ArgumentError(f"column {name!r}, read as {unit!r}: {error}") from None
+
+
+def factors_of_file(
+    file: str,
+    units: Mapping[str, str],
+    names: Mapping[str, str],
+    said: Container[str],
+    wanted: Mapping[str, str],
+) -> dict[str, float]:
+    """Return what columns are multiplied with whose units the file itself states.
+
+    Parameters
+    ----------
+    file : str
+        For error lines.
+    units : mapping of str to str
+        By the file's names.
+    names : mapping of str to str
+        The file's column under each of ours.
+    said : container of str
+        Our names of columns whose unit the user gave.
+    wanted : mapping of str to str
+        Units that inputs are to have.
+
+    Raises
+    ------
+    InputError
+        If a column of time, pose, velocity or an input has a unit of something else.
+    """
+    factors = {}
+    for ours, theirs in names.items():
+        if ours in said or theirs not in units:
+            continue
+        try:
+            factor = factor_to_si(ours, units[theirs], wanted.get(ours, ""))
+        except ValueError as error:  # an InputError, or a text that is too long for a unit
+            if ours in wanted or ours in ("time", *UNITS):
+                raise InputError(f"{file}: {error}; another unit: --columns {ours}={theirs}:UNIT") from None
+            continue  # nobody asks for it
+        if factor != 1.0:
+            factors[ours] = factor
+    return factors

@@ -15,9 +15,10 @@ from hovercontrol.errors import ArgumentError, InputError, did_you_mean
 from hovercontrol.logs.bench import BenchTable
 from hovercontrol.logs.check import check_gaps
 from hovercontrol.logs.column_units import column_of
+from hovercontrol.logs.derived import parts_of
 from hovercontrol.logs.join import join_logs
 from hovercontrol.logs.log import Log
-from hovercontrol.logs.read import names_in, read_log
+from hovercontrol.logs.read import header_of, names_in, read_log
 
 #: What a bench table turns into the force of a fan carries the fan's name behind this.
 PULSE = "pwm_"
@@ -173,12 +174,10 @@ def _columns_by_file(
     pose: Path, commands: Path, columns: Mapping[str, str]
 ) -> tuple[dict[str, str], dict[str, str]]:
     """Give each renamed column to the files that have it; read_log refuses one that none has."""
-    from hovercontrol.logs.source import open_source
-
-    there = {path: open_source(path).header for path in (pose, commands)}
+    there = {path: header_of(path, {}) for path in (pose, commands)}
 
     def has(path: Path, said: str) -> bool:
-        return column_of(said, there[path])[0] in there[path]
+        return all(column_of(part, there[path])[0] in there[path] for part in parts_of(said, there[path]))
 
     ours = {k: v for k, v in columns.items() if has(pose, v) or not has(commands, v)}
     theirs = {k: v for k, v in columns.items() if has(commands, v)}

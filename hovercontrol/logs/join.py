@@ -9,8 +9,8 @@ import numpy as np
 
 from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError, did_you_mean
-from hovercontrol.logs.clock import steady
-from hovercontrol.logs.log import Floats, Log
+from hovercontrol.logs.clock import measured, steady
+from hovercontrol.logs.log import Floats, Log, Mask
 
 
 @dataclass(frozen=True)
@@ -83,6 +83,7 @@ def join_logs(
     if both:
         raise InputError(f"{pose.name}: column {both[0]!r} is also in {commands.name}")
     idle = _idle_values(commands, before)
+    commands = commands.on_clock_of(pose)
     kept = steady(pose)
     kept = kept.select(kept.time <= commands.time[-1] + hold)
     if idle is None:
@@ -108,7 +109,21 @@ def join_logs(
     measured = {name: np.full(time.size, np.nan) for name in kept.columns}
     for name, column in kept.columns.items():
         measured[name][at] = column
-    return Log(pose.name, time, {**measured, **held})
+    return Log(pose.name, time, {**measured, **held}, origin=pose.origin)
+
+
+def measured_rows(log: Log) -> Mask:
+    """Return in which rows something was measured; in the others a command changes.
+
+    Examples
+    --------
+    >>> measured_rows(Log("a", [0.0, 0.5, 1.0], {"x": [0.0, np.nan, 1.0], "fan": [0.0, 1.0, 1.0]}))
+    array([ True, False,  True])
+    """
+    names = measured(log)
+    if not names:
+        return np.ones(len(log), dtype=bool)
+    return np.asarray(np.isfinite(log.stack(*names)).any(axis=1), dtype=bool)
 
 
 def _changes(commands: Log, idle: Mapping[str, float] | None) -> Floats:

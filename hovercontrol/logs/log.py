@@ -56,6 +56,8 @@ class Log:
     frame : str
         The frame that its axes were said to be in before they became x, y, psi with z up; empty where nobody
         said so, and :func:`.frames.check_frame` looks.
+    origin : int
+        The stamp [ns] from which ``time`` counts, where the file counts from an epoch; else 0.
 
     Raises
     ------
@@ -73,6 +75,7 @@ class Log:
     time: Floats
     columns: Mapping[str, Floats]
     frame: str = ""
+    origin: int = 0
 
     def __post_init__(self) -> None:
         time = np.asarray(self.time, dtype=float)
@@ -191,6 +194,23 @@ class Log:
         """
         added = {name: np.asarray(column, dtype=float) for name, column in columns.items()}
         return replace(self, columns={**self.columns, **added})
+
+    def on_clock_of(self, other: Log) -> Log:
+        """Return the log with its time counted from where that of another log is.
+
+        Parameters
+        ----------
+        other : Log
+
+        Examples
+        --------
+        >>> late = Log("late", [0.0, 1.0], {}, origin=1_700_000_000_500_000_000)
+        >>> late.on_clock_of(Log("first", [0.0], {}, origin=1_700_000_000_000_000_000)).time
+        array([0.5, 1.5])
+        """
+        if self.origin == other.origin:
+            return self
+        return replace(self, time=self.time + (self.origin - other.origin) / 1e9, origin=other.origin)
 
     @property
     def gaps(self) -> tuple[tuple[float, float], ...]:

@@ -1,11 +1,13 @@
-"""Reading a log from a CSV or Parquet file, with errors of one line.
+"""Reading a log from a file, with errors of one line.
 
 Files are read in pieces, so memory stays near the size of the numbers that are kept.
 """
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -14,9 +16,12 @@ import pyarrow as pa
 from hovercontrol.core.boundary import checked
 from hovercontrol.errors import ArgumentError, InputError, did_you_mean
 from hovercontrol.logs.check import check_codes, check_finite, check_heading, check_time
-from hovercontrol.logs.column_units import column_of, factor_to_si
+from hovercontrol.logs.column_units import column_of, factor_to_si, factors_of_file
+from hovercontrol.logs.derived import Derived, with_derived
 from hovercontrol.logs.log import POSE, VELOCITY, Floats, Log
-from hovercontrol.logs.source import Source, open_source
+from hovercontrol.logs.readers.tables import Tables
+from hovercontrol.logs.source import Source, open_log
+from hovercontrol.logs.topics import join_tables
 
 LARGEST = 2**30
 """Bytes of numbers that one log may take in memory."""
@@ -31,7 +36,7 @@ def read_log(
     motion: bool = True,
     usecols: Sequence[str] | None = None,
 ) -> Log:
-    r"""Read a log from CSV (commas, header) or Parquet.
+    r"""Read a log from CSV, Parquet or another of the formats in :data:`~hovercontrol.logs.source.FORMATS`.
 
     Time, pose, body velocities, the wanted inputs and every column named by the caller are
     checked: finite numbers, time increasing, heading not in degrees. Other columns are kept
@@ -40,10 +45,12 @@ def read_log(
     Parameters
     ----------
     path : str or Path
-        ``.parquet`` and ``.pq`` are read as Parquet, everything else as CSV.
+        Its format is known by its content, else by its suffix; everything else is CSV.
     columns : mapping, optional
         Our column name to the file's, ``{"time": "stamp"}``; with a unit where it is not SI,
-        ``{"psi": "yaw:deg"}``; a minus before it turns the sign, ``{"rudder": "servo:-deg"}``.
+        ``{"psi": "yaw:deg"}``; a minus before it turns the sign, ``{"rudder": "servo:-deg"}``. ``{"time":
+        "sec+nanosec"}`` adds stamps, ``{"psi": "qx,qy,qz,qw:z-up"}`` makes a heading of a quaternion
+        (:mod:`.heading`). Columns of a file with topics are called ``topic/field``.
     inputs : sequence of str, or mapping of str to str
         Columns that must be there besides ``time``; with the units that they are to have.
     motion : bool
@@ -75,15 +82,33 @@ def read_log(
     ...     read_log(file, columns={"time": "stamp:ms"}).time
     array([0. , 0.1])
     """
-    file = Path(path)
-    source = open_source(file)
-    said = {ours: column_of(theirs, source.header) for ours, theirs in (columns or {}).items()}
+    file, given = Path(path), columns or {}
+    opened = open_log(file)
+    if isinstance(opened, Tables):
+        units = dict(inputs) if isinstance(inputs, Mapping) else dict.fromkeys(inputs, "")
+        return join_tables(opened, given, units, partial(_read_source, file, motion=False), motion=motion)
+    return _read_source(file, opened, given, inputs, motion=motion, usecols=usecols)
+
+
+def _read_source(
+    file: Path,
+    opened: Source,
+    columns: Mapping[str, str],
+    inputs: Sequence[str] | Mapping[str, str],
+    *,
+    motion: bool,
+    usecols: Sequence[str] | None,
+) -> Log:
+    """Read a log from one table, as :func:`read_log` says."""
+    source = with_derived(file, opened, columns)
+    said = {ours: column_of(theirs, source.header) for ours, theirs in columns.items()}
     renamed = {ours: theirs for ours, (theirs, _) in said.items()}
     units = inputs if isinstance(inputs, Mapping) else {}
     factors = {
         ours: factor_to_si(ours, unit, units.get(ours, "")) for ours, (_, unit) in said.items() if unit
     }
     names = _our_names(str(file), source.header, renamed)
+    factors |= factors_of_file(str(file), source.units, names, factors, units)
     wanted = ("time", *inputs, *(usecols or ()))
     _check_names(str(file), names, wanted, motion)
     if usecols is not None:
@@ -92,6 +117,8 @@ def read_log(
     numeric = source.numeric()
     names = {k: v for k, v in names.items() if k in checked or v in numeric}
 
+    if source.said:
+        warnings.warn(f"{file}: read with {source.said}", stacklevel=3)
     data = _gather(str(file), source, names)
     for ours, factor in factors.items():
         if ours in data:
@@ -107,7 +134,8 @@ def read_log(
     check_time(str(file), source, names["time"], time)
     if "psi" in data:
         check_heading(str(file), names["psi"], time, data["psi"], data.get("r"))
-    return Log(file.name, data.pop("time"), data)
+    origin = source.stamps.origin if isinstance(source, Derived) and source.stamps else None
+    return Log(file.name, data.pop("time"), data, origin=origin or 0)
 
 
 def names_in(path: Path, columns: Mapping[str, str]) -> dict[str, str]:
@@ -118,8 +146,22 @@ def names_in(path: Path, columns: Mapping[str, str]) -> dict[str, str]:
     InputError
         As :func:`read_log`.
     """
-    header = open_source(path).header
+    header = header_of(path, columns)
     return _our_names(str(path), header, {k: column_of(v, header)[0] for k, v in columns.items()})
+
+
+def header_of(path: Path, columns: Mapping[str, str]) -> list[str]:
+    """Return a file's column names, and those that ``--columns`` makes of them.
+
+    Raises
+    ------
+    InputError
+        As :func:`read_log`.
+    """
+    opened = open_log(path)
+    if isinstance(opened, Tables):
+        return [*opened.header, *(said for said in columns.values() if said not in opened.header)]
+    return with_derived(path, opened, columns).header
 
 
 def _our_names(file: str, header: list[str], renamed: Mapping[str, str]) -> dict[str, str]:

@@ -19,6 +19,7 @@ import pandas  # noqa: F401  a time limit that ends its first import within a tr
 import pyarrow as pa
 import pyarrow.parquet
 
+from hovercontrol.commands.given import pairs
 from hovercontrol.core.units import dimension
 from hovercontrol.logs import read_log
 from hovercontrol.models.modelfile import load_model, model_text
@@ -27,6 +28,7 @@ from hovercontrol.samples import sample_path
 from hovercontrol.scenarios import load_scenario, scenario_names
 from tests.fuzz import mutate
 from tests.fuzz.judge import Broken, call, command, forked
+from tests.logs.readers import written
 
 # ---- logs ----------------------------------------------------------------------------------------------
 
@@ -73,6 +75,58 @@ def _parquet() -> bytes:
 def a_parquet_log_is_read(rng: Random, folder: Path) -> int:
     (folder / "a.parquet").write_bytes(mutate.data(rng, _parquet()))
     return call(lambda: read_log(folder / "a.parquet", None, ["thrust", "rudder"]))
+
+
+#: Another format: what writes it, the suffix of a file of it, and --columns.
+_FORMATS = {
+    "ros1": (lambda path: written.ros(path, "ros1"), "bag", "x=/odom/pose.pose.position.x,r=/cmd/angular.z"),
+    "ulog": (
+        written.ulog,
+        "ulg",
+        "x=vehicle_local_position/x,psi=vehicle_attitude/q[0],thrust=actuator_motors/control[0]",
+    ),
+    "ardupilot": (written.ardupilot, "bin", "x=POS/PN,psi=ATT/Yaw,thrust=RCOU/C1"),
+    "matlab": (written.matlab, "mat", "x=pose.pos[0],psi=pose.yaw,thrust=cmd.thrust"),
+    "mdf": (written.mdf, "mf4", "x=pos_x,psi=yaw"),
+    "motive": (written.motive, "csv", "x=Craft.x,psi=Craft.qx,Craft.qy,Craft.qz,Craft.qw:y-up"),
+    "vicon": (written.vicon, "csv", "x=Craft.x,psi=Craft.rx,Craft.ry,Craft.rz"),
+}
+
+
+@cache
+def _sound(kind: str) -> bytes:
+    import tempfile
+
+    write, suffix, _ = _FORMATS[kind]
+    with tempfile.TemporaryDirectory() as folder:
+        return write(Path(folder) / f"a.{suffix}").read_bytes()
+
+
+def a_log_of_another_format_is_read(rng: Random, folder: Path) -> int:
+    kind = rng.choice(list(_FORMATS))
+    _, suffix, columns = _FORMATS[kind]
+    file = folder / f"a.{suffix if rng.random() < 0.9 else rng.choice(['csv', 'bag', 'ulg', 'mat'])}"
+    raw = _sound(kind)
+    text = suffix == "csv" and rng.random() < 0.5
+    damaged = mutate.text(rng, raw.decode()).encode(errors="replace") if text else mutate.data(rng, raw)
+    file.write_bytes(damaged)
+    return call(lambda: read_log(file, pairs(columns), motion=False))
+
+
+def a_dialect_is_read(rng: Random, folder: Path) -> int:
+    separator, decimal = rng.choice([",", ";", "\t", " ", "|"]), rng.choice([".", ","])
+    lines = [",".join(row.split(",")[:4]) for row in _rows()[:200]]
+    lines = [line.replace(",", "\0").replace(".", decimal).replace("\0", separator) for line in lines]
+    lines[0] = (
+        rng.choice(["", "# a\n", "Run 7\n\n", "% "])
+        + lines[0]
+        + rng.choice(["", "\n" + separator.join(["s"] * 4)])
+    )
+    content = mutate.text(rng, "\n".join(lines)) if rng.random() < 0.7 else "\n".join(lines)
+    (folder / "a.csv").write_bytes(
+        content.encode(rng.choice(["utf-8", "utf-16", "cp1252"]), errors="replace")
+    )
+    return call(lambda: read_log(folder / "a.csv", motion=False))
 
 
 def a_log_is_identified(rng: Random, folder: Path) -> int:
@@ -342,6 +396,8 @@ def the_reader_leaves(rng: Random, folder: Path) -> int:
 TRIALS = {
     a_log_is_read: 24,
     a_parquet_log_is_read: 10,
+    a_log_of_another_format_is_read: 10,
+    a_dialect_is_read: 10,
     a_log_is_identified: 6,
     a_model_file_is_read: 20,
     a_scenario_is_read: 12,

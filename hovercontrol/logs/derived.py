@@ -1,0 +1,203 @@
+"""Columns made of others while a file is read: time of stamps, heading of a rotation.
+
+``time=sec+nanosec`` adds columns of integers; dates and stamps of an epoch become seconds since the first
+row; ``psi=qx,qy,qz,qw:z-up`` and ``psi=rx,ry,rz`` make a heading of a quaternion or a rotation vector.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Collection, Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+
+from hovercontrol.errors import ArgumentError, did_you_mean
+from hovercontrol.logs.column_units import column_of
+from hovercontrol.logs.heading import Heading, parse_up
+from hovercontrol.logs.source import Source
+from hovercontrol.logs.stamps import Stamps, needs_stamps
+
+_UP = re.compile(r":\s*(-?[xyz]-(?:up|down))\s*$")
+
+#: Makes values of the parts of a column, piece by piece and in order.
+Make = Callable[[list[pa.Array], int], Any]
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """How a column is made.
+
+    Attributes
+    ----------
+    parts : tuple of str
+        Columns of the file.
+    begin : callable
+        Returns what makes the values of one pass through the file.
+    exact : bool
+        Whether the parts are read in their own types.
+    """
+
+    parts: tuple[str, ...]
+    begin: Callable[[], Make]
+    exact: bool = False
+
+
+@dataclass
+class Derived:
+    """A source with columns that are made of its own.
+
+    Attributes
+    ----------
+    source : Source
+    recipes : mapping of str to Recipe
+        By the name of the column that is made; one of the file may be replaced.
+    stamps : Stamps, optional
+        The clock, where time counts from the first row.
+    """
+
+    source: Source
+    recipes: Mapping[str, Recipe]
+    stamps: Stamps | None = None
+    header: list[str] = field(init=False)
+
+    def __post_init__(self) -> None:
+        clock = [part for part, _ in self.stamps.parts] if self.stamps else []
+        own = [name for name in self.source.header if name in self.recipes or name not in clock]
+        self.header = [*own, *(name for name in self.recipes if name not in own)]
+
+    @property
+    def units(self) -> Mapping[str, str]:
+        """The units of columns that are read as they stand."""
+        return {k: v for k, v in self.source.units.items() if k not in self.recipes}
+
+    @property
+    def said(self) -> str:
+        """How the file is read."""
+        notes = [self.source.said, self.stamps.said if self.stamps else ""]
+        return ", ".join(note for note in notes if note)
+
+    def kind(self, name: str) -> pa.DataType:
+        """Return the type of a column."""
+        return pa.float64() if name in self.recipes else self.source.kind(name)
+
+    def numeric(self) -> set[str]:
+        """Return the columns that look like numbers."""
+        return self.source.numeric() | set(self.recipes)
+
+    def rows_expected(self) -> int:
+        """Return about how many rows there are."""
+        return self.source.rows_expected()
+
+    def batches(self, names: list[str], exact: Collection[str] = ()) -> Iterator[pa.RecordBatch]:
+        """Read columns, and make those that are made."""
+        made = {name: self.recipes[name] for name in names if name in self.recipes}
+        plain = [name for name in names if name not in made]
+        parts = [part for recipe in made.values() for part in recipe.parts]
+        wanted = list(dict.fromkeys([*plain, *parts]))
+        typed = {part for recipe in made.values() if recipe.exact for part in recipe.parts} | set(exact)
+        makers = {name: recipe.begin() for name, recipe in made.items()}
+        row = 0
+        for batch in self.source.batches(wanted, typed):
+            arrays = []
+            for name in names:
+                if name in makers:
+                    given = [batch.column(part) for part in made[name].parts]
+                    arrays.append(pa.array(makers[name](given, row), type=pa.float64()))
+                else:
+                    arrays.append(batch.column(name))
+            row += batch.num_rows
+            yield pa.RecordBatch.from_arrays(arrays, names=names)
+
+    def place(self, row: int, column: str) -> tuple[str, str]:
+        """Return where a row stands, and what its column is made of."""
+        if column not in self.recipes:
+            return self.source.place(row, column)
+        found = [self.source.place(row, part) for part in self.recipes[column].parts]
+        return found[0][0], " ".join(text for _, text in found)
+
+
+def with_derived(file: Path, source: Source, columns: Mapping[str, str]) -> Source:
+    """Return a source with the columns that ``--columns`` makes of others, and time from stamps.
+
+    Parameters
+    ----------
+    file : Path
+        For error lines.
+    source : Source
+    columns : mapping
+        Our column name to what is said of the file's.
+
+    Raises
+    ------
+    ArgumentError
+        If a part is no column of the file.
+    """
+    recipes: dict[str, Recipe] = {}
+    for ours, said in columns.items():
+        if ours != "time" and column_of(said, source.header)[0] not in source.header:
+            heading = _heading(file, source, ours, said)
+            if heading:
+                recipes[said] = heading
+    said = columns.get("time", "time")
+    parts = _clock_parts(file, source, said)
+    if not parts:
+        return Derived(source, recipes) if recipes else source
+    stamps = Stamps(file, source, parts)
+    recipes[said] = Recipe(tuple(name for name, _ in parts), lambda: stamps.seconds, exact=True)
+    return Derived(source, recipes, stamps)
+
+
+def parts_of(said: str, header: Collection[str]) -> list[str]:
+    """Return the columns, with units, of which ``--columns`` makes one; a column of the file stays as it is.
+
+    Examples
+    --------
+    >>> parts_of("sec+nanosec", ["sec", "nanosec"]), parts_of("quat(a;b;c;d):y-up", [])
+    (['sec', 'nanosec'], ['a', 'b', 'c', 'd'])
+    >>> parts_of("yaw:deg", ["yaw"]), parts_of("a+b", ["a+b"])
+    (['yaw:deg'], ['a+b'])
+    """
+    if column_of(said, header)[0] in header:
+        return [said]
+    text = said.rpartition(":")[0] if _UP.search(said) else said
+    inside = re.fullmatch(r"(?:quat|rotvec)\((.*)\)", text.strip())
+    return [part.strip() for part in re.split("[;,+]", inside[1] if inside else text)]
+
+
+def _clock_parts(file: Path, source: Source, said: str) -> list[tuple[str, str]]:
+    """Return the columns, with units, of which time is made; none where it is read as it stands."""
+    name, unit = column_of(said, source.header)
+    if name in source.header:
+        unit = unit or source.units.get(name, "")
+        return [(name, unit)] if needs_stamps(source, name, unit) else []
+    return (
+        [column_of(part, source.header) for part in _known(file, source, "time", said)] if "+" in said else []
+    )
+
+
+def _heading(file: Path, source: Source, ours: str, said: str) -> Recipe | None:
+    """Return how a heading is made of a rotation, None where no rotation is meant."""
+    names = parts_of(said, source.header)
+    if len(names) not in (3, 4) or "+" in said:
+        return None
+    if ours != "psi":
+        raise ArgumentError(f"{file}: column {ours!r}: only psi can be made of a rotation, found {said!r}")
+    _known(file, source, ours, said)
+    found = _UP.search(said)
+    up = parse_up(found[1] if found else "z-up")
+    units = [source.units.get(name, "") for name in names]
+    return Recipe(tuple(names), lambda: Heading(str(file), tuple(names), up, units).values)
+
+
+def _known(file: Path, source: Source, ours: str, said: str) -> list[str]:
+    """Return the parts of a column, all of which the file has."""
+    parts = parts_of(said, source.header)
+    for part in parts:
+        name = column_of(part, source.header)[0]
+        if name not in source.header:
+            hint = did_you_mean(name, source.header)
+            raise ArgumentError(f"{file}: no column {name!r} to read {ours!r} from{hint}")
+    return parts

@@ -1,0 +1,14 @@
+"""What the readers share about Arrow's types."""
+
+from __future__ import annotations
+
+import pyarrow as pa
+
+#: What a damaged file may make Arrow raise.
+DAMAGED = (pa.ArrowException, OSError, ValueError, TypeError, KeyError, OverflowError)
+
+
+def is_number(kind: pa.DataType) -> bool:
+    """Return whether an Arrow type is an integer, a float or a decimal."""
+    kinds = (pa.types.is_integer, pa.types.is_floating, pa.types.is_decimal)
+    return any(check(kind) for check in kinds)

@@ -1,0 +1,246 @@
+"""How a text table is written: separator, decimal mark, lines above the header, units below it, comments."""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from hovercontrol.errors import InputError
+
+HEAD = 2**16
+"""Bytes at the start of a file from which its dialect is recognised."""
+
+COMMENTS = ("#", "%", "//")
+
+#: Separators in the order in which they are tried; a blank stands for any run of blanks and tabs.
+SEPARATORS = {",": "commas", ";": "semicolons", "\t": "tabs", "|": "bars", " ": "blanks"}
+
+_POINT = re.compile(r"[-+]?(\d+(\.\d*)?|\.\d+)([eE][-+]?\d+)?|[-+]?(nan|inf|infinity)", re.IGNORECASE)
+_COMMA = re.compile(r"[-+]?\d*,\d+([eE][-+]?\d+)?")
+_DATE = re.compile(r"\d{4}-\d\d-\d\d.*|\d\d:\d\d:\d\d.*")
+_ONE = (
+    r"(?:[numkcMµ]?(?:s|m|rad|g|N|Nm|V|A|W|Hz|Pa|J|bar)"
+    r"|sec|min|h|hr|in|inch|ft|deg|°|degC|°C|K|rpm|RPM|rev|kmh|kph|mph|T|uT|%|1)"
+)
+_UNIT = re.compile(rf"{_ONE}(?:\^?-?\d)?(?:[*/·. ]{_ONE}(?:\^?-?\d)?)*")
+_NO_UNIT = frozenset({"", "-", "--", "1", "%", "none", "n/a"})
+
+
+@dataclass(frozen=True)
+class Dialect:
+    """How a text table is written.
+
+    Attributes
+    ----------
+    encoding : str
+        Python's name of it.
+    separator : str
+        Between cells; a blank stands for any run of blanks and tabs.
+    decimal : str
+        Decimal mark, ``.`` or ``,``.
+    header, first : int
+        Lines (from 0) of the header and of the first row of data.
+    names, units : tuple of str
+        Of the columns; no units where the file states none.
+    comments : bool
+        Whether comment lines stand below the header.
+    """
+
+    encoding: str = "utf-8-sig"
+    separator: str = ","
+    decimal: str = "."
+    header: int = 0
+    first: int = 1
+    names: tuple[str, ...] = ()
+    units: tuple[str, ...] = ()
+    comments: bool = False
+
+    @property
+    def text(self) -> str:
+        """What differs from plain CSV, in words; empty where nothing does."""
+        said = []
+        if self.encoding.startswith("utf-16"):
+            said.append("UTF-16")
+        if self.separator != ",":
+            said.append(f"{SEPARATORS[self.separator]} between values")
+        if self.decimal != ".":
+            said.append("decimal commas")
+        if self.header:
+            said.append(f"header in line {self.header + 1}")
+        if self.units:
+            said.append("a line of units below the header")
+        if self.comments:
+            said.append("comment lines")
+        return ", ".join(said)
+
+    @property
+    def rewritten(self) -> bool:
+        """Whether the text must be rewritten before a CSV parser takes it."""
+        return self.encoding.startswith("utf-16") or self.separator == " " or self.comments
+
+    def cells(self, line: str) -> list[str]:
+        """Return the cells of one line."""
+        if self.separator == " ":
+            return line.split()
+        return next(csv.reader([line], delimiter=self.separator), [])
+
+
+def is_comment(line: str) -> bool:
+    """Return whether a line is a comment."""
+    return line.lstrip().startswith(COMMENTS)
+
+
+def recognise(head: bytes, file: str) -> Dialect:
+    r"""Return how a text table is written, from its first bytes.
+
+    Parameters
+    ----------
+    head : bytes
+        Up to :data:`HEAD` bytes.
+    file : str
+        What error lines call the file.
+
+    Raises
+    ------
+    InputError
+        If the bytes are no text.
+
+    Examples
+    --------
+    >>> found = recognise(b"Run 7\nt;x\ns;mm\n0;1,5\n1;2,5\n", "a.csv")
+    >>> found.names, found.units
+    (('t', 'x'), ('s', 'mm'))
+    >>> found.text
+    'semicolons between values, decimal commas, header in line 2, a line of units below the header'
+    """
+    encoding, text = _decoded(head, file)
+    lines = text.splitlines()
+    if len(head) >= HEAD and len(lines) > 1:
+        lines.pop()  # cut within the line
+    plain = Dialect(encoding)
+    if not encoding.startswith("utf-16") and _is_plain(lines):
+        return plain
+    found = [d for separator in SEPARATORS if (d := _with(replace(plain, separator=separator), lines))]
+    return max(found, key=lambda d: len(d.names), default=plain)
+
+
+def _decoded(head: bytes, file: str) -> tuple[str, str]:
+    if head.startswith((b"\xff\xfe", b"\xfe\xff")):
+        return "utf-16", head[: len(head) // 2 * 2].decode("utf-16", errors="replace")
+    if b"\0" in head:
+        for encoding, odd in (("utf-16-le", 1), ("utf-16-be", 0)):
+            zeros = head[odd::2].count(0)
+            if zeros > 0.9 * len(head[odd::2]) and not head[1 - odd :: 2].count(0):
+                return encoding, head[: len(head) // 2 * 2].decode(encoding, errors="replace")
+        raise InputError(f"{file}: not a CSV file: expected text, found binary data")
+    try:
+        return "utf-8-sig", head.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        if error.start > len(head) - 4 and len(head) >= HEAD:  # cut within a letter
+            return "utf-8-sig", head.decode("utf-8-sig", errors="replace")
+        return "cp1252", head.decode("cp1252", errors="replace")
+
+
+def _is_plain(lines: Sequence[str]) -> bool:
+    """Return whether line 1 is a header of names between commas and the next a row of numbers."""
+    if not lines or is_comment(lines[0]):
+        return False
+    plain = Dialect()
+    try:
+        names = plain.cells(lines[0])
+        below = [plain.cells(line) for line in lines[1:50] if line.strip()]
+    except csv.Error:
+        return True  # and the reader says which line
+    if not below:
+        return len(names) > 1 or not any(mark in lines[0] for mark in ";\t|")
+    row = below[0]
+    return (
+        len(names) == len(row)
+        and any(_POINT.fullmatch(cell.strip()) for cell in row)
+        and not any(_POINT.fullmatch(name.strip()) for name in names)
+        and not any(_COMMA.fullmatch(cell.strip()) for cells in below for cell in cells)
+        and not any(is_comment(line) for line in lines)
+    )
+
+
+def _with(dialect: Dialect, lines: Sequence[str]) -> Dialect | None:
+    """Return the dialect completed, if with its separator some line is a header above rows of numbers."""
+    rows: list[tuple[int, bool, list[str]]] = []
+    for k, line in enumerate(lines[:1000]):
+        comment = is_comment(line)
+        try:
+            cells = [c.strip() for c in dialect.cells(line.strip().lstrip("#%/") if comment else line)]
+        except csv.Error:
+            return None
+        if any(cells):
+            rows.append((k, comment, cells))
+    for at, (header, comment, names) in enumerate(rows):
+        below = [row for row in rows[at + 1 : at + 60] if not row[1]]
+        if not _is_header(names, least=2 if dialect.separator != "," else 1) or not below:
+            continue
+        units = tuple(_bare(cell) for cell in below[0][2]) if _is_units(names, below[0][2]) else ()
+        data = below[1:] if units else below
+        if not data:
+            continue
+        width = len(data[0][2])
+        trailing = width == len(names) + 1 and not data[0][2][-1]
+        if comment and any(
+            len(cells) == width and _is_header(cells) for _, c, cells in rows[at + 1 :] if not c
+        ):
+            continue  # a header that is no comment follows
+        alike = sum(len(row[2]) == width for row in data)
+        if (width != len(names) and not trailing) or 2 * alike < len(data):
+            continue
+        if not all(_is_data(row[2], dialect.separator) for row in data[:3]):
+            continue
+        cells = [cell for row in data for cell in row[2]]
+        comma = any(_COMMA.fullmatch(c) for c in cells) and not any(
+            "." in c and _POINT.fullmatch(c) for c in cells
+        )
+        first = data[0][0]
+        return replace(
+            dialect,
+            decimal="," if comma else ".",
+            header=header,
+            first=first,
+            names=(*names, "") if trailing else tuple(names),
+            units=units,
+            comments=any(is_comment(text) for text in lines[first:]),
+        )
+    return None
+
+
+def _is_header(cells: Sequence[str], least: int = 2) -> bool:
+    named = [cell for cell in cells if cell]
+    numbers = any(_POINT.fullmatch(cell) or _COMMA.fullmatch(cell) or _DATE.fullmatch(cell) for cell in named)
+    return len(cells) >= least and 2 * len(named) >= len(cells) and not numbers
+
+
+def _is_data(cells: Sequence[str], separator: str) -> bool:
+    numbers = [c for c in cells if _POINT.fullmatch(c) or _COMMA.fullmatch(c) or _DATE.fullmatch(c)]
+    return bool(numbers) and 2 * len(numbers) >= len([cell for cell in cells if cell])
+
+
+def _is_units(names: Sequence[str], cells: Sequence[str]) -> bool:
+    """Return whether a line below a header states units."""
+    if len(cells) != len(names) or all(_bare(cell).lower() in _NO_UNIT for cell in cells):
+        return False
+    return all(_is_unit(cell) for cell in cells)
+
+
+def _bare(cell: str) -> str:
+    found = re.fullmatch(r"\[(.*)\]|\((.*)\)|<(.*)>", cell)
+    text = (next(part for part in found.groups() if part is not None) if found else cell).strip()
+    if text.lower() in _NO_UNIT:
+        return ""
+    text = re.sub(r"([a-zA-Z])(-?\d)", r"\1^\2", text.replace("²", "^2"))
+    for ours, theirs in (("°C", "degC"), ("°", "deg"), ("µ", "u"), ("sec", "s"), ("·", "*")):
+        text = text.replace(ours, theirs)
+    return text
+
+
+def _is_unit(cell: str) -> bool:
+    """Return whether a cell is a unit, in brackets whatever it is."""
+    return not _bare(cell) or _bare(cell) != cell or bool(_UNIT.fullmatch(cell))

@@ -1,0 +1,67 @@
+"""Parquet files."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping
+from pathlib import Path
+
+import pyarrow as pa
+import pyarrow.parquet
+
+from hovercontrol.errors import InputError
+from hovercontrol.io.files import reason
+from hovercontrol.logs.readers.arrow import DAMAGED, is_number
+
+BATCH = 2**16
+"""Rows read at a time."""
+
+
+class ParquetSource:
+    """A Parquet file."""
+
+    units: Mapping[str, str] = {}
+    said = ""
+
+    def __init__(self, file: Path) -> None:
+        self.file = file
+        try:
+            self._parquet = pyarrow.parquet.ParquetFile(file)
+            self.header: list[str] = self._parquet.schema_arrow.names
+        except DAMAGED as error:
+            raise InputError(f"{file}: not readable as Parquet: {reason(error)}") from None
+
+    def kind(self, name: str) -> pa.DataType:
+        """Return the type of a column in the file."""
+        return self._parquet.schema_arrow.field(name).type
+
+    def numeric(self) -> set[str]:
+        """Return the columns of a number type."""
+        return {field.name for field in self._parquet.schema_arrow if is_number(field.type)}
+
+    def rows_expected(self) -> int:
+        """Return the number of rows."""
+        return int(self._parquet.metadata.num_rows)
+
+    def batches(self, names: list[str], exact: Collection[str] = ()) -> Iterator[pa.RecordBatch]:
+        """Read columns of numbers; a column of another type that is not in `exact` is an error."""
+        for name in names:
+            kind = self.kind(name)
+            if name not in exact and not is_number(kind):
+                found = f"{kind} {self.place(0, name)[1]!r}" if self.rows_expected() else str(kind)
+                raise InputError(f"{self.file}: row 1, column {name!r}: expected a number, found {found}")
+        yield from self._read(names)
+
+    def _read(self, names: list[str]) -> Iterator[pa.RecordBatch]:
+        try:
+            yield from self._parquet.iter_batches(batch_size=BATCH, columns=names)
+        except DAMAGED as error:
+            raise InputError(f"{self.file}: not readable as Parquet: {reason(error)}") from None
+
+    def place(self, row: int, column: str) -> tuple[str, str]:
+        """Return the row (from 1) and the value of a cell."""
+        before = 0
+        for batch in self._read([column]):
+            if row < before + batch.num_rows:
+                return f"row {row + 1}", str(batch.column(0)[row - before].as_py())
+            before += batch.num_rows
+        raise AssertionError("the row was read before")

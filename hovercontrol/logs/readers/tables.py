@@ -1,0 +1,181 @@
+"""Tables in memory, and files that hold several tables, each on its own clock."""
+
+from __future__ import annotations
+
+import gc
+import logging
+import os
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager, redirect_stderr, redirect_stdout
+from dataclasses import dataclass, field
+from functools import cached_property
+from importlib import import_module
+from pathlib import Path
+from traceback import clear_frames
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+
+from hovercontrol.errors import InputError
+from hovercontrol.io.files import reason
+from hovercontrol.logs.readers.arrow import is_number
+
+BATCH = 2**16
+"""Rows given at a time."""
+
+#: Gives the named columns, all of one length.
+Loader = Callable[[Sequence[str]], Mapping[str, Any]]
+
+
+@dataclass
+class Table:
+    """A table whose columns are loaded when they are asked for.
+
+    Attributes
+    ----------
+    file : path
+    name : str
+        Of the table in its file: a topic.
+    header : list of str
+    rows : int
+    load : callable
+        Gives columns by name as NumPy arrays of `rows` values.
+    clock : str
+        The column of time; empty where the file does not say which it is.
+    units : mapping of str to str
+        Of columns where the file states them.
+    said : str
+        How the file is read, where that is not plain.
+    line : int
+        The line of the file in which its first row stands; 0 where it has no lines.
+    """
+
+    file: Path
+    name: str
+    header: list[str]
+    rows: int
+    load: Loader
+    clock: str = ""
+    units: Mapping[str, str] = field(default_factory=dict)
+    said: str = ""
+    line: int = 0
+    _loaded: dict[str, Any] = field(default_factory=dict, repr=False)
+
+    def columns(self, names: Sequence[str]) -> dict[str, Any]:
+        """Return columns as arrays; what was loaded once is kept."""
+        missing = [name for name in names if name not in self._loaded]
+        if missing:
+            with faults(self.file, self.name):
+                self._loaded.update(self.load(missing))
+        return {name: self._loaded[name] for name in names}
+
+    def kind(self, name: str) -> pa.DataType:
+        """Return the type of a column."""
+        return pa.from_numpy_dtype(self.columns([name])[name].dtype)
+
+    def numeric(self) -> set[str]:
+        """Return all columns: a table holds numbers alone."""
+        return set(self.header)
+
+    def rows_expected(self) -> int:
+        """Return the number of rows."""
+        return self.rows
+
+    def batches(self, names: list[str], exact: Collection[str] = ()) -> Iterator[pa.RecordBatch]:
+        """Give columns of numbers in pieces, in their own types."""
+        data = self.columns(names)
+        for name, values in data.items():
+            if name not in exact and not is_number(pa.from_numpy_dtype(values.dtype)):
+                raise InputError(f"{self.file}: column {name!r}: expected numbers, found {values.dtype}")
+        for first in range(0, self.rows, BATCH):
+            part = [pa.array(np.ascontiguousarray(data[name][first : first + BATCH])) for name in names]
+            yield pa.RecordBatch.from_arrays(part, names=names)
+
+    def place(self, row: int, column: str) -> tuple[str, str]:
+        """Return the row (from 1), or the line, and the value of a cell."""
+        where = f"line {self.line + row}" if self.line else f"row {row + 1}"
+        return where, str(self.columns([column])[column][row])
+
+
+@dataclass
+class Tables:
+    """A file that holds several tables, each on its own clock: topics of a flight log.
+
+    Attributes
+    ----------
+    file : path
+    tables : sequence of Table
+        Names of columns differ between them.
+    """
+
+    file: Path
+    tables: Sequence[Table]
+
+    @cached_property
+    def header(self) -> list[str]:
+        """The names of all columns."""
+        return [name for table in self.tables for name in table.header]
+
+    @cached_property
+    def _dotted(self) -> dict[str, str]:
+        return {_dots(name): name for name in reversed(self.header)}
+
+    def named(self, column: str) -> str:
+        """Return the name of a column; dots may be written for slashes, the first slash may be left out."""
+        return column if column in self.header else self._dotted.get(_dots(column), column)
+
+    def table_of(self, column: str) -> Table | None:
+        """Return the table that has a column, None where none has."""
+        return next((table for table in self.tables if column in table.header), None)
+
+
+def _dots(name: str) -> str:
+    return name.replace("/", ".").lstrip(".")
+
+
+@contextmanager
+def quiet() -> Iterator[None]:
+    """Keep what a library prints to itself: standard output may be one JSON value."""
+    before = logging.root.manager.disable
+    logging.disable(logging.CRITICAL)
+    try:
+        with open(os.devnull, "w") as nowhere, redirect_stdout(nowhere), redirect_stderr(nowhere):
+            yield
+    finally:
+        logging.disable(before)
+
+
+@contextmanager
+def faults(file: Path, what: str) -> Iterator[None]:
+    """Raise whatever a library raises on a damaged file as one line."""
+    with quiet():
+        try:
+            yield
+            return
+        except InputError:
+            raise
+        except MemoryError:
+            why = "it asks for more memory than there is"
+        except Exception as error:
+            why = reason(error)
+            clear_frames(error.__traceback__)
+        gc.collect()  # what is half made may complain when it is deleted
+    raise InputError(f"{file}: not readable as {what}: {why}")
+
+
+def library(file: Path, module: str, what: str) -> Any:
+    """Return a module of an optional package.
+
+    Raises
+    ------
+    InputError
+        If it is not installed; the line says how to install it.
+    """
+    try:
+        return import_module(module)
+    except ImportError as error:
+        raise InputError(
+            f"{file}: reading {what} needs {module.partition('.')[0]}: "
+            f'pip install "hovercontrol[logs]" ({reason(error)})'
+        ) from None

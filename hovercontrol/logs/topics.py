@@ -1,0 +1,142 @@
+"""One log of a file that holds several tables, each on its own clock: the topics of a flight log."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+
+from hovercontrol.errors import ArgumentError, InputError, did_you_mean
+from hovercontrol.logs.column_units import column_of
+from hovercontrol.logs.derived import parts_of
+from hovercontrol.logs.join import join_logs
+from hovercontrol.logs.log import POSE, VELOCITY, Log, gap_rows
+from hovercontrol.logs.readers.tables import Table, Tables
+
+#: Reads columns of one table into a log, as :func:`.read.read_log` reads a file.
+ReadTable = Callable[..., Log]
+
+
+def join_tables(
+    file: Tables, columns: Mapping[str, str], inputs: Mapping[str, str], read: ReadTable, *, motion: bool
+) -> Log:
+    """Return the named columns of several tables as one log.
+
+    Rows are those of the table that has most of the measured columns; measured columns of other tables are
+    interpolated linearly, commands are held (:func:`~hovercontrol.logs.join.join_logs`).
+
+    Parameters
+    ----------
+    file : Tables
+    columns : mapping
+        Our column name to the file's.
+    inputs : mapping of str to str
+        Commands that the log must have, and their units.
+    read : callable
+    motion : bool
+        Whether pose or body velocities are wanted.
+
+    Raises
+    ------
+    ArgumentError
+        If a column is in no table.
+    InputError
+        If no column is named, or two tables have no time in common.
+    """
+    columns = {ours: _named(file, said) for ours, said in columns.items()}
+    said = {**{k: k for k in ("time", *POSE, *VELOCITY, *inputs) if file.table_of(k)}, **columns}
+    clocks = {k: v for k, v in said.items() if k == "time"}
+    named = {k: v for k, v in said.items() if k != "time"}
+    if not named or (motion and not named.keys() & {*POSE, *VELOCITY}):
+        raise InputError(
+            f"{file.file}: {len(file.tables)} topics, and none of the columns is named x, y, psi, u, v or r: "
+            f"--columns x=TOPIC/FIELD,... (hovercontrol check {file.file} lists the columns)"
+        )
+    by_table: dict[str, dict[str, str]] = {}
+    tables = {table.name: table for table in file.tables}
+    for ours, theirs in named.items():
+        by_table.setdefault(_table(file, ours, theirs).name, {})[ours] = theirs
+    missing = [name for name in inputs if name not in named]
+    if missing:
+        raise InputError(f"{file.file}: no column {missing[0]!r} (--columns {missing[0]}=TOPIC/FIELD)")
+    logs = {}
+    for name, own in by_table.items():
+        clock = {"time": tables[name].clock} if tables[name].clock else {}
+        if clocks and _table(file, "time", clocks["time"]) is tables[name]:
+            clock = clocks
+        if not clock:
+            raise InputError(f"{file.file}: {name}: no column of time is known: --columns time=NAME")
+        logs[name] = read(
+            tables[name], {**clock, **own}, {k: v for k, v in inputs.items() if k in own}, usecols=list(own)
+        )
+    commands = set(inputs) or {k for k in named if k not in (*POSE, *VELOCITY)}
+    if not set(named) - commands:
+        commands = set()
+    return _joined(file.file.name, list(logs.values()), commands)
+
+
+def _named(file: Tables, said: str) -> str:
+    """Return what is said of a column with the file's own names in it."""
+    for part in parts_of(said, file.header):
+        name = column_of(part, file.header)[0]
+        said = said.replace(name, file.named(name))
+    return said
+
+
+def _table(file: Tables, ours: str, said: str) -> Table:
+    """Return the table that has a column, or all parts of one that is made of several."""
+    found = file.table_of(column_of(parts_of(said, file.header)[0], file.header)[0])
+    if found:
+        return found
+    hint = did_you_mean(column_of(said, file.header)[0], file.header)
+    raise ArgumentError(f"{file.file}: no column {said!r} to read {ours!r} from{hint}")
+
+
+def _joined(name: str, logs: Sequence[Log], commands: set[str]) -> Log:
+    """Return measured columns at the times of the log that has most of them, and the commands in force."""
+    measured = [(log, [k for k in log.columns if k not in commands]) for log in logs]
+    base, own = max(measured, key=lambda pair: len(pair[1]))
+    kept = Log(name, base.time, {k: base[k] for k in own}, origin=base.origin)
+    for log, names in measured:
+        if log is not base and names:
+            kept = _interpolated(kept, log.on_clock_of(base), names)
+    sent = [
+        Log(log.name, log.time, {k: log[k] for k in log.columns if k in commands}, origin=log.origin)
+        for log in logs
+        if commands & log.columns.keys()
+    ]
+    if not sent:
+        return kept
+    if len(logs) == 1:
+        return kept.with_columns({k: base[k] for k in base.columns if k in commands})
+    joined = join_logs(kept, _held([log.on_clock_of(base) for log in sent]))
+    return joined
+
+
+def _interpolated(log: Log, other: Log, names: Sequence[str]) -> Log:
+    """Add columns of another log, linear between its rows; rows outside it or in its gaps are left out."""
+    inside = (log.time >= other.time[0]) & (log.time <= other.time[-1])
+    for row in gap_rows(other.time):
+        inside &= (log.time <= other.time[row - 1]) | (log.time >= other.time[row])
+    if not inside.any():
+        raise InputError(
+            f"{log.name}: no time in common: {', '.join(log.columns)} from {log.time[0]:g} to "
+            f"{log.time[-1]:g} s, {', '.join(names)} from {other.time[0]:g} to {other.time[-1]:g} s"
+        )
+    kept = log.select(inside)
+    values = {k: np.unwrap(other[k]) if k == "psi" else other[k] for k in names}
+    return kept.with_columns({k: np.interp(kept.time, other.time, v) for k, v in values.items()})
+
+
+def _held(logs: Sequence[Log]) -> Log:
+    """Return commands of several logs as one, from when all are known; each holds until its next row."""
+    if len(logs) == 1:
+        return logs[0]
+    time = np.unique(np.concatenate([log.time for log in logs]))
+    time = time[time >= max(log.time[0] for log in logs)]
+    held = {
+        k: v[np.searchsorted(log.time, time, side="right") - 1]
+        for log in logs
+        for k, v in log.columns.items()
+    }
+    return Log(" + ".join(dict.fromkeys(log.name for log in logs)), time, held, origin=logs[0].origin)

@@ -1,0 +1,83 @@
+"""Text tables are read as people write them: separators, decimal commas, comments, units, lines above."""
+
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hovercontrol.errors import InputError
+from hovercontrol.logs import read_log
+
+#: The same two rows, t = 0.5, 0.6 s, u = 1.5, 1.5 m/s, v = 2, 2 m/s, r = 3, -3 rad/s; and what is said of each.  # noqa: E501
+FORMS = {
+    "plain": ("time,u,v,r\n0.5,1.5,2,3\n0.6,1.5,2,-3\n", ""),
+    "semicolons": ("time;u;v;r\n0.5;1.5;2;3\n0.6;1.5;2;-3\n", "semicolons"),
+    "decimal commas": ("time;u;v;r\n0,5;1,5;2;3\n0,6;1,5;2;-3\n", "semicolons between values, decimal commas"),  # noqa: E501
+    "quoted decimal commas": ('time,u,v,r\n"0,5","1,5",2,3\n"0,6","1,5",2,-3\n', "decimal commas"),
+    "tabs": ("time\tu\tv\tr\n0.5\t1.5\t2\t3\n0.6\t1.5\t2\t-3\n", "tabs"),
+    "blanks": (" time   u v  r\n 0.5 1.5  2 3\n 0.6\t1.5 2 -3 \n", "blanks"),
+    "blanks, decimal commas": ("time u v r\n0,5 1,5 2 3\n0,6 1,5 2 -3\n", "blanks between values, decimal commas"),  # noqa: E501
+    "a commented header": ("# time u v r\n0.5 1.5 2 3\n0.6 1.5 2 -3\n", "blanks"),
+    "rostopic": ("%time,u,v,r\n0.5,1.5,2,3\n0.6,1.5,2,-3\n", ""),
+    "comments": ("# by a tool, 2, 3, 4\ntime,u,v,r\n0.5,1.5,2,3\n// pause, 1, 2, 3\n0.6,1.5,2,-3\n",
+                 "header in line 2, comment lines"),
+    "lines above the header": ("Logger 2\nDate;2026-01-31\nRate;50\n\ntime;u;v;r\n0.5;1.5;2;3\n0.6;1.5;2;-3\n",  # noqa: E501
+                               "header in line 5"),
+    "units": ("time,u,v,r\n[ms],[mm/s],[cm/s],\n500,1500,200,3\n600,1500,200,-3\n", "units below the header"),
+    "units without brackets": ("time,u,v,r\nms,mm/s,cm/s,rad/s\n500,1500,200,3\n600,1500,200,-3\n", "units"),
+    "a last separator": ("time,u,v,r\n0.5,1.5,2,3,\n0.6,1.5,2,-3,\n", ""),
+    "carriage returns": ("time u v r\r\n0.5 1.5 2 3\r\n0.6 1.5 2 -3\r\n", "blanks"),
+}  # fmt: skip
+
+
+def check(file: Path, said: str) -> None:
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        log = read_log(file)
+    assert log.time.tolist() == [0.5, 0.6]
+    assert np.allclose(log.stack("u", "v", "r"), [[1.5, 2.0, 3.0], [1.5, 2.0, -3.0]], rtol=1e-12)
+    assert [str(w.message) for w in caught if said and said in str(w.message)] or not said
+    assert len(caught) == (FORMS["plain"][1] != said)
+
+
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "utf-16-be"])
+def test_a_dialect_is_recognised(tmp_path: Path, form: str, encoding: str) -> None:
+    text, said = FORMS[form]
+    (tmp_path / "a.csv").write_bytes(text.encode(encoding))
+    check(tmp_path / "a.csv", "UTF-16" if encoding.startswith("utf-16") else said)
+
+
+def test_a_comment_in_a_file_that_seems_plain_is_no_row(tmp_path: Path) -> None:
+    file = tmp_path / "a.csv"
+    rows = [f"{k},1,2,3" for k in range(20_000)]
+    file.write_text("\n".join(["time,u,v,r", *rows[:15_000], "# a pause", *rows[15_000:]]))
+    assert len(read_log(file)) == 20_000
+    file.write_text(file.read_text() + "\n20000,1,x,3\n")
+    with pytest.raises(InputError, match="line 20003, column 'v': expected a number, found 'x'"):
+        read_log(file)
+
+
+def test_a_header_in_another_alphabet_is_read(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_bytes("time;x;y;psi\ns;m;m;°\n0;1;2;90\n1;1;2;90\n".encode("cp1252"))
+    with pytest.warns(UserWarning, match="units"):
+        assert read_log(tmp_path / "a.csv")["psi"] == pytest.approx([np.pi / 2] * 2)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("time;u;v;r\n0;1;2;3\n1;oops;2;3\n", "line 3, column 'u': expected a number, found 'oops'"),
+        ("a\nb\n\ntime u v r\n0 1 2 3\n# x\n1 2 3\n", "line 7: expected 4 values as in the header, found 3"),
+        ("time;u;v;r\ns;m;m/s;rad/s\n0;1;2;3\n1;1;2;3\n",
+         "column 'u', read as 'm': expected a unit like 'm/s', found 'm'; another unit: --columns u=u:UNIT"),
+        ("0;1;2;3\n1;1;2;3\n", "line 1: expected a header of column names, found '0;1;2;3'"),
+    ],
+)  # fmt: skip
+@pytest.mark.filterwarnings("ignore:.*read with")
+def test_a_fault_in_a_dialect_is_named_by_its_line(tmp_path: Path, text: str, said: str) -> None:
+    (tmp_path / "a.csv").write_text(text)
+    with pytest.raises(InputError) as caught:
+        read_log(tmp_path / "a.csv")
+    assert said in str(caught.value)
