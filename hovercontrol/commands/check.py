@@ -42,6 +42,8 @@ def check(
     only_while: given.OnlyWhile = "",
     settle: given.Settle = 1.0,
     frame: given.Frame = "",
+    missing: given.Missing = "",
+    trial: given.TrialColumn = "",
     json: given.Json = False,
 ) -> int:
     """Check logs before a fit: timing, noise, outliers, units, excitation.
@@ -63,7 +65,18 @@ def check(
     known = given.subject("check", model, vehicle) if model or vehicle else None
     inputs = {s.name: s.unit for s in known.plant(late=True).inputs} if known else {}
     moves = known is not None and known.is_craft
-    read = given.reader(inputs, columns, bench, bench_fans, only_while, settle, frame, motion=moves)
+    read = given.reader(
+        inputs,
+        columns,
+        bench,
+        bench_fans,
+        only_while,
+        settle,
+        frame,
+        motion=moves,
+        missing=missing,
+        trial=trial,
+    )
     with given.progress_bar("check", 1.0) as report:
         report(0.0, "reading logs")
         every, written, unread = [], [], []
@@ -95,19 +108,15 @@ def check(
 
 def stamps(files: str, log: Log, columns: str) -> dict[str, NDArray[np.float64]]:
     """Return the time stamps of a log's files [s] as they stand there, within the time of the log."""
-    from hovercontrol.logs.column_units import column_of
-    from hovercontrol.logs.gather import split_files
+    from hovercontrol.logs.gather import columns_by_file, split_files
     from hovercontrol.logs.read import read_log
-    from hovercontrol.logs.source import open_source
 
-    clock = given.pairs(columns).get("time", "time")
     paths = split_files(files)
     if len(paths) == 1:  # its rows are those of the log
-        return {paths[0].name: log.time}
+        return {} if log.trials else {paths[0].name: log.time}
     found = {}
-    for path in paths:
-        header = open_source(path).header
-        renamed = {"time": clock} if column_of(clock, header)[0] in header else {}
+    for path, own in zip(paths, columns_by_file(paths, given.pairs(columns)), strict=True):
+        renamed = {"time": own["time"]} if "time" in own else {}
         time = read_log(path, renamed, motion=False, usecols=[]).time
         found[path.name] = time[(time >= log.time[0] - EDGE) & (time <= log.time[-1] + EDGE)]
     return {name: time for name, time in found.items() if time.size}

@@ -6,17 +6,20 @@ Files are read in pieces, so memory stays near the size of the numbers that are 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
+from numpy.typing import NDArray
 
 from hovercontrol.core.boundary import checked
 from hovercontrol.errors import ArgumentError, InputError, did_you_mean
-from hovercontrol.logs.check import check_codes, check_finite, check_heading, check_time
+from hovercontrol.logs.check import check_codes, check_finite, check_heading, check_size, check_time
 from hovercontrol.logs.column_units import column_of, factor_to_si
 from hovercontrol.logs.log import POSE, VELOCITY, Floats, Log
 from hovercontrol.logs.source import Source, open_source
+from hovercontrol.logs.trials import in_sequence, trial_rows, trials_text
 
 LARGEST = 2**30
 """Bytes of numbers that one log may take in memory."""
@@ -30,12 +33,19 @@ def read_log(
     *,
     motion: bool = True,
     usecols: Sequence[str] | None = None,
+    missing: Sequence[float] = (),
+    trial: str = "",
 ) -> Log:
     r"""Read a log from CSV (commas, header) or Parquet.
 
     Time, pose, body velocities, the wanted inputs and every column named by the caller are
-    checked: finite numbers, time increasing, heading not in degrees. Other columns are kept
-    unchecked if they hold numbers, and left out if they hold text.
+    checked: plausible numbers, time increasing, heading not in degrees. A blank or NaN cell is a missing
+    sample, but for time. Other columns are kept unchecked if they hold numbers, and left out if they hold
+    text.
+
+    A file may hold several trials: one begins where time begins again, where it pauses for more than 30 s and
+    100 time steps, or where the column `trial` changes. ``Log.trials`` tells where, ``Log.notes`` what was
+    found.
 
     Parameters
     ----------
@@ -51,6 +61,10 @@ def read_log(
         commands.
     usecols : sequence of str, optional
         The only columns to keep besides ``time`` and ``inputs`` (our names).
+    missing : sequence of float, optional
+        Numbers in the file that mean a missing value, in any column but ``time``: ``[-999]``.
+    trial : str, optional
+        A column of numbers, one for each trial; rows in which it is blank belong to none and are left out.
 
     Returns
     -------
@@ -61,7 +75,7 @@ def read_log(
     Raises
     ------
     ArgumentError
-        If `columns` names a column that the file does not have, or one twice, or an unknown unit.
+        If `columns` or `trial` names a column that the file does not have, or one twice, or an unknown unit.
     InputError
         Anything wrong with the file: which line (the header is line 1; in Parquet which row, from
         1), which column, what was expected and what was found. Over 1 GiB of numbers is refused.
@@ -84,7 +98,9 @@ def read_log(
         ours: factor_to_si(ours, unit, units.get(ours, "")) for ours, (_, unit) in said.items() if unit
     }
     names = _our_names(str(file), source.header, renamed)
-    wanted = ("time", *inputs, *(usecols or ()))
+    if trial and trial not in names:
+        raise ArgumentError(f"{file}: no column {trial!r} to tell trials by{did_you_mean(trial, names)}")
+    wanted = ("time", *inputs, *(usecols or ()), *([trial] if trial else []))
     _check_names(str(file), names, wanted, motion)
     if usecols is not None:
         names = {ours: theirs for ours, theirs in names.items() if ours in wanted}
@@ -93,21 +109,39 @@ def read_log(
     names = {k: v for k, v in names.items() if k in checked or v in numeric}
 
     data = _gather(str(file), source, names)
+    if not data["time"].size:
+        raise InputError(f"{file}: expected samples below the header, found no rows")
+    for ours in data.keys() - {"time"} if missing else ():
+        data[ours][np.isin(data[ours], missing)] = np.nan
     for ours, factor in factors.items():
         if ours in data:
             data[ours] *= factor
-    time = data["time"]
-    if not time.size:
-        raise InputError(f"{file}: expected samples below the header, found no rows")
     for ours in (name for name in names if name in checked):
-        if ours != "time":
-            pose = ours in (*POSE, *VELOCITY)
-            check_codes(str(file), source, names[ours], data[ours], any_number=pose)
-        check_finite(str(file), source, names[ours], data[ours])
-    check_time(str(file), source, names["time"], time)
+        if ours == "time":
+            check_finite(str(file), source, names[ours], data[ours])
+            continue
+        pose = ours in (*POSE, *VELOCITY)
+        check_codes(str(file), source, names[ours], data[ours], any_number=pose)
+        check_size(str(file), source, names[ours], data[ours])
+    firsts = trial_rows(data["time"], data.get(trial))
+    check_time(str(file), source, names["time"], data["time"], firsts)
     if "psi" in data:
-        check_heading(str(file), names["psi"], time, data["psi"], data.get("r"))
-    return Log(file.name, data.pop("time"), data)
+        check_heading(str(file), names["psi"], data["time"], data["psi"], data.get("r"))
+    return _log(file.name, data, firsts, trial)
+
+
+def _log(name: str, data: dict[str, Floats], firsts: NDArray[np.intp], trial: str) -> Log:
+    """Return the log of some trials; rows that belong to none are left out."""
+    if not firsts.size:
+        return Log(name, data.pop("time"), data)
+    time, trials = in_sequence(data.pop("time"), firsts)
+    log = Log(name, time, data, trials=trials)
+    notes = []
+    if trial and not (known := np.isfinite(log[trial])).all():
+        log = log.select(known)
+        notes.append(f"{name}: {(~known).sum():,} rows with no {trial!r}: left out")
+    said = [trials_text(name, log.trials, trial)] if log.trials else []
+    return replace(log, notes=(*said, *notes))
 
 
 def names_in(path: Path, columns: Mapping[str, str]) -> dict[str, str]:

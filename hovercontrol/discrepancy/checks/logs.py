@@ -22,7 +22,7 @@ from hovercontrol.logs import Log
 from hovercontrol.logs.check import check_heading
 from hovercontrol.logs.codes import code_faults
 from hovercontrol.logs.frames import check_frame
-from hovercontrol.logs.held import held_faults, held_pose
+from hovercontrol.logs.prepare import prepared
 from hovercontrol.logs.scales import scale_faults
 
 Array = NDArray[np.float64]
@@ -97,28 +97,33 @@ def check_logs(model: Subject, logs: Sequence[Log], holdout: Log | None = None) 
     hovercontrol.errors.InputError: a: no column 'thrust', an input of the model; did you mean 'trust'?
     """
     block = structure(model)
-    every = [*logs, *([holdout] if holdout is not None else [])]
-    warnings = []
-    for log in every:
+    inputs = [s.name for s in block.inputs]
+    warnings: list[str] = []
+    every = []
+    for log in [*logs, *([holdout] if holdout is not None else [])]:
         _refuse_inputs(block, log)
-        warnings += _length(log, is_craft=model.is_craft)
         channels = _channels(block, log)
-        inputs = [s.name for s in block.inputs]
-        _refuse_dead(log, channels)
-        for fault in (*code_faults(log, [*channels, *inputs]), *held_pose(log)):
+        for fault in code_faults(log, [*channels, *inputs]):
             raise InputError(fault)
+        log, said = prepared(log, channels, inputs)
+        every.append(log)
+        warnings += [*said, *_length(log, is_craft=model.is_craft)]
+        _refuse_dead(log, channels)
         _refuse_apart(log, channels, inputs)
         refuse_units(model, log)
         for fault in scale_faults(log) if model.is_craft else []:
             raise InputError(fault)
         if log.has("psi"):
-            known = np.isfinite(log["psi"])
-            rate = log["r"][known] if log.has("r") and np.isfinite(log["r"][known]).all() else None
-            check_heading(log.name, "psi", log.time[known], log["psi"][known], rate)
+            check_heading(log.name, "psi", log.time, log["psi"], log["r"] if log.has("r") else None)
         check_frame(model, log)
-        warnings += held_faults(log, channels) + _stuck(log, channels) + _cut_off(log, inputs)
+        warnings += _stuck(log, channels) + _cut_off(log, inputs)
     _refuse_other_pace(every)
-    refuse_duplicates(logs, holdout, _measured(block), [s.name for s in block.inputs])
+    refuse_duplicates(
+        every[: len(logs)],
+        every[-1] if holdout is not None else None,
+        _measured(block),
+        [s.name for s in block.inputs],
+    )
     for log in every:
         warnings += check_clocks(model, log)
     return warnings

@@ -184,9 +184,7 @@ def _modelled_in_degrees(model: Subject, log: Log, angles: list[str]) -> bool:
         return False
     log = _busiest(log, angles[0])
     turned = {name: np.radians(log[name]) for name in angles}
-    as_said, in_degrees = (
-        _misfit(model, Log(log.name, log.time, {**log.columns, **k})) for k in ({}, turned)
-    )
+    as_said, in_degrees = (_misfit(model, log.with_columns(k)) for k in ({}, turned))
     return UNITS.less * in_degrees < as_said
 
 
