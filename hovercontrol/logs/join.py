@@ -45,11 +45,11 @@ def join_logs(
     """Add to a pose log the commands in force at each of its samples, and rows where a command changes.
 
     A command holds until the next one, also over blank cells. Where one changes between two samples there is
-    a row more, at the command's own time and with NaN for all that was not measured then: rounded to the next sample, every
-    command would come half a sampling period late. Arrival times of the pose are first replaced by the
-    steady sampling clock behind them (:func:`~hovercontrol.logs.clock.steady`), so that a late stamp
-    does not pick a later command. Trials are those of the pose; where their time begins again, both files
-    need equally many, which are joined one by one.
+    a row more, at the command's own time and with NaN for all that was not measured then: rounded to the
+    next sample, every command would come half a sampling period late. Arrival times of the pose are first
+    replaced by the steady sampling clock behind them (:func:`~hovercontrol.logs.clock.steady`), so that a
+    late stamp does not pick a later command. Trials are those of the pose; where their time begins again,
+    both files need equally many, which are joined one by one.
 
     Parameters
     ----------

@@ -73,6 +73,14 @@ class Log:
     frame : str
         The frame that its axes were said to be in before they became x, y, psi with z up; empty where nobody
         said so, and :func:`.frames.check_frame` looks.
+    trials : tuple of Trial
+        The trials of which the log consists, in order; empty if it is one. Nothing is predicted from one to
+        the next.
+    notes : tuple of str
+        What the reader did to the rows, one line each.
+    blank : mapping of str to int, optional
+        Samples missing in each column of the files; by default the number of NaN. A joined log has NaN in its
+        rows for a command alone, too.
 
     Raises
     ------
@@ -201,6 +209,10 @@ class Log:
     def missing(self, name: str) -> int:
         """Return how many samples of a column are missing.
 
+        Parameters
+        ----------
+        name : str
+
         Raises
         ------
         InputError
@@ -254,7 +266,8 @@ class Log:
     def gaps(self) -> tuple[tuple[float, float], ...]:
         """Spans [s] without samples, longer than 0.25 s and than five usual steps.
 
-        A gap is no error: smoothing and identification start afresh behind it. Pauses between trials are none.
+        A gap is no error: smoothing and identification start afresh behind it. Pauses between trials are not
+        counted.
         """
         firsts = [trial.first for trial in self.trials]
         rows = np.setdiff1d(gap_rows(self.time), firsts) - 1

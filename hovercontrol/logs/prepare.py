@@ -71,13 +71,14 @@ def held_on(values: Floats) -> Floats:
 
 def _missing(log: Log, names: Sequence[str]) -> list[str]:
     """Return a line for columns that lack as many samples each."""
-    by_count: dict[int, list[str]] = {}
+    by_count: dict[tuple[int, int], list[str]] = {}
     for name in names:
-        by_count.setdefault(log.missing(name), []).append(name)
+        missing = log.missing(name)
+        by_count.setdefault((missing, missing + int(np.isfinite(log[name]).sum())), []).append(name)
     return [
-        f"{log.name}: column{'s' * (len(own) > 1)} {', '.join(map(repr, own))}: {count:,} of {len(log):,} "
+        f"{log.name}: column{'s' * (len(own) > 1)} {', '.join(map(repr, own))}: {count:,} of {every:,} "
         "samples missing"
-        for count, own in by_count.items()
+        for (count, every), own in by_count.items()
         if count
     ]
 

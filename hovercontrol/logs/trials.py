@@ -23,6 +23,8 @@ class TrialCriteria:
         Smallest number of rows of a trial whose time begins again: a single row out of order is an error.
     back : float
         Part of the trial before by which time then jumps back at least.
+    on : float
+        Mean step in so many rows behind the jump, in usual time steps: time then goes on as before.
     pause : float
         Pause [s] from which on a new trial begins: other gaps are bridged by the model.
     steps : float
@@ -31,6 +33,7 @@ class TrialCriteria:
 
     rows: int = 10
     back: float = 0.5
+    on: float = 5.0
     pause: float = 30.0
     steps: float = 100.0
 
@@ -71,10 +74,14 @@ def _restarts(time: Floats) -> NDArray[np.intp]:
     """Return the rows at which time begins again; empty where it runs backwards in any other way."""
     back = np.flatnonzero(np.diff(time) < 0.0) + 1
     edges = [0, *back.tolist(), time.size]
+    longest = TRIALS.on * TRIALS.rows * float(np.median(np.abs(np.diff(time)))) if back.size else 0.0
     for k, row in enumerate(back.tolist(), 1):
-        before, after = row - edges[k - 1], edges[k + 1] - row
-        length = time[row - 1] - time[edges[k - 1]]
-        if min(before, after) < TRIALS.rows or time[row - 1] - time[row] < TRIALS.back * length:
+        begin, end = edges[k - 1], edges[k + 1]
+        if (
+            min(row - begin, end - row) < TRIALS.rows
+            or time[row - 1] - time[row] < TRIALS.back * (time[row - 1] - time[begin])
+            or time[row + TRIALS.rows - 1] - time[row] > longest
+        ):
             return np.empty(0, dtype=np.intp)
     return back
 

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
 from hovercontrol.discrepancy.checks.clocks import check_clocks
-from hovercontrol.discrepancy.checks.duplicate_logs import refuse_duplicates
 from hovercontrol.discrepancy.checks.units import refuse_units
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.estimation.measure import steps
@@ -21,7 +20,9 @@ from hovercontrol.estimation.subject import Subject, structure
 from hovercontrol.logs import Log
 from hovercontrol.logs.check import check_heading
 from hovercontrol.logs.codes import code_faults
+from hovercontrol.logs.duplicates import refuse_duplicates
 from hovercontrol.logs.frames import check_frame
+from hovercontrol.logs.log import gap_rows
 from hovercontrol.logs.prepare import prepared
 from hovercontrol.logs.scales import scale_faults
 
@@ -36,10 +37,10 @@ class LogCriteria:
 
     Attributes
     ----------
-    shortest : float
-        Shortest interval without a gap for a diagnosis [s].
     short : float
-        Interval without a gap below which there is a warning [s].
+        Longest interval without a gap, in the model's longest time constants, below which there is a warning.
+    few : int
+        The same in rows.
     stuck : float
         Time for which a sensor may be constant while others change [s].
     stuck_rows : int
@@ -52,8 +53,8 @@ class LogCriteria:
         Values below this part of the largest are no saturation.
     """
 
-    shortest: float = 2.0
-    short: float = 10.0
+    short: float = 2.5
+    few: int = 100
     stuck: float = 0.5
     stuck_rows: int = 10
     cut_off: float = 0.05
@@ -105,11 +106,11 @@ def check_logs(model: Subject, logs: Sequence[Log], holdout: Log | None = None) 
         channels = _channels(block, log)
         for fault in code_faults(log, [*channels, *inputs]):
             raise InputError(fault)
+        _refuse_apart(log, channels, inputs)
         log, said = prepared(log, channels, inputs)
         every.append(log)
-        warnings += [*said, *_length(log, is_craft=model.is_craft)]
+        warnings += [*said, *_length(log, time_constant(block), is_craft=model.is_craft)]
         _refuse_dead(log, channels)
-        _refuse_apart(log, channels, inputs)
         refuse_units(model, log)
         for fault in scale_faults(log) if model.is_craft else []:
             raise InputError(fault)
@@ -154,23 +155,44 @@ def _measured(block: Block) -> list[str]:
     ]
 
 
-def _length(log: Log, is_craft: bool) -> list[str]:
+def time_constant(block: Block) -> float:
+    """Return the longest time constant of a Block's states at their nominal sizes [s]; 0 if none decays.
+
+    That of a state x is 1/|df/dx|, with x' = f, where df/dx is negative.
+
+    Examples
+    --------
+    >>> from hovercontrol.models.vehicles import c17_simulation
+    >>> round(time_constant(c17_simulation().plant()), 1)
+    4.0
+    """
+    functions = block.to_numpy()
+    x, u = (np.array([s.nominal for s in signals]) for signals in (block.states, block.inputs))
+    with np.errstate(all="ignore"):
+        slopes = np.diag(functions.jacobian(0.0, x, u))
+    known = slopes[np.isfinite(slopes) & (slopes < 0.0)]
+    return float(1.0 / np.abs(known).min()) if known.size else 0.0
+
+
+def _length(log: Log, longest_constant: float, is_craft: bool) -> list[str]:
     step = float(np.median(np.diff(log.time))) if len(log) > 1 else 0.0
     if is_craft and step > 1.0:  # other machines may be slow
         raise InputError(f"{log.name}: rows are {step:g} s apart: is its time in seconds?")
-    edges = (
-        [float(log.time[0]), *(t for gap in log.gaps for t in gap), float(log.time[-1])] if len(log) else []
-    )
-    longest = max((b - a for a, b in zip(edges[::2], edges[1::2], strict=True)), default=0.0)
-    if longest < LOG_QUALITY.shortest:
+    cuts = [gap_rows(part.time) for part in log.each_trial()]
+    parts = [own for part, at in zip(log.each_trial(), cuts, strict=True) for own in np.split(part.time, at)]
+    longest = max(parts, key=len)
+    if longest.size < BLOCKING.fewest:
         raise InputError(
-            f"{log.name}: too short: the longest stretch without a break is {longest:.3g} s, expected "
-            f"{LOG_QUALITY.shortest:g} s or more"
+            f"{log.name}: too short: the longest stretch without a break has {longest.size} rows, expected "
+            f"{BLOCKING.fewest} or more"
         )
-    if len(log) < BLOCKING.fewest:
-        raise InputError(f"{log.name}: too short: {len(log)} rows, expected {BLOCKING.fewest} or more")
-    if longest < LOG_QUALITY.short:
-        return [f"{log.name}: {longest:.3g} s without a break are short: effects may not be found"]
+    seconds = max(float(own[-1] - own[0]) for own in parts if own.size)
+    said = f"{log.name}: {seconds:.3g} s without a break are short"
+    if seconds < LOG_QUALITY.short * longest_constant:
+        part = f"{seconds / longest_constant:.2g} of the model's longest time constant"
+        return [f"{said}, {part} ({longest_constant:.3g} s): effects may not be found"]
+    if longest.size < LOG_QUALITY.few:
+        return [f"{said}, {longest.size} rows: effects may not be found"]
     return []
 
 
@@ -188,14 +210,13 @@ def _refuse_dead(log: Log, channels: Sequence[str]) -> None:
 
 def _refuse_apart(log: Log, channels: Sequence[str], inputs: Sequence[str]) -> None:
     """Refuse commands whose times do not overlap those of the measurements."""
-    measured = np.isfinite(np.array([log[c] for c in channels])).any(axis=0)
+    measured = log.time[np.isfinite(np.array([log[c] for c in channels])).any(axis=0)]
     for name in inputs:
-        known = np.isfinite(log[name])
-        if known.any() and measured.any() and not (known & measured).any():
-            one, other = (log.time[rows] for rows in (known, measured))
+        known = log.time[np.isfinite(log[name])]
+        if known.size and measured.size and (known[-1] < measured[0] or measured[-1] < known[0]):
             raise InputError(
-                f"{log.name}: input {name!r} (from {one[0]:.6g} to {one[-1]:.6g} s) and motion (from "
-                f"{other[0]:.6g} to {other[-1]:.6g} s) never overlap in time: do their clocks agree?"
+                f"{log.name}: input {name!r} (from {known[0]:.6g} to {known[-1]:.6g} s) and motion (from "
+                f"{measured[0]:.6g} to {measured[-1]:.6g} s) never overlap in time: do their clocks agree?"
             )
 
 

@@ -255,7 +255,7 @@ def _ways(log: Log, factor: float) -> tuple[Array, Array] | None:
     every = max(1, round(UNITS.over / float(np.median(steps))))
     said = np.diff(whole[:, ::every], axis=1).ravel()
     moved = np.diff(np.stack([x, y])[:, ::every], axis=1).ravel()
-    if float(np.abs(said).max()) < UNITS.least:
+    if float(np.abs(said).max(initial=0.0)) < UNITS.least:
         return None
     arm = np.diff(np.stack([np.cos(psi), np.sin(psi)])[:, ::every], axis=1).ravel()
     return np.stack([said, arm], axis=1), moved
