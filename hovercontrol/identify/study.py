@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -221,9 +222,11 @@ def _refuse_copies(model: Model, training: Sequence[Log], holdout: Sequence[Log]
     """Refuse a held-out log that holds rows of a training log, and training logs that share rows."""
     block = model.plant()
     inputs = [s.name for s in block.inputs]
-    channels = [s.name for s in (*block.outputs, *block.states) if s.name not in inputs]
-    for held in holdout or [None]:
-        refuse_duplicates(training, held, list(dict.fromkeys(channels)), inputs)
+    seen = dict.fromkeys(s.name for s in (*block.outputs, *block.states))
+    channels = [name for name in seen if name not in inputs]
+    refuse_duplicates(training, None, channels, inputs)
+    for one, held in product(training, holdout):
+        refuse_duplicates([one], held, channels, inputs)
 
 
 def _horizon(logs: Sequence[Measured]) -> float:

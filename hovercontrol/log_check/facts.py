@@ -206,7 +206,9 @@ def facts(
     )
     timing = [_timing(name, Log(name, stamps, {}), []) for name, stamps in (files or {}).items()]
     if not timing:
-        seen = np.isfinite(log.stack(*measured)).any(axis=1) if measured else np.ones(len(log), dtype=bool)
+        seen = np.zeros(len(log), dtype=bool)
+        for name in measured:
+            seen |= np.isfinite(log[name])
         timing = [_timing(log.name, log.select(seen) if seen.any() else log, measured)]
     if navigated and not remarks:
         apart = float(np.median(np.diff(log.time[corrected])))
@@ -311,7 +313,7 @@ def _noise(log: Log, name: str) -> tuple[float | None, tuple[float, ...]]:
 
 
 def _rejected(log: Log) -> tuple[Span, ...]:
-    found = []
+    found: list[Span] = []
     for part in log.each_trial():
         with suppress(InputError):  # too few rows, or too many
             found += smooth_pose(part).rejected

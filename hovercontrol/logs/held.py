@@ -119,8 +119,9 @@ def repeats(log: Log, names: Sequence[str]) -> Mask:
     values = log.stack(*names)[rows]
     sizes = np.abs(np.diff(values, axis=0))  # of the changes into rows 1, 2, ...
     finest = np.array([row[row > 0.0].min(initial=np.inf) for row in sizes.T])
-    large = (sizes >= HELD.jump * finest).any(axis=1)
-    equal, near = ~sizes.any(axis=1), (sizes <= 1.5 * finest).all(axis=1)
+    large: Mask = np.any(sizes >= HELD.jump * finest, axis=1)
+    equal: Mask = np.all(sizes == 0.0, axis=1)
+    near: Mask = np.all(sizes <= 1.5 * finest, axis=1)
     held = _amid(equal, large)
     if not held.size or len(np.unique(values[held[:, 0]], axis=0)) < HELD.fewest:
         return again

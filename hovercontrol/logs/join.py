@@ -136,7 +136,7 @@ def _join_each(pose: Log, commands: Log, before: Mapping[str, float] | float | N
             f"{max(len(pose.trials), 1)} and {max(len(commands.trials), 1)}"
         )
     joined = [
-        join_logs(*(_on_own_clock(log, k) for log in (pose, commands)), before, hold=hold)
+        join_logs(_on_own_clock(pose, k), _on_own_clock(commands, k), before, hold=hold)
         for k in range(len(pose.trials))
     ]
     firsts = np.cumsum([0, *(len(log) for log in joined[:-1])])

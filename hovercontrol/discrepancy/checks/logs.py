@@ -100,15 +100,16 @@ def check_logs(model: Subject, logs: Sequence[Log], holdout: Log | None = None) 
     block = structure(model)
     inputs = [s.name for s in block.inputs]
     warnings: list[str] = []
-    every = []
-    for log in [*logs, *([holdout] if holdout is not None else [])]:
+    every = [*logs, *([holdout] if holdout is not None else [])]
+    _refuse_other_pace(every)
+    for k, log in enumerate(every):
         _refuse_inputs(block, log)
         channels = _channels(block, log)
         for fault in code_faults(log, [*channels, *inputs]):
             raise InputError(fault)
         _refuse_apart(log, channels, inputs)
         log, said = prepared(log, channels, inputs)
-        every.append(log)
+        every[k] = log
         warnings += [*said, *_length(log, time_constant(block), is_craft=model.is_craft)]
         _refuse_dead(log, channels)
         refuse_units(model, log)
@@ -118,7 +119,6 @@ def check_logs(model: Subject, logs: Sequence[Log], holdout: Log | None = None) 
             check_heading(log.name, "psi", log.time, log["psi"], log["r"] if log.has("r") else None)
         check_frame(model, log)
         warnings += _stuck(log, channels) + _cut_off(log, inputs)
-    _refuse_other_pace(every)
     refuse_duplicates(
         every[: len(logs)],
         every[-1] if holdout is not None else None,
@@ -224,11 +224,10 @@ def _stuck(log: Log, channels: Sequence[str]) -> list[str]:
     """Warn of a sensor that is constant for a while and then jumps."""
     said = []
     for c in channels:
-        row = log[c]
-        resolution = steps(row[np.isfinite(row)])
-        noise = (
-            float(np.median(np.abs(np.diff(row, 3)[np.isfinite(np.diff(row, 3))]))) if row.size > 3 else 0.0
-        )
+        known = np.isfinite(log[c])
+        row, time = log[c][known], log.time[known]
+        resolution = steps(row)
+        noise = float(np.median(np.abs(np.diff(row, 3)))) if row.size > 3 else 0.0
         if noise == 0.0 or (resolution.size and resolution.min() > 0.5 * noise):
             continue  # a signal without noise, or coarser than its noise, repeats by itself
         same = np.concatenate([[0], (np.diff(row) == 0.0).astype(int), [0]])
@@ -236,13 +235,13 @@ def _stuck(log: Log, channels: Sequence[str]) -> list[str]:
         spans = [
             (a, b)
             for a, b in edges
-            if b - a >= LOG_QUALITY.stuck_rows and log.time[b] - log.time[a] >= LOG_QUALITY.stuck
+            if b - a >= LOG_QUALITY.stuck_rows and time[b] - time[a] >= LOG_QUALITY.stuck
         ]
         if spans:
-            a, b = max(spans, key=lambda s: float(log.time[s[1]] - log.time[s[0]]))
+            a, b = max(spans, key=lambda s: float(time[s[1]] - time[s[0]]))
             more = f", and {len(spans) - 1} times more" if len(spans) > 1 else ""
             said.append(
-                f"{log.name}: {c!r} stays at {row[a]:.4g} from {log.time[a]:.2f} to {log.time[b]:.2f} s"
+                f"{log.name}: {c!r} stays at {row[a]:.4g} from {time[a]:.2f} to {time[b]:.2f} s"
                 f"{more}: a stuck sensor?"
             )
     return said
