@@ -39,7 +39,7 @@ class LogCriteria:
     ----------
     short : float
         Longest interval without a gap, in the model's longest time constants, below which there is a warning:
-        after five a first-order response is within 1 %.
+        after four a first-order response is within 2 %.
     few : int
         The same in rows.
     stuck : float
@@ -54,7 +54,7 @@ class LogCriteria:
         Values below this part of the largest are no saturation.
     """
 
-    short: float = 5.0
+    short: float = 4.0
     few: int = 100
     stuck: float = 0.5
     stuck_rows: int = 10
