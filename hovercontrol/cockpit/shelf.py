@@ -141,7 +141,7 @@ def log_columns(path: str | Path) -> dict[str, list[float]]:
         raise InputError(str(error).partition(" (a column of another name")[0]) from None
     if not log.has(*POSE):
         raise InputError(f"{path}: expected the pose x, y, psi to draw; this log has only velocities")
-    log = log.select(np.isfinite(log.stack(*POSE)).all(axis=1))
+    log = log.select(np.flatnonzero(np.isfinite(log.stack(*POSE)).all(axis=1)))
     every = max(1, math.ceil(len(log) / MOST_ROWS))
     rest = (name for name in log.columns if name not in POSE and np.isfinite(log[name]).all())
     return {name: log[name][::every].tolist() for name in ("time", *POSE, *rest)}
