@@ -128,7 +128,7 @@ def open_log(folder: Path, name: str) -> BinaryIO:
 def log_columns(path: str | Path) -> dict[str, list[float]]:
     """Return the columns of a log that the page draws, every so many rows of a long one.
 
-    Columns in which numbers are missing are left out; pose and time have none.
+    Rows without a pose are left out, and then columns in which numbers are missing.
 
     Raises
     ------
@@ -141,6 +141,7 @@ def log_columns(path: str | Path) -> dict[str, list[float]]:
         raise InputError(str(error).partition(" (a column of another name")[0]) from None
     if not log.has(*POSE):
         raise InputError(f"{path}: expected the pose x, y, psi to draw; this log has only velocities")
+    log = log.select(np.flatnonzero(np.isfinite(log.stack(*POSE)).all(axis=1)))
     every = max(1, math.ceil(len(log) / MOST_ROWS))
     rest = (name for name in log.columns if name not in POSE and np.isfinite(log[name]).all())
     return {name: log[name][::every].tolist() for name in ("time", *POSE, *rest)}

@@ -42,6 +42,8 @@ def check(
     only_while: given.OnlyWhile = "",
     settle: given.Settle = 1.0,
     frame: given.Frame = "",
+    missing: given.Missing = "",
+    trial: given.TrialColumn = "",
     json: given.Json = False,
 ) -> int:
     """Check logs before a fit: timing, noise, outliers, units, excitation.
@@ -66,7 +68,18 @@ def check(
         print(topics)
         return 1
     moves = known is not None and known.is_craft
-    read = given.reader(inputs, columns, bench, bench_fans, only_while, settle, frame, motion=moves)
+    read = given.reader(
+        inputs,
+        columns,
+        bench,
+        bench_fans,
+        only_while,
+        settle,
+        frame,
+        motion=moves,
+        missing=missing,
+        trial=trial,
+    )
     with given.progress_bar("check", 1.0) as report:
         report(0.0, "reading logs")
         every, written, unread = [], [], []
@@ -108,23 +121,15 @@ def topics_of(logs: list[str], inputs: list[str], model: str | None, vehicle: st
 
 def stamps(files: str, log: Log, columns: str) -> dict[str, NDArray[np.float64]]:
     """Return the time stamps of a log's files [s] as they stand there, within the time of the log."""
-    from hovercontrol.logs.column_units import column_of
-    from hovercontrol.logs.derived import parts_of
-    from hovercontrol.logs.gather import split_files
+    from hovercontrol.logs.gather import columns_by_file, split_files
     from hovercontrol.logs.join import measured_rows
-    from hovercontrol.logs.read import header_of, read_log
+    from hovercontrol.logs.read import read_log
 
     paths = split_files(files)
     if len(paths) == 1:  # its rows are those of the log, less those of commands of another topic
-        return {paths[0].name: log.time[measured_rows(log)]}
+        return {} if log.trials else {paths[0].name: log.time[measured_rows(log)]}
     found = {}
-    for path in paths:
-        header = header_of(path, {})
-        own = {
-            ours: theirs
-            for ours, theirs in given.pairs(columns).items()
-            if all(column_of(part, header)[0] in header for part in parts_of(theirs, header))
-        }
+    for path, own in zip(paths, columns_by_file(paths, given.pairs(columns)), strict=True):
         time = read_log(path, own, motion=False, usecols=[]).on_clock_of(log).time
         found[path.name] = time[(time >= log.time[0] - EDGE) & (time <= log.time[-1] + EDGE)]
     return {name: time for name, time in found.items() if time.size}

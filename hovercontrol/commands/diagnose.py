@@ -47,6 +47,8 @@ def diagnose(
     only_while: given.OnlyWhile = "",
     settle: given.Settle = 1.0,
     frame: given.Frame = "",
+    missing: given.Missing = "",
+    trial: given.TrialColumn = "",
     allow_gaps: given.AllowGaps = False,
     json: given.Json = False,
 ) -> int:
@@ -81,7 +83,18 @@ def diagnose(
             raise InputError(f"diagnose: --effects: {name!r} is given twice")
     inputs = {s.name: s.unit for s in lacks.plant(late=True).inputs}
     moves = lacks.is_craft
-    read = given.reader(inputs, columns, bench, bench_fans, only_while, settle, frame, motion=moves)
+    read = given.reader(
+        inputs,
+        columns,
+        bench,
+        bench_fans,
+        only_while,
+        settle,
+        frame,
+        motion=moves,
+        missing=missing,
+        trial=trial,
+    )
     with given.progress_bar("diagnose", 1.0) as report:
         report(0.0, "reading logs")
         training, held = [read(name) for name in logs], read(holdout) if holdout else None

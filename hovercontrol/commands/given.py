@@ -60,6 +60,16 @@ Settle = Annotated[
     float,
     typer.Option("--settle", help="Seconds to leave out after the --while condition becomes true.", min=0.0),
 ]
+Missing = Annotated[
+    str,
+    typer.Option(
+        "--missing", help="Numbers in the logs that mean a missing value, separated by commas: -999,9999"
+    ),
+]
+TrialColumn = Annotated[
+    str,
+    typer.Option("--trial", help="Column of numbers that tells the trials of a log apart, such as 'trial'."),
+]
 Frame = Annotated[
     str,
     typer.Option(
@@ -196,6 +206,8 @@ def reader(
     frame: str = "",
     *,
     motion: bool = True,
+    missing: str = "",
+    trial: str = "",
 ) -> Callable[[str], Log]:
     """Return what reads a log of a craft with these inputs (and units), as the options of the command say.
 
@@ -206,7 +218,7 @@ def reader(
 
     table = BenchTable.from_csv(bench, fans=bench_fans) if bench else None
     condition = Condition.parse(only_while) if only_while else None
-    renamed = pairs(columns)
+    renamed, codes = pairs(columns), numbers(missing, "--missing")
 
     def read(files: str) -> Log:
         log = gather(
@@ -217,6 +229,8 @@ def reader(
             only_while=condition,
             settle=settle,
             motion=motion,
+            missing=codes,
+            trial=trial,
         )
         return in_z_up(log, frame) if frame else log
 
@@ -236,6 +250,23 @@ def listed(text: str, option: str = "") -> list[str] | None:
         said = f"{option}: " if option else ""
         raise InputError(f"{said}expected names separated by commas, found {text!r}")
     return parts or None
+
+
+def numbers(text: str, option: str) -> list[float]:
+    """Return the numbers of a list separated by commas.
+
+    Raises
+    ------
+    InputError
+        If one is not a number.
+    """
+    found = []
+    for part in listed(text, option) or []:
+        try:
+            found.append(float(part))
+        except ValueError:
+            raise InputError(f"{option}: expected numbers separated by commas, found {part!r}") from None
+    return found
 
 
 def pairs(text: str) -> dict[str, str]:

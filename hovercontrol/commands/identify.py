@@ -37,6 +37,8 @@ def identify(
     only_while: given.OnlyWhile = "",
     settle: given.Settle = 1.0,
     frame: given.Frame = "",
+    missing: given.Missing = "",
+    trial: given.TrialColumn = "",
     allow_gaps: given.AllowGaps = False,
     sample: Annotated[
         bool, typer.Option("--sample", help="Use the sample log that comes with the package.")
@@ -65,7 +67,9 @@ def identify(
     sought = given.listed(coefficients, "--coefficients")
     craft = given.craft("identify", model, vehicle)
     inputs = {s.name: s.unit for s in craft.plant().inputs}
-    read = given.reader(inputs, columns, bench, bench_fans, only_while, settle, frame)
+    read = given.reader(
+        inputs, columns, bench, bench_fans, only_while, settle, frame, missing=missing, trial=trial
+    )
     with given.progress_bar("identify", 1.0) as report:
         every = []
         for k, name in enumerate([*names, *held]):

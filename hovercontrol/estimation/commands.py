@@ -119,6 +119,7 @@ def command_times(log: Measured) -> tuple[Array, Array]:
 
     That is the time of the row. Where rows are missing before a row with a new command, it changed at any
     time since the row before: at the middle on average, with a uniform distribution's standard deviation.
+    A trial begins with its commands.
     """
     time, std = log.time.copy(), np.zeros(log.time.size)
     sampled = log.sampled
@@ -126,10 +127,28 @@ def command_times(log: Measured) -> tuple[Array, Array]:
     step = np.diff(log.time)
     changed = changes(log.inputs)[1:] > 0.0
     late = step > ARRIVALS.missing * usual
+    late[[start - 1 for start in log.starts]] = False
     unsure = np.flatnonzero(changed & sampled[1:] & late)
     time[unsure + 1] -= 0.5 * step[unsure]
     std[unsure + 1] = step[unsure] / math.sqrt(12.0)
     return time, std
+
+
+def by_trial(log: Measured, time: Array) -> tuple[Array, Array]:
+    """Return times and commands of a log, shapes (m,) and (n_inputs, m), zero in pauses between its trials.
+
+    Parameters
+    ----------
+    log : Measured
+    time : ndarray, shape (n,)
+        When the commands of each row begin to hold.
+    """
+    usual = float(np.median(np.diff(time))) if time.size > 1 else 0.0
+    pauses = [start for start in log.starts if time[start] - time[start - 1] > 2.0 * usual]
+    if not pauses:
+        return time, log.inputs
+    ends = time[[start - 1 for start in pauses]] + usual
+    return np.insert(time, pauses, ends), np.insert(log.inputs, pauses, 0.0, axis=1)
 
 
 def divided(pieces: int, part: Array) -> tuple[Array, Array]:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hovercontrol.core.block import Block
-from hovercontrol.estimation.commands import Arrival, command_times, input_states
+from hovercontrol.estimation.commands import Arrival, by_trial, command_times, input_states
 from hovercontrol.estimation.measure import Measured
 from hovercontrol.estimation.subject import Subject, timing
 
@@ -40,11 +40,13 @@ class Inputs:
         self._timing = [keys.index(name) for name in timing(model) if name]
         self.known = input_states(block, motion)
         times = [(t - m.origin, std) for m, (t, std) in ((m, command_times(m)) for m in logs)]
-        self._likely = [Arrival(block, t, m.inputs, motion) for m, (t, _) in zip(logs, times, strict=True)]
+        self._likely = [
+            Arrival(block, *by_trial(m, t), motion) for m, (t, _) in zip(logs, times, strict=True)
+        ]
         unsure = any((std > 0).any() for _, std in times)
         self.unsure = [t[std > 0] for t, std in times if unsure]
         self._late = [
-            Arrival(block, t + std, m.inputs, motion)
+            Arrival(block, *by_trial(m, t + std), motion)
             for m, (t, std) in zip(logs, times, strict=True)
             if unsure
         ]

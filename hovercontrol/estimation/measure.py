@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,7 @@ from hovercontrol.core.boundary import checked
 from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError
 from hovercontrol.logs import POSE, VELOCITY, Log, Span, smooth_pose, steady
+from hovercontrol.logs.prepare import prepared
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -72,13 +73,16 @@ class Measured:
     segments : tuple of (int, int)
         First row and row behind the last of each stretch without a break: no gap, no loss of sight.
     stretches : tuple of (int, int)
-        The same for the stretches that a very long log was cut into; else one for all rows.
+        The same for the trials of a log and the stretches that a very long one was cut into; else one for all
+        rows.
     sampled : ndarray of bool, shape (n,)
         Rows in which something was measured, rejected or not: the others are there for a command only.
     rejected : tuple of Span
         Samples that the smoother left out: when, how many and why.
     rows_total : int
         Rows of the log, of which a very long one keeps only some stretches.
+    starts : tuple of int
+        First rows of all trials but the first: no state is known from the rows before.
 
     Examples
     --------
@@ -103,6 +107,7 @@ class Measured:
     sampled: Mask
     rejected: tuple[Span, ...]
     rows_total: int
+    starts: tuple[int, ...] = field(default=(), kw_only=True)
 
 
 @checked
@@ -111,7 +116,8 @@ def measure(block: Block, log: Log, most_rows: int = MOST_ROWS) -> Measured:
 
     Stamps that scatter about a steady rate are replaced by that (:func:`hovercontrol.logs.steady`). A log
     with the whole pose of a planar craft goes through the smoother: samples that are no motion carry no
-    residual, stretches without sight are breaks, and body velocities start the fit. Rows in which nothing
+    residual, stretches without sight are breaks, and body velocities start the fit. Each trial is read by
+    itself. Commands hold over blank cells; rows that repeat a measurement hold none. Rows in which nothing
     was measured keep the time of their commands. Of a log of more than `most_rows` rows only ten
     stretches, spread evenly, are taken.
 
@@ -150,12 +156,14 @@ def measure(block: Block, log: Log, most_rows: int = MOST_ROWS) -> Measured:
             f"{log.name}: nothing that {block.name!r} computes was measured: expected some of "
             f"{', '.join(names)}, found {', '.join(log.columns) or 'no columns'}"
         )
+    log, _ = prepared(log, channels, inputs)
     for signal in block.inputs:
         _check_input(log, signal)
     if log.has(*POSE):
         refuse_still(log.name, channels, [log[c] for c in channels])  # nothing to smooth
     log = steady(log, channels)
-    parts = [_part(block, piece, channels) for piece in log.spread(most_rows)]
+    trials = [(k, part) for piece in log.spread(most_rows) for k, part in enumerate(piece.each_trial())]
+    parts = [_part(block, part, channels) for _, part in trials]
     starts = np.cumsum([0, *(p.time.size for p in parts)])
     return Measured(
         log.name,
@@ -170,6 +178,7 @@ def measure(block: Block, log: Log, most_rows: int = MOST_ROWS) -> Measured:
         np.concatenate([p.sampled for p in parts]),
         tuple(span for p in parts for span in p.rejected),
         len(log),
+        starts=tuple(int(s) for s, (k, _) in zip(starts, trials, strict=False) if k),
     )
 
 

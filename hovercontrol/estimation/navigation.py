@@ -9,7 +9,7 @@ a navigation.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -213,6 +213,6 @@ def measure_navigated(block: Block, log: Log, most_rows: int = MOST_ROWS) -> Nav
     apart = float(np.median(np.diff(log.time[at])))
     drift = Drift(float(jumps), float(jumps) / apart, white, int(at.size), float(np.sqrt((moved**2).mean())))
     columns = {name: values for name, values in log.columns.items() if name not in ("x", "y")}
-    plain = measure(block, Log(log.name, log.time, columns), most_rows)
+    plain = measure(block, replace(log, columns=columns), most_rows)
     given = {f.name: getattr(plain, f.name) for f in fields(Measured)}
     return Navigated(**given, drift=drift, corrected=log.time[at])

@@ -78,7 +78,7 @@ class Rows:
     block : ndarray of int, shape (W,)
         Which stretches belong to one block: long ones are filtered in several stretches, side by side.
     piece : ndarray of int, shape (W,)
-        Which stretches follow on: a very long gap, or the end of a log, ends a piece.
+        Which stretches follow on: a very long gap, or the end of a trial, ends a piece.
     block_log : ndarray of int, shape (B,)
         From which log each block is.
     at : ndarray of int, shape (K, W)
@@ -177,12 +177,13 @@ def arrange(
 
 
 def _pieces(log: Measured) -> list[tuple[int, int]]:
-    """Return first row and row behind the last of the parts of a log between very long gaps."""
+    """Return first row and row behind the last of the parts of each trial between very long gaps."""
     seen = np.flatnonzero(np.isfinite(log.values).any(axis=0))
     if seen.size < 2:
         return []
     step = np.diff(log.time[seen])
     far = step > max(BLOCKING.longest_gap, BLOCKING.gap_steps * float(np.median(step)))
+    far[np.searchsorted(seen, [start for start in log.starts if seen[0] < start <= seen[-1]]) - 1] = True
     parts = np.split(seen, np.flatnonzero(far) + 1)
     return [(int(p[0]), int(p[-1]) + 1) for p in parts if p.size >= BLOCKING.fewest]
 

@@ -41,7 +41,7 @@ from hovercontrol.identify.trust import trust
 from hovercontrol.logs import Log
 from hovercontrol.logs.codes import code_faults
 from hovercontrol.logs.frames import check_frame
-from hovercontrol.logs.held import held_faults, held_pose
+from hovercontrol.logs.prepare import prepared
 from hovercontrol.logs.scales import scale_faults
 from hovercontrol.models.model import Model
 
@@ -127,7 +127,7 @@ def measure_shared(model: Model | Block, logs: Sequence[Log | Measured], most_ro
         if not len(log.time):
             raise InputError(f"{log.name}: expected samples, found no rows")
         if isinstance(log, Log):
-            _refuse_faulty(block, log)
+            log = _told(block, log)
             check_frame(subject, log)
         own = log if isinstance(log, Measured) else measure(block, log, _share(log, total, most_rows))
         refuse_still(own.name, own.channels, own.values)
@@ -135,15 +135,17 @@ def measure_shared(model: Model | Block, logs: Sequence[Log | Measured], most_ro
     return found
 
 
-def _refuse_faulty(block: Block, log: Log) -> None:
-    """Refuse a log with numbers for missing values or a pose held over many rows; warn of others held."""
+def _told(block: Block, log: Log) -> Log:
+    """Return a log as a fit reads it, with a warning of each change; refuse numbers for missing values."""
     inputs = [s.name for s in block.inputs if log.has(s.name)]
     seen = dict.fromkeys(s.name for s in (*block.outputs, *block.states) if log.has(s.name))
     channels = [name for name in seen if name not in inputs]
-    for fault in (*code_faults(log, [*channels, *inputs]), *held_pose(log)):
+    for fault in code_faults(log, [*channels, *inputs]):
         raise InputError(fault)
-    for fault in held_faults(log, channels):
-        warnings.warn(fault, stacklevel=4)
+    log, said = prepared(log, channels, inputs)
+    for line in said:
+        warnings.warn(line, stacklevel=4)
+    return log
 
 
 def _share(log: Log, total: int, most_rows: int) -> int:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -18,6 +19,7 @@ from hovercontrol.io.folders import write_folder
 from hovercontrol.io.percent import percent
 from hovercontrol.io.pyplot import open_in_pyplot
 from hovercontrol.logs import VELOCITY, Log
+from hovercontrol.logs.duplicates import refuse_duplicates
 from hovercontrol.models.model import Model
 from hovercontrol.models.modelfile import save_model
 
@@ -35,9 +37,12 @@ class StudyCriteria:
     ----------
     horizon : float
         Prediction horizon [s].
+    part : float
+        Its largest part of the longest stretch of a log without a break.
     """
 
     horizon: float = 1.0
+    part: float = 0.25
 
 
 #: The values in use.
@@ -106,6 +111,7 @@ class Study:
         """
         report = progress or (lambda part, what: None)
         refuse_other_units([*training, *holdout])
+        _refuse_copies(model, training, holdout)
         report(0.0, "reading what was measured")
         measured: list[Measured] = measure_shared(model, training, MOST_ROWS)
         for log in holdout:
@@ -124,7 +130,7 @@ class Study:
             held_out = k >= len(training)
             fit, own = (smoothed(found.model, data), 0) if held_out else (found.fit, k)
             run = run_of(model.name, fit, own)
-            judged.append(Judged(label, held_out, prediction(fit, JUDGEMENT.horizon, own), run))
+            judged.append(Judged(label, held_out, prediction(fit, _horizon(measured), own), run))
         return cls(found, tuple(judged))
 
     @property
@@ -166,8 +172,8 @@ class Study:
             f"coefficients of {self.found.model.name}",
             self.found.table(),
             "",
-            f"rms error {JUDGEMENT.horizon:g} s ahead, beside that of the trivial prediction (constant body "
-            "velocities)",
+            f"rms error {self.judged[0].prediction.horizon:.3g} s ahead, beside that of the trivial "
+            "prediction (constant body velocities)",
             *aligned(rows),
         ]
         lines += [
@@ -194,7 +200,7 @@ class Study:
             save_model(self.found.model, temporary / "model.toml")
             self.found.save_csv(temporary / "coefficients.csv")
             ahead = [
-                [j.label, j.holdout, c, p.units[c], JUDGEMENT.horizon, p.rms[c], p.trivial[c], p.share[c]]
+                [j.label, j.holdout, c, p.units[c], p.horizon, p.rms[c], p.trivial[c], p.share[c]]
                 for j in self.judged
                 for p in [j.prediction]
                 for c in p.rms
@@ -210,6 +216,23 @@ class Study:
                 figure.savefig(temporary / f"free_run_{j.label}.png", dpi=120)
 
         return write_folder(folder, write, stale=("free_run_*.png",))
+
+
+def _refuse_copies(model: Model, training: Sequence[Log], holdout: Sequence[Log]) -> None:
+    """Refuse a held-out log that holds rows of a training log, and training logs that share rows."""
+    block = model.plant()
+    inputs = [s.name for s in block.inputs]
+    seen = dict.fromkeys(s.name for s in (*block.outputs, *block.states))
+    channels = [name for name in seen if name not in inputs]
+    refuse_duplicates(training, None, channels, inputs)
+    for one, held in product(training, holdout):
+        refuse_duplicates([one], held, channels, inputs)
+
+
+def _horizon(logs: Sequence[Measured]) -> float:
+    """Return how far ahead is predicted [s]: less in logs that are short."""
+    longest = [max((float(m.time[b - 1] - m.time[a]) for a, b in m.segments), default=0.0) for m in logs]
+    return min(JUDGEMENT.horizon, JUDGEMENT.part * min(longest))
 
 
 def _table(path: Path, heading: list[str], rows: Sequence[Sequence[object]]) -> None:

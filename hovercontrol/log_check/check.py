@@ -269,7 +269,8 @@ def _once(lines: Sequence[str]) -> tuple[str, ...]:
 
 def _timing_text(t: Timing, named: bool) -> list[str]:
     name = f"{t.of}: " if named else ""
-    lines = [f"{name}{t.rows} rows, {t.stop - t.start:.4g} s, {t.rate:.4g} measurements a second"]
+    trials = f" in {t.trials} trials" if t.trials > 1 else ""
+    lines = [f"{name}{t.rows} rows, {t.seconds:.4g} s{trials}, {t.rate:.4g} measurements a second"]
     kind = "a steady clock" if t.steady else "no steady sampling clock"
     jitter = f", stamps scatter by {1e3 * t.jitter:.3g} ms" if t.jitter > 1e-6 else ""
     late = f", at most {1e3 * t.worst_delay:.3g} ms late" if t.worst_delay > 1e-6 else ""
@@ -283,12 +284,18 @@ def _timing_text(t: Timing, named: bool) -> list[str]:
 
 
 def _column_table(f: LogFacts) -> list[str]:
-    rows = [("column", "unit", "from", "to", "noise", "resolution", "outliers", "changes every")]
+    rows: list[tuple[str, ...]] = [
+        ("column", "unit", "from", "to", "noise", "resolution", "outliers", "changes every", "missing")
+    ]
     known = [c for c in f.columns if c.kind != "other"] or list(f.columns)
     for c in known:
         every = f"{c.change_every:.3g} s" if c.change_every else ""
         span = (f"{c.low:.4g}", f"{c.high:.4g}", _number(c.noise), _number(c.resolution))
-        rows.append((c.name, c.unit or "?", *span, _outliers(c), every))
+        rows.append(
+            (c.name, c.unit or "?", *span, _outliers(c), every, f"{c.missing:,}" if c.missing else "")
+        )
+    if not any(row[-1] for row in rows[1:]):
+        rows = [row[:-1] for row in rows]
     lines = list(aligned(rows))
     rest = [c.name for c in f.columns if c not in known]
     if rest:

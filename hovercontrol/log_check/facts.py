@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -15,10 +16,10 @@ from hovercontrol.estimation.levels import noise_levels
 from hovercontrol.estimation.measure import Measured, steps
 from hovercontrol.estimation.navigation import NAVIGATION, corrections
 from hovercontrol.estimation.spikes import stand_out
-from hovercontrol.logs import POSE, VELOCITY, Log, Span, fit_clock, smooth_pose
+from hovercontrol.logs import POSE, VELOCITY, Clock, Log, Span, fit_clock, smooth_pose
 from hovercontrol.logs.codes import code_faults
-from hovercontrol.logs.held import held_faults
 from hovercontrol.logs.log import UNITS
+from hovercontrol.logs.prepare import prepared
 from hovercontrol.logs.scales import scale_faults
 
 Array = NDArray[np.float64]
@@ -51,6 +52,9 @@ class Timing:
         Samples of the steady clock that are not there.
     gaps : tuple of (float, float)
         Spans [s] without rows, longer than 0.25 s and five usual steps.
+    trials : int
+    seconds : float
+        Length of all trials together [s].
 
     Examples
     --------
@@ -70,6 +74,8 @@ class Timing:
     worst_delay: float
     lost: int
     gaps: tuple[tuple[float, float], ...]
+    trials: int
+    seconds: float
 
 
 @checked
@@ -84,7 +90,7 @@ class Column:
     kind : str
         ``"measured"``, ``"command"`` or ``"other"``.
     missing : int
-        Rows without a number.
+        Samples missing in the file.
     low, high : float
         Smallest and largest value.
     noise : float or None
@@ -189,38 +195,61 @@ def facts(
     corrected = corrections(log)
     navigated = NAVIGATION.least <= corrected.size <= NAVIGATION.most * len(log)
     craft = any(log.has(name) for name in (*POSE, *VELOCITY))  # other machines may be slow, or fast
-    remarks = code_faults(log, measured) or held_faults(log, measured) or (scale_faults(log) if craft else [])
+    remarks = code_faults(log, measured)
+    blank = {name: log.missing(name) for name in kinds}
+    log, notes = _read(log, measured, inputs)
+    remarks = remarks or (scale_faults(log) if craft else [])
     rejected = _rejected(log) if log.has(*POSE) and not navigated and not remarks else ()
     columns = tuple(
-        _column(log, name, known.get(name, ""), kind, name in measured, rejected)
+        _column(log, name, known.get(name, ""), kind, blank[name], name in measured, rejected)
         for name, kind in kinds.items()
     )
-    timing = [_timing(name, stamps, None) for name, stamps in (files or {}).items()]
+    timing = [_timing(name, Log(name, stamps, {}), []) for name, stamps in (files or {}).items()]
     if not timing:
-        rows = log.stack(*measured) if measured else np.zeros((len(log), 1))
-        seen = np.isfinite(rows).any(axis=1)
-        timing = [_timing(log.name, log.time[seen], rows[seen])]
+        seen = np.zeros(len(log), dtype=bool)
+        for name in measured:
+            seen |= np.isfinite(log[name])
+        timing = [_timing(log.name, log.select(seen) if seen.any() else log, measured)]
     if navigated and not remarks:
         apart = float(np.median(np.diff(log.time[corrected])))
         remarks.append(
             f"{log.name}: its position jumps {corrected.size} times, usually after {apart:.3g} s, and stays "
             f"there: output of a navigation with position fixes; between fixes its velocities drift"
         )
-    return LogFacts(log, tuple(timing), columns, rejected, tuple(remarks))
+    return LogFacts(log, tuple(timing), columns, rejected, (*notes, *remarks))
 
 
-def _timing(name: str, stamps: Array, samples: Array | None) -> Timing:
-    clock = fit_clock(stamps, samples)
-    steps_ = np.diff(stamps)
-    period = clock.period if clock.period > 0 else float("nan")
-    off = stamps - clock.time if clock.steady else steps_[steps_ < 5 * np.median(steps_)]
+def _read(log: Log, measured: Sequence[str], inputs: Sequence[str]) -> tuple[Log, list[str]]:
+    """Return a log as a fit reads it, with one line on each change, or on why a fit refuses it."""
+    try:
+        return prepared(log, measured, inputs)
+    except InputError as error:
+        return log, [str(error)]
+
+
+def _timing(name: str, log: Log, measured: Sequence[str]) -> Timing:
+    trials = log.each_trial()
+    clocks = [fit_clock(part.time, part.stack(*measured) if measured else None) for part in trials]
+    clock = clocks[int(np.argmax([len(part) for part in trials]))]
+    off = np.concatenate([_off(part.time, own) for part, own in zip(trials, clocks, strict=True)])
     return Timing(
-        name, stamps.size, float(stamps[0]), float(stamps[-1]), 1.0 / period, clock.steady,
-        float(np.std(off)) if off.size else 0.0, clock.worst_delay, clock.lost, Log(name, stamps, {}).gaps,
+        name, len(log), float(log.time[0]), float(log.time[-1]),
+        1.0 / (clock.period if clock.period > 0 else float("nan")), clock.steady,
+        float(np.std(off)) if off.size else 0.0, max(own.worst_delay for own in clocks),
+        sum(own.lost for own in clocks), log.gaps, len(trials),
+        sum(float(part.time[-1] - part.time[0]) for part in trials),
     )  # fmt: skip
 
 
-def _column(log: Log, name: str, unit: str, kind: str, measured: bool, rejected: Sequence[Span]) -> Column:
+def _off(stamps: Array, clock: Clock) -> Array:
+    """Return how far stamps are off their clock, or without one their usual steps [s]."""
+    steps_ = np.diff(stamps)
+    return stamps - clock.time if clock.steady else steps_[steps_ < 5 * np.median(steps_)]
+
+
+def _column(
+    log: Log, name: str, unit: str, kind: str, missing: int, measured: bool, rejected: Sequence[Span]
+) -> Column:
     row = log[name]
     known = np.isfinite(row)
     time, seen = _rows(log.time, known), _rows(row, known)
@@ -229,14 +258,15 @@ def _column(log: Log, name: str, unit: str, kind: str, measured: bool, rejected:
     outliers: tuple[float, ...] = ()
     if measured and seen.size > 3 and resolution < np.inf:
         right = known & ~_within(log.time, rejected)  # wrong samples are no measure of noise
-        noise, outliers = _noise(Log(log.name, _rows(log.time, right), {name: _rows(row, right)}), name)
+        alone = replace(log, columns={name: row})
+        noise, outliers = _noise(alone if right.all() else alone.select(right), name)
     every = None
     if kind == "command":
         at = time[1:][np.diff(seen) != 0.0]
         every = float(np.median(np.diff(at))) if at.size > 1 else None
     low, high = (float(f(seen)) if seen.size else float("nan") for f in (np.min, np.max))
     return Column(
-        name, unit, kind, row.size - seen.size, low, high, noise,
+        name, unit, kind, missing, low, high, noise,
         resolution if resolution < np.inf else None, outliers, every,
     )  # fmt: skip
 
@@ -261,7 +291,8 @@ def _noise(log: Log, name: str) -> tuple[float | None, tuple[float, ...]]:
     row, n = log[name], len(log)
     if name == "psi":
         row = np.unwrap(row)
-    edges = [0, *(int(np.searchsorted(log.time, stop)) for _, stop in log.gaps), n]
+    gaps = [int(np.searchsorted(log.time, stop)) for _, stop in log.gaps]
+    edges = [0, *sorted({*gaps, *(trial.first for trial in log.trials[1:])}), n]
     segments = tuple((a, b) for a, b in pairwise(edges) if b > a)
     none = np.empty((0, n))
     seen = Measured(
@@ -282,7 +313,8 @@ def _noise(log: Log, name: str) -> tuple[float | None, tuple[float, ...]]:
 
 
 def _rejected(log: Log) -> tuple[Span, ...]:
-    try:
-        return smooth_pose(log).rejected
-    except InputError:  # too few rows, or too many
-        return ()
+    found: list[Span] = []
+    for part in log.each_trial():
+        with suppress(InputError):  # too few rows, or too many
+            found += smooth_pose(part).rejected
+    return tuple(found)

@@ -6,10 +6,11 @@ import warnings
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hovercontrol.errors import InputError, shown
 from hovercontrol.logs.codes import code_text, gap_code
-from hovercontrol.logs.log import Floats, Log
+from hovercontrol.logs.log import Floats, Log, Mask
 from hovercontrol.logs.source import Source
 
 
@@ -31,17 +32,30 @@ class PlausibleLimits:
     value: float = 1e20
 
 
+Rows = NDArray[np.intp]
+
 #: The values in use.
 PLAUSIBLE = PlausibleLimits()
 
 
 def check_finite(file: str, source: Source, column: str, values: Floats) -> None:
     """Raise if a value is missing, NaN, infinite or huge; ``column`` is its name in the file."""
-    bad = np.flatnonzero(~(np.abs(values) <= PLAUSIBLE.value))
+    check_size(file, source, column, values)
+    _refuse(file, source, column, values, np.isnan(values))
+
+
+def check_size(file: str, source: Source, column: str, values: Floats) -> None:
+    """Raise if a value is infinite or huge, or all are missing; ``column`` is its name in the file."""
+    if values.size and np.isnan(values).all():
+        raise InputError(f"{file}: column {column!r} is empty: NaN in all {values.size} rows")
+    _refuse(file, source, column, values, np.abs(values) > PLAUSIBLE.value)
+
+
+def _refuse(file: str, source: Source, column: str, values: Floats, wrong: Mask) -> None:
+    """Raise if any value is wrong: the line tells the first."""
+    bad = np.flatnonzero(wrong)
     if not bad.size:
         return
-    if bad.size == values.size and np.isnan(values).all():
-        raise InputError(f"{file}: column {column!r} is empty: NaN in all {values.size} rows")
     where, text = source.place(int(bad[0]), column)
     more = f" ({bad.size} such rows)" if bad.size > 1 else ""
     wanted = f"a number up to {PLAUSIBLE.value:g}" if np.isfinite(values[bad[0]]) else "a finite number"
@@ -57,9 +71,12 @@ def check_codes(file: str, source: Source, column: str, values: Floats, *, any_n
         raise InputError(f"{file}: {code_text(column, code, at.size, where)}")
 
 
-def check_time(file: str, source: Source, column: str, time: Floats) -> None:
-    """Raise if time repeats or runs backwards; ``column`` is its name in the file."""
-    stuck = np.flatnonzero(np.diff(time) <= 0)
+def check_time(file: str, source: Source, column: str, time: Floats, firsts: Rows) -> None:
+    """Raise if time repeats or runs backwards within a trial; ``column`` is its name in the file.
+
+    ``firsts`` are the first rows of trials.
+    """
+    stuck = np.setdiff1d(np.flatnonzero(np.diff(time) <= 0), firsts - 1)
     if not stuck.size:
         return
     row = int(stuck[0]) + 1
@@ -77,7 +94,7 @@ def check_gaps(log: Log) -> None:
     gaps = [stop - start for start, stop in log.gaps]
     if not gaps:
         return
-    left = float(log.time[-1] - log.time[0]) - sum(gaps)
+    left = sum(float(part.time[-1] - part.time[0]) for part in log.each_trial()) - sum(gaps)
     many = len(gaps) > 1
     count = f"{len(gaps)} gap{'s' * many} of {max(gaps):.3g} s{' at most' * many}"
     usual = f"usual are {np.median(np.diff(log.time)):.3g} s from row to row"
@@ -95,6 +112,8 @@ def check_heading(file: str, column: str, time: Floats, psi: Floats, r: Floats |
     turns some 57 times as fast as the yaw rate ``r`` [rad/s] of the same log says. Where it turns
     as fast as that says, both are in degrees.
     """
+    known = np.isfinite(psi) if r is None else np.isfinite(psi) & np.isfinite(r)
+    time, psi, r = time[known], psi[known], r[known] if r is not None else None
     steps = np.abs(np.diff(psi))
     if not steps.size:
         return

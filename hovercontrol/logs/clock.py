@@ -161,7 +161,7 @@ def fit_clock(arrival: Floats, samples: Floats | None = None) -> Clock:
 def steady(log: Log, columns: Sequence[str] | None = None) -> Log:
     """Return the log with its stamps replaced by the steady clock behind them, if any.
 
-    Commands in the same rows move with them: each row stays one.
+    Commands in the same rows move with them: each row stays one. Each trial has a clock of its own.
 
     Parameters
     ----------
@@ -176,6 +176,9 @@ def steady(log: Log, columns: Sequence[str] | None = None) -> Log:
     >>> bool(np.all(steady(irregular).time == irregular.time))
     True
     """
+    if log.trials:
+        time = np.concatenate([steady(part, columns).time for part in log.each_trial()])
+        return replace(log, time=time) if (np.diff(time) > 0.0).all() else log
     names = measured(log) if columns is None else columns
     if not names:
         return replace(log, time=fit_clock(log.time).time)

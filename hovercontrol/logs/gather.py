@@ -5,7 +5,7 @@ from __future__ import annotations
 import operator
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +18,7 @@ from hovercontrol.logs.column_units import column_of
 from hovercontrol.logs.derived import parts_of
 from hovercontrol.logs.join import join_logs
 from hovercontrol.logs.log import Log
+from hovercontrol.logs.prepare import held_on
 from hovercontrol.logs.read import header_of, names_in, read_log
 
 #: What a bench table turns into the force of a fan carries the fan's name behind this.
@@ -79,6 +80,8 @@ def gather(
     only_while: Condition | None = None,
     settle: float = 0.0,
     motion: bool = True,
+    missing: Sequence[float] = (),
+    trial: str = "",
 ) -> Log:
     r"""Return one run as one log.
 
@@ -93,7 +96,7 @@ def gather(
         The plant's inputs, which the log must have; with their units.
     columns : mapping, optional
         Our column name to the files', ``{"time": "stamp", "psi": "yaw:deg"}``; each is looked up in the
-        file that has it.
+        file that has it. ``{"u": "torque.csv:xyz[2]"}`` says which file, where both have the column.
     bench : BenchTable, optional
         Makes an input ``rear_left`` [N] of a column ``pwm_rear_left``.
     only_while : Condition, optional
@@ -102,6 +105,10 @@ def gather(
         Seconds left out at the beginning of that stretch.
     motion : bool, optional
         Whether a log must hold pose or body velocities.
+    missing : sequence of float, optional
+        Numbers in the files that mean a missing value.
+    trial : str, optional
+        Column that tells trials apart, in the file with the measurements.
 
     Returns
     -------
@@ -130,16 +137,17 @@ def gather(
     wanted = dict.fromkeys((f"{PULSE}{name}" for name in inputs), "") if bench else units
     extra = {only_while.column: ""} if only_while and only_while.column != "time" else {}
     paths = split_files(files)
+    own = columns_by_file(paths, columns or {})
+    _check_columns(paths[-1], own[-1], extra)
     if len(paths) == 1:
-        _check_columns(paths[0], columns or {}, extra)
-        log = measured = read_log(paths[0], columns, wanted | extra, motion=motion)
+        log = measured = read_log(
+            paths[0], own[0], wanted | extra, motion=motion, missing=missing, trial=trial
+        )
     else:
         pose, commands = paths
-        ours, theirs = _columns_by_file(pose, commands, columns or {})
-        _check_columns(commands, theirs, extra)
-        sent = read_log(commands, theirs, wanted | extra, motion=False)
-        measured = read_log(pose, ours, motion=motion)
-        log = join_logs(measured, sent)
+        sent = read_log(commands, own[1], wanted | extra, motion=False, missing=missing)
+        measured = read_log(pose, own[0], motion=motion, missing=missing, trial=trial)
+        log = join_logs(*_each_once(measured, sent, own, wanted))
     if bench:
         log = bench.apply(log, dict(zip(wanted, inputs, strict=True)))
     log = _longest(log, only_while, settle) if only_while else log
@@ -170,22 +178,79 @@ def _check_columns(file: Path, columns: Mapping[str, str], conditions: Iterable[
             raise ArgumentError(f"{file}: condition: no column {name!r}{did_you_mean(name, known)}")
 
 
-def _columns_by_file(
-    pose: Path, commands: Path, columns: Mapping[str, str]
-) -> tuple[dict[str, str], dict[str, str]]:
-    """Give each renamed column to the files that have it; read_log refuses one that none has."""
-    there = {path: header_of(path, {}) for path in (pose, commands)}
+def columns_by_file(paths: Sequence[Path], columns: Mapping[str, str]) -> list[dict[str, str]]:
+    """Return for each file of a run its part of the renamed columns, less the file's name in front.
 
-    def has(path: Path, said: str) -> bool:
-        return all(column_of(part, there[path])[0] in there[path] for part in parts_of(said, there[path]))
+    A column that no file has is looked for in the first.
 
-    ours = {k: v for k, v in columns.items() if has(pose, v) or not has(commands, v)}
-    theirs = {k: v for k, v in columns.items() if has(commands, v)}
-    return ours, theirs
+    Raises
+    ------
+    ArgumentError
+        If both files have a column and it is not said which one is meant.
+    """
+    headers = [header_of(path, {}) for path in paths]
+    found: list[dict[str, str]] = [{} for _ in paths]
+    for ours, said in columns.items():
+        named = [(k, rest) for k, path in enumerate(paths) if (rest := _in_file(said, path, headers[k]))]
+        there = [(k, said) for k, names in enumerate(headers) if _has(said, names)]
+        chosen = named or there or [(0, said)]
+        if len(chosen) > 1 and ours != "time":
+            column = column_of(chosen[0][1], headers[chosen[0][0]])[0]
+            one, other = paths
+            raise ArgumentError(
+                f"{one}: column {column!r}, to be {ours!r}, is also in {other}: name the file, "
+                f"--columns {ours}={one if one.name == other.name else one.name}:{said}"
+            )
+        for k, rest in chosen:
+            found[k][ours] = rest
+    return found
+
+
+def _has(said: str, header: Sequence[str]) -> bool:
+    """Whether a file has all columns of what is said: one, those of a rotation, or the parts of a stamp."""
+    return all(column_of(part, header)[0] in header for part in parts_of(said, header))
+
+
+def _in_file(said: str, path: Path, header: Sequence[str]) -> str:
+    """Return what is said of a column of a file behind the file's name; empty if that is not named."""
+    if _has(said, header):
+        return ""
+    for name in (str(path), path.name):
+        if said.startswith(f"{name}:"):
+            return said.removeprefix(f"{name}:")
+    return ""
+
+
+def _each_once(
+    measured: Log, sent: Log, own: Sequence[Mapping[str, str]], inputs: Iterable[str]
+) -> tuple[Log, Log]:
+    """Return the logs of two files, each column in one: measurements are of the first, unless it is said.
+
+    Raises
+    ------
+    ArgumentError
+        If both have a column of commands.
+    """
+    for name in sorted(measured.columns.keys() & sent.columns.keys()):
+        if name in own[1] and name not in own[0]:
+            measured = _without(measured, name)
+        elif name in inputs and name not in own[0]:
+            raise ArgumentError(
+                f"{measured.name}: column {name!r} is also in {sent.name}: name the file, "
+                f"--columns {name}={sent.name}:{name}"
+            )
+        else:
+            sent = _without(sent, name)
+    return measured, sent
+
+
+def _without(log: Log, name: str) -> Log:
+    return replace(log, columns={k: v for k, v in log.columns.items() if k != name})
 
 
 def _longest(log: Log, condition: Condition, settle: float) -> Log:
-    holds = _COMPARE[condition.comparison](log[condition.column], condition.value)
+    column = log.time if condition.column == "time" else held_on(log[condition.column])
+    holds = _COMPARE[condition.comparison](column, condition.value)
     edges = np.flatnonzero(np.diff(np.concatenate([[False], holds, [False]]).astype(int)))
     if not edges.size:
         text = f"{condition.column} {condition.comparison} {condition.value:g}"

@@ -1,123 +1,156 @@
-"""Measurements slower than the rows of a log, held between: rows that repeat the last one."""
+"""Measurements slower than the rows of a log, held between: rows that repeat the last one.
+
+A logger that writes a 29 Hz pose on a grid of 50 Hz writes some poses twice, equal to the last digit. As
+samples they would say that the craft stood still and then jumped. A craft at rest, or slower than the
+resolution of its sensor, repeats its pose as well, but it comes to rest and leaves it by small steps.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hovercontrol.logs.log import POSE, VELOCITY, Floats, Log
-
-#: Rows of a log that are looked at, at most.
-MOST_ROWS = 60_000
+from hovercontrol.logs.log import POSE, VELOCITY, Floats, Log, Mask
 
 
 @dataclass(frozen=True)
 class HeldCriteria:
-    """When measurements are held.
+    """When rows that repeat hold no measurement of their own.
 
     No published source: set by hand, exercised by tests/logs/test_held.py.
 
     Attributes
     ----------
-    rows : float
-        Rows from one new measurement to the next, in the median, from which on they are held.
-    bearable : float
-        The same of a pose, up to which a fit is little off: farther apart, its steps look like jumps.
-    regular : float
-        Part of the measurements that come within a row, or a fifth, of that.
+    jump : float
+        Change of a column, over its smallest, that shows motion: both before and after the equal rows.
     fewest : int
-        Smallest number of measurements.
-    coarse : float
-        Usual change of a column over its smallest, below which it repeats since its resolution is coarse.
+        Smallest number of different values that are repeated amid motion.
+    by_chance : float
+        Equal rows amid motion over those that differ by the resolution alone: samples of a coarse sensor
+        repeat about as often as they change by a single step.
+    longer : float
+        Rows that repeat for longer than this times the usual (the 95 % quantile) are a craft at rest: of
+        these one in each such period is kept.
     """
 
-    rows: float = 2.0
-    bearable: float = 2.0
-    regular: float = 0.9
+    jump: float = 3.0
     fewest: int = 10
-    coarse: float = 3.0
+    by_chance: float = 3.0
+    longer: float = 1.5
 
 
 #: The values in use.
 HELD = HeldCriteria()
 
 
-def held_faults(log: Log, names: Sequence[str], over: float = 1.0) -> list[str]:
-    """Return one line for each measurement that is held over rows of a log.
+def without_repeats(log: Log, names: Sequence[str]) -> tuple[Log, list[str]]:
+    """Return a log without the measurements that only repeat the last one, and a line on each.
+
+    They become NaN; commands in the same rows stay. The pose counts as one measurement, the body velocities
+    as another; other columns count as one where they repeat together, else each by itself.
 
     Parameters
     ----------
     log : Log
     names : sequence of str
-        Measured columns; the pose counts as one measurement, and the body velocities as another.
-    over : float, optional
-        Rows up to which nothing is said.
+        Measured columns.
+
+    Returns
+    -------
+    Log
+    list of str
 
     Examples
     --------
     >>> t = 0.02 * np.arange(1000)
-    >>> slow = np.repeat(np.sin(t[::10]), 10)
-    >>> held_faults(Log("a", t, {"x": slow, "y": slow, "psi": slow}), ["x", "y", "psi"])[0].partition(";")[0]
-    'a: the pose repeats for 10 rows: it is measured at about 5 Hz and held between'
+    >>> slow = np.repeat(np.sin(t[::2]), 2)
+    >>> found, said = without_repeats(Log("a", t, {"x": slow, "y": slow, "psi": slow}), ["x", "y", "psi"])
+    >>> said
+    ['a: 500 of 1,000 rows repeat the pose above (measured at about 25 Hz): dropped']
+    >>> int(np.isfinite(found["x"]).sum())
+    500
     """
     pose, velocity = ([n for n in names if n in group] for group in (POSE, VELOCITY))
+    others = [n for n in names if n not in (*POSE, *VELOCITY)]
     groups = [("the pose", pose), ("the body velocity", velocity)]
-    groups += [(f"column {n!r}", [n]) for n in names if n not in (*POSE, *VELOCITY)]
-    said = []
+    if len(others) > 1 and repeats(log, others).any():
+        groups += [(", ".join(others), others)]
+    else:
+        groups += [(f"column {n!r}", [n]) for n in others]
+    dropped, said = dict[str, Floats](), []
     for what, group in groups:
-        found = held(log, group) if group else None
-        if found and found[0] > over:
-            rows, rate = found
-            said.append(
-                f"{log.name}: {what} repeats for {rows} rows: it is measured at about {rate:.2g} Hz and held "
-                "between; write each measurement once, in a file of its own, and give both as POSE+COMMANDS"
-            )
-    return said
+        again = repeats(log, group)
+        if not again.any():
+            continue
+        kept = np.isfinite(log.stack(*group)).all(axis=1) & ~again
+        rate = _rate(log, kept)
+        dropped |= {name: np.where(again, np.nan, log[name]) for name in group}
+        said.append(
+            f"{log.name}: {again.sum():,} of {len(log):,} rows repeat {what} above "
+            f"(measured at about {rate:.2g} Hz): dropped"
+        )
+    if not dropped:
+        return log, []
+    blank = {name: log.missing(name) for name in log.columns}
+    return replace(log, columns={**log.columns, **dropped}, blank=blank), said
 
 
-def held_pose(log: Log) -> list[str]:
-    """Return the line on a pose that is held for so long that no velocities follow from it.
+def repeats(log: Log, names: Sequence[str]) -> Mask:
+    """Return the rows, shape (n,), in which columns only repeat the last measurement.
+
+    Parameters
+    ----------
+    log : Log
+    names : sequence of str
+        Columns that are measured together.
 
     Examples
     --------
     >>> t = 0.02 * np.arange(1000)
-    >>> held_pose(Log("a", t, {"x": np.sin(t), "y": np.cos(t), "psi": t}))
-    []
+    >>> int(repeats(Log("a", t, {"r": np.sin(t)}), ["r"]).sum())
+    0
     """
-    return held_faults(log, [name for name in POSE if log.has(name)], HELD.bearable)
+    again = np.zeros(len(log), dtype=bool)
+    if not names or len(log) < 3:
+        return again
+    rows = np.flatnonzero(np.isfinite(log.stack(*names)).all(axis=1))
+    values = log.stack(*names)[rows]
+    sizes = np.abs(np.diff(values, axis=0))  # of the changes into rows 1, 2, ...
+    finest = np.array([row[row > 0.0].min(initial=np.inf) for row in sizes.T])
+    large: Mask = np.any(sizes >= HELD.jump * finest, axis=1)
+    equal: Mask = np.all(sizes == 0.0, axis=1)
+    near: Mask = np.all(sizes <= 1.5 * finest, axis=1)
+    held = _amid(equal, large)
+    if not held.size or len(np.unique(values[held[:, 0]], axis=0)) < HELD.fewest:
+        return again
+    alone = near & ~equal
+    if len(held) <= HELD.by_chance * len(_amid(alone, large)):
+        return again
+    period = int(HELD.longer * np.quantile(held[:, 1] - held[:, 0], 0.95)) + 1
+    first, stop = _runs(equal).T
+    length = stop - first
+    place = np.arange(length.sum()) - np.repeat(np.cumsum(length) - length, length)  # 0 at the first repeat
+    own = np.flatnonzero(equal) + 1
+    again[rows[own[(place + 1) % period != 0]]] = True
+    return again
 
 
-def held(log: Log, names: Sequence[str]) -> tuple[int, float] | None:
-    """Return for how many rows columns stay as they are, and how often they change [Hz]; None if at each row.
-
-    Examples
-    --------
-    >>> t = 0.02 * np.arange(1000)
-    >>> held(Log("a", t, {"r": np.sin(t)}), ["r"]) is None
-    True
-    """
-    apart, times, jumps = [np.empty(0)], [np.empty(0)], [np.empty((0, len(names)))]
-    for part in log.spread(MOST_ROWS):
-        values = part.stack(*names)
-        seen = np.isfinite(values).all(axis=1)
-        change = np.diff(values[seen], axis=0)
-        new = np.flatnonzero(change.any(axis=1))
-        apart.append(np.diff(new).astype(float))
-        times.append(np.diff(part.time[seen][1:][new]))
-        jumps.append(np.abs(change[new]))
-    rows, sizes = np.concatenate(apart), np.concatenate(jumps)
-    if rows.size < HELD.fewest or all(_coarse(column) for column in sizes.T):
-        return None
-    usual = float(np.median(rows))
-    near = np.abs(rows - usual) <= max(1.0, 0.2 * usual)
-    if usual < HELD.rows or near.mean() < HELD.regular or (rows == 1.0).mean() > 1.0 - HELD.regular:
-        return None
-    return round(usual), 1.0 / float(np.median(np.concatenate(times)))
+def _runs(wanted: Mask) -> np.ndarray[tuple[int, int], np.dtype[np.intp]]:
+    """Return the first place and that behind the last of each run, shape (m, 2)."""
+    edges = np.diff(np.concatenate([[0], wanted.astype(np.int8), [0]]))
+    return np.flatnonzero(edges).reshape(-1, 2)
 
 
-def _coarse(jumps: Floats) -> bool:
-    """Return whether a column changes by steps of its resolution."""
-    own = jumps[jumps > 0.0]
-    return not own.size or bool(np.median(own) < HELD.coarse * own.min())
+def _amid(wanted: Mask, large: Mask) -> np.ndarray[tuple[int, int], np.dtype[np.intp]]:
+    """Return the runs with a large change right before and right after, shape (m, 2)."""
+    runs = _runs(wanted)
+    inner = runs[(runs[:, 0] > 0) & (runs[:, 1] < wanted.size)]
+    return inner[large[inner[:, 0] - 1] & large[inner[:, 1]]]
+
+
+def _rate(log: Log, kept: Mask) -> float:
+    """Return how often a measurement came [Hz], gaps and pauses left out."""
+    steps = np.diff(log.time[kept])
+    return 1.0 / float(steps[steps <= 5.0 * np.median(steps)].mean())

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError, did_you_mean
-from hovercontrol.logs.clock import measured, steady
+from hovercontrol.logs.clock import measured as measured_names
+from hovercontrol.logs.clock import steady
 from hovercontrol.logs.log import Floats, Log, Mask
+from hovercontrol.logs.prepare import held_on
+from hovercontrol.logs.trials import in_sequence
 
 
 @dataclass(frozen=True)
@@ -42,11 +45,12 @@ def join_logs(
 ) -> Log:
     """Add to a pose log the commands in force at each of its samples, and rows where a command changes.
 
-    A command holds until the next one. Where one changes between two samples there is a row more, at the
-    command's own time and with NaN for all that was not measured then: rounded to the next sample, every
-    command would come half a sampling period late. Arrival times of the pose are first replaced by the
-    steady sampling clock behind them (:func:`~hovercontrol.logs.clock.steady`), so that a late stamp
-    does not pick a later command.
+    A command holds until the next one, also over blank cells. Where one changes between two samples there is
+    a row more, at the command's own time and with NaN for all that was not measured then: rounded to the
+    next sample, every command would come half a sampling period late. Arrival times of the pose are first
+    replaced by the steady sampling clock behind them (:func:`~hovercontrol.logs.clock.steady`), so that a
+    late stamp does not pick a later command. Trials are those of the pose; where their time begins again,
+    both files need equally many, which are joined one by one.
 
     Parameters
     ----------
@@ -67,7 +71,8 @@ def join_logs(
     Raises
     ------
     InputError
-        A column in both logs, an idle value missing or misnamed, or no time in common.
+        A column in both logs, an idle value missing or misnamed, no time in common, or trials whose time
+        begins again and that are not as many in both.
 
     Examples
     --------
@@ -82,8 +87,12 @@ def join_logs(
     both = sorted(pose.columns.keys() & commands.columns.keys())
     if both:
         raise InputError(f"{pose.name}: column {both[0]!r} is also in {commands.name}")
+    if any(trial.shift for trial in (*pose.trials, *commands.trials)):
+        return _join_each(pose, commands, before, hold)
     idle = _idle_values(commands, before)
     commands = commands.on_clock_of(pose)
+    blank = {name: log.missing(name) for log in (pose, commands) for name in log.columns}
+    commands = commands.with_columns({name: held_on(column) for name, column in commands.columns.items()})
     kept = steady(pose)
     kept = kept.select(kept.time <= commands.time[-1] + hold)
     if idle is None:
@@ -109,7 +118,16 @@ def join_logs(
     measured = {name: np.full(time.size, np.nan) for name in kept.columns}
     for name, column in kept.columns.items():
         measured[name][at] = column
-    return Log(pose.name, time, {**measured, **held}, origin=pose.origin)
+    return replace(
+        kept,
+        time=time,
+        columns={**measured, **held},
+        trials=tuple(
+            replace(trial, first=int(at[trial.first]) if k else 0) for k, trial in enumerate(kept.trials)
+        ),
+        notes=(*pose.notes, *commands.notes),
+        blank=blank,
+    )
 
 
 def measured_rows(log: Log) -> Mask:
@@ -120,17 +138,42 @@ def measured_rows(log: Log) -> Mask:
     >>> measured_rows(Log("a", [0.0, 0.5, 1.0], {"x": [0.0, np.nan, 1.0], "fan": [0.0, 1.0, 1.0]}))
     array([ True, False,  True])
     """
-    names = measured(log)
+    names = measured_names(log)
     if not names:
         return np.ones(len(log), dtype=bool)
     return np.asarray(np.isfinite(log.stack(*names)).any(axis=1), dtype=bool)
+
+
+def _join_each(pose: Log, commands: Log, before: Mapping[str, float] | float | None, hold: float) -> Log:
+    """Join trials whose time begins again one by one, each on its own clock."""
+    if len(pose.trials) != len(commands.trials):
+        raise InputError(
+            f"{pose.name}: time begins again: expected as many trials as in {commands.name}, found "
+            f"{max(len(pose.trials), 1)} and {max(len(commands.trials), 1)}"
+        )
+    joined = [
+        join_logs(_on_own_clock(pose, k), _on_own_clock(commands, k), before, hold=hold)
+        for k in range(len(pose.trials))
+    ]
+    firsts = np.cumsum([0, *(len(log) for log in joined[:-1])])
+    time, trials = in_sequence(np.concatenate([log.time for log in joined]), firsts)
+    columns = {name: np.concatenate([log[name] for log in joined]) for name in joined[0].columns}
+    blank = {name: log.missing(name) for log in (pose, commands) for name in log.columns}
+    notes = (*pose.notes, *commands.notes)
+    return Log(pose.name, time, columns, pose.frame, trials, notes, blank)
+
+
+def _on_own_clock(log: Log, k: int) -> Log:
+    part = log.each_trial()[k]
+    return replace(part, time=part.time - log.trials[k].shift)
 
 
 def _changes(commands: Log, idle: Mapping[str, float] | None) -> Floats:
     """Return the times at which a command changes."""
     changed = np.zeros(len(commands), dtype=bool)
     for name, column in commands.columns.items():
-        changed |= np.diff(column, prepend=column[0] if idle is None else idle[name]) != 0
+        before = np.append(column[0] if idle is None else idle[name], column[:-1])
+        changed |= (column != before) & ~np.isnan(column)
     return commands.time[changed]
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -39,6 +40,22 @@ Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 
+@dataclass(frozen=True)
+class Trial:
+    """One of several trials in a log.
+
+    Attributes
+    ----------
+    first : int
+        Its first row.
+    shift : float
+        Seconds added to the file's time: trials whose time begins again follow each other in a log.
+    """
+
+    first: int
+    shift: float = 0.0
+
+
 @checked
 @dataclass(frozen=True, eq=False)
 class Log:
@@ -58,6 +75,14 @@ class Log:
         said so, and :func:`.frames.check_frame` looks.
     origin : int
         The stamp [ns] from which ``time`` counts, where the file counts from an epoch; else 0.
+    trials : tuple of Trial
+        The trials of which the log consists, in order; empty if it is one. Nothing is predicted from one to
+        the next.
+    notes : tuple of str
+        What the reader did to the rows, one line each.
+    blank : mapping of str to int, optional
+        Samples missing in each column of the files; by default the number of NaN. A joined log has NaN in its
+        rows for a command alone, too.
 
     Raises
     ------
@@ -76,6 +101,9 @@ class Log:
     columns: Mapping[str, Floats]
     frame: str = ""
     origin: int = 0
+    trials: tuple[Trial, ...] = ()
+    notes: tuple[str, ...] = ()
+    blank: Mapping[str, int] | None = None
 
     def __post_init__(self) -> None:
         time = np.asarray(self.time, dtype=float)
@@ -153,11 +181,53 @@ class Log:
         """
         try:
             kept = {k: v[rows] for k, v in self.columns.items()}
-            return replace(self, time=self.time[rows], columns=kept)
+            return replace(self, time=self.time[rows], columns=kept, trials=self._trials_of(rows))
         except (IndexError, TypeError, ValueError):
             raise InputError(
                 f"{self.name}: expected a mask, indices or a slice of {len(self)} rows, found {shown(rows)}"
             ) from None
+
+    def _trials_of(self, rows: Mask | NDArray[np.intp] | slice) -> tuple[Trial, ...]:
+        """Return the trials of some rows."""
+        if not self.trials:
+            return ()
+        firsts = [trial.first for trial in self.trials]
+        own = np.searchsorted(firsts, np.arange(len(self))[rows], side="right") - 1
+        numbers, at = np.unique(own, return_index=True)
+        found = [Trial(int(i), self.trials[k].shift) for k, i in zip(numbers.tolist(), at, strict=True)]
+        return tuple(found) if len(found) > 1 else ()
+
+    def each_trial(self) -> list[Log]:
+        """Return one log for each trial; the log itself if it is one.
+
+        Examples
+        --------
+        >>> log = Log("demo", [0.0, 1.0, 60.0, 61.0], {}, trials=(Trial(0), Trial(2)))
+        >>> [part.time.tolist() for part in log.each_trial()]
+        [[0.0, 1.0], [60.0, 61.0]]
+        """
+        edges = [*(trial.first for trial in self.trials), len(self)]
+        return [self.select(slice(a, b)) for a, b in pairwise(edges)] if self.trials else [self]
+
+    def missing(self, name: str) -> int:
+        """Return how many samples of a column are missing.
+
+        Parameters
+        ----------
+        name : str
+
+        Raises
+        ------
+        InputError
+            It is not a column.
+
+        Examples
+        --------
+        >>> Log("demo", [0.0, 1.0], {"x": [1.0, float("nan")]}).missing("x")
+        1
+        """
+        found = np.count_nonzero(np.isnan(self[name]))
+        return int(found if self.blank is None else self.blank.get(name, 0))
 
     def between(self, start: float, stop: float) -> Log:
         """Return the rows with ``start <= time <= stop`` [s].
@@ -216,9 +286,12 @@ class Log:
     def gaps(self) -> tuple[tuple[float, float], ...]:
         """Spans [s] without samples, longer than 0.25 s and than five usual steps.
 
-        A gap is no error: smoothing and identification start afresh behind it.
+        A gap is no error: smoothing and identification start afresh behind it. Pauses between trials are not
+        counted.
         """
-        return tuple((float(self.time[i]), float(self.time[i + 1])) for i in gap_rows(self.time) - 1)
+        firsts = [trial.first for trial in self.trials]
+        rows = np.setdiff1d(gap_rows(self.time), firsts) - 1
+        return tuple((float(self.time[i]), float(self.time[i + 1])) for i in rows)
 
     def _repr_html_(self) -> str:
         from hovercontrol.notebook.results import log_html

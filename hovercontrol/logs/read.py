@@ -5,23 +5,25 @@ Files are read in pieces, so memory stays near the size of the numbers that are 
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
+from numpy.typing import NDArray
 
 from hovercontrol.core.boundary import checked
 from hovercontrol.errors import ArgumentError, InputError, did_you_mean
-from hovercontrol.logs.check import check_codes, check_finite, check_heading, check_time
+from hovercontrol.logs.check import check_codes, check_finite, check_heading, check_size, check_time
 from hovercontrol.logs.column_units import column_of, factor_to_si, factors_of_file
 from hovercontrol.logs.derived import Derived, with_derived
 from hovercontrol.logs.log import POSE, VELOCITY, Floats, Log
 from hovercontrol.logs.readers.tables import Tables
 from hovercontrol.logs.source import Source, open_log
 from hovercontrol.logs.topics import join_tables
+from hovercontrol.logs.trials import in_sequence, trial_rows, trials_text
 
 LARGEST = 2**30
 """Bytes of numbers that one log may take in memory."""
@@ -35,12 +37,19 @@ def read_log(
     *,
     motion: bool = True,
     usecols: Sequence[str] | None = None,
+    missing: Sequence[float] = (),
+    trial: str = "",
 ) -> Log:
     r"""Read a log from CSV, Parquet or another of the formats in :data:`~hovercontrol.logs.source.FORMATS`.
 
     Time, pose, body velocities, the wanted inputs and every column named by the caller are
-    checked: finite numbers, time increasing, heading not in degrees. Other columns are kept
-    unchecked if they hold numbers, and left out if they hold text.
+    checked: plausible numbers, time increasing, heading not in degrees. A blank or NaN cell is a missing
+    sample, but for time. Other columns are kept unchecked if they hold numbers, and left out if they hold
+    text.
+
+    A file may hold several trials: one begins where time begins again, where it pauses for more than 30 s and
+    100 time steps, or where the column `trial` changes. ``Log.trials`` tells where, ``Log.notes`` what was
+    found.
 
     Parameters
     ----------
@@ -58,6 +67,10 @@ def read_log(
         commands.
     usecols : sequence of str, optional
         The only columns to keep besides ``time`` and ``inputs`` (our names).
+    missing : sequence of float, optional
+        Numbers in the file that mean a missing value, in any column but ``time``: ``[-999]``.
+    trial : str, optional
+        A column of numbers, one for each trial; rows in which it is blank belong to none and are left out.
 
     Returns
     -------
@@ -68,7 +81,7 @@ def read_log(
     Raises
     ------
     ArgumentError
-        If `columns` names a column that the file does not have, or one twice, or an unknown unit.
+        If `columns` or `trial` names a column that the file does not have, or one twice, or an unknown unit.
     InputError
         Anything wrong with the file: which line (the header is line 1; in Parquet which row, from
         1), which column, what was expected and what was found. Over 1 GiB of numbers is refused.
@@ -86,8 +99,11 @@ def read_log(
     opened = open_log(file)
     if isinstance(opened, Tables):
         units = dict(inputs) if isinstance(inputs, Mapping) else dict.fromkeys(inputs, "")
-        return join_tables(opened, given, units, partial(_read_source, file, motion=False), motion=motion)
-    return _read_source(file, opened, given, inputs, motion=motion, usecols=usecols)
+        read = partial(_read_source, file, motion=False, missing=missing)
+        return join_tables(opened, given, units, read, motion=motion)
+    return _read_source(
+        file, opened, given, inputs, motion=motion, usecols=usecols, missing=missing, trial=trial
+    )
 
 
 def _read_source(
@@ -98,6 +114,8 @@ def _read_source(
     *,
     motion: bool,
     usecols: Sequence[str] | None,
+    missing: Sequence[float] = (),
+    trial: str = "",
 ) -> Log:
     """Read a log from one table, as :func:`read_log` says."""
     source = with_derived(file, opened, columns)
@@ -109,7 +127,9 @@ def _read_source(
     }
     names = _our_names(str(file), source.header, renamed)
     factors |= factors_of_file(str(file), source.units, names, factors, units)
-    wanted = ("time", *inputs, *(usecols or ()))
+    if trial and trial not in names:
+        raise ArgumentError(f"{file}: no column {trial!r} to tell trials by{did_you_mean(trial, names)}")
+    wanted = ("time", *inputs, *(usecols or ()), *([trial] if trial else []))
     _check_names(str(file), names, wanted, motion)
     if usecols is not None:
         names = {ours: theirs for ours, theirs in names.items() if ours in wanted}
@@ -117,25 +137,43 @@ def _read_source(
     numeric = source.numeric()
     names = {k: v for k, v in names.items() if k in checked or v in numeric}
 
-    if source.said:
-        warnings.warn(f"{file}: read with {source.said}", stacklevel=3)
     data = _gather(str(file), source, names)
+    if not data["time"].size:
+        raise InputError(f"{file}: expected samples below the header, found no rows")
+    for ours in data.keys() - {"time"} if missing else ():
+        data[ours][np.isin(data[ours], missing)] = np.nan
     for ours, factor in factors.items():
         if ours in data:
             data[ours] *= factor
-    time = data["time"]
-    if not time.size:
-        raise InputError(f"{file}: expected samples below the header, found no rows")
     for ours in (name for name in names if name in checked):
-        if ours != "time":
-            pose = ours in (*POSE, *VELOCITY)
-            check_codes(str(file), source, names[ours], data[ours], any_number=pose)
-        check_finite(str(file), source, names[ours], data[ours])
-    check_time(str(file), source, names["time"], time)
+        if ours == "time":
+            check_finite(str(file), source, names[ours], data[ours])
+            continue
+        pose = ours in (*POSE, *VELOCITY)
+        check_codes(str(file), source, names[ours], data[ours], any_number=pose)
+        check_size(str(file), source, names[ours], data[ours])
+    firsts = trial_rows(data["time"], data.get(trial))
+    check_time(str(file), source, names["time"], data["time"], firsts)
     if "psi" in data:
-        check_heading(str(file), names["psi"], time, data["psi"], data.get("r"))
+        check_heading(str(file), names["psi"], data["time"], data["psi"], data.get("r"))
     origin = source.stamps.origin if isinstance(source, Derived) and source.stamps else None
-    return Log(file.name, data.pop("time"), data, origin=origin or 0)
+    log = replace(_log(file.name, data, firsts, trial), origin=origin or 0)
+    said = [f"{file}: read with {source.said}"] if source.said else []
+    return replace(log, notes=(*said, *log.notes))
+
+
+def _log(name: str, data: dict[str, Floats], firsts: NDArray[np.intp], trial: str) -> Log:
+    """Return the log of some trials; rows that belong to none are left out."""
+    if not firsts.size:
+        return Log(name, data.pop("time"), data)
+    time, trials = in_sequence(data.pop("time"), firsts)
+    log = Log(name, time, data, trials=trials)
+    notes = []
+    if trial and not (known := np.isfinite(log[trial])).all():
+        log = log.select(known)
+        notes.append(f"{name}: {(~known).sum():,} rows with no {trial!r}: left out")
+    said = [trials_text(name, log.trials, trial)] if log.trials else []
+    return replace(log, notes=(*said, *notes))
 
 
 def names_in(path: Path, columns: Mapping[str, str]) -> dict[str, str]:

@@ -7,7 +7,7 @@ one craft could have passed (:mod:`.reject`), noise by maximum likelihood and sm
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -218,7 +218,7 @@ def smooth_pose(log: Log) -> Smoothed:
     columns = dict(zip((*POSE, *VELOCITY), (*pose.T, u, v, velocity[:, 2]), strict=True))
     columns |= {name: log[name] for name in VELOCITY if log.has(name)}
     return Smoothed(
-        Log(log.name, time, {**log.columns, **columns}),
+        replace(log, time=time, columns={**log.columns, **columns}),
         pose,
         velocity,
         acceleration,

@@ -491,3 +491,8 @@ def test_a_strange_header_is_answered_and_nothing_is_printed(tmp_path, header, c
 
     asyncio.run(test())
     assert capfd.readouterr() == ("", "")
+
+
+def test_rows_without_a_pose_are_not_drawn(tmp_path):
+    (tmp_path / "a.csv").write_text("time,x,y,psi\n0,1,0,0\n1,,,\n2,3,0,0\n")
+    assert log_columns(tmp_path / "a.csv")["x"] == [1.0, 3.0]

@@ -8,6 +8,7 @@ from hovercontrol.core.signals import Signal
 from hovercontrol.discrepancy.checks import check_fitted, check_logs
 from hovercontrol.discrepancy.checks.clocks import command_drift
 from hovercontrol.discrepancy.checks.excitation import check_excitation, predicts_nothing
+from hovercontrol.discrepancy.checks.logs import time_constant
 from hovercontrol.discrepancy.checks.units import refuse_units
 from hovercontrol.discrepancy.diagnose import diagnose
 from hovercontrol.discrepancy.search.base import base_fit
@@ -54,7 +55,7 @@ def test_a_missing_effect_is_no_fault_of_the_log(effect):
 @pytest.mark.parametrize(
     ("log", "said"),
     [
-        (changed().select(slice(0, 60)), "log 1: too short: the longest stretch without a break is 1.18 s"),
+        (changed().select(slice(0, 10)), "log 1: too short: the longest stretch without a break has 10 rows"),
         (
             Log("a", LOG.time, {k.replace("rudder", "ruder"): v for k, v in LOG.columns.items()}),
             "a: no column 'rudder', an input of the model; did you mean 'ruder'?",
@@ -290,6 +291,20 @@ def test_a_short_log_is_warned_about():
     assert check_logs(CASE.model, [LOG.between(0.0, 5.0)])[0].startswith(
         "log 1: 5 s without a break are short"
     )
+
+
+def test_length_counts_in_time_constants_of_the_model():
+    v, u, k = Signal("v", "m/s"), Signal("fan", "m/s"), Signal("k", "1/s", start=15.0)
+    servo = BlockModel(Block("servo", [v], [u], [v], [k], {"v": k.symbol * (u.symbol - v.symbol)}))
+    assert time_constant(servo) == pytest.approx(1 / 15)
+    rng, t = np.random.default_rng(0), 0.005 * np.arange(200)
+    log = Log("fast", t, {"v": rng.normal(size=200), "fan": rng.normal(size=200)})
+    assert not any("short" in line for line in check_logs(servo, [log]))
+    slow = servo.with_coefficients({"k": 1.0})
+    said = "fast: 0.995 s without a break are short, 0.99 of the model's longest time constant (1 s)"
+    assert check_logs(slow, [log])[0].startswith(said)
+    with pytest.raises(InputError, match=r"fast: too short: the longest stretch .* has 10 rows, expected 12"):
+        check_logs(servo, [log.select(slice(0, 10))])
 
 
 def test_what_cannot_be_known_is_named():

@@ -156,7 +156,7 @@ def bad(log, kind):
     if kind == "copy":
         return Log("bad", log.time, {k: v for k, v in columns.items()})
     if kind == "short":
-        return log.select(slice(0, 60))
+        return log.select(slice(0, 10))
     if kind == "degrees":
         columns["psi"] = np.degrees(columns["psi"])
     if kind == "both in degrees":

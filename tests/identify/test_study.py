@@ -97,6 +97,21 @@ def test_a_held_out_log_without_motion_is_refused():
         Study.make(vehicle("c17_experiment"), [log], [still])
 
 
+def test_a_held_out_log_with_rows_of_a_training_log_is_refused():
+    log = read_log(sample_path(), inputs=("thrust", "rudder"))
+    first, part = log.between(0, 28), replace(log.between(20, 40), name="part")
+    with pytest.raises(InputError, match="part: the held-out log shares 400 rows with the training log"):
+        Study.make(vehicle("c17_experiment"), [first], [part])
+    with pytest.raises(InputError, match=r"copy: it is the training log .*: its rows would be used twice"):
+        Study.make(vehicle("c17_experiment"), [first, replace(first, name="copy")])
+
+
+def test_in_a_short_log_predictions_reach_less_far():
+    log = read_log(sample_path(), inputs=("thrust", "rudder")).between(5.0, 7.0)
+    study = Study.make(vehicle("c17_experiment"), [log])
+    assert study.judged[0].prediction.horizon == 0.5 and "rms error 0.5 s ahead" in study.text()
+
+
 def test_the_saved_model_is_the_identified_one(sample_study, tmp_path):
     files = {f.name for f in sample_study.save(tmp_path)}
     assert {"model.toml", "coefficients.csv", "prediction.csv", "rejected.csv"} <= files

@@ -32,7 +32,22 @@ def test_a_code_for_missing_values_is_named_in_one_line(column, code, tmp_path):
     assert f"column {column!r}: {code:g} in {LOST.sum()} rows, the first in line 153, seems" in str(
         said.value
     )
-    assert "delete such rows" in str(said.value) and "degrees" not in str(said.value)
+    assert str(said.value).endswith(f": --missing {code:g}") and "degrees" not in str(said.value)
+
+
+@pytest.mark.parametrize("code", [-999.0, 9999.0, -1e30])
+@pytest.mark.parametrize("column", ["x", "psi", "thrust"])
+def test_a_code_that_is_named_is_a_missing_sample(column, code, tmp_path):
+    coded(column, code).save(tmp_path / "run.csv")
+    log = read_log(tmp_path / "run.csv", inputs=["thrust", "rudder"], missing=[-1.0, code])
+    assert np.array_equal(np.isnan(log[column]), LOST) and log.missing(column) == LOST.sum()
+    assert not np.isnan(log.stack(*(log.columns.keys() - {column}))).any()
+
+
+def test_codes_are_numbers_of_the_file_and_not_of_the_log(tmp_path):
+    coded("psi", -999.0).save(tmp_path / "run.csv")
+    log = read_log(tmp_path / "run.csv", {"psi": "psi:deg"}, missing=[-999.0])
+    assert log.missing("psi") == LOST.sum()
 
 
 def test_logs_made_in_python_are_looked_at_too():

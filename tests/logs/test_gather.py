@@ -96,3 +96,54 @@ def test_a_log_with_more_gap_than_rows_is_refused(run):
     log.select((log.time < 1.0) | (log.time > 3.5)).save(run / "pose.csv")
     with pytest.raises(InputError, match=r"pose\.csv: 1 gap of 2\.5\d s, .* and only 1\.4\d? s are left"):
         gather(f"{run}/pose.csv")
+
+
+@pytest.fixture
+def topics(tmp_path):
+    """Two topics of one log that name their columns alike."""
+    for name, late, size in (("rate", 0, 1.0), ("torque", 10, 57.0)):
+        rows = [f"{20_000 * k + late},{20_000 * k},{k},{size * k % 7}" for k in range(100)]
+        (tmp_path / f"{name}.csv").write_text("\n".join(["stamp,stamp_sample,xyz[0],xyz[1]", *rows]))
+    return f"{tmp_path}/rate.csv+{tmp_path}/torque.csv"
+
+
+def read_topics(topics, **columns):
+    columns = {"time": "stamp:us", **columns}
+    return gather(topics, {"fan": "rad"}, columns=columns, motion=False)
+
+
+def test_a_column_of_both_files_may_be_named_with_its_file(topics):
+    log = read_topics(topics, r="rate.csv:xyz[1]", fan="torque.csv:xyz[1]:deg")
+    sampled = np.isfinite(log["r"])  # from the first command on
+    assert log["r"][sampled][:3].tolist() == [1.0, 2.0, 3.0]
+    assert np.degrees(log["fan"][sampled][:3]) == pytest.approx([57.0 % 7, 114.0 % 7, 171.0 % 7])
+    assert log.has("stamp_sample", "xyz[0]")  # nobody wants them: those of the first file
+
+
+def test_a_wanted_column_of_both_files_is_asked_for(topics):
+    with pytest.raises(
+        InputError,
+        match=r"rate.csv: column 'xyz\[1\]', to be 'r', is also in .*torque.csv: name the file, --columns "
+        r"r=rate.csv:xyz\[1\]",
+    ):
+        read_topics(topics, r="xyz[1]", fan="torque.csv:xyz[1]")
+    with pytest.raises(InputError, match=r"no column 'torque.csv:xyz\[7\]'|no column 'xyz\[7\]'"):
+        read_topics(topics, fan="torque.csv:xyz[7]")
+
+
+def test_an_input_of_the_same_name_in_both_files_is_asked_for(run):
+    (run / "pose.csv").write_text((run / "pose.csv").read_text().replace('"y"', '"pwm_left"'))
+    with pytest.raises(InputError, match=r"pose.csv: column 'pwm_left' is also in cmd.csv: name the file"):
+        gather(f"{run}/pose.csv+{run}/cmd.csv", ["pwm_left"], columns={"y": "psi", "psi": "x"}, motion=False)
+    columns = {"pwm_left": "cmd.csv:pwm_left"}
+    log = gather(f"{run}/pose.csv+{run}/cmd.csv", ["pwm_left"], columns=columns, motion=False)
+    assert set(log["pwm_left"]) == {1200.0}
+
+
+def test_blank_commands_of_a_file_hold(run):
+    lines = (run / "cmd.csv").read_text().splitlines()
+    lines[20:30] = [line.split(",")[0] + ",," for line in lines[20:30]]
+    (run / "cmd.csv").write_text("\n".join(lines))
+    log = gather(f"{run}/pose.csv+{run}/cmd.csv", ["pwm_left"], only_while=Condition.parse("pwm_lift>1000"))
+    assert not np.isnan(log["pwm_left"]).any() and log.missing("pwm_left") == 10
+    assert log.time[-1] - log.time[0] > 1.8

@@ -1,15 +1,14 @@
-"""A measurement that was held over the rows of a faster log is said to be, with its own rate."""
+"""A measurement that a logger wrote twice is one measurement; a craft at rest is measured at each row."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from hovercontrol.errors import InputError
 from hovercontrol.identify import identify
 from hovercontrol.log_check import check
-from hovercontrol.logs import Log, join_logs
-from hovercontrol.logs.held import held, held_faults
+from hovercontrol.logs import Log
+from hovercontrol.logs.held import repeats, without_repeats
 from hovercontrol.models.vehicles import c17_experiment
 
 POSE, COMMANDS = ("x", "y", "psi"), ("thrust", "rudder")
@@ -25,53 +24,111 @@ def craft_log(noise: float = 1e-3) -> Log:
     return Log("run.csv", t, pose | dict(zip(COMMANDS, commands, strict=True)))
 
 
-def holding(log: Log, rows: int) -> Log:
-    at = np.arange(len(log)) // rows * rows
-    return log.with_columns({name: log[name][at] for name in POSE})
+LOG = craft_log()
 
 
-@pytest.mark.parametrize(("rows", "rate"), [(5, 10), (10, 5), (25, 2)])
-def test_a_held_pose_is_told_with_its_rate(rows, rate):
-    log = holding(craft_log(), rows)
-    line = f"run.csv: the pose repeats for {rows} rows: it is measured at about {rate} Hz and held between"
-    with pytest.raises(InputError, match=line):
-        identify(c17_experiment(), [log])
-    found = check([log], c17_experiment())
-    assert [e.startswith(line) for e in found.errors] == [True] and not found.warnings
-    assert [w.startswith(line) for w in check([log]).warnings] == [True]
+def every(rows: int) -> np.ndarray:
+    return np.arange(len(LOG)) // rows * rows
 
 
-def test_a_pose_held_for_two_rows_is_a_warning():
-    log = holding(craft_log(), 2)
-    with pytest.warns(UserWarning, match="repeats for 2 rows: it is measured at about 25 Hz"):
-        assert identify(c17_experiment(), [log]).converged
-    assert any("measured at about 25 Hz" in line for line in check([log], c17_experiment()).warnings)
+def at_rate(rate: float) -> np.ndarray:
+    """Rows of the last sample of a slower stream on the grid of 50 Hz."""
+    return np.ceil(np.floor(np.arange(len(LOG)) * rate / 50.0 + 1e-9) * 50.0 / rate - 1e-9).astype(int)
 
 
-def test_the_advice_gives_the_coefficients_of_the_craft():
-    log, truth = craft_log(), c17_experiment().coefficients()
-    pose = Log("pose", log.time, {name: log[name] for name in POSE}).select(slice(0, None, 10))
-    commands = Log("commands", log.time, {name: log[name] for name in COMMANDS})
-    found = identify(c17_experiment(), [join_logs(pose, commands)])
+def by_chance() -> np.ndarray:
+    fresh = np.random.default_rng(1).random(len(LOG)) > 0.43
+    return np.maximum.accumulate(np.where(fresh, np.arange(len(LOG)), 0))
+
+
+def holding(at: np.ndarray, names: tuple[str, ...] = POSE, log: Log = LOG) -> Log:
+    return log.with_columns({name: log[name][at] for name in names})
+
+
+@pytest.mark.parametrize(
+    "at",
+    [every(2), every(5), every(10), every(25), at_rate(29.0), at_rate(45.0), by_chance()],
+    ids=["twice", "5 times", "10 times", "25 times", "29 Hz", "45 Hz", "by chance"],
+)
+def test_what_repeats_is_dropped_and_told(at):
+    new = np.diff(at, prepend=-1) > 0
+    found, said = without_repeats(holding(at), POSE)
+    wrong = int((np.isfinite(found["x"]) != new).sum())
+    assert wrong <= 0.02 * len(LOG)  # a run far longer than the others is a craft at rest
+    assert np.array_equal(found["thrust"], LOG["thrust"])
+    start = f"run.csv: {np.isnan(found['x']).sum()} of 1,000 rows repeat the pose above (measured at about "
+    assert len(said) == 1 and said[0].startswith(start) and said[0].endswith("Hz): dropped")
+    again, nothing = without_repeats(found, POSE)
+    assert again is found and not nothing
+
+
+@pytest.mark.parametrize("rows", [2, 5])
+def test_the_coefficients_are_those_of_the_craft(rows):
+    truth = c17_experiment().coefficients()
+    with pytest.warns(UserWarning, match="repeat the pose above"):
+        found = identify(c17_experiment(), [holding(every(rows))])
     for c in found.coefficients:
         assert c.value == pytest.approx(truth[c.name], abs=4.0 * c.std), c.name
 
 
-def test_what_is_measured_in_each_row_is_not_held():
-    log = craft_log()
-    t = log.time
-    some = np.sort(np.random.default_rng(1).choice(1400, 1000, replace=False)) // 2
-    assert held_faults(log, POSE) == []
-    assert held(Log("at rest", t, {"x": np.zeros(t.size)}), ["x"]) is None
-    assert held(Log("coarse", t, {"x": np.round(0.3 * t, 2)}), ["x"]) is None  # 1 cm at 0.3 m/s
-    assert held(Log("now and then", t, {"x": np.sin(t)[some]}), ["x"]) is None
+def test_a_check_tells_it_and_is_no_error():
+    for model in (None, c17_experiment()):
+        found = check([holding(every(2))], model)
+        assert not found.errors
+        assert [w for w in found.warnings if "repeat" in w] == [
+            "run.csv: 500 of 1,000 rows repeat the pose above (measured at about 25 Hz): dropped"
+        ]
+
+
+@pytest.mark.parametrize("resolution", [1e-4, 1e-3, 1e-2, 5e-2])
+@pytest.mark.parametrize("noise", [0.0, 0.3, 1.0, 3.0])
+@pytest.mark.parametrize("names", [POSE, ("x",), ("psi",)])
+def test_a_coarse_sensor_repeats_and_is_not_held(resolution, noise, names):
+    rng = np.random.default_rng(2)
+    rows = {k: LOG[k] + noise * resolution * rng.normal(size=len(LOG)) for k in names}
+    rows = {k: resolution * np.rint(row / resolution) for k, row in rows.items()}
+    assert not repeats(LOG.with_columns(rows), names).any()
+
+
+def test_a_craft_that_stops_and_goes_with_a_coarse_pose_keeps_its_rows():
+    t = LOG.time
+    way = np.cumsum(np.maximum(np.sin(2 * np.pi * t), 0.0) ** 2) * 0.02  # at rest half of the time
+    pose = {name: 1e-3 * np.rint((k + 1) * way / 1e-3) for k, name in enumerate(POSE)}
+    assert (np.diff(pose["x"]) == 0).mean() > 0.4
+    assert not repeats(Log("a", t, pose), POSE).any()
+
+
+def test_a_machine_that_settles_between_its_commands_is_measured():
+    t = 0.05 * np.arange(2000)
+    goal, v = np.repeat(np.random.default_rng(3).uniform(0, 5, 40), 50), np.zeros(2000)
+    for k in range(1999):
+        v[k + 1] = v[k] + 0.4 * (goal[k] - v[k])
+    v = np.round(v, 3)
+    assert (np.diff(v) == 0).mean() > 0.4
+    assert not repeats(Log("a", t, {"v": v}), ["v"]).any()
+
+
+def test_of_a_craft_at_rest_under_a_held_pose_a_sample_is_kept_each_period():
+    log = holding(every(2))
+    rest = (log.time > 8.0) & (log.time < 12.0)
+    still = {name: np.where(rest, log[name][400], log[name]) for name in POSE}
+    kept = np.isfinite(without_repeats(log.with_columns(still), POSE)[0]["x"])
+    assert 0.4 < kept[rest].mean() < 0.6
+
+
+def test_single_rows_that_a_logger_wrote_twice_are_dropped():
+    at = np.arange(len(LOG))
+    at[40::50] -= 1
+    assert np.flatnonzero(repeats(holding(at), POSE)).tolist() == list(range(40, 1000, 50))
 
 
 def test_each_measurement_is_judged_by_itself():
-    log = holding(craft_log(), 10)
-    rates = {name: np.cos(log.time + k) for k, name in enumerate(("u", "v", "r"))}
-    said = held_faults(log.with_columns(rates), (*POSE, *rates))
-    assert len(said) == 1 and "the pose repeats for 10 rows" in said[0]
-    slow = np.repeat(np.sin(log.time[::4]), 4)
-    machine = Log("m", log.time, {"speed": slow})
-    assert "column 'speed' repeats for 4 rows" in held_faults(machine, ["speed"])[0]
+    rates = {name: np.cos(LOG.time + k) for k, name in enumerate(("u", "v", "r"))}
+    log = holding(every(10)).with_columns(rates)
+    found, said = without_repeats(log, (*POSE, *rates))
+    assert len(said) == 1 and np.isfinite(found.stack(*rates)).all()
+    machine = {"speed": np.sin(LOG.time)[every(4)], "level": np.cos(LOG.time)[every(4)]}
+    found, said = without_repeats(Log("m", LOG.time, machine), ["speed", "level"])
+    assert said == ["m: 750 of 1,000 rows repeat speed, level above (measured at about 12 Hz): dropped"]
+    found, said = without_repeats(Log("m", LOG.time, machine | {"level": LOG["x"]}), ["speed", "level"])
+    assert len(said) == 1 and "column 'speed'" in said[0] and np.isfinite(found["level"]).all()

@@ -28,9 +28,8 @@ BAD = {
     "twice": ("time,u,v,r,u\n0,1,2,3,4\n", ["column 'u' appears twice"]),
     "text": (GOOD + "0.3,oops,2,3\n", ["line 5", "column 'u'", "expected a number", "'oops'"]),
     "text at once": ("time,u,v,r\n0,a,2,3\n", ["line 2", "column 'u'", "'a'"]),
-    "nan": (GOOD + "0.3,1,nan,3\n0.4,1,nan,3\n",
-            ["line 5", "column 'v'", "finite", "'nan'", "2 such rows"]),
-    "missing": (GOOD + "0.3,1,,3\n", ["line 5", "column 'v'", "finite", "''"]),
+    "no time in two rows": (GOOD + ",1,2,3\nnan,1,2,3\n",
+                            ["line 5", "column 'time'", "finite", "''", "2 such rows"]),
     "infinite": (GOOD + "0.3,1,2,inf\n", ["line 5", "column 'r'", "'inf'"]),
     "after a blank line": (GOOD + "\n0.3,1,2,inf\n", ["line 6", "column 'r'"]),
     "never a number": ("time,u,v,r\n0,1,nan,3\n1,1,nan,3\n", ["column 'v' is empty: NaN in all 2"]),
@@ -157,9 +156,19 @@ def test_commands_come_in_the_unit_of_the_model_and_a_minus_turns_a_sign(tmp_pat
 def test_only_the_wanted_columns_are_kept(tmp_path: Path) -> None:
     path = tmp_path / "run.csv"
     path.write_text("time,u,v,r,battery\n0,1,2,3,\n1,1,2,3,7.4\n")
-    assert np.isnan(read_log(path)["battery"][0])  # not needed, so not checked
+    assert np.isnan(read_log(path)["battery"][0])
     assert sorted(read_log(path, usecols=["u", "v", "r"]).columns) == ["r", "u", "v"]
-    assert "column 'battery'" in error_of(path, inputs=["battery"])
+    path.write_text("time,u,v,r,battery\n0,1,2,3,\n1,1,2,3,\n")
+    assert sorted(read_log(path).columns) == ["battery", "r", "u", "v"]  # not needed, so not checked
+    assert "column 'battery' is empty: NaN in all 2 rows" in error_of(path, inputs=["battery"])
+
+
+def test_blank_cells_are_missing_samples(tmp_path: Path) -> None:
+    path = tmp_path / "run.csv"
+    path.write_text("time,x,y,psi,thrust\n0,1,2,3,4\n1,,,,4\n2,1,NaN,3,\n")
+    log = read_log(path, inputs=["thrust"])
+    assert [log.missing(name) for name in ("x", "y", "psi", "thrust")] == [1, 2, 1, 1]
+    assert np.isnan(log["x"]).tolist() == [False, True, False]
 
 
 def test_heading_that_was_unwrapped_over_many_turns_is_no_degrees(tmp_path: Path) -> None:

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
 from hovercontrol.discrepancy.checks.clocks import check_clocks
-from hovercontrol.discrepancy.checks.duplicate_logs import refuse_duplicates
 from hovercontrol.discrepancy.checks.units import refuse_units
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.estimation.measure import steps
@@ -21,8 +20,10 @@ from hovercontrol.estimation.subject import Subject, structure
 from hovercontrol.logs import Log
 from hovercontrol.logs.check import check_heading
 from hovercontrol.logs.codes import code_faults
+from hovercontrol.logs.duplicates import refuse_duplicates
 from hovercontrol.logs.frames import check_frame
-from hovercontrol.logs.held import held_faults, held_pose
+from hovercontrol.logs.log import gap_rows
+from hovercontrol.logs.prepare import prepared
 from hovercontrol.logs.scales import scale_faults
 
 Array = NDArray[np.float64]
@@ -36,10 +37,11 @@ class LogCriteria:
 
     Attributes
     ----------
-    shortest : float
-        Shortest interval without a gap for a diagnosis [s].
     short : float
-        Interval without a gap below which there is a warning [s].
+        Longest interval without a gap, in the model's longest time constants, below which there is a warning:
+        after four a first-order response is within 2 %.
+    few : int
+        The same in rows.
     stuck : float
         Time for which a sensor may be constant while others change [s].
     stuck_rows : int
@@ -52,8 +54,8 @@ class LogCriteria:
         Values below this part of the largest are no saturation.
     """
 
-    shortest: float = 2.0
-    short: float = 10.0
+    short: float = 4.0
+    few: int = 100
     stuck: float = 0.5
     stuck_rows: int = 10
     cut_off: float = 0.05
@@ -97,28 +99,33 @@ def check_logs(model: Subject, logs: Sequence[Log], holdout: Log | None = None) 
     hovercontrol.errors.InputError: a: no column 'thrust', an input of the model; did you mean 'trust'?
     """
     block = structure(model)
+    inputs = [s.name for s in block.inputs]
+    warnings: list[str] = []
     every = [*logs, *([holdout] if holdout is not None else [])]
-    warnings = []
-    for log in every:
+    _refuse_other_pace(every)
+    for k, log in enumerate(every):
         _refuse_inputs(block, log)
-        warnings += _length(log, is_craft=model.is_craft)
         channels = _channels(block, log)
-        inputs = [s.name for s in block.inputs]
-        _refuse_dead(log, channels)
-        for fault in (*code_faults(log, [*channels, *inputs]), *held_pose(log)):
+        for fault in code_faults(log, [*channels, *inputs]):
             raise InputError(fault)
         _refuse_apart(log, channels, inputs)
+        log, said = prepared(log, channels, inputs)
+        every[k] = log
+        warnings += [*said, *_length(log, time_constant(model), is_craft=model.is_craft)]
+        _refuse_dead(log, channels)
         refuse_units(model, log)
         for fault in scale_faults(log) if model.is_craft else []:
             raise InputError(fault)
         if log.has("psi"):
-            known = np.isfinite(log["psi"])
-            rate = log["r"][known] if log.has("r") and np.isfinite(log["r"][known]).all() else None
-            check_heading(log.name, "psi", log.time[known], log["psi"][known], rate)
+            check_heading(log.name, "psi", log.time, log["psi"], log["r"] if log.has("r") else None)
         check_frame(model, log)
-        warnings += held_faults(log, channels) + _stuck(log, channels) + _cut_off(log, inputs)
-    _refuse_other_pace(every)
-    refuse_duplicates(logs, holdout, _measured(block), [s.name for s in block.inputs])
+        warnings += _stuck(log, channels) + _cut_off(log, inputs)
+    refuse_duplicates(
+        every[: len(logs)],
+        every[-1] if holdout is not None else None,
+        _measured(block),
+        [s.name for s in block.inputs],
+    )
     for log in every:
         warnings += check_clocks(model, log)
     return warnings
@@ -149,23 +156,45 @@ def _measured(block: Block) -> list[str]:
     ]
 
 
-def _length(log: Log, is_craft: bool) -> list[str]:
+def time_constant(model: Subject) -> float:
+    """Return the longest time constant of a model's states at their nominal sizes [s]; 0 if none decays.
+
+    That of a state x is 1/|df/dx|, with x' = f, where df/dx is negative.
+
+    Examples
+    --------
+    >>> from hovercontrol.models.vehicles import c17_simulation
+    >>> round(time_constant(c17_simulation()), 1)
+    2.1
+    """
+    block, values = structure(model), model.coefficients()
+    numbers = {k: values.get(k.rpartition(".")[2], v) for k, v in block.default_parameters.items()}
+    x, u = (np.array([s.nominal for s in signals]) for signals in (block.states, block.inputs))
+    with np.errstate(all="ignore"):
+        slopes = np.diag(block.to_numpy().jacobian(0.0, x, u, numbers))
+    known = slopes[np.isfinite(slopes) & (slopes < 0.0)]
+    return float(1.0 / np.abs(known).min()) if known.size else 0.0
+
+
+def _length(log: Log, longest_constant: float, is_craft: bool) -> list[str]:
     step = float(np.median(np.diff(log.time))) if len(log) > 1 else 0.0
     if is_craft and step > 1.0:  # other machines may be slow
         raise InputError(f"{log.name}: rows are {step:g} s apart: is its time in seconds?")
-    edges = (
-        [float(log.time[0]), *(t for gap in log.gaps for t in gap), float(log.time[-1])] if len(log) else []
-    )
-    longest = max((b - a for a, b in zip(edges[::2], edges[1::2], strict=True)), default=0.0)
-    if longest < LOG_QUALITY.shortest:
+    cuts = [gap_rows(part.time) for part in log.each_trial()]
+    parts = [own for part, at in zip(log.each_trial(), cuts, strict=True) for own in np.split(part.time, at)]
+    longest = max(parts, key=len)
+    if longest.size < BLOCKING.fewest:
         raise InputError(
-            f"{log.name}: too short: the longest stretch without a break is {longest:.3g} s, expected "
-            f"{LOG_QUALITY.shortest:g} s or more"
+            f"{log.name}: too short: the longest stretch without a break has {longest.size} rows, expected "
+            f"{BLOCKING.fewest} or more"
         )
-    if len(log) < BLOCKING.fewest:
-        raise InputError(f"{log.name}: too short: {len(log)} rows, expected {BLOCKING.fewest} or more")
-    if longest < LOG_QUALITY.short:
-        return [f"{log.name}: {longest:.3g} s without a break are short: effects may not be found"]
+    seconds = max(float(own[-1] - own[0]) for own in parts if own.size)
+    said = f"{log.name}: {seconds:.3g} s without a break are short"
+    if seconds < LOG_QUALITY.short * longest_constant:
+        part = f"{seconds / longest_constant:.2g} of the model's longest time constant"
+        return [f"{said}, {part} ({longest_constant:.3g} s): effects may not be found"]
+    if longest.size < LOG_QUALITY.few:
+        return [f"{said}, {longest.size} rows: effects may not be found"]
     return []
 
 
@@ -183,14 +212,13 @@ def _refuse_dead(log: Log, channels: Sequence[str]) -> None:
 
 def _refuse_apart(log: Log, channels: Sequence[str], inputs: Sequence[str]) -> None:
     """Refuse commands whose times do not overlap those of the measurements."""
-    measured = np.isfinite(np.array([log[c] for c in channels])).any(axis=0)
+    measured = log.time[np.isfinite(np.array([log[c] for c in channels])).any(axis=0)]
     for name in inputs:
-        known = np.isfinite(log[name])
-        if known.any() and measured.any() and not (known & measured).any():
-            one, other = (log.time[rows] for rows in (known, measured))
+        known = log.time[np.isfinite(log[name])]
+        if known.size and measured.size and (known[-1] < measured[0] or measured[-1] < known[0]):
             raise InputError(
-                f"{log.name}: input {name!r} (from {one[0]:.6g} to {one[-1]:.6g} s) and motion (from "
-                f"{other[0]:.6g} to {other[-1]:.6g} s) never overlap in time: do their clocks agree?"
+                f"{log.name}: input {name!r} (from {known[0]:.6g} to {known[-1]:.6g} s) and motion (from "
+                f"{measured[0]:.6g} to {measured[-1]:.6g} s) never overlap in time: do their clocks agree?"
             )
 
 
@@ -198,11 +226,10 @@ def _stuck(log: Log, channels: Sequence[str]) -> list[str]:
     """Warn of a sensor that is constant for a while and then jumps."""
     said = []
     for c in channels:
-        row = log[c]
-        resolution = steps(row[np.isfinite(row)])
-        noise = (
-            float(np.median(np.abs(np.diff(row, 3)[np.isfinite(np.diff(row, 3))]))) if row.size > 3 else 0.0
-        )
+        known = np.isfinite(log[c])
+        row, time = log[c][known], log.time[known]
+        resolution = steps(row)
+        noise = float(np.median(np.abs(np.diff(row, 3)))) if row.size > 3 else 0.0
         if noise == 0.0 or (resolution.size and resolution.min() > 0.5 * noise):
             continue  # a signal without noise, or coarser than its noise, repeats by itself
         same = np.concatenate([[0], (np.diff(row) == 0.0).astype(int), [0]])
@@ -210,13 +237,13 @@ def _stuck(log: Log, channels: Sequence[str]) -> list[str]:
         spans = [
             (a, b)
             for a, b in edges
-            if b - a >= LOG_QUALITY.stuck_rows and log.time[b] - log.time[a] >= LOG_QUALITY.stuck
+            if b - a >= LOG_QUALITY.stuck_rows and time[b] - time[a] >= LOG_QUALITY.stuck
         ]
         if spans:
-            a, b = max(spans, key=lambda s: float(log.time[s[1]] - log.time[s[0]]))
+            a, b = max(spans, key=lambda s: float(time[s[1]] - time[s[0]]))
             more = f", and {len(spans) - 1} times more" if len(spans) > 1 else ""
             said.append(
-                f"{log.name}: {c!r} stays at {row[a]:.4g} from {log.time[a]:.2f} to {log.time[b]:.2f} s"
+                f"{log.name}: {c!r} stays at {row[a]:.4g} from {time[a]:.2f} to {time[b]:.2f} s"
                 f"{more}: a stuck sensor?"
             )
     return said

@@ -184,9 +184,7 @@ def _modelled_in_degrees(model: Subject, log: Log, angles: list[str]) -> bool:
         return False
     log = _busiest(log, angles[0])
     turned = {name: np.radians(log[name]) for name in angles}
-    as_said, in_degrees = (
-        _misfit(model, Log(log.name, log.time, {**log.columns, **k})) for k in ({}, turned)
-    )
+    as_said, in_degrees = (_misfit(model, log.with_columns(k)) for k in ({}, turned))
     return UNITS.less * in_degrees < as_said
 
 
@@ -257,7 +255,7 @@ def _ways(log: Log, factor: float) -> tuple[Array, Array] | None:
     every = max(1, round(UNITS.over / float(np.median(steps))))
     said = np.diff(whole[:, ::every], axis=1).ravel()
     moved = np.diff(np.stack([x, y])[:, ::every], axis=1).ravel()
-    if float(np.abs(said).max()) < UNITS.least:
+    if float(np.abs(said).max(initial=0.0)) < UNITS.least:
         return None
     arm = np.diff(np.stack([np.cos(psi), np.sin(psi)])[:, ::every], axis=1).ravel()
     return np.stack([said, arm], axis=1), moved

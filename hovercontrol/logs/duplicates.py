@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from hovercontrol.errors import InputError
-from hovercontrol.logs import Log
+from hovercontrol.logs.log import Log
 
 Array = NDArray[np.float64]
 
