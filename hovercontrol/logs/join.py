@@ -160,7 +160,7 @@ def _join_each(pose: Log, commands: Log, before: Mapping[str, float] | float | N
     columns = {name: np.concatenate([log[name] for log in joined]) for name in joined[0].columns}
     blank = {name: log.missing(name) for log in (pose, commands) for name in log.columns}
     notes = (*pose.notes, *commands.notes)
-    return Log(pose.name, time, columns, pose.frame, trials, notes, blank)
+    return Log(pose.name, time, columns, pose.frame, trials=trials, notes=notes, blank=blank)
 
 
 def _on_own_clock(log: Log, k: int) -> Log:

@@ -31,7 +31,6 @@ FORMS = {
 }  # fmt: skip
 
 
-@pytest.mark.filterwarnings("ignore:.*read with")
 @pytest.mark.parametrize("form", FORMS)
 def test_differences_of_stamps_are_exact(tmp_path: Path, form: str) -> None:
     said, text, names = FORMS[form]

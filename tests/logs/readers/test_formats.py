@@ -92,26 +92,21 @@ def test_units_that_a_log_states_are_converted_and_instances_are_topics(tmp_path
 
 @pytest.mark.parametrize("euler", [False, True])
 @pytest.mark.parametrize("lengths", ["Millimeters", "Meters"])
-@pytest.mark.filterwarnings("ignore:.*read with")
 def test_a_motive_export(tmp_path: Path, euler: bool, lengths: str) -> None:
     file = written.motive(tmp_path / "take.csv", euler=euler, lengths=lengths)
     psi = "Craft.ry" if euler else "Craft.qx,Craft.qy,Craft.qz,Craft.qw:y-up"
     columns = pairs(f"x=Craft.x,y=Craft.z:-,psi={psi}")
-    with pytest.raises(InputError, match=r"line 13, column 'Craft.*expected a finite number, found ''"):
-        read_log(file, columns)
-    rows = file.read_text().splitlines()
-    file.write_text("\n".join(rows[:12] + rows[13:]))
-    with pytest.warns(UserWarning, match=r"Motive export .Craft; lengths in"):
-        log = read_log(file, columns)
-    there = np.arange(101) != 5
-    assert log.time == pytest.approx(written.POSE_TIME[there])
-    assert log["x"] == pytest.approx(written.X[there], abs=1e-6)
-    assert log["psi"] == pytest.approx(written.PSI[there], abs=1e-6)
-    assert log["Craft.y"] == pytest.approx(0.1)
+    log = read_log(file, columns)
+    assert "Motive export (Craft; lengths in" in log.notes[0]
+    there = np.arange(101) != 5  # of one frame the markers were lost
+    assert log.time == pytest.approx(written.POSE_TIME)
+    assert np.isnan(log["x"][5]) and np.isnan(log["psi"][5])
+    assert log["x"][there] == pytest.approx(written.X[there], abs=1e-6)
+    assert log["psi"][there] == pytest.approx(written.PSI[there], abs=1e-6)
+    assert log["Craft.y"][there] == pytest.approx(0.1)
 
 
 @pytest.mark.parametrize("trajectories", [False, True])
-@pytest.mark.filterwarnings("ignore:.*read with")
 def test_a_vicon_export(tmp_path: Path, trajectories: bool) -> None:
     file = written.vicon(tmp_path / "trial.csv", trajectories=trajectories)
     log = read_log(file, pairs("x=Craft.x,y=Craft.y,psi=Craft.rx,Craft.ry,Craft.rz"))
@@ -119,8 +114,8 @@ def test_a_vicon_export(tmp_path: Path, trajectories: bool) -> None:
     assert log["x"] == pytest.approx(written.X, abs=1e-6)
     assert log["psi"] == pytest.approx(written.PSI, abs=1e-6)
     if trajectories:
-        with pytest.raises(InputError, match=r"line 118, column 'Craft:nose.x': expected a finite number"):
-            read_log(file, {"x": "Craft:nose.x", "y": "Craft:nose.y", "psi": "Craft.rz"})
+        nose = read_log(file, {"x": "Craft:nose.x", "y": "Craft:nose.y", "psi": "Craft.rz"})
+        assert np.isnan(nose["x"]).any() and np.isfinite(nose["x"]).sum() > 50
 
 
 def test_a_library_that_is_missing_is_said_how_to_install(tmp_path: Path, monkeypatch) -> None:
