@@ -26,16 +26,12 @@ EXAMPLE = "Example: hovercontrol check a.csv b.csv --model craft.toml --out out/
 def check(
     logs: given.Logs = None,
     out: given.Out = None,
-    model: Annotated[
-        str | None,
-        typer.Option(
-            "--model", help="Model file (TOML); or FILE.py:NAME, a Model or BlockModel of your own."
-        ),
-    ] = None,
+    model: given.ModelFile = None,
     vehicle: Annotated[
         str | None,
         typer.Option("--vehicle", help="A built-in craft instead of --model; with neither, no trial fit."),
     ] = None,
+    params: given.Params = None,
     columns: given.Columns = "",
     bench: given.Bench = None,
     bench_fans: given.BenchFans = 2,
@@ -60,10 +56,10 @@ def check(
     out = out or Path("out") / "check"
     check_folder(out)
     given.refuse_twice("check", logs)
-    known = given.subject("check", model, vehicle) if model or vehicle else None
-    inputs = {s.name: s.unit for s in known.plant(late=True).inputs} if known else {}
-    moves = known is not None and known.is_craft
-    read = given.reader(inputs, columns, bench, bench_fans, only_while, settle, frame, motion=moves)
+    if params and not (model or vehicle):
+        raise InputError("check: --params are of a model; expected --model or --vehicle as well")
+    known = given.model_of("check", model, vehicle, params) if model or vehicle else None
+    read = given.reader(known, columns, bench, bench_fans, only_while, settle, frame)
     with given.progress_bar("check", 1.0) as report:
         report(0.0, "reading logs")
         every, written, unread = [], [], []
@@ -108,6 +104,6 @@ def stamps(files: str, log: Log, columns: str) -> dict[str, NDArray[np.float64]]
     for path in paths:
         header = open_source(path).header
         renamed = {"time": clock} if column_of(clock, header)[0] in header else {}
-        time = read_log(path, renamed, motion=False, usecols=[]).time
+        time = read_log(path, renamed, usecols=[]).time
         found[path.name] = time[(time >= log.time[0] - EDGE) & (time <= log.time[-1] + EDGE)]
     return {name: time for name, time in found.items() if time.size}

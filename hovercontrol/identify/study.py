@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.estimation.measure import MOST_ROWS, Measured
 from hovercontrol.identify.fit import identify, measure_shared, refuse_other_units
@@ -18,8 +20,8 @@ from hovercontrol.io.folders import write_folder
 from hovercontrol.io.percent import percent
 from hovercontrol.io.pyplot import open_in_pyplot
 from hovercontrol.logs import VELOCITY, Log
-from hovercontrol.models.model import Model
-from hovercontrol.models.modelfile import save_model
+from hovercontrol.models.interface import AnyModel, as_model
+from hovercontrol.models.parameters import FITTED, save_fitted
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -34,7 +36,7 @@ class StudyCriteria:
     Attributes
     ----------
     horizon : float
-        Prediction horizon [s].
+        Prediction horizon [s]; one row of a slower log, half of a shorter one.
     """
 
     horizon: float = 1.0
@@ -50,18 +52,30 @@ SHOWN = 6
 
 @dataclass(frozen=True)
 class Judged:
-    """How the identified model does on one log."""
+    """How the identified model does on one log.
+
+    Attributes
+    ----------
+    label : str
+        The log's name without suffix.
+    holdout : bool
+    prediction : Prediction
+    run : FreeRun
+    channels : tuple of str
+        What is judged: the body velocities of a craft, all channels of any other machine.
+    """
 
     label: str
     holdout: bool
     prediction: Prediction
     run: FreeRun
+    channels: tuple[str, ...] = VELOCITY
 
     @property
     def worse(self) -> tuple[str, ...]:
-        """The body velocities that are predicted worse than if they stayed as they are."""
+        """The channels that are predicted worse than if velocities stayed as they are."""
         share = self.prediction.share
-        return tuple(c for c in VELOCITY if c in share and not share[c] <= 1.0)
+        return tuple(c for c in self.channels if c in share and not share[c] <= 1.0)
 
 
 @dataclass(frozen=True)
@@ -81,7 +95,7 @@ class Study:
     @classmethod
     def make(
         cls,
-        model: Model,
+        model: AnyModel,
         training: Sequence[Log],
         holdout: Sequence[Log] = (),
         *,
@@ -92,7 +106,7 @@ class Study:
 
         Parameters
         ----------
-        model : Model
+        model : Model, BlockModel or Block
         training, holdout : sequence of Log
         coefficients : sequence of str, optional
             As for :func:`~hovercontrol.identify.fit.identify`.
@@ -105,7 +119,11 @@ class Study:
             As :func:`~hovercontrol.identify.fit.identify`, or if a name is taken twice.
         """
         report = progress or (lambda part, what: None)
-        refuse_other_units([*training, *holdout])
+        model = as_model(model)
+        if not training:
+            raise InputError("identification needs at least one log")
+        if model.is_craft:
+            refuse_other_units([*training, *holdout])
         report(0.0, "reading what was measured")
         measured: list[Measured] = measure_shared(model, training, MOST_ROWS)
         for log in holdout:
@@ -116,15 +134,17 @@ class Study:
             coefficients,
             progress=lambda part, what: report(0.2 + 0.6 * part, what),
         )
-        assert found.model is not None
         labels = _labels([m.name for m in measured])
+        horizon = min(map(_horizon, measured))
         judged = []
         for k, (label, data) in enumerate(zip(labels, measured, strict=True)):
             report(0.8 + 0.2 * k / len(measured), f"predicting {label}")
             held_out = k >= len(training)
             fit, own = (smoothed(found.model, data), 0) if held_out else (found.fit, k)
             run = run_of(model.name, fit, own)
-            judged.append(Judged(label, held_out, prediction(fit, JUDGEMENT.horizon, own), run))
+            ahead = prediction(fit, horizon, own)
+            channels = VELOCITY if model.is_craft else tuple(ahead.rms)
+            judged.append(Judged(label, held_out, ahead, run, channels))
         return cls(found, tuple(judged))
 
     @property
@@ -161,13 +181,13 @@ class Study:
             for k, c in enumerate(p.rms):
                 cells = (f"{p.rms[c]:.3g}", f"{p.trivial[c]:.3g}", p.units[c], percent(p.share[c], 3))
                 rows.append(("" if k else label, c, *cells))
-        assert self.found.model is not None
+        ahead = self.judged[0].prediction.horizon
+        still = "body velocities" if self.found.model.is_craft else "states"
         lines = [
             f"coefficients of {self.found.model.name}",
             self.found.table(),
             "",
-            f"rms error {JUDGEMENT.horizon:g} s ahead, beside that of the trivial prediction (constant body "
-            "velocities)",
+            f"rms error {ahead:.3g} s ahead, beside that of the trivial prediction (constant {still})",
             *aligned(rows),
         ]
         lines += [
@@ -175,8 +195,9 @@ class Study:
             for j in self.judged
             if j.worse
         ]
-        lines += ["", "rejected because no craft moves like this"]
-        for j in self.judged:
+        rejects = self.found.model.is_craft or any(j.run.rejected for j in self.judged)
+        lines += ["", "rejected because no craft moves like this"] if rejects else []
+        for j in self.judged if rejects else ():
             spans = [f"{s.start:.2f}-{s.stop:.2f} s ({s.rows} rows, {s.reason})" for s in j.run.rejected]
             more = [f"and {len(spans) - SHOWN} more in rejected.csv"] if len(spans) > SHOWN else []
             lines.append(f"  {j.label}: " + (", ".join([*spans[:SHOWN], *more]) or "nothing"))
@@ -185,16 +206,16 @@ class Study:
     def save(self, folder: str | Path) -> list[Path]:
         """Write model.toml, coefficients.csv, prediction.csv, rejected.csv and free_run_LOG.png.
 
-        They are written atomically; pictures of an earlier run's logs are removed. Returns the
-        files.
+        Of a Block of one's own, parameters.toml takes the place of model.toml
+        (:func:`~hovercontrol.models.parameters.load_parameters`). The files are written atomically; pictures
+        of an earlier run's logs are removed. Returns the files.
         """
 
         def write(temporary: Path) -> None:
-            assert self.found.model is not None
-            save_model(self.found.model, temporary / "model.toml")
+            save_fitted(self.found.model, temporary)
             self.found.save_csv(temporary / "coefficients.csv")
             ahead = [
-                [j.label, j.holdout, c, p.units[c], JUDGEMENT.horizon, p.rms[c], p.trivial[c], p.share[c]]
+                [j.label, j.holdout, c, p.units[c], p.horizon, p.rms[c], p.trivial[c], p.share[c]]
                 for j in self.judged
                 for p in [j.prediction]
                 for c in p.rms
@@ -209,7 +230,7 @@ class Study:
                 figure = free_run_figure(j.run, held_out=j.holdout)
                 figure.savefig(temporary / f"free_run_{j.label}.png", dpi=120)
 
-        return write_folder(folder, write, stale=("free_run_*.png",))
+        return write_folder(folder, write, stale=("free_run_*.png", *FITTED))
 
 
 def _table(path: Path, heading: list[str], rows: Sequence[Sequence[object]]) -> None:
@@ -217,6 +238,13 @@ def _table(path: Path, heading: list[str], rows: Sequence[Sequence[object]]) -> 
         out = csv.writer(file)
         out.writerow(heading)
         out.writerows(rows)
+
+
+def _horizon(log: Measured) -> float:
+    """Return how far ahead a model is judged on a log [s]."""
+    step = float(np.median(np.diff(log.time)))
+    longest = max((float(log.time[b - 1] - log.time[a]) for a, b in log.segments), default=0.0)
+    return max(min(JUDGEMENT.horizon, longest / 2), step)
 
 
 def _labels(names: Sequence[str]) -> list[str]:

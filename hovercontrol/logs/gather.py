@@ -5,8 +5,9 @@ from __future__ import annotations
 import operator
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,7 +18,11 @@ from hovercontrol.logs.check import check_gaps
 from hovercontrol.logs.column_units import column_of
 from hovercontrol.logs.join import join_logs
 from hovercontrol.logs.log import Log
-from hovercontrol.logs.read import names_in, read_log
+from hovercontrol.logs.read import names_in, read_wanted
+from hovercontrol.logs.wanted import Wanted
+
+if TYPE_CHECKING:
+    from hovercontrol.models.interface import AnyModel
 
 #: What a bench table turns into the force of a fan carries the fan's name behind this.
 PULSE = "pwm_"
@@ -77,7 +82,8 @@ def gather(
     bench: BenchTable | None = None,
     only_while: Condition | None = None,
     settle: float = 0.0,
-    motion: bool = True,
+    model: AnyModel | None = None,
+    motion: bool = False,
 ) -> Log:
     r"""Return one run as one log.
 
@@ -99,8 +105,10 @@ def gather(
         Keep the longest stretch in which it holds.
     settle : float, optional
         Seconds left out at the beginning of that stretch.
+    model : Model, BlockModel or Block, optional
+        What the run is of, as for :func:`read_log`: its inputs count among `inputs`.
     motion : bool, optional
-        Whether a log must hold pose or body velocities.
+        As for :func:`read_log`.
 
     Returns
     -------
@@ -125,22 +133,22 @@ def gather(
     ...     len(gather(str(file), ["thrust"], columns={"time": "stamp"}))
     50
     """
-    units = dict(inputs) if isinstance(inputs, Mapping) else dict.fromkeys(inputs, "")
-    wanted = dict.fromkeys((f"{PULSE}{name}" for name in inputs), "") if bench else units
+    wanted = Wanted.of(model, inputs, motion)
+    units = wanted.inputs
+    sent = {f"{PULSE}{name}": "" for name in units} if bench else dict(units)
     extra = {only_while.column: ""} if only_while and only_while.column != "time" else {}
     paths = split_files(files)
     if len(paths) == 1:
         _check_columns(paths[0], columns or {}, extra)
-        log = measured = read_log(paths[0], columns, wanted | extra, motion=motion)
+        log = measured = read_wanted(paths[0], columns, replace(wanted, inputs=sent | extra))
     else:
         pose, commands = paths
         ours, theirs = _columns_by_file(pose, commands, columns or {})
         _check_columns(commands, theirs, extra)
-        sent = read_log(commands, theirs, wanted | extra, motion=False)
-        measured = read_log(pose, ours, motion=motion)
-        log = join_logs(measured, sent)
+        measured = read_wanted(pose, ours, replace(wanted, inputs={}))
+        log = join_logs(measured, read_wanted(commands, theirs, Wanted(sent | extra)))
     if bench:
-        log = bench.apply(log, dict(zip(wanted, inputs, strict=True)))
+        log = bench.apply(log, dict(zip(sent, units, strict=True)))
     log = _longest(log, only_while, settle) if only_while else log
     check_gaps(measured.between(log.time[0], log.time[-1]))
     return log

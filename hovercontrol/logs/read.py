@@ -6,7 +6,9 @@ Files are read in pieces, so memory stays near the size of the numbers that are 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pyarrow as pa
@@ -17,6 +19,10 @@ from hovercontrol.logs.check import check_codes, check_finite, check_heading, ch
 from hovercontrol.logs.column_units import column_of, factor_to_si
 from hovercontrol.logs.log import POSE, VELOCITY, Floats, Log
 from hovercontrol.logs.source import Source, open_source
+from hovercontrol.logs.wanted import Wanted
+
+if TYPE_CHECKING:
+    from hovercontrol.models.interface import AnyModel
 
 LARGEST = 2**30
 """Bytes of numbers that one log may take in memory."""
@@ -28,14 +34,15 @@ def read_log(
     columns: Mapping[str, str] | None = None,
     inputs: Sequence[str] | Mapping[str, str] = (),
     *,
-    motion: bool = True,
+    model: AnyModel | None = None,
+    motion: bool = False,
     usecols: Sequence[str] | None = None,
 ) -> Log:
     r"""Read a log from CSV (commas, header) or Parquet.
 
-    Time, pose, body velocities, the wanted inputs and every column named by the caller are
-    checked: finite numbers, time increasing, heading not in degrees. Other columns are kept
-    unchecked if they hold numbers, and left out if they hold text.
+    Time, pose, body velocities, the columns of the model, the wanted inputs and every column named by
+    the caller are checked: finite numbers, time increasing, heading not in degrees. Other columns are
+    kept unchecked if they hold numbers, and left out if they hold text.
 
     Parameters
     ----------
@@ -46,9 +53,12 @@ def read_log(
         ``{"psi": "yaw:deg"}``; a minus before it turns the sign, ``{"rudder": "servo:-deg"}``.
     inputs : sequence of str, or mapping of str to str
         Columns that must be there besides ``time``; with the units that they are to have.
-    motion : bool
-        Whether the log must hold all of ``x, y, psi`` or all of ``u, v, r``; false for a file of
-        commands.
+    model : Model, BlockModel or Block, optional
+        What the log is of: its inputs must be there, and of a craft all of ``x, y, psi`` or all of
+        ``u, v, r``, of any other machine at least one output or state. Default: no column but ``time`` is
+        needed.
+    motion : bool, optional
+        Whether all of ``x, y, psi`` or all of ``u, v, r`` must be there without a model, too.
     usecols : sequence of str, optional
         The only columns to keep besides ``time`` and ``inputs`` (our names).
 
@@ -75,20 +85,31 @@ def read_log(
     ...     read_log(file, columns={"time": "stamp:ms"}).time
     array([0. , 0.1])
     """
+    return read_wanted(path, columns, Wanted.of(model, inputs, motion), usecols)
+
+
+def read_wanted(
+    path: str | Path,
+    columns: Mapping[str, str] | None,
+    wanted: Wanted,
+    usecols: Sequence[str] | None = None,
+) -> Log:
+    """Return a log as :func:`read_log`, with the columns that are wanted."""
     file = Path(path)
     source = open_source(file)
     said = {ours: column_of(theirs, source.header) for ours, theirs in (columns or {}).items()}
     renamed = {ours: theirs for ours, (theirs, _) in said.items()}
-    units = inputs if isinstance(inputs, Mapping) else {}
+    units = {**wanted.outputs, **wanted.inputs}
     factors = {
         ours: factor_to_si(ours, unit, units.get(ours, "")) for ours, (_, unit) in said.items() if unit
     }
     names = _our_names(str(file), source.header, renamed)
-    wanted = ("time", *inputs, *(usecols or ()))
-    _check_names(str(file), names, wanted, motion)
+    needed = dict.fromkeys(("time", *wanted.inputs, *(usecols or ())), "")
+    replace(wanted, inputs=needed).check(str(file), list(names))
     if usecols is not None:
-        names = {ours: theirs for ours, theirs in names.items() if ours in wanted}
-    checked = names.keys() & {*wanted, *renamed, *POSE, *VELOCITY}
+        names = {ours: theirs for ours, theirs in names.items() if ours in needed}
+    measured = {*POSE, *VELOCITY, *wanted.outputs} - wanted.inputs.keys()
+    checked = names.keys() & {*needed, *renamed, *measured}
     numeric = source.numeric()
     names = {k: v for k, v in names.items() if k in checked or v in numeric}
 
@@ -101,8 +122,8 @@ def read_log(
         raise InputError(f"{file}: expected samples below the header, found no rows")
     for ours in (name for name in names if name in checked):
         if ours != "time":
-            pose = ours in (*POSE, *VELOCITY)
-            check_codes(str(file), source, names[ours], data[ours], any_number=pose)
+            any_number = ours in measured
+            check_codes(str(file), source, names[ours], data[ours], any_number=any_number)
         check_finite(str(file), source, names[ours], data[ours])
     check_time(str(file), source, names["time"], time)
     if "psi" in data:
@@ -137,23 +158,6 @@ def _our_names(file: str, header: list[str], renamed: Mapping[str, str]) -> dict
         ours_of[theirs] = ours
     kept = [name for name in header if name in ours_of or (name and name not in renamed)]
     return {ours_of.get(theirs, theirs): theirs for theirs in kept}
-
-
-def _check_names(file: str, names: Mapping[str, str], wanted: Sequence[str], motion: bool) -> None:
-    missing = [name for name in wanted if name not in names]
-    if missing:
-        raise InputError(
-            f"{file}: no column {missing[0]!r}{did_you_mean(missing[0], names)} "
-            f"(a column of another name: --columns {missing[0]}=NAME)"
-        )
-    if motion and not any(all(name in names for name in triple) for triple in (POSE, VELOCITY)):
-        triple = max(POSE, VELOCITY, key=lambda triple: sum(name in names for name in triple))
-        absent = [name for name in triple if name not in names]
-        raise InputError(
-            f"{file}: expected all of x, y, psi or all of u, v, r, but there is no column "
-            f"{absent[0]!r}{did_you_mean(absent[0], names)} "
-            f"(a column of another name: --columns {absent[0]}=NAME)"
-        )
 
 
 def _gather(file: str, source: Source, names: Mapping[str, str]) -> dict[str, Floats]:

@@ -73,7 +73,7 @@ def identified_html(found: Identified) -> str:
     used = f"{found.rows} of {found.rows_total} rows of {', '.join(found.logs)}"
     return card(
         "Identified",
-        found.block.name if found.model is None else found.model.name,
+        found.model.name,
         "; ".join(filter(None, (used, found.not_converged))),
         table(("coefficient", "value", "std. error", "unit", "before", "remark"), rows),
         table(("equation", "remains", "seen", "unit", "share"), left, "what no equation says"),

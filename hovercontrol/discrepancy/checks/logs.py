@@ -66,14 +66,36 @@ LOG_QUALITY = LogCriteria()
 
 
 @checked
-def check_logs(model: Subject, logs: Sequence[Log], holdout: Log | None = None) -> list[str]:
+def as_logs(logs: Log | Sequence[Log] | None) -> tuple[Log, ...]:
+    """Return one log, several or none as a tuple.
+
+    Parameters
+    ----------
+    logs : Log, sequence of Log, or None
+
+    Returns
+    -------
+    tuple of Log
+
+    Examples
+    --------
+    >>> len(as_logs(None)), len(as_logs(Log("a", [0.0, 1.0], {})))
+    (0, 1)
+    """
+    if logs is None:
+        return ()
+    return (logs,) if isinstance(logs, Log) else tuple(logs)
+
+
+@checked
+def check_logs(model: Subject, logs: Sequence[Log], holdout: Log | Sequence[Log] | None = None) -> list[str]:
     """Refuse logs from which nothing right can follow; return warnings about the others.
 
     Parameters
     ----------
     model : Model or BlockModel
     logs : sequence of Log
-    holdout : Log, optional
+    holdout : Log or sequence of Log, optional
 
     Returns
     -------
@@ -97,7 +119,8 @@ def check_logs(model: Subject, logs: Sequence[Log], holdout: Log | None = None) 
     hovercontrol.errors.InputError: a: no column 'thrust', an input of the model; did you mean 'trust'?
     """
     block = structure(model)
-    every = [*logs, *([holdout] if holdout is not None else [])]
+    held = as_logs(holdout)
+    every = [*logs, *held]
     warnings = []
     for log in every:
         _refuse_inputs(block, log)
@@ -118,7 +141,7 @@ def check_logs(model: Subject, logs: Sequence[Log], holdout: Log | None = None) 
         check_frame(model, log)
         warnings += held_faults(log, channels) + _stuck(log, channels) + _cut_off(log, inputs)
     _refuse_other_pace(every)
-    refuse_duplicates(logs, holdout, _measured(block), [s.name for s in block.inputs])
+    refuse_duplicates(logs, held, _measured(block), [s.name for s in block.inputs])
     for log in every:
         warnings += check_clocks(model, log)
     return warnings
