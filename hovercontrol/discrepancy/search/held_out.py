@@ -162,9 +162,7 @@ def _mean(far: Horizons) -> float:
     return float(np.mean(far.together)) if far.together else 0.0
 
 
-def _with_other(
-    selection: Selection, name: str, other: Tried, held: str = "the held-out log"
-) -> Selection:
+def _with_other(selection: Selection, name: str, other: Tried, held: str = "the held-out log") -> Selection:
     """Return the selection with another effect in place of one."""
     reason = f"{other.name} predicts {held} better"
     lead = Lead(name, selection.gains[name], selection.blocks[name].t, reason)
