@@ -206,7 +206,7 @@ def refuse_twice(command: str, names: Sequence[str], held: Sequence[str] = ()) -
         measured = Path(os.path.realpath(first if "\0" not in name else readable(first)))
         if measured in given:
             known = "" if given[measured] == name else f" (as {given[measured]})"
-            why = "; a held-out log is not in the fit" if name in held else ""
+            why = "; a held-out log is not in the fit" if name in held and given[measured] not in held else ""
             raise InputError(f"{command}: {name} is given twice{known}{why}")
         given[measured] = name
 
