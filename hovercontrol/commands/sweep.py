@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import functools
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 
     from hovercontrol.core.block import Block
     from hovercontrol.scenarios import Scenario
+    from hovercontrol.scenarios.varied import Varied
 
 #: Files of a checkpoint, of :mod:`hovercontrol.targets.checkpoint`.
 RUNS = "runs-*.parquet"
@@ -89,19 +91,19 @@ def sweep(
     if own is None and params:
         raise InputError(f"sweep: --params are of a model FILE.py:NAME, found {scenario}")
     loaded: Scenario | Block
-    if own is None:
-        loaded = load_scenario(scenario)
-    elif isinstance(own, Model):
-        loaded = replace(driven(own, own.name), file=scenario)
+    run: Callable[..., Varied]
+    if own is None or isinstance(own, Model):
+        loaded = load_scenario(scenario) if own is None else replace(driven(own, own.name), file=scenario)
+        run = functools.partial(vary_scenario, loaded)
     else:
         loaded = own if isinstance(own, Block) else own.plant()
-    run = vary_machine if isinstance(loaded, Block) else vary_scenario
+        run = functools.partial(vary_machine, loaded)
     out = out or Path("out") / f"{loaded.name}-sweep"
     partial = _partial_folder(out)
     if written.refuse_others(partial) and not resume:
         written.remove_own(partial, RUNS)
     with _kept(partial), given.progress_bar(f"sweep {loaded.name}", 1.0) as report:
-        found = run(loaded, ranges, of, figure, progress=lambda done: report(done), checkpoint=partial)
+        found = run(ranges, of, figure, progress=lambda done: report(done), checkpoint=partial)
         saved = found.save(out)
     values = found.values.ravel()
     if json:
