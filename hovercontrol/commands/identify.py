@@ -48,7 +48,8 @@ def identify(
     prediction.csv and rejected.csv, and for each log a figure of the free-running simulation with the
     measurement.
 
-    Exit status 1 if a coefficient is not excited by the logs, the model does not explain the logs, or a body
+    Exit status 1 if a coefficient is not excited by the logs or not to be trusted (beside a missing effect
+    or over longer times it differs by more than its error), the model does not explain the logs, or a body
     velocity of a held-out log (any channel of a Block of your own) is predicted worse 1 s ahead than by
     assuming that it stays constant.
     """
@@ -78,7 +79,11 @@ def identify(
             progress=lambda part, what: report(0.1 + 0.9 * part, what),
         )
         files = study.save(out)
-    given.show(study.text(), files, out, _as_json(study) if json else None)
+    text = study.text()
+    if study.found.bent:
+        chosen = f" --model {model}" if model else f" --vehicle {vehicle}" if vehicle else ""
+        text += f"\nto find out what is missing: hovercontrol diagnose {' '.join(names)}{chosen}"
+    given.show(text, files, out, _as_json(study) if json else None)
     return 1 if study.negative else 0
 
 
@@ -86,7 +91,10 @@ def _as_json(study: Study) -> dict[str, Any]:
     found = study.found
     return {
         "coefficients": [
-            {**vars(c), "reason": c.reason or None, "bound": c.bound or None, "excited": c.excited}
+            {
+                **vars(c), "reason": c.reason or None, "bound": c.bound or None, "excited": c.excited,
+                "trusted": c.trusted, "readings": [vars(r) for r in c.readings],
+            }
             for c in found.coefficients
         ],
         "remaining": [{**vars(r), "share": r.share} for r in found.remaining],

@@ -60,6 +60,9 @@ class Criteria:
         Where something remains: fall of twice the negative log likelihood of the held-out log, in its
         standard errors over blocks, that a name needs unless predictions surely get better: what is no effect
         reaches it in 5 %. A usual level, chosen after a false name with t = 1.5 was seen.
+    most : float
+        Part of the squared held-out errors at a horizon, all channels together, that confirms a name by
+        itself. A few events may hold nearly all of the error; over all blocks their t is then about one.
     visible : float
         That standard error from which on the held-out log can judge. An effect as large as it was fitted
         would bring a quarter of it in standard errors (a log ratio of likelihoods has four times its mean as
@@ -82,6 +85,7 @@ class Criteria:
     worse: float = 3.0
     better: float = 2.0
     confirmed: float = 1.64
+    most: float = 0.5
     visible: float = 6.6
 
     def penalised(self, fit: Fit) -> float:

@@ -17,15 +17,14 @@ from hovercontrol.discrepancy.evidence.laws import regime
 from hovercontrol.discrepancy.evidence.remainder import missing_forces, remainders
 from hovercontrol.discrepancy.evidence.sensors import slow_errors
 from hovercontrol.discrepancy.experiment.propose import next_experiment
+from hovercontrol.discrepancy.search.base import base_fit
 from hovercontrol.discrepancy.search.candidates import left_out
 from hovercontrol.discrepancy.search.held_out import held_out
 from hovercontrol.discrepancy.search.select import select
 from hovercontrol.discrepancy.verdict import verdict_of
 from hovercontrol.errors import InputError
 from hovercontrol.estimation.data import Data, gather
-from hovercontrol.estimation.fit import Fit, estimate, first_noise
-from hovercontrol.estimation.prior import prior_of
-from hovercontrol.estimation.problem import Problem
+from hovercontrol.estimation.fit import Fit
 from hovercontrol.estimation.subject import Subject
 from hovercontrol.logs import Log
 from hovercontrol.models.interface import AnyModel, as_model
@@ -101,13 +100,6 @@ def diagnose(
     report = progress or (lambda part, what: None)
     with threadpool_limits(1, "blas"):  # its threads would wait for each other at many small matrices
         return _diagnosed(as_model(model), logs, held, names, max_effects, seed, report)
-
-
-def base_fit(model: Subject, data: Data) -> Fit:
-    """Return a model fitted to logs as it was given, less samples that stand out."""
-    problem = Problem(model, data)
-    prior = prior_of(problem, model)
-    return estimate(problem, prior, first_noise(problem), gate=True)
 
 
 def _diagnosed(

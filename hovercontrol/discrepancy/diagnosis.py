@@ -9,9 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from hovercontrol.core.boundary import checked
+from hovercontrol.discrepancy.coefficients import Refitted, refitted
 from hovercontrol.discrepancy.evidence.holdout import Ahead, Gap
 from hovercontrol.discrepancy.evidence.laws import regime_of, worst
 from hovercontrol.discrepancy.evidence.missing import Missing
@@ -25,7 +24,6 @@ from hovercontrol.discrepancy.search.leads import Lead
 from hovercontrol.discrepancy.verdict import Verdict
 from hovercontrol.estimation.fit import Fit
 from hovercontrol.estimation.subject import Subject
-from hovercontrol.identify.result import Fitted
 from hovercontrol.io.folders import write_folder
 from hovercontrol.io.pyplot import open_in_pyplot
 
@@ -160,20 +158,9 @@ class Diagnosis:
     advice: str = ""
 
     @property
-    def coefficients(self) -> tuple[Fitted, ...]:
-        """Every fitted coefficient of the amended model; `start` is NaN where the given model has none."""
-        fit, given = self.selection.final, self.model.coefficients()
-        problem, variance = fit.problem, np.diag(fit.covariance)
-        return tuple(
-            Fitted(
-                name,
-                float(fit.p[j]),
-                math.sqrt(max(float(variance[j]), 0.0)),
-                problem.block.parameter(name).unit,
-                given.get(name, math.nan),
-            )
-            for j, name in enumerate(problem.names)
-        )
+    def coefficients(self) -> tuple[Refitted, ...]:
+        """Every coefficient of the amended model that was fitted."""
+        return refitted(self.selection.final, self.model.coefficients())
 
     def result(self) -> dict[str, Any]:
         """Return what ``result.json`` holds."""
@@ -194,10 +181,7 @@ class Diagnosis:
                 }
                 for name, own in numbers.items()
             ],
-            "coefficients": [
-                {"name": c.name, "value": c.value, "std": c.std, "unit": c.unit, "start": c.start}
-                for c in self.coefficients
-            ],
+            "coefficients": [vars(c) for c in self.coefficients],
             "rivals": [{"name": r.name, "reason": reason_of(r)} for r in self.rivals],
             "gap": {
                 "train": {"before": self.train_before.nrmse, "after": self.train_after.nrmse},

@@ -14,7 +14,15 @@ from hovercontrol.core.block import Block
 from hovercontrol.estimation.data import Data
 from hovercontrol.estimation.inputs import Inputs
 from hovercontrol.estimation.steps import Counts, Steps
-from hovercontrol.estimation.subject import FOLLOWED, Subject, followed_rate, rate_key, structure, timing
+from hovercontrol.estimation.subject import (
+    FOLLOWED,
+    Subject,
+    followed_rate,
+    rate_key,
+    structure,
+    timing,
+    unknowns,
+)
 from hovercontrol.estimation.unknowns import Unknowns
 from hovercontrol.models.base import shown_by
 from hovercontrol.targets.follow import follow
@@ -145,6 +153,15 @@ class Problem(Unknowns):
             self._every[keys.index(limit)] = rate
             pieces = np.maximum(pieces, np.ceil(self.dt.ravel() * rate / FOLLOWED).astype(np.intp))
         self.set_pieces(pieces)
+
+    def of(self, model: Subject) -> Problem:
+        """Return the problem of another model on the same rows.
+
+        Its unknowns are those of this problem that the model has, and the numbers of effects new in it.
+        """
+        mine = self.model.coefficients()
+        names = [name for name in unknowns(model) if name in self.names or name not in mine]
+        return Problem(model, self.data, names)
 
     def _acceleration(self, i: int) -> float:
         """Return the root mean square slope of a free state, as seen."""

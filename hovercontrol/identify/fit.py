@@ -1,12 +1,13 @@
 """Identification: the coefficients of a model from logs, by maximum likelihood under process noise.
 
 A thin layer on :mod:`hovercontrol.estimation`. What no equation says is process noise, a missing acceleration
-of unknown size in each equation: a model that lacks something then neither bends its coefficients to explain
-it nor takes them for surer than they are, and the size of that noise says how much it lacks.
+of unknown size in each equation; its size says how much the model lacks. How far the coefficients can be
+trusted where it does lack something, :mod:`hovercontrol.identify.trust` asks.
 """
 
 from __future__ import annotations
 
+import math
 import warnings
 from collections.abc import Callable, Sequence
 
@@ -16,14 +17,10 @@ from threadpoolctl import threadpool_limits
 from hovercontrol.core.arguments import at_least
 from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
+from hovercontrol.discrepancy.search.base import base_fit
 from hovercontrol.errors import InputError
 from hovercontrol.estimation.data import Data, gather
-from hovercontrol.estimation.fit import Fit, estimate, first_noise
-from hovercontrol.estimation.measure import MOST_ROWS, Array, Measured, measure, refuse_still
-from hovercontrol.estimation.noise import averaging_time
-from hovercontrol.estimation.prior import prior_of
-from hovercontrol.estimation.problem import Problem
-from hovercontrol.identify.excitation import (
+from hovercontrol.estimation.excitation import (
     EXCITATION,
     covariance,
     idle_inputs,
@@ -33,10 +30,14 @@ from hovercontrol.identify.excitation import (
     unexcited_directions,
     widening,
 )
+from hovercontrol.estimation.fit import Fit
+from hovercontrol.estimation.measure import MOST_ROWS, Array, Measured, measure, refuse_still
+from hovercontrol.estimation.noise import averaging_time
 from hovercontrol.identify.predict import prediction
 from hovercontrol.identify.remaining import remaining
-from hovercontrol.identify.result import Fitted, Identified
+from hovercontrol.identify.result import Fitted, Identified, Reading
 from hovercontrol.identify.subject import chosen
+from hovercontrol.identify.trust import trust
 from hovercontrol.logs import Log
 from hovercontrol.logs.codes import code_faults
 from hovercontrol.logs.frames import check_frame
@@ -103,7 +104,7 @@ def identify(
     with threadpool_limits(1, "blas"):  # its threads would wait for each other at many small matrices
         data = gather(as_model(model), measured)
         fit = _fitted(model, data, names, report)
-        found = _identified(model, names, data, fit)
+        found = _identified(model, names, data, fit, report)
     report(1.0, "done")
     return found
 
@@ -169,21 +170,25 @@ def _fitted(
     report: Callable[[float, str], None],
 ) -> Fit:
     subject = as_model(model)
-    problem = Problem(subject, data, names)
     passes = [0]
 
     def passed(_: str) -> None:
         passes[0] += 1
-        report(1 - 1 / (1 + passes[0] / 8), "fitting")
+        report(0.7 * (1 - 1 / (1 + passes[0] / 8)), "fitting")
 
-    prior = prior_of(problem, subject)
     try:
-        return estimate(problem, prior, first_noise(problem), gate=True, trace=passed)
+        return base_fit(subject, data, names, passed)
     except FloatingPointError as error:
         raise InputError(f"{model.name!r}: {error}: other start values may help") from error
 
 
-def _identified(model: AnyModel, names: Sequence[str], data: Data, fit: Fit) -> Identified:
+def _identified(
+    model: AnyModel,
+    names: Sequence[str],
+    data: Data,
+    fit: Fit,
+    report: Callable[[float, str], None],
+) -> Identified:
     problem = fit.problem
     nominal = as_model(model).nominal_sizes()
     size = np.maximum([nominal[name] for name in problem.names], np.abs(fit.p) / 4)
@@ -193,7 +198,11 @@ def _identified(model: AnyModel, names: Sequence[str], data: Data, fit: Fit) -> 
     labels = labels if len(set(labels)) == len(labels) else list(names)
     directions = named_directions(unexcited_directions(C, size), size, labels)
     alone = 1.0 / np.sqrt(np.maximum(np.diag(S), 1e-300))
-    found = tuple(_coefficient(fit, j, labels[j], C, size, alone, directions) for j in range(len(names)))
+    other = trust(fit, np.sqrt(np.diag(C)), lambda what: report(0.8, what))
+    readings = [other.readings.get(name, ()) for name in names]
+    found = tuple(
+        _coefficient(fit, j, labels[j], C, size, alone, directions, readings[j]) for j in range(len(names))
+    )
     values = {names[j]: f.value for j, f in enumerate(found)}
     values |= {one: values[other] for one, other in problem.same.items()}
     new = as_model(model).with_coefficients(values)
@@ -220,6 +229,8 @@ def _identified(model: AnyModel, names: Sequence[str], data: Data, fit: Fit) -> 
         logs=tuple(m.name for m in logs),
         converged=fit.converged,
         fit=fit,
+        missing=other.effects,
+        gain=other.gain,
     )
 
 
@@ -231,6 +242,7 @@ def _coefficient(
     size: Array,
     alone: Array,
     directions: Sequence[dict[str, float]],
+    readings: tuple[Reading, ...],
 ) -> Fitted:
     problem, value = fit.problem, float(fit.p[j])
     signal = problem.block.parameter(problem.names[j])
@@ -240,12 +252,6 @@ def _coefficient(
     moving = [any(np.any(m.inputs[i] != 0.0) for m in problem.logs) for i in range(len(problem.block.inputs))]
     idle = idle_inputs(problem.block, signal.name, moving)
     why = reason(label, std, size[j], alone[j], directions, signal.unit, idle)
-    return Fitted(
-        label,
-        value,
-        std if std < EXCITATION.no_information * size[j] else np.inf,
-        signal.unit,
-        start,
-        bound,
-        why,
-    )
+    std = std if std < EXCITATION.no_information * size[j] else np.inf
+    wide = math.hypot(std, max((abs(r.value - value) for r in readings), default=0.0))
+    return Fitted(label, value, wide, signal.unit, start, bound, why, std, readings)

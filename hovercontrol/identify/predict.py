@@ -14,12 +14,12 @@ from threadpoolctl import threadpool_limits
 from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError
+from hovercontrol.estimation.coasting import coasting
 from hovercontrol.estimation.data import gather
 from hovercontrol.estimation.fit import Fit, estimate, first_noise
 from hovercontrol.estimation.measure import Array, Measured, measure
 from hovercontrol.estimation.prior import prior_of
 from hovercontrol.estimation.problem import Problem
-from hovercontrol.identify.coasting import coasting
 from hovercontrol.io.pyplot import open_in_pyplot
 from hovercontrol.logs import Log, Span
 from hovercontrol.models.interface import AnyModel, as_model

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 
 from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
+from hovercontrol.effects import Effect
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.estimation.fit import Fit
 from hovercontrol.io.files import write_atomically
@@ -39,15 +41,44 @@ class MisfitCriteria:
         The same from which on it does not predict the motion.
     better : float
         Prediction error relative to that of constant velocities from which on it is no better.
+    apart : float
+        Standard errors of their difference by which two readings of a coefficient contradict each other.
     """
 
     little: float = 0.3
     nothing: float = 0.7
     better: float = 0.95
+    apart: float = 3.0
 
 
 #: The values in use.
 MISFIT = MisfitCriteria()
+
+
+@checked
+@dataclass(frozen=True)
+class Reading:
+    """Another estimate of a coefficient: beside a missing effect, or over a longer time.
+
+    Attributes
+    ----------
+    value, std : float
+        Estimate and standard error, in the coefficient's unit.
+    cause : str
+        ``"with thrust_lag"`` or ``"over 2 s"``.
+
+    Examples
+    --------
+    >>> print(Reading(2.214, 0.012, "with steer_lag"))
+    2.214 ± 0.012 with steer_lag
+    """
+
+    value: float
+    std: float
+    cause: str
+
+    def __str__(self) -> str:
+        return f"{self.value:.4g} ± {self.std:.2g} {self.cause}"
 
 
 @checked
@@ -59,7 +90,8 @@ class Fitted:
     ----------
     name : str
     value, std : float
-        Estimate and standard error; infinite where the log says nothing.
+        Estimate and standard error; infinite where the log says nothing. The standard error covers the
+        other `readings`: the root of the sum of `noise_std` squared and the largest difference squared.
     unit : str
     start : float
         Value before.
@@ -68,6 +100,10 @@ class Fitted:
         error is then that without the bound: how far inside the truth may well lie.
     reason : str
         Why the log does not excite it; empty if it does.
+    noise_std : float
+        Standard error if the model is complete: what noise leaves open. 0: not known apart from `std`.
+    readings : tuple of Reading
+        Estimates that differ by more than `noise_std`: beside a missing effect, over a longer time.
 
     Examples
     --------
@@ -83,11 +119,21 @@ class Fitted:
     start: float
     bound: str = ""
     reason: str = ""
+    noise_std: float = 0.0
+    readings: tuple[Reading, ...] = ()
 
     @property
     def excited(self) -> bool:
         """Whether the log excites it."""
         return not self.reason
+
+    @property
+    def trusted(self) -> bool:
+        """Whether no reading differs by more than three standard errors of the difference."""
+        return all(
+            abs(r.value - self.value) <= MISFIT.apart * math.hypot(self.noise_std, r.std)
+            for r in self.readings
+        )
 
 
 @checked
@@ -143,7 +189,7 @@ class Identified:
         Its plant: of a Block without effects, that Block with the new values.
     coefficients : tuple of Fitted
     covariance : ndarray, shape (P, P)
-        Of the coefficients; the roots of its diagonal are the standard errors.
+        Of the coefficients if the model is complete: the roots of its diagonal are their ``noise_std``.
     unexcited : tuple of mapping
         Directions without excitation: steps of coefficients that together change nothing measured.
         Along them the start values are kept.
@@ -171,6 +217,10 @@ class Identified:
     converged : bool
     fit : Fit
         Path, levels of noise and information behind the coefficients.
+    missing : tuple of Effect
+        Effects of the catalogue beside which the logs are likelier, the likeliest first, as fitted.
+    gain : float
+        By how much the first readings' model lowers twice the negative log likelihood.
 
     Examples
     --------
@@ -205,6 +255,8 @@ class Identified:
     logs: tuple[str, ...]
     converged: bool
     fit: Fit
+    missing: tuple[Effect, ...] = ()
+    gain: float = 0.0
 
     def __getitem__(self, name: str) -> Fitted:
         for found in self.coefficients:
@@ -237,6 +289,18 @@ class Identified:
         said = "not converged: the logs determine these coefficients to no better than their standard errors"
         return "" if self.converged else said
 
+    @property
+    def bent(self) -> str:
+        """What is said of coefficients that other readings contradict; empty if there are none."""
+        doubtful = [f.name for f in self.coefficients if not f.trusted]
+        if not doubtful:
+            return ""
+        causes = dict.fromkeys(r.cause for f in self.coefficients for r in f.readings)
+        said = f"not to be trusted: {', '.join(doubtful)}; they differ {', or '.join(causes)}"
+        sizes = [f"{e.name} ({_numbers(e)})" for e in self.missing]
+        more = f"; the model may lack {' or '.join(sizes)}" if sizes else ""
+        return said + more
+
     def _ahead(self, remaining: Remaining) -> float:
         """Return how far off an equation's state is predicted; where it is not seen, the best channel."""
         best = min(self.ahead.values(), default=1.0)
@@ -248,6 +312,7 @@ class Identified:
         for f in self.coefficients:
             remarks = [f"at its {f.bound} bound"] if f.bound else []
             remarks += [f"not excited: {f.reason}"] if f.reason else []
+            remarks += [str(reading) for reading in f.readings]
             std = f"{f.std:.2g}" if np.isfinite(f.std) else "inf"
             table.append((f.name, f"{f.value:.4g}", std, f.unit, "; ".join(remarks)))
         return table
@@ -270,8 +335,7 @@ class Identified:
         lines += ["", f"{used}; chi2/dof {self.chi2_per_dof:.3g} of the measurement noise alone"]
         if self.misfit:
             lines.append(self.misfit)
-        if self.not_converged:
-            lines.append(self.not_converged)
+        lines += [said for said in (self.bent, self.not_converged) if said]
         return "\n".join(lines)
 
     def __repr__(self) -> str:
@@ -299,11 +363,23 @@ class Identified:
 
         def write(temporary: Path) -> None:
             with temporary.open("w", newline="", encoding="utf-8") as stream:
-                out = csv.DictWriter(stream, [*asdict(self.coefficients[0]), "excited"])
+                rows = [_row(f) for f in self.coefficients]
+                out = csv.DictWriter(stream, list(rows[0]))
                 out.writeheader()
-                out.writerows({**asdict(f), "excited": f.excited} for f in self.coefficients)
+                out.writerows(rows)
 
         return write_atomically(path, write)
+
+
+def _row(f: Fitted) -> dict[str, object]:
+    readings = "; ".join(str(reading) for reading in f.readings)
+    return {**asdict(f), "readings": readings, "excited": f.excited, "trusted": f.trusted}
+
+
+def _numbers(e: Effect) -> str:
+    """Return an effect's numbers as text, with units."""
+    numbers = type(e).numbers
+    return ", ".join(f"{k} = {v:.3g} {numbers[k].unit}".rstrip(" 1") for k, v in e.values.items())
 
 
 def aligned(rows: Sequence[tuple[str, ...]]) -> list[str]:

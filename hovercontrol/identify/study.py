@@ -149,9 +149,9 @@ class Study:
 
     @property
     def negative(self) -> bool:
-        """Whether something is not excited, not explained, or, held out, predicted worse than trivially."""
+        """Whether a coefficient is not excited or not trusted, or a log not explained or badly predicted."""
         found = self.found
-        unexcited = not all(c.excited for c in found.coefficients)
+        unexcited = not all(c.excited and c.trusted for c in found.coefficients)
         return unexcited or bool(found.misfit) or any(j.worse for j in self.judged if j.holdout)
 
     def _repr_html_(self) -> str:

@@ -71,8 +71,8 @@ class Checked:
 
     @property
     def negative(self) -> bool:
-        """Whether something must be corrected, or a coefficient cannot be estimated."""
-        return bool(self.errors) or not all(c.excited for c in self.coefficients)
+        """Whether something must be corrected, or a coefficient cannot be estimated or trusted."""
+        return bool(self.errors) or not all(c.excited and c.trusted for c in self.coefficients)
 
     def text(self) -> str:
         """Return the findings as plain text."""
@@ -114,6 +114,7 @@ class Checked:
                     {
                         "name": c.name, "value": c.value, "std": c.std, "unit": c.unit, "start": c.start,
                         "shown": c.excited, "reason": c.reason or None,
+                        "trusted": c.trusted, "readings": [vars(r) for r in c.readings],
                     }
                     for c in self.coefficients
                 ],
@@ -329,5 +330,7 @@ def _coefficient_table(coefficients: Sequence[Fitted]) -> list[str]:
 def _verdict(c: Fitted) -> str:
     if not c.excited:
         return f"no: {c.reason}"
+    if not c.trusted:
+        return f"not to be trusted: {'; '.join(map(str, c.readings))}"
     part = c.std / abs(c.value) if c.value else math.inf
     return f"yes, to {percent(part)}" if part < 1 else "yes: not distinguished from zero"

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from hovercontrol.logs import Log
 
 #: Colours for the colour-blind (Okabe and Ito).
-BLUE, ORANGE, GREY = "#0072B2", "#D55E00", "0.55"
+BLUE, ORANGE, GREEN, GREY = "#0072B2", "#D55E00", "#009E73", "0.55"
 
 
 def log_figure(log: Log, units: Mapping[str, str]) -> Figure:
@@ -45,17 +45,21 @@ def log_figure(log: Log, units: Mapping[str, str]) -> Figure:
 
 
 def identified_figure(found: Identified) -> Figure:
-    """Return coefficients with two standard errors to either side beside what they were, each in its size."""
+    """Return coefficients with two standard errors to either side beside what they were, each in its size.
+
+    Below each stand its other readings, beside a missing effect and over longer times.
+    """
     many = len(found.coefficients)
     figure = Figure(figsize=(7.5, 1.3 + 0.34 * many), layout="constrained")
     axis = figure.subplots()
     labels = []
     for k, c in enumerate(found.coefficients):
-        size = max(abs(c.value), abs(c.start)) or 1.0
+        size = max(abs(v) for v in (c.value, c.start, *(r.value for r in c.readings))) or 1.0
         known = c.excited and math.isfinite(c.std)
         if known:
+            std = c.noise_std or c.std
             axis.errorbar(
-                c.value / size, k, xerr=2 * c.std / size, fmt="o", color=BLUE, ms=5, capsize=3,
+                c.value / size, k, xerr=2 * std / size, fmt="o", color=BLUE, ms=5, capsize=3,
                 label=None if "now" in labels else "identified, two standard errors",
             )  # fmt: skip
         elif "open" not in labels:
@@ -63,10 +67,16 @@ def identified_figure(found: Identified) -> Figure:
         if not known:
             axis.plot(c.value / size, k, "s", mfc="none", color=ORANGE)
         axis.plot(c.start / size, k, "|", color="0.2", ms=14, label=None if k else "before")
+        for r in c.readings:
+            axis.errorbar(
+                r.value / size, k + 0.22, xerr=2 * r.std / size, fmt="D", color=GREEN, ms=4, capsize=2,
+                label=None if "other" in labels else "other readings",
+            )  # fmt: skip
+            labels.append("other")
         labels.append("now" if known else "open")
     axis.set_yticks(range(many), [f"{c.name} [{c.unit}]" for c in found.coefficients])
     axis.set_ylim(many - 0.5, -0.5)
-    axis.set_xlabel("value, in parts of the larger of before and now")
+    axis.set_xlabel("value, in parts of the largest of its row")
     axis.grid(alpha=0.3, axis="x")
     figure.legend(loc="outside lower center", ncols=3, frameon=False)
     return figure

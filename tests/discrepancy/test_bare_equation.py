@@ -8,10 +8,10 @@ from scipy.integrate import solve_ivp
 
 import hovercontrol as hc
 from hovercontrol.discrepancy import diagnose
-from hovercontrol.discrepancy.diagnose import base_fit
 from hovercontrol.discrepancy.evidence.holdout import held_fit
 from hovercontrol.discrepancy.evidence.remainder import remainders
 from hovercontrol.discrepancy.report import write_report
+from hovercontrol.discrepancy.search.base import base_fit
 from hovercontrol.discrepancy.search.candidates import candidates
 from hovercontrol.discrepancy.search.columns import columns
 from hovercontrol.discrepancy.search.score import Scores

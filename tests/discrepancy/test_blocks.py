@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hovercontrol.discrepancy.diagnose import base_fit
 from hovercontrol.discrepancy.evidence.blocks import agreement, capped, of_effect, scatter
+from hovercontrol.discrepancy.search.base import base_fit
 from hovercontrol.effects import effect
 from hovercontrol.estimation.data import gather
 

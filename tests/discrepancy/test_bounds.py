@@ -5,8 +5,8 @@ import pytest
 
 import hovercontrol as hc
 from hovercontrol.discrepancy import diagnose
-from hovercontrol.discrepancy.diagnose import base_fit
 from hovercontrol.discrepancy.search import candidates as module
+from hovercontrol.discrepancy.search.base import base_fit
 from hovercontrol.discrepancy.search.candidates import Candidate, candidates
 from hovercontrol.discrepancy.search.trial import _neutral, _trials, sized
 from hovercontrol.effects import Shape, effect_class, effect_names

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from hovercontrol.discrepancy.diagnose import base_fit
+from hovercontrol.discrepancy.search.base import base_fit
 from hovercontrol.discrepancy.search.candidates import CANDIDATES, Candidate, candidates
 from hovercontrol.discrepancy.search.columns import Along, columns
 from hovercontrol.discrepancy.search.score import Scores, at_its_time

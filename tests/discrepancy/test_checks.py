@@ -9,7 +9,8 @@ from hovercontrol.discrepancy.checks import check_fitted, check_logs
 from hovercontrol.discrepancy.checks.clocks import command_drift
 from hovercontrol.discrepancy.checks.excitation import check_excitation, predicts_nothing
 from hovercontrol.discrepancy.checks.units import refuse_units
-from hovercontrol.discrepancy.diagnose import base_fit, diagnose
+from hovercontrol.discrepancy.diagnose import diagnose
+from hovercontrol.discrepancy.search.base import base_fit
 from hovercontrol.effects import effect
 from hovercontrol.errors import InputError
 from hovercontrol.estimation.data import gather

@@ -8,10 +8,10 @@ import pytest
 
 from hovercontrol.discrepancy import diagnose
 from hovercontrol.discrepancy.criteria import CRITERIA
-from hovercontrol.discrepancy.diagnose import base_fit
 from hovercontrol.discrepancy.evidence.blocks import agreement
-from hovercontrol.discrepancy.evidence.holdout import Gained, Horizons
+from hovercontrol.discrepancy.evidence.holdout import Gained, Horizons, ahead, held_fit
 from hovercontrol.discrepancy.evidence.of_effects import Evidence
+from hovercontrol.discrepancy.search.base import base_fit
 from hovercontrol.discrepancy.search.confirm import Selection
 from hovercontrol.discrepancy.search.held_out import (
     HeldOut,
@@ -139,6 +139,25 @@ def judged(sloped, t, scatter, far=0.0, remains=True):
 def test_where_something_remains_a_name_needs_the_held_out_log(sloped, t, scatter, far, remains, doubtful):
     found = _unconfirmed(judged(sloped, t, scatter, far, remains), CRITERIA)
     assert list(found) == (["rudder_offset"] if doubtful else [])
+
+
+@pytest.mark.parametrize(("taken", "doubtful"), [((0.1, 0.45), True), ((0.1, 0.8), False)])
+def test_what_takes_most_of_the_held_out_error_is_confirmed_by_however_few_events(sloped, taken, doubtful):
+    found = judged(sloped, 0.9, 100.0, 1.0, True)
+    own = found.evidence["rudder_offset"]
+    own = replace(own, holdout=replace(own.holdout, taken=taken))
+    found = replace(found, evidence={"rudder_offset": own})
+    assert bool(_unconfirmed(found, CRITERIA)) == doubtful
+
+
+def test_the_part_of_the_error_taken_does_not_depend_on_calm_blocks(sloped):
+    case, base, fit, _ = sloped
+    before, after = (held_fit(m.model, gather(case.model, [case.holdout])) for m in (base, fit))
+    found = ahead(before, after)
+    assert len(found.taken) == len(found.together) and max(found.taken) > 0.5
+    for horizon, taken in zip(dict.fromkeys(a.horizon for a in found.each), found.taken, strict=True):
+        left = [(a.after / a.before) ** 2 for a in found.each if a.horizon == horizon]
+        assert taken == pytest.approx(1.0 - np.mean(left))
 
 
 def test_a_wrong_name_beside_a_right_one_is_dropped_and_the_right_one_judged_alone(sloped):

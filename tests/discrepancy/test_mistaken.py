@@ -3,7 +3,7 @@
 import pytest
 
 from hovercontrol.discrepancy.criteria import CRITERIA
-from hovercontrol.discrepancy.diagnose import base_fit
+from hovercontrol.discrepancy.search.base import base_fit
 from hovercontrol.discrepancy.search.candidates import beyond, catalogue
 from hovercontrol.discrepancy.search.select import select
 from hovercontrol.estimation.data import gather

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from hovercontrol.discrepancy import diagnose
-from hovercontrol.discrepancy.diagnose import base_fit
+from hovercontrol.discrepancy.search.base import base_fit
 from hovercontrol.estimation.data import gather
 from hovercontrol.estimation.spikes import stand_out
 from hovercontrol.logs import Log

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from hovercontrol.discrepancy.diagnose import base_fit
 from hovercontrol.discrepancy.evidence.remainder import missing_forces, remainders
+from hovercontrol.discrepancy.search.base import base_fit
 from hovercontrol.estimation.data import gather
 from hovercontrol.estimation.noise import averaging_time
 

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from hovercontrol.discrepancy.criteria import CRITERIA
-from hovercontrol.discrepancy.diagnose import base_fit, diagnose
+from hovercontrol.discrepancy.diagnose import diagnose
+from hovercontrol.discrepancy.search.base import base_fit
 from hovercontrol.discrepancy.search.confirm import _looked_at
 from hovercontrol.discrepancy.search.select import select
 from hovercontrol.discrepancy.search.trial import (

@@ -7,9 +7,9 @@ import pytest
 
 from hovercontrol.discrepancy import diagnose
 from hovercontrol.discrepancy.criteria import CRITERIA
-from hovercontrol.discrepancy.diagnose import base_fit
 from hovercontrol.discrepancy.evidence.sensors import only_noise, slow_errors
 from hovercontrol.discrepancy.report import remainder_sentence, write_report
+from hovercontrol.discrepancy.search.base import base_fit
 from hovercontrol.estimation.data import gather
 from hovercontrol.logs import Log
 

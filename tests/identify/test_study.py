@@ -123,8 +123,11 @@ def test_every_real_run_goes_from_file_to_coefficients(real, run):
     craft, read = real
     study = Study.make(craft, [read(run)])
     assert study.found["fan_torque"].value > 2.5 * study.found["fan_torque"].std
-    force = study.found["fan_force"]
-    assert abs(force.value - 1 / 0.1763) < 5 * force.std and force.std < 2  # 1/m, or a little less
+    force, known = study.found["fan_force"], 1 / 0.1763  # 1/m, or a little less
+    assert force.noise_std < 2 and abs(force.value - known) < 2 * force.std
+    beside = force.readings[0]  # the fans' lag, which this model lacks, had halved the fitted force
+    assert "lag" in beside.cause or "rate_limit" in beside.cause
+    assert abs(beside.value - known) < min(5 * beside.std, abs(force.value - known))
 
 
 @needs_data

@@ -10,12 +10,8 @@ import numpy as np
 from hovercontrol.core.boundary import checked
 from hovercontrol.discrepancy.checks.input_gain_check import refuse_gains
 from hovercontrol.errors import InputError
-from hovercontrol.estimation.fit import Fit
-from hovercontrol.estimation.levels import unlike
-from hovercontrol.estimation.navigation import Navigated
-from hovercontrol.estimation.prediction import horizons, predict
-from hovercontrol.identify.coasting import coasting
-from hovercontrol.identify.excitation import (
+from hovercontrol.estimation.coasting import coasting
+from hovercontrol.estimation.excitation import (
     covariance,
     idle_inputs,
     information,
@@ -24,6 +20,10 @@ from hovercontrol.identify.excitation import (
     unexcited_directions,
     widening,
 )
+from hovercontrol.estimation.fit import Fit
+from hovercontrol.estimation.levels import unlike
+from hovercontrol.estimation.navigation import Navigated
+from hovercontrol.estimation.prediction import horizons, predict
 
 
 @dataclass(frozen=True)

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from hovercontrol.errors import InputError
+from hovercontrol.estimation.excitation import inputs_beside
 from hovercontrol.estimation.fit import Fit
-from hovercontrol.identify.excitation import inputs_beside
 
 
 @dataclass(frozen=True)

@@ -124,15 +124,20 @@ class Horizons:
     together : tuple of float
         By horizon: mean fall of the squared errors of all channels, each in parts of its own, over its
         standard error over blocks.
+    taken : tuple of float
+        By horizon: part of the squared errors that the second model takes, all channels together, each in
+        parts of its own. Unlike `together` it does not depend on how many blocks share them: an event counts
+        as much among calm blocks as alone.
     """
 
     each: tuple[Ahead, ...] = ()
     together: tuple[float, ...] = ()
+    taken: tuple[float, ...] = ()
 
 
 def ahead(before: Fit, after: Fit, wanted: Sequence[float] = (0.2, 0.5, 1.0, 2.0)) -> Horizons:
     """Return the errors of two models on the same rows, at each horizon and channel."""
-    found, together = [], []
+    found, together, taken = [], [], []
     for horizon in horizons(before, wanted):
         one, two = predict(before, horizon), predict(after, horizon)
         if one is None or two is None:
@@ -144,6 +149,10 @@ def ahead(before: Fit, after: Fit, wanted: Sequence[float] = (0.2, 0.5, 1.0, 2.0
         pooled = np.where(seen, fall / np.maximum(size, 1e-300), 0.0).sum(axis=1)
         known = seen.any(axis=1)
         together.append(_over_blocks(pooled[known] / seen[known].sum(axis=1), one.block[known]))
+        first = np.nanmean(one.errors**2, axis=0)
+        with np.errstate(all="ignore"):
+            left = np.nanmean(two.errors**2, axis=0) / first
+        taken.append(float(1.0 - np.nanmean(left)) if np.isfinite(left).any() else 0.0)
         for c, channel in enumerate(one.channels):
             known = np.isfinite(fall[:, c])
             if not known.any():
@@ -151,7 +160,7 @@ def ahead(before: Fit, after: Fit, wanted: Sequence[float] = (0.2, 0.5, 1.0, 2.0
             unit = before.problem.block.signal(channel).unit
             t = _over_blocks(fall[known, c], one.block[known])
             found.append(Ahead(horizon, channel, unit, one.rms[channel], two.rms[channel], t))
-    return Horizons(tuple(found), tuple(together))
+    return Horizons(tuple(found), tuple(together), tuple(taken))
 
 
 def _over_blocks(values: Array, block: NDArray[np.intp]) -> float:

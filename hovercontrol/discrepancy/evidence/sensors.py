@@ -63,7 +63,7 @@ def slow_errors(fit: Fit) -> tuple[SlowError, ...]:
     Examples
     --------
     >>> import hovercontrol as hc
-    >>> from hovercontrol.discrepancy.diagnose import base_fit
+    >>> from hovercontrol.discrepancy.search.base import base_fit
     >>> from hovercontrol.estimation.data import gather
     >>> from hovercontrol.logs import read_log
     >>> from hovercontrol.samples import sample_path

@@ -186,8 +186,9 @@ def _width(fit: Fit, cls: type[Effect], default: float) -> float:
     """Return the width of friction along the effect's axis, as found for the model's own."""
     problem = fit.problem
     for e in problem.model.effects:
-        if e.axis and e.axis == cls.axis and e.friction_width() in problem.names:
-            return float(fit.p[problem.names.index(e.friction_width())])
+        if e.axis and e.axis == cls.axis and e.friction_width():
+            own = {**problem.model.coefficients(), **problem.coefficients(fit.p)}
+            return own[e.friction_width()]
     return default
 
 

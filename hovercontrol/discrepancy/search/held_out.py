@@ -46,7 +46,7 @@ def held_out(selection: Selection, data: Data | None, criteria: Criteria = CRITE
     it is not surely predicted better gives way to another that blocks agree on as well and under which that
     log is as likely, if it surely predicts better, than with the first and than with neither. Where something
     remains, the model being wrong in other ways, too, an effect that the log could show and does not is
-    dropped.
+    dropped; one that takes most of the error at a horizon is shown, by however few events.
 
     Parameters
     ----------
@@ -111,6 +111,7 @@ def _unconfirmed(found: HeldOut, criteria: Criteria) -> dict[str, Gained]:
         and e.gained.scatter > criteria.visible
         and e.gained.t < criteria.confirmed
         and _mean(e.holdout) < criteria.better
+        and max(e.holdout.taken, default=0.0) < criteria.most
     }
 
 

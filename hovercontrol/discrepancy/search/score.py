@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -131,6 +132,37 @@ class Scores:
         with np.errstate(all="ignore"):
             each = np.stack([ud / Jd, 1.0 / np.sqrt(Jd)], axis=1)
         return Scored(candidate, gain, parts, chi2, p_value, candidate.allowed(parts.tolist()), each)
+
+    def left_out_gain(self, i: int) -> float:
+        """Return the gain of candidate i on blocks that did not choose its size.
+
+        Each block is judged with the size, and the model's unknowns, that all other blocks make likeliest; so
+        what fits one block alone gains nothing::
+
+            gain = sum over blocks b of (2 f_b' theta_(-b) - theta_(-b)' G_b theta_(-b)),
+
+        less the same of the unknowns alone.
+        """
+        mine = self.movable.tolist()
+        return self._left_out([*mine, *(self.P + c for c in self.own[i])]) - self._left_out_alone
+
+    @cached_property
+    def _left_out_alone(self) -> float:
+        return self._left_out(self.movable.tolist())
+
+    def _left_out(self, rows: list[int]) -> float:
+        if not rows:
+            return 0.0
+        G, f = self.G[:, rows][:, :, rows], self.f[:, rows]
+        added = np.zeros(len(rows) - len(self.movable))
+        prior = np.r_[self.fit.prior.precision[self.movable], added]
+        pull = np.r_[self.pull[self.movable], added]
+        total, score, gain = G.sum(axis=0), f.sum(axis=0), 0.0
+        for own, g in zip(G, f, strict=True):
+            others = total - own + np.diag(prior + 1e-12 * np.diag(total))
+            theta = np.linalg.lstsq(others, score - g - pull, rcond=1e-13)[0]
+            gain += float(2.0 * g @ theta - theta @ own @ theta)
+        return gain
 
     def each(self) -> list[Scored]:
         """Return how every candidate scores."""

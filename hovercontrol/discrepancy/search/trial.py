@@ -14,7 +14,6 @@ from hovercontrol.discrepancy.search.score import Scored, likelier_time
 from hovercontrol.effects import Effect, Shape
 from hovercontrol.estimation.fit import CONVERGENCE, Fit, estimate, first_noise, refit
 from hovercontrol.estimation.prior import prior_of
-from hovercontrol.estimation.problem import Problem
 from hovercontrol.estimation.subject import Subject
 
 
@@ -87,7 +86,7 @@ class Search:
 
     def fit(self, near: Fit, model: Subject, times: bool = False) -> Fit:
         """Fit a model from where another ended; correlation times of process noise stay unless asked."""
-        problem = Problem(model, near.problem.data)
+        problem = near.problem.of(model)
         prior = prior_of(problem, self.model)
         try:
             return refit(near, problem, prior, times=times)
@@ -190,7 +189,7 @@ def _added(
 ) -> Fit | None:
     """Return the fit of a model with one more effect, from where another ended or from given coefficients."""
     model = (start or current.model).with_effects([e])
-    problem = Problem(model, current.problem.data)
+    problem = current.problem.of(model)
     p = problem.start if start else None
     try:
         return refit(current, problem, prior_of(problem, search.model), p=p, levels=levels, times=False)

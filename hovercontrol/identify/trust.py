@@ -1,0 +1,270 @@
+"""How far to trust fitted coefficients: a missing effect and a longer time scale each give another reading.
+
+Standard errors hold if the model is complete. The coefficients of an incomplete model make up for what it
+lacks. Two further estimates show that, and each is another reading of a coefficient:
+
+- The coefficients beside a missing effect. One filter run scores the catalogue; the effect that gains most on
+  blocks that did not choose its size is added and fitted.
+- The coefficients over longer times. A fit with random forces depends mostly on changes from row to row; a
+  small delay bends these. One Gauss-Newton step on rows that lie 0.5 or 2 s apart depends on changes over
+  that time. Both estimate the same coefficients if the model is complete; their difference is judged by its
+  own scatter over blocks (Hausman, Econometrica 46 (1978)).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+from hovercontrol.discrepancy.criteria import CRITERIA
+from hovercontrol.discrepancy.search.candidates import candidates
+from hovercontrol.discrepancy.search.score import Scored, Scores, at_its_time
+from hovercontrol.discrepancy.search.trial import Search, Tried, try_effect, twins
+from hovercontrol.effects import Effect
+from hovercontrol.estimation.fit import Fit, refit
+from hovercontrol.estimation.kalman import run_filter
+from hovercontrol.estimation.noise import augment
+from hovercontrol.estimation.passes import inverse, products
+from hovercontrol.estimation.prior import prior_of
+from hovercontrol.estimation.problem import Problem
+from hovercontrol.estimation.subject import unknowns
+from hovercontrol.identify.result import Reading
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class TrustCriteria:
+    """When another reading of a coefficient counts.
+
+    Attributes
+    ----------
+    fitted : int
+        Candidates that are added and fitted, each to the model as it was given.
+    together : int
+        Effects that are added one after the other to the best of these.
+    numbers : int
+        Most numbers of an effect that is tried: LuGre friction, of five, fits a part of much else.
+    horizons : tuple of float
+        Times [s] over which the coefficients are read again. They span what a lag of an actuator and slow
+        drifts leave alone.
+    level : float
+        Chance of one wrong word about a horizon, in all coefficients and horizons together.
+    moved : float
+        Standard errors by which a reading must differ for a coefficient to be called bent.
+    surely : float
+        Standard errors by which a number that was kept must move, once it is free, to be called off.
+    """
+
+    fitted: int = 2
+    together: int = 2
+    numbers: int = 3
+    horizons: tuple[float, ...] = (0.5, 2.0)
+    level: float = 0.01
+    moved: float = 1.0
+    surely: float = 3.0
+
+
+#: The values in use.
+TRUST = TrustCriteria()
+
+
+@dataclass(frozen=True, eq=False)
+class Trust:
+    """Other readings of fitted coefficients.
+
+    Attributes
+    ----------
+    readings : mapping of str to tuple of Reading
+        By coefficient; those that differ by more than its standard error.
+    effects : tuple of Effect
+        Missing effects that were fitted, the likeliest first, as fitted.
+    gain : float
+        By how much the likeliest lowers twice the negative log likelihood.
+    """
+
+    readings: Mapping[str, tuple[Reading, ...]]
+    effects: tuple[Effect, ...] = ()
+    gain: float = 0.0
+
+
+def trust(fit: Fit, std: Array, report: Callable[[str], None] = lambda what: None) -> Trust:
+    """Return other readings of the coefficients of a fit.
+
+    Parameters
+    ----------
+    fit : Fit
+    std : ndarray, shape (P,)
+        Standard errors of the coefficients.
+    report : callable, optional
+        Called with what is being done.
+    """
+    search = Search(fit.problem.model, None, CRITERIA, report)
+    found = _fitted(search, fit)
+    report("reading over longer times")
+    readings: dict[str, list[Reading]] = {}
+    for cause, other in found:
+        errors = np.sqrt(np.maximum(np.diag(other.covariance), 0.0))
+        at = {name: j for j, name in enumerate(other.problem.names)}
+        for j, name in enumerate(fit.problem.names):
+            value, error = float(other.p[at[name]]), float(errors[at[name]])
+            if abs(value - fit.p[j]) > TRUST.moved * std[j]:
+                readings.setdefault(name, []).append(Reading(value, error, f"with {' and '.join(cause)}"))
+    for name, reading in _over_longer_times(fit, std):
+        readings.setdefault(name, []).append(reading)
+    have = {e.name for e in fit.problem.model.effects}
+    added = {e.name: e for _, f in reversed(found) for e in f.model.effects if e.name not in have}
+    effects = tuple(added[n] for n in dict.fromkeys(n for cause, _ in found for n in cause) if n in added)
+    gain = fit.cost - found[0][1].cost if found else 0.0
+    return Trust({name: tuple(own) for name, own in readings.items()}, effects, gain)
+
+
+def _fitted(search: Search, fit: Fit) -> list[tuple[tuple[str, ...], Fit]]:
+    """Return fits of fuller models, the likeliest first, with what each has more.
+
+    First the model's numbers that were kept are fitted too, such as the width of dry friction. Then effects
+    of the catalogue are added.
+    """
+    free = _with_all_numbers(search, fit)
+    kept, fit = free if free else ((), fit)
+    search.report("scoring the catalogue")
+    single = _tried(search, fit, TRUST.fitted)
+    least = min((CRITERIA.penalised(t.fit) for t in single), default=0.0)
+    found = [((*kept, t.name), t.fit) for t in single if CRITERIA.penalised(t.fit) <= least + CRITERIA.apart]
+    for _ in range(TRUST.together - 1):
+        if not found or not np.any(CRITERIA.left(found[0][1])):
+            break
+        cause, best = found[0]
+        more = _tried(search, best, 1)
+        if not more:
+            break
+        found[0] = ((*cause, more[0].name), more[0].fit)
+    return found or ([free] if free else [])
+
+
+def _with_all_numbers(search: Search, fit: Fit) -> tuple[tuple[str, ...], Fit] | None:
+    """Return which numbers that were kept move once all are free, and that fit; None if it gains little."""
+    model = fit.problem.model
+    kept = [name for name in unknowns(model) if name not in fit.problem.names]
+    if not kept:
+        return None
+    search.report("fitting what was kept")
+    problem = Problem(model, fit.problem.data)
+    try:
+        full = refit(fit, problem, prior_of(problem, model))
+    except FloatingPointError:
+        return None
+    if fit.cost - full.cost < CRITERIA.least + CRITERIA.each * len(kept):
+        return None
+    std = np.sqrt(np.maximum(np.diag(full.covariance), 1e-300))
+    away = {n: abs(full.p[j] - problem.start[j]) / std[j] for j, n in enumerate(problem.names) if n in kept}
+    return tuple(n for n in kept if away[n] > TRUST.surely), full
+
+
+def _tried(search: Search, fit: Fit, count: int) -> list[Tried]:
+    """Return fits with the candidates that gain most on blocks that did not choose their size."""
+    found: list[Tried] = []
+    missed = 0
+    for s in _worthy(fit):
+        if len(found) == count or missed > count:
+            break
+        s = at_its_time(fit, s)
+        if any(twins(t.fit.model.effect(t.name), s.effect) for t in found):
+            continue
+        t = try_effect(search, fit, s.effect, s)
+        if t is None or t.gain < CRITERIA.least + CRITERIA.each * t.numbers:
+            missed += 1
+        else:
+            found.append(t)
+    return sorted(found, key=lambda t: CRITERIA.penalised(t.fit))
+
+
+def _worthy(fit: Fit) -> list[Scored]:
+    """Return candidates that gain enough on left-out blocks, each at its best trial, the best first."""
+    known = [c for c in candidates(fit) if _is_candidate(fit.problem, type(c.trial))]
+    scores = Scores(fit, known)
+    best: dict[str, tuple[float, Scored]] = {}
+    for i, candidate in enumerate(scores.tried):
+        gain = scores.left_out_gain(i)
+        if gain < CRITERIA.least + CRITERIA.each * max(len(candidate.amplitudes), 1):
+            continue
+        s = scores.of(i)
+        if s.allowed and (candidate.name not in best or gain > best[candidate.name][0]):
+            best[candidate.name] = gain, s
+    return [s for _, s in sorted(best.values(), key=lambda found: -found[0])]
+
+
+def _is_candidate(problem: Problem, cls: type[Effect]) -> bool:
+    """Whether an effect is tried.
+
+    One of many numbers is not (:data:`TRUST`), nor is the scale of the only measured channel, which no log
+    tells from the model's gains.
+    """
+    gauge = len(problem.rows.channels) == 1 and cls.name == f"{problem.rows.channels[0]}_scale"
+    return len(cls.numbers) <= TRUST.numbers and not gauge
+
+
+def _over_longer_times(fit: Fit, std: Array) -> list[tuple[str, Reading]]:
+    """Return readings on rows that lie further apart, where random forces remain and they differ for sure."""
+    if not np.any(CRITERIA.left(fit)) or not len(fit.p):
+        return []
+    found: dict[str, Reading] = {}
+    slope, tests = fit.problem.slope(fit.p), len(fit.p) * len(TRUST.horizons)
+    for horizon in TRUST.horizons:
+        if (read := _read_over(fit, horizon)) is None:
+            continue
+        step, own, difference, dof = read
+        asked = float(stats.t.isf(0.5 * TRUST.level / tests, dof))
+        for j, name in enumerate(fit.problem.names):
+            moved = abs(step[j]) * slope[j] > TRUST.moved * std[j]
+            if moved and abs(step[j]) > asked * difference[j] and abs(step[j]) > asked * own[j]:
+                value = float(fit.p[j] + step[j] * slope[j])
+                found[name] = Reading(value, float(own[j] * slope[j]), f"over {horizon:g} s")
+    return list(found.items())
+
+
+def _read_over(fit: Fit, horizon: float) -> tuple[Array, Array, Array, int] | None:
+    """Return the step of the unknowns on rows a time apart, its standard error, that of the difference.
+
+    With f_b and G_b the score and the information of block b, in the fit and on the rows further apart (')::
+
+        step       = G'^-1 f',
+        psi_b      = G'^-1 (f'_b - G'_b step) - G^-1 f_b,
+        difference = sqrt(B / (B - 1) sum psi_b psi_b^T).
+
+    The last number is the degrees of freedom: B - 1, of the blocks with rows left. None of fewer than two.
+    """
+    problem, prior = fit.problem, fit.prior
+    pull = prior.slope(problem.inside(fit.p))
+    thin = problem.without(problem.seen & ~_apart(problem, horizon)[..., None])
+    system = augment(thin, thin.linearise(fit.path, fit.p), fit.noise)
+    every = problem.rows.by_block(products(run_filter(system).white))
+    G, f = every[:, 1:, 1:], -every[:, 1:, 0]
+    B = int((np.trace(G, axis1=1, axis2=2) > 0.0).sum())
+    if B < 2:
+        return None
+    C = inverse(G.sum(axis=0) + np.diag(prior.precision))
+    before = inverse(fit.S.sum(axis=0) + np.diag(prior.precision))
+    step = C @ (f.sum(axis=0) - pull)
+    own = (f - G @ step - pull / B) @ C
+    difference = own - (fit.g - pull / B) @ before
+    wide = B / max(B - 1, 1)
+    noise = np.maximum(np.diag(C), wide * (own**2).sum(axis=0))
+    return step, np.sqrt(noise), np.sqrt(wide * (difference**2).sum(axis=0)), B - 1
+
+
+def _apart(problem: Problem, horizon: float) -> NDArray[np.bool_]:
+    """Return which measured rows are kept so that they lie a time apart, shape (K, W)."""
+    time, measured = problem.rows.time, np.asarray(problem.seen.any(axis=2))
+    kept = np.zeros(time.shape, dtype=bool)
+    for w in range(time.shape[1]):
+        rows = np.flatnonzero(measured[:, w])
+        last = -np.inf
+        for k in rows.tolist():
+            if time[k, w] - last > horizon * (1.0 - 1e-6):
+                kept[k, w], last = True, time[k, w]
+    return kept
