@@ -70,7 +70,7 @@ def holohover(name: str) -> Log:
 
 def _both(files: str, log: Log) -> tuple[float, float]:
     """Return from when to when there are commands as well."""
-    sent = read_log(files.split("+")[1], inputs=list(MOTORS), motion=False)
+    sent = read_log(files.split("+")[1], inputs=list(MOTORS))
     return float(sent.time[0]), float(min(sent.time[-1], log.time[-1]))
 
 

@@ -35,13 +35,19 @@ if TYPE_CHECKING:
     from hovercontrol.core.sgn import sgn
     from hovercontrol.core.signals import Signal, time
     from hovercontrol.core.units import UnitError
+    from hovercontrol.discrepancy.diagnose import diagnose
     from hovercontrol.effects import Coefficient, Effect, Shape, effect, effect_names
     from hovercontrol.errors import InputError
     from hovercontrol.estimators.kalman_bucy import kalman_bucy
     from hovercontrol.estimators.regression import regression
+    from hovercontrol.identify.fit import identify
+    from hovercontrol.log_check.check import check
+    from hovercontrol.logs.log import Log
+    from hovercontrol.logs.read import read_log
     from hovercontrol.models.blockmodel import BlockModel
     from hovercontrol.models.model import Fan, Model
     from hovercontrol.models.modelfile import load_model, save_model
+    from hovercontrol.models.parameters import load_parameters, save_parameters
     from hovercontrol.models.vehicles import VEHICLES, vehicle
     from hovercontrol.simulation.trajectory import simulate
 
@@ -69,6 +75,14 @@ __all__ = [
     "VEHICLES",
     "load_model",
     "save_model",
+    "load_parameters",
+    "save_parameters",
+    # measured logs
+    "Log",
+    "read_log",
+    "check",
+    "identify",
+    "diagnose",
     # controllers, references, estimators
     "tracking_controller",
     "ellipse",
@@ -94,13 +108,19 @@ _PLACES = {
     "core.sgn": ("sgn",),
     "core.signals": ("Signal", "time"),
     "core.units": ("UnitError",),
+    "discrepancy.diagnose": ("diagnose",),
     "effects": ("Coefficient", "Effect", "Shape", "effect", "effect_names"),
     "errors": ("InputError",),
     "estimators.kalman_bucy": ("kalman_bucy",),
     "estimators.regression": ("regression",),
+    "identify.fit": ("identify",),
+    "log_check.check": ("check",),
+    "logs.log": ("Log",),
+    "logs.read": ("read_log",),
     "models.blockmodel": ("BlockModel",),
     "models.model": ("Fan", "Model"),
     "models.modelfile": ("load_model", "save_model"),
+    "models.parameters": ("load_parameters", "save_parameters"),
     "models.vehicles": ("VEHICLES", "vehicle"),
     "simulation.trajectory": ("simulate",),
 }
@@ -136,7 +156,11 @@ def __dir__() -> list[str]:
 
 
 class _Package(ModuleType):
-    """The package itself: where a function has the name of a former module, the name means the function."""
+    """The package itself: a name that is a function and a module, ``hovercontrol.identify``, is the function.
+
+    Importing a module sets it as an attribute of its package; ``from hovercontrol.identify import ...`` does
+    not look there.
+    """
 
     def __setattr__(self, name: str, value: Any) -> None:
         own = isinstance(value, ModuleType) and name in _PLACE

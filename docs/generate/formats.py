@@ -89,7 +89,7 @@ def pages(into: Path) -> tuple[str, str]:
         into / "formats" / "log.md",
         "# Logs",
         "CSV or Parquet has a header and a row for each time: `time` and any of pose and body velocities, then the inputs by the plant's names. "
-        "Missing values are empty cells. Other names and units are mapped: `--columns time=stamp_ms:ms,psi=yaw:deg`. The frame is x, y on "
+        "A log of a Block of your own has its inputs and any of its outputs or states by their names. Missing values are empty cells. Other names and units are mapped: `--columns time=stamp_ms:ms,psi=yaw:deg`. The frame is x, y on "
         "the floor with z up; psi turns from x to y. `--frame ned` converts north-east-down logs.",
         table(
             ("column", "unit", "what it is"),
@@ -105,13 +105,25 @@ def pages(into: Path) -> tuple[str, str]:
         ),
         *_OTHER_LOGS,
     )
-    kinds = ["log", *KINDS]
+    write(
+        into / "formats" / "parameters.md",
+        "# Parameter files (TOML)",
+        "Values for a model that is written in Python: `identify` and `diagnose` write `parameters.toml`, `--params` of every command that "
+        "takes `FILE.py:NAME` reads it, and `hc.load_parameters(model, file)`.",
+        code(
+            '[model]\nname = "motor"\n\n[coefficients]\ngain = 13.9  # rad/s^2/V\n\n'
+            "[effects]\nspeed_coulomb = 0.4\ninput_delay = {seconds = 0.04}",
+            "toml",
+        ),
+    )
+    kinds = ["log", "parameters", *KINDS]
     rows = [
         (
             "[Logs](formats/log.md)",
             "CSV, Parquet, and logs of ROS, PX4, ArduPilot, MATLAB, MDF, Motive, Vicon",
         )
     ]
+    rows += [("[Parameter files](formats/parameters.md)", "TOML: what a fit found of a Block of your own")]
     rows += [(f"[{ABOUT[k][0]}](formats/{k}.md)", ABOUT[k][1]) for k in KINDS]
     write(into / "formats.md", "# File formats", table(("file", "what it is"), rows),
           toctree(f"formats/{k}" for k in kinds))  # fmt: skip

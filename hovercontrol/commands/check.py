@@ -26,16 +26,12 @@ EXAMPLE = "Example: hovercontrol check a.csv b.csv --model craft.toml --out out/
 def check(
     logs: given.Logs = None,
     out: given.Out = None,
-    model: Annotated[
-        str | None,
-        typer.Option(
-            "--model", help="Model file (TOML); or FILE.py:NAME, a Model or BlockModel of your own."
-        ),
-    ] = None,
+    model: given.ModelFile = None,
     vehicle: Annotated[
         str | None,
         typer.Option("--vehicle", help="A built-in craft instead of --model; with neither, no trial fit."),
     ] = None,
+    params: given.Params = None,
     columns: given.Columns = "",
     bench: given.Bench = None,
     bench_fans: given.BenchFans = 2,
@@ -62,23 +58,15 @@ def check(
     out = out or Path("out") / "check"
     check_folder(out)
     given.refuse_twice("check", logs)
-    known = given.subject("check", model, vehicle) if model or vehicle else None
-    inputs = {s.name: s.unit for s in known.plant(late=True).inputs} if known else {}
-    if not columns and (topics := topics_of(logs, list(inputs), model, vehicle)):
+    if params and not (model or vehicle):
+        raise InputError("check: --params are of a model; expected --model or --vehicle as well")
+    known = given.model_of("check", model, vehicle, params) if model or vehicle else None
+    inputs = [s.name for s in known.plant(late=True).inputs] if known else []
+    if not columns and (topics := topics_of(logs, inputs, model, vehicle)):
         print(topics)
         return 1
-    moves = known is not None and known.is_craft
     read = given.reader(
-        inputs,
-        columns,
-        bench,
-        bench_fans,
-        only_while,
-        settle,
-        frame,
-        motion=moves,
-        missing=missing,
-        trial=trial,
+        known, columns, bench, bench_fans, only_while, settle, frame, missing=missing, trial=trial
     )
     with given.progress_bar("check", 1.0) as report:
         report(0.0, "reading logs")
@@ -130,6 +118,6 @@ def stamps(files: str, log: Log, columns: str) -> dict[str, NDArray[np.float64]]
         return {} if log.trials else {paths[0].name: log.time[measured_rows(log)]}
     found = {}
     for path, own in zip(paths, columns_by_file(paths, given.pairs(columns)), strict=True):
-        time = read_log(path, own, motion=False, usecols=[]).on_clock_of(log).time
+        time = read_log(path, own, usecols=[]).on_clock_of(log).time
         found[path.name] = time[(time >= log.time[0] - EDGE) & (time <= log.time[-1] + EDGE)]
     return {name: time for name, time in found.items() if time.size}

@@ -21,7 +21,10 @@ EXAMPLE = "Example: hovercontrol cockpit --vehicle hoverdemon --out flights"
 
 
 def cockpit(
-    model: given.ModelFile = None,
+    model: Annotated[
+        str | None,
+        typer.Option("--model", help="Model file (TOML) of a craft; or FILE.py:NAME, a Model of your own."),
+    ] = None,
     vehicle: Annotated[
         str | None, typer.Option("--vehicle", help="Or one of the package's craft (else hoverdemon).")
     ] = None,

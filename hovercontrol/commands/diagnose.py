@@ -16,23 +16,14 @@ from hovercontrol.io.folders import write_folder
 
 EXAMPLE = "Example: hovercontrol diagnose a.csv b.csv --holdout c.csv --model craft.toml --out out/diagnose"
 
-Subject = Annotated[
-    str | None,
-    typer.Option(
-        "--model", help="Model file (TOML) to start from; or FILE.py:NAME, a Model or BlockModel of your own."
-    ),
-]
-
 
 def diagnose(
     logs: given.Logs = None,
     out: given.Out = None,
-    model: Subject = None,
+    model: given.ModelFile = None,
     vehicle: given.Vehicle = None,
-    holdout: Annotated[
-        str | None,
-        typer.Option(help="A log held out of the fit; an effect that predicts it worse is dropped."),
-    ] = None,
+    params: given.Params = None,
+    holdout: given.Holdout = None,
     effects: Annotated[
         str, typer.Option(help="Effects to look for, separated by commas (default: all).")
     ] = "",
@@ -55,53 +46,44 @@ def diagnose(
     """Find which effects a model lacks, how much error each explains, and what remains.
 
     An effect is named when three independent things agree: the likelihood that it gains, the same size on
-    disjoint blocks of the logs, and predictions of the held-out log.
+    disjoint blocks of the logs, and predictions of the held-out logs.
 
     Verdicts: none (nothing is missing beyond noise), effect (named, nothing
     remains), partial (named, and something remains), ambiguous (one of
     several effects), unexplained (none can be named; the nearest are listed).
 
-    Writes report.html (for any browser), result.json and model.toml (a
-    craft's amended model); where another log would show more,
-    next_experiment.csv holds the commands to apply.
+    Writes report.html (for any browser), result.json and the amended model:
+    model.toml of a craft, parameters.toml of a Block of your own (for
+    --params). Where another log would show more, next_experiment.csv holds
+    the commands to apply.
 
     Exit status 0 for none and effect; 1 for partial, ambiguous, unexplained.
     """
     from hovercontrol.discrepancy import diagnose as find
     from hovercontrol.discrepancy.report import write_report
+    from hovercontrol.models.parameters import FITTED
 
     if not logs:
         raise InputError("diagnose: expected one or more logs")
     out = out or Path("out") / "diagnose"
     check_folder(out)
-    given.refuse_twice("diagnose", logs, [holdout] if holdout else [])
-    lacks = given.subject("diagnose", model, vehicle)
+    held = holdout or []
+    given.refuse_twice("diagnose", logs, held)
+    lacks = given.model_of("diagnose", model, vehicle, params)
     names = given.listed(effects, "--effects")
     for name in names or []:
         lacks.effect_class(name)
         if names and names.count(name) > 1:
             raise InputError(f"diagnose: --effects: {name!r} is given twice")
-    inputs = {s.name: s.unit for s in lacks.plant(late=True).inputs}
-    moves = lacks.is_craft
     read = given.reader(
-        inputs,
-        columns,
-        bench,
-        bench_fans,
-        only_while,
-        settle,
-        frame,
-        motion=moves,
-        missing=missing,
-        trial=trial,
+        lacks, columns, bench, bench_fans, only_while, settle, frame, missing=missing, trial=trial
     )
     with given.progress_bar("diagnose", 1.0) as report:
         report(0.0, "reading logs")
-        training, held = [read(name) for name in logs], read(holdout) if holdout else None
         found = find(
             lacks,
-            training,
-            held,
+            [read(name) for name in logs],
+            [read(name) for name in held],
             names=names,
             max_effects=max_effects,
             seed=seed,
@@ -113,7 +95,7 @@ def diagnose(
             found.save(folder)
             write_report(found, folder / "report.html", command=_command())
 
-        files = write_folder(out, write, stale=("model.toml", "next_experiment.csv"))
+        files = write_folder(out, write, stale=(*FITTED, "next_experiment.csv"))
     for warning in found.warnings:
         print(f"warning: {warning}", file=sys.stderr)
     given.show("\n".join(found.sentences()), files, out, found.result() if json else None)

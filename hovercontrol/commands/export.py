@@ -23,6 +23,7 @@ def export(
             "own. --list shows them."
         ),
     ] = "",
+    params: given.Params = None,
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="The FMU to write (default: out/NAME.fmu).")
     ] = None,
@@ -66,7 +67,7 @@ def export(
     if not block:
         raise InputError("export: expected what to export; hovercontrol export --list shows what there is")
     wanted = chosen_platforms(platforms)
-    chosen = choose(block)
+    chosen = choose(block, params)
     out = out or Path("out") / f"{chosen.block.name}.fmu"
     stop, step = chosen.stop if stop is None else stop, chosen.step if step is None else step
     with given.progress_bar(f"export {one_line(block, 60)}", 1.0) as report:

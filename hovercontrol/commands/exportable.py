@@ -8,13 +8,12 @@ from dataclasses import dataclass
 from difflib import get_close_matches
 from pathlib import Path
 
+from hovercontrol.commands.given import from_users_file
 from hovercontrol.core.block import Block
 from hovercontrol.core.interconnect import interconnect
 from hovercontrol.errors import InputError, did_you_mean
-from hovercontrol.io.pythonfile import from_python, names_python
 from hovercontrol.io.tables import read_toml
-from hovercontrol.models.blockmodel import BlockModel
-from hovercontrol.models.model import Model
+from hovercontrol.models.interface import AnyModel
 from hovercontrol.models.modelfile import load_model
 from hovercontrol.models.vehicles import VEHICLES, vehicle
 from hovercontrol.scenarios import Scenario, load_scenario, scenario_names
@@ -36,7 +35,7 @@ class Choice:
     step: float | None = None
 
 
-def choose(name: str) -> Choice:
+def choose(name: str, params: Path | None = None) -> Choice:
     """Return the Block of a name.
 
     Parameters
@@ -47,11 +46,13 @@ def choose(name: str) -> Choice:
         :data:`~hovercontrol.commands.exportable_parts.PARTS` (``imu``) that part with its defaults; a
         vehicle (``four_fan``) or a model file (TOML) its plant; ``FILE.py:NAME`` a Block, or the plant of a
         model, of one's own.
+    params : path, optional
+        A parameter file for what a Python file defines.
 
     Raises
     ------
     InputError
-        If there is no such thing (the nearest is named).
+        If there is no such thing (the nearest is named), or parameters are given for another thing.
 
     Examples
     --------
@@ -60,8 +61,11 @@ def choose(name: str) -> Choice:
     >>> choose("rudder_servo").block.period
     0.02
     """
-    if names_python(name):
-        return _own(name)
+    own = from_users_file(name, params)
+    if own is not None:
+        return _own(name, own)
+    if params is not None:
+        raise InputError(f"export: --params are of a model FILE.py:NAME, found {name}")
     whole, colon, part = name.partition(":")
     if colon and not whole.endswith(".toml") and whole not in scenario_names():
         raise InputError(f"unknown scenario {whole!r} in {name!r}{_nearest(whole, scenario_names())}")
@@ -98,8 +102,7 @@ def choices() -> list[tuple[str, str]]:
     return found + [(name, f"part: {part.says}") for name, part in PARTS.items()]
 
 
-def _own(name: str) -> Choice:
-    found: Block | BlockModel | Model = from_python(name, Block, BlockModel, Model)
+def _own(name: str, found: AnyModel) -> Choice:
     block = found if isinstance(found, Block) else found.plant()
     file, _, own = name.rpartition(":") if ":" in name else (name, "", block.name)
     return _ticking(block, f"{own} of {Path(file).name}.")

@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -36,8 +36,19 @@ Logs = Annotated[
     ),
 ]
 ModelFile = Annotated[
+    str | None,
+    typer.Option(
+        "--model", help="Model file (TOML); or FILE.py:NAME, a Model, BlockModel or Block of your own."
+    ),
+]
+Params = Annotated[
     Path | None,
-    typer.Option("--model", help="Model file (TOML) to start from; or FILE.py:NAME, a Model of your own."),
+    typer.Option(
+        "--params", help="Values and effects for the model: a parameters.toml of identify or diagnose."
+    ),
+]
+Holdout = Annotated[
+    list[str] | None, typer.Option("--holdout", help="A log held out of the fit; may be repeated.")
 ]
 Vehicle = Annotated[
     str | None,
@@ -94,34 +105,64 @@ Json = Annotated[
 AllowGaps = Annotated[bool, typer.Option("--allow-gaps", hidden=True)]
 
 
-def craft(command: str, model: Path | None, vehicle: str | None) -> Model:
-    """Return the craft of a model file, of a Python file of the user's, or one of the package's.
+def model_of(
+    command: str, model: str | None, vehicle: str | None = None, params: Path | None = None
+) -> Model | BlockModel:
+    """Return the model of a model file, of a Python file of the user's, or a craft of the package's.
+
+    Parameters
+    ----------
+    command : str
+        For error lines.
+    model, vehicle : str, optional
+        As ``--model`` and ``--vehicle`` say; default: the vehicle c17_experiment.
+    params : path, optional
+        A parameter file, whose values and effects replace the model's.
 
     Raises
     ------
     InputError
-        If both are given, or either is unknown.
+        If both are given, either is unknown, or the parameters are of another model.
     """
-    from hovercontrol.io.pythonfile import from_python, names_python
-    from hovercontrol.models.model import Model
+    from hovercontrol.models.interface import as_model
     from hovercontrol.models.modelfile import load_model
     from hovercontrol.models.vehicles import vehicle as known_vehicle
 
     if model and vehicle:
         raise InputError(f"{command}: --model and --vehicle exclude each other")
-    if model and names_python(str(model)):
-        found: Model = from_python(str(model), Model)
-        return found
-    return load_model(model) if model else known_vehicle(vehicle or "c17_experiment")
+    own = from_users_file(model, params) if model else None
+    if own is not None:
+        return as_model(own)
+    found: Model | BlockModel = load_model(model) if model else known_vehicle(vehicle or "c17_experiment")
+    return _with(found, params)
 
 
-def own_machine(name: str) -> Model | Block | None:
-    """Return the Model, the Block or the plant of the BlockModel that a Python file of the user's defines.
+def craft(command: str, model: str | None, vehicle: str | None) -> Model:
+    """Return a craft as :func:`model_of` does.
 
     Raises
     ------
     InputError
-        As :func:`hovercontrol.io.pythonfile.from_python`.
+        As :func:`model_of`, or if it is another machine.
+    """
+    from hovercontrol.models.model import Model
+
+    found = model_of(command, model, vehicle)
+    if not isinstance(found, Model):
+        raise InputError(
+            f"{command}: {model}: expected a craft (a model file or a Model), found the Block "
+            f"{found.name!r}; hovercontrol simulate {model} runs it"
+        )
+    return found
+
+
+def from_users_file(name: str, params: Path | None = None) -> Model | BlockModel | Block | None:
+    """Return the Model, BlockModel or Block that ``FILE.py:NAME`` names; None if a text names no Python file.
+
+    Raises
+    ------
+    InputError
+        As :func:`hovercontrol.io.pythonfile.from_python`, or if the parameters are of another model.
     """
     from hovercontrol.core.block import Block
     from hovercontrol.io.pythonfile import from_python, names_python
@@ -131,27 +172,14 @@ def own_machine(name: str) -> Model | Block | None:
     if not names_python(name):
         return None
     found: Block | BlockModel | Model = from_python(name, Block, BlockModel, Model)
-    return found.plant() if isinstance(found, BlockModel) else found
+    return _with(found, params)
 
 
-def subject(command: str, model: str | None, vehicle: str | None) -> Model | BlockModel:
-    """Return a craft as :func:`craft` does, or what a Python file of the user's defines.
+def _with(model: Any, params: Path | None) -> Any:
+    """Return a model with the values of a parameter file, or as it is without one."""
+    from hovercontrol.models.parameters import load_parameters
 
-    Raises
-    ------
-    InputError
-        As :func:`craft` and :func:`hovercontrol.io.pythonfile.from_python`.
-    """
-    from hovercontrol.io.pythonfile import from_python, names_python
-    from hovercontrol.models.blockmodel import BlockModel
-    from hovercontrol.models.model import Model
-
-    if model is None or not names_python(model):
-        return craft(command, Path(model) if model else None, vehicle)
-    if vehicle:
-        raise InputError(f"{command}: --model and --vehicle exclude each other")
-    found: Model | BlockModel = from_python(model, BlockModel, Model)
-    return found
+    return model if params is None else load_parameters(model, params)
 
 
 def show(text: str, files: Sequence[Path], out: Path, result: object = None) -> None:
@@ -191,13 +219,13 @@ def refuse_twice(command: str, names: Sequence[str], held: Sequence[str] = ()) -
         measured = Path(os.path.realpath(first if "\0" not in name else readable(first)))
         if measured in given:
             known = "" if given[measured] == name else f" (as {given[measured]})"
-            why = "; a held-out log is not in the fit" if name in held else ""
+            why = "; a held-out log is not in the fit" if name in held and given[measured] not in held else ""
             raise InputError(f"{command}: {name} is given twice{known}{why}")
         given[measured] = name
 
 
 def reader(
-    inputs: Mapping[str, str],
+    model: Model | BlockModel | None,
     columns: str,
     bench: Path | None,
     bench_fans: int,
@@ -205,14 +233,10 @@ def reader(
     settle: float,
     frame: str = "",
     *,
-    motion: bool = True,
     missing: str = "",
     trial: str = "",
 ) -> Callable[[str], Log]:
-    """Return what reads a log of a craft with these inputs (and units), as the options of the command say.
-
-    Without `motion` a log need not hold pose or body velocities: it is of some other machine.
-    """
+    """Return what reads a log of a model as the options of a command say; without one, any columns."""
     from hovercontrol.logs import BenchTable, Condition, gather
     from hovercontrol.logs.frames import in_z_up
 
@@ -223,12 +247,11 @@ def reader(
     def read(files: str) -> Log:
         log = gather(
             files,
-            inputs,
+            model=model,
             columns=renamed,
             bench=table,
             only_while=condition,
             settle=settle,
-            motion=motion,
             missing=codes,
             trial=trial,
         )

@@ -22,9 +22,8 @@ def identify(
     out: given.Out = None,
     model: given.ModelFile = None,
     vehicle: given.Vehicle = None,
-    holdout: Annotated[
-        list[str] | None, typer.Option(help="A log held out of the fit; may be repeated.")
-    ] = None,
+    params: given.Params = None,
+    holdout: given.Holdout = None,
     coefficients: Annotated[
         str,
         typer.Option(
@@ -47,12 +46,14 @@ def identify(
 ) -> int:
     """Estimate a model's coefficients from logs, with standard errors; list those not excited by the logs.
 
-    Writes model.toml, coefficients.csv, prediction.csv and rejected.csv,
-    and for each log a figure of the free-running simulation with the measurement.
+    Writes model.toml (of a Block of your own parameters.toml, for --params), coefficients.csv,
+    prediction.csv and rejected.csv, and for each log a figure of the free-running simulation with the
+    measurement.
 
     Exit status 1 if a coefficient is not excited by the logs or not to be trusted (beside a missing effect
     or over longer times it differs by more than its error), the model does not explain the logs, or a body
-    velocity of a held-out log is predicted worse 1 s ahead than by assuming that it stays constant.
+    velocity of a held-out log (any channel of a Block of your own) is predicted worse 1 s ahead than by
+    assuming that it stays constant.
     """
     from hovercontrol.identify.study import Study
     from hovercontrol.samples import sample_path
@@ -65,10 +66,9 @@ def identify(
     check_folder(out)
     given.refuse_twice("identify", names, held)
     sought = given.listed(coefficients, "--coefficients")
-    craft = given.craft("identify", model, vehicle)
-    inputs = {s.name: s.unit for s in craft.plant().inputs}
+    found = given.model_of("identify", model, vehicle, params)
     read = given.reader(
-        inputs, columns, bench, bench_fans, only_while, settle, frame, missing=missing, trial=trial
+        found, columns, bench, bench_fans, only_while, settle, frame, missing=missing, trial=trial
     )
     with given.progress_bar("identify", 1.0) as report:
         every = []
@@ -76,7 +76,7 @@ def identify(
             every.append(read(name))
             report(0.1 * (k + 1) / (len(names) + len(held)))
         study = Study.make(
-            craft,
+            found,
             every[: len(names)],
             every[len(names) :],
             coefficients=sought,

@@ -39,6 +39,7 @@ def simulate(
         str, typer.Option("--commands", metavar="LOG", help="Drive a model file by the commands of this log.")
     ] = "",
     columns: given.Columns = "",
+    params: given.Params = None,
     out: Out = None,
     list_: Annotated[bool, typer.Option("--list", help="List the scenarios and exit.")] = False,
     json: given.Json = False,
@@ -51,6 +52,7 @@ def simulate(
     """
     from hovercontrol.core.block import Block
     from hovercontrol.logs import read_log
+    from hovercontrol.models.blockmodel import BlockModel
     from hovercontrol.scenarios import load_scenario, run_scenario, scenario_names
     from hovercontrol.scenarios.drive import driven
 
@@ -63,10 +65,13 @@ def simulate(
         )
     if columns and not commands:
         raise InputError("simulate: --columns is of the log that --commands names; expected both")
-    log = read_log(commands, given.pairs(columns), motion=False) if commands else None
-    own = given.own_machine(scenario)
-    if isinstance(own, Block):
-        return _drive(own, duration, log, out, json)
+    log = read_log(commands, given.pairs(columns)) if commands else None
+    own = given.from_users_file(scenario, params)
+    if own is None and params:
+        raise InputError(f"simulate: --params are of a model FILE.py:NAME, found {scenario}")
+    if isinstance(own, Block | BlockModel):
+        block = own if isinstance(own, Block) else own.plant()
+        return _drive(block, duration, log, out, json)
     loaded = (
         load_scenario(scenario, seconds=duration, commands=log)
         if own is None

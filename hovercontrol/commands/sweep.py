@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import functools
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -21,6 +23,10 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from hovercontrol.core.block import Block
+    from hovercontrol.scenarios import Scenario
+    from hovercontrol.scenarios.varied import Varied
+
 #: Files of a checkpoint, of :mod:`hovercontrol.targets.checkpoint`.
 RUNS = "runs-*.parquet"
 
@@ -28,7 +34,12 @@ EXAMPLE = "Example: hovercontrol sweep k06-turn --vary controller.k2=0.5:6:200 -
 
 
 def sweep(
-    scenario: Annotated[str, typer.Argument(help="A scenario's name or a scenario file.")],
+    scenario: Annotated[
+        str,
+        typer.Argument(
+            help="A scenario's name or file; a model file; FILE.py:NAME of a Model, BlockModel or Block."
+        ),
+    ],
     vary: Annotated[
         list[str] | None,
         typer.Option(
@@ -37,10 +48,14 @@ def sweep(
             help="A parameter or start value; give it twice for a map.",
         ),
     ] = None,
-    of: Annotated[str, typer.Option("--of", help="The signal to evaluate (default: error_x or u).")] = "",
+    of: Annotated[
+        str,
+        typer.Option("--of", help="The signal to evaluate (default: error_x, u, or a Block's first output)."),
+    ] = "",
     figure: Annotated[
         str, typer.Option("--figure", help="final, maximum, minimum, rms or settling, of the last phase.")
     ] = "rms",
+    params: given.Params = None,
     out: Out = None,
     resume: Annotated[
         bool, typer.Option("--resume", help="Continue the same sweep from OUT.partial.")
@@ -49,14 +64,20 @@ def sweep(
 ) -> int:
     """Run a scenario at every point of a range or a grid; write a table and a picture.
 
+    A model file, and a model of your own, is driven from rest by steps of its commands.
+
     Results are kept in OUT.partial as they are computed: --resume continues a stopped sweep.
 
     Exit status 1 if some runs fail; the others are written.
     """
     import numpy as np
 
+    from hovercontrol.core.block import Block
+    from hovercontrol.models.model import Model
     from hovercontrol.scenarios import load_scenario
-    from hovercontrol.scenarios.varied import vary as run
+    from hovercontrol.scenarios.drive import driven
+    from hovercontrol.scenarios.varied import vary as vary_scenario
+    from hovercontrol.scenarios.varied import vary_machine
 
     ranges: dict[str, NDArray[np.float64]] = {}
     for text in vary or []:
@@ -66,13 +87,23 @@ def sweep(
         ranges[key] = values
     if not ranges:
         raise InputError("sweep: expected one or two --vary KEY=FROM:TO:POINTS")
-    loaded = load_scenario(scenario)
+    own = given.from_users_file(scenario, params)
+    if own is None and params:
+        raise InputError(f"sweep: --params are of a model FILE.py:NAME, found {scenario}")
+    loaded: Scenario | Block
+    run: Callable[..., Varied]
+    if own is None or isinstance(own, Model):
+        loaded = load_scenario(scenario) if own is None else replace(driven(own, own.name), file=scenario)
+        run = functools.partial(vary_scenario, loaded)
+    else:
+        loaded = own if isinstance(own, Block) else own.plant()
+        run = functools.partial(vary_machine, loaded)
     out = out or Path("out") / f"{loaded.name}-sweep"
     partial = _partial_folder(out)
     if written.refuse_others(partial) and not resume:
         written.remove_own(partial, RUNS)
     with _kept(partial), given.progress_bar(f"sweep {loaded.name}", 1.0) as report:
-        found = run(loaded, ranges, of, figure, progress=lambda done: report(done), checkpoint=partial)
+        found = run(ranges, of, figure, progress=lambda done: report(done), checkpoint=partial)
         saved = found.save(out)
     values = found.values.ravel()
     if json:

@@ -9,7 +9,7 @@ from threadpoolctl import threadpool_limits
 
 from hovercontrol.core.arguments import at_least
 from hovercontrol.core.boundary import checked
-from hovercontrol.discrepancy.checks import check_fitted, check_logs
+from hovercontrol.discrepancy.checks import as_logs, check_fitted, check_logs
 from hovercontrol.discrepancy.checks.stand_ins import switched_off
 from hovercontrol.discrepancy.diagnosis import Diagnosis, numbers_of
 from hovercontrol.discrepancy.evidence.holdout import gap
@@ -27,13 +27,14 @@ from hovercontrol.estimation.data import Data, gather
 from hovercontrol.estimation.fit import Fit
 from hovercontrol.estimation.subject import Subject
 from hovercontrol.logs import Log
+from hovercontrol.models.interface import AnyModel, as_model
 
 
 @checked
 def diagnose(
-    model: Subject,
+    model: AnyModel,
     logs: Sequence[Log],
-    holdout: Log | None = None,
+    holdout: Log | Sequence[Log] | None = None,
     *,
     names: Sequence[str] | None = None,
     max_effects: int = 3,
@@ -43,18 +44,21 @@ def diagnose(
     """Find which effects a model lacks, how much of the error they explain, and what remains.
 
     An effect is named when three independent things agree: the likelihood that it gains with random forces
-    allowed for, the same size on disjoint blocks of the logs, and better predictions of the held-out log.
+    allowed for, the same size on disjoint blocks of the logs, and better predictions of the held-out logs.
     A remainder does not withdraw a name: it is measured, and the verdict is ``"partial"``
     (:func:`.verdict.verdict_of`).
 
     Parameters
     ----------
-    model : Model or BlockModel
-        Its coefficients may be off: all are fitted again.
+    model : Model, BlockModel or Block
+        Its coefficients may be off: all are fitted again. A Block may lack what any machine may lack, as a
+        BlockModel without a catalogue.
     logs : sequence of Log
-        Measured; with the model's inputs, and pose, body velocities or both.
-    holdout : Log, optional
-        A log held out of the fit; a name with which it is predicted worse, and no likelier, is dropped.
+        Measured; with the model's inputs, and of a craft pose, body velocities or both, of any other machine
+        some of its outputs or states.
+    holdout : Log or sequence of Log, optional
+        Logs held out of the fit, judged together; a name with which they are predicted worse, and no
+        likelier, is dropped.
     names : sequence of str, optional
         Effects to consider; default: the whole catalogue.
     max_effects : int, optional
@@ -92,16 +96,16 @@ def diagnose(
     at_least("diagnose: seed", seed)
     if not logs:
         raise InputError("diagnosis needs at least one log")
+    held = as_logs(holdout)
+    report = progress or (lambda part, what: None)
     with threadpool_limits(1, "blas"):  # its threads would wait for each other at many small matrices
-        return _diagnosed(
-            model, logs, holdout, names, max_effects, seed, progress or (lambda part, what: None)
-        )
+        return _diagnosed(as_model(model), logs, held, names, max_effects, seed, report)
 
 
 def _diagnosed(
     model: Subject,
     logs: Sequence[Log],
-    holdout: Log | None,
+    holdout: Sequence[Log],
     names: Sequence[str] | None,
     max_effects: int,
     seed: int,
@@ -120,8 +124,8 @@ def _diagnosed(
         report(0.1 + 0.7 * (1 - 0.85 ** done[0]), what)
 
     selection = select(base, model, names=names, max_effects=max_effects, report=said)
-    report(0.82, "predicting the held-out log")
-    held = held_out(selection, gather(model, [holdout]) if holdout is not None else None)
+    report(0.82, "predicting the held-out logs")
+    held = held_out(selection, gather(model, holdout) if holdout else None)
     selection = held.selection
     report(0.92, "measuring what remains")
     base, final = selection.base, selection.final  # a search may find a likelier fit of the model as it is

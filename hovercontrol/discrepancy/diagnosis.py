@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from hovercontrol.core.boundary import checked
+from hovercontrol.discrepancy.coefficients import Refitted, refitted
 from hovercontrol.discrepancy.evidence.holdout import Ahead, Gap
 from hovercontrol.discrepancy.evidence.laws import regime_of, worst
 from hovercontrol.discrepancy.evidence.missing import Missing
@@ -25,7 +26,6 @@ from hovercontrol.estimation.fit import Fit
 from hovercontrol.estimation.subject import Subject
 from hovercontrol.io.folders import write_folder
 from hovercontrol.io.pyplot import open_in_pyplot
-from hovercontrol.models.model import Model
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -88,7 +88,7 @@ class Diagnosis:
     model, amended, refitted : Model or BlockModel
         As given; with the named effects and all coefficients fitted; as given, its coefficients fitted.
     before, after : Gap or None
-        On the held-out log, of `refitted` and `amended`.
+        On the held-out logs, of `refitted` and `amended`.
     ahead : tuple of Ahead
         The same at several horizons.
     train_before, train_after : Gap
@@ -96,7 +96,7 @@ class Diagnosis:
     selection : Selection
         The search itself.
     held_before, held_after : Fit or None
-        Of `refitted` and `amended` on the held-out log: path and noise alone.
+        Of `refitted` and `amended` on the held-out logs: path and noise alone.
     missing : tuple of Missing
         The acceleration that the given model lacks, by log and equation.
     missing_after : tuple of Missing
@@ -157,6 +157,11 @@ class Diagnosis:
     experiment: Experiment | None = None
     advice: str = ""
 
+    @property
+    def coefficients(self) -> tuple[Refitted, ...]:
+        """Every coefficient of the amended model that was fitted."""
+        return refitted(self.selection.final, self.model.coefficients())
+
     def result(self) -> dict[str, Any]:
         """Return what ``result.json`` holds."""
         names = dict.fromkeys(e.effect for e in self.effects)
@@ -176,6 +181,7 @@ class Diagnosis:
                 }
                 for name, own in numbers.items()
             ],
+            "coefficients": [vars(c) for c in self.coefficients],
             "rivals": [{"name": r.name, "reason": reason_of(r)} for r in self.rivals],
             "gap": {
                 "train": {"before": self.train_before.nrmse, "after": self.train_after.nrmse},
@@ -258,25 +264,26 @@ class Diagnosis:
         return open_in_pyplot(diagnosis_figure(self))
 
     def save(self, folder: str | Path) -> list[Path]:
-        """Write ``result.json``, ``model.toml`` and, where there is one, ``next_experiment.csv``.
+        """Write ``result.json``, the amended model and, where there is one, ``next_experiment.csv``.
+
+        A craft is written as ``model.toml``; of a Block, ``parameters.toml`` holds coefficients and effects.
 
         Parameters
         ----------
         folder : path
             Made if it is not there.
         """
-        from hovercontrol.models.modelfile import save_model
+        from hovercontrol.models.parameters import FITTED, save_fitted
 
         text = json.dumps(_finite(self.result()), indent=2, allow_nan=False, default=float) + "\n"
 
         def write(place: Path) -> None:
             (place / "result.json").write_text(text, encoding="utf-8")
-            if isinstance(self.amended, Model):
-                save_model(self.amended, place / "model.toml")
+            save_fitted(self.amended, place)
             if self.experiment:
                 self.experiment.save(place / "next_experiment.csv")
 
-        return write_folder(folder, write, stale=("model.toml", "next_experiment.csv"))
+        return write_folder(folder, write, stale=(*FITTED, "next_experiment.csv"))
 
 
 def reason_of(rival: Rival) -> str:

@@ -70,7 +70,10 @@ class Unknowns:
         self._bound_widths(model, paths)
         self.start = np.clip(self.start, self.lower, self.upper)
         self.size = np.array([abs(v) or 1.0 for v in self.start])
-        self._every = [values.get(key.rpartition(".")[2], s) for key, s in block.default_parameters.items()]
+        self._every = [
+            values.get(key, values.get(key.rpartition(".")[2], start))
+            for key, start in block.default_parameters.items()
+        ]
 
     def _bound_widths(self, model: Subject, paths: Mapping[str, Array]) -> None:
         """Let no dry friction grow as wide as the motion is fast: it would be a linear drag."""

@@ -36,19 +36,19 @@ from hovercontrol.estimation.noise import averaging_time
 from hovercontrol.identify.predict import prediction
 from hovercontrol.identify.remaining import remaining
 from hovercontrol.identify.result import Fitted, Identified, Reading
-from hovercontrol.identify.subject import chosen, subject_of
+from hovercontrol.identify.subject import chosen
 from hovercontrol.identify.trust import trust
 from hovercontrol.logs import Log
 from hovercontrol.logs.codes import code_faults
 from hovercontrol.logs.frames import check_frame
 from hovercontrol.logs.prepare import prepared
 from hovercontrol.logs.scales import scale_faults
-from hovercontrol.models.model import Model
+from hovercontrol.models.interface import AnyModel, as_model
 
 
 @checked
 def identify(
-    model: Model | Block,
+    model: AnyModel,
     logs: Sequence[Log | Measured],
     coefficients: Sequence[str] | None = None,
     *,
@@ -59,8 +59,8 @@ def identify(
 
     Parameters
     ----------
-    model : Model or Block
-        Its present values start the fit.
+    model : Model, BlockModel or Block
+        Its present values start the fit. A Block is fitted as a BlockModel without effects.
     logs : sequence of Log
         One or several, each with the model's inputs and pose (``x, y, psi``), body velocities
         (``u, v, r``), both, or any other states or outputs of the Block. Already measured ones
@@ -97,12 +97,12 @@ def identify(
     names = chosen(model, coefficients)
     if not logs:
         raise InputError("identification needs at least one log")
-    if subject_of(model).is_craft:
+    if as_model(model).is_craft:
         refuse_other_units(logs)
     report(0.0, "reading what was measured")
     measured = measure_shared(model, logs, most_rows)
     with threadpool_limits(1, "blas"):  # its threads would wait for each other at many small matrices
-        data = gather(subject_of(model), measured)
+        data = gather(as_model(model), measured)
         fit = _fitted(model, data, names, report)
         found = _identified(model, names, data, fit, report)
     report(1.0, "done")
@@ -110,7 +110,7 @@ def identify(
 
 
 @checked
-def measure_shared(model: Model | Block, logs: Sequence[Log | Measured], most_rows: int) -> list[Measured]:
+def measure_shared(model: AnyModel, logs: Sequence[Log | Measured], most_rows: int) -> list[Measured]:
     """Return what each log says, all together no more than `most_rows` rows; those measured already are kept.
 
     Raises
@@ -118,7 +118,7 @@ def measure_shared(model: Model | Block, logs: Sequence[Log | Measured], most_ro
     InputError
         As :func:`~hovercontrol.estimation.measure.measure`, or if a craft never moves.
     """
-    subject = subject_of(model)
+    subject = as_model(model)
     block = subject.plant()
     at_least("most_rows", most_rows, least=1)
     total = sum(len(log) for log in logs if isinstance(log, Log))
@@ -166,12 +166,12 @@ def refuse_other_units(logs: Sequence[Log | Measured]) -> None:
 
 
 def _fitted(
-    model: Model | Block,
+    model: AnyModel,
     data: Data,
     names: Sequence[str],
     report: Callable[[float, str], None],
 ) -> Fit:
-    subject = subject_of(model)
+    subject = as_model(model)
     passes = [0]
 
     def passed(_: str) -> None:
@@ -185,14 +185,14 @@ def _fitted(
 
 
 def _identified(
-    model: Model | Block,
+    model: AnyModel,
     names: Sequence[str],
     data: Data,
     fit: Fit,
     report: Callable[[float, str], None],
 ) -> Identified:
     problem = fit.problem
-    nominal = subject_of(model).nominal_sizes()
+    nominal = as_model(model).nominal_sizes()
     size = np.maximum([nominal[name] for name in problem.names], np.abs(fit.p) / 4)
     S = information(fit)
     C = covariance(S, size, widening(fit))
@@ -207,13 +207,13 @@ def _identified(
     )
     values = {names[j]: f.value for j, f in enumerate(found)}
     values |= {one: values[other] for one, other in problem.same.items()}
-    new = model.with_coefficients(values) if isinstance(model, Model) else None
+    new = as_model(model).with_coefficients(values)
     channels, logs = problem.rows.channels, problem.logs
     out = (np.isfinite(data.rows.values) & ~problem.seen).any(axis=2)
     used = problem.seen.sum(axis=(0, 1))
     return Identified(
         model=new,
-        block=new.plant() if new else problem.block.with_values(values),
+        block=new.plant(),
         coefficients=found,
         covariance=C,
         unexcited=directions,

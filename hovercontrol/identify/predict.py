@@ -20,10 +20,9 @@ from hovercontrol.estimation.fit import Fit, estimate, first_noise
 from hovercontrol.estimation.measure import Array, Measured, measure
 from hovercontrol.estimation.prior import prior_of
 from hovercontrol.estimation.problem import Problem
-from hovercontrol.identify.subject import subject_of
 from hovercontrol.io.pyplot import open_in_pyplot
 from hovercontrol.logs import Log, Span
-from hovercontrol.models.model import Model
+from hovercontrol.models.interface import AnyModel, as_model
 from hovercontrol.targets.shoot import shoot
 
 if TYPE_CHECKING:
@@ -131,12 +130,12 @@ class Prediction:
 
 
 @checked
-def free_run(model: Model | Block, log: Log | Measured, *, restart: bool = False) -> FreeRun:
+def free_run(model: AnyModel, log: Log | Measured, *, restart: bool = False) -> FreeRun:
     """Simulate a model over a log on its inputs alone, from the smoothed state at the first row known.
 
     Parameters
     ----------
-    model : Model or Block
+    model : Model, BlockModel or Block
     log : Log
     restart : bool, optional
         Start again behind every break (a gap, a loss of sight). Without it
@@ -196,7 +195,7 @@ def run_of(name: str, fit: Fit, k: int = 0, *, restart: bool = False) -> FreeRun
 
 
 @checked
-def window_prediction(model: Model | Block, log: Log | Measured, horizon: float = 1.0) -> Prediction:
+def window_prediction(model: AnyModel, log: Log | Measured, horizon: float = 1.0) -> Prediction:
     """Return the error of a model `horizon` seconds ahead of the smoothed state.
 
     Every row of the log is a start (of a long log, 2000 rows spread evenly) from which `horizon`
@@ -204,7 +203,7 @@ def window_prediction(model: Model | Block, log: Log | Measured, horizon: float 
 
     Parameters
     ----------
-    model : Model or Block
+    model : Model, BlockModel or Block
     log : Log
     horizon : float, optional
         How far ahead [s].
@@ -272,7 +271,7 @@ def prediction(fit: Fit, horizon: float, k: int | None = None) -> Prediction:
     return Prediction(horizon, log.size, units, rms, nrmse, trivial)
 
 
-def smoothed(model: Model | Block, log: Log | Measured) -> Fit:
+def smoothed(model: AnyModel, log: Log | Measured) -> Fit:
     """Return a model on a log that its coefficients do not follow: path and levels of noise are fitted.
 
     Raises
@@ -280,7 +279,7 @@ def smoothed(model: Model | Block, log: Log | Measured) -> Fit:
     InputError
         As :func:`~hovercontrol.estimation.measure.measure`, if rows are too few, or the model runs away.
     """
-    subject = subject_of(model)
+    subject = as_model(model)
     block = subject.plant()
     data = gather(subject, [log if isinstance(log, Measured) else measure(block, log)])
     problem = Problem(subject, data, ())

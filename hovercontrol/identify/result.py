@@ -20,6 +20,7 @@ from hovercontrol.estimation.fit import Fit
 from hovercontrol.io.files import write_atomically
 from hovercontrol.io.percent import percent
 from hovercontrol.io.pyplot import open_in_pyplot
+from hovercontrol.models.blockmodel import BlockModel
 from hovercontrol.models.model import Model
 
 if TYPE_CHECKING:
@@ -182,10 +183,10 @@ class Identified:
 
     Attributes
     ----------
-    model : Model or None
-        The model with the new coefficients; None if a Block was identified.
+    model : Model or BlockModel
+        The model with the new coefficients; of a Block the BlockModel that it makes.
     block : Block
-        The plant, or the Block given, with the new values.
+        Its plant: of a Block without effects, that Block with the new values.
     coefficients : tuple of Fitted
     covariance : ndarray, shape (P, P)
         Of the coefficients if the model is complete: the roots of its diagonal are their ``noise_std``.
@@ -235,7 +236,7 @@ class Identified:
     (True, 101, (1, 1))
     """
 
-    model: Model | None
+    model: Model | BlockModel
     block: Block
     coefficients: tuple[Fitted, ...]
     covariance: NDArray[np.float64]

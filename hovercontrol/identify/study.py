@@ -5,9 +5,10 @@ from __future__ import annotations
 import csv
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.estimation.measure import MOST_ROWS, Measured
@@ -20,8 +21,8 @@ from hovercontrol.io.percent import percent
 from hovercontrol.io.pyplot import open_in_pyplot
 from hovercontrol.logs import VELOCITY, Log
 from hovercontrol.logs.duplicates import refuse_duplicates
-from hovercontrol.models.model import Model
-from hovercontrol.models.modelfile import save_model
+from hovercontrol.models.interface import AnyModel, as_model
+from hovercontrol.models.parameters import FITTED, save_fitted
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -36,7 +37,7 @@ class StudyCriteria:
     Attributes
     ----------
     horizon : float
-        Prediction horizon [s].
+        Prediction horizon [s]; one row of a slower log.
     part : float
         Its largest part of the longest stretch of a log without a break.
     """
@@ -55,18 +56,30 @@ SHOWN = 6
 
 @dataclass(frozen=True)
 class Judged:
-    """How the identified model does on one log."""
+    """How the identified model does on one log.
+
+    Attributes
+    ----------
+    label : str
+        The log's name without suffix.
+    holdout : bool
+    prediction : Prediction
+    run : FreeRun
+    channels : tuple of str
+        What is judged: the body velocities of a craft, all channels of any other machine.
+    """
 
     label: str
     holdout: bool
     prediction: Prediction
     run: FreeRun
+    channels: tuple[str, ...] = VELOCITY
 
     @property
     def worse(self) -> tuple[str, ...]:
-        """The body velocities that are predicted worse than if they stayed as they are."""
+        """The channels that are predicted worse than if velocities stayed as they are."""
         share = self.prediction.share
-        return tuple(c for c in VELOCITY if c in share and not share[c] <= 1.0)
+        return tuple(c for c in self.channels if c in share and not share[c] <= 1.0)
 
 
 @dataclass(frozen=True)
@@ -86,7 +99,7 @@ class Study:
     @classmethod
     def make(
         cls,
-        model: Model,
+        model: AnyModel,
         training: Sequence[Log],
         holdout: Sequence[Log] = (),
         *,
@@ -97,7 +110,7 @@ class Study:
 
         Parameters
         ----------
-        model : Model
+        model : Model, BlockModel or Block
         training, holdout : sequence of Log
         coefficients : sequence of str, optional
             As for :func:`~hovercontrol.identify.fit.identify`.
@@ -110,7 +123,11 @@ class Study:
             As :func:`~hovercontrol.identify.fit.identify`, or if a name is taken twice.
         """
         report = progress or (lambda part, what: None)
-        refuse_other_units([*training, *holdout])
+        model = as_model(model)
+        if not training:
+            raise InputError("identification needs at least one log")
+        if model.is_craft:
+            refuse_other_units([*training, *holdout])
         _refuse_copies(model, training, holdout)
         report(0.0, "reading what was measured")
         measured: list[Measured] = measure_shared(model, training, MOST_ROWS)
@@ -122,15 +139,17 @@ class Study:
             coefficients,
             progress=lambda part, what: report(0.2 + 0.6 * part, what),
         )
-        assert found.model is not None
         labels = _labels([m.name for m in measured])
+        horizon = min(map(_horizon, measured))
         judged = []
         for k, (label, data) in enumerate(zip(labels, measured, strict=True)):
             report(0.8 + 0.2 * k / len(measured), f"predicting {label}")
             held_out = k >= len(training)
             fit, own = (smoothed(found.model, data), 0) if held_out else (found.fit, k)
             run = run_of(model.name, fit, own)
-            judged.append(Judged(label, held_out, prediction(fit, _horizon(measured), own), run))
+            ahead = prediction(fit, horizon, own)
+            channels = VELOCITY if model.is_craft else tuple(ahead.rms)
+            judged.append(Judged(label, held_out, ahead, run, channels))
         return cls(found, tuple(judged))
 
     @property
@@ -167,13 +186,13 @@ class Study:
             for k, c in enumerate(p.rms):
                 cells = (f"{p.rms[c]:.3g}", f"{p.trivial[c]:.3g}", p.units[c], percent(p.share[c], 3))
                 rows.append(("" if k else label, c, *cells))
-        assert self.found.model is not None
+        ahead = self.judged[0].prediction.horizon
+        still = "body velocities" if self.found.model.is_craft else "states"
         lines = [
             f"coefficients of {self.found.model.name}",
             self.found.table(),
             "",
-            f"rms error {self.judged[0].prediction.horizon:.3g} s ahead, beside that of the trivial "
-            "prediction (constant body velocities)",
+            f"rms error {ahead:.3g} s ahead, beside that of the trivial prediction (constant {still})",
             *aligned(rows),
         ]
         lines += [
@@ -181,8 +200,9 @@ class Study:
             for j in self.judged
             if j.worse
         ]
-        lines += ["", "rejected because no craft moves like this"]
-        for j in self.judged:
+        rejects = self.found.model.is_craft or any(j.run.rejected for j in self.judged)
+        lines += ["", "rejected because no craft moves like this"] if rejects else []
+        for j in self.judged if rejects else ():
             spans = [f"{s.start:.2f}-{s.stop:.2f} s ({s.rows} rows, {s.reason})" for s in j.run.rejected]
             more = [f"and {len(spans) - SHOWN} more in rejected.csv"] if len(spans) > SHOWN else []
             lines.append(f"  {j.label}: " + (", ".join([*spans[:SHOWN], *more]) or "nothing"))
@@ -191,13 +211,13 @@ class Study:
     def save(self, folder: str | Path) -> list[Path]:
         """Write model.toml, coefficients.csv, prediction.csv, rejected.csv and free_run_LOG.png.
 
-        They are written atomically; pictures of an earlier run's logs are removed. Returns the
-        files.
+        Of a Block of one's own, parameters.toml takes the place of model.toml
+        (:func:`~hovercontrol.models.parameters.load_parameters`). The files are written atomically; pictures
+        of an earlier run's logs are removed. Returns the files.
         """
 
         def write(temporary: Path) -> None:
-            assert self.found.model is not None
-            save_model(self.found.model, temporary / "model.toml")
+            save_fitted(self.found.model, temporary)
             self.found.save_csv(temporary / "coefficients.csv")
             ahead = [
                 [j.label, j.holdout, c, p.units[c], p.horizon, p.rms[c], p.trivial[c], p.share[c]]
@@ -215,24 +235,16 @@ class Study:
                 figure = free_run_figure(j.run, held_out=j.holdout)
                 figure.savefig(temporary / f"free_run_{j.label}.png", dpi=120)
 
-        return write_folder(folder, write, stale=("free_run_*.png",))
+        return write_folder(folder, write, stale=("free_run_*.png", *FITTED))
 
 
-def _refuse_copies(model: Model, training: Sequence[Log], holdout: Sequence[Log]) -> None:
+def _refuse_copies(model: AnyModel, training: Sequence[Log], holdout: Sequence[Log]) -> None:
     """Refuse a held-out log that holds rows of a training log, and training logs that share rows."""
-    block = model.plant()
+    block = as_model(model).plant()
     inputs = [s.name for s in block.inputs]
     seen = dict.fromkeys(s.name for s in (*block.outputs, *block.states))
     channels = [name for name in seen if name not in inputs]
-    refuse_duplicates(training, None, channels, inputs)
-    for one, held in product(training, holdout):
-        refuse_duplicates([one], held, channels, inputs)
-
-
-def _horizon(logs: Sequence[Measured]) -> float:
-    """Return how far ahead is predicted [s]: less in logs that are short."""
-    longest = [max((float(m.time[b - 1] - m.time[a]) for a, b in m.segments), default=0.0) for m in logs]
-    return min(JUDGEMENT.horizon, JUDGEMENT.part * min(longest))
+    refuse_duplicates(training, holdout, channels, inputs)
 
 
 def _table(path: Path, heading: list[str], rows: Sequence[Sequence[object]]) -> None:
@@ -240,6 +252,13 @@ def _table(path: Path, heading: list[str], rows: Sequence[Sequence[object]]) -> 
         out = csv.writer(file)
         out.writerow(heading)
         out.writerows(rows)
+
+
+def _horizon(log: Measured) -> float:
+    """Return how far ahead a model is judged on a log [s]."""
+    step = float(np.median(np.diff(log.time)))
+    longest = max((float(log.time[b - 1] - log.time[a]) for a, b in log.segments), default=0.0)
+    return max(min(JUDGEMENT.horizon, JUDGEMENT.part * longest), step)
 
 
 def _labels(names: Sequence[str]) -> list[str]:

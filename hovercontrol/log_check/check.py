@@ -14,7 +14,7 @@ from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
 from hovercontrol.discrepancy.checks import check_fitted, check_logs
 from hovercontrol.errors import InputError
-from hovercontrol.estimation.subject import structure
+from hovercontrol.estimation.subject import Subject, structure
 from hovercontrol.identify import identify
 from hovercontrol.identify.result import Fitted, aligned
 from hovercontrol.io.folders import write_folder
@@ -23,8 +23,7 @@ from hovercontrol.io.plain_json import json_text, plain
 from hovercontrol.io.pyplot import open_in_pyplot
 from hovercontrol.log_check.facts import Array, Column, LogFacts, Timing, facts
 from hovercontrol.logs import Log
-from hovercontrol.models.blockmodel import BlockModel
-from hovercontrol.models.model import Model
+from hovercontrol.models.interface import AnyModel, as_model
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -158,7 +157,7 @@ class Checked:
 @checked
 def check(
     logs: Sequence[Log],
-    model: Model | BlockModel | None = None,
+    model: AnyModel | None = None,
     *,
     files: Sequence[Mapping[str, Array]] | None = None,
     unread: Sequence[str] = (),
@@ -169,8 +168,8 @@ def check(
     Parameters
     ----------
     logs : sequence of Log
-    model : Model or BlockModel, optional
-        Of the craft; without one only what the logs say of themselves is checked.
+    model : Model, BlockModel or Block, optional
+        Of the machine; without one only what the logs say of themselves is checked.
     files : sequence of mapping of str to ndarray, shape (n,), optional
         For each log the stamps [s] of the files it was joined from, by their names.
     unread : sequence of str, optional
@@ -199,6 +198,7 @@ def check(
     if not logs and not unread:
         raise InputError("check: expected one or more logs")
     report = progress or (lambda part, what: None)
+    model = as_model(model) if model is not None else None
     block = structure(model) if model is not None else None
     errors, warnings = list(unread), list[str]()
     found = []
@@ -238,17 +238,16 @@ def _collect(work: Callable[[], list[str]], errors: list[str], warnings: list[st
 
 
 def _shown(
-    model: Model | BlockModel,
+    model: Subject,
     logs: Sequence[Log],
     errors: list[str],
     warnings: list[str],
     report: Callable[[float, str], None],
 ) -> tuple[Fitted, ...]:
-    subject = model if isinstance(model, Model) else model.plant()
     try:
         with catch_warnings(action="ignore", category=UserWarning):  # the checks before have told
             trial = identify(
-                subject, logs, most_rows=MOST_ROWS, progress=lambda part, what: report(0.5 + 0.5 * part, what)
+                model, logs, most_rows=MOST_ROWS, progress=lambda part, what: report(0.5 + 0.5 * part, what)
             )
     except InputError as error:
         errors.append(str(error))

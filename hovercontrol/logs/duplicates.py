@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import combinations, product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,15 +62,15 @@ DUPLICATES = DuplicateCriteria()
 
 
 def refuse_duplicates(
-    logs: Sequence[Log], holdout: Log | None, channels: Sequence[str], inputs: Sequence[str]
+    logs: Sequence[Log], holdout: Sequence[Log], channels: Sequence[str], inputs: Sequence[str]
 ) -> None:
-    """Refuse a held-out log that overlaps a training log, and training logs that overlap each other.
+    """Refuse logs that overlap each other, for training or held out.
 
     Parameters
     ----------
     logs : sequence of Log
         For training.
-    holdout : Log, optional
+    holdout : sequence of Log
     channels, inputs : sequence of str
         Columns that are measured and commanded, where a log has them.
 
@@ -80,21 +80,24 @@ def refuse_duplicates(
         The line names both logs.
     """
     for one, other in combinations(logs, 2):
-        _refuse(one, other, channels, inputs, f"{other.name}: it", "its rows would be used twice")
-    if holdout is not None:
-        for one in logs:
-            what = f"{holdout.name}: the held-out log"
-            _refuse(one, holdout, channels, inputs, what, "it must not be in the fit")
+        what, why = f"{other.name}: it", "its rows would be used twice"
+        _refuse(one, other, channels, inputs, what, "training", why)
+    for one, other in combinations(holdout, 2):
+        what, why = f"{other.name}: it", "its rows would count twice"
+        _refuse(one, other, channels, inputs, what, "held-out", why)
+    for one, other in product(logs, holdout):
+        what, why = f"{other.name}: the held-out log", "it must not be in the fit"
+        _refuse(one, other, channels, inputs, what, "training", why)
 
 
 def _refuse(
-    one: Log, other: Log, channels: Sequence[str], inputs: Sequence[str], what: str, why: str
+    one: Log, other: Log, channels: Sequence[str], inputs: Sequence[str], what: str, kind: str, why: str
 ) -> None:
     found = shared(one, other, channels, inputs)
     if found == math.inf:
-        raise InputError(f"{what} is the training log {one.name}: {why}")
+        raise InputError(f"{what} is the {kind} log {one.name}: {why}")
     if found:
-        raise InputError(f"{what} shares {found} rows with the training log {one.name}: {why}")
+        raise InputError(f"{what} shares {found} rows with the {kind} log {one.name}: {why}")
 
 
 def shared(one: Log, other: Log, channels: Sequence[str], inputs: Sequence[str]) -> float:

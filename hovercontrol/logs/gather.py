@@ -7,6 +7,7 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,7 +20,11 @@ from hovercontrol.logs.derived import parts_of
 from hovercontrol.logs.join import join_logs
 from hovercontrol.logs.log import Log
 from hovercontrol.logs.prepare import held_on
-from hovercontrol.logs.read import header_of, names_in, read_log
+from hovercontrol.logs.read import header_of, names_in, read_wanted
+from hovercontrol.logs.wanted import Wanted
+
+if TYPE_CHECKING:
+    from hovercontrol.models.interface import AnyModel
 
 #: What a bench table turns into the force of a fan carries the fan's name behind this.
 PULSE = "pwm_"
@@ -79,7 +84,8 @@ def gather(
     bench: BenchTable | None = None,
     only_while: Condition | None = None,
     settle: float = 0.0,
-    motion: bool = True,
+    model: AnyModel | None = None,
+    motion: bool = False,
     missing: Sequence[float] = (),
     trial: str = "",
 ) -> Log:
@@ -103,8 +109,10 @@ def gather(
         Keep the longest stretch in which it holds.
     settle : float, optional
         Seconds left out at the beginning of that stretch.
+    model : Model, BlockModel or Block, optional
+        What the run is of, as for :func:`read_log`: its inputs count among `inputs`.
     motion : bool, optional
-        Whether a log must hold pose or body velocities.
+        As for :func:`read_log`.
     missing : sequence of float, optional
         Numbers in the files that mean a missing value.
     trial : str, optional
@@ -133,23 +141,25 @@ def gather(
     ...     len(gather(str(file), ["thrust"], columns={"time": "stamp"}))
     50
     """
-    units = dict(inputs) if isinstance(inputs, Mapping) else dict.fromkeys(inputs, "")
-    wanted = dict.fromkeys((f"{PULSE}{name}" for name in inputs), "") if bench else units
+    wanted = Wanted.of(model, inputs, motion)
+    units = wanted.inputs
+    sent = {f"{PULSE}{name}": "" for name in units} if bench else dict(units)
     extra = {only_while.column: ""} if only_while and only_while.column != "time" else {}
     paths = split_files(files)
     own = columns_by_file(paths, columns or {})
     _check_columns(paths[-1], own[-1], extra)
     if len(paths) == 1:
-        log = measured = read_log(
-            paths[0], own[0], wanted | extra, motion=motion, missing=missing, trial=trial
+        log = measured = read_wanted(
+            paths[0], own[0], replace(wanted, inputs=sent | extra), missing=missing, trial=trial
         )
     else:
         pose, commands = paths
-        sent = read_log(commands, own[1], wanted | extra, motion=False, missing=missing)
-        measured = read_log(pose, own[0], motion=motion, missing=missing, trial=trial)
-        log = join_logs(*_each_once(measured, sent, own, wanted))
+        given = read_wanted(commands, own[1], Wanted(sent | extra), missing=missing)
+        seen = replace(wanted, inputs={})
+        measured = read_wanted(pose, own[0], seen, missing=missing, trial=trial)
+        log = join_logs(*_each_once(measured, given, own, sent))
     if bench:
-        log = bench.apply(log, dict(zip(wanted, inputs, strict=True)))
+        log = bench.apply(log, dict(zip(sent, units, strict=True)))
     log = _longest(log, only_while, settle) if only_while else log
     check_gaps(measured.between(log.time[0], log.time[-1]))
     return log

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pyarrow as pa
@@ -20,10 +20,14 @@ from hovercontrol.logs.check import check_codes, check_finite, check_heading, ch
 from hovercontrol.logs.column_units import column_of, factor_to_si, factors_of_file
 from hovercontrol.logs.derived import Derived, with_derived
 from hovercontrol.logs.log import POSE, VELOCITY, Floats, Log
-from hovercontrol.logs.readers.tables import Tables
+from hovercontrol.logs.readers.tables import Table, Tables
 from hovercontrol.logs.source import Source, open_log
 from hovercontrol.logs.topics import join_tables
 from hovercontrol.logs.trials import in_sequence, trial_rows, trials_text
+from hovercontrol.logs.wanted import Wanted
+
+if TYPE_CHECKING:
+    from hovercontrol.models.interface import AnyModel
 
 LARGEST = 2**30
 """Bytes of numbers that one log may take in memory."""
@@ -35,17 +39,18 @@ def read_log(
     columns: Mapping[str, str] | None = None,
     inputs: Sequence[str] | Mapping[str, str] = (),
     *,
-    motion: bool = True,
+    model: AnyModel | None = None,
+    motion: bool = False,
     usecols: Sequence[str] | None = None,
     missing: Sequence[float] = (),
     trial: str = "",
 ) -> Log:
     r"""Read a log from CSV, Parquet or another of the formats in :data:`~hovercontrol.logs.source.FORMATS`.
 
-    Time, pose, body velocities, the wanted inputs and every column named by the caller are
-    checked: plausible numbers, time increasing, heading not in degrees. A blank or NaN cell is a missing
-    sample, but for time. Other columns are kept unchecked if they hold numbers, and left out if they hold
-    text.
+    Time, pose, body velocities, the columns of the model, the wanted inputs and every column named by
+    the caller are checked: plausible numbers, time increasing, heading not in degrees. A blank or NaN cell
+    is a missing sample, but for time. Other columns are kept unchecked if they hold numbers, and left out if
+    they hold text.
 
     A file may hold several trials: one begins where time begins again, where it pauses for more than 30 s and
     100 time steps, or where the column `trial` changes. ``Log.trials`` tells where, ``Log.notes`` what was
@@ -62,9 +67,12 @@ def read_log(
         (:mod:`.heading`). Columns of a file with topics are called ``topic/field``.
     inputs : sequence of str, or mapping of str to str
         Columns that must be there besides ``time``; with the units that they are to have.
-    motion : bool
-        Whether the log must hold all of ``x, y, psi`` or all of ``u, v, r``; false for a file of
-        commands.
+    model : Model, BlockModel or Block, optional
+        What the log is of: its inputs must be there, and of a craft all of ``x, y, psi`` or all of
+        ``u, v, r``, of any other machine at least one output or state. Default: no column but ``time`` is
+        needed.
+    motion : bool, optional
+        Whether all of ``x, y, psi`` or all of ``u, v, r`` must be there without a model, too.
     usecols : sequence of str, optional
         The only columns to keep besides ``time`` and ``inputs`` (our names).
     missing : sequence of float, optional
@@ -95,24 +103,36 @@ def read_log(
     ...     read_log(file, columns={"time": "stamp:ms"}).time
     array([0. , 0.1])
     """
+    of = Wanted.of(model, inputs, motion)
+    return read_wanted(path, columns, of, usecols, missing=missing, trial=trial)
+
+
+def read_wanted(
+    path: str | Path,
+    columns: Mapping[str, str] | None,
+    wanted: Wanted,
+    usecols: Sequence[str] | None = None,
+    *,
+    missing: Sequence[float] = (),
+    trial: str = "",
+) -> Log:
+    """Return a log as :func:`read_log`, with the columns that are wanted."""
     file, given = Path(path), columns or {}
     opened = open_log(file)
-    if isinstance(opened, Tables):
-        units = dict(inputs) if isinstance(inputs, Mapping) else dict.fromkeys(inputs, "")
-        read = partial(_read_source, file, motion=False, missing=missing)
-        return join_tables(opened, given, units, read, motion=motion)
-    return _read_source(
-        file, opened, given, inputs, motion=motion, usecols=usecols, missing=missing, trial=trial
-    )
+    if not isinstance(opened, Tables):
+        return _read_source(file, opened, given, wanted, usecols, missing, trial)
+
+    def read(table: Table, own: Mapping[str, str], inputs: Mapping[str, str], usecols: Sequence[str]) -> Log:
+        return _read_source(file, table, own, Wanted(inputs), usecols, missing)
+
+    return join_tables(opened, given, wanted.inputs, read, motion=wanted.motion)
 
 
 def _read_source(
     file: Path,
     opened: Source,
     columns: Mapping[str, str],
-    inputs: Sequence[str] | Mapping[str, str],
-    *,
-    motion: bool,
+    wanted: Wanted,
     usecols: Sequence[str] | None,
     missing: Sequence[float] = (),
     trial: str = "",
@@ -121,7 +141,7 @@ def _read_source(
     source = with_derived(file, opened, columns)
     said = {ours: column_of(theirs, source.header) for ours, theirs in columns.items()}
     renamed = {ours: theirs for ours, (theirs, _) in said.items()}
-    units = inputs if isinstance(inputs, Mapping) else {}
+    units = {**wanted.outputs, **wanted.inputs}
     factors = {
         ours: factor_to_si(ours, unit, units.get(ours, "")) for ours, (_, unit) in said.items() if unit
     }
@@ -129,11 +149,12 @@ def _read_source(
     factors |= factors_of_file(str(file), source.units, names, factors, units)
     if trial and trial not in names:
         raise ArgumentError(f"{file}: no column {trial!r} to tell trials by{did_you_mean(trial, names)}")
-    wanted = ("time", *inputs, *(usecols or ()), *([trial] if trial else []))
-    _check_names(str(file), names, wanted, motion)
+    needed = dict.fromkeys(("time", *wanted.inputs, *(usecols or ()), *([trial] if trial else [])), "")
+    replace(wanted, inputs=needed).check(str(file), list(names))
     if usecols is not None:
-        names = {ours: theirs for ours, theirs in names.items() if ours in wanted}
-    checked = names.keys() & {*wanted, *renamed, *POSE, *VELOCITY}
+        names = {ours: theirs for ours, theirs in names.items() if ours in needed}
+    measured = {*POSE, *VELOCITY, *wanted.outputs} - wanted.inputs.keys()
+    checked = names.keys() & {*needed, *renamed, *measured}
     numeric = source.numeric()
     names = {k: v for k, v in names.items() if k in checked or v in numeric}
 
@@ -149,8 +170,7 @@ def _read_source(
         if ours == "time":
             check_finite(str(file), source, names[ours], data[ours])
             continue
-        pose = ours in (*POSE, *VELOCITY)
-        check_codes(str(file), source, names[ours], data[ours], any_number=pose)
+        check_codes(str(file), source, names[ours], data[ours], any_number=ours in measured)
         check_size(str(file), source, names[ours], data[ours])
     firsts = trial_rows(data["time"], data.get(trial))
     check_time(str(file), source, names["time"], data["time"], firsts)
@@ -158,8 +178,8 @@ def _read_source(
         check_heading(str(file), names["psi"], data["time"], data["psi"], data.get("r"))
     origin = source.stamps.origin if isinstance(source, Derived) and source.stamps else None
     log = replace(_log(file.name, data, firsts, trial), origin=origin or 0)
-    said = [f"{file}: read with {source.said}"] if source.said else []
-    return replace(log, notes=(*said, *log.notes))
+    notes = [f"{file}: read with {source.said}"] if source.said else []
+    return replace(log, notes=(*notes, *log.notes))
 
 
 def _log(name: str, data: dict[str, Floats], firsts: NDArray[np.intp], trial: str) -> Log:
@@ -217,23 +237,6 @@ def _our_names(file: str, header: list[str], renamed: Mapping[str, str]) -> dict
         ours_of[theirs] = ours
     kept = [name for name in header if name in ours_of or (name and name not in renamed)]
     return {ours_of.get(theirs, theirs): theirs for theirs in kept}
-
-
-def _check_names(file: str, names: Mapping[str, str], wanted: Sequence[str], motion: bool) -> None:
-    missing = [name for name in wanted if name not in names]
-    if missing:
-        raise InputError(
-            f"{file}: no column {missing[0]!r}{did_you_mean(missing[0], names)} "
-            f"(a column of another name: --columns {missing[0]}=NAME)"
-        )
-    if motion and not any(all(name in names for name in triple) for triple in (POSE, VELOCITY)):
-        triple = max(POSE, VELOCITY, key=lambda triple: sum(name in names for name in triple))
-        absent = [name for name in triple if name not in names]
-        raise InputError(
-            f"{file}: expected all of x, y, psi or all of u, v, r, but there is no column "
-            f"{absent[0]!r}{did_you_mean(absent[0], names)} "
-            f"(a column of another name: --columns {absent[0]}=NAME)"
-        )
 
 
 def _gather(file: str, source: Source, names: Mapping[str, str]) -> dict[str, Floats]:

@@ -127,11 +127,16 @@ class BlockModel(EffectModel):
 
     @property
     def signature(self) -> tuple[Hashable, ...]:
-        """What the plant's equations depend on: all but the numbers."""
+        """What the plant depends on: all but the numbers of coefficients."""
         block = self.block
-        bounds = ((s.name, s.lower, s.upper) for s in (*block.states, *block.inputs, *block.parameters))
-        expressions = (*block.derivatives.items(), *block.output_expressions.items())
-        return (self.name, expressions, tuple(bounds), *(type(e) for e in self.effects))
+        parameters = ((s.name, s.unit, s.nominal, s.lower, s.upper) for s in block.parameters)
+        expressions = (block.derivatives, block.output_expressions, block.definitions)
+        return (
+            self.name,
+            (block.states, block.inputs, block.outputs, tuple(parameters)),
+            *(tuple(e.items()) for e in expressions),
+            *(type(e) for e in self.effects),
+        )
 
     def accepts(self, cls: type[Effect]) -> bool:
         """Tell whether an effect may be missing."""
@@ -161,16 +166,37 @@ class BlockModel(EffectModel):
         return generic.get(name) or effect_class(name)
 
     def linear_coefficients(self) -> tuple[str, ...]:
-        """Return the names of all coefficients: those in which the Block is linear, and the effects'."""
-        own = tuple(name.rpartition(".")[2] for name in linear_parameters(self.block))
+        """Return the names of those in which the Block is linear, and of the effects'."""
+        linear = linear_parameters(self.block)
+        own = tuple(name for name, p in self._parameters.items() if p.name in linear)
         return (*own, *self._linear_in_effects())
 
     def coefficients(self) -> dict[str, float]:
-        """Return every coefficient's value, and every number of every effect."""
-        own = {
-            name.rpartition(".")[2]: self.block.signal(name).start for name in linear_parameters(self.block)
+        """Return the value of every parameter of the Block, and every number of every effect."""
+        return {name: p.start for name, p in self._parameters.items()} | self._effect_coefficients()
+
+    def coefficient_name(self, name: str) -> str:
+        """Return the name of a coefficient, given with or without the Block's name in front."""
+        added, last = self._effect_coefficients(), name.rpartition(".")[2]
+        if last in added and name in (last, f"{self.name}.{last}"):
+            return last
+        wanted = self.block.parameter(name)
+        return next(own for own, p in self._parameters.items() if p is wanted)
+
+    def nominal_sizes(self) -> dict[str, float]:
+        """Return the nominal sizes of the Block's parameters, and the effects' sizes."""
+        own = {name: p.nominal for name, p in self._parameters.items()}
+        return own | {name: abs(value) or 1.0 for name, value in self._effect_coefficients().items()}
+
+    @cached_property
+    def _parameters(self) -> dict[str, Signal]:
+        """The Block's parameters by the last part of their keys, or by the key where two share that."""
+        keys = {self.block.parameter_key(p.name): p for p in self.block.parameters}
+        last = [key.rpartition(".")[2] for key in keys]
+        return {
+            key if last.count(short) > 1 else short: p
+            for short, (key, p) in zip(last, keys.items(), strict=True)
         }
-        return own | self._effect_coefficients()
 
     def with_coefficients(self, values: Mapping[str, float]) -> BlockModel:
         """Return the model with other numbers.

@@ -135,7 +135,7 @@ def model_text(model: Model) -> str:
     changed = [(s, d) for s, d in ((model.thrust, THRUST), (model.rudder, RUDDER)) if s != d]
     if changed:
         lines += ["[inputs]", *(f"{s.name} = {_input_text(s, d)}" for s, d in changed), ""]
-    lines += ["[effects]", *(f"{e.name} = {_effect_text(e)}" for e in model.effects)]
+    lines += ["[effects]", *(f"{e.name} = {effect_text(e)}" for e in model.effects)]
     if model.fans:
         lines += ["", "[fans]"]
         lines += [f"{f.name} = {_fan_text(f)}" for f in model.fans]
@@ -156,7 +156,8 @@ def _fan_text(fan: Fan) -> str:
     return "{" + ", ".join(parts) + "}"
 
 
-def _effect_text(e: Effect) -> str:
+def effect_text(e: Effect) -> str:
+    """Return an effect's numbers as TOML: one number, or a table of those that differ from the defaults."""
     defaults = {key: number.default for key, number in e.numbers.items()}
     shown = {k: v for k, v in e.values.items() if k == "value" or v != defaults[k]}
     if list(shown) == ["value"]:

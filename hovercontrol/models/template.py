@@ -55,6 +55,7 @@ _BLOCK = '''\
 
     hovercontrol simulate {file}                     # drive it: a log and a picture
     hovercontrol check run.csv --model {file}        # is the log good, and what can it show?
+    hovercontrol identify run.csv --model {file}     # its coefficients, with standard errors
     hovercontrol diagnose run.csv --holdout other.csv --model {file}
     hovercontrol export {file} -o {stem}.fmu
 

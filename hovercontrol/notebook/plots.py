@@ -105,7 +105,7 @@ def diagnosis_figure(found: Diagnosis) -> Figure:
         axis.remove()
     handles, names = axes[0].get_legend_handles_labels()
     figure.legend(handles, names, loc="outside lower center", ncols=2, frameon=False)
-    figure.suptitle(f"{_title(found)}: errors on the held-out log")
+    figure.suptitle(f"{_title(found)}: errors on held-out logs")
     return figure
 
 

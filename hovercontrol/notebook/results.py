@@ -73,7 +73,7 @@ def identified_html(found: Identified) -> str:
     used = f"{found.rows} of {found.rows_total} rows of {', '.join(found.logs)}"
     return card(
         "Identified",
-        found.block.name if found.model is None else found.model.name,
+        found.model.name,
         "; ".join(filter(None, (used, found.not_converged))),
         table(("coefficient", "value", "std. error", "unit", "before", "remark"), rows),
         table(("equation", "remains", "seen", "unit", "share"), left, "what no equation says"),
@@ -147,11 +147,11 @@ def sweep_html(found: SweepResult) -> str:
 
 
 def varied_html(found: Varied) -> str:
-    """Return a scenario's sweep as HTML."""
+    """Return a sweep as HTML."""
     axes = [(a.name, a.unit, float(a.values[0]), float(a.values[-1]), len(a.values)) for a in found.axes]
     heads = ("varied", "unit", "from", "to", "points")
     what = f"{found.figure} of {found.of} [{found.unit}]"
-    return card("Sweep of", found.scenario.name, what, table(heads, axes), sweep_html(found.result))
+    return card("Sweep of", found.name, what, table(heads, axes), sweep_html(found.result))
 
 
 def checked_html(found: Checked) -> str:

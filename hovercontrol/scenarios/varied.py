@@ -1,4 +1,4 @@
-"""A scenario run many times: one or two of its numbers varied, the figures of its signals kept."""
+"""A scenario or a machine run many times: one or two numbers varied, the figures of its signals kept."""
 
 from __future__ import annotations
 
@@ -20,8 +20,9 @@ from hovercontrol.io.folders import write_folder
 from hovercontrol.io.pyplot import open_in_pyplot, shown_once
 from hovercontrol.notebook.sweep_plots import draw_grid
 from hovercontrol.scenarios.definition import Scenario
+from hovercontrol.scenarios.drive import END, STEP, played
 from hovercontrol.scenarios.parts import loop_parts, phase_parameters
-from hovercontrol.scenarios.phases import EARLY, phase_grid
+from hovercontrol.scenarios.phases import EARLY, held, held_commands, phase_grid
 from hovercontrol.scenarios.sampling import sampled_loop
 from hovercontrol.targets.sweep import FIGURES, Axis, SweepResult
 
@@ -33,11 +34,12 @@ MAX_RUNS = 1_000_000
 
 @dataclass(frozen=True, eq=False)
 class Varied:
-    """The figures of many runs of a scenario.
+    """The figures of many runs of a scenario or a machine.
 
     Attributes
     ----------
-    scenario : Scenario
+    name, title : str
+        Of what was run.
     axes : tuple of one or two Axis
         What was varied; the first varies slowest.
     of, figure : str
@@ -47,7 +49,8 @@ class Varied:
         Of the last phase; a run that failed in an earlier one is marked there, too.
     """
 
-    scenario: Scenario
+    name: str
+    title: str
     axes: tuple[Axis, ...]
     of: str
     figure: str
@@ -71,7 +74,7 @@ class Varied:
         own = Figure(figsize=(7, 4.5), layout="constrained") if axes is None else None
         axes = own.subplots() if own else axes
         assert axes is not None
-        axes.set_title(self.scenario.title)
+        axes.set_title(self.title)
         label = f"{self.figure} of {self.of} [{self.unit}]"
         draw_grid(axes, [(str(axis), axis.values) for axis in self.axes], self.values, label)
         drawn = axes.get_figure(root=True)
@@ -113,12 +116,12 @@ def vary(
     Parameters
     ----------
     scenario : Scenario
-        Without commands to play.
+        Commands that it plays are the same in all runs.
     ranges : mapping of str to ndarray
         One or two parameters by key (``controller.k1``), or states to start from (``plant.u``), each with its
         values, increasing.
     of : str, optional
-        The output that is asked about; default ``error_x`` of a tracking loop, else ``u``.
+        The output that is asked about; default ``error_x`` of a tracking loop, else ``u``, else the first.
     figure : str, optional
         final, maximum, minimum, rms or settling of the last phase.
     progress : callable, optional
@@ -134,29 +137,98 @@ def vary(
     Raises
     ------
     InputError
-        If a name or a range is wrong, or the scenario plays commands.
+        If a name or a range is wrong.
     """
+    parts = loop_parts(scenario)
+    loop = sampled_loop(scenario, parts) if scenario.sampling else interconnect([*parts.values()], "loop")
+
+    def runs(given: Mapping[str, Array]) -> SweepResult:
+        return swept_phases(scenario, loop, given, progress, checkpoint)
+
     where = scenario.file or scenario.name
-    if scenario.commands is not None:
-        raise InputError(f"{where}: only scenarios without [commands] are varied")
+    return _varied(scenario.name, scenario.title, where, loop, ranges, of, figure, runs)
+
+
+@checked
+def vary_machine(
+    block: Block,
+    ranges: Mapping[str, Array],
+    of: str = "",
+    figure: str = "rms",
+    *,
+    progress: Callable[[float], None] | None = None,
+    checkpoint: str | Path | None = None,
+) -> Varied:
+    """Drive a Block by steps of its inputs, as ``hovercontrol simulate`` does, at every point of a grid.
+
+    Parameters
+    ----------
+    block : Block
+    ranges : mapping of str to ndarray
+        As of :func:`vary`: parameters by key (``motor.gain``), or states to start from.
+    of : str, optional
+        The output that is asked about; default: the first.
+    figure, progress, checkpoint
+        As of :func:`vary`.
+
+    Returns
+    -------
+    Varied
+
+    Raises
+    ------
+    InputError
+        If a name or a range is wrong.
+    """
+    time = phase_grid(0.0, END, STEP)
+    inputs = held(played(block.inputs, END, None), time) if block.inputs else None
+    keys = set(block.default_parameters)
+
+    def told(done: int, total: int) -> None:
+        if progress is not None:
+            progress(done / total)
+
+    def runs(given: Mapping[str, Array]) -> SweepResult:
+        total = len(next(iter(given.values())))
+        return block.compile(friction="smooth").sweep(
+            time,
+            params={name: values for name, values in given.items() if name in keys},
+            x0={name: values for name, values in given.items() if name not in keys},
+            inputs=inputs,
+            progress=lambda done: told(done, total),
+            checkpoint=checkpoint,
+        )
+
+    title = f"{block.name}: steps of its commands"
+    return _varied(block.name, title, block.name, block, ranges, of, figure, runs)
+
+
+def _varied(
+    name: str,
+    title: str,
+    where: str,
+    loop: Block,
+    ranges: Mapping[str, Array],
+    of: str,
+    figure: str,
+    runs: Callable[[Mapping[str, Array]], SweepResult],
+) -> Varied:
+    """Return what runs at every point of a grid give, by what is asked about."""
     if not 1 <= len(ranges) <= 2:
         raise InputError(f"{where}: expected one or two parameters to vary, found {len(ranges)}")
     if figure not in FIGURES:
         raise InputError(f"unknown figure {figure!r}{did_you_mean(figure, FIGURES)}")
-    parts = loop_parts(scenario)
-    loop = sampled_loop(scenario, parts) if scenario.sampling else interconnect([*parts.values()], "loop")
     outputs = [s.name for s in loop.outputs]
-    of = of or ("error_x" if "error_x" in outputs else "u")
+    of = of or next((known for known in ("error_x", "u") if known in outputs), outputs[0] if outputs else "")
     if of not in outputs:
         raise InputError(f"{where}: no output {of!r}{did_you_mean(of, outputs)}")
     axes = tuple(_axis(loop, name, values, where) for name, values in ranges.items())
     if np.prod([len(axis.values) for axis in axes]) > MAX_RUNS:
         raise InputError(f"{where}: more than {MAX_RUNS} runs: take fewer points")
     grid = np.meshgrid(*(axis.values for axis in axes), indexing="ij")
-    given = {axis.name: values.ravel() for axis, values in zip(axes, grid, strict=True)}
-    result = swept_phases(scenario, loop, given, progress, checkpoint)
+    result = runs({axis.name: values.ravel() for axis, values in zip(axes, grid, strict=True)})
     unit = "s" if figure == "settling" else loop.signal(of).unit
-    return Varied(scenario, axes, of, figure, unit, result)
+    return Varied(name, title, axes, of, figure, unit, result)
 
 
 def swept_phases(
@@ -204,7 +276,8 @@ def swept_phases(
 
         params = phase_parameters(scenario, phase) | own
         folder = None if kept is None else kept / f"phase-{k}"
-        result = compiled.sweep(times, params=params, x0=x0, progress=told, checkpoint=folder)
+        inputs = held_commands(scenario, times)
+        result = compiled.sweep(times, params=params, x0=x0, inputs=inputs, progress=told, checkpoint=folder)
         failed = np.where(failed, failed, result.status)
         x0 = dict(zip(result.states, result.states_final.T, strict=True))
         x0 = {name: np.where(failed, 0.0, values) for name, values in x0.items()}

@@ -28,7 +28,7 @@ class Blocks(TypedDict):
 
 
 class Ahead(TypedDict):
-    """Errors on the held-out log some time ahead."""
+    """Errors on the held-out logs some time ahead."""
 
     horizon: Annotated[float, "s"]
     channel: str
@@ -39,7 +39,7 @@ class Ahead(TypedDict):
 
 
 class HoldoutGain(TypedDict):
-    """What an effect brings on the held-out log."""
+    """What an effect brings on the held-out logs."""
 
     gain: Annotated[float, "twice the log likelihood gained there, coefficients kept"]
     t: Annotated[float, "that in its standard errors over blocks"]
@@ -67,6 +67,16 @@ class NamedEffect(TypedDict):
     readings: Annotated[list[str], "names of the same finding"]
 
 
+class Coefficient(TypedDict):
+    """A coefficient of the amended model, fitted again."""
+
+    name: str
+    value: float
+    std: Annotated[float | None, "standard error"]
+    unit: str
+    start: Annotated[float | None, "as the given model has it; null for a number of an added effect"]
+
+
 class Rival(TypedDict):
     """An effect that cannot be told from a named one."""
 
@@ -82,7 +92,7 @@ class TrainGap(TypedDict):
 
 
 class HoldoutGap(TypedDict):
-    """Errors on the held-out log, by channel, in parts of its scatter; empty without one."""
+    """Errors on the held-out logs, by channel, in parts of its scatter; empty without one."""
 
     before: NotRequired[dict[str, float]]
     after: NotRequired[dict[str, float]]
@@ -149,6 +159,7 @@ class Result(TypedDict):
 
     verdict: Verdict
     effects: list[NamedEffect]
+    coefficients: Annotated[list[Coefficient], "of the amended model: all that were fitted"]
     rivals: list[Rival]
     gap: Gap
     remainder: Annotated[dict[str, Remainder], "by equation"]

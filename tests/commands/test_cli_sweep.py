@@ -8,7 +8,10 @@ import pytest
 
 from hovercontrol.errors import InputError
 from hovercontrol.io.folders import own_folder
+from hovercontrol.models.template import template
+from hovercontrol.models.vehicles import vehicle
 from hovercontrol.scenarios import load_scenario, run_scenario
+from hovercontrol.scenarios.drive import driven
 from hovercontrol.scenarios.varied import vary
 
 
@@ -35,6 +38,27 @@ def test_every_phase_is_flown_with_its_own_parameters():
     assert found.values[0] != pytest.approx(found.values[1], rel=1e-3)
 
 
+def test_commands_that_a_scenario_plays_are_the_same_in_all_runs():
+    scenario = driven(vehicle("c17_experiment"), "steps")
+    thrust = scenario.plant.coefficients()["thrust"]
+    found = vary(scenario, {"plant.thrust": np.array([0.9 * thrust, thrust])}, "u", "final")
+    assert found.values[1] == pytest.approx(run_scenario(scenario).columns["u"][-1], abs=1e-6)
+    assert found.values[0] != pytest.approx(found.values[1], rel=1e-3)
+
+
+def test_a_machine_of_ones_own_is_driven_at_every_point(call, tmp_path):
+    path = tmp_path / "trolley.py"
+    path.write_text(template("block", "trolley", path.name), encoding="utf-8")
+    words = ("--vary", "trolley.per_mass=0.01:0.04:4", "--of", "position", "--figure", "final")
+    done = call("sweep", f"{path}:MODEL", *words, "--out", str(tmp_path / "out"))
+    assert done.returncode == 0, done.stderr
+    with (tmp_path / "out" / "sweep.csv").open() as file:
+        found = [float(row["position.final"]) for row in csv.DictReader(file)]
+    assert found == pytest.approx([found[0] * k for k in (1, 2, 3, 4)]), "linear in the force per mass"
+    done = call("sweep", f"{path}:BLOCK", *words, "--vary", "trolley.dragg=1:2:2")
+    assert done.returncode == 2 and "did you mean 'trolley.drag'?" in done.stderr
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [
@@ -49,7 +73,6 @@ def test_every_phase_is_flown_with_its_own_parameters():
         (["k06-turn", "--vary", "controller.k2=-1:2:3"], "controller.k2 = -1 kg/s is out of its bounds"),
         (["k06-turn", "--vary", "controller.k2=1:2:3", "--of", "rr"], "did you mean 'r'?"),
         (["k06-turn", "--vary", "controller.k2=1:2:3", "--figure", "rmse"], "did you mean 'rms'?"),
-        (["sample", "--vary", "plant.thrust=1:2:3"], "only scenarios without [commands]"),
     ],
 )
 def test_wrong_input_is_one_line(call, words, said):

@@ -40,6 +40,15 @@ def fails(args, monkeypatch, capsys, where):
     return lines[0]
 
 
+def test_every_hold_out_is_read(folder, tmp_path, monkeypatch, capsys):
+    words = [str(folder / "a.csv"), "--model", str(folder / "craft.toml")]
+    for held in (["none.csv", str(folder / "c.csv")], [str(folder / "c.csv"), "none.csv"]):
+        twice = [word for name in held for word in ("--holdout", name)]
+        assert "none.csv" in fails([*words, *twice], monkeypatch, capsys, tmp_path)
+    twice = ["--holdout", str(folder / "c.csv"), "--holdout", str(folder / "a.csv")]
+    assert "a.csv is given twice" in fails([*words, *twice], monkeypatch, capsys, tmp_path)
+
+
 def test_a_missing_slope_is_found_named_added_and_shown(folder, tmp_path):
     args = [str(folder / "a.csv"), "--holdout", str(folder / "c.csv"), "--model", str(folder / "craft.toml")]
     done = subprocess.run(

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from hovercontrol.discrepancy import diagnose
 from hovercontrol.discrepancy.criteria import CRITERIA
 from hovercontrol.discrepancy.evidence.blocks import agreement
 from hovercontrol.discrepancy.evidence.holdout import Gained, Horizons, ahead, held_fit
@@ -22,6 +23,7 @@ from hovercontrol.discrepancy.search.held_out import (
 )
 from hovercontrol.discrepancy.search.trial import Tried, beside
 from hovercontrol.effects import effect
+from hovercontrol.errors import InputError
 from hovercontrol.estimation.data import gather
 
 from .generator import Conditions, make
@@ -178,3 +180,22 @@ def test_a_wrong_name_beside_a_right_one_is_dropped_and_the_right_one_judged_alo
     assert found.selection.effects == ("slope",) and found.selection.final is fit
     assert "the held-out log" in found.selection.leads[0].reason
     assert found.evidence["slope"].gained.t > CRITERIA.confirmed
+
+
+def test_several_held_out_logs_are_judged_together(sloped):
+    case, base, fit, _ = sloped
+    whole = case.holdout
+    parts = [replace(whole.between(a, b), name=name) for name, a, b in (("b", 0, 7), ("c", 7.01, 15))]
+    given = selection(base, fit, "slope")
+    both, *alone = (held_out(given, gather(case.model, logs)) for logs in (parts, *([log] for log in parts)))
+    assert [m.name for m in both.before.problem.logs] == ["b", "c"]
+    apart = sum(found.evidence["slope"].gained.gain for found in alone)
+    assert both.evidence["slope"].gained.gain == pytest.approx(apart, rel=0.1)
+
+
+def test_a_held_out_log_given_twice_or_fitted_is_refused(sloped):
+    case = sloped[0]
+    with pytest.raises(InputError, match="is the held-out log"):
+        diagnose(case.model, case.logs, [case.holdout, case.holdout])
+    with pytest.raises(InputError, match="the held-out log is the training log"):
+        diagnose(case.model, case.logs, [case.holdout, case.logs[0]])

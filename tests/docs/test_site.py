@@ -72,7 +72,7 @@ def test_every_vehicle_analysis_and_format_has_a_page(tmp_path):
     analyses.pages(tmp_path)
     assert pages(tmp_path / "analyses") == set(known_scripts())
     formats.pages(tmp_path)
-    assert pages(tmp_path / "formats") == {"log", *KINDS}
+    assert pages(tmp_path / "formats") == {"log", "parameters", *KINDS}
     for kind in KINDS:
         json.loads((tmp_path / "formats" / f"{kind}.schema.json").read_text(encoding="utf-8"))
 

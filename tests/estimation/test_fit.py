@@ -11,8 +11,8 @@ from hovercontrol.estimation.fit import CONVERGENCE, estimate, first_noise, refi
 from hovercontrol.estimation.noise import averaged
 from hovercontrol.estimation.prior import prior_of
 from hovercontrol.estimation.problem import Problem
-from hovercontrol.identify.subject import subject_of
 from hovercontrol.logs import Log
+from hovercontrol.models.interface import as_model
 
 from ..discrepancy.generator import Conditions, make
 
@@ -160,7 +160,7 @@ def test_nothing_is_held_of_what_was_added():
 def test_unknowns_stay_within_their_bounds(fitted, cart, pushed_log):
     drag, gain = cart.parameters
     narrow = replace(cart, parameters=(drag.replace(start=0.3, upper=0.3), gain))
-    fit = fitted(subject_of(narrow), [pushed_log()])
+    fit = fitted(as_model(narrow), [pushed_log()])
     assert fit.p[fit.problem.names.index("cart.drag")] == 0.3  # the truth is 0.6
     assert fit.movable.tolist() == [fit.problem.names.index("cart.gain")]
 
@@ -176,7 +176,7 @@ def test_a_path_that_sticks_and_slips_comes_to_rest(fitted):
     """Undamped, each pass takes the path across dry friction's kink, and the cost by 20."""
     case, costs = make(16, ["input_delay"], SHORT), []
     note = lambda line: costs.append(float(line.split(":")[1].split()[0]))  # noqa: E731
-    fit = fitted(subject_of(case.model), case.logs, trace=note)
+    fit = fitted(as_model(case.model), case.logs, trace=note)
     assert fit.converged and len(costs) < 18 and abs(costs[-1] - costs[-2]) < 2.0 * CONVERGENCE.settled
 
 

@@ -113,7 +113,7 @@ def test_commands_on_a_clock_of_their_own_join_a_real_pose_at_their_own_time():
     """At 240 Hz and 100 Hz; rounded to the next pose row commands would come 2 ms late."""
     files = [SHARED / "holohover" / f"h1_blue_raw_{name}.csv" for name in ("pose", "command")]
     joined = gather("+".join(map(str, files)), ["motor_a_1"])
-    sent = gather(str(files[1]), motion=False)
+    sent = gather(str(files[1]))
     alone = np.isnan(joined["x"])
     assert np.isin(joined.time[alone], sent.time).all()
     changes = joined.time[1:][np.diff(joined["motor_a_1"]) != 0]

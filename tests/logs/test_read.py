@@ -13,7 +13,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from hovercontrol.errors import InputError
+import hovercontrol as hc
+from hovercontrol.errors import ArgumentError, InputError
 from hovercontrol.logs import Log, read_log
 
 GOOD = "time,u,v,r\n0.0,1,2,3\n0.1,1.5,2,3\n0.2,2,2,3\n"
@@ -59,9 +60,27 @@ def test_bad_csv_is_named_in_one_line(tmp_path: Path, case: str) -> None:
     content, fragments = BAD[case]
     path = tmp_path / "run.csv"
     path.write_text(content)
-    text = error_of(path)
+    text = error_of(path, motion=True)
     for fragment in fragments:
         assert fragment in text
+
+
+def test_a_log_needs_the_columns_of_its_model(tmp_path: Path) -> None:
+    v, k, throttle = hc.Signal("v", "m/s"), hc.Signal("k", "1/s", start=1.0), hc.Signal("throttle", "m/s^2")
+    cart = hc.Block("cart", [v], [throttle], [v], [k], {"v": throttle.symbol - k.symbol * v.symbol})
+    path = tmp_path / "run.csv"
+    path.write_text("time,v,throttle\n0,1,2\n1,3,4\n")
+    for model in (None, cart, hc.BlockModel(cart)):
+        assert sorted(read_log(path, model=model).columns) == ["throttle", "v"]
+    assert "no column 'thrust'" in error_of(path, model=hc.vehicle("c17_simulation"))
+    found = error_of(path, model=cart.named("cart"), columns={"speed": "v"})
+    assert "expected one of the columns v" in found and "no column 'v'" not in found
+    kmh = read_log(path, columns={"v": "v:km/h"}, model=cart)
+    assert kmh["v"] == pytest.approx([1 / 3.6, 3 / 3.6])
+    with pytest.raises(ArgumentError, match="kg"):
+        read_log(path, columns={"v": "v:kg"}, model=cart)
+    path.write_text("time,v,throttle\n0,1,2\n1,lost,4\n2,1,2\n")
+    assert "line 3, column 'v'" in error_of(path, model=cart), "text in an output is not left out silently"
 
 
 def test_text_far_down_a_long_file_is_found(tmp_path: Path) -> None:

@@ -29,7 +29,7 @@ pytestmark = pytest.mark.skipif(
 
 def load(run: str) -> Log:
     pose = read_log(DATA / f"run_{run}_pose.csv")
-    commands = read_log(DATA / f"run_{run}_command.csv", motion=False)
+    commands = read_log(DATA / f"run_{run}_command.csv")
     bench = BenchTable.from_csv(DATA / "thrust_bench.csv")
     joined = join_logs(pose, commands, before=1000.0, hold=5.0)
     return bench.apply(joined, {f"pwm_{fan}": fan for fan in FANS})

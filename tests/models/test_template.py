@@ -58,7 +58,7 @@ def test_every_command_takes_it_as_its_head_says(kind, tmp_path, monkeypatch, ca
     assert run(monkeypatch, "new", path, "--kind", kind) == 0
     assert run(monkeypatch, "simulate", path, "--out", tmp_path / "run") == 0, capsys.readouterr().err
     log = tmp_path / "run" / "log.csv"
-    written = read_log(log, motion=False)
+    written = read_log(log)
     for s in load(path).plant().inputs:
         assert s.lower <= written[s.name].min() < written[s.name].max() <= s.upper
     assert run(monkeypatch, "check", log, "--model", path, "--out", tmp_path / "check") in (0, 1)
@@ -74,17 +74,17 @@ def test_a_machine_is_driven_by_the_commands_of_a_log(tmp_path, monkeypatch, cap
     Log("force", t, {"force": np.full(t.size, 60.0)}).save(tmp_path / "force.csv")
     done = run(monkeypatch, "simulate", path, "--commands", tmp_path / "force.csv", "--out", tmp_path / "out")
     assert done == 0, capsys.readouterr().err
-    log = read_log(tmp_path / "out" / "log.csv", motion=False)
+    log = read_log(tmp_path / "out" / "log.csv")
     assert log.time[-1] == 10.0
     assert log["position"] == pytest.approx(3.0 * (log.time - (1 - np.exp(-0.4 * log.time)) / 0.4), abs=1e-4)
 
 
-def test_a_command_for_craft_says_what_it_found_instead(tmp_path, monkeypatch, capsys):
+def test_the_cockpit_says_that_it_needs_a_craft(tmp_path, monkeypatch, capsys):
     path = tmp_path / "trolley.py"
     path.write_text(template("block", "trolley", path.name), encoding="utf-8")
-    assert run(monkeypatch, "identify", "run.csv", "--model", path) == 2
+    assert run(monkeypatch, "cockpit", "--model", f"{path}:MODEL", "--out", tmp_path, "--no-open") == 2
     said = capsys.readouterr().err
-    assert "expected FILE.py:NAME of a Model; the file defines none, but BLOCK (a Block), MODEL" in said
+    assert "expected a craft (a model file or a Model), found the Block 'trolley'" in said
     assert len(said.strip().splitlines()) == 1
 
 

@@ -68,14 +68,36 @@ LOG_QUALITY = LogCriteria()
 
 
 @checked
-def check_logs(model: Subject, logs: Sequence[Log], holdout: Log | None = None) -> list[str]:
+def as_logs(logs: Log | Sequence[Log] | None) -> tuple[Log, ...]:
+    """Return one log, several or none as a tuple.
+
+    Parameters
+    ----------
+    logs : Log, sequence of Log, or None
+
+    Returns
+    -------
+    tuple of Log
+
+    Examples
+    --------
+    >>> len(as_logs(None)), len(as_logs(Log("a", [0.0, 1.0], {})))
+    (0, 1)
+    """
+    if logs is None:
+        return ()
+    return (logs,) if isinstance(logs, Log) else tuple(logs)
+
+
+@checked
+def check_logs(model: Subject, logs: Sequence[Log], holdout: Log | Sequence[Log] | None = None) -> list[str]:
     """Refuse logs from which nothing right can follow; return warnings about the others.
 
     Parameters
     ----------
     model : Model or BlockModel
     logs : sequence of Log
-    holdout : Log, optional
+    holdout : Log or sequence of Log, optional
 
     Returns
     -------
@@ -101,7 +123,8 @@ def check_logs(model: Subject, logs: Sequence[Log], holdout: Log | None = None) 
     block = structure(model)
     inputs = [s.name for s in block.inputs]
     warnings: list[str] = []
-    every = [*logs, *([holdout] if holdout is not None else [])]
+    held = as_logs(holdout)
+    every = [*logs, *held]
     _refuse_other_pace(every)
     for k, log in enumerate(every):
         _refuse_inputs(block, log)
@@ -120,12 +143,7 @@ def check_logs(model: Subject, logs: Sequence[Log], holdout: Log | None = None) 
             check_heading(log.name, "psi", log.time, log["psi"], log["r"] if log.has("r") else None)
         check_frame(model, log)
         warnings += _stuck(log, channels) + _cut_off(log, inputs)
-    refuse_duplicates(
-        every[: len(logs)],
-        every[-1] if holdout is not None else None,
-        _measured(block),
-        [s.name for s in block.inputs],
-    )
+    refuse_duplicates(every[: len(logs)], every[len(logs) :], _measured(block), inputs)
     for log in every:
         warnings += check_clocks(model, log)
     return warnings

@@ -55,7 +55,13 @@ class Context:
     @property
     def shown_on(self) -> str:
         """On which logs errors are shown, in words."""
-        return "held-out log" if self.held_out else "training logs (none was held out)"
+        return held_out_words(self.diagnosis) if self.held_out else "training logs (none was held out)"
+
+
+def held_out_words(d: Diagnosis) -> str:
+    """Return what the logs that were held out are called: one or several."""
+    several = d.held_before is not None and len(d.held_before.problem.logs) > 1
+    return "held-out logs" if several else "held-out log"
 
 
 def numbers_by_effect(d: Diagnosis) -> dict[str, list[Found]]:

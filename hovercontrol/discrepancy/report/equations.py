@@ -21,7 +21,6 @@ from hovercontrol.discrepancy.report.formatting import (
 from hovercontrol.discrepancy.report.templates import Table, render, table
 from hovercontrol.estimation.subject import structure, timing
 from hovercontrol.models.base import quantity_of
-from hovercontrol.models.model import Model
 from hovercontrol.notebook.mathml import MathPrinter, symbol_markup
 
 
@@ -68,8 +67,10 @@ def equations(m: Context) -> str:
     ]
     marked = "New terms are marked; c with a subscript is a coefficient. " if any(lines) else ""
     text, them = marked, "them, with " if marked else ""
-    if isinstance(m.diagnosis.amended, Model):
+    if m.diagnosis.amended.is_craft:
         text += f"The file model.toml has {them}the coefficients found."
+    else:
+        text += "The file parameters.toml has the coefficients and effects found."
     lines = [line for line in lines if line]
     return render(
         "equations.html", added=_added(m), text=text.strip(), lines=lines, shown=SHOWN, clocks=clocks

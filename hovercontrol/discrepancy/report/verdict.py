@@ -11,7 +11,7 @@ from hovercontrol.discrepancy.criteria import CRITERIA
 from hovercontrol.discrepancy.evidence.holdout import Ahead, Gained, ahead
 from hovercontrol.discrepancy.evidence.laws import regime
 from hovercontrol.discrepancy.report import pictures
-from hovercontrol.discrepancy.report.context import Context, numbers_by_effect
+from hovercontrol.discrepancy.report.context import Context, held_out_words, numbers_by_effect
 from hovercontrol.discrepancy.report.formatting import (
     effect_words,
     listed,
@@ -142,7 +142,7 @@ def gap_sentence(d: Diagnosis) -> str:
     if not d.effects:
         return _error_of_noise(d)
     far = d.ahead or ahead(d.selection.base, d.selection.final).each
-    where = "On the held-out log" if held else "No log was held out; on the training logs"
+    where = f"On the {held_out_words(d)}" if held else "No log was held out; on the training logs"
     best = most_fallen(far)
     one = len(numbers_by_effect(d)) == 1
     if best is None:
@@ -179,7 +179,7 @@ def _error_of_noise(d: Diagnosis) -> str:
     gap = d.before or d.train_before
     ratios = {c: e / max(gap.floor[c], 1e-12) for c, e in gap.nrmse.items()}
     worst = max(ratios, key=lambda c: ratios[c])
-    where = "On the held-out log" if d.before else "No log was held out; on the training logs"
+    where = f"On the {held_out_words(d)}" if d.before else "No log was held out; on the training logs"
     told = f"{small(gap.rms[worst])} {unit(d.selection.base.problem.block.signal(worst).unit)}".strip()
     return (
         f"{where} the error of {worst} {gap.horizon:.2g} s ahead is {told}, {times(ratios[worst])} times its "

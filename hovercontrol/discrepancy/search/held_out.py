@@ -1,4 +1,4 @@
-"""What the held-out log says of a selection: it drops names, and decides between level ones."""
+"""What held-out logs say of a selection: they drop names, and decide between level ones."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ from hovercontrol.estimation.fit import Fit
 
 @dataclass(frozen=True, eq=False)
 class HeldOut:
-    """A selection after it was tried on the held-out log.
+    """A selection after it was tried on the held-out logs.
 
     Attributes
     ----------
     selection : Selection
     evidence : dict of str to Evidence
     before, after : Fit or None
-        The given and the amended model on the held-out log; None without one.
+        The given and the amended model on the held-out logs together; None without one.
     far : Horizons
         Their errors.
     """
@@ -39,9 +39,9 @@ class HeldOut:
 
 
 def held_out(selection: Selection, data: Data | None, criteria: Criteria = CRITERIA) -> HeldOut:
-    """Return what remains of a selection on a log that it was not fitted to.
+    """Return what remains of a selection on logs that it was not fitted to, all of them together.
 
-    An effect with which that log is surely predicted worse is dropped, unless its likelihood rises as surely:
+    An effect with which they are surely predicted worse is dropped, unless its likelihood rises as surely:
     errors seconds ahead are small, too, where other coefficients make up for what is missing. One with which
     it is not surely predicted better gives way to another that blocks agree on as well and under which that
     log is as likely, if it surely predicts better, than with the first and than with neither. Where something
@@ -52,7 +52,7 @@ def held_out(selection: Selection, data: Data | None, criteria: Criteria = CRITE
     ----------
     selection : Selection
     data : Data, optional
-        The held-out log; None: there is none.
+        The held-out logs; None: there are none.
     criteria : Criteria, optional
     """
     if data is None:
@@ -61,25 +61,36 @@ def held_out(selection: Selection, data: Data | None, criteria: Criteria = CRITE
     found = _on(selection, before)
     instead = _better(found, criteria)
     if instead is not None:
-        other = _on(_with_other(selection, *instead), before)
+        other = _on(_with_other(selection, *instead, _held(data)), before)
         if _mean(other.evidence[instead[1].name].holdout) > criteria.better:
             found = other
     worse = [n for n, e in found.evidence.items() if _worse(e, criteria)]
     if worse:
-        return _left(found, _less(found.selection, worse, "the held-out log is predicted worse with it"))
+        return _left(
+            found, _less(found.selection, worse, f"{_held(data)} {_verb(data, 'is')} predicted worse with it")
+        )
     doubtful = _unconfirmed(found, criteria)
     while doubtful:
         least = min(doubtful, key=lambda n: doubtful[n].t)
         own = doubtful[least]
-        reason = f"the held-out log does not confirm it (gains {own.gain:.3g} there, t = {own.t:.1f})"
+        said = f"{_held(data)} {_verb(data, 'does')} not confirm it"
+        reason = f"{said} (gains {own.gain:.3g} there, t = {own.t:.1f})"
         several = len(found.selection.effects) > 2  # without each of two: both fits are there
         found = _left(found, _less(found.selection, [least], reason))
         doubtful = {} if several else _unconfirmed(found, criteria)
     return found
 
 
+def _held(data: Data) -> str:
+    return "the held-out log" if len(data.logs) == 1 else "the held-out logs"
+
+
+def _verb(data: Data, one: str) -> str:
+    return one if len(data.logs) == 1 else {"is": "are", "does": "do"}[one]
+
+
 def _left(found: HeldOut, left: Selection) -> HeldOut:
-    """Return what is left of a selection on the held-out log; beside no other an effect is judged alone."""
+    """Return what is left of a selection on the held-out logs; beside no other an effect is judged alone."""
     before = found.before
     assert before is not None
     if len(left.effects) == 1:
@@ -90,7 +101,7 @@ def _left(found: HeldOut, left: Selection) -> HeldOut:
 
 
 def _unconfirmed(found: HeldOut, criteria: Criteria) -> dict[str, Gained]:
-    """Return what the held-out log could show and does not, where more is wrong than that."""
+    """Return what the held-out logs could show and does not, where more is wrong than that."""
     if only_noise(found.selection.final, criteria):
         return {}
     return {
@@ -105,7 +116,7 @@ def _unconfirmed(found: HeldOut, criteria: Criteria) -> dict[str, Gained]:
 
 
 def _on(selection: Selection, before: Fit) -> HeldOut:
-    """Return how the held-out log is predicted, by all effects and by all but each."""
+    """Return how the held-out logs are predicted, by all effects and by all but each."""
     kept = before.problem.data
     after = held_fit(selection.final.model, kept, before) if selection.effects else before
     far = ahead(before, after)
@@ -152,9 +163,9 @@ def _mean(far: Horizons) -> float:
     return float(np.mean(far.together)) if far.together else 0.0
 
 
-def _with_other(selection: Selection, name: str, other: Tried) -> Selection:
+def _with_other(selection: Selection, name: str, other: Tried, held: str = "the held-out log") -> Selection:
     """Return the selection with another effect in place of one."""
-    reason = f"{other.name} predicts the held-out log better"
+    reason = f"{other.name} predicts {held} better"
     lead = Lead(name, selection.gains[name], selection.blocks[name].t, reason)
     names = {n: other.name if n == name else n for n in selection.effects}
     mine = other.fit.model.effect(other.name)
@@ -175,7 +186,7 @@ def _with_other(selection: Selection, name: str, other: Tried) -> Selection:
 
 
 def _less(selection: Selection, worse: list[str], reason: str) -> Selection:
-    """Return the selection without names that the held-out log contradicts."""
+    """Return the selection without names that the held-out logs contradict."""
     leads = tuple(Lead(n, selection.gains[n], selection.blocks[n].t, reason) for n in worse)
     alone = len(worse) == 1
     left = tuple(n for n in selection.effects if n not in worse) if alone else ()

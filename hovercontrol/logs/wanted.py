@@ -1,0 +1,94 @@
+"""Which columns a log needs, by what it is a log of."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from hovercontrol.errors import InputError, did_you_mean
+from hovercontrol.logs.log import POSE, VELOCITY
+
+if TYPE_CHECKING:
+    from hovercontrol.models.interface import AnyModel
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """The columns that a log needs besides ``time``.
+
+    Attributes
+    ----------
+    inputs : mapping of str to str
+        All of these, with their units.
+    outputs : mapping of str to str
+        At least one of these, where there are any, with their units.
+    motion : bool
+        All of ``x, y, psi`` or all of ``u, v, r``: it is of a craft.
+    """
+
+    inputs: Mapping[str, str] = field(default_factory=dict)
+    outputs: Mapping[str, str] = field(default_factory=dict)
+    motion: bool = False
+
+    @classmethod
+    def of(
+        cls,
+        model: AnyModel | None,
+        inputs: Sequence[str] | Mapping[str, str] = (),
+        motion: bool = False,
+    ) -> Wanted:
+        """Return what a log of a model needs: its inputs, and a craft's motion or any output of a Block.
+
+        Parameters
+        ----------
+        model : Model, BlockModel or Block, or None
+        inputs : sequence of str, or mapping of str to str, optional
+            Further inputs; with their units.
+        motion : bool, optional
+            Whether motion is wanted without a model, too.
+        """
+        from hovercontrol.models.interface import as_model
+
+        more = dict(inputs) if isinstance(inputs, Mapping) else dict.fromkeys(inputs, "")
+        if model is None:
+            return cls(more, {}, motion)
+        subject = as_model(model)
+        block = subject.plant(late=True)
+        own = {s.name: s.unit for s in block.inputs}
+        seen = {s.name: s.unit for s in (*block.outputs, *block.states) if s.name not in own}
+        return cls({**more, **own}, {} if subject.is_craft else seen, motion or subject.is_craft)
+
+    def check(self, file: str, names: Sequence[str]) -> None:
+        """Raise if a file lacks a column.
+
+        Parameters
+        ----------
+        file : str
+            For the error line.
+        names : sequence of str
+            Of its columns, as a log names them.
+
+        Raises
+        ------
+        InputError
+            The line names the column, the nearest one, and the option that maps it.
+        """
+        for name in self.inputs:
+            if name not in names:
+                raise InputError(f"{file}: no column {_missing(name, names)}")
+        if self.outputs and not any(name in names for name in self.outputs):
+            first = _missing(next(iter(self.outputs)), names)
+            raise InputError(
+                f"{file}: expected one of the columns {', '.join(self.outputs)}, but there is no {first}"
+            )
+        if self.motion and not any(all(name in names for name in triple) for triple in (POSE, VELOCITY)):
+            triple = max(POSE, VELOCITY, key=lambda triple: sum(name in names for name in triple))
+            absent = _missing(next(name for name in triple if name not in names), names)
+            raise InputError(
+                f"{file}: expected all of x, y, psi or all of u, v, r, but there is no column {absent}"
+            )
+
+
+def _missing(name: str, names: Sequence[str]) -> str:
+    return f"{name!r}{did_you_mean(name, names)} (a column of another name: --columns {name}=NAME)"

@@ -1,0 +1,39 @@
+"""One interface for every kind of model: a craft's effects, a Block with effects, or a Block as it is."""
+
+from __future__ import annotations
+
+from hovercontrol.core.block import Block
+from hovercontrol.core.boundary import checked
+from hovercontrol.models.blockmodel import BlockModel
+from hovercontrol.models.model import Model
+
+#: What users give as a model: ``identify``, ``diagnose``, ``check`` and ``read_log`` take each of them.
+AnyModel = Model | BlockModel | Block
+
+
+@checked
+def as_model(model: AnyModel) -> Model | BlockModel:
+    """Return a model with effects: a Block becomes a BlockModel without any, others are returned as they are.
+
+    Parameters
+    ----------
+    model : Model, BlockModel or Block
+
+    Returns
+    -------
+    Model or BlockModel
+
+    Raises
+    ------
+    InputError
+        If a Block cannot be a model: its inputs act late, or a signal has a name that effects use.
+
+    Examples
+    --------
+    >>> from hovercontrol.core.signals import Signal
+    >>> v, k = Signal("v", "m/s"), Signal("k", "1/s", start=1.0)
+    >>> decay = Block("decay", [v], [], [v], [k], {"v": -k.symbol * v.symbol})
+    >>> as_model(decay).coefficients()
+    {'k': 1.0}
+    """
+    return BlockModel(model) if isinstance(model, Block) else model
