@@ -43,7 +43,7 @@ class StudyCriteria:
     """
 
     horizon: float = 1.0
-    part: float = 0.25
+    part: float = 0.5
 
 
 #: The values in use.

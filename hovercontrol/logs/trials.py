@@ -81,6 +81,7 @@ def _restarts(time: Floats) -> NDArray[np.intp]:
             min(row - begin, end - row) < TRIALS.rows
             or time[row - 1] - time[row] < TRIALS.back * (time[row - 1] - time[begin])
             or time[row + TRIALS.rows - 1] - time[row] > longest
+            or time[row + 1] > time[row - 1]  # one row out of order
         ):
             return np.empty(0, dtype=np.intp)
     return back

