@@ -139,10 +139,10 @@ def test_a_remainder_is_told_beside_the_name(gusty, pages):
 
 def test_an_effect_of_no_catalogue_is_told_with_how_to_have_it_named(patched):
     heavy = Lead("mass_drift", 900.0, 50.0, ASKED_FOR)
-    said = headline(replace(patched.found, leads=(heavy, Lead("battery_sag", 220.0, 18.0, "less likely"))))
+    said = headline(replace(patched.found, leads=(heavy, Lead("battery_sag", 220.0, 18.0, "gains 12 of 24"))))
     assert said == (
         "Missing: something that no known effect explains; nearest come mass drift (named where it is asked "
-        "for: --effects mass_drift) and battery sag."
+        "for: --effects mass_drift) and battery sag (gains 12 of 24)."
     )
 
 

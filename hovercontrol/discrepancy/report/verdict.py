@@ -92,9 +92,10 @@ def headline(d: Diagnosis) -> str:
 
 
 def _lead(lead: Lead) -> str:
-    """Return a candidate in words, and how to have it named where it is in no catalogue."""
-    asked = f" (named where it is asked for: --effects {lead.name})" if lead.reason == ASKED_FOR else ""
-    return effect_words(lead.name) + asked
+    """Return a candidate in words, and why it is not named, or what names one of no catalogue."""
+    if lead.reason == ASKED_FOR:
+        return f"{effect_words(lead.name)} (named where it is asked for: --effects {lead.name})"
+    return f"{effect_words(lead.name)} ({lead.reason})"
 
 
 def _named(d: Diagnosis, name: str, numbers: Sequence[Found]) -> str:
