@@ -136,7 +136,7 @@ def log_columns(path: str | Path) -> dict[str, list[float]]:
         If it is no log, or has no pose.
     """
     try:
-        log = read_log(path)
+        log = read_log(path, motion=True)
     except InputError as error:  # its advice to rename columns is for other commands
         raise InputError(str(error).partition(" (a column of another name")[0]) from None
     if not log.has(*POSE):

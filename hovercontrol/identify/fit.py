@@ -17,7 +17,7 @@ from threadpoolctl import threadpool_limits
 from hovercontrol.core.arguments import at_least
 from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
-from hovercontrol.discrepancy.search.base import base_fit
+from hovercontrol.discrepancy.search.base import base_fit, likelier_start
 from hovercontrol.errors import InputError
 from hovercontrol.estimation.data import Data, gather
 from hovercontrol.estimation.excitation import (
@@ -179,7 +179,7 @@ def _fitted(
         report(0.7 * (1 - 1 / (1 + passes[0] / 8)), "fitting")
 
     try:
-        return base_fit(subject, data, names, passed)
+        return likelier_start(base_fit(subject, data, names, passed), passed)
     except FloatingPointError as error:
         raise InputError(f"{model.name!r}: {error}: other start values may help") from error
 

@@ -161,8 +161,8 @@ def test_unknowns_stay_within_their_bounds(fitted, cart, pushed_log):
     drag, gain = cart.parameters
     narrow = replace(cart, parameters=(drag.replace(start=0.3, upper=0.3), gain))
     fit = fitted(as_model(narrow), [pushed_log()])
-    assert fit.p[fit.problem.names.index("cart.drag")] == 0.3  # the truth is 0.6
-    assert fit.movable.tolist() == [fit.problem.names.index("cart.gain")]
+    assert fit.p[fit.problem.names.index("drag")] == 0.3  # the truth is 0.6
+    assert fit.movable.tolist() == [fit.problem.names.index("gain")]
 
 
 def test_a_refit_ends_where_the_first_one_did(fitted, cart_model, pushed_log):

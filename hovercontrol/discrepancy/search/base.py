@@ -1,4 +1,4 @@
-"""The first fit of a model: from its given coefficients, and once more under little process noise."""
+"""The first fit of a model, and another start of it."""
 
 from __future__ import annotations
 
@@ -22,10 +22,7 @@ def base_fit(
     names: Sequence[str] | None = None,
     trace: Callable[[str], None] | None = None,
 ) -> Fit:
-    """Return the likelier of two fits of a model as it was given, less samples that stand out.
-
-    A likelihood with process noise has optima in which noise stands in for the equations. So where noise
-    remains, the fit begins again at the given coefficients under a tenth of it.
+    """Return a model fitted to logs as it was given, less samples that stand out.
 
     Parameters
     ----------
@@ -42,16 +39,30 @@ def base_fit(
         If the model runs away from the logs.
     """
     problem = Problem(model, data, names)
-    prior = prior_of(problem, model)
-    first = estimate(problem, prior, first_noise(problem), gate=True, trace=trace)
+    return estimate(problem, prior_of(problem, model), first_noise(problem), gate=True, trace=trace)
+
+
+def likelier_start(first: Fit, trace: Callable[[str], None] | None = None) -> Fit:
+    """Return a fit, or the likelier one that begins at the given coefficients under little process noise.
+
+    A likelihood with process noise has optima in which noise stands in for the equations. So where noise
+    remains, the fit begins again under a tenth of it.
+
+    Parameters
+    ----------
+    first : Fit
+        Of a model as it was given.
+    trace : callable, optional
+        Called with a line on each pass.
+    """
     if not len(first.p) or not np.any(CRITERIA.left(first)):
         return first
-    quiet = replace(first.noise, process=TRIALS.quiet * first.noise.process)
+    problem, quiet = first.problem, replace(first.noise, process=TRIALS.quiet * first.noise.process)
     try:
         again = refit(
-            first, first.problem, prior, noise=quiet, p=problem.start.copy(), levels=False, trace=trace
+            first, problem, first.prior, noise=quiet, p=problem.start.copy(), levels=False, trace=trace
         )
-        again = refit(again, again.problem, prior, noise=first.noise, trace=trace)
+        again = refit(again, again.problem, first.prior, noise=first.noise, trace=trace)
     except FloatingPointError:
         return first
     return again if again.cost < first.cost - CONVERGENCE.settled else first
