@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -85,8 +86,13 @@ def identify(
         files = study.save(out)
     text = study.text()
     if study.found.bent:
-        chosen = f" --model {model}" if model else f" --vehicle {vehicle}" if vehicle else ""
-        text += f"\nto find out what is missing: hovercontrol diagnose {' '.join(names)}{chosen}"
+        words = [*names, *(word for log in held for word in ("--holdout", log))]
+        options = {
+            "--model": model, "--vehicle": vehicle, "--params": params, "--columns": columns,
+            "--bench": bench, "--while": only_while, "--frame": frame, "--missing": missing, "--trial": trial,
+        }  # fmt: skip
+        words += [word for option, value in options.items() if value for word in (option, str(value))]
+        text += f"\nto find out what is missing: hovercontrol diagnose {shlex.join(words)}"
     given.show(text, files, out, _as_json(study) if json else None)
     return 1 if study.negative else 0
 
