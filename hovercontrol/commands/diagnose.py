@@ -45,8 +45,9 @@ def diagnose(
 ) -> int:
     """Find which effects a model lacks, how much error each explains, and what remains.
 
-    An effect is named when three independent things agree: the likelihood that it gains, the same size on
-    disjoint blocks of the logs, and predictions of the held-out logs.
+    A name needs likelihood under process noise; where something else remains also the same coefficient on
+    disjoint blocks, or, where few blocks inform on it, held-out logs that show it; and no held-out log that
+    is predicted worse.
 
     Verdicts: none (nothing is missing beyond noise), effect (named, nothing
     remains), partial (named, and something remains), ambiguous (one of

@@ -19,8 +19,7 @@ from hovercontrol.discrepancy.evidence.sensors import slow_errors
 from hovercontrol.discrepancy.experiment.propose import next_experiment
 from hovercontrol.discrepancy.search.base import base_fit
 from hovercontrol.discrepancy.search.candidates import left_out
-from hovercontrol.discrepancy.search.held_out import held_out
-from hovercontrol.discrepancy.search.select import select
+from hovercontrol.discrepancy.search.searched import searched
 from hovercontrol.discrepancy.verdict import verdict_of
 from hovercontrol.errors import InputError
 from hovercontrol.estimation.data import Data, gather
@@ -43,8 +42,9 @@ def diagnose(
 ) -> Diagnosis:
     """Find which effects a model lacks, how much of the error they explain, and what remains.
 
-    An effect is named when three independent things agree: the likelihood that it gains with random forces
-    allowed for, the same size on disjoint blocks of the logs, and better predictions of the held-out logs.
+    A name needs likelihood under process noise; where something else remains also the same coefficient on
+    disjoint blocks, or, where too few blocks inform on it, held-out logs that show it by themselves; and no
+    held-out log that is predicted worse.
     A remainder does not withdraw a name: it is measured, and the verdict is ``"partial"``
     (:func:`.verdict.verdict_of`).
 
@@ -123,9 +123,8 @@ def _diagnosed(
         done[0] += 1
         report(0.1 + 0.7 * (1 - 0.85 ** done[0]), what)
 
-    selection = select(base, model, names=names, max_effects=max_effects, report=said)
-    report(0.82, "predicting the held-out logs")
-    held = held_out(selection, gather(model, holdout) if holdout else None)
+    kept = gather(model, holdout) if holdout else None
+    held = searched(base, model, kept, names=names, max_effects=max_effects, report=said)
     selection = held.selection
     report(0.92, "measuring what remains")
     base, final = selection.base, selection.final  # a search may find a likelier fit of the model as it is

@@ -40,11 +40,18 @@ def commands_of(block: Block, own: set[sp.Symbol]) -> str:
     'command rudder'
     """
     of = {s.symbol: block.expand(block.derivatives[s.name]).free_symbols for s in block.states}
-    behind = {symbol for symbol, law in of.items() if law & own}
-    while more := {s for symbol in behind for s in of[symbol]} & of.keys() - behind:
-        behind |= more
-    reached = {s for symbol in behind for s in of[symbol]}
-    names = [s.name for s in block.inputs if s.symbol in reached]
+    inputs = {s.symbol: s.name for s in block.inputs}
+
+    def passing(state: sp.Symbol) -> frozenset[str]:
+        behind = {state}
+        while more := {s for symbol in behind for s in of[symbol]} & of.keys() - behind:
+            behind |= more
+        return frozenset(inputs[s] for symbol in behind for s in of[symbol] if s in inputs)
+
+    # What follows a command shares its symbols with the motion, which all commands reach: the fewest count.
+    ways = {passing(symbol) for symbol, law in of.items() if law & own}
+    fewest = {way for way in ways if not any(other < way for other in ways if other)}
+    names = [name for name in inputs.values() if any(name in way for way in fewest)]
     if not names or len(names) == len(block.inputs):
         return "all commands" if len(block.inputs) > 1 else f"command {block.inputs[0].name}"
     return f"command{'s' * (len(names) > 1)} {', '.join(names)}"

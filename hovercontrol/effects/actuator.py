@@ -1,6 +1,6 @@
 """Actuators with a memory: play between command and actuator, and a limit of its rate.
 
-Both are regularised: the actuator follows within the time constant :data:`TAU`, which a fit leaves as it is.
+Both have a state that follows within the time constant :data:`TAU`, which a fit leaves as it is.
 """
 
 from __future__ import annotations
@@ -12,16 +12,21 @@ import sympy as sp
 from hovercontrol.core.signals import Signal
 from hovercontrol.effects.base import TINY, Effect, Shape
 
-#: Time constant of the regularisation [s]: small against what a log of some 100 Hz shows. At 5 ms it was
-#: taken for a late clock beside play that takes up its command at once.
+#: Time constant of these states [s]: small against what a log of some 100 Hz shows.
 TAU = 0.001
 
 
-def play(command: sp.Expr, width: sp.Expr, tau: sp.Expr, state: sp.Expr) -> sp.Expr:
-    """Return the derivative of what follows a command with play: still while within half the width of it."""
-    ahead = sp.Max(0, command - width / 2 - state)
-    behind = sp.Max(0, state - command - width / 2)
-    return (ahead - behind) / tau
+def play(command: sp.Expr, width: sp.Expr, tau: sp.Expr, state: sp.Expr) -> tuple[sp.Expr, sp.Expr]:
+    """Return what acts behind play of total width d, and the derivative of its memory z.
+
+    The actuator y lies within half the width of the command c, and rests while it does:
+
+        y = max(c - d/2, min(c + d/2, z)),    z' = (y - z)/tau.
+
+    y takes up its command at once: only the memory follows within tau, so that no delay is left behind.
+    """
+    acting = sp.Max(command - width / 2, sp.Min(command + width / 2, state))
+    return acting, (acting - state) / tau
 
 
 def limited_rate(command: sp.Expr, limit: sp.Expr, tau: sp.Expr, state: sp.Expr) -> sp.Expr:
@@ -30,10 +35,10 @@ def limited_rate(command: sp.Expr, limit: sp.Expr, tau: sp.Expr, state: sp.Expr)
 
 
 class _Backlash(Effect):
-    def played(self, c: Any, s: Any, name: str, command: sp.Expr) -> tuple[Signal, sp.Expr]:
-        """Return the state behind the play and its derivative, from rest at zero."""
+    def played(self, c: Any, s: Any, name: str, command: sp.Expr) -> tuple[Signal, sp.Expr, sp.Expr]:
+        """Return the memory of the play, from rest at zero, what acts, and the memory's derivative."""
         state = Signal(f"{name}_played", s.units[name], f"{name} behind its play")
-        return state, play(command, c.width, c.tau, state.symbol)
+        return state, *play(command, c.width, c.tau, state.symbol)
 
 
 class _RateLimit(Effect):
@@ -53,8 +58,7 @@ class ThrustBacklash(_Backlash):
     def commands(self, c: Any, s: Any) -> dict[Signal, sp.Expr]:
         states = {}
         for name, command in s.thrusts.items():
-            state, slope = self.played(c, s, name, command)
-            states[state], s.thrusts[name] = slope, state.symbol
+            state, s.thrusts[name], states[state] = self.played(c, s, name, command)
         return states
 
 
@@ -66,8 +70,7 @@ class RudderBacklash(_Backlash):
     tau = Shape("s", lower=TINY, default=TAU, fixed=True)
 
     def commands(self, c: Any, s: Any) -> dict[Signal, sp.Expr]:
-        state, slope = self.played(c, s, "rudder", s.rudder)
-        s.rudder = state.symbol
+        state, s.rudder, slope = self.played(c, s, "rudder", s.rudder)
         return {state: slope}
 
 

@@ -39,8 +39,7 @@ def backlash(signal: str, unit: str) -> type[Effect]:
     state = Signal(f"{word(signal)}_played", unit, f"{signal} behind its play")
 
     def commands(self: Effect, c: Any, s: Any) -> dict[Signal, sp.Expr]:
-        slope = play(s.thrusts[signal], c.width, c.tau, state.symbol)
-        s.thrusts[signal] = state.symbol
+        s.thrusts[signal], slope = play(s.thrusts[signal], c.width, c.tau, state.symbol)
         return {state: slope}
 
     return make_class(

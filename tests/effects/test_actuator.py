@@ -70,11 +70,14 @@ def test_without_play_and_at_any_rate_the_command_is_followed(name, numbers):
     assert np.abs(error).max() < 0.01  # inputs are held for 0.1 ms
 
 
-def test_forces_see_the_actuator_not_the_command():
+@pytest.mark.parametrize(("command", "acting"), [(1.0, 0.9), (0.55, 0.5), (0.2, 0.3)])
+def test_forces_see_the_actuator_not_the_command(command, acting):
+    """Within half the width of its command at once, and at rest inside it."""
     block = c17_simulation().with_effects([effect("thrust_backlash", width=0.2)]).plant()
-    moved = block.to_numpy().derivatives(0.0, [0, 0, 0, 0, 0, 0, 0.5], [1.0, 0.0])
-    assert moved[3] == pytest.approx(c17_simulation().coefficients()["thrust"] * 0.5)
-    assert moved[6] == pytest.approx((1.0 - 0.1 - 0.5) / TAU)
+    moved = block.to_numpy().derivatives(0.0, [0, 0, 0, 0, 0, 0, 0.5], [command, 0.0])
+    still = block.to_numpy().derivatives(0.0, [0, 0, 0, 0, 0, 0, 0.0], [0.0, 0.0])
+    assert moved[3] - still[3] == pytest.approx(c17_simulation().coefficients()["thrust"] * acting)
+    assert moved[6] == pytest.approx((acting - 0.5) / TAU)
 
 
 @pytest.mark.parametrize(

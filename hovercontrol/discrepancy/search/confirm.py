@@ -131,7 +131,7 @@ def confirmed(
         if unneeded:
             least = min(unneeded, key=lambda n: own[n].gain)
             reason = why_not(own[least], among[least], criteria)
-            dropped.append(Lead(least, own[least].gain, own[least].blocks.t, reason))
+            dropped.append(Lead(least, own[least].gain, own[least].blocks.t, reason, own[least].blocks.n))
             effects.remove(least)
             final = without[least]
             continue
@@ -156,7 +156,7 @@ def confirmed(
         if sure is None:
             break
         reason = f"{sure.other} in its place gains {sure.gained:.3g} more in twice the log likelihood"
-        dropped += [Lead(n, own[n].gain, own[n].blocks.t, reason) for n in sure.names]
+        dropped += [Lead(n, own[n].gain, own[n].blocks.t, reason, own[n].blocks.n) for n in sure.names]
         among[sure.other] = among[sure.names[0]]
         effects = [sure.other, *(n for n in effects if n not in sure.names)]
         final = sure.fit

@@ -187,7 +187,8 @@ def _with_other(selection: Selection, name: str, other: Tried, held: str = "the 
 
 def _less(selection: Selection, worse: list[str], reason: str) -> Selection:
     """Return the selection without names that the held-out logs contradict."""
-    leads = tuple(Lead(n, selection.gains[n], selection.blocks[n].t, reason) for n in worse)
+    blocks = selection.blocks
+    leads = tuple(Lead(n, selection.gains[n], blocks[n].t, reason, blocks[n].n) for n in worse)
     alone = len(worse) == 1
     left = tuple(n for n in selection.effects if n not in worse) if alone else ()
     return replace(

@@ -27,12 +27,15 @@ class Lead:
     gain : float
     blocks_t : float
     reason : str
+    blocks_n : int
+        Blocks with information on its size; 0 where it was not fitted.
     """
 
     name: str
     gain: float
     blocks_t: float
     reason: str
+    blocks_n: int = 0
 
 
 def leads(
@@ -69,7 +72,7 @@ def leads(
             reason = why_not(t, len(seen), criteria) or "another one takes more"
             if t.gain < 0.0:
                 reason = f"promises {s.gain:.3g} in twice the log likelihood, but no fit with it is likelier"
-            found.append(Lead(t.name, max(t.gain, 0.0), t.blocks.t, reason))
+            found.append(Lead(t.name, max(t.gain, 0.0), t.blocks.t, reason, t.blocks.n))
             continue
         score_t = float(np.sqrt(max(s.chi2, 0.0)))
         if not s.allowed:

@@ -1,0 +1,77 @@
+"""A search, judged by held-out logs; where blocks are too few to agree, the held-out logs decide alone."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+from hovercontrol.discrepancy.criteria import CRITERIA, Criteria
+from hovercontrol.discrepancy.evidence.of_effects import Evidence
+from hovercontrol.discrepancy.evidence.sensors import only_noise
+from hovercontrol.discrepancy.search.held_out import HeldOut, held_out
+from hovercontrol.discrepancy.search.select import select
+from hovercontrol.estimation.data import Data
+from hovercontrol.estimation.fit import Fit
+from hovercontrol.estimation.subject import Subject
+
+
+def searched(
+    base: Fit,
+    model: Subject,
+    data: Data | None,
+    *,
+    names: Sequence[str] | None = None,
+    max_effects: int = 3,
+    criteria: Criteria = CRITERIA,
+    report: Callable[[str], None] = lambda what: None,
+) -> HeldOut:
+    """Return which effects a fitted model lacks, after the held-out logs judged them.
+
+    The training logs' blocks must agree on a name. Logs with few events have few informative blocks, and
+    fewer than `criteria.blocks` cannot judge: 5 of 5 may agree at t = 4 and still miss the level that is
+    asked for among sixty candidates. So where no name passes and blocks were too few to judge one that gains
+    enough, the search is repeated by likelihood alone, and the held-out logs, which chose nothing, must show
+    each name (:func:`shown`).
+
+    Parameters
+    ----------
+    base : Fit
+        Of the model as given.
+    model : Model or BlockModel
+        As given.
+    data : Data, optional
+        The held-out logs; None: there are none.
+    names : sequence of str, optional
+        Effects to consider; default: the whole catalogue.
+    max_effects : int, optional
+    criteria : Criteria, optional
+    report : callable, optional
+        Called with what is being done.
+    """
+    selection = select(base, model, names=names, max_effects=max_effects, criteria=criteria, report=report)
+    report("predicting the held-out logs")
+    found = held_out(selection, data, criteria)
+    if data is None or found.selection.effects or only_noise(base, criteria):
+        return found
+    if not any(n.gain > criteria.least and 0 < n.blocks_n < criteria.blocks for n in found.selection.leads):
+        return found
+    alone = replace(criteria, level=math.inf)
+    report("few events: searching by likelihood, for the held-out logs to judge")
+    weaker = select(base, model, names=names, max_effects=max_effects, criteria=alone, report=report)
+    if not weaker.effects:
+        return found
+    again = held_out(weaker, data, alone)
+    named = again.selection.effects
+    return again if named and all(shown(again.evidence[n], criteria) for n in named) else found
+
+
+def shown(own: Evidence, criteria: Criteria) -> bool:
+    """Whether the held-out logs alone show an effect.
+
+    Their likelihood rises by what is asked of a fit, and surely so over their blocks (t above
+    `criteria.confirmed`) or with most of the squared error at a horizon gone.
+    """
+    if own.gained is None or own.gained.gain < criteria.least:
+        return False
+    return own.gained.t > criteria.confirmed or max(own.holdout.taken, default=0.0) > criteria.most
