@@ -50,6 +50,7 @@ if TYPE_CHECKING:
     from hovercontrol.models.parameters import load_parameters, save_parameters
     from hovercontrol.models.vehicles import VEHICLES, vehicle
     from hovercontrol.simulation.trajectory import simulate
+    from hovercontrol.targets.trim import Trim
 
 __version__ = "0.1.0"
 
@@ -77,6 +78,8 @@ __all__ = [
     "save_model",
     "load_parameters",
     "save_parameters",
+    # operating points
+    "Trim",
     # measured logs
     "Log",
     "read_log",
@@ -123,6 +126,7 @@ _PLACES = {
     "models.parameters": ("load_parameters", "save_parameters"),
     "models.vehicles": ("VEHICLES", "vehicle"),
     "simulation.trajectory": ("simulate",),
+    "targets.trim": ("Trim",),
 }
 _PLACE = {name: module for module, names in _PLACES.items() for name in names}
 _PACKAGES = {module.partition(".")[0] for module in _PLACES}
@@ -133,6 +137,7 @@ for _name, _module, _function in (
     ("interconnect", "core.interconnect", "interconnect"),
     ("start", "simulation.python_runner", "start_block"),
     ("control", "targets.control", "to_control"),
+    ("trim", "targets.trim", "trim"),
     ("compile", "targets.compiled", "compile_block"),
     ("fmu", "fmi.exporter.export", "export_fmu"),
     ("html", "notebook.systems", "block_html"),

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from hovercontrol.core.functions import NumpyFunctions
     from hovercontrol.simulation.runner import BlockRunner
     from hovercontrol.targets.compiled import CompiledBlock
+    from hovercontrol.targets.trim import Trim
 
 
 @partial(checked, name="Block")
@@ -189,6 +190,63 @@ class Backends:
             progress=progress,
         )
         return written
+
+    def trim(
+        self,
+        states: Mapping[str, float] | None = None,
+        inputs: Mapping[str, float] | None = None,
+        outputs: Mapping[str, float] | None = None,
+        *,
+        rates: Mapping[str, float | None] | None = None,
+        params: Mapping[str, float] | None = None,
+        time: float = 0.0,
+        guess: Mapping[str, float] | None = None,
+    ) -> Trim:
+        """Return an operating point: a point at which the Block moves steadily or rests.
+
+        Values are given by name; every other state and input is free within its signal's bounds. The rate of
+        each state is zero, except of those that may move steadily: the states on which the other rates do not
+        depend (of a craft its position and heading; in wind its position alone). Where the conditions leave a
+        choice, the point nearest to the guess is taken, each difference divided by its signal's nominal size.
+        Inputs that act late have the values that arrive.
+
+        Parameters
+        ----------
+        states, inputs, outputs : mapping of str to float, optional
+            Given values in their units.
+        rates : mapping of str to float or None, optional
+            Given derivatives of states, unit of the state per second; None leaves one free. Of a sampled
+            Block: what a step adds.
+        params : mapping, optional
+            Parameter values by key, over the defaults, in their units.
+        time : float, optional
+            Of equations that depend on time [s].
+        guess : mapping of str to float, optional
+            Where the search for free states and inputs begins (default: their start values).
+
+        Returns
+        -------
+        Trim
+            With ``states``, ``inputs``, ``outputs`` and ``rates`` by name, and ``x``, ``u``, ``y`` as arrays.
+
+        Raises
+        ------
+        InputError
+            If a name is unknown, a value is out of its bounds, or no point meets the conditions: the line
+            then says which are not met, by how much, and which signal is at a bound.
+
+        Examples
+        --------
+        >>> import hovercontrol as hc
+        >>> craft = hc.vehicle("c17_simulation").plant()
+        >>> ahead = craft.trim(states={"u": 1.0})
+        >>> print(round(ahead.inputs["thrust"], 3), ahead.rates["x"])
+        1.8 1.0
+        """
+        found: Trim = backend("trim")(
+            self, states, inputs, outputs, rates=rates, params=params, time=time, guess=guess
+        )
+        return found
 
     def linearize(
         self,
