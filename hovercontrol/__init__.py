@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from hovercontrol.core.units import UnitError
     from hovercontrol.discrepancy.diagnose import diagnose
     from hovercontrol.effects import Coefficient, Effect, Shape, effect, effect_names
-    from hovercontrol.errors import InputError
+    from hovercontrol.errors import InputError, SmoothedFrictionWarning
     from hovercontrol.estimators.kalman_bucy import kalman_bucy
     from hovercontrol.estimators.regression import regression
     from hovercontrol.identify.fit import identify
@@ -98,6 +98,7 @@ __all__ = [
     "simulate",
     # errors
     "InputError",
+    "SmoothedFrictionWarning",
     "UnitError",
 ]
 
@@ -113,7 +114,7 @@ _PLACES = {
     "core.units": ("UnitError",),
     "discrepancy.diagnose": ("diagnose",),
     "effects": ("Coefficient", "Effect", "Shape", "effect", "effect_names"),
-    "errors": ("InputError",),
+    "errors": ("InputError", "SmoothedFrictionWarning"),
     "estimators.kalman_bucy": ("kalman_bucy",),
     "estimators.regression": ("regression",),
     "identify.fit": ("identify",),
@@ -138,6 +139,7 @@ for _name, _module, _function in (
     ("start", "simulation.python_runner", "start_block"),
     ("control", "targets.control", "to_control"),
     ("trim", "targets.trim", "trim"),
+    ("linearize", "targets.linearization", "linearize"),
     ("compile", "targets.compiled", "compile_block"),
     ("fmu", "fmi.exporter.export", "export_fmu"),
     ("html", "notebook.systems", "block_html"),

@@ -250,20 +250,59 @@ class Backends:
 
     def linearize(
         self,
-        x: ArrayLike | control.OperatingPoint,
-        u: ArrayLike | None = None,
+        at: ArrayLike | Mapping[str, float] | control.OperatingPoint | Trim,
+        u: ArrayLike | Mapping[str, float] | None = None,
         params: Mapping[str, float] | None = None,
-        t: float = 0.0,
+        t: float | None = None,
+        *,
+        friction: Literal["smooth", "none", "describing"] = "smooth",
+        amplitude: Mapping[str, float] | None = None,
     ) -> control.StateSpace:
         """Return the exact linearisation at a point as a python-control state-space system.
 
         Parameters
         ----------
-        x : array_like, shape (n_states,), scalar for all states, or control.OperatingPoint
-        u : array_like, shape (n_inputs,), or scalar for all inputs; default the operating point's, or 0
+        at : Trim, control.OperatingPoint, mapping by name or array_like, shape (n_states,)
+            The point. A mapping has values of states and inputs in their units, over their start values; a
+            scalar is the value of all states.
+        u : array_like, shape (n_inputs,), scalar for all inputs, or mapping by name, optional
+            Default: that of the Trim, operating point or mapping; beside an array 0.
         params : mapping, optional
-            Parameter values by key, over the defaults.
+            Parameter values by key, over those of the Trim and the defaults.
         t : float, optional
-            Time [s].
+            Time [s]; default that of the Trim, or 0.
+        friction : {"smooth", "none", "describing"}, optional
+            Slope of dry friction, ``sgn(v, w)``, anywhere in the Block. "smooth": of tanh(v/w), as it is
+            written; at v = 0 that is 1/w, and a warning tells if it makes a pole. "none": 0, as where v keeps
+            its sign. "describing": 4/(pi A) sqrt(1 - (v/A)^2), that of an oscillation of amplitude A about v.
+        amplitude : mapping of str to float, optional
+            Of the oscillation, by state, in its unit, for "describing"; friction in other states has slope 0.
+
+        Returns
+        -------
+        control.StateSpace
+            Signals by their names; of a sampled Block in discrete time.
+
+        Raises
+        ------
+        InputError
+            If a name, a number of values or the friction is wrong, an input acts late or the Block has parts
+            that tick.
+
+        Warns
+        -----
+        SmoothedFrictionWarning
+            If friction is "smooth" and a pole is the slope of that smoothing.
+
+        Examples
+        --------
+        >>> import hovercontrol as hc
+        >>> craft = hc.vehicle("c17_simulation").plant()
+        >>> ahead = craft.trim(states={"u": 1.0})
+        >>> for A in (0.5, 0.1):
+        ...     line = craft.linearize(ahead, friction="describing", amplitude={"r": A})
+        ...     print(round(float(line.A[5, 5]), 3))
+        -2.594
+        -11.048
         """
-        return self.to_control().linearize(x, u, t=t, params=params)
+        return backend("linearize")(self, at, u, params, t, friction=friction, amplitude=amplitude)
