@@ -74,11 +74,11 @@ def given_point(
     values, inputs = dict(params or {}), u
     if isinstance(at, Trim):
         for kind in ("states", "inputs"):
-            own = [s.name for s in getattr(block, kind)]
-            if own != list(getattr(at, kind)):
+            if {s.name for s in getattr(block, kind)} != set(getattr(at, kind)):
                 raise InputError(block.where(f"the trim is of {at.block.name!r}, which has other {kind}"))
         t, values = at.time if t is None else t, {**at.params, **values}
-        at, inputs = at.x, at.u if u is None else u
+        inputs = _by_name(block, "input", at.inputs) if u is None else u
+        at = _by_name(block, "state", at.states)
     elif isinstance(at, control.OperatingPoint):
         at, inputs = at.states, at.inputs if u is None else u
     elif isinstance(at, Mapping):

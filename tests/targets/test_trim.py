@@ -52,10 +52,10 @@ def test_a_circle_is_the_one_of_the_equations_by_hand(craft):
 
 
 def test_it_agrees_with_control_find_operating_point(craft):
-    # inputs u, r of C17's circle are given; python-control needs the indices of states and rates
+    # u and r are given as outputs 3 and 5; x, y and psi are held, and their rates are not asked
     found = ct.find_operating_point(
-        craft.to_control(), [0, 0, 0, 1.0, -0.5, 0.5], [2.0, 0.0], derivs=[0, 0, 0, 0, 0, 0],
-        state_indices=[0, 1, 2, 3, 5], input_indices=[], output_indices=[], deriv_indices=[3, 4, 5],
+        craft.to_control(), [0, 0, 0, 1.0, -0.5, 0.5], [2.0, 0.0], [0, 0, 0, 1.0, 0, 0.5],
+        state_indices=[0, 1, 2], output_indices=[3, 5], deriv_indices=[3, 4, 5],
     )  # fmt: skip
     own = craft.trim({"u": 1.0, "r": 0.5})
     np.testing.assert_allclose(own.x, found.states, atol=1e-7)
