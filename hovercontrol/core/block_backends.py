@@ -216,7 +216,7 @@ class Backends:
             Given values in their units.
         rates : mapping of str to float or None, optional
             Given derivatives of states, unit of the state per second; None leaves one free. Of a sampled
-            Block: what a step adds.
+            state: what a step adds.
         params : mapping, optional
             Parameter values by key, over the defaults, in their units.
         time : float, optional

@@ -93,6 +93,29 @@ def undetermined(conditions: Conditions, z: Array) -> list[int]:
     return asked[np.abs(null).max(axis=1, initial=0.0) > 1e-6].tolist()
 
 
+def bound_at(conditions: Conditions, k: int, value: float) -> str:
+    """Return the bound at which an unknown is, or nothing; value in nominal sizes."""
+    lower, upper = (b[k] for b in conditions.bounds)
+    if abs(value - lower) < 1e-6:
+        return "lower"
+    return "upper" if abs(value - upper) < 1e-6 else ""
+
+
+def failure(conditions: Conditions, z: Array) -> str:
+    """Return what the nearest miss lacks, the worst first, and which bounds it meets."""
+    found, missing = conditions.found(z), np.abs(conditions.missing(z))
+    worst = [int(k) for k in np.argsort(-missing) if not missing[k] <= 1e-6][:4]
+    lines = [conditions.each[k].line(float(found[k])) for k in worst]
+    bounds = []
+    for k, signal in enumerate(conditions.unknowns):
+        side = bound_at(conditions, k, float(z[k]))
+        if side:
+            unit = "" if signal.unit == "1" else f" {signal.unit}"
+            bounds.append(f"{signal.name} is at its {side} bound {getattr(signal, side):g}{unit}")
+    names = ", ".join(s.name for s in conditions.unknowns[:8]) or "nothing"
+    return "; ".join([f"no trim found, nearest with {names} free: {'; '.join(lines)}", *bounds])
+
+
 def _from(conditions: Conditions, start: Array) -> Array | None:
     """Return where least squares ends; None where the Block has no finite values."""
     if not len(start):

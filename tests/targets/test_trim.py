@@ -201,9 +201,30 @@ def test_it_is_an_operating_point_of_python_control(craft):
     np.testing.assert_allclose(own.A, craft.linearize(circle.x, circle.u).A)
 
 
-def test_a_hybrid_block_is_refused(craft):
-    psi = hc.Signal("psi", "rad")
-    slow = hc.Block("pilot", [], [psi], craft.inputs, [], period=0.2,
-                    output_expressions={"thrust": 1.0 + 0 * psi.symbol, "rudder": psi.symbol})  # fmt: skip
-    with pytest.raises(hc.InputError, match="parts that tick"):
-        interconnect([craft, slow], "loop").trim()
+def test_a_controller_that_ticks_rests_with_the_craft(craft):
+    psi, r = hc.Signal("psi", "rad"), hc.Signal("r", "rad/s")
+    goal, gain = hc.Signal("goal", "rad", start=1.0), hc.Signal("gain", "1", start=0.6)
+    integral = hc.Signal("integral", "rad")
+    law = {
+        "thrust": 1.8 + 0 * gain.symbol,
+        "rudder": gain.symbol * (psi.symbol - goal.symbol) + integral.symbol,
+    }
+    adds = {"integral": integral.symbol + 0.1 * (psi.symbol - goal.symbol)}
+    slow = hc.Block("pilot", [integral], [psi, r], craft.inputs, [gain, goal], adds, law, period=0.2)
+    loop = interconnect([craft, slow], "loop")
+    steady = loop.trim(states={"plant.u": 1.0})
+    assert steady.states["plant.psi"] == pytest.approx(1.0)
+    assert steady.states["pilot.held_thrust"] == pytest.approx(1.8)
+    after = hc.simulate(loop, [0.0, 0.2, 0.6], x0=steady.x)
+    np.testing.assert_allclose(after.states[2:, -1], steady.x[2:], atol=1e-9)
+    with pytest.raises(hc.InputError, match=r"pilot.held_thrust per step = 0.8, wanted 0"):
+        loop.trim(states={"plant.u": 1.0, "pilot.held_thrust": 1.0})
+
+
+def test_a_plant_of_ones_own_is_trimmed_like_a_craft(cart):
+    own = hc.BlockModel(cart).plant()
+    assert own.trim({"v": 1.0}).inputs["F"] == pytest.approx(2.0)
+
+
+def test_the_parameters_given_are_in_the_table(cart):
+    assert "  cart.k  4  kg/s  given" in str(cart.trim({"v": 1.0}, params={"cart.k": 4.0}))
