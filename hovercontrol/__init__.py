@@ -132,7 +132,7 @@ _PACKAGES = {module.partition(".")[0] for module in _PLACES}
 for _name, _module, _function in (
     ("interconnect", "core.interconnect", "interconnect"),
     ("start", "simulation.python_runner", "start_block"),
-    ("control", "targets.control", "to_control"),
+    ("control", "targets.to_control", "to_control"),
     ("compile", "targets.compiled", "compile_block"),
     ("fmu", "fmi.exporter.export", "export_fmu"),
     ("html", "notebook.systems", "block_html"),

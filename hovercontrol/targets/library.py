@@ -22,6 +22,7 @@ from hovercontrol.targets.runtime import SIMULATION, runtime_files
 
 Array = NDArray[np.float64]
 Point = Callable[[float, ArrayLike, ArrayLike], Array]
+Step = Callable[[float, float, ArrayLike, ArrayLike], tuple[int, Array]]
 
 #: Steps between two times of the grid after which the solver gives up, some seconds.
 MAX_STEPS = 10_000_000
@@ -143,6 +144,8 @@ class _Buffers(threading.local):
         self.x, self.u = np.zeros(n_states), np.zeros(n_inputs)
         self.result = np.zeros(n_states if rows == "derivatives" else n_outputs)
         self.addresses = tuple(a.ctypes.data for a in (self.x, self.u, p, self.result))
+        self.times = np.zeros(2)
+        self.span = self.times.ctypes.data
 
 
 def check_point(block: Block, x: ArrayLike, u: ArrayLike) -> None:
@@ -267,6 +270,21 @@ class Library:
         """
         options, times = solver_options(solver), np.array([t, until], dtype=float)
         return self._advance(ctypes.byref(options), *(a.ctypes.data for a in (times, x, u, p)))
+
+    def stepper(self, solver: Solver, values: tuple[float, ...]) -> Step:
+        """Return the function ``(t, until, x, u) -> (status, array)`` of this at fixed parameters."""
+        p, options = np.array(values), solver_options(solver)
+        ready = _Buffers(len(self._block.inputs), p, *self._sizes, "derivatives")
+        how = ctypes.byref(options)
+
+        def function(t: float, until: float, x: ArrayLike, u: ArrayLike) -> tuple[int, Array]:
+            check_point(self._block, x, u)
+            ready.x[:], ready.u[:] = x, u
+            ready.times[:] = t, until
+            status = self._advance(how, ready.span, *ready.addresses[:3])
+            return status, ready.x.copy()
+
+        return function
 
     def simulate(
         self, solver: Solver, times: Array, u: Array, x: Array, p: Array
