@@ -1,7 +1,7 @@
 """python-control: a call of a Block's system over that of a hand-written one, and optimal control.
 
-Times are processor time of one thread. The hand-written system is a ``control.nlsys`` of the same equations on
-plain floats, as a user would write it for speed.
+Times are processor time of one thread. The hand-written system is a ``control.nlsys`` of the same equations
+on plain floats, as a user would write it for speed.
 """
 
 from __future__ import annotations
@@ -70,7 +70,8 @@ def optimal_control(system: control.NonlinearIOSystem) -> float:
         minimize_options={"maxiter": 3},
         print_summary=False,
     )
-    return (process_time() - begin) / result.problem.system_simulations
+    simulations: int = result.problem.system_simulations
+    return (process_time() - begin) / simulations
 
 
 def rows() -> Iterator[tuple[str, str, str, bool | None]]:

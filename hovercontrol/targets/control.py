@@ -55,7 +55,7 @@ class BlockSystem(control.NonlinearIOSystem):
         self.block = block
         super().__init__(
             self._updates,
-            self._outputs,
+            None if self._outputs_are_states() else self._outputs,
             params=_Params(block.default_parameters),
             inputs=[s.name for s in block.inputs],
             outputs=[s.name for s in block.outputs],
@@ -64,6 +64,11 @@ class BlockSystem(control.NonlinearIOSystem):
             dt=block.period,
         )
         self._prepare()
+
+    def _outputs_are_states(self) -> bool:
+        """Whether outputs are the states in order; python-control's state feedback looks for that."""
+        given = self.block.output_expressions.values()
+        return bool(self.block.outputs) and list(given) == [s.symbol for s in self.block.states]
 
     def _prepare(self) -> None:
         self._points = points(self.block)

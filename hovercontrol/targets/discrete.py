@@ -108,6 +108,9 @@ class HybridSystem(SteppedSystem):
 
     _solver = _HYBRID
 
+    def _outputs_are_states(self) -> bool:
+        return False  # ticks are taken first
+
     def _out(self, t: float, x: Any, u: Any) -> Array:
         return super()._out(t, self._advanced(t, t, x, u), self._commanded(u))
 
