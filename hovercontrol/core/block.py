@@ -228,7 +228,8 @@ class Block(Backends):
         InputError
             If a key is unknown (the nearest is named), a value is no number or out of its bounds.
         """
-        if params is not None and not fits(params, Mapping[str, Any]):
+        usual = type(params) is dict and set(map(type, params)) <= {str}
+        if params is not None and not usual and not fits(params, Mapping[str, Any]):
             text = f"params: expected names, each with a number, found {shown(params)}"
             raise InputError(self.where(text))
         values = dict(self.default_parameters)
@@ -240,7 +241,10 @@ class Block(Backends):
             try:
                 if type(value) is not float and not fits(value, float):
                     raise InputError(f"params[{key!r}]: expected a number, found {shown(value)}")
-                values[key] = signals[key].check(float(value), key) if bounded else float(value)
+                values[key] = number = float(value)
+                signal = signals[key]
+                if bounded and not signal.lower <= number <= signal.upper:
+                    signal.check(number, key)
             except InputError as error:
                 raise InputError(self.where(str(error))) from None
         return tuple(values.values())

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from hovercontrol.core.block import Block
-from hovercontrol.core.functions import numpy_functions
+from hovercontrol.core.functions import call_scalar, numpy_functions
 from hovercontrol.core.switching import switching_times
 from hovercontrol.errors import InputError
 from hovercontrol.simulation.reasons import REASONS
@@ -172,14 +172,15 @@ def step_jacobians(
     n, m = len(block.states), len(block.inputs)
     if not n:
         return np.zeros((0, 0)), np.zeros((0, m))
-    f = numpy_functions(block)
+    f, values = numpy_functions(block), block.parameter_values(params, bounded=False)
+    pair, held = f.scalar_pair("derivatives"), u.tolist()
 
     def rates(t: float, z: Array) -> Array:
         at, slopes = z[:n], z[n:].reshape(n, n + m)
-        change = f.jacobian(t, at, u, params, "derivatives", "states") @ slopes
+        change = f.jacobian_values(t, at, u, values, "derivatives", "states") @ slopes
         if m:
-            change[:, n:] += f.jacobian(t, at, u, params, "derivatives", "inputs")
-        return np.concatenate([f.derivatives(t, at, u, params), change.ravel()])
+            change[:, n:] += f.jacobian_values(t, at, u, values, "derivatives", "inputs")
+        return np.concatenate([call_scalar(pair, t, at.tolist(), held, values), change.ravel()])
 
     z = np.concatenate([x, np.eye(n, n + m).ravel()])
     switches = [at for at in switching_times(block, params) if t < at < until]

@@ -153,6 +153,7 @@ def test_optimal_control_by_shooting_on_the_sampled_craft():
 # ---- an imported FMU and a craft ---------------------------------------------------------------------------
 
 
+@pytest.mark.slow  # builds the FMU
 @pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler (cc) on this machine")
 def test_an_imported_fmu_joins_a_craft(tmp_path):
     """A yaw-rate controller with its own state as an FMU, and the craft: the loop is that of both Blocks."""
