@@ -23,6 +23,7 @@ from hovercontrol.core.boundary import checked, checks_itself
 from hovercontrol.core.checking import check
 from hovercontrol.core.expressions import Expressions
 from hovercontrol.core.signals import Signal
+from hovercontrol.core.summary import block_summary
 from hovercontrol.core.ticks import Tick as Tick
 from hovercontrol.errors import InputError, did_you_mean, shown
 
@@ -369,6 +370,9 @@ class Block(Backends):
                 value = [(name, sp.srepr(expression)) for name, expression in value.items()]
             digest.update(f"{kind.name}={value!r};".encode())
         return digest.hexdigest()
+
+    def __repr__(self) -> str:
+        return block_summary(self)
 
     def __getstate__(self) -> dict[str, Any]:
         return {f.name: getattr(self, f.name) for f in fields(self)}

@@ -21,6 +21,7 @@ from hovercontrol.core.derivatives import partial_derivatives
 from hovercontrol.core.expressions import with_symbols
 from hovercontrol.core.program import Program
 from hovercontrol.core.signals import time
+from hovercontrol.core.summary import block_line
 from hovercontrol.errors import InputError
 
 if TYPE_CHECKING:
@@ -47,6 +48,9 @@ class NumpyFunctions:
             [s.symbol for s in block.inputs],
             [s.symbol for s in block.parameters],
         )
+
+    def __repr__(self) -> str:
+        return f"NumpyFunctions of {block_line(self.block)}"
 
     @checked
     def derivatives(
