@@ -96,7 +96,7 @@ class Block(Backends):
         for kind in ("states", "inputs", "outputs", "parameters", "definition_signals"):
             signals = getattr(self, kind)
             if isinstance(signals, str | Signal) or not all(isinstance(s, Signal) for s in signals):
-                raise InputError(self.where(f"{kind} must be a sequence of Signal, found {signals!r}"))
+                raise InputError(self.where(f"{kind} must be a sequence of Signal, found {shown(signals)}"))
             object.__setattr__(self, kind, tuple(signals))
         for kind in ("derivatives", "output_expressions", "definitions", "delays"):
             if not isinstance(getattr(self, kind), Expressions):

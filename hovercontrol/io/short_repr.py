@@ -10,8 +10,8 @@ import numpy as np
 
 #: Longest line, and most items of a sequence or mapping that are written.
 WIDTH, ITEMS = 110, 8
-#: Longest array that is written in full.
-FEW = 6
+#: Longest array that is written in full, and longest text of a dataclass within another.
+FEW, NESTED = 6, 80
 
 
 def short_repr(thing: Any) -> str:
@@ -22,7 +22,7 @@ def short_repr(thing: Any) -> str:
     Parameters
     ----------
     thing : dataclass
-        Fields whose ``repr`` is false are left out.
+        Fields that are empty or whose ``repr`` is false are left out.
 
     Examples
     --------
@@ -35,7 +35,8 @@ def short_repr(thing: Any) -> str:
     >>> Run(np.linspace(0, 9, 901), {"u": np.zeros((9, 901)), "name": np.arange(3.0)})
     Run(time=[901 from 0 to 9], columns={u: [9 x 901 from 0 to 0], name: [0 1 2]})
     """
-    parts = [f"{f.name}={short(getattr(thing, f.name))}" for f in fields(thing) if f.repr]
+    values = {f.name: getattr(thing, f.name) for f in fields(thing) if f.repr}
+    parts = [f"{name}={short(value)}" for name, value in values.items() if not _empty(value)]
     name = type(thing).__qualname__
     line = f"{name}({', '.join(parts)})"
     if len(line) <= WIDTH:
@@ -67,7 +68,7 @@ def short(value: Any) -> str:
         text = listed(map(short, value), len(value))
         return f"[{text}]" if isinstance(value, list) else f"({text}{',' * (len(value) == 1)})"
     text = repr(value)
-    if is_dataclass(value) and type(value).__repr__ is short_repr and len(text) > WIDTH // 2:
+    if is_dataclass(value) and type(value).__repr__ is short_repr and (len(text) > NESTED or "\n" in text):
         return f"{type(value).__qualname__}(...)"
     return cut(text.split("\n", 1)[0])
 
@@ -82,6 +83,10 @@ def listed(texts: Iterable[str], count: int) -> str:
 def cut(text: str, longest: int = WIDTH - 6) -> str:
     """Return a text that is no longer than a line."""
     return text if len(text) <= longest else f"{text[: longest - 4]} ..."
+
+
+def _empty(value: Any) -> bool:
+    return value is None or (isinstance(value, str | Mapping | list | tuple) and not value)
 
 
 def _array(values: np.ndarray[Any, Any]) -> str:
