@@ -147,7 +147,7 @@ _PACKAGES = {module.partition(".")[0] for module in _PLACES}
 for _name, _module, _function in (
     ("interconnect", "core.interconnect", "interconnect"),
     ("start", "simulation.python_runner", "start_block"),
-    ("control", "targets.control", "to_control"),
+    ("control", "targets.to_control", "to_control"),
     ("trim", "targets.trim", "trim"),
     ("linearize", "targets.linearization", "linearize"),
     ("compile", "targets.compiled", "compile_block"),

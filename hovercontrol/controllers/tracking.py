@@ -17,7 +17,7 @@ from hovercontrol.controllers.references import OUTPUTS as REFERENCE
 from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
 from hovercontrol.core.signals import Signal
-from hovercontrol.errors import InputError, did_you_mean
+from hovercontrol.errors import InputError, did_you_mean, shown
 from hovercontrol.io.tables import number, positive
 from hovercontrol.models.model import MOTION, Model, motion_symbols
 
@@ -74,7 +74,7 @@ def tracking_controller(
     ['thrust', 'rudder', 'error_x', 'error_y']
     """
     if not isinstance(model, Model):
-        raise InputError(f"controller: expected a Model (hovercontrol.vehicle(...)), found {model!r}")
+        raise InputError(f"controller: expected a Model (hovercontrol.vehicle(...)), found {shown(model)}")
     if isinstance(adapt, str):
         raise InputError(f"controller: adapt must be a list of coefficients, found the text {adapt!r}")
     for key, gain in (("k1", k1), ("k2", k2)):

@@ -24,10 +24,16 @@ _UNIONS = (Union, types.UnionType)
 #: ``ArrayLike`` is a named type in some versions of NumPy. In others it is a union, whose members join those
 #: of a union that it stands in. What the members are is private to NumPy.
 _MEMBERS = frozenset(typing.get_args(npt.ArrayLike))
+#: Types of which most values are, and every value is what an annotation with it says.
+_PLAIN = frozenset([float, str, int, bool])
 
 
 def _meant(hint: Any) -> Any:
     """Return what a named annotation stands for; for NumPy's ``ArrayLike`` an array."""
+    if hint is npt.ArrayLike:
+        return np.ndarray
+    if inspect.isclass(hint):
+        return hint
     while hint != npt.ArrayLike and hasattr(hint, "__value__"):
         hint = hint.__value__
     return np.ndarray if hint == npt.ArrayLike else hint
@@ -35,7 +41,11 @@ def _meant(hint: Any) -> Any:
 
 def fits(value: Any, hint: Any) -> bool:
     """Return whether a value is what an annotation says, or can be made so without a guess."""
+    if hint is type(value) and hint in _PLAIN:
+        return True
     hint = _meant(hint)
+    if hint is np.ndarray:
+        return _is_numbers(value)
     origin, inner = typing.get_origin(hint), typing.get_args(hint)
     if hint in (Any, object, inspect.Parameter.empty) or isinstance(hint, TypeVar | str):
         return True

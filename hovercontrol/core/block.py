@@ -23,6 +23,7 @@ from hovercontrol.core.boundary import checked, checks_itself
 from hovercontrol.core.checking import check
 from hovercontrol.core.expressions import Expressions
 from hovercontrol.core.signals import Signal
+from hovercontrol.core.summary import block_summary
 from hovercontrol.core.ticks import Tick as Tick
 from hovercontrol.errors import InputError, did_you_mean, shown
 
@@ -95,7 +96,7 @@ class Block(Backends):
         for kind in ("states", "inputs", "outputs", "parameters", "definition_signals"):
             signals = getattr(self, kind)
             if isinstance(signals, str | Signal) or not all(isinstance(s, Signal) for s in signals):
-                raise InputError(self.where(f"{kind} must be a sequence of Signal, found {signals!r}"))
+                raise InputError(self.where(f"{kind} must be a sequence of Signal, found {shown(signals)}"))
             object.__setattr__(self, kind, tuple(signals))
         for kind in ("derivatives", "output_expressions", "definitions", "delays"):
             if not isinstance(getattr(self, kind), Expressions):
@@ -228,7 +229,8 @@ class Block(Backends):
         InputError
             If a key is unknown (the nearest is named), a value is no number or out of its bounds.
         """
-        if params is not None and not fits(params, Mapping[str, Any]):
+        usual = type(params) is dict and set(map(type, params)) <= {str}
+        if params is not None and not usual and not fits(params, Mapping[str, Any]):
             text = f"params: expected names, each with a number, found {shown(params)}"
             raise InputError(self.where(text))
         values = dict(self.default_parameters)
@@ -240,7 +242,10 @@ class Block(Backends):
             try:
                 if type(value) is not float and not fits(value, float):
                     raise InputError(f"params[{key!r}]: expected a number, found {shown(value)}")
-                values[key] = signals[key].check(float(value), key) if bounded else float(value)
+                values[key] = number = float(value)
+                signal = signals[key]
+                if bounded and not signal.lower <= number <= signal.upper:
+                    signal.check(number, key)
             except InputError as error:
                 raise InputError(self.where(str(error))) from None
         return tuple(values.values())
@@ -365,6 +370,9 @@ class Block(Backends):
                 value = [(name, sp.srepr(expression)) for name, expression in value.items()]
             digest.update(f"{kind.name}={value!r};".encode())
         return digest.hexdigest()
+
+    def __repr__(self) -> str:
+        return block_summary(self)
 
     def __getstate__(self) -> dict[str, Any]:
         return {f.name: getattr(self, f.name) for f in fields(self)}

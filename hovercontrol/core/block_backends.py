@@ -123,19 +123,33 @@ class Backends:
     def to_control(
         self, name: str | None = None, *, step: float | None = None, pade: int | None = None
     ) -> control.NonlinearIOSystem:
-        """Return the Block as one python-control system (:mod:`hovercontrol.targets.control`).
+        """Return the Block as one python-control system (:mod:`hovercontrol.targets.to_control`).
 
-        A sampled Block becomes a discrete-time system of its period, a hybrid one of `step` [s]. Inputs that
-        act late are held in shift registers of `step`, or approximated by Pade's fraction of order `pade`.
+        A continuous Block becomes a continuous-time system or, with `step`, a discrete-time one that is exact
+        for inputs that hold from step to step (zero-order hold); so is its linearisation. A sampled Block
+        becomes a discrete-time system of its period, a hybrid one of `step`. Inputs that act late are held in
+        shift registers of `step`, or approximated by Pade's fraction of order `pade`.
 
         Parameters
         ----------
         name : str, optional
             Of the system; default the Block's.
         step : float, optional
-            Of a hybrid Block, or of registers that hold late inputs [s].
+            Of the discrete-time system [s].
         pade : int, optional
             Order of the fraction that stands for a delay.
+
+        Raises
+        ------
+        InputError
+            If the step is not positive, or an input acts late and neither `step` nor `pade` is given.
+
+        Examples
+        --------
+        >>> import hovercontrol as hc
+        >>> plant = hc.vehicle("hoverdemon").plant()
+        >>> plant.to_control().isctime(), plant.to_control(step=0.02).dt
+        (True, 0.02)
         """
         return backend("control")(self, name, step=step, pade=pade)
 

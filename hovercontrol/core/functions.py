@@ -21,6 +21,7 @@ from hovercontrol.core.derivatives import partial_derivatives
 from hovercontrol.core.expressions import with_symbols
 from hovercontrol.core.program import Program
 from hovercontrol.core.signals import time
+from hovercontrol.core.summary import block_line
 from hovercontrol.errors import InputError
 
 if TYPE_CHECKING:
@@ -47,6 +48,9 @@ class NumpyFunctions:
             [s.symbol for s in block.inputs],
             [s.symbol for s in block.parameters],
         )
+
+    def __repr__(self) -> str:
+        return f"NumpyFunctions of {block_line(self.block)}"
 
     @checked
     def derivatives(
@@ -94,11 +98,22 @@ class NumpyFunctions:
         columns: Columns = "states",
     ) -> Array:
         """Return the exact Jacobian, shape (n_rows, n_columns, ...); arguments as in :meth:`derivatives`."""
-        function, entries, shape = self._jacobian_parts(rows, columns)
         args = self._arguments(t, x, u)
-        values = function(*args, self.block.parameter_values(params, bounded=False))
-        result = np.zeros(shape + np.broadcast_shapes(*(np.shape(v) for v in (*args[1], *args[2], t))))
-        for (i, j), value in zip(entries, values, strict=True):
+        return self.jacobian_values(*args, self.block.parameter_values(params, bounded=False), rows, columns)
+
+    def jacobian_values(
+        self, t: Any, x: Array, u: Array, values: tuple[float, ...], rows: Rows, columns: Columns
+    ) -> Array:
+        """Return the same unchecked, with all parameter values in order."""
+        function, entries, shape = self._jacobian_parts(rows, columns)
+        found = function(t, x, u, values)
+        points = (
+            ()
+            if x.ndim == u.ndim == 1 and np.ndim(t) == 0
+            else np.broadcast_shapes(*map(np.shape, (*x, *u, t)))
+        )
+        result = np.zeros(shape + points)
+        for (i, j), value in zip(entries, found, strict=True):
             result[i, j] = value
         return result
 

@@ -17,6 +17,7 @@ from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
 from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError
+from hovercontrol.io.short_repr import short_repr
 from hovercontrol.logs import POSE, VELOCITY, Log, Span, smooth_pose, steady
 from hovercontrol.logs.prepare import prepared
 
@@ -108,6 +109,8 @@ class Measured:
     rejected: tuple[Span, ...]
     rows_total: int
     starts: tuple[int, ...] = field(default=(), kw_only=True)
+
+    __repr__ = short_repr
 
 
 @checked

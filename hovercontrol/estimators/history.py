@@ -16,6 +16,7 @@ from hovercontrol.estimators.regression import regression
 from hovercontrol.estimators.regressors import Regressors
 from hovercontrol.estimators.sampled import SampledEstimator
 from hovercontrol.io.pyplot import open_in_pyplot
+from hovercontrol.io.short_repr import short_repr
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -48,6 +49,8 @@ class CoefficientHistory:
     coefficients: dict[str, Array]
     std: dict[str, Array]
     units: dict[str, str]
+
+    __repr__ = short_repr
 
     @property
     def values(self) -> Array:

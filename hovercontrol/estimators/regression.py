@@ -15,6 +15,7 @@ from hovercontrol.core.boundary import checked
 from hovercontrol.core.derivatives import linear_parameters, partial_derivatives
 from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError
+from hovercontrol.io.short_repr import short_repr
 
 
 @checked
@@ -51,6 +52,8 @@ class Regression:
     names: tuple[str, ...]
     h: tuple[sp.Expr, ...]
     G: sp.ImmutableMatrix
+
+    __repr__ = short_repr
 
 
 @checked

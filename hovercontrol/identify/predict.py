@@ -21,6 +21,7 @@ from hovercontrol.estimation.measure import Array, Measured, measure
 from hovercontrol.estimation.prior import prior_of
 from hovercontrol.estimation.problem import Problem
 from hovercontrol.io.pyplot import open_in_pyplot
+from hovercontrol.io.short_repr import short_repr
 from hovercontrol.logs import Log, Span
 from hovercontrol.models.interface import AnyModel, as_model
 from hovercontrol.targets.shoot import shoot
@@ -79,6 +80,8 @@ class FreeRun:
     rejected: tuple[Span, ...]
     rms: Mapping[str, float]
     nrmse: Mapping[str, float]
+
+    __repr__ = short_repr
 
     def plot(self) -> Figure:
         """Return the simulation over the measurement as a picture."""

@@ -16,6 +16,7 @@ from hovercontrol.estimation.levels import noise_levels
 from hovercontrol.estimation.measure import Measured, steps
 from hovercontrol.estimation.navigation import NAVIGATION, corrections
 from hovercontrol.estimation.spikes import stand_out
+from hovercontrol.io.short_repr import short_repr
 from hovercontrol.logs import POSE, VELOCITY, Clock, Log, Span, fit_clock, smooth_pose
 from hovercontrol.logs.codes import code_faults
 from hovercontrol.logs.log import UNITS
@@ -152,6 +153,8 @@ class LogFacts:
     columns: tuple[Column, ...]
     rejected: tuple[Span, ...]
     remarks: tuple[str, ...]
+
+    __repr__ = short_repr
 
 
 @checked

@@ -15,6 +15,7 @@ from scipy.interpolate import PchipInterpolator
 from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError
 from hovercontrol.io.pyplot import open_in_pyplot
+from hovercontrol.io.short_repr import short_repr
 from hovercontrol.logs.check import check_finite
 from hovercontrol.logs.log import Floats, Log
 from hovercontrol.logs.source import open_source
@@ -53,6 +54,8 @@ class BenchTable:
     command: Floats
     thrust: Floats
     idle: float
+
+    __repr__ = short_repr
 
     def plot(self) -> Figure:
         """Return thrust over command."""

@@ -18,6 +18,7 @@ from scipy.ndimage import minimum_filter1d
 
 from hovercontrol.core.arguments import as_row
 from hovercontrol.core.boundary import checked
+from hovercontrol.io.short_repr import short_repr
 from hovercontrol.logs.log import POSE, VELOCITY, Floats, Log, gap_rows
 
 
@@ -100,6 +101,8 @@ class Clock:
     period: float
     lost: int
     worst_delay: float
+
+    __repr__ = short_repr
 
 
 @checked

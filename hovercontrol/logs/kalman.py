@@ -18,6 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hovercontrol.errors import InputError
+from hovercontrol.io.short_repr import short_repr
 from hovercontrol.logs.log import Floats, Mask
 
 SMALLEST = 1e-16
@@ -46,6 +47,8 @@ class Estimate:
     mean: Floats
     covariance: Floats
 
+    __repr__ = short_repr
+
 
 @dataclass(frozen=True, eq=False)
 class Filtered(Estimate):
@@ -65,6 +68,8 @@ class Filtered(Estimate):
     innovation: Floats
     innovation_variance: Floats
     transition: Floats
+
+    __repr__ = short_repr
 
 
 def run_filter(

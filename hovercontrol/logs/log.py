@@ -22,6 +22,7 @@ from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError, did_you_mean, shown
 from hovercontrol.io.files import write_atomically
 from hovercontrol.io.pyplot import open_in_pyplot
+from hovercontrol.io.short_repr import cut
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -123,6 +124,16 @@ class Log:
             )
         object.__setattr__(self, "time", time)
         object.__setattr__(self, "columns", columns)
+
+    def __repr__(self) -> str:
+        rows = f"{len(self)} rows"
+        if len(self):
+            rows += f" from {self.time[0]:.6g} to {self.time[-1]:.6g} s"
+        trials = [f"{len(self.trials)} trials"] if self.trials else []
+        frame = [f"frame {self.frame}"] if self.frame else []
+        head = "; ".join([f"Log {self.name!r}: {rows}", *trials, *frame])
+        lines = [head, f"  columns  {cut(', '.join(self.columns))}"]
+        return "\n".join([*lines, *(f"  note     {cut(note)}" for note in self.notes)])
 
     def __len__(self) -> int:
         return int(self.time.size)

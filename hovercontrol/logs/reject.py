@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import median_filter
 
+from hovercontrol.io.short_repr import short_repr
 from hovercontrol.logs.log import Floats, Mask
 
 
@@ -108,6 +109,8 @@ class Limits:
     impact: Floats
     farthest: Floats
 
+    __repr__ = short_repr
+
     @classmethod
     def of(cls, time: Floats, speed: Floats, surprise: Floats) -> Limits:
         """Return the limits of a log.
@@ -146,6 +149,8 @@ class Pieces:
     speed_in: Floats
     speed_out: Floats
     single: Mask
+
+    __repr__ = short_repr
 
 
 def wrap(angle: Floats) -> Floats:

@@ -16,6 +16,7 @@ from scipy.ndimage import maximum_filter1d, median_filter, percentile_filter
 from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError
 from hovercontrol.io.pyplot import open_in_pyplot
+from hovercontrol.io.short_repr import short_repr
 from hovercontrol.logs.clock import Clock, fit_clock, measured, moved
 from hovercontrol.logs.kalman import Estimate, fit_noise, run_filter, run_smoother
 from hovercontrol.logs.log import POSE, VELOCITY, Floats, Log, Mask
@@ -138,6 +139,8 @@ class Smoothed:
     noise_std: tuple[float, ...]
     jerk_density: tuple[float, ...]
     clock: Clock
+
+    __repr__ = short_repr
 
     def plot(self) -> Figure:
         """Return pose and body velocities over time; what was not used, and where the motion is guessed."""

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+import textwrap
 from abc import ABC, abstractmethod
-from collections.abc import Collection, Hashable, Iterable, Mapping
+from collections.abc import Collection, Hashable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, ClassVar, Self, cast
 
@@ -16,9 +17,16 @@ from hovercontrol.core.boundary import checked
 from hovercontrol.core.signals import Signal
 from hovercontrol.effects import Effect, Shape, effect_class
 from hovercontrol.errors import InputError, did_you_mean
+from hovercontrol.io.short_repr import WIDTH, listed
 
 #: What the output is called that shows a quantity as its sensor sees it, behind the quantity's name.
 _MEASURED = "_measured"
+
+
+def effect_lines(effects: Sequence[Effect]) -> list[str]:
+    """Return effects with their values as lines that a prompt shows."""
+    text = listed(map(repr, effects), len(effects))
+    return textwrap.wrap(text, WIDTH, initial_indent="  ", subsequent_indent="  ")
 
 
 class EffectModel(ABC):

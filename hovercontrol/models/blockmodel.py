@@ -18,10 +18,11 @@ from hovercontrol.core.boundary import checked
 from hovercontrol.core.derivatives import linear_parameters
 from hovercontrol.core.expressions import Expressions
 from hovercontrol.core.signals import Signal, time
+from hovercontrol.core.summary import block_line
 from hovercontrol.effects import Effect, effect_class
 from hovercontrol.effects.generic import generic_effects
 from hovercontrol.errors import InputError, did_you_mean
-from hovercontrol.models.base import EffectModel, as_measured, delays_of, rate_limit
+from hovercontrol.models.base import EffectModel, as_measured, delays_of, effect_lines, rate_limit
 
 #: Names that a signal may not have, and why.
 TAKEN = {
@@ -84,6 +85,9 @@ class BlockModel(EffectModel):
     block: Block
     catalogue: tuple[str, ...] | None = None
     effects: tuple[Effect, ...] = field(default=())
+
+    def __repr__(self) -> str:
+        return "\n".join([f"BlockModel of {block_line(self.block)}", *effect_lines(self.effects)])
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "effects", tuple(self.effects))

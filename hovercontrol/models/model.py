@@ -22,7 +22,7 @@ from hovercontrol.core.boundary import checked
 from hovercontrol.core.signals import Signal, time
 from hovercontrol.effects import Effect, effect_class, effect_names
 from hovercontrol.errors import InputError
-from hovercontrol.models.base import EffectModel, as_measured, delays_of, rate_limit
+from hovercontrol.models.base import EffectModel, as_measured, delays_of, effect_lines, rate_limit
 from hovercontrol.models.fans import Fan as Fan
 
 #: What effects make of commands, by all that it depends on.
@@ -79,6 +79,11 @@ class Model(EffectModel):
     thrust: Signal = THRUST
     rudder: Signal = RUDDER
     fans: tuple[Fan, ...] = field(default=())
+
+    def __repr__(self) -> str:
+        fans = [f"{len(self.fans)} fans"] if self.fans else []
+        head = ", ".join([f"Model {self.name!r}: {len(self.effects)} effects", *fans])
+        return "\n".join([head, *effect_lines(self.effects)])
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "effects", tuple(self.effects))

@@ -11,6 +11,7 @@ from hovercontrol.autopilot import Imperfections
 from hovercontrol.core.boundary import checked
 from hovercontrol.hardware.actuators import FanTable, ServoTable, VariablePitch
 from hovercontrol.hardware.sensors import Beacons
+from hovercontrol.io.short_repr import short_repr
 from hovercontrol.models.model import Model
 from hovercontrol.models.vehicles import HOVERDEMON_BODY, Body
 
@@ -190,6 +191,8 @@ class Scenario:
     autopilot: Autopilot | None = None
     metrics: tuple[Metric, ...] = ()
     file: str = ""
+
+    __repr__ = short_repr
 
     @property
     def end(self) -> float:

@@ -11,6 +11,7 @@ import numpy as np
 from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
 from hovercontrol.io.folders import write_folder
+from hovercontrol.io.short_repr import short_repr
 from hovercontrol.logs import Log
 from hovercontrol.scenarios.drive import STEP, played, run_length
 from hovercontrol.scenarios.phases import held, phase_grid
@@ -32,6 +33,8 @@ class MachineRun:
 
     log: Log
     units: Mapping[str, str]
+
+    __repr__ = short_repr
 
     def save(self, folder: str | Path) -> list[Path]:
         """Write ``log.csv`` and ``signals.png``, atomically.

@@ -15,6 +15,7 @@ from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.io.folders import write_folder
 from hovercontrol.io.pyplot import open_in_pyplot
+from hovercontrol.io.short_repr import short_repr
 from hovercontrol.logs import Log
 from hovercontrol.scenarios.definition import Metric, Scenario
 from hovercontrol.scenarios.measures import measure
@@ -62,6 +63,8 @@ class Run:
     scenario: Scenario
     time: Array
     columns: Mapping[str, Array]
+
+    __repr__ = short_repr
 
     def log(self) -> Log:
         """Return the run as a log that ``identify`` reads."""

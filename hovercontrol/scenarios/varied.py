@@ -18,6 +18,7 @@ from hovercontrol.core.interconnect import interconnect
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.io.folders import write_folder
 from hovercontrol.io.pyplot import open_in_pyplot, shown_once
+from hovercontrol.io.short_repr import short_repr
 from hovercontrol.notebook.sweep_plots import draw_grid
 from hovercontrol.scenarios.definition import Scenario
 from hovercontrol.scenarios.drive import END, STEP, played
@@ -56,6 +57,8 @@ class Varied:
     figure: str
     unit: str
     result: SweepResult
+
+    __repr__ = short_repr
 
     @property
     def values(self) -> Array:

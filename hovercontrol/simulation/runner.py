@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 from hovercontrol.core.block import Block
 from hovercontrol.core.delays import UnderWay, delay_values
 from hovercontrol.errors import InputError, did_you_mean
+from hovercontrol.io.short_repr import short_repr
 from hovercontrol.simulation.given import initial_state
 from hovercontrol.simulation.reasons import REASONS
 
@@ -54,6 +55,8 @@ class Snapshot:
     of: tuple[str, ...]
     data: tuple[Any, ...]
     checksum: str = field(init=False, repr=False, default="")
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "checksum", self._computed())
@@ -97,6 +100,11 @@ class Runner(ABC):
         self._label, self._rest = label, 0.0
         self._pack, self._shape = struct.Struct(f"{len(inputs)}d").pack, (len(inputs),)
         self._sent = self._pack(*inputs)
+
+    def __repr__(self) -> str:
+        groups = (("input", self.input_labels), ("state", self.state_labels), ("output", self.output_labels))
+        counts = ", ".join(f"{len(names)} {kind}{'s' * (len(names) != 1)}" for kind, names in groups)
+        return f"{type(self).__name__} of {self._label} at t = {self.time:.6g} s: {counts}"
 
     def step(self, inputs: Inputs | None, dt: float) -> Array:
         """Hold inputs for a time and return the outputs at its end, shape (n_outputs,).

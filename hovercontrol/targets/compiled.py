@@ -22,6 +22,7 @@ from hovercontrol.core.block import Block, Rows
 from hovercontrol.core.boundary import checked
 from hovercontrol.core.delays import arrivals, undelayed
 from hovercontrol.core.friction import Friction
+from hovercontrol.core.summary import block_line
 from hovercontrol.errors import InputError, shown
 from hovercontrol.simulation.given import checked_times, initial_state, input_rows
 from hovercontrol.simulation.python_runner import start_block
@@ -98,6 +99,10 @@ class CompiledBlock:
         self._whole: Engine | None = None
         self._defaults = block.parameter_values()
         self._point = lru_cache(maxsize=16)(self._make_point)
+
+    def __repr__(self) -> str:
+        how = "machine code" if self.native else "NumPy"
+        return f"CompiledBlock ({how}, {self.friction} friction) of {block_line(self.block)}"
 
     def __reduce__(self) -> tuple[Any, ...]:
         return CompiledBlock, (self.block, self.friction)

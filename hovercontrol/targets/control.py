@@ -1,4 +1,7 @@
-"""A Block as one python-control system, with names, units' order and parameters that are checked."""
+"""The python-control system of a Block, with its names and order, and parameters that are checked.
+
+:mod:`.to_control` makes it; discrete-time systems of Blocks that are integrated lie in :mod:`.discrete`.
+"""
 
 from __future__ import annotations
 
@@ -9,21 +12,16 @@ import control
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from hovercontrol.core.backends import backend
 from hovercontrol.core.block import Block
-from hovercontrol.core.delays import pade as approximated
-from hovercontrol.core.delays import registers
 from hovercontrol.core.functions import numpy_functions
 from hovercontrol.errors import InputError, did_you_mean
-from hovercontrol.io.tables import positive
 from hovercontrol.targets import friction_slopes
-from hovercontrol.targets.library import Point, Solver
-from hovercontrol.targets.linear import point_values, state_space
+from hovercontrol.targets.library import Point
+from hovercontrol.targets.linear import point_values, sampled_names, state_space
 from hovercontrol.targets.points import points
 
 Array = NDArray[np.float64]
-
-#: How a hybrid Block is integrated from step to step.
-_STEPS = Solver("dormand-prince", 0.0, 1e-6, 1e-9)
 
 
 class _Params(dict[str, float]):
@@ -58,7 +56,7 @@ class BlockSystem(control.NonlinearIOSystem):
         self.block = block
         super().__init__(
             self._updates,
-            self._outputs,
+            None if self._outputs_are_states() else self._outputs,
             params=_Params(block.default_parameters),
             inputs=[s.name for s in block.inputs],
             outputs=[s.name for s in block.outputs],
@@ -68,13 +66,21 @@ class BlockSystem(control.NonlinearIOSystem):
         )
         self._prepare()
 
+    def _outputs_are_states(self) -> bool:
+        """Whether outputs are the states in order; python-control's state feedback looks for that."""
+        given = self.block.output_expressions.values()
+        return bool(self.block.outputs) and list(given) == [s.symbol for s in self.block.states]
+
     def _prepare(self) -> None:
         self._points = points(self.block)
         self._native: tuple[Point, Point] | None = None
         self._values = self.block.parameter_values()
+        # What was checked last: own parameters, those given, and whether an interconnection gave them.
+        self._seen: tuple[dict[str, float], dict[str, float], bool] | None = None
+        self._direct: tuple[dict[str, float], tuple[float, ...]] | None = None
 
     def __getstate__(self) -> dict[str, Any]:
-        left_out = ("_points", "_native")
+        left_out = ("_points", "_native", "_seen", "_direct")
         return {k: v for k, v in self.__dict__.items() if k not in left_out}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -84,11 +90,15 @@ class BlockSystem(control.NonlinearIOSystem):
         self._values = values
 
     def _update_params(self, params: Mapping[str, float] | None) -> None:
-        own = self.params
-        given = params or {}
+        # Called with every `dynamics` and `output`: to compare takes 0.3 us, to check 5 us a parameter.
+        own, given, pushed = self.params, params or {}, isinstance(params, _Params)
+        try:
+            if self._seen == (own, given, pushed):
+                return
+        except ValueError:  # an array among the values: the check below refuses it
+            pass
         foreign = [key for key in given if key not in own]
         for key in foreign:
-            pushed = isinstance(params, _Params)
             if not pushed or key.split(".")[0] in {k.split(".")[0] for k in own}:
                 hint = did_you_mean(key, own)
                 raise InputError(f"system {self.name!r}: unknown parameter {key!r}{hint}")
@@ -96,15 +106,20 @@ class BlockSystem(control.NonlinearIOSystem):
         self._current_params = current
         self._values = self.block.parameter_values(current)
         self._native = None
+        self._seen = dict(own), dict(given), pushed
 
+    # The system's `updfcn` and `outfcn`, which python-control calls with all parameters (phase planes do).
     def _updates(self, t: float, x: Any, u: Any, params: Mapping[str, float]) -> Array:
-        return numpy_functions(self.block).derivatives(t, x, u, self._own(params))
+        return self._points.python("derivatives", t, x, self._commanded(u), self._own(params))
 
     def _outputs(self, t: float, x: Any, u: Any, params: Mapping[str, float]) -> Array:
-        return numpy_functions(self.block).outputs(t, x, u, self._own(params))
+        return self._points.python("outputs", t, x, self._commanded(u), self._own(params))
 
-    def _own(self, params: Mapping[str, float]) -> dict[str, float]:
-        return {key: params[key] for key in self.params if key in params}
+    def _own(self, params: Mapping[str, float]) -> tuple[float, ...]:
+        if self._direct is None or self._direct[0] != params:
+            own = {key: params[key] for key in self.params if key in params}
+            self._direct = dict(params), self.block.parameter_values(own, bounded=False)
+        return self._direct[1]
 
     # What python-control calls at every point; the two methods above, without looking up parameters again.
     def _rhs(self, t: float, x: Any, u: Any) -> Array:
@@ -115,8 +130,8 @@ class BlockSystem(control.NonlinearIOSystem):
 
     def _out(self, t: float, x: Any, u: Any) -> Array:
         native, u = self._native or self._look_for_native(), self._commanded(u)
-        if native:
-            return native[1](t, x, u)
+        if native:  # python-control gives a static system one number as its states
+            return native[1](t, x if self.nstates else (), u)
         return self._points.python("outputs", t, x, u, self._values)
 
     def _commanded(self, u: Any) -> Any:
@@ -126,6 +141,12 @@ class BlockSystem(control.NonlinearIOSystem):
     def _look_for_native(self) -> tuple[Point, Point] | None:
         self._native = self._points.native(self._values)
         return self._native
+
+    def _derivative_matrices(self, t: float, x: Array, u: Array) -> list[Array]:
+        point = friction_slopes.Point(t, x, u, self._current_params)
+        matrices = friction_slopes.linear_matrices(self.block, point)
+        friction_slopes.warn_of_smoothing(self.block, matrices[0], point)
+        return matrices
 
     def linearize(
         self,
@@ -168,117 +189,55 @@ class BlockSystem(control.NonlinearIOSystem):
         u = point_values(u0, self.ninputs, "input", self.block.name)
         kwargs.pop("eps", None)  # a step for finite differences: nothing is left to choose
         self._update_params(params)
-        point = friction_slopes.Point(t, x, u, self._current_params)
-        matrices = friction_slopes.linear_matrices(self.block, point)
-        friction_slopes.warn_of_smoothing(self.block, matrices[0], point)
+        matrices = self._derivative_matrices(t, x, u)
         if copy_names:
             labels = {"inputs": self.input_labels, "outputs": self.output_labels, "states": self.state_labels}
             kwargs = {"name": f"{self.name}$linearized", **labels, **kwargs}
         return state_space(matrices, self.dt, **kwargs)
 
+    def sample(
+        self,
+        Ts: float,
+        method: str = "zoh",
+        alpha: float | None = None,
+        prewarp_frequency: float | None = None,
+        name: str | None = None,
+        copy_names: bool = True,
+        **kwargs: Any,
+    ) -> BlockSystem:
+        """Return the discrete-time system whose inputs hold from step to step; ``control.c2d`` calls this.
 
-class HybridSystem(BlockSystem):
-    """The python-control system of a hybrid Block: a discrete-time system, exact between its steps.
+        That of ``block.to_control(step=Ts)``, with this system's parameters.
 
-    From one step to the next the Block is integrated, and its ticks are taken when they are due, also those
-    between two steps. Inputs hold from step to step.
+        Parameters
+        ----------
+        Ts : float
+            Step [s].
+        method : {"zoh"}, optional
+            Other methods (``"tustin"``) are for linear systems.
+        alpha, prewarp_frequency : None
+            Of other methods.
+        name : str, optional
+            Of the system (default: this one's with ``$sampled``).
+        copy_names : bool, optional
+            Whether the names of signals and the system are kept; if not, python-control numbers them.
+        **kwargs
+            As for :func:`control.sample_system`: ``inputs``, ``outputs``, ``states``.
 
-    Parameters
-    ----------
-    block : Block
-    name : str, optional
-    step : float
-        [s]
-    """
-
-    def __init__(self, block: Block, name: str | None, step: float) -> None:
-        super().__init__(block, name)
-        self.dt = step
-
-    def _prepare(self) -> None:
-        self._compiled = self.block.compile()
-        self._values = self.block.parameter_values()
-
-    def __getstate__(self) -> dict[str, Any]:
-        return {k: v for k, v in self.__dict__.items() if k != "_compiled"}
-
-    def _advanced(self, t: float, until: float, x: Any, u: Any) -> Array:
-        given = np.ravel(self._commanded(u))
-        return self._compiled.advance_values(t, until, np.ravel(x), given, self._values, _STEPS)
-
-    def _rhs(self, t: float, x: Any, u: Any) -> Array:
-        return self._advanced(t, t + self.dt, x, u)
-
-    def _out(self, t: float, x: Any, u: Any) -> Array:
-        outputs = self._compiled.point_values("outputs", self._values)
-        return outputs(t, self._advanced(t, t, x, u), np.ravel(self._commanded(u)))
-
-    def _updates(self, t: float, x: Any, u: Any, params: Mapping[str, float]) -> Array:
-        self._update_params(params)
-        return self._rhs(t, x, u)
-
-    def _outputs(self, t: float, x: Any, u: Any, params: Mapping[str, float]) -> Array:
-        self._update_params(params)
-        return self._out(t, x, u)
-
-    def linearize(self, *args: Any, **kwargs: Any) -> control.StateSpace:
-        """Refuse: what ticks has no derivative; raises :class:`InputError`."""
-        self.block.need_continuous("linearisation", hybrid=False)
-        raise AssertionError
-
-
-def to_control(
-    block: Block, name: str | None = None, *, step: float | None = None, pade: int | None = None
-) -> BlockSystem:
-    """Return a Block as one :class:`control.NonlinearIOSystem`.
-
-    Parameters
-    ----------
-    block : Block
-    name : str, optional
-        System name (default: the Block's).
-    step : float, optional
-        Of a hybrid Block, which becomes a discrete-time system of that step [s] (default: the shortest of its
-        periods). Its ticks are on time whatever the step. Of a Block whose inputs act late, without `pade`:
-        the same, with shift registers of that step, of which each delay is a multiple.
-    pade : int, optional
-        Order of Pade's fraction for the delays of inputs that act late
-        (:func:`hovercontrol.core.delays.pade`).
-
-    Raises
-    ------
-    InputError
-        If the step is not positive, or the Block is not hybrid and has none; if inputs act late and neither
-        `step` nor `pade` says what to make of it, or none does and `pade` is given.
-
-    Examples
-    --------
-    >>> from hovercontrol.core.signals import Signal
-    >>> v, k = Signal("v", "m/s"), Signal("k", "1/s", start=2.0)
-    >>> system = to_control(Block("decay", [v], [], [v], [k], {"v": -k.symbol * v.symbol}))
-    >>> float(system.dynamics(0, [1.0], [], params={"decay.k": 3.0})[0])
-    -3.0
-    """
-    if pade is not None:
-        if not block.delays:
-            raise InputError(f"block {block.name!r}: no input acts late, found pade={pade!r}")
-        block = approximated(block, pade)
-    elif block.delays:
-        if step is None:
-            late = next(iter(block.delays))
+        Raises
+        ------
+        InputError
+            If the step is not positive, the method is another, or the system is discrete already.
+        """
+        if method != "zoh" or alpha is not None or prewarp_frequency is not None:
             raise InputError(
-                block.where(
-                    f"python-control has no continuous delay, and the input {late!r} acts late: "
-                    "to_control(pade=4) approximates it; to_control(step=h) is exact where inputs change at "
-                    "multiples of h alone and each delay is one"
-                )
+                f"system {self.name!r}: a nonlinear system is sampled with method='zoh' alone, found "
+                f"{method!r}: linearise it first"
             )
-        block = registers(block, positive(f"block {block.name!r}: step", step))
-    if not block.ticks:
-        if step is not None:
-            raise InputError(f"block {block.name!r}: only a hybrid block is stepped, found step={step!r}")
-        return BlockSystem(block, name)
-    step = min(tick.period for tick in block.ticks) if step is None else step
-    if not 0 < step < np.inf:
-        raise InputError(f"block {block.name!r}: step must be positive, found {step!r}")
-    return HybridSystem(block, name, step)
+        if self.dt:
+            raise InputError(f"system {self.name!r}: already discrete, with a step of {self.dt:g} s")
+        sampled: BlockSystem = backend("control")(self.block, step=Ts)
+        sampled.params = self.params.copy()
+        sampled._update_params(None)
+        sampled.update_names(**sampled_names(self, name, copy_names, kwargs))
+        return sampled

@@ -19,7 +19,7 @@ from hovercontrol.simulation.runge_kutta import rk4
 from hovercontrol.simulation.ticking import Running
 from hovercontrol.simulation.trajectory import simulate
 from hovercontrol.targets.compiler import NoCompilerError
-from hovercontrol.targets.library import METHODS, Array, Library, Point, Solver, check_point
+from hovercontrol.targets.library import METHODS, Array, Library, Point, Solver, Step, check_point
 
 Results = tuple[Array, Array, NDArray[np.intc]]
 
@@ -56,6 +56,17 @@ class NumpyEngine:
             x[:] = states[-1]
             return status
         return 0
+
+    def stepper(self, solver: Solver, values: tuple[float, ...]) -> Step:
+        """Return the function ``(t, until, x, u) -> (status, array)`` at fixed parameters."""
+        p = np.array(values)
+
+        def function(t: float, until: float, x: ArrayLike, u: ArrayLike) -> tuple[int, Array]:
+            check_point(self.block, x, u)
+            states = np.array(x, dtype=float)
+            return self.advance(solver, t, until, states, np.asarray(u, dtype=float), p), states
+
+        return function
 
     def simulate(
         self, solver: Solver, times: Array, u: Array, x: Array, p: Array

@@ -15,6 +15,7 @@ from hovercontrol.core.block import Block, Rows
 from hovercontrol.core.friction import Friction
 from hovercontrol.errors import InputError, shown
 from hovercontrol.targets.c import c_source
+from hovercontrol.targets.c_exports import EXPORTS
 from hovercontrol.targets.c_lanes import lanes_source
 from hovercontrol.targets.compiler import NotCachedError, generated, load_library
 from hovercontrol.targets.resting import without_resting_states
@@ -22,89 +23,12 @@ from hovercontrol.targets.runtime import SIMULATION, runtime_files
 
 Array = NDArray[np.float64]
 Point = Callable[[float, ArrayLike, ArrayLike], Array]
+Step = Callable[[float, float, ArrayLike, ArrayLike], tuple[int, Array]]
 
 #: Steps between two times of the grid after which the solver gives up, some seconds.
 MAX_STEPS = 10_000_000
 NO_MEMORY = 1  # of hc_solver.h
 METHODS = ("dormand-prince", "rk4")  # in the order of hc_solver.h
-_EXPORTS = """#include "hc_runner.h"
-#include "hc_simulate.h"
-#ifdef _WIN32
-#define EXPORT __declspec(dllexport)
-#else
-#define EXPORT __attribute__((visibility("default")))
-#endif
-EXPORT void block_derivatives(double t, const double *x, const double *u, const double *p, double *dx)
-{
-    hc_model.derivatives(t, x, u, p, 0, dx);
-}
-EXPORT void block_outputs(double t, const double *x, const double *u, const double *p, double *y)
-{
-    hc_model.outputs(t, x, u, p, 0, y);
-}
-EXPORT int block_lanes(void)
-{
-    return hc_model_lanes ? HC_LANES : 1;
-}
-EXPORT int block_simulate(const hc_part *part, const hc_options *options, const double *times, long n_times,
-                          double *x, const double *u, const double *p, double *states, double *outputs,
-                          double *reached)
-{
-    return hc_simulate_part(&hc_model, part, options, times, n_times, x, u, p, states, outputs, reached);
-}
-EXPORT int block_advance(const hc_options *options, const double *times, double *x, const double *u,
-                         const double *p)
-{
-    return hc_advance(&hc_model, options, times[0], times[1], x, u, p);
-}
-EXPORT int block_sweep(const hc_part *part, const hc_options *options, const double *times, long n_times,
-                       long n_runs, const double *x, const double *u, const double *p, double from,
-                       const double *band, double *figures, double *final, int *status)
-{
-    return hc_sweep_part(&hc_model, part, hc_model_lanes, options, times, n_times, n_runs, x, u, p, from,
-                         band, figures, final, status);
-}
-EXPORT void *runner_new(const hc_options *options, double *y)
-{
-    return hc_runner_new(&hc_model, options, y);
-}
-EXPORT void runner_free(void *runner)
-{
-    hc_runner_free(runner);
-}
-EXPORT int runner_begin(void *runner, double t, const double *x, const double *u, const double *p)
-{
-    return hc_runner_begin(runner, t, x, u, p);
-}
-EXPORT int runner_step(void *runner, double until, const double *u)
-{
-    return hc_runner_step(runner, until, u);
-}
-EXPORT int runner_jump(void *runner, const double *x, const int *given, const double *p)
-{
-    return hc_runner_jump(runner, x, given, p);
-}
-EXPORT double runner_time(const void *runner)
-{
-    return hc_runner_time(runner);
-}
-EXPORT void runner_states(const void *runner, double *x)
-{
-    hc_runner_states(runner, x);
-}
-EXPORT long runner_size(const void *runner)
-{
-    return hc_runner_size(runner);
-}
-EXPORT void runner_save(const void *runner, double *into)
-{
-    hc_runner_save(runner, into);
-}
-EXPORT void runner_load(void *runner, const double *from)
-{
-    hc_runner_load(runner, from);
-}
-"""
 _NO_LANES = '#include "hc_lanes.h"\nconst hc_lanes_function hc_model_lanes = NULL;\n'
 
 
@@ -143,6 +67,8 @@ class _Buffers(threading.local):
         self.x, self.u = np.zeros(n_states), np.zeros(n_inputs)
         self.result = np.zeros(n_states if rows == "derivatives" else n_outputs)
         self.addresses = tuple(a.ctypes.data for a in (self.x, self.u, p, self.result))
+        self.times = np.zeros(2)
+        self.span = self.times.ctypes.data
 
 
 def check_point(block: Block, x: ArrayLike, u: ArrayLike) -> None:
@@ -225,7 +151,7 @@ class Library:
         self._place = np.array(kept, dtype=np.intc)
         self.resting = np.delete(np.arange(len(block.states)), kept)
         self._part = _Part(len(block.states), self._place.ctypes.data)
-        files = runtime_files(SIMULATION) | {"exports.c": _EXPORTS}
+        files = runtime_files(SIMULATION) | {"exports.c": EXPORTS}
         texts = {"model.c": partial(c_source, partials=False)} | ({"lanes.c": lanes_source} if lanes else {})
         for name, make in texts.items():
             kind = f"{name} {friction} {whole}"
@@ -267,6 +193,21 @@ class Library:
         """
         options, times = solver_options(solver), np.array([t, until], dtype=float)
         return self._advance(ctypes.byref(options), *(a.ctypes.data for a in (times, x, u, p)))
+
+    def stepper(self, solver: Solver, values: tuple[float, ...]) -> Step:
+        """Return the function ``(t, until, x, u) -> (status, array)`` of this at fixed parameters."""
+        p, options = np.array(values), solver_options(solver)
+        ready = _Buffers(len(self._block.inputs), p, *self._sizes, "derivatives")
+        how = ctypes.byref(options)
+
+        def function(t: float, until: float, x: ArrayLike, u: ArrayLike) -> tuple[int, Array]:
+            check_point(self._block, x, u)
+            ready.x[:], ready.u[:] = x, u
+            ready.times[:] = t, until
+            status = self._advance(how, ready.span, *ready.addresses[:3])
+            return status, ready.x.copy()
+
+        return function
 
     def simulate(
         self, solver: Solver, times: Array, u: Array, x: Array, p: Array

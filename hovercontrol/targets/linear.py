@@ -2,23 +2,89 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import control
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import cont2discrete
 
 from hovercontrol.errors import InputError
 
 Array = NDArray[np.float64]
 
 
+class StateSpaceWithoutInputs(control.StateSpace):
+    """A linear system without inputs; made by :func:`state_space`.
+
+    ``control.StateSpace`` takes a matrix of shape (1, 0) for one of shape (0, 0) (python-control #1176) and
+    then refuses the system: so this one is made with an input, which is then taken away. Linearising and
+    sampling, which python-control does by making another system, are done here in the same way.
+    """
+
+    def __init__(self, matrices: Sequence[Array], dt: float | None, **kwargs: Any) -> None:
+        A, B, C, D = matrices
+        without = kwargs.pop("inputs", [])
+        with_one = (A, np.zeros((len(B), 1)), C, np.zeros((len(D), 1)))
+        super().__init__(*with_one, dt, remove_useless_states=False, **kwargs)
+        self.B, self.D = B, D
+        self.set_inputs(without)
+
+    def _again(self, A: Array, dt: float | None, **names: Any) -> StateSpaceWithoutInputs:
+        return StateSpaceWithoutInputs([A, self.B, self.C, self.D], dt, **names)
+
+    def linearize(
+        self, x0: Any, u0: Any = None, t: float = 0, params: Any = None, eps: float = 1e-6,
+        copy_names: bool = False, **kwargs: Any,
+    ) -> control.StateSpace:  # fmt: skip
+        """Return a copy: a linear system is its own linearisation at every point."""
+        labels = {"outputs": self.output_labels, "states": self.state_labels} if copy_names else {}
+        name = {"name": f"{self.name}$linearized"} if copy_names else {}
+        return self._again(self.A, self.dt, **{**labels, **name, **kwargs})
+
+    def sample(
+        self, Ts: float, method: str = "zoh", alpha: float | None = None,
+        prewarp_frequency: float | None = None, name: str | None = None, copy_names: bool = True,
+        **kwargs: Any,
+    ) -> control.StateSpace:  # fmt: skip
+        """Return the discrete-time system; arguments as of :meth:`control.StateSpace.sample`."""
+        if not self.isctime():
+            raise ValueError("System must be continuous-time system")
+        with_one = (self.A, np.zeros((self.nstates, 1)), self.C, np.zeros((self.noutputs, 1)))
+        A, _, C, _, _ = cont2discrete(with_one, Ts, method, alpha)
+        sampled = StateSpaceWithoutInputs([A, self.B, C, self.D], Ts)
+        sampled.update_names(**sampled_names(self, name, copy_names, kwargs))
+        return sampled
+
+
+def sampled_names(
+    system: control.InputOutputSystem, name: str | None, copy_names: bool, given: Mapping[str, Any]
+) -> dict[str, Any]:
+    """Return the names of a sampled system, as :func:`control.sample_system` chooses them.
+
+    Parameters
+    ----------
+    system : control.InputOutputSystem
+        Continuous.
+    name : str or None
+    copy_names : bool
+        Whether those of `system` are kept.
+    given : mapping
+        ``inputs``, ``outputs``, ``states`` over these.
+    """
+    if copy_names:
+        default = control.config.defaults
+        prefix, suffix = (default[f"iosys.sampled_system_name_{end}"] for end in ("prefix", "suffix"))
+        inputs, outputs, states = system.input_labels, system.output_labels, system.state_labels
+        labels = {"inputs": inputs, "outputs": outputs, "states": states}
+        return {"name": name or f"{prefix}{system.name}{suffix}", **labels, **given}
+    sizes = {"inputs": system.ninputs, "outputs": system.noutputs, "states": system.nstates}
+    return {"name": name or control.InputOutputSystem().name, **sizes, **given}
+
+
 def state_space(matrices: Sequence[Array], dt: float | None, **kwargs: Any) -> control.StateSpace:
     """Return the system ``A, B, C, D`` with all its states, also where it has no inputs.
-
-    ``control.StateSpace`` takes a matrix of shape (1, 0) for one of shape (0, 0) (python-control #1176), so
-    a system without inputs is made with one, which is then taken away.
 
     Parameters
     ----------
@@ -38,12 +104,7 @@ def state_space(matrices: Sequence[Array], dt: float | None, **kwargs: Any) -> c
     A, B, C, D = matrices
     if B.shape[1]:
         return control.StateSpace(A, B, C, D, dt, remove_useless_states=False, **kwargs)
-    without = kwargs.pop("inputs", [])
-    with_one = (A, np.zeros((len(B), 1)), C, np.zeros((len(D), 1)))
-    system = control.StateSpace(*with_one, dt, remove_useless_states=False, **kwargs)
-    system.B, system.D = B, D
-    system.set_inputs(without)
-    return system
+    return StateSpaceWithoutInputs(matrices, dt, **kwargs)
 
 
 def point_values(given: Any, n: int, kind: str, name: str) -> Array:

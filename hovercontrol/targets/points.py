@@ -22,6 +22,7 @@ from hovercontrol.targets.library import Library, Point
 
 Array = NDArray[np.float64]
 
+_REAL = np.dtype(float)
 #: Python's bytecode (1 ns a byte) above which a library is loaded, and above which it is built.
 LOAD_AFTER, BUILD_AFTER = 3e7, 1e9
 #: Less than this an evaluation is faster in Python.
@@ -77,4 +78,6 @@ def points(block: Block) -> Points:
 
 
 def _list(values: Any) -> list[float]:
+    if type(values) is np.ndarray and values.dtype is _REAL and values.ndim == 1:
+        return values.tolist()
     return np.asarray(values, dtype=float).ravel().tolist()

@@ -19,6 +19,7 @@ from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.io.files import write_atomically
 from hovercontrol.io.pyplot import open_in_pyplot
+from hovercontrol.io.short_repr import cut, listed, short, short_repr
 from hovercontrol.simulation.reasons import REASONS
 
 if TYPE_CHECKING:
@@ -56,6 +57,8 @@ class Axis:
     values: Array
     label: str = ""
 
+    __repr__ = short_repr
+
     def __str__(self) -> str:
         return f"{self.label or self.name} [{self.unit}]"
 
@@ -82,6 +85,8 @@ class Figures:
     minimum: Array
     rms: Array
     settling: Array
+
+    __repr__ = short_repr
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,6 +125,14 @@ class SweepResult:
     states_final: Array
     status: NDArray[np.intc]
     errors: dict[int, str] = field(default_factory=dict, init=False)
+
+    def __repr__(self) -> str:
+        units = self.units
+        varied = [f"{name} [{units.get(name, '1')}] {short(v)}" for name, v in self.given.items()]
+        outputs = listed((f"{name} [{units.get(name, '1')}]" for name in self.outputs), len(self.outputs))
+        lines = [f"SweepResult: {len(self)} runs, {np.count_nonzero(self.status)} failed"]
+        lines += [f"  varied   {cut(listed(varied, len(varied)))}"] if varied else []
+        return "\n".join([*lines, f"  outputs  {cut(outputs)}: final, maximum, minimum, rms, settling"])
 
     def __len__(self) -> int:
         return len(self.status)

@@ -33,6 +33,7 @@ from hovercontrol.errors import InputError
 from hovercontrol.io.figure_style import COLOUR_MAP
 from hovercontrol.io.files import write_atomically
 from hovercontrol.io.pyplot import open_in_pyplot, shown_once
+from hovercontrol.io.short_repr import short_repr
 from hovercontrol.io.tables import positive
 from hovercontrol.models.model import Model
 from hovercontrol.models.vehicles import c17_experiment, c17_simulation
@@ -82,6 +83,8 @@ class ExpectedErrors:
     rudder: Array
     within_limits: NDArray[np.bool_]
     duration: float
+
+    __repr__ = short_repr
 
     def table(self) -> pyarrow.Table:
         """Return one row for each reference."""

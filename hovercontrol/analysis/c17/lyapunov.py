@@ -27,6 +27,7 @@ from hovercontrol.analysis.common.regions import as_numbers
 from hovercontrol.core.arguments import together
 from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError
+from hovercontrol.io.short_repr import short_repr
 from hovercontrol.models.model import Model
 from hovercontrol.models.vehicles import c17_simulation
 
@@ -193,6 +194,8 @@ class Decay:
     guaranteed: Array
     true: Array
     overshoot: Array
+
+    __repr__ = short_repr
 
     @property
     def admissible(self) -> NDArray[np.bool_]:

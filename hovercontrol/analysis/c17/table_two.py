@@ -13,6 +13,7 @@ from hovercontrol.core.block import Block
 from hovercontrol.core.interconnect import interconnect
 from hovercontrol.core.signals import Signal, time
 from hovercontrol.errors import InputError
+from hovercontrol.io.short_repr import short_repr
 from hovercontrol.scenarios import Scenario, load_scenario
 from hovercontrol.scenarios.definition import Metric
 from hovercontrol.scenarios.parts import loop_parts
@@ -128,6 +129,8 @@ class TableTwo:
     factor: Array
     fitted: Array
     estimated: Array
+
+    __repr__ = short_repr
 
     @property
     def least(self) -> float:

@@ -18,6 +18,7 @@ from hovercontrol.analysis.common.regions import as_numbers
 from hovercontrol.core.boundary import checked
 from hovercontrol.core.sgn import sgn
 from hovercontrol.errors import InputError
+from hovercontrol.io.short_repr import short_repr
 from hovercontrol.io.tables import positive
 from hovercontrol.models.model import Model
 from hovercontrol.models.vehicles import c17_simulation
@@ -177,6 +178,8 @@ class Prediction:
     printed: NDArray[np.bool_]
     nose: NDArray[np.bool_]
     stern: NDArray[np.bool_]
+
+    __repr__ = short_repr
 
 
 @checked

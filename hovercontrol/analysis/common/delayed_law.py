@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import expm, solve_discrete_lyapunov
 
 from hovercontrol.errors import InputError
+from hovercontrol.io.short_repr import short_repr
 from hovercontrol.io.tables import number, positive
 
 Array = NDArray[np.float64]
@@ -54,6 +55,8 @@ class DelayedLoop:
     delay: float
     Q: Array
     R: Array
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         for key in ("A", "B", "Q", "R"):

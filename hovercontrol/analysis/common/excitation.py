@@ -27,6 +27,7 @@ from hovercontrol.errors import InputError
 from hovercontrol.estimators.regression import Regression, regression
 from hovercontrol.estimators.regressors import Regressors
 from hovercontrol.io.pyplot import open_in_pyplot
+from hovercontrol.io.short_repr import short_repr
 
 Array = NDArray[np.float64]
 
@@ -74,6 +75,8 @@ class FunctionSet:
     singular_values: Array
     not_excited: tuple[str, ...]
     directions: tuple[Direction, ...]
+
+    __repr__ = short_repr
 
     @property
     def independent(self) -> bool:

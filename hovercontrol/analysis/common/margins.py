@@ -22,6 +22,7 @@ from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.io.pyplot import open_in_pyplot
+from hovercontrol.io.short_repr import short_repr
 from hovercontrol.targets.trim import Trim
 
 if TYPE_CHECKING:
@@ -199,6 +200,8 @@ class FrozenMargins:
 
     times: Array
     each: tuple[Margins, ...]
+
+    __repr__ = short_repr
 
     def __getitem__(self, name: str) -> Array:
         """Return one margin over time, shape (n,)."""

@@ -29,6 +29,7 @@ from hovercontrol.errors import InputError
 from hovercontrol.estimators.regression import regression
 from hovercontrol.estimators.regressors import Regressors
 from hovercontrol.io.pyplot import open_in_pyplot
+from hovercontrol.io.short_repr import short_repr
 
 Array = NDArray[np.float64]
 
@@ -87,6 +88,8 @@ class SlidingGramian:
     time: Array
     eigenvalues: Array
     width: float
+
+    __repr__ = short_repr
 
     @property
     def condition(self) -> Array:
@@ -164,6 +167,8 @@ class Gramian:
     weakest: Direction
     std: dict[str, float]
     _sampled: _Sampled = field(repr=False)
+
+    __repr__ = short_repr
 
     @property
     def condition(self) -> float:

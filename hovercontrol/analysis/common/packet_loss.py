@@ -25,6 +25,7 @@ from hovercontrol.core.arguments import as_row, at_least
 from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError, did_you_mean
+from hovercontrol.io.short_repr import short_repr
 from hovercontrol.io.tables import number, positive
 
 Array = NDArray[np.float64]
@@ -62,6 +63,8 @@ class PacketLoop:
 
     arrives: Array
     lost: Array
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         shapes = [np.shape(m) for m in (self.arrives, self.lost)]

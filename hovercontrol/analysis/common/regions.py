@@ -20,6 +20,7 @@ from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.io.figure_style import figure_style
 from hovercontrol.io.files import write_atomically
 from hovercontrol.io.pyplot import open_in_pyplot, shown_once
+from hovercontrol.io.short_repr import short_repr
 from hovercontrol.io.tables import number
 from hovercontrol.targets.compiled import CompiledBlock
 from hovercontrol.targets.sweep import Axis as Axis
@@ -157,6 +158,8 @@ class Region:
     labels: Mapping[str, str] = field(default_factory=dict)
     lines: Mapping[str, tuple[Array, Array]] = field(default_factory=dict)
     marks: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         shape = (len(self.y.values), len(self.x.values))

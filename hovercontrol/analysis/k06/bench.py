@@ -16,6 +16,7 @@ from hovercontrol.autopilot.turntable import ARM
 from hovercontrol.core.interconnect import interconnect
 from hovercontrol.estimators.ins import IMU_PERIOD, K06_NOISE
 from hovercontrol.hardware.sensors import gyro_compensation, gyro_dynamics
+from hovercontrol.io.short_repr import short_repr
 from hovercontrol.targets.compiled import CompiledBlock
 
 Array = NDArray[np.float64]
@@ -92,6 +93,8 @@ class Rms:
 
     runs: Array
     printed: float = math.nan
+
+    __repr__ = short_repr
 
     @property
     def mean(self) -> float:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from hovercontrol.analysis.k06.trials import need_trial
 from hovercontrol.autopilot import SWITCHES, Imperfections, seeds
 from hovercontrol.io.pyplot import open_in_pyplot
+from hovercontrol.io.short_repr import short_repr
 from hovercontrol.scenarios import Scenario
 from hovercontrol.scenarios.parts import loop_parts, phase_parameters
 from hovercontrol.scenarios.real import real_loop
@@ -43,6 +44,8 @@ class Cost:
     """
 
     runs: Array
+
+    __repr__ = short_repr
 
     @property
     def mean(self) -> float:

@@ -16,6 +16,7 @@ from scipy.integrate import cumulative_trapezoid
 from hovercontrol.core.block import Block
 from hovercontrol.estimators.ins.noise import SensorErrors
 from hovercontrol.hardware.sensors.beacons import Beacons
+from hovercontrol.io.short_repr import short_repr
 
 Array = NDArray[np.float64]
 
@@ -50,6 +51,8 @@ class Course:
     position: Array
     force: Array
 
+    __repr__ = short_repr
+
 
 @dataclass(frozen=True)
 class Sensed:
@@ -68,6 +71,8 @@ class Sensed:
     inputs: dict[str, Array]
     start: Array
     biases: Array
+
+    __repr__ = short_repr
 
 
 def course(

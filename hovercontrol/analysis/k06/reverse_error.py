@@ -21,6 +21,7 @@ from hovercontrol.core.block import Block
 from hovercontrol.effects import Effect, effect
 from hovercontrol.errors import InputError
 from hovercontrol.hardware.actuators import FanTable
+from hovercontrol.io.short_repr import short_repr
 from hovercontrol.scenarios import Scenario, load_scenario
 from hovercontrol.scenarios.definition import Phase
 from hovercontrol.scenarios.parts import loop_parts
@@ -108,6 +109,8 @@ class SteadyError:
     astern: tuple[Array, ...]
     ahead: Array
     yaw_rate: float
+
+    __repr__ = short_repr
 
     def agrees(self, nothing: SteadyError) -> tuple[bool, bool]:
         """Tell whether both of K06's findings come out: an error at each reference astern, none ahead.

@@ -13,6 +13,7 @@ from hovercontrol.core.signals import time
 from hovercontrol.effects import Effect, Shape
 from hovercontrol.estimation.fit import Fit
 from hovercontrol.estimation.passes import inverse
+from hovercontrol.io.short_repr import short_repr
 
 Array = NDArray[np.float64]
 
@@ -48,6 +49,8 @@ class Blocks:
     t: float
     dof: float
     spread: float
+
+    __repr__ = short_repr
 
     @property
     def p_value(self) -> float:

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from hovercontrol.io.short_repr import short_repr
+
 Array = NDArray[np.float64]
 
 
@@ -54,6 +56,8 @@ class Quantity:
     values: Array
     is_command: bool = False
 
+    __repr__ = short_repr
+
 
 @dataclass(frozen=True, eq=False)
 class Missing:
@@ -81,6 +85,8 @@ class Missing:
     band: Array
     over: tuple[Quantity, ...] = ()
     seen: float = 1.0
+
+    __repr__ = short_repr
 
     @property
     def segments(self) -> list[tuple[float, float]]:

@@ -7,6 +7,7 @@ from typing import Any
 
 from hovercontrol.discrepancy.evidence.blocks import Blocks
 from hovercontrol.discrepancy.evidence.holdout import Gained, Horizons
+from hovercontrol.io.short_repr import short_repr
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,6 +29,8 @@ class Evidence:
     blocks: Blocks
     holdout: Horizons = field(default_factory=Horizons)
     gained: Gained | None = None
+
+    __repr__ = short_repr
 
     def result(self) -> dict[str, Any]:
         """Return what ``result.json`` holds."""

@@ -14,6 +14,7 @@ from hovercontrol.discrepancy.evidence.remainder import missing_forces
 from hovercontrol.estimation.fit import Fit
 from hovercontrol.estimation.problem import STEP, Problem
 from hovercontrol.estimation.rows import BLOCKING
+from hovercontrol.io.short_repr import short_repr
 from hovercontrol.targets.shoot import shoot
 
 Array = NDArray[np.float64]
@@ -48,6 +49,8 @@ class Trace:
     simulated: Array
     starts: tuple[float, ...]
     missing: tuple[Missing, ...] = ()
+
+    __repr__ = short_repr
 
     def rms(self) -> dict[str, float]:
         """Return the root mean square error of each channel in its unit; infinite where it runs away."""

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hovercontrol.core.signals import Signal
+from hovercontrol.io.short_repr import short_repr
 
 Array = NDArray[np.float64]
 Limits = Mapping[str, tuple[float, float]]
@@ -59,6 +60,8 @@ class Manoeuvre:
     text: str
     time: Array
     commands: Mapping[str, Array]
+
+    __repr__ = short_repr
 
 
 def reach(signal: Signal, driven: Array) -> tuple[float, float]:

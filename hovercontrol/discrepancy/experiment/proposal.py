@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hovercontrol.io.files import write_atomically
+from hovercontrol.io.short_repr import short_repr
 
 Array = NDArray[np.float64]
 
@@ -38,6 +39,8 @@ class Experiment:
     time: Array
     commands: Mapping[str, Array]
     benefit: float
+
+    __repr__ = short_repr
 
     def save(self, path: str | Path) -> Path:
         """Write the commands to a CSV file with the columns of a log."""

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from hovercontrol.discrepancy.evidence.traces import runs_of, simulate_runs
 from hovercontrol.estimation.fit import Fit
+from hovercontrol.io.short_repr import short_repr
 
 Array = NDArray[np.float64]
 
@@ -40,6 +41,8 @@ class FreeRun:
     at: Array
     simulated: Array
     starts: tuple[int, ...]
+
+    __repr__ = short_repr
 
     @property
     def error(self) -> Array:

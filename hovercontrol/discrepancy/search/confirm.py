@@ -29,6 +29,7 @@ from hovercontrol.discrepancy.search.trial import (
     with_times,
 )
 from hovercontrol.estimation.fit import Fit
+from hovercontrol.io.short_repr import short_repr
 
 #: Times at most that a better effect takes the place of a named one; one that is better still is a rival.
 ROUNDS = 2
@@ -98,6 +99,8 @@ class Selection:
     without: dict[str, Fit] = field(default_factory=dict)
     dropped: tuple[Lead, ...] = ()
     alternatives: tuple[tuple[str, Tried], ...] = ()
+
+    __repr__ = short_repr
 
 
 def confirmed(

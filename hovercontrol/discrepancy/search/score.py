@@ -21,6 +21,7 @@ from hovercontrol.estimation.fit import Fit
 from hovercontrol.estimation.kalman import run_filter
 from hovercontrol.estimation.noise import augment
 from hovercontrol.estimation.passes import inverse, products
+from hovercontrol.io.short_repr import short_repr
 
 Array = NDArray[np.float64]
 
@@ -56,6 +57,8 @@ class Scored:
     p_value: float
     allowed: bool
     blocks: Array
+
+    __repr__ = short_repr
 
     @property
     def effect(self) -> Effect:

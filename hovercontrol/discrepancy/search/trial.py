@@ -15,6 +15,7 @@ from hovercontrol.effects import Effect, Shape
 from hovercontrol.estimation.fit import CONVERGENCE, Fit, estimate, first_noise, refit
 from hovercontrol.estimation.prior import prior_of
 from hovercontrol.estimation.subject import Subject
+from hovercontrol.io.short_repr import short_repr
 
 
 @dataclass(frozen=True)
@@ -73,6 +74,8 @@ class Tried:
     blocks: Blocks
     numbers: int
     bristles: bool = False
+
+    __repr__ = short_repr
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,6 +15,7 @@ from scipy.special import chdtri
 from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError
 from hovercontrol.io.pyplot import open_in_pyplot
+from hovercontrol.io.short_repr import short_repr
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -59,6 +60,8 @@ class Consistency:
     mean_nees_band: tuple[float, float]
     nis: Array
     nis_band: Array
+
+    __repr__ = short_repr
 
     @property
     def nees_inside(self) -> float:

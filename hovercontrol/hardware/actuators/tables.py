@@ -15,6 +15,7 @@ from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError
 from hovercontrol.io.files import write_atomically
 from hovercontrol.io.pyplot import open_in_pyplot
+from hovercontrol.io.short_repr import short_repr
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -61,6 +62,8 @@ class FanTable:
     rudder: Floats
     columns: Floats
     values: Floats
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         for key in ("rudder", "columns", "values"):
@@ -223,6 +226,8 @@ class ServoTable:
     name: str
     pulse: Floats
     angle: Floats
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         for key in ("pulse", "angle"):

@@ -13,6 +13,7 @@ from scipy.special import stdtrit
 from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError
 from hovercontrol.io.pyplot import open_in_pyplot
+from hovercontrol.io.short_repr import short_repr
 
 Floats = NDArray[np.float64]
 
@@ -72,6 +73,8 @@ class Fit:
     units: tuple[str, ...]
     values: Floats
     covariance: Floats
+
+    __repr__ = short_repr
 
     @property
     def residuals(self) -> Floats:

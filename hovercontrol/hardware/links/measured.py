@@ -14,6 +14,7 @@ from scipy.optimize import root
 from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.io.pyplot import open_in_pyplot
+from hovercontrol.io.short_repr import short_repr
 from hovercontrol.io.tables import positive
 from hovercontrol.logs.check import check_finite
 from hovercontrol.logs.source import open_source
@@ -69,6 +70,8 @@ class MeasuredDelays:
     samples: Array
     shares: Array = field(init=False)
     knots: Array = field(init=False)
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         samples = np.sort(np.asarray(self.samples, dtype=float).ravel())

@@ -1,0 +1,195 @@
+"""Discrete-time python-control systems of Blocks that are integrated from step to step, inputs held.
+
+:class:`HeldSystem` is that of a continuous Block, exact for inputs that hold (zero-order hold), with exact
+Jacobians; :class:`HybridSystem` that of a Block with parts that tick.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import lru_cache
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+
+from hovercontrol.core.block import Block
+from hovercontrol.core.functions import call_scalar, numpy_functions
+from hovercontrol.core.switching import switching_times
+from hovercontrol.errors import InputError
+from hovercontrol.simulation.reasons import REASONS
+from hovercontrol.targets.control import BlockSystem
+from hovercontrol.targets.engines import engine_of
+from hovercontrol.targets.library import Solver, Step
+
+Array = NDArray[np.float64]
+
+#: How a continuous Block is integrated: python-control takes differences of these numbers in steps of 1e-6,
+#: SciPy's optimisers in steps of 1e-8.
+_HELD = Solver("dormand-prince", 0.0, 1e-10, 1e-12)
+#: How a hybrid Block is integrated.
+_HYBRID = Solver("dormand-prince", 0.0, 1e-6, 1e-9)
+#: Relative and absolute tolerance of the variational equations.
+_RTOL, _ATOL = 1e-12, 1e-13
+
+
+class SteppedSystem(BlockSystem):
+    """A Block from step to step; the base of both kinds.
+
+    Parameters
+    ----------
+    block : Block
+    name : str or None
+    step : float
+        [s]
+    """
+
+    _solver: Solver
+
+    def __init__(self, block: Block, name: str | None, step: float) -> None:
+        super().__init__(block, name)
+        self.dt = step
+
+    def _prepare(self) -> None:
+        super()._prepare()
+        engine = engine_of(self.block, "smooth")
+        self._stepper = lru_cache(maxsize=16)(lambda values: engine.stepper(self._solver, values))
+        self._step: Step | None = None
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {k: v for k, v in super().__getstate__().items() if k not in ("_stepper", "_step")}
+
+    def _update_params(self, params: Mapping[str, float] | None) -> None:
+        before = self._values
+        super()._update_params(params)
+        if self._values is not before:
+            self._step = None
+
+    def _advanced(self, t: float, until: float, x: Any, u: Any) -> Array:
+        step = self._step = self._step or self._stepper(self._values)
+        status, states = step(t, until, np.ravel(x), np.ravel(self._commanded(u)))
+        if status:
+            raise InputError(
+                f"block {self.block.name!r}: the simulation stops after t = {t:.6g} s: {REASONS[status]}"
+            )
+        return states
+
+    def _rhs(self, t: float, x: Any, u: Any) -> Array:
+        return self._advanced(t, t + self.dt, x, u)
+
+    def _updates(self, t: float, x: Any, u: Any, params: Mapping[str, float]) -> Array:
+        step = self._stepper(self._own(params))
+        return step(t, t + self.dt, np.ravel(x), np.ravel(self._commanded(u)))[1]
+
+
+class HeldSystem(SteppedSystem):
+    """The discrete-time system of a continuous Block, exact for inputs that hold from step to step.
+
+    Its states are the Block's, ``x[k+1] = phi(x[k], u[k])`` with the flow phi of the Block over one step. The
+    flow is computed to a relative error of 1e-10, by machine code where there is a C compiler.
+    """
+
+    _solver = _HELD
+
+    def _derivative_matrices(self, t: float, x: Array, u: Array) -> list[Array]:
+        f = numpy_functions(self.block)
+        outputs = [f.jacobian(t, x, u, self._current_params, "outputs", by) for by in ("states", "inputs")]
+        return [*step_jacobians(self.block, t, t + self.dt, x, u, self._current_params), *outputs]
+
+
+class HybridSystem(SteppedSystem):
+    """The discrete-time system of a hybrid Block, exact between its steps.
+
+    From one step to the next the Block is integrated, and its ticks are taken when they are due, also those
+    between two steps. Inputs hold from step to step.
+    """
+
+    _solver = _HYBRID
+
+    def _outputs_are_states(self) -> bool:
+        return False  # ticks are taken first
+
+    def _out(self, t: float, x: Any, u: Any) -> Array:
+        return super()._out(t, self._advanced(t, t, x, u), self._commanded(u))
+
+    def _outputs(self, t: float, x: Any, u: Any, params: Mapping[str, float]) -> Array:
+        states = self._stepper(self._own(params))(t, t, np.ravel(x), np.ravel(self._commanded(u)))[1]
+        return super()._outputs(t, states, u, params)
+
+    def linearize(self, *args: Any, **kwargs: Any) -> Any:
+        """Refuse: what ticks has no derivative; raises :class:`InputError`."""
+        self.block.need_continuous("linearisation", hybrid=False)
+        raise AssertionError
+
+
+def step_jacobians(
+    block: Block, t: float, until: float, x: Array, u: Array, params: Mapping[str, float] | None = None
+) -> tuple[Array, Array]:
+    """Return the derivatives of the states after a step by those before it, and by the inputs held over it.
+
+    Parameters
+    ----------
+    block : Block
+        Continuous.
+    t, until : float
+        From and to [s].
+    x : ndarray, shape (n_states,)
+        At `t`.
+    u : ndarray, shape (n_inputs,)
+    params : mapping, optional
+        Parameter values by key, over the defaults.
+
+    Returns
+    -------
+    ndarray, shape (n_states, n_states)
+    ndarray, shape (n_states, n_inputs)
+
+    Raises
+    ------
+    InputError
+        If the integration fails.
+
+    Notes
+    -----
+    The variational equations, along the solution of x' = f(t, x, u)::
+
+        Phi' = A Phi,        Phi(t) = I,      A = df/dx
+        Gamma' = A Gamma + B, Gamma(t) = 0,   B = df/du
+
+    Source: E. Hairer, S. Norsett, G. Wanner, Solving Ordinary Differential Equations I, I.14.
+
+    Examples
+    --------
+    >>> from hovercontrol import Signal
+    >>> v, a, k = Signal("v", "m/s"), Signal("a", "m/s^2"), Signal("k", "1/s", start=2.0)
+    >>> cart = Block("cart", [v], [a], [v], [k], {"v": a.symbol - k.symbol * v.symbol})
+    >>> phi, gamma = step_jacobians(cart, 0.0, 0.5, np.array([1.0]), np.array([0.0]))
+    >>> phi.round(6).item(), gamma.round(6).item()  # exp(-1), (1 - exp(-1)) / 2
+    (0.367879, 0.31606)
+    """
+    n, m = len(block.states), len(block.inputs)
+    if not n:
+        return np.zeros((0, 0)), np.zeros((0, m))
+    f, values = numpy_functions(block), block.parameter_values(params, bounded=False)
+    pair, held = f.scalar_pair("derivatives"), u.tolist()
+
+    def rates(t: float, z: Array) -> Array:
+        at, slopes = z[:n], z[n:].reshape(n, n + m)
+        change = f.jacobian_values(t, at, u, values, "derivatives", "states") @ slopes
+        if m:
+            change[:, n:] += f.jacobian_values(t, at, u, values, "derivatives", "inputs")
+        return np.concatenate([call_scalar(pair, t, at.tolist(), held, values), change.ravel()])
+
+    z = np.concatenate([x, np.eye(n, n + m).ravel()])
+    switches = [at for at in switching_times(block, params) if t < at < until]
+    for begin, end in pairwise([t, *switches, until]):
+        run = solve_ivp(rates, (begin, end), z, "DOP853", t_eval=[end], rtol=_RTOL, atol=_ATOL)
+        if not run.success or not np.isfinite(run.y).all():
+            raise InputError(
+                block.where(f"no linearisation over the step from t = {begin:.6g} s: {run.message}")
+            )
+        z = run.y[:, -1]
+    slopes = z[n:].reshape(n, n + m)
+    return slopes[:, :n], slopes[:, n:]

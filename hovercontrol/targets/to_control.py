@@ -1,0 +1,76 @@
+"""A Block as one python-control system: continuous, sampled, or integrated from step to step."""
+
+from __future__ import annotations
+
+from hovercontrol.core.block import Block
+from hovercontrol.core.delays import pade as approximated
+from hovercontrol.core.delays import registers
+from hovercontrol.errors import InputError
+from hovercontrol.io.tables import positive
+from hovercontrol.targets.control import BlockSystem
+from hovercontrol.targets.discrete import HeldSystem, HybridSystem
+
+
+def to_control(
+    block: Block, name: str | None = None, *, step: float | None = None, pade: int | None = None
+) -> BlockSystem:
+    """Return a Block as one :class:`control.NonlinearIOSystem`.
+
+    Parameters
+    ----------
+    block : Block
+    name : str, optional
+        System name (default: the Block's).
+    step : float, optional
+        Of the discrete-time system that a Block becomes [s]; inputs hold from step to step. Of a continuous
+        Block (default: it stays continuous): exact for such inputs, and so is its linearisation. Of a hybrid
+        one (default: the shortest of its periods): its ticks are on time whatever the step. Of a Block whose
+        inputs act late, without `pade`: with shift registers of that step, of which each delay is a multiple.
+    pade : int, optional
+        Order of Pade's fraction for the delays of inputs that act late
+        (:func:`hovercontrol.core.delays.pade`).
+
+    Raises
+    ------
+    InputError
+        If the step is not positive, or another than that of a sampled Block; if inputs act late and neither
+        `step` nor `pade` says what to make of it, or none does and `pade` is given.
+
+    Examples
+    --------
+    >>> from hovercontrol.core.signals import Signal
+    >>> v, k = Signal("v", "m/s"), Signal("k", "1/s", start=2.0)
+    >>> system = to_control(Block("decay", [v], [], [v], [k], {"v": -k.symbol * v.symbol}))
+    >>> float(system.dynamics(0, [1.0], [], params={"decay.k": 3.0})[0])
+    -3.0
+    >>> sampled = to_control(system.block, step=0.5)
+    >>> float(sampled.dynamics(0, [1.0], [])[0].round(6)), round(sampled.linearize([1.0]).A.item(), 6)
+    (0.367879, 0.367879)
+    """
+    if pade is not None:
+        if not block.delays:
+            raise InputError(f"block {block.name!r}: no input acts late, found pade={pade!r}")
+        block = approximated(block, pade)
+    elif block.delays:
+        if step is None:
+            late = next(iter(block.delays))
+            raise InputError(
+                block.where(
+                    f"python-control has no continuous delay, and the input {late!r} acts late: "
+                    "to_control(pade=4) approximates it; to_control(step=h) is exact where inputs change at "
+                    "multiples of h alone and each delay is one"
+                )
+            )
+        block = registers(block, positive(f"block {block.name!r}: step", step))
+    if block.period:
+        if step is not None and step != block.period:
+            raise InputError(block.where(f"sampled every {block.period:g} s, found step={step!r}"))
+        return BlockSystem(block, name)
+    if not block.ticks:
+        return BlockSystem(block, name) if step is None else HeldSystem(block, name, _checked(block, step))
+    step = min(tick.period for tick in block.ticks) if step is None else step
+    return HybridSystem(block, name, _checked(block, step))
+
+
+def _checked(block: Block, step: float) -> float:
+    return positive(f"block {block.name!r}: step", step)
