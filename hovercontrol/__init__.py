@@ -28,7 +28,7 @@ TYPE_CHECKING = False  # as in typing, which takes a while to import
 if TYPE_CHECKING:
     from typing import Any
 
-    from hovercontrol.controllers import tracking_controller
+    from hovercontrol.controllers import gain_scheduled, lqi, lqr, pid, place, tracking_controller
     from hovercontrol.controllers.references import circle, ellipse, figure_eight, line, waypoints
     from hovercontrol.core.block import Block
     from hovercontrol.core.interconnect import interconnect, prefix, rename
@@ -85,6 +85,11 @@ __all__ = [
     "diagnose",
     # controllers, references, estimators
     "tracking_controller",
+    "lqr",
+    "lqi",
+    "place",
+    "gain_scheduled",
+    "pid",
     "ellipse",
     "circle",
     "line",
@@ -101,7 +106,7 @@ __all__ = [
 
 #: Where each public name is defined. A module is imported when it is asked for: SymPy takes 0.7 s.
 _PLACES = {
-    "controllers": ("tracking_controller",),
+    "controllers": ("gain_scheduled", "lqi", "lqr", "pid", "place", "tracking_controller"),
     "controllers.references": ("circle", "ellipse", "figure_eight", "line", "waypoints"),
     "core.block": ("Block",),
     "core.interconnect": ("interconnect", "prefix", "rename"),
