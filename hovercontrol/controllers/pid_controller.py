@@ -105,12 +105,15 @@ def pid(
     rudder = Max(rudder_lower, Min(demand, rudder_upper))
     filtered' = slope
     """
-    if bounds is not None:
-        command = command.replace(lower=bounds[0], upper=bounds[1])
+    lower, upper = (command.lower, command.upper) if bounds is None else bounds
     numbers = {"kp": kp, "ki": ki, "kd": kd, "b": b, "c": c, "offset": offset}
     for key, value in numbers.items():
         finite(f"pid: {key}", value)
-    command.check(offset, "pid: offset")
+    if not lower <= offset <= upper:
+        raise InputError(
+            f"pid: offset = {offset:g} {command.unit} is out of the command's bounds [{lower:g}, {upper:g}]"
+        )
+    command = command.replace(start=offset, lower=lower, upper=upper)
     if angle and (b != 1.0 or c not in (0.0, 1.0)):
         raise InputError(
             f"pid: the setpoint weights of an angle are b = 1 and c = 0 or 1, found {b:g} and {c:g}"
