@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from hovercontrol.core.units import UnitError
     from hovercontrol.discrepancy.diagnose import diagnose
     from hovercontrol.effects import Coefficient, Effect, Shape, effect, effect_names
-    from hovercontrol.errors import InputError
+    from hovercontrol.errors import InputError, SmoothedFrictionWarning
     from hovercontrol.estimators.kalman_bucy import kalman_bucy
     from hovercontrol.estimators.regression import regression
     from hovercontrol.identify.fit import identify
@@ -50,6 +50,7 @@ if TYPE_CHECKING:
     from hovercontrol.models.parameters import load_parameters, save_parameters
     from hovercontrol.models.vehicles import VEHICLES, vehicle
     from hovercontrol.simulation.trajectory import simulate
+    from hovercontrol.targets.trim import Trim
 
 __version__ = "0.1.0"
 
@@ -77,6 +78,8 @@ __all__ = [
     "save_model",
     "load_parameters",
     "save_parameters",
+    # operating points
+    "Trim",
     # measured logs
     "Log",
     "read_log",
@@ -100,6 +103,7 @@ __all__ = [
     "simulate",
     # errors
     "InputError",
+    "SmoothedFrictionWarning",
     "UnitError",
 ]
 
@@ -115,7 +119,7 @@ _PLACES = {
     "core.units": ("UnitError",),
     "discrepancy.diagnose": ("diagnose",),
     "effects": ("Coefficient", "Effect", "Shape", "effect", "effect_names"),
-    "errors": ("InputError",),
+    "errors": ("InputError", "SmoothedFrictionWarning"),
     "estimators.kalman_bucy": ("kalman_bucy",),
     "estimators.regression": ("regression",),
     "identify.fit": ("identify",),
@@ -128,6 +132,7 @@ _PLACES = {
     "models.parameters": ("load_parameters", "save_parameters"),
     "models.vehicles": ("VEHICLES", "vehicle"),
     "simulation.trajectory": ("simulate",),
+    "targets.trim": ("Trim",),
 }
 _PLACE = {name: module for module, names in _PLACES.items() for name in names}
 _PACKAGES = {module.partition(".")[0] for module in _PLACES}
@@ -138,6 +143,8 @@ for _name, _module, _function in (
     ("interconnect", "core.interconnect", "interconnect"),
     ("start", "simulation.python_runner", "start_block"),
     ("control", "targets.control", "to_control"),
+    ("trim", "targets.trim", "trim"),
+    ("linearize", "targets.linearization", "linearize"),
     ("compile", "targets.compiled", "compile_block"),
     ("fmu", "fmi.exporter.export", "export_fmu"),
     ("html", "notebook.systems", "block_html"),

@@ -37,6 +37,17 @@ class ArgumentError(InputError):
     """
 
 
+class SmoothedFrictionWarning(UserWarning):
+    """A pole of a linear system comes from the smoothing of dry friction, not from the craft.
+
+    Examples
+    --------
+    >>> import warnings
+    >>> warnings.simplefilter("ignore", SmoothedFrictionWarning)  # where that is what is wanted
+    >>> warnings.resetwarnings()
+    """
+
+
 def one_line(text: object, longest: int = LONGEST_LINE) -> str:
     r"""Return a text as one line that a terminal shows as it is.
 
