@@ -4,16 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 from scipy.signal import cont2discrete
 
-from hovercontrol.controllers.operating_point import OperatingPoint, Point, Slope, linear_model, point_of
+from hovercontrol.controllers import operating_point
 from hovercontrol.core.block import Block
 from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError, did_you_mean
+from hovercontrol.targets.friction_slopes import Point, Slope
+
+if TYPE_CHECKING:
+    import control
+
+    from hovercontrol.targets.trim import Trim
 
 Array = NDArray[np.float64]
 
@@ -95,9 +102,10 @@ class Design:
 def design_of(
     where: str,
     plant: Block,
-    trim: OperatingPoint,
+    trim: Trim | control.OperatingPoint | Mapping[str, float],
     *,
     friction: Slope,
+    amplitude: Mapping[str, float] | None = None,
     states: Sequence[str] | None = None,
     inputs: Iterable[str] | None = None,
     weighted: Iterable[str] | None = None,
@@ -111,8 +119,9 @@ def design_of(
         Of errors: the function that designs.
     plant : Block
         Continuous.
-    trim : OperatingPoint
-    friction : {"none", "smooth"}
+    trim : Trim, control.OperatingPoint or mapping
+    friction, amplitude
+        As for :meth:`hovercontrol.Block.linearize`.
     states : sequence of str, optional
         Which states are fed back. Default: those of `weighted` and all on which these depend; without
         `weighted` all that do not move at the operating point.
@@ -128,16 +137,16 @@ def design_of(
     InputError
         If a name is unknown, or a state that is fed back moves at the operating point.
     """
-    point = point_of(where, plant, trim)
-    A, B, C, D = linear_model(plant, point, friction)
+    point = operating_point.point_of(plant, trim)
+    A, B, C, D = operating_point.linear_model(plant, point, friction, amplitude)
     names = _Names(where, plant)
-    rates = np.abs(point.rates(plant))
+    rates = operating_point.rates(plant, point)
     columns = _columns(where, plant, inputs)
     rows, integrals = _integrals(where, plant, names, point, integrate, C, D[:, columns])
     if states is not None:
         kept = [names.index(s) for s in states]
     elif weighted is None:
-        kept = [k for k in range(len(A)) if rates[k] <= STEADY]
+        kept = [k for k in range(len(A)) if abs(rates[k]) <= STEADY]
     else:
         needed = {k for row in rows for k in np.flatnonzero(row).tolist()}
         kept = _closure(A, {names.index(s) for s in weighted} | needed)
@@ -150,10 +159,10 @@ def design_of(
         plant.inputs[j].replace(start=_inside(where, plant.inputs[j], point.u[j])) for j in columns
     )
     for k in kept:
-        if rates[k] > STEADY:
+        if abs(rates[k]) > STEADY:
             s = plant.states[k]
             raise InputError(
-                f"{where}: {s.name} moves by {point.rates(plant)[k]:.3g} {s.unit} per second at the operating"
+                f"{where}: {s.name} moves by {rates[k]:.3g} {s.unit} per second at the operating"
                 " point and has no constant setpoint; leave it out of the states and weights"
             )
     part = np.ix_(kept, kept)
@@ -238,7 +247,9 @@ def _integrals(
                 f"{where}: the output {name!r} depends on an input directly and cannot be integrated"
             )
         rows.append(C[j])
-        found.append(Measured(plant.outputs[j].replace(start=point.outputs(plant)[j]), False))
+        found.append(
+            Measured(plant.outputs[j].replace(start=operating_point.outputs(plant, point)[j]), False)
+        )
     return rows, tuple(found)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,13 +11,18 @@ from scipy.linalg import cholesky
 
 from hovercontrol.controllers.design import Design, by_name, design_of
 from hovercontrol.controllers.feedback import Gains, state_feedback
-from hovercontrol.controllers.operating_point import OperatingPoint, Slope
 from hovercontrol.controllers.state_feedback import form_of, named, riccati_gain
 from hovercontrol.controllers.weights import Weights, chosen_weights, weight_matrix
 from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError
 from hovercontrol.io.tables import positive
+from hovercontrol.targets.friction_slopes import Slope
+
+if TYPE_CHECKING:
+    import control
+
+    from hovercontrol.targets.trim import Trim
 
 Array = NDArray[np.float64]
 
@@ -24,7 +30,7 @@ Array = NDArray[np.float64]
 @checked
 def lqi(
     plant: Block,
-    trim: OperatingPoint,
+    trim: Trim | control.OperatingPoint | Mapping[str, float],
     Q: Weights | None = None,
     R: Weights | None = None,
     *,
@@ -36,6 +42,7 @@ def lqi(
     applied: bool = False,
     period: float | None = None,
     friction: Slope = "none",
+    amplitude: Mapping[str, float] | None = None,
     limits: bool = True,
     measured: str = "{}",
     name: str = "controller",
@@ -50,7 +57,7 @@ def lqi(
     ----------
     plant : Block
         Continuous.
-    trim : OperatingPoint
+    trim : Trim, control.OperatingPoint or mapping
         As for :func:`lqr`.
     Q : mapping or array_like, scalar, shape (n,) or (n, n), optional
         Weights of the states [1/unit^2] and, after them, of the integrals, by name ``integral_y`` [1/(unit
@@ -69,7 +76,7 @@ def lqi(
     applied : bool, optional
         Whether the anti-windup reads what the actuators apply from inputs ``thrust_applied`` rather than
         taking the commands within their limits for it.
-    period, friction, limits, measured, name
+    period, friction, amplitude, limits, measured, name
         As for :func:`lqr` [s].
 
     Returns
@@ -90,10 +97,9 @@ def lqi(
 
     Examples
     --------
-    >>> import control
     >>> from hovercontrol.models.vehicles import c17_simulation
     >>> plant = c17_simulation().plant()
-    >>> straight = control.OperatingPoint([0, 0, 0, 1.0, 0, 0], [1.8, 0])
+    >>> straight = plant.trim({"u": 1.0, "r": 0.0})
     >>> weights = {"u": 1.0, "integral_u": 4.0}
     >>> hold = lqi(plant, straight, weights, {"thrust": 1.0}, integrate="u")
     >>> print(hold.equations())
@@ -115,6 +121,7 @@ def lqi(
         plant,
         trim,
         friction=friction,
+        amplitude=amplitude,
         states=states,
         inputs=by_name(R),
         weighted=weighted,

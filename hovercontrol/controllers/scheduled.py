@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import sympy as sp
 
-from hovercontrol.controllers.operating_point import OperatingPoint, Point, point_of
+from hovercontrol.controllers import operating_point
 from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
 from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError, did_you_mean
+from hovercontrol.targets.friction_slopes import Point
+
+if TYPE_CHECKING:
+    import control
+
+    from hovercontrol.targets.trim import Trim
 
 #: Parameters and setpoints that differ by less, relative to the largest, are one number.
 SAME = 1e-12
@@ -20,8 +27,8 @@ SAME = 1e-12
 @checked
 def gain_scheduled(
     plant: Block,
-    trims: Sequence[OperatingPoint],
-    design: Callable[[Block, OperatingPoint], Block],
+    trims: Sequence[Trim | control.OperatingPoint | Mapping[str, float]],
+    design: Callable[[Block, Any], Block],
     *,
     schedule: str = "u",
     measured: str = "{}",
@@ -38,7 +45,7 @@ def gain_scheduled(
     ----------
     plant : Block
         Continuous.
-    trims : sequence of OperatingPoint
+    trims : sequence of Trim, control.OperatingPoint or mapping
         Two or more, with different values of the scheduling variable; their order does not matter.
     design : callable
         ``design(plant, trim) -> Block``, the controller at one operating point:
@@ -68,15 +75,12 @@ def gain_scheduled(
 
     Examples
     --------
-    >>> import control
     >>> from hovercontrol.controllers.state_feedback import lqr
     >>> from hovercontrol.models.vehicles import c17_simulation
     >>> plant = c17_simulation().plant()
-    >>> def straight(u):
-    ...     return control.OperatingPoint([0, 0, 0, u, 0, 0], [1.8, 0])
     >>> hold = gain_scheduled(
     ...     plant,
-    ...     [straight(0.5), straight(1.0)],
+    ...     [plant.trim({"u": u, "r": 0.0}) for u in (0.5, 1.0)],
     ...     lambda plant, trim: lqr(plant, trim, {"psi": 1.0, "v": 1.0}, {"rudder": 1.0}),
     ... )
     >>> [key for key in hold.default_parameters if "rudder_v" in key]
@@ -85,7 +89,7 @@ def gain_scheduled(
     if len(trims) < 2:
         raise InputError(f"gain_scheduled: expected two or more operating points, found {len(trims)}")
     variable = _variable(plant, schedule)
-    values = [_value(plant, point_of("gain_scheduled", plant, trim), variable) for trim in trims]
+    values = [_value(plant, operating_point.point_of(plant, trim), variable) for trim in trims]
     order = np.argsort(values, kind="stable")
     knots = [float(values[k]) for k in order]
     if min(np.diff(knots)) <= SAME * max(map(abs, knots)):
@@ -113,7 +117,7 @@ def _value(plant: Block, point: Point, name: str) -> float:
     states = [s.name for s in plant.states]
     if name in states:
         return float(point.x[states.index(name)])
-    return float(point.outputs(plant)[[s.name for s in plant.outputs].index(name)])
+    return float(operating_point.outputs(plant, point)[[s.name for s in plant.outputs].index(name)])
 
 
 def _refuse_different(first: Block, other: Block) -> None:

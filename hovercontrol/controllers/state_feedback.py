@@ -6,7 +6,7 @@ Both return ``u = u0 - K (x - x_ref)`` as a Block whose gains are parameters (:m
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,12 +15,17 @@ from scipy.signal import place_poles
 from hovercontrol.controllers.design import Design, by_name, design_of
 from hovercontrol.controllers.feedback import Form, Gains, state_feedback
 from hovercontrol.controllers.modes import refuse_unmovable, refuse_unweighted
-from hovercontrol.controllers.operating_point import OperatingPoint, Slope
 from hovercontrol.controllers.weights import Weights, chosen_weights, weight_matrix
 from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError
 from hovercontrol.io.tables import positive
+from hovercontrol.targets.friction_slopes import Slope
+
+if TYPE_CHECKING:
+    import control
+
+    from hovercontrol.targets.trim import Trim
 
 Array = NDArray[np.float64]
 
@@ -28,7 +33,7 @@ Array = NDArray[np.float64]
 @checked
 def lqr(
     plant: Block,
-    trim: OperatingPoint,
+    trim: Trim | control.OperatingPoint | Mapping[str, float],
     Q: Weights | None = None,
     R: Weights | None = None,
     *,
@@ -37,6 +42,7 @@ def lqr(
     states: Sequence[str] | None = None,
     period: float | None = None,
     friction: Slope = "none",
+    amplitude: Mapping[str, float] | None = None,
     limits: bool = True,
     measured: str = "{}",
     name: str = "controller",
@@ -50,9 +56,9 @@ def lqr(
     ----------
     plant : Block
         Continuous.
-    trim : OperatingPoint
-        The operating point: ``plant.trim(...)``, a ``control.OperatingPoint``, or anything with ``states``
-        and ``inputs``, by name or in the Block's order.
+    trim : Trim, control.OperatingPoint or mapping
+        The operating point: ``plant.trim(...)``, a ``control.OperatingPoint``, or values of states and inputs
+        by name [their units].
     Q : mapping or array_like, scalar, shape (n_states,) or (n_states, n_states), optional
         Weights of the states [1/unit^2], by name, as a diagonal or as a matrix.
     R : mapping or array_like, scalar, shape (n_inputs,) or (n_inputs, n_inputs), optional
@@ -66,13 +72,15 @@ def lqr(
         that do not move at the operating point.
     period : float, optional
         Of a sampled controller [s]: designed on the exact discretisation with held inputs.
-    friction : {"none", "smooth"}, optional
+    friction : {"none", "smooth", "describing"}, optional
         How dry friction enters the linear model. "none": as a constant force without damping, which holds for
         every velocity beyond the smoothing width; take it for a craft under way, also for its sway and yaw
         at rest. "smooth": with the slope of the regularised friction, a pole at -c/width that the craft has
         only below that width; with Coulomb's friction (``compile(friction="events")``) such a design sticks
-        beside its setpoint. Either way friction leaves a small oscillation or offset; more weight on the
-        position makes it smaller.
+        beside its setpoint. "describing": with the slope that an oscillation of `amplitude` feels. What
+        friction leaves, a small oscillation or offset, is smaller with more weight on the position.
+    amplitude : mapping of str to float, optional
+        Of the oscillation, by state, in its unit, for "describing".
     limits : bool, optional
         Keep the commands within the bounds of the plant's inputs.
     measured : str, optional
@@ -98,10 +106,9 @@ def lqr(
 
     Examples
     --------
-    >>> import control
     >>> from hovercontrol.models.vehicles import c17_simulation
     >>> plant = c17_simulation().plant()
-    >>> straight = control.OperatingPoint([0, 0, 0, 1.0, 0, 0], [1.8, 0])
+    >>> straight = plant.trim({"u": 1.0, "r": 0.0, "psi": 0.0})
     >>> hold = lqr(plant, straight, {"y": 1.0, "u": 1.0}, {"thrust": 1.0, "rudder": 4.0})
     >>> [s.name for s in hold.inputs]
     ['y', 'psi', 'u', 'v', 'r', 'y_ref', 'psi_ref', 'u_ref', 'v_ref', 'r_ref']
@@ -111,7 +118,14 @@ def lqr(
     Q = chosen_weights("lqr", Q, max_states, ("Q", "max_states"))
     R = chosen_weights("lqr", R, max_inputs, ("R", "max_inputs"))
     design = design_of(
-        "lqr", plant, trim, friction=friction, states=states, inputs=by_name(R), weighted=by_name(Q)
+        "lqr",
+        plant,
+        trim,
+        friction=friction,
+        amplitude=amplitude,
+        states=states,
+        inputs=by_name(R),
+        weighted=by_name(Q),
     )
     q = weight_matrix("lqr: Q", named(design, Q, plant), design.names, definite=False)
     r = weight_matrix("lqr: R", R, design.input_names, definite=True)
@@ -122,13 +136,14 @@ def lqr(
 @checked
 def place(
     plant: Block,
-    trim: OperatingPoint,
+    trim: Trim | control.OperatingPoint | Mapping[str, float],
     poles: Sequence[float | complex] | NDArray[np.complex128],
     *,
     states: Sequence[str] | None = None,
     inputs: Sequence[str] | None = None,
     period: float | None = None,
     friction: Slope = "none",
+    amplitude: Mapping[str, float] | None = None,
     limits: bool = True,
     measured: str = "{}",
     name: str = "controller",
@@ -139,7 +154,7 @@ def place(
     ----------
     plant : Block
         Continuous.
-    trim : OperatingPoint
+    trim : Trim, control.OperatingPoint or mapping
         As for :func:`lqr`.
     poles : array_like, shape (n_states,)
         Poles of the loop [1/s], complex ones in pairs; a pole repeated at most as often as there are inputs.
@@ -148,7 +163,7 @@ def place(
         The states that are fed back (default: all that do not move at the operating point).
     inputs : sequence of str, optional
         The inputs that are commanded (default: all).
-    period, friction, limits, measured, name
+    period, friction, amplitude, limits, measured, name
         As for :func:`lqr` [s].
 
     Returns
@@ -169,14 +184,15 @@ def place(
     Examples
     --------
     >>> from hovercontrol.core.signals import Signal
-    >>> import control
     >>> y, v, a = Signal("y", "m"), Signal("v", "m/s"), Signal("a", "m/s^2")
     >>> cart = Block("cart", [y, v], [a], [y, v], derivatives={"y": v.symbol, "v": a.symbol})
-    >>> hold = place(cart, control.OperatingPoint([0, 0], [0]), [-1 + 1j, -1 - 1j])
+    >>> hold = place(cart, cart.trim({"y": 0.0}), [-1 + 1j, -1 - 1j])
     >>> {key: round(value, 9) for key, value in hold.default_parameters.items()}
     {'controller.a_trim': 0.0, 'controller.K_a_y': 2.0, 'controller.K_a_v': 2.0}
     """
-    design = design_of("place", plant, trim, friction=friction, states=states, inputs=inputs)
+    design = design_of(
+        "place", plant, trim, friction=friction, amplitude=amplitude, states=states, inputs=inputs
+    )
     wanted = np.atleast_1d(np.asarray(poles, dtype=complex))
     n = len(design.states)
     if wanted.shape != (n,):

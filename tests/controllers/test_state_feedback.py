@@ -1,7 +1,5 @@
 """LQR and pole placement about an operating point, against python-control's own and SciPy's."""
 
-from types import SimpleNamespace
-
 import control
 import numpy as np
 import pytest
@@ -9,7 +7,7 @@ import scipy.linalg
 import scipy.signal
 
 import hovercontrol as hc
-from hovercontrol.errors import InputError
+from hovercontrol.errors import InputError, SmoothedFrictionWarning
 
 LINE = ("y", "psi", "v", "r")
 
@@ -80,7 +78,8 @@ def test_a_craft_half_a_metre_beside_its_line_returns_to_it(friction):
 
     assert distance() < 0.12
     if friction == "events":
-        assert distance(friction="smooth") > 1.0
+        with pytest.warns(SmoothedFrictionWarning):
+            assert distance(friction="smooth") > 1.0
 
 
 def test_the_loop_runs_alike_in_every_backend():
@@ -140,6 +139,24 @@ def test_a_sampled_design_is_dlqr_on_the_exact_discretisation():
     assert loop.to_control().dt == h
 
 
+def test_a_design_by_the_describing_function_has_the_slope_of_its_amplitude():
+    """Dry friction c5 at the amplitude A of the yaw rate: 4 c5/(pi A)."""
+    plant = hc.vehicle("c17_simulation").plant()
+    A, B = on_course(LINE)
+    A = A + np.diag([0, 0, 0, -4 * 0.83 / (np.pi * 0.2)])
+    K = control.lqr(A, B, np.diag([4.0, 2.0, 0.0, 1.0]), [[3.0]])[0]
+    block = hc.lqr(
+        plant,
+        straight(),
+        {"y": 4.0, "psi": 2.0, "r": 1.0},
+        {"rudder": 3.0},
+        friction="describing",
+        amplitude={"r": 0.2},
+    )
+    found = [block.default_parameters[f"controller.K_rudder_{s}"] for s in LINE]
+    assert found == pytest.approx(K[0], rel=1e-8)
+
+
 def test_heading_errors_are_wrapped():
     plant = hc.vehicle("c17_simulation").plant()
     block = hc.lqr(plant, straight(), {"psi": 1.0, "y": 1.0}, {"rudder": 1.0})
@@ -191,9 +208,10 @@ def test_weights_come_by_name_as_diagonals_as_matrices_and_by_brysons_rule():
 
 def test_an_operating_point_comes_by_name_or_as_arrays():
     plant = hc.vehicle("c17_simulation").plant()
-    named = SimpleNamespace(states={"u": 1.0}, inputs={"thrust": 1.8, "rudder": 0.0}, params={}, time=0.0)
-    blocks = [hc.lqr(plant, at, {"y": 1.0}, {"rudder": 1.0}) for at in (named, straight())]
-    assert blocks[0] == blocks[1]
+    named, trim = {"u": 1.0, "thrust": 1.8}, plant.trim({"u": 1.0, "r": 0.0, "psi": 0.0})
+    blocks = [hc.lqr(plant, at, {"y": 1.0}, {"rudder": 1.0}) for at in (named, trim, straight())]
+    assert blocks[0] == blocks[2]
+    assert blocks[1].default_parameters == pytest.approx(blocks[2].default_parameters, abs=1e-9)
 
 
 def test_an_estimator_stands_between():
@@ -208,7 +226,7 @@ def test_a_plant_with_a_controller_in_it_is_designed_for_by_its_outputs_names():
     plant = hc.vehicle("c17_simulation").plant()
     speed = hc.lqr(plant, straight(), {"u": 1.0}, {"thrust": 1.0}, name="speed")
     inner = hc.interconnect([plant, speed], "craft")
-    at = SimpleNamespace(states={"plant.u": 1.0}, inputs={"u_ref": 1.0})
+    at = {"plant.u": 1.0, "u_ref": 1.0}
     block = hc.lqr(inner, at, {"y": 4.0, "psi": 2.0, "r": 1.0}, {"rudder": 3.0}, name="steering")
     alone = hc.lqr(plant, straight(), {"y": 4.0, "psi": 2.0, "r": 1.0}, {"rudder": 3.0}, name="steering")
     assert block.default_parameters == pytest.approx(alone.default_parameters, rel=1e-9)
