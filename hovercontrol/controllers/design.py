@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy.signal import cont2discrete
 
 from hovercontrol.controllers import operating_point
+from hovercontrol.controllers.friction_feedforward import Friction, frictions_at_rest
 from hovercontrol.core.block import Block
 from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError, did_you_mean
@@ -61,6 +62,8 @@ class Design:
         Quantities whose error is integrated.
     C : ndarray, shape (n_integrals, n_states)
         Each as a combination of the states.
+    frictions : tuple of Friction
+        Dry friction of states at rest, by index among `states`.
     """
 
     states: tuple[Measured, ...]
@@ -69,6 +72,7 @@ class Design:
     B: Array
     integrals: tuple[Measured, ...]
     C: Array
+    frictions: tuple[Friction, ...] = ()
 
     @property
     def names(self) -> list[str]:
@@ -98,6 +102,16 @@ class Design:
             C, own = period * C, np.eye(p)
         return np.block([[A, np.zeros((n, p))], [C, own]]), np.vstack([B, np.zeros((p, m))])
 
+    def disturbances(self, period: float | None = None) -> Array:
+        """Return how each friction at rest acts on the states and integrals, shape (n, n_frictions)."""
+        E = np.zeros((len(self.states), len(self.frictions)))
+        for column, friction in enumerate(self.frictions):
+            E[friction.state, column] = friction.level
+        if period is not None and self.frictions:
+            n = len(E)
+            _, E, *_ = cont2discrete((self.A, E, np.eye(n), np.zeros_like(E)), period)
+        return np.vstack([E, np.zeros((len(self.integrals), E.shape[1]))])
+
 
 def design_of(
     where: str,
@@ -110,6 +124,7 @@ def design_of(
     inputs: Iterable[str] | None = None,
     weighted: Iterable[str] | None = None,
     integrate: Sequence[str] = (),
+    compensate: bool = False,
 ) -> Design:
     """Return the linear model of chosen states and inputs.
 
@@ -131,6 +146,8 @@ def design_of(
         States with a weight.
     integrate : sequence of str, optional
         States or outputs whose error is integrated.
+    compensate : bool, optional
+        Whether dry friction of states at rest is part of the design.
 
     Raises
     ------
@@ -167,7 +184,10 @@ def design_of(
             )
     part = np.ix_(kept, kept)
     C_kept = np.array([row[kept] for row in rows]).reshape(len(rows), len(kept))
-    return Design(chosen, commanded, A[part], B[np.ix_(kept, columns)], integrals, C_kept)
+    frictions = tuple(
+        replace(f, state=kept.index(f.state)) for f in frictions_at_rest(plant, point, kept) if compensate
+    )
+    return Design(chosen, commanded, A[part], B[np.ix_(kept, columns)], integrals, C_kept, frictions)
 
 
 class _Names:

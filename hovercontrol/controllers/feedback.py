@@ -1,4 +1,4 @@
-"""State feedback as a Block: ``u = u0 - K (x - x_ref) - K_i z``, with limits and anti-windup."""
+"""State feedback as a Block: ``u = u0 - K (x - x_ref) - K_i z + F sgn(v)``, with limits and anti-windup."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from hovercontrol.controllers.design import Design, Measured
 from hovercontrol.controllers.limits import applied_signal, limited
 from hovercontrol.core.block import Block
+from hovercontrol.core.sgn import sgn
 from hovercontrol.core.signals import Signal
 from hovercontrol.core.units import dimension, unit_text
 from hovercontrol.errors import InputError
@@ -63,11 +64,14 @@ class Gains:
         K_i
     windup : ndarray, shape (n_integrals, n_inputs)
         L of ``z' = e + L (demand - applied)``.
+    friction : ndarray, shape (n_inputs, n_frictions)
+        F of ``F sgn(v)``.
     """
 
     states: Array
     integrals: Array
     windup: Array
+    friction: Array
 
 
 def state_feedback(design: Design, gains: Gains, form: Form, *, applied: bool = False) -> Block:
@@ -101,18 +105,20 @@ def state_feedback(design: Design, gains: Gains, form: Form, *, applied: bool = 
         demand = level.symbol - sum(
             (k.symbol * value for k, value in zip(own, part.fed_back, strict=True)), start=sp.S.Zero
         )
+        forward = part.friction_gains(command, design, gains.friction[j])
+        demand += sum((f.symbol * s for f, s in zip(forward, part.signs, strict=True)), start=sp.S.Zero)
         definitions[f"{command.name}_demand"] = demand
         definitions[command.name], bounds = limited(
             command, sp.Symbol(f"{command.name}_demand", real=True), form.limits
         )
-        parameters += [level, *own, *bounds]
+        parameters += [level, *own, *forward, *bounds]
     z, updates, more, reads = _integrators(design, gains, form, part, applied)
     return Block(
         form.name,
         states=tuple(z),
         inputs=(*part.inputs, *reads),
         outputs=design.inputs,
-        parameters=(*parameters, *more),
+        parameters=(*parameters, *part.widths, *more),
         derivatives=updates,
         definitions=definitions,
         period=form.period or 0.0,
@@ -132,7 +138,7 @@ class _Parts:
                 continue
             read = form.reads(signal)
             text = f"setpoint of {signal.name}"
-            setpoint = signal.replace(name=f"{signal.name.replace('.', '_')}_ref", description=text)
+            setpoint = signal.replace(name=f"{_plain(signal)}_ref", description=text)
             difference = read.symbol - setpoint.symbol
             if m.angle:
                 difference = sp.atan2(sp.sin(difference), sp.cos(difference))
@@ -146,12 +152,38 @@ class _Parts:
             *(m.signal.symbol for m in self.integrals),
         ]
 
+        self.widths: list[Signal] = []
+        self.signs: list[sp.Expr] = []
+        for friction in design.frictions:
+            v = design.states[friction.state].signal
+            width = v.replace(
+                name=f"{_plain(v)}_width",
+                description=f"width of the friction compensation in {v.name}",
+                start=friction.width,
+            )
+            self.widths.append(width)
+            self.signs.append(sgn(form.reads(v).symbol, width.symbol))
+
+    @staticmethod
+    def friction_gains(command: Signal, design: Design, row: Array) -> list[Signal]:
+        """Return one command's parts that compensate dry friction."""
+        states = [design.states[f.state].signal for f in design.frictions]
+        return [
+            Signal(
+                f"F_{command.name}_{_plain(v)}",
+                command.unit,
+                f"{command.name} against dry friction in {v.name}",
+                start=value,
+            )
+            for v, value in zip(states, row, strict=True)
+        ]
+
     @staticmethod
     def gains(command: Signal, fed_back: Sequence[Measured], row: Array) -> list[Signal]:
         """Return one command's gains on some states or integrals."""
         return [
             Signal(
-                f"K_{command.name}_{m.signal.name.replace('.', '_')}",
+                f"K_{command.name}_{_plain(m.signal)}",
                 unit_of(command.unit, m.signal.unit),
                 f"gain of {command.name} on {m.signal.name}",
                 start=value,
@@ -160,15 +192,17 @@ class _Parts:
         ]
 
 
+def _plain(signal: Signal) -> str:
+    return signal.name.replace(".", "_")
+
+
 def _error(signal: Signal) -> str:
-    return f"error_{signal.name.replace('.', '_')}"
+    return f"error_{_plain(signal)}"
 
 
 def _integral(signal: Signal) -> Signal:
     unit = unit_text(tuple(a + b for a, b in zip(dimension(signal.unit), dimension("s"), strict=True)))
-    return Signal(
-        f"integral_{signal.name.replace('.', '_')}", unit, f"integral of the error of {signal.name}"
-    )
+    return Signal(f"integral_{_plain(signal)}", unit, f"integral of the error of {signal.name}")
 
 
 def unit_of(above: str, below: str) -> str:

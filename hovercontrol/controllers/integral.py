@@ -11,7 +11,7 @@ from scipy.linalg import cholesky
 
 from hovercontrol.controllers.design import Design, by_name, design_of
 from hovercontrol.controllers.feedback import Gains, state_feedback
-from hovercontrol.controllers.state_feedback import form_of, named, riccati_gain
+from hovercontrol.controllers.state_feedback import form_of, named, optimal_gains
 from hovercontrol.controllers.weights import Weights, chosen_weights, weight_matrix
 from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
@@ -43,6 +43,7 @@ def lqi(
     period: float | None = None,
     friction: Slope = "none",
     amplitude: Mapping[str, float] | None = None,
+    compensate_friction: bool | None = None,
     limits: bool = True,
     measured: str = "{}",
     name: str = "controller",
@@ -76,7 +77,7 @@ def lqi(
     applied : bool, optional
         Whether the anti-windup reads what the actuators apply from inputs ``thrust_applied`` rather than
         taking the commands within their limits for it.
-    period, friction, amplitude, limits, measured, name
+    period, friction, amplitude, compensate_friction, limits, measured, name
         As for :func:`lqr` [s].
 
     Returns
@@ -126,6 +127,7 @@ def lqi(
         inputs=by_name(R),
         weighted=weighted,
         integrate=integrate,
+        compensate=friction == "none" if compensate_friction is None else compensate_friction,
     )
     if len(integrate) > len(design.inputs):
         raise InputError(
@@ -136,7 +138,7 @@ def lqi(
         "lqi: Q", named(design, Q, plant), [*design.names, *design.integral_names], definite=False
     )
     r = weight_matrix("lqi: R", R, design.input_names, definite=True)
-    K = riccati_gain("lqi", design, q, r, period)
+    K, F = optimal_gains("lqi", design, q, r, period)
     n = len(design.states)
     time = tracking_time if tracking_time is None else positive("lqi: tracking_time", tracking_time)
     time = time or _time_constant(design, K, period)
@@ -145,7 +147,7 @@ def lqi(
     windup = _back_calculation(K[:, n:], q[n:, n:], r) / time
     return state_feedback(
         design,
-        Gains(K[:, :n], K[:, n:], windup),
+        Gains(K[:, :n], K[:, n:], windup, F),
         form_of("lqi", period, limits, measured, name),
         applied=applied,
     )

@@ -126,7 +126,8 @@ def _refuse_different(first: Block, other: Block) -> None:
         if a != b:
             raise InputError(
                 f"gain_scheduled: the designs have different {kind}: {', '.join(a)} and {', '.join(b)}; "
-                "name the states (states=...)"
+                "name the states (states=...); friction is compensated where a state rests "
+                "(compensate_friction=False)"
             )
     same = all(
         dict(getattr(first, kind)) == dict(getattr(other, kind))

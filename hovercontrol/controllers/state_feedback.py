@@ -14,6 +14,7 @@ from scipy.signal import place_poles
 
 from hovercontrol.controllers.design import Design, by_name, design_of
 from hovercontrol.controllers.feedback import Form, Gains, state_feedback
+from hovercontrol.controllers.friction_feedforward import feedforward
 from hovercontrol.controllers.modes import refuse_unmovable, refuse_unweighted
 from hovercontrol.controllers.weights import Weights, chosen_weights, weight_matrix
 from hovercontrol.core.block import Block
@@ -43,6 +44,7 @@ def lqr(
     period: float | None = None,
     friction: Slope = "none",
     amplitude: Mapping[str, float] | None = None,
+    compensate_friction: bool | None = None,
     limits: bool = True,
     measured: str = "{}",
     name: str = "controller",
@@ -79,6 +81,10 @@ def lqr(
         only below that width; with Coulomb's friction (``compile(friction="events")``) such a design sticks
         beside its setpoint. "describing": with the slope that an oscillation of `amplitude` feels. What
         friction leaves, a small oscillation or offset, is smaller with more weight on the position.
+    compensate_friction : bool, optional
+        Add the optimal command against the dry friction of states at rest, as a known disturbance: ``F
+        sgn(v)`` with the parameters ``F_rudder_r`` and ``r_width`` (default: where friction is "none").
+        Without it dry friction in yaw makes a craft weave about its line several times as wide.
     amplitude : mapping of str to float, optional
         Of the oscillation, by state, in its unit, for "describing".
     limits : bool, optional
@@ -126,11 +132,12 @@ def lqr(
         states=states,
         inputs=by_name(R),
         weighted=by_name(Q),
+        compensate=friction == "none" if compensate_friction is None else compensate_friction,
     )
     q = weight_matrix("lqr: Q", named(design, Q, plant), design.names, definite=False)
     r = weight_matrix("lqr: R", R, design.input_names, definite=True)
-    K = riccati_gain("lqr", design, q, r, period)
-    return state_feedback(design, without_integrals(K), form_of("lqr", period, limits, measured, name))
+    K, F = optimal_gains("lqr", design, q, r, period)
+    return state_feedback(design, without_integrals(K, F), form_of("lqr", period, limits, measured, name))
 
 
 @checked
@@ -207,11 +214,17 @@ def place(
         K = place_poles(A, B, np.exp(wanted * period) if period else wanted).gain_matrix
     except ValueError as error:
         raise InputError(f"place: poles: {error}") from None
-    return state_feedback(design, without_integrals(K), form_of("place", period, limits, measured, name))
+    return state_feedback(
+        design, without_integrals(K, np.zeros((len(K), 0))), form_of("place", period, limits, measured, name)
+    )
 
 
-def riccati_gain(where: str, design: Design, Q: Array, R: Array, period: float | None) -> Array:
-    """Return the optimal gain on states and integrals, shape (n_inputs, n_states + n_integrals).
+def optimal_gains(
+    where: str, design: Design, Q: Array, R: Array, period: float | None
+) -> tuple[Array, Array]:
+    """Return the optimal gains on states and integrals, and the optimal commands against friction.
+
+    Shapes (n_inputs, n_states + n_integrals) and (n_inputs, n_frictions).
 
     Raises
     ------
@@ -227,15 +240,16 @@ def riccati_gain(where: str, design: Design, Q: Array, R: Array, period: float |
     if period is not None:
         A, B = design.with_integrals(positive(f"{where}: period", period))
     try:
-        K = (control.dlqr if period else control.lqr)(A, B, Q, R)[0]
+        K, P, _ = (control.dlqr if period else control.lqr)(A, B, Q, R)
     except (np.linalg.LinAlgError, ValueError, control.ControlException) as error:
         raise InputError(f"{where}: the Riccati equation has no stabilising solution: {error}") from None
-    return np.asarray(K, dtype=float)
+    F = feedforward(A, B, design.disturbances(period), K, P, R, sampled=period is not None)
+    return np.asarray(K, dtype=float), F
 
 
-def without_integrals(K: Array) -> Gains:
+def without_integrals(K: Array, F: Array) -> Gains:
     """Return the gains of a feedback of states alone."""
-    return Gains(K, np.zeros((len(K), 0)), np.zeros((0, len(K))))
+    return Gains(K, np.zeros((len(K), 0)), np.zeros((0, len(K))), F)
 
 
 def form_of(where: str, period: float | None, limits: bool, measured: str, name: str) -> Form:

@@ -72,14 +72,42 @@ def test_a_craft_half_a_metre_beside_its_line_returns_to_it(friction):
         run = hc.interconnect([plant, block]).compile(friction=friction)
         result = run.simulate(t, x0={"plant.y": 0.5, "plant.u": 1.0})
         outputs = dict(zip(result.output_labels, result.outputs, strict=True))
-        assert outputs["u"][-1] == pytest.approx(1.0, abs=0.02)
+        assert outputs["u"][-1] == pytest.approx(1.0, abs=0.1)
         assert outputs["x"][-1] > 25.0
         return np.abs(outputs["y"][50:]).max()
 
-    assert distance() < 0.12
+    assert distance() < 0.04
+    assert 0.06 < distance(compensate_friction=False) < 0.12
     if friction == "events":
         with pytest.warns(SmoothedFrictionWarning):
             assert distance(friction="smooth") > 1.0
+
+
+@pytest.mark.slow
+def test_the_craft_of_the_experiment_follows_its_line_within_its_rudder_limit():
+    """Dry friction in yaw makes it weave; less when compensated, also with a late rudder and gyro noise."""
+    craft, t = hc.vehicle("c17_experiment"), np.linspace(0, 40, 801)
+    at = craft.plant().trim({"u": 1.0, "r": 0.0, "psi": 0.0})
+    late = craft.with_effects([hc.effect("rudder_lag", 0.1)]).plant()
+    noise = 0.02 * np.random.default_rng(1).normal(size=t.size)
+    r, n = hc.Signal("r", "rad/s"), hc.Signal("noise", "rad/s")
+    gyro = hc.Block(
+        "gyro", [], [r, n], [hc.Signal("r_seen", "rad/s")], [], {}, {"r_seen": r.symbol + n.symbol}
+    )
+
+    def distance(plant, noise=0.0, **design):
+        weights = {"y": 1.0, "psi": 1.0, "v": 1.0, "r": 1.0, "u": 1.0}
+        block = hc.lqr(craft.plant(), at, weights, {"rudder": 1.0, "thrust": 1.0}, period=0.02, **design)
+        loop = hc.interconnect([plant, gyro, hc.rename(block, {"r": "r_seen"})])
+        x0 = {"plant.y": 0.5, "plant.u": 1.0}
+        run = loop.compile(friction="events").simulate(t, {"noise": noise}, x0=x0)
+        rudder = run.outputs[run.output_labels.index("rudder")]
+        assert np.abs(rudder).max() <= np.radians(26) + 1e-12
+        return np.abs(run.outputs[run.output_labels.index("y")][300:]).max()
+
+    assert distance(craft.plant()) < 0.1
+    assert distance(late, noise) < 0.15
+    assert distance(craft.plant(), compensate_friction=False) > 0.3
 
 
 def test_the_loop_runs_alike_in_every_backend():
