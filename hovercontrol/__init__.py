@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from hovercontrol.analysis.common.frequency import bode, nyquist
     from hovercontrol.analysis.common.margins import margins
     from hovercontrol.analysis.common.sensitivity import sensitivity
-    from hovercontrol.controllers import tracking_controller
+    from hovercontrol.controllers import gain_scheduled, lqi, lqr, pid, place, tracking_controller
     from hovercontrol.controllers.references import circle, ellipse, figure_eight, line, waypoints
     from hovercontrol.core.block import Block
     from hovercontrol.core.interconnect import interconnect, prefix, rename
@@ -95,6 +95,11 @@ __all__ = [
     "diagnose",
     # controllers, references, estimators
     "tracking_controller",
+    "lqr",
+    "lqi",
+    "place",
+    "gain_scheduled",
+    "pid",
     "ellipse",
     "circle",
     "line",
@@ -115,7 +120,7 @@ _PLACES = {
     "analysis.common.frequency": ("bode", "nyquist"),
     "analysis.common.margins": ("margins",),
     "analysis.common.sensitivity": ("sensitivity",),
-    "controllers": ("tracking_controller",),
+    "controllers": ("gain_scheduled", "lqi", "lqr", "pid", "place", "tracking_controller"),
     "controllers.references": ("circle", "ellipse", "figure_eight", "line", "waypoints"),
     "core.block": ("Block",),
     "core.interconnect": ("interconnect", "prefix", "rename"),

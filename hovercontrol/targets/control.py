@@ -14,7 +14,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from hovercontrol.core.backends import backend
 from hovercontrol.core.block import Block
-from hovercontrol.core.functions import numpy_functions
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.targets import friction_slopes
 from hovercontrol.targets.library import Point

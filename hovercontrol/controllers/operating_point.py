@@ -1,0 +1,60 @@
+"""The operating point of a controller design, and the plant's linear model there."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hovercontrol.core.block import Block
+from hovercontrol.targets.friction_slopes import Point, Slope
+
+if TYPE_CHECKING:
+    import control
+
+    from hovercontrol.targets.trim import Trim
+
+Array = NDArray[np.float64]
+
+
+def point_of(plant: Block, trim: Trim | control.OperatingPoint | Mapping[str, float]) -> Point:
+    """Return an operating point in the order of the plant's signals.
+
+    Raises
+    ------
+    InputError
+        If the plant is sampled or hybrid, an input acts late, a name is unknown, or a number of values is
+        wrong.
+
+    Examples
+    --------
+    >>> from hovercontrol.models.vehicles import c17_simulation
+    >>> point_of(c17_simulation().plant(), {"u": 1.0, "thrust": 1.8}).u
+    array([1.8, 0. ])
+    """
+    from hovercontrol.targets.linearization import given_point  # python-control takes a second
+
+    plant.need_continuous("controller design", hybrid=False)
+    plant.need_prompt_inputs("a controller design")
+    return given_point(plant, trim)
+
+
+def rates(plant: Block, point: Point) -> Array:
+    """Return the states' derivatives at an operating point, shape (n_states,)."""
+    return plant.to_numpy().derivatives(point.t, point.x, point.u, point.params)
+
+
+def outputs(plant: Block, point: Point) -> Array:
+    """Return the outputs at an operating point, shape (n_outputs,)."""
+    return plant.to_numpy().outputs(point.t, point.x, point.u, point.params)
+
+
+def linear_model(
+    plant: Block, point: Point, friction: Slope, amplitude: Mapping[str, float] | None
+) -> tuple[Array, Array, Array, Array]:
+    """Return A, B, C, D at an operating point; friction and amplitude as for ``block.linearize``."""
+    system = plant.linearize(point.x, point.u, point.params, point.t, friction=friction, amplitude=amplitude)
+    A, B, C, D = (np.asarray(matrix, dtype=float) for matrix in (system.A, system.B, system.C, system.D))
+    return A, B, C, D

@@ -1,0 +1,268 @@
+"""State feedback about an operating point: the linear-quadratic regulator and pole placement.
+
+Both return ``u = u0 - K (x - x_ref)`` as a Block whose gains are parameters (:mod:`.feedback`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import place_poles
+
+from hovercontrol.controllers.design import Design, by_name, design_of
+from hovercontrol.controllers.feedback import Form, Gains, state_feedback
+from hovercontrol.controllers.friction_feedforward import feedforward
+from hovercontrol.controllers.modes import refuse_unmovable, refuse_unweighted
+from hovercontrol.controllers.weights import Weights, chosen_weights, weight_matrix
+from hovercontrol.core.block import Block
+from hovercontrol.core.boundary import checked
+from hovercontrol.errors import InputError
+from hovercontrol.io.tables import positive
+from hovercontrol.targets.friction_slopes import Slope
+
+if TYPE_CHECKING:
+    import control
+
+    from hovercontrol.targets.trim import Trim
+
+Array = NDArray[np.float64]
+
+
+@checked
+def lqr(
+    plant: Block,
+    trim: Trim | control.OperatingPoint | Mapping[str, float],
+    Q: Weights | None = None,
+    R: Weights | None = None,
+    *,
+    max_states: Mapping[str, float] | None = None,
+    max_inputs: Mapping[str, float] | None = None,
+    states: Sequence[str] | None = None,
+    period: float | None = None,
+    friction: Slope = "none",
+    amplitude: Mapping[str, float] | None = None,
+    compensate_friction: bool | None = None,
+    limits: bool = True,
+    measured: str = "{}",
+    name: str = "controller",
+) -> Block:
+    """Return the linear-quadratic regulator about an operating point.
+
+    It minimises the integral of ``dx' Q dx + du' R du`` of the linearised plant; a sampled one the sum over
+    the samples, for inputs that hold in between.
+
+    Parameters
+    ----------
+    plant : Block
+        Continuous.
+    trim : Trim, control.OperatingPoint or mapping
+        The operating point: ``plant.trim(...)``, a ``control.OperatingPoint``, or values of states and inputs
+        by name [their units].
+    Q : mapping or array_like, scalar, shape (n_states,) or (n_states, n_states), optional
+        Weights of the states [1/unit^2], by name, as a diagonal or as a matrix.
+    R : mapping or array_like, scalar, shape (n_inputs,) or (n_inputs, n_inputs), optional
+        Weights of the inputs, likewise. Only inputs with a weight are commanded.
+    max_states, max_inputs : mapping, optional
+        In place of `Q` and `R`: the largest acceptable deviation of each [its unit]. The weight is
+        1/deviation^2 (Bryson's rule).
+    states : sequence of str, optional
+        The states that are fed back. Default with weights by name: those with a weight and all on which
+        these depend, so that ``{"y": 1, "psi": 1}`` holds a line and leaves x free. Default otherwise: all
+        that do not move at the operating point.
+    period : float, optional
+        Of a sampled controller [s]: designed on the exact discretisation with held inputs.
+    friction : {"none", "smooth", "describing"}, optional
+        How dry friction enters the linear model. "none": as a constant force without damping, which holds for
+        every velocity beyond the smoothing width; take it for a craft under way, also for its sway and yaw
+        at rest. "smooth": with the slope of the regularised friction, a pole at -c/width that the craft has
+        only below that width; with Coulomb's friction (``compile(friction="events")``) such a design sticks
+        beside its setpoint. "describing": with the slope that an oscillation of `amplitude` feels. What
+        friction leaves, a small oscillation or offset, is smaller with more weight on the position.
+    compensate_friction : bool, optional
+        Add the optimal command against the dry friction of states at rest, as a known disturbance: ``F
+        sgn(v)`` with the parameters ``F_rudder_r`` and ``r_width`` (default: where friction is "none").
+        Without it dry friction in yaw makes a craft weave about its line several times as wide.
+    amplitude : mapping of str to float, optional
+        Of the oscillation, by state, in its unit, for "describing".
+    limits : bool, optional
+        Keep the commands within the bounds of the plant's inputs.
+    measured : str, optional
+        Names of what the controller reads: ``"{}_hat"`` reads ``u_hat``, an estimator's output.
+    name : str, optional
+
+    Returns
+    -------
+    Block
+        Inputs: the states by the plant's names and their setpoints (``y``, ``y_ref``), which start at the
+        operating point; outputs: the commands. Errors of angles are wrapped to (-pi, pi]. Parameters: the
+        gains ``K_rudder_y``, the commands at the operating point ``rudder_trim``, the limits.
+
+    Raises
+    ------
+    InputError
+        If a name is unknown, a weight is not positive (semi)definite, a state moves at the operating point,
+        no input moves a mode that does not decay, or no weight sees one on the imaginary axis.
+
+    Source
+    ------
+    Astrom & Murray, Feedback Systems, 2nd edition, section 7.5; Bryson & Ho, Applied Optimal Control, 1975.
+
+    Examples
+    --------
+    >>> from hovercontrol.models.vehicles import c17_simulation
+    >>> plant = c17_simulation().plant()
+    >>> straight = plant.trim({"u": 1.0, "r": 0.0, "psi": 0.0})
+    >>> hold = lqr(plant, straight, {"y": 1.0, "u": 1.0}, {"thrust": 1.0, "rudder": 4.0})
+    >>> [s.name for s in hold.inputs]
+    ['y', 'psi', 'u', 'v', 'r', 'y_ref', 'psi_ref', 'u_ref', 'v_ref', 'r_ref']
+    >>> round(hold.default_parameters["controller.K_rudder_y"], 4)
+    -0.5
+    """
+    Q = chosen_weights("lqr", Q, max_states, ("Q", "max_states"))
+    R = chosen_weights("lqr", R, max_inputs, ("R", "max_inputs"))
+    design = design_of(
+        "lqr",
+        plant,
+        trim,
+        friction=friction,
+        amplitude=amplitude,
+        states=states,
+        inputs=by_name(R),
+        weighted=by_name(Q),
+        compensate=friction == "none" if compensate_friction is None else compensate_friction,
+    )
+    q = weight_matrix("lqr: Q", named(design, Q, plant), design.names, definite=False)
+    r = weight_matrix("lqr: R", R, design.input_names, definite=True)
+    K, F = optimal_gains("lqr", design, q, r, period)
+    return state_feedback(design, without_integrals(K, F), form_of("lqr", period, limits, measured, name))
+
+
+@checked
+def place(
+    plant: Block,
+    trim: Trim | control.OperatingPoint | Mapping[str, float],
+    poles: Sequence[float | complex] | NDArray[np.complex128],
+    *,
+    states: Sequence[str] | None = None,
+    inputs: Sequence[str] | None = None,
+    period: float | None = None,
+    friction: Slope = "none",
+    amplitude: Mapping[str, float] | None = None,
+    limits: bool = True,
+    measured: str = "{}",
+    name: str = "controller",
+) -> Block:
+    """Return the state feedback that places the poles of the linearised loop.
+
+    Parameters
+    ----------
+    plant : Block
+        Continuous.
+    trim : Trim, control.OperatingPoint or mapping
+        As for :func:`lqr`.
+    poles : array_like, shape (n_states,)
+        Poles of the loop [1/s], complex ones in pairs; a pole repeated at most as often as there are inputs.
+        Those of a sampled controller are placed at exp(pole * period).
+    states : sequence of str, optional
+        The states that are fed back (default: all that do not move at the operating point).
+    inputs : sequence of str, optional
+        The inputs that are commanded (default: all).
+    period, friction, amplitude, limits, measured, name
+        As for :func:`lqr` [s].
+
+    Returns
+    -------
+    Block
+        As of :func:`lqr`.
+
+    Raises
+    ------
+    InputError
+        If a name is unknown, no input moves a mode, or the poles are not as many as the states or not in
+        pairs.
+
+    Source
+    ------
+    Tits & Yang, IEEE Trans. Autom. Control 41 (1996), by :func:`scipy.signal.place_poles`.
+
+    Examples
+    --------
+    >>> from hovercontrol.core.signals import Signal
+    >>> y, v, a = Signal("y", "m"), Signal("v", "m/s"), Signal("a", "m/s^2")
+    >>> cart = Block("cart", [y, v], [a], [y, v], derivatives={"y": v.symbol, "v": a.symbol})
+    >>> hold = place(cart, cart.trim({"y": 0.0}), [-1 + 1j, -1 - 1j])
+    >>> {key: round(value, 9) for key, value in hold.default_parameters.items()}
+    {'controller.a_trim': 0.0, 'controller.K_a_y': 2.0, 'controller.K_a_v': 2.0}
+    """
+    design = design_of(
+        "place", plant, trim, friction=friction, amplitude=amplitude, states=states, inputs=inputs
+    )
+    wanted = np.atleast_1d(np.asarray(poles, dtype=complex))
+    n = len(design.states)
+    if wanted.shape != (n,):
+        raise InputError(
+            f"place: expected {n} poles for the states {', '.join(design.names)}, found {wanted.size}"
+        )
+    refuse_unmovable("place", design.A, design.B, design.names, design.input_names, every=True)
+    if period is not None:
+        positive("place: period", period)
+    A, B = design.with_integrals(period)
+    try:
+        K = place_poles(A, B, np.exp(wanted * period) if period else wanted).gain_matrix
+    except ValueError as error:
+        raise InputError(f"place: poles: {error}") from None
+    return state_feedback(
+        design, without_integrals(K, np.zeros((len(K), 0))), form_of("place", period, limits, measured, name)
+    )
+
+
+def optimal_gains(
+    where: str, design: Design, Q: Array, R: Array, period: float | None
+) -> tuple[Array, Array]:
+    """Return the optimal gains on states and integrals, and the optimal commands against friction.
+
+    Shapes (n_inputs, n_states + n_integrals) and (n_inputs, n_frictions).
+
+    Raises
+    ------
+    InputError
+        If the problem has no stabilising solution.
+    """
+    import control  # takes a second
+
+    A, B = design.with_integrals()
+    names = [*design.names, *design.integral_names]
+    refuse_unmovable(where, A, B, names, design.input_names, every=False)
+    refuse_unweighted(where, A, Q, names)
+    if period is not None:
+        A, B = design.with_integrals(positive(f"{where}: period", period))
+    try:
+        K, P, _ = (control.dlqr if period else control.lqr)(A, B, Q, R)
+    except (np.linalg.LinAlgError, ValueError, control.ControlException) as error:
+        raise InputError(f"{where}: the Riccati equation has no stabilising solution: {error}") from None
+    F = feedforward(A, B, design.disturbances(period), K, P, R, sampled=period is not None)
+    return np.asarray(K, dtype=float), F
+
+
+def without_integrals(K: Array, F: Array) -> Gains:
+    """Return the gains of a feedback of states alone."""
+    return Gains(K, np.zeros((len(K), 0)), np.zeros((0, len(K))), F)
+
+
+def form_of(where: str, period: float | None, limits: bool, measured: str, name: str) -> Form:
+    """Return how a controller is realised, the arguments checked."""
+    if "{}" not in measured:
+        raise InputError(f"{where}: measured: expected a text with {{}} for the name, found {measured!r}")
+    return Form(period, limits, measured, name)
+
+
+def named(design: Design, given: Any, plant: Block) -> Any:
+    """Return weights by the names under which the controller reads the states."""
+    if not isinstance(given, Mapping):
+        return given
+    symbols = {s.symbol: s.name for s in plant.states}
+    shown = {symbols[e]: o.name for o in plant.outputs if (e := plant.output_expressions[o.name]) in symbols}
+    return {key if key in design.names else shown.get(key, key): value for key, value in given.items()}
