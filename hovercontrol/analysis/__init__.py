@@ -23,6 +23,7 @@ from hovercontrol.analysis.common.observability import Gramian, SlidingGramian, 
 from hovercontrol.analysis.common.packet_loss import PacketLoop, packet_loop, packet_loop_along
 from hovercontrol.analysis.common.regions import Axis, Region, axis
 from hovercontrol.analysis.common.stabilizability import Stabilizability, stabilizability
+from hovercontrol.analysis.common.steering import SteadyTurn, steady_turn, steering_map, turning_modes
 from hovercontrol.analysis.k06.basins import turn_basins
 from hovercontrol.analysis.k06.law_regions import forward_region, reverse_region
 
@@ -39,4 +40,5 @@ __all__ = [
     "turn_basins", "Margins", "FrozenMargins", "OutsideModes", "loop_margins", "margins", "margins_along",
     "PacketLoop", "packet_loop", "packet_loop_along",
     "Stabilizability", "stabilizability",
+    "SteadyTurn", "steady_turn", "steering_map", "turning_modes",
 ]  # fmt: skip

@@ -34,7 +34,7 @@ _SEEN = tuple(s for s in MOTION if s.name in ("psi", "u", "v", "r"))
 def weaving(
     *,
     lag: float = 1.0,
-    ratio: float = 0.6,
+    ratio: float = 0.55,
     least_rate: float = 0.02,
     drift_gain: float = 0.5,
     heading_gain: float = 0.5,
