@@ -26,6 +26,7 @@ from benchmarks import (
     real_logs,
     regions,
     startup,
+    steering,
     step,
     tables,
 )
@@ -38,6 +39,7 @@ ALL = {
     "cockpit": cockpit,
     "do_step": do_step,
     "step": step,
+    "steering": steering,
     "startup": startup,
     "fmu": fmu,
     "derive": derive,

@@ -151,6 +151,7 @@ class ThrustMatrix:
         self.gain = gain  # rows u', v', r'; columns T cos(theta), T sin(theta)
 
     def __call__(self, ahead: sp.Expr, side: sp.Expr = sp.S.Zero) -> sp.Matrix:
+        """Return B for a control point `ahead` of the centre of mass and to the left of it by `side` [m]."""
         u, v, r = (self.gain.row(i) for i in range(3))
         return sp.Matrix([u - side * r, v + ahead * r])
 

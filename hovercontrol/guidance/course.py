@@ -45,8 +45,8 @@ def course_control(
     Returns
     -------
     Block
-        Inputs ``course_ref``, ``psi`` [rad], with sideslip ``u``, ``v`` [m/s]; outputs ``yaw_rate_ref`` [rad/s] and
-        ``course_error`` [rad].
+        Inputs ``course_ref``, ``psi`` [rad], with sideslip ``u``, ``v`` [m/s]; outputs ``yaw_rate_ref``
+        [rad/s] and ``course_error`` [rad].
 
     Raises
     ------

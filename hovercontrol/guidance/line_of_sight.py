@@ -127,7 +127,7 @@ def line_of_sight(
     after = sp.Piecewise((0, before >= legs - 1), (before + 1, True)) if closed else before + 1
     under_way = sp.true if closed else before < legs
     direction = sp.Symbol("leg_direction", real=True)
-    cross, along = CROSS_TRACK.symbol, ALONG_TRACK.symbol
+    cross = CROSS_TRACK.symbol
     offset: sp.Expr = cross
     states, updates = [last_leg], {"last_leg": now}
     parameters = [*sizes.values()]

@@ -13,8 +13,6 @@ B: ``A B/2 = U R - k U w`` gives the averaged equation ``w' = -k U w``.
 
 from __future__ import annotations
 
-import math
-
 import sympy as sp
 
 from hovercontrol.controllers.k06.laws import SURGE_REF, YAW_RATE_REF

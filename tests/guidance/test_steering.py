@@ -116,12 +116,12 @@ def test_without_drag_the_drift_of_the_centre_of_oscillation_is_minus_the_integr
     m, J, d = 2.6, 0.096, 0.32
 
     def motion(t, x):  # K06 (2.10), forces that are anything
-        u, v, r, w = x
+        u, v, r, _ = x
         fx, fy = 0.7 * np.sin(1.3 * t) + 0.2, 0.4 * np.cos(2.1 * t)
         return [v * r + fx / m, -u * r + fy / m, -d * fy / J, -u * r]
 
     run = solve_ivp(motion, (0.0, 10.0), [0.4, 0.1, 0.2, 0.1 + J / (m * d) * 0.2], rtol=1e-10, atol=1e-12)
-    u, v, r, w = run.y[:, -1]
+    _, v, r, w = run.y[:, -1]
     assert v + J / (m * d) * r == pytest.approx(w, abs=1e-7)
 
 
