@@ -3,6 +3,7 @@
 from hovercontrol.guidance.commands import command_filter
 from hovercontrol.guidance.course import course_control
 from hovercontrol.guidance.line_of_sight import line_of_sight
+from hovercontrol.guidance.path import path_tracker
 from hovercontrol.guidance.reference import steering_reference
 from hovercontrol.guidance.steering import steering_law
 from hovercontrol.guidance.weaving import weaving
@@ -11,6 +12,7 @@ __all__ = [
     "command_filter",
     "course_control",
     "line_of_sight",
+    "path_tracker",
     "steering_law",
     "steering_reference",
     "weaving",

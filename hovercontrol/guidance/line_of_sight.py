@@ -92,7 +92,7 @@ def line_of_sight(
     >>> [s.name for s in los.outputs][:3]
     ['course_ref', 'surge_ref', 'cross_track']
     """
-    path = _path(name, points, closed)
+    path = waypoint_array(name, points, closed)
     sizes = {
         "lookahead": Signal("lookahead", "m", "distance ahead that the course points at", start=lookahead),
         "acceptance": Signal("acceptance", "m", "radius of the circle of acceptance", start=acceptance),
@@ -115,7 +115,7 @@ def line_of_sight(
     flown = {"before": before, "now": sp.Min(now, legs - 1)}
     values: dict[str, sp.Expr] = {}
     for when, leg in flown.items():
-        for key, value in _leg(corners, leg, legs, closed).items():
+        for key, value in leg_ends(corners, leg, legs).items():
             values[f"{key}_{when}"] = value
     begin_x, begin_y, end_x, end_y = (
         sp.Symbol(f"{key}_now", real=True) for key in ("begin_x", "begin_y", "end_x", "end_y")
@@ -170,8 +170,8 @@ def line_of_sight(
     )
 
 
-def _leg(
-    corners: Sequence[tuple[Signal, Signal]], leg: sp.Expr, legs: int, closed: bool
+def leg_ends(
+    corners: Sequence[tuple[Signal, Signal]], leg: sp.Expr, legs: int
 ) -> dict[str, sp.Expr]:
     """Return beginning and end of the leg of a number, by Piecewise over the legs."""
     found = {}
@@ -183,7 +183,7 @@ def _leg(
     return found
 
 
-def _path(name: str, points: ArrayLike, closed: bool) -> np.ndarray:
+def waypoint_array(name: str, points: ArrayLike, closed: bool = False) -> np.ndarray:
     """Return waypoints as an array of shape (n, 2)."""
     try:
         path = np.asarray(points, dtype=float)
