@@ -72,8 +72,11 @@ def _percussion() -> float:
 
 
 def _draw(axes: Axes, region: Region, name: str, scale: float, title: str, most: float) -> None:
-    look = {"cmap": "RdBu_r", "norm": TwoSlopeNorm(0.0, -most, most), "shading": "nearest"}
-    drawn = axes.pcolormesh(region.x.values, region.y.values, scale * region[name], **look)
+    norm = TwoSlopeNorm(0.0, -most, most)
+    values = scale * region[name]
+    drawn = axes.pcolormesh(
+        region.x.values, region.y.values, values, cmap="RdBu_r", norm=norm, shading="nearest"
+    )
     axes.set(xlabel=str(region.x), ylabel=str(region.y))
     axes.set_title(title, fontsize=10)
     axes.figure.colorbar(drawn, ax=axes)

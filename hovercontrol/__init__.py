@@ -40,6 +40,15 @@ if TYPE_CHECKING:
     from hovercontrol.errors import InputError
     from hovercontrol.estimators.kalman_bucy import kalman_bucy
     from hovercontrol.estimators.regression import regression
+    from hovercontrol.guidance import (
+        command_filter,
+        course_control,
+        line_of_sight,
+        path_tracker,
+        steering_law,
+        steering_reference,
+        weaving,
+    )
     from hovercontrol.identify.fit import identify
     from hovercontrol.log_check.check import check
     from hovercontrol.logs.log import Log
@@ -93,6 +102,14 @@ __all__ = [
     "kalman_bucy",
     "regression",
     "simulate",
+    # guidance
+    "line_of_sight",
+    "course_control",
+    "command_filter",
+    "steering_law",
+    "steering_reference",
+    "weaving",
+    "path_tracker",
     # errors
     "InputError",
     "UnitError",
@@ -113,6 +130,15 @@ _PLACES = {
     "errors": ("InputError",),
     "estimators.kalman_bucy": ("kalman_bucy",),
     "estimators.regression": ("regression",),
+    "guidance": (
+        "command_filter",
+        "course_control",
+        "line_of_sight",
+        "path_tracker",
+        "steering_law",
+        "steering_reference",
+        "weaving",
+    ),
     "identify.fit": ("identify",),
     "log_check.check": ("check",),
     "logs.log": ("Log",),

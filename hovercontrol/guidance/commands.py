@@ -59,17 +59,14 @@ def command_filter(*, lag: float = 0.5, period: float = 0.0, name: str = "filter
     pairs = ((speed, speed_slope, SURGE_REF.symbol), (rate, rate_slope, YAW_RATE_REF.symbol))
     slopes = {str(slope): (told - now) / tau.symbol for now, slope, told in pairs}
     # Sampled: x(t + h) = r + (x - r) exp(-h/lag) for a command r held over the period h.
-    left = sp.exp(-period / tau.symbol) if period else None
-    parameters = (tau,)
-    if period:
-        tick = Signal("period", "s", "of the ticks, fixed", start=period, lower=period, upper=period)
-        parameters, left = (tau, tick), sp.exp(-tick.symbol / tau.symbol)
+    tick = Signal("period", "s", "of the ticks, fixed", start=period, lower=period, upper=period)
+    left = sp.exp(-tick.symbol / tau.symbol)
     return Block(
         name,
         states=(DESIRED[0], DESIRED[2]),
         inputs=(SURGE_REF, YAW_RATE_REF),
         outputs=DESIRED,
-        parameters=parameters,
+        parameters=(tau, tick) if period else (tau,),
         derivatives={
             str(now): told + (now - told) * left if period else slopes[str(slope)]
             for now, slope, told in pairs

@@ -170,9 +170,7 @@ def line_of_sight(
     )
 
 
-def leg_ends(
-    corners: Sequence[tuple[Signal, Signal]], leg: sp.Expr, legs: int
-) -> dict[str, sp.Expr]:
+def leg_ends(corners: Sequence[tuple[Signal, Signal]], leg: sp.Expr, legs: int) -> dict[str, sp.Expr]:
     """Return beginning and end of the leg of a number, by Piecewise over the legs."""
     found = {}
     for key, end, axis in (("begin_x", 0, 0), ("begin_y", 0, 1), ("end_x", 1, 0), ("end_y", 1, 1)):

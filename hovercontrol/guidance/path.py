@@ -13,6 +13,7 @@ corrected where it stops: long legs are divided.
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import sympy as sp
@@ -58,8 +59,10 @@ def path_tracker(
     ----------
     points : array_like, shape (n, 2)
         Corners of the path [m], n >= 2; the first leg begins at the first.
-    surge, slow_down, position_tolerance, heading_tolerance, rest_energy, yaw_rate, reverse_surge : float, optional
-        As for :func:`~hovercontrol.controllers.k06.origin`.
+    surge, slow_down, yaw_rate, reverse_surge : float, optional
+        As for :func:`~hovercontrol.controllers.k06.origin` [m/s, 1/s, rad/s, m/s].
+    position_tolerance, heading_tolerance, rest_energy : float, optional
+        The same [m, rad, J].
     longest : float, optional
         Legs longer than this [m] are divided into equal parts.
     end_heading : float, optional
@@ -151,7 +154,7 @@ def _planner(path: np.ndarray, end_heading: float, period: float) -> Block:
 def _divided(path: np.ndarray, longest: float) -> np.ndarray:
     """Return a path whose legs are no longer than this."""
     parts = [path[:1]]
-    for begin, end in zip(path[:-1], path[1:], strict=True):
+    for begin, end in pairwise(path):
         pieces = max(1, math.ceil(math.hypot(*(end - begin)) / longest))
         shares = np.arange(1, pieces + 1)[:, None] / pieces
         parts.append(begin + shares * (end - begin))
