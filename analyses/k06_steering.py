@@ -19,7 +19,7 @@ from hovercontrol.guidance import steering_law, weaving
 SURGE = 0.7
 
 
-def main(out: Path, progress: Progress | None = None, *, points: int = 9) -> list[Path]:
+def main(out: Path, progress: Progress | None = None, *, points: int = 7) -> list[Path]:
     """Draw both errors of the real loop and the slowest mode of C17's zero dynamics."""
     craft = hc.vehicle("hoverdemon")
     loop = autopilot(

@@ -2,11 +2,11 @@
 
 from hovercontrol.guidance.commands import command_filter
 from hovercontrol.guidance.course import course_control
-from hovercontrol.guidance.line_of_sight import line_of_sight
 from hovercontrol.guidance.path import path_tracker
 from hovercontrol.guidance.reference import steering_reference
 from hovercontrol.guidance.steering import steering_law
-from hovercontrol.guidance.weaving import weaving
+from hovercontrol.guidance.waypoints import line_of_sight
+from hovercontrol.guidance.weave import weaving
 
 __all__ = [
     "command_filter",

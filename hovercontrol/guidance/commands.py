@@ -50,7 +50,7 @@ def command_filter(*, lag: float = 0.5, period: float = 0.0, name: str = "filter
     Examples
     --------
     >>> print(command_filter().equations().splitlines()[0])
-    surge_desired' = (surge_ref - surge_desired)/lag
+    surge_desired' = (-surge_desired + surge_ref)/lag
     """
     tau = Signal("lag", "s", "time constant", start=positive(f"{name}: lag", lag), lower=1e-6)
     if not number(f"{name}: period", period) >= 0.0:

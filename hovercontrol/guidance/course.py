@@ -8,7 +8,7 @@ from hovercontrol.controllers.k06.laws import YAW_RATE_REF
 from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
 from hovercontrol.core.signals import Signal
-from hovercontrol.guidance.line_of_sight import COURSE_REF
+from hovercontrol.guidance.waypoints import COURSE_REF
 from hovercontrol.io.tables import positive
 from hovercontrol.models.model import MOTION
 
@@ -56,7 +56,7 @@ def course_control(
     Examples
     --------
     >>> held = course_control(gain=2.0, yaw_rate=10.0).to_numpy()
-    >>> round(held.outputs(0.0, (), [0.1, 0.0])[0], 3)  # course_ref, psi
+    >>> round(float(held.outputs(0.0, (), [0.1, 0.0])[0]), 3)  # course_ref, psi
     0.2
     """
     given = (

@@ -25,7 +25,7 @@ from hovercontrol.core.boundary import checked
 from hovercontrol.core.interconnect import interconnect
 from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError
-from hovercontrol.guidance.line_of_sight import ALONG_TRACK, CROSS_TRACK, LEG, leg_ends, waypoint_array
+from hovercontrol.guidance.waypoints import ALONG_TRACK, CROSS_TRACK, LEG, leg_ends, waypoint_array
 from hovercontrol.io.tables import number, positive
 from hovercontrol.models.model import MOTION
 from hovercontrol.models.vehicles import HOVERDEMON_BODY, Body

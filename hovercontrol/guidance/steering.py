@@ -3,7 +3,7 @@
 K06 chapter 7 asks for it: "we would still need to derive a control law ... to steer the hovercraft while
 moving forward or in reverse". The law inverts the surge and yaw equations of the model; what remains, the
 sway velocity, is the zero dynamics. They are stable exactly where the craft has sway drag: a craft without
-drag has no steady turn under way (:mod:`.weaving` steers it in the mean).
+drag has no steady turn under way (:func:`weaving` steers it in the mean).
 """
 
 from __future__ import annotations

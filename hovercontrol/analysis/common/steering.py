@@ -42,6 +42,11 @@ class SteadyTurn:
         In the unit of the craft's thrust command.
     rudder : float
         [rad]
+
+    Examples
+    --------
+    >>> SteadyTurn(surge=1.0, sway=-0.5, yaw_rate=0.4, thrust=2.0, rudder=-0.1).sway
+    -0.5
     """
 
     surge: float
@@ -202,6 +207,14 @@ def steering_map(
     ------
     InputError
         If the loop has neither such inputs nor such parameters, or a range is none.
+
+    Examples
+    --------
+    >>> import hovercontrol as hc
+    >>> craft = hc.vehicle("c17_simulation")
+    >>> loop = hc.interconnect([craft.plant(), hc.command_filter(), hc.steering_law(craft)])
+    >>> bool(steering_map(loop, points=2, least_time=10.0)["within"].all())
+    True
     """
     compiled, known = loop.compile(), loop.default_parameters
     inputs = {s.name for s in loop.inputs}

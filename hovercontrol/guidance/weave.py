@@ -63,6 +63,10 @@ def weaving(
         Yaw rate [rad/s] far below which the modulation fades.
     drift_gain : float, optional
         k [rad/m].
+    heading_gain : float, optional
+        Yaw rate per error of the heading from the integral of r_d [rad/s], through a sine; it makes the mean
+        yaw rate right where small side forces are lost in a dead zone. The start of that integral is the
+        state ``heading_desired`` [rad].
     period : float, optional
         Of a sampled Block [s]; 0: continuous.
     body : Body, optional
@@ -71,8 +75,8 @@ def weaving(
     Returns
     -------
     Block
-        Inputs ``surge_ref`` [m/s], ``yaw_rate_ref`` [rad/s], ``u, v, r``; outputs the desired values of
-        :func:`~hovercontrol.guidance.steering_law`.
+        Inputs ``surge_ref`` [m/s], ``yaw_rate_ref`` [rad/s], ``psi, u, v, r``; outputs the desired
+        values of :func:`~hovercontrol.guidance.steering_law`.
 
     Raises
     ------
@@ -86,66 +90,79 @@ def weaving(
     """
     if not number(f"{name}: period", period) >= 0.0:
         raise InputError(f"{name}: period must not be negative, found {period!r}")
-    given = {
+    p = {
         "lag": Signal("lag", "s", "time constant of the commands", start=lag, lower=1e-6),
         "ratio": Signal("ratio", "1", "modulation frequency over yaw rate", start=ratio),
         "least_rate": Signal("least_rate", "rad/s", "modulation fades below", start=least_rate),
         "drift_gain": Signal("drift_gain", "rad/m", "yaw rate per sway velocity", start=drift_gain),
-        "slow": Signal("slow", "m/s", "surge below which the drift counts less", start=0.05),
         "heading_gain": Signal("heading_gain", "rad/s", "yaw rate per heading error", start=heading_gain),
+        "slow": Signal("slow", "m/s", "surge below which the drift counts less", start=0.05),
+        "percussion": Signal(
+            "percussion",
+            "m",
+            "J/(m d): centre of oscillation ahead of the centre of mass",
+            start=body.inertia / (body.mass * body.arm),
+        ),
     }
-    for key, signal in given.items():
+    for key, signal in p.items():
         positive(f"{name}: {key}", signal.start)
-    ahead = Signal("percussion", "m", "J/(m d): centre of oscillation ahead of the centre of mass",
-                   start=body.inertia / (body.mass * body.arm), lower=0.0)  # fmt: skip
-    tau, times, r0, k, slow = (s.symbol for s in list(given.values())[:5])
-    surge = Signal("surge_mean", "m/s", "filtered surge command")
-    rate = Signal("yaw_rate_mean", "rad/s", "filtered yaw rate command")
-    phase = Signal("phase", "rad", "of the modulation")
-    U, R, a = surge.symbol, rate.symbol, phase.symbol
-    u, r, w = (sp.Symbol(key, real=True) for key in ("u", "r", "drift"))
-    whole = sp.sqrt(R**2 + r0**2)
-    g, s = R / whole, sp.tanh(U / slow)
-    # w of the weave alone: w' = -u_d r_d with k = 0 and without its mean; e is what has to be damped.
-    e = w + U * R * g**2 * sp.sin(2 * a) / (2 * times * whole)
-    told = (
-        U * (1 + sp.sqrt(2) * g * sp.sin(a)),
-        R - sp.sqrt(2) * g * (R - s * k * e) * sp.sin(a) + s * k * (1 - g**2) * e,
-    )
-    slopes = {
-        U: (SURGE_REF.symbol - U) / tau,
-        R: (YAW_RATE_REF.symbol - R) / tau,
-        a: times * whole,
-        w: -u * r,
-    }
-    # Heading loop: the integral of the yaw rate told, held with the gain kh, so that its mean is exact.
-    turned, kh = sp.Symbol("heading_desired", real=True), given["heading_gain"].symbol
-    psi = sp.Symbol("psi", real=True)
-    slopes |= {turned: told[1], psi: r}
-    told = (told[0], told[1] + kh * sp.sin(turned - psi))
-    values = []
+    told, slopes = _commands({key: signal.symbol for key, signal in p.items()})
+    values: list[sp.Expr] = []
     for expression in told:
         values += [expression, sum(sp.diff(expression, by) * slope for by, slope in slopes.items())]
-    parameters = (*given.values(), ahead)
-    following = {x: slopes[x] for x in (U, R, a, turned)}
+    tick = Signal("period", "s", "of the ticks, fixed", start=period, lower=period, upper=period)
+    following = {s.name: slopes[s.symbol] for s in _STATES}
     if period:
-        tick = Signal("period", "s", "of the ticks, fixed", start=period, lower=period, upper=period)
-        parameters, h = (*parameters, tick), tick.symbol
-        left = sp.exp(-h / tau)
-        following = {
-            U: SURGE_REF.symbol + (U - SURGE_REF.symbol) * left,
-            R: YAW_RATE_REF.symbol + (R - YAW_RATE_REF.symbol) * left,
-            a: a + h * slopes[a],
-            turned: turned + h * slopes[turned],
-        }
+        following = _next_values(following, p["lag"].symbol, tick.symbol)
     return Block(
         name,
-        states=(surge, rate, phase, Signal("heading_desired", "rad", "integral of the yaw rate told")),
+        states=_STATES,
         inputs=(SURGE_REF, YAW_RATE_REF, *_SEEN),
         outputs=DESIRED,
-        parameters=parameters,
-        definitions={"drift": sp.Symbol("v", real=True) + ahead.symbol * r},
-        derivatives={str(x): e for x, e in following.items()},
+        parameters=(*p.values(), tick) if period else tuple(p.values()),
+        definitions={"drift": _V + p["percussion"].symbol * _R},
+        derivatives=following,
         output_expressions={d.name: e for d, e in zip(DESIRED, values, strict=True)},
         period=period,
     )
+
+
+_PSI, _U, _V, _R = (s.symbol for s in _SEEN)
+
+_STATES = (
+    Signal("surge_mean", "m/s", "filtered surge command"),
+    Signal("yaw_rate_mean", "rad/s", "filtered yaw rate command"),
+    Signal("phase", "rad", "of the modulation"),
+    Signal("heading_desired", "rad", "integral of the yaw rate told"),
+)
+
+
+def _commands(p: dict[str, sp.Symbol]) -> tuple[list[sp.Expr], dict[sp.Symbol, sp.Expr]]:
+    """Return u_d and r_d, and the time derivative of each symbol in them."""
+    U, R, a, turned = (s.symbol for s in _STATES)
+    w = sp.Symbol("drift", real=True)
+    whole = sp.sqrt(R**2 + p["least_rate"] ** 2)
+    g, s, k = R / whole, sp.tanh(U / p["slow"]), p["drift_gain"]
+    pace = p["ratio"] * whole
+    # w of the weave alone, from w' = -u_d r_d with k = 0 and without its mean; e is what has to be damped.
+    e = w + U * R * g**2 * sp.sin(2 * a) / (2 * pace)
+    surge = U * (1 + sp.sqrt(2) * g * sp.sin(a))
+    rate = R - sp.sqrt(2) * g * (R - s * k * e) * sp.sin(a) + s * k * (1 - g**2) * e
+    slopes = {
+        U: (SURGE_REF.symbol - U) / p["lag"],
+        R: (YAW_RATE_REF.symbol - R) / p["lag"],
+        a: pace,
+        turned: rate,
+        w: -_U * _R,
+        _PSI: _R,
+    }
+    # The heading follows the integral of the rate told, so that the mean yaw rate is exact.
+    return [surge, rate + p["heading_gain"] * sp.sin(turned - _PSI)], slopes
+
+
+def _next_values(slopes: dict[str, sp.Expr], lag: sp.Symbol, period: sp.Symbol) -> dict[str, sp.Expr]:
+    """Return the next values of the states: the filters exactly, the two angles by Euler's method."""
+    found = {s.name: s.symbol + period * slopes[s.name] for s in _STATES}
+    for state, told in ((_STATES[0], SURGE_REF), (_STATES[1], YAW_RATE_REF)):
+        found[state.name] = told.symbol + (state.symbol - told.symbol) * sp.exp(-period / lag)
+    return found
