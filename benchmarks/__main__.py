@@ -27,6 +27,7 @@ from benchmarks import (
     real_logs,
     regions,
     startup,
+    steering,
     step,
     tables,
 )
@@ -40,6 +41,7 @@ ALL = {
     "cockpit": cockpit,
     "do_step": do_step,
     "step": step,
+    "steering": steering,
     "startup": startup,
     "fmu": fmu,
     "derive": derive,

@@ -43,6 +43,15 @@ if TYPE_CHECKING:
     from hovercontrol.errors import InputError, SmoothedFrictionWarning
     from hovercontrol.estimators.kalman_bucy import kalman_bucy
     from hovercontrol.estimators.regression import regression
+    from hovercontrol.guidance import (
+        command_filter,
+        course_control,
+        line_of_sight,
+        path_tracker,
+        steering_law,
+        steering_reference,
+        weaving,
+    )
     from hovercontrol.identify.fit import identify
     from hovercontrol.log_check.check import check
     from hovercontrol.logs.log import Log
@@ -108,6 +117,14 @@ __all__ = [
     "kalman_bucy",
     "regression",
     "simulate",
+    # guidance
+    "line_of_sight",
+    "course_control",
+    "command_filter",
+    "steering_law",
+    "steering_reference",
+    "weaving",
+    "path_tracker",
     # errors
     "InputError",
     "SmoothedFrictionWarning",
@@ -132,6 +149,15 @@ _PLACES = {
     "errors": ("InputError", "SmoothedFrictionWarning"),
     "estimators.kalman_bucy": ("kalman_bucy",),
     "estimators.regression": ("regression",),
+    "guidance": (
+        "command_filter",
+        "course_control",
+        "line_of_sight",
+        "path_tracker",
+        "steering_law",
+        "steering_reference",
+        "weaving",
+    ),
     "identify.fit": ("identify",),
     "log_check.check": ("check",),
     "logs.log": ("Log",),

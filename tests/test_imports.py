@@ -17,7 +17,7 @@ LAYERS = (
     {"notebook"},
     {"simulation", "targets"},
     {"effects"},
-    {"models", "controllers", "estimators", "hardware", "logs"},
+    {"models", "controllers", "estimators", "guidance", "hardware", "logs"},
     {"estimation"},
     {"autopilot", "scenarios"},
     {"discrepancy", "identify", "monitor", "analysis", "fmi", "samples"},

@@ -82,7 +82,7 @@ def tracking_controller(
     for key, value in (("control_point", control_point), ("control_point_side", control_point_side)):
         if not math.isfinite(number(f"controller: {key}", value)):
             raise InputError(f"controller: {key} must be finite, found {value:g}")
-    force, B, s = _affine_dynamics(model, name)
+    force, B, s = affine_dynamics(model, name)
     _refuse_singular(model, name, B, control_point)
     dx = Signal("control_point", "m", "delta_x: tracking point ahead of the centre", start=control_point)
     dy = Signal(
@@ -113,7 +113,7 @@ def tracking_controller(
     )
     fx, fy = sp.symbols("thrust_x thrust_y", real=True)
     solution = (B(d, b).inv() * demand).xreplace(blended)
-    thrust, rudder, bounds = _polar(model, fx, fy, limits)
+    thrust, rudder, bounds = polar(model, fx, fy, limits)
     used = demand.free_symbols | B(d, b).free_symbols
     return Block(
         name,
@@ -144,18 +144,19 @@ def tracking_controller(
     )
 
 
-class _ThrustMatrix:
+class ThrustMatrix:
     """B [C17 eq 21, 26] as a function of the control point: how T [cos, sin] accelerates it, body frame."""
 
     def __init__(self, gain: sp.Matrix) -> None:
         self.gain = gain  # rows u', v', r'; columns T cos(theta), T sin(theta)
 
     def __call__(self, ahead: sp.Expr, side: sp.Expr = sp.S.Zero) -> sp.Matrix:
+        """Return B for a control point `ahead` of the centre of mass and to the left of it by `side` [m]."""
         u, v, r = (self.gain.row(i) for i in range(3))
         return sp.Matrix([u - side * r, v + ahead * r])
 
 
-def _affine_dynamics(model: Model, name: str) -> tuple[dict[str, sp.Expr], _ThrustMatrix, SimpleNamespace]:
+def affine_dynamics(model: Model, name: str) -> tuple[dict[str, sp.Expr], ThrustMatrix, SimpleNamespace]:
     """Return the effects' accelerations without thrust, and their gain on the thrust vector."""
     s = motion_symbols(model.fans)
     s.thrust_x, s.thrust_y = vector = sp.symbols("thrust_x thrust_y", real=True)
@@ -176,18 +177,18 @@ def _affine_dynamics(model: Model, name: str) -> tuple[dict[str, sp.Expr], _Thru
     total = model.accelerations(name, s)
     gain = sp.Matrix([[sp.diff(total[axis], a) for a in vector] for axis in ("u", "v", "r")])
     rest = {axis: e.xreplace(dict.fromkeys(vector, sp.S.Zero)) for axis, e in total.items()}
-    return rest, _ThrustMatrix(gain), s
+    return rest, ThrustMatrix(gain), s
 
 
-def _refuse_singular(model: Model, name: str, B: _ThrustMatrix, control_point: float) -> None:
+def _refuse_singular(model: Model, name: str, B: ThrustMatrix, control_point: float) -> None:
     values = {p.symbol: p.start for p in model.parameters(name)}
     gain = B.gain.subs(values)
-    centre = _ThrustMatrix(gain)(sp.S.Zero)
+    centre = ThrustMatrix(gain)(sp.S.Zero)
     if abs(centre.det()) < 1e-12:
         raise InputError(
             f"controller: model {model.name!r} cannot push both ways: it needs the effect 'thrust' > 0"
         )
-    here = _ThrustMatrix(gain)(sp.Float(control_point))
+    here = ThrustMatrix(gain)(sp.Float(control_point))
     if abs(here.det()) < 1e-6 * abs(centre.det()):
         raise InputError(
             f"controller: control_point = {control_point:g} m gives a dx = J/m "
@@ -196,7 +197,7 @@ def _refuse_singular(model: Model, name: str, B: _ThrustMatrix, control_point: f
 
 
 def _adaptation(
-    model: Model, name: str, adapt: Sequence[str], B: _ThrustMatrix
+    model: Model, name: str, adapt: Sequence[str], B: ThrustMatrix
 ) -> tuple[list[Signal], dict[sp.Symbol, sp.Expr], list[Signal]]:
     named = {p.name.removeprefix(f"{name}."): p for p in model.parameters(name)}
     signals = {c: named[c] for c in model.linear_coefficients()}
@@ -220,7 +221,7 @@ def _adaptation(
     return estimates, blended, [share] if estimates else []
 
 
-def _polar(model: Model, fx: sp.Symbol, fy: sp.Symbol, limits: bool) -> tuple[sp.Expr, sp.Expr, list[Signal]]:
+def polar(model: Model, fx: sp.Symbol, fy: sp.Symbol, limits: bool) -> tuple[sp.Expr, sp.Expr, list[Signal]]:
     """Return thrust and rudder of a force vector: T = norm, theta = atan2, within bounds if wanted."""
     thrust: sp.Expr = sp.sqrt(fx**2 + fy**2)
     rudder: sp.Expr = sp.atan2(fy, fx)

@@ -26,6 +26,7 @@ SMALL = {
     },
     "k06_forward_region": {"points": 4},
     "k06_reverse_region": {"points": 4},
+    "k06_steering": {"points": 2},
 }
 
 
@@ -40,7 +41,7 @@ def test_every_script_is_tried():
     assert {p.stem for p in FOLDER.glob("*_*.py")} >= set(SMALL)
 
 
-@pytest.mark.slow("c17_excitation", "c17_table2")
+@pytest.mark.slow("c17_excitation", "c17_table2", "k06_steering")
 @pytest.mark.parametrize("name", SMALL)
 def test_a_script_leaves_pictures_a_table_and_its_findings(name, tmp_path):
     told = []
@@ -64,6 +65,8 @@ def test_a_script_uses_the_public_api_only(name):
         "hovercontrol.analysis",
         "hovercontrol.analysis.output",
         "hovercontrol.analysis.c17.table_two",
+        "hovercontrol.autopilot",
+        "hovercontrol.guidance",
         "hovercontrol.scenarios",
         "hovercontrol.io.figure_style",
     }

@@ -1,0 +1,161 @@
+"""A path of straight legs flown by K06's laws, switched by events: the tracker that K06 chapter 7 sketches.
+
+"One possible solution would be to combine the functionality of a path planner with a hybrid control strategy,
+making use of the control laws presented in this thesis ... An event-driven controller would be implemented to
+switch between the various continuous-time control laws" (K06 chapter 7).
+
+The planner tells one corner after the other to K06's pose controller (section 2.3.1), which points at it,
+drives, halts, turns to the next leg and rests; at rest the next leg begins. A craft without drag keeps the
+direction of its momentum while it drives straight on, whatever its heading does, so that deviations are
+corrected where it stops: long legs are divided.
+"""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+import numpy as np
+import sympy as sp
+from numpy.typing import ArrayLike
+
+from hovercontrol.controllers.k06.origin import GOAL, MODE, origin
+from hovercontrol.core.block import Block
+from hovercontrol.core.boundary import checked
+from hovercontrol.core.interconnect import interconnect
+from hovercontrol.core.signals import Signal
+from hovercontrol.errors import InputError
+from hovercontrol.guidance.waypoints import ALONG_TRACK, CROSS_TRACK, LEG, leg_ends, waypoint_array
+from hovercontrol.io.tables import number, positive
+from hovercontrol.models.model import MOTION
+from hovercontrol.models.vehicles import HOVERDEMON_BODY, Body
+
+_POSITION = tuple(s for s in MOTION if s.name in ("x", "y"))
+
+
+@checked
+def path_tracker(
+    points: ArrayLike,
+    *,
+    surge: float = 0.4,
+    slow_down: float = 0.4,
+    position_tolerance: float = 0.25,
+    heading_tolerance: float = math.radians(3.0),
+    rest_energy: float = 3e-3,
+    yaw_rate: float = 0.8,
+    reverse_surge: float = 0.0,
+    longest: float = math.inf,
+    end_heading: float | None = None,
+    period: float = 0.01,
+    body: Body = HOVERDEMON_BODY,
+    name: str = "guidance",
+) -> Block:
+    """Return the hybrid tracker of a path: a planner of legs and K06's pose controller.
+
+    It tells :func:`~hovercontrol.controllers.k06.drive` its references; with `reverse_surge`
+    :func:`~hovercontrol.controllers.k06.both_ways`, whose stern may go first.
+
+    Parameters
+    ----------
+    points : array_like, shape (n, 2)
+        Corners of the path [m], n >= 2; the first leg begins at the first.
+    surge, slow_down, yaw_rate, reverse_surge : float, optional
+        As for :func:`~hovercontrol.controllers.k06.origin` [m/s, 1/s, rad/s, m/s].
+    position_tolerance, heading_tolerance, rest_energy : float, optional
+        The same [m, rad, J].
+    longest : float, optional
+        Legs longer than this [m] are divided into equal parts.
+    end_heading : float, optional
+        Heading at the end [rad]; default: that of the last leg.
+    period : float, optional
+        [s]
+    body : Body, optional
+    name : str, optional
+
+    Returns
+    -------
+    Block
+        Sampled. Inputs the motion; outputs ``surge_ref``, ``yaw_rate_ref``, ``mode`` (point, drive, halt,
+        orient, rest), ``leg``, ``cross_track``, ``along_track`` [m] and the others of the pose controller.
+
+    Raises
+    ------
+    InputError
+        If there are fewer than two points, two in a row coincide, or a number is not positive.
+
+    Examples
+    --------
+    >>> tracker = path_tracker([[0.0, 0.0], [2.0, 0.0], [2.0, 2.0]])
+    >>> tracker.period, tracker.signal("mode").modes
+    (0.01, ('point', 'drive', 'halt', 'orient', 'rest'))
+    """
+    if not longest > 0.0:
+        raise InputError(f"{name}: longest must be positive, found {longest!r}")
+    path = _divided(waypoint_array(name, points), longest)
+    heading = math.atan2(*(path[-1] - path[-2])[::-1]) if end_heading is None else end_heading
+    planner = _planner(path, number(f"{name}: end_heading", heading), positive(f"{name}: period", period))
+    pose = origin(
+        surge=surge,
+        slow_down=slow_down,
+        position_tolerance=position_tolerance,
+        heading_tolerance=heading_tolerance,
+        rest_energy=rest_energy,
+        yaw_rate=yaw_rate,
+        reverse_surge=reverse_surge,
+        period=period,
+        body=body,
+        name="pose",
+    )
+    return interconnect([planner, pose], name)
+
+
+def _planner(path: np.ndarray, end_heading: float, period: float) -> Block:
+    """Return what tells the end of the present leg as the goal, and goes on when the craft rests there."""
+    corners = [
+        (Signal(f"x_{k}", "m", "corner", start=px), Signal(f"y_{k}", "m", "corner", start=py))
+        for k, (px, py) in enumerate(path)
+    ]
+    legs = len(path) - 1
+    end = Signal("end_heading", "rad", "heading at the end", start=end_heading)
+    last_leg = LEG.replace(name="present_leg", description="the leg that is flown")
+    k = last_leg.symbol
+    now = leg_ends(corners, k, legs)
+    after = leg_ends(corners, sp.Min(k + 1, legs - 1), legs)
+    begin_x, begin_y, end_x, end_y = (
+        sp.Symbol(key, real=True) for key in ("begin_x", "begin_y", "end_x", "end_y")
+    )
+    direction = sp.Symbol("leg_direction", real=True)
+    x, y = (s.symbol for s in _POSITION)
+    onward = sp.atan2(after["end_y"] - after["begin_y"], after["end_x"] - after["begin_x"])
+    rests = sp.Eq(MODE.symbol, MODE.mode("rest"))
+    return Block(
+        "planner",
+        states=(last_leg,),
+        inputs=(*_POSITION, MODE),
+        outputs=(*GOAL, LEG, CROSS_TRACK, ALONG_TRACK),
+        parameters=(end, *(c for pair in corners for c in pair)),
+        definitions={
+            **now,
+            "leg_direction": sp.atan2(end_y - begin_y, end_x - begin_x),
+        },
+        derivatives={"present_leg": sp.Piecewise((k + 1, sp.And(rests, k < legs - 1)), (k, True))},
+        output_expressions={
+            "goal_x_ref": end_x,
+            "goal_y_ref": end_y,
+            "goal_heading_ref": sp.Piecewise((onward, k < legs - 1), (end.symbol, True)),
+            "leg": k,
+            "cross_track": -(x - begin_x) * sp.sin(direction) + (y - begin_y) * sp.cos(direction),
+            "along_track": (x - begin_x) * sp.cos(direction) + (y - begin_y) * sp.sin(direction),
+        },
+        period=period,
+    )
+
+
+def _divided(path: np.ndarray, longest: float) -> np.ndarray:
+    """Return a path whose legs are no longer than this."""
+    parts = [path[:1]]
+    for begin, end in pairwise(path):
+        pieces = max(1, math.ceil(math.hypot(*(end - begin)) / longest))
+        shares = np.arange(1, pieces + 1)[:, None] / pieces
+        parts.append(begin + shares * (end - begin))
+    return np.concatenate(parts)
