@@ -38,8 +38,11 @@ if TYPE_CHECKING:
     from hovercontrol.discrepancy.diagnose import diagnose
     from hovercontrol.effects import Coefficient, Effect, Shape, effect, effect_names
     from hovercontrol.errors import InputError
+    from hovercontrol.estimators.extended import extended_kalman
     from hovercontrol.estimators.kalman_bucy import kalman_bucy
+    from hovercontrol.estimators.observability import observability
     from hovercontrol.estimators.regression import regression
+    from hovercontrol.estimators.unscented import unscented_kalman
     from hovercontrol.identify.fit import identify
     from hovercontrol.log_check.check import check
     from hovercontrol.logs.log import Log
@@ -91,6 +94,9 @@ __all__ = [
     "figure_eight",
     "waypoints",
     "kalman_bucy",
+    "extended_kalman",
+    "unscented_kalman",
+    "observability",
     "regression",
     "simulate",
     # errors
@@ -111,8 +117,11 @@ _PLACES = {
     "discrepancy.diagnose": ("diagnose",),
     "effects": ("Coefficient", "Effect", "Shape", "effect", "effect_names"),
     "errors": ("InputError",),
+    "estimators.extended": ("extended_kalman",),
     "estimators.kalman_bucy": ("kalman_bucy",),
+    "estimators.observability": ("observability",),
     "estimators.regression": ("regression",),
+    "estimators.unscented": ("unscented_kalman",),
     "identify.fit": ("identify",),
     "log_check.check": ("check",),
     "logs.log": ("Log",),
