@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from hovercontrol.discrepancy.diagnose import diagnose
     from hovercontrol.effects import Coefficient, Effect, Shape, effect, effect_names
     from hovercontrol.errors import InputError
+    from hovercontrol.estimators.disturbance import disturbance_observer, with_disturbances
     from hovercontrol.estimators.extended import extended_kalman
     from hovercontrol.estimators.kalman_bucy import kalman_bucy
     from hovercontrol.estimators.observability import observability
@@ -96,6 +97,8 @@ __all__ = [
     "kalman_bucy",
     "extended_kalman",
     "unscented_kalman",
+    "disturbance_observer",
+    "with_disturbances",
     "observability",
     "regression",
     "simulate",
@@ -117,6 +120,7 @@ _PLACES = {
     "discrepancy.diagnose": ("diagnose",),
     "effects": ("Coefficient", "Effect", "Shape", "effect", "effect_names"),
     "errors": ("InputError",),
+    "estimators.disturbance": ("disturbance_observer", "with_disturbances"),
     "estimators.extended": ("extended_kalman",),
     "estimators.kalman_bucy": ("kalman_bucy",),
     "estimators.observability": ("observability",),
