@@ -4,9 +4,9 @@ To the derivative of each chosen state s an unknown d_s is added,
 
     s' = f_s(x, u) + d_s,   d_s' = -d_s/tau + w,
 
-With a correlation time tau it is an Ornstein-Uhlenbeck process (gusts), without one it is constant but for the
-noise w (a slope, a trim error, a wrong coefficient). The extended Kalman filter of the larger plant estimates d
-together with x.
+With a correlation time tau it is an Ornstein-Uhlenbeck process (gusts), without one it is constant but for
+the noise w (a slope, a trim error, a wrong coefficient). The extended Kalman filter of the larger plant
+estimates d together with x.
 """
 
 from __future__ import annotations
