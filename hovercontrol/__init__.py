@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from hovercontrol.estimators.disturbance import disturbance_observer, with_disturbances
     from hovercontrol.estimators.extended import extended_kalman
     from hovercontrol.estimators.kalman_bucy import kalman_bucy
+    from hovercontrol.estimators.moving_horizon import moving_horizon
     from hovercontrol.estimators.observability import observability
     from hovercontrol.estimators.regression import regression
     from hovercontrol.estimators.unscented import unscented_kalman
@@ -97,6 +98,7 @@ __all__ = [
     "kalman_bucy",
     "extended_kalman",
     "unscented_kalman",
+    "moving_horizon",
     "disturbance_observer",
     "with_disturbances",
     "observability",
@@ -123,6 +125,7 @@ _PLACES = {
     "estimators.disturbance": ("disturbance_observer", "with_disturbances"),
     "estimators.extended": ("extended_kalman",),
     "estimators.kalman_bucy": ("kalman_bucy",),
+    "estimators.moving_horizon": ("moving_horizon",),
     "estimators.observability": ("observability",),
     "estimators.regression": ("regression",),
     "estimators.unscented": ("unscented_kalman",),

@@ -20,7 +20,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import control
 import numpy as np
 import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
@@ -139,7 +138,8 @@ def observability(
     block : Model, BlockModel or Block
         Continuous.
     at : Trim, control.OperatingPoint, array_like of shape (n_states,), or mapping by name, optional
-        The operating point: states, or states and inputs by name, over the start values.
+        The operating point: states, or states and inputs by name, over the start values. A Trim brings its
+        parameters and time, too.
     measured : sequence of str, optional
         Outputs, or states, of the Block.
     window : float, optional
@@ -171,11 +171,12 @@ def observability(
     channels = measured_signals(plant, measured, "observability")
     seen = measured_expressions(plant, channels)
     x, u = operating_point(plant, at)
-    values = plant.default_parameters | dict(params or {})
+    own = getattr(at, "params", None) or {}
+    values, t = plant.default_parameters | dict(own) | dict(params or {}), float(getattr(at, "time", 0.0))
     plant.parameter_values(values)
     f = seen.to_numpy()
-    A = f.jacobian(0.0, x, u, values)
-    C = f.jacobian(0.0, x, u, values, "outputs")
+    A = f.jacobian(t, x, u, values)
+    C = f.jacobian(t, x, u, values, "outputs")
     if not (np.isfinite(A).all() and np.isfinite(C).all()):
         raise InputError(f"observability: block {plant.name!r}: the Jacobian is not finite at this point")
     size, wide = (np.array([s.nominal for s in group]) for group in (plant.states, channels))
@@ -275,10 +276,10 @@ def operating_point(block: Block, at: Any) -> tuple[Array, Array]:
         at = None
     values = list(start.values())
     x, u = values[:n], values[n:]
-    if isinstance(at, control.OperatingPoint):
-        x, u = at.states, at.inputs
-    elif hasattr(at, "x") and hasattr(at, "u"):
+    if hasattr(at, "x") and hasattr(at, "u"):  # a Trim
         x, u = at.x, at.u
+    elif hasattr(at, "states") and hasattr(at, "inputs"):  # a control.OperatingPoint
+        x, u = at.states, at.inputs
     elif at is not None:
         x = at
     return _finite("states", x, n), _finite("inputs", u, len(block.inputs))
