@@ -41,8 +41,13 @@ if TYPE_CHECKING:
     from hovercontrol.discrepancy.diagnose import diagnose
     from hovercontrol.effects import Coefficient, Effect, Shape, effect, effect_names
     from hovercontrol.errors import InputError, SmoothedFrictionWarning
+    from hovercontrol.estimators.disturbance import disturbance_observer, with_disturbances
+    from hovercontrol.estimators.extended import extended_kalman
     from hovercontrol.estimators.kalman_bucy import kalman_bucy
+    from hovercontrol.estimators.moving_horizon import moving_horizon
+    from hovercontrol.estimators.observability import observability
     from hovercontrol.estimators.regression import regression
+    from hovercontrol.estimators.unscented import unscented_kalman
     from hovercontrol.guidance import (
         command_filter,
         course_control,
@@ -115,6 +120,12 @@ __all__ = [
     "figure_eight",
     "waypoints",
     "kalman_bucy",
+    "extended_kalman",
+    "unscented_kalman",
+    "moving_horizon",
+    "disturbance_observer",
+    "with_disturbances",
+    "observability",
     "regression",
     "simulate",
     # guidance
@@ -147,8 +158,13 @@ _PLACES = {
     "discrepancy.diagnose": ("diagnose",),
     "effects": ("Coefficient", "Effect", "Shape", "effect", "effect_names"),
     "errors": ("InputError", "SmoothedFrictionWarning"),
+    "estimators.disturbance": ("disturbance_observer", "with_disturbances"),
+    "estimators.extended": ("extended_kalman",),
     "estimators.kalman_bucy": ("kalman_bucy",),
+    "estimators.moving_horizon": ("moving_horizon",),
+    "estimators.observability": ("observability",),
     "estimators.regression": ("regression",),
+    "estimators.unscented": ("unscented_kalman",),
     "guidance": (
         "command_filter",
         "course_control",

@@ -1,0 +1,164 @@
+"""The extended Kalman filter of any Block, with its exact Jacobians, as a Block.
+
+Continuous-discrete: from tick to tick the estimate and its covariance follow the plant
+(:mod:`.propagation`), at a tick the measurements correct them, one by one and in Joseph's form
+(:class:`.Equations`). Continuous-continuous: the extended Kalman-Bucy filter,
+
+    xhat' = f(xhat, u) + K (y - h(xhat, u)),  K = P H' R^-1,  P' = F P + P F' + Q - K R K',
+
+with F = df/dx and H = dh/dx at the estimate (Gelb, Applied Optimal Estimation, 1974, section 6.1).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import sympy as sp
+
+from hovercontrol.core.block import Block
+from hovercontrol.core.boundary import checked
+from hovercontrol.core.delay_line import fixed
+from hovercontrol.core.signals import Signal, time
+from hovercontrol.estimators.filter_equations import (
+    FRESH,
+    corrected,
+    estimate_of,
+    expected,
+    filter_states,
+    innovations,
+    sampled_block,
+)
+from hovercontrol.estimators.ins.kalman import Equations, Estimate
+from hovercontrol.estimators.observability import warn_if_undetectable
+from hovercontrol.estimators.observed import Observed, observed, plant_of
+from hovercontrol.estimators.propagation import Dynamics, predict, steps_between
+from hovercontrol.io.tables import positive
+from hovercontrol.models.interface import AnyModel
+
+
+@checked
+def extended_kalman(
+    plant: AnyModel,
+    measured: Sequence[str] = ("x", "y", "psi"),
+    *,
+    process_noise: Mapping[str, float],
+    measurement_noise: Mapping[str, float],
+    period: float | None = None,
+    start_std: Mapping[str, float] | None = None,
+    lost_samples: bool = False,
+    substeps: int | None = None,
+    name: str = "estimator",
+) -> Block:
+    """Return the extended Kalman filter of a plant.
+
+    Parameters
+    ----------
+    plant : Model, BlockModel or Block
+        Continuous. Its start values are the first estimate.
+    measured : sequence of str, optional
+        Outputs, or states, of the plant. The innovation of one in rad is wrapped to -pi ... pi.
+    process_noise : mapping of str to float
+        White noise in the derivatives of states, by the states' names: the root of its spectral density,
+        [unit of the state / s^(1/2)]. ``{"u": 0.1}`` [m/s^(3/2)] alone makes u wander 0.1 m/s in 1 s.
+    measurement_noise : mapping of str to float
+        For each measured output. With `period`: standard deviation of a sample [unit]. Without: root of the
+        spectral density [unit s^(1/2)]; samples of standard deviation s every h seconds have ``s h**0.5``.
+    period : float, optional
+        Of the samples [s]. None: the filter is continuous.
+    start_std : mapping of str to float, optional
+        Standard deviation of the first estimate's error, by the states' names [unit] (default: the state's
+        nominal size).
+    lost_samples : bool, optional
+        Add an input ``fresh``: where it is 0 the measurements are not used, and the filter predicts.
+    substeps : int, optional
+        Runge-Kutta steps from tick to tick (default: by the plant's fastest mode at its start values
+        and at rest, where dry friction is stiffest).
+    name : str, optional
+
+    Returns
+    -------
+    Block
+        Sampled with `period`, else continuous. Inputs: the measured outputs and the plant's inputs, under
+        their names. Outputs: ``NAME_hat`` and ``NAME_std`` [unit] for each state of the plant; the samples of
+        a tick count at that tick. States: ``xhat[i]``, ``P[i,j]``, i <= j, predicted for the next tick.
+        Parameters: the plant's, ``process_noise_NAME`` and ``measurement_noise_NAME``.
+
+    Raises
+    ------
+    InputError
+        If the plant is sampled or has late inputs, a name is unknown, a noise is missing or negative, or the
+        period is not positive or too long for the plant's fastest mode.
+
+    Warns
+    -----
+    UserWarning
+        If the measurements do not determine the state at the plant's start values
+        (:func:`~hovercontrol.estimators.observability.observability`).
+
+    Notes
+    -----
+    Dry friction counts in its smooth form, tanh(v/w). Where the velocity's error is larger than the width w
+    the filter takes friction at rest for a stiff drag; a wider one (the parameter ``..._width``) or
+    :func:`~hovercontrol.estimators.unscented.unscented_kalman` are more cautious there.
+
+    Examples
+    --------
+    >>> import hovercontrol as hc
+    >>> craft = hc.vehicle("c17_simulation")
+    >>> estimator = extended_kalman(
+    ...     craft, process_noise={"u": 0.1, "v": 0.1, "r": 0.1},
+    ...     measurement_noise={"x": 0.01, "y": 0.01, "psi": 0.02}, period=0.02,
+    ... )
+    >>> [s.name for s in estimator.inputs], [s.name for s in estimator.outputs[3:6]]
+    (['x', 'y', 'psi', 'thrust', 'rudder'], ['u_hat', 'v_hat', 'r_hat'])
+    """
+    block = plant_of(plant, name, "extended Kalman filter")
+    model = observed(
+        block, measured, process_noise, measurement_noise, start_std, name, continuous=period is None
+    )
+    warn_if_undetectable(block, measured, name)
+    states = filter_states(model)
+    estimate = estimate_of(states, len(block.states))
+    if period is None:
+        return _continuous(model, states, estimate, lost_samples)
+    tick = positive(f"{name}: period", period)
+    n = steps_between(block, tick, name, substeps)
+    step = fixed("period", tick, "of the samples")
+    write = Equations()
+    fresh = FRESH.symbol if lost_samples else sp.S.One
+    now = corrected(model, write, estimate, fresh)
+    then, dynamics, h = now, Dynamics(model.plant), write.define("substep", step.symbol / n)
+    for k in range(n):
+        then = predict(dynamics, write, f"step_{k}", then, model.intensities, time + k * h, h)
+    return sampled_block(model, states, write, now, then, lost_samples, step)
+
+
+def _continuous(model: Observed, states: Sequence[Signal], estimate: Estimate, lost_samples: bool) -> Block:
+    """Return the extended Kalman-Bucy filter."""
+    write, n = Equations(), len(model.plant.states)
+    x, P = estimate.x, estimate.P
+    f, F = Dynamics(model.plant).at(write, "plant", list(x), time)
+    h, H = expected(model, write, x)
+    R = [s.symbol**2 for s in model.noise]
+    used = sp.Piecewise((1, FRESH.symbol > sp.S.Half), (0, True)) if lost_samples else sp.S.One
+    # K = P H' R^-1
+    PH = write.matrix("PH", P * H.T)
+    gain = sp.Matrix(n, len(R), lambda i, k: PH[i, k] / R[k] * used)
+    seen = sp.Matrix(innovations(model, write, h))
+    correction, FP, Q = gain * seen, F * P, model.intensities
+    # P' = F P + P F' + Q - P H' R^-1 H P
+    rates = {states[i].name: f[i] + correction[i] for i in range(n)}
+    upper = [(i, j) for i in range(n) for j in range(i, n)]
+    for (i, j), s in zip(upper, states[n:], strict=True):
+        loss = sum(gain[i, k] * PH[j, k] for k in range(len(R)))
+        rates[s.name] = FP[i, j] + FP[j, i] + (Q[i] if i == j and i in Q else 0) - loss
+    return Block(
+        model.name,
+        states=tuple(states),
+        inputs=(*model.inputs, *([FRESH] if lost_samples else [])),
+        outputs=(*model.estimates, *model.deviations),
+        parameters=model.parameters,
+        derivatives=rates,
+        output_expressions=model.output_values(list(x), P),
+        definitions=write.definitions,
+    )

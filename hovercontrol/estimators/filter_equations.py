@@ -1,0 +1,106 @@
+"""Equations that the Kalman filters of any Block share: states, the measurement update, the Block itself."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import sympy as sp
+
+from hovercontrol.core.block import Block
+from hovercontrol.core.derivatives import partial_derivatives
+from hovercontrol.core.signals import Signal, time
+from hovercontrol.estimators.ins.kalman import Equations, Estimate, wrapped
+from hovercontrol.estimators.observed import Observed, measured_expressions
+from hovercontrol.estimators.propagation import written_at
+
+#: The input of an estimator that may lack samples.
+FRESH = Signal("fresh", "1", "1 at a tick with new measurements, 0 without", start=1.0, lower=0.0, upper=1.0)
+
+
+def filter_states(model: Observed) -> tuple[Signal, ...]:
+    """Return the states in which a filter keeps the estimate and the upper triangle of its covariance."""
+    plant, variances = model.plant.states, [v**2 for v in model.start_std]
+    n = len(plant)
+    values = tuple(
+        s.replace(name=f"xhat[{i}]", description=f"estimate of {s.name}", lower=-sp.oo, upper=sp.oo)
+        for i, s in enumerate(plant)
+    )
+    covariance = tuple(
+        Signal(
+            f"P[{i},{j}]",
+            f"({plant[i].unit})*({plant[j].unit})",
+            f"covariance of the errors of {plant[i].name} and {plant[j].name}",
+            start=variances[i] if i == j else 0.0,
+        )
+        for i in range(n)
+        for j in range(i, n)
+    )
+    return (*values, *covariance)
+
+
+def estimate_of(states: Sequence[Signal], n: int) -> Estimate:
+    """Return the n estimates and their covariance that a filter's states hold."""
+    upper = {s.name: s.symbol for s in states[n:]}
+    P = sp.Matrix(n, n, lambda i, j: upper[f"P[{min(i, j)},{max(i, j)}]"])
+    return Estimate(sp.Matrix([s.symbol for s in states[:n]]), P)
+
+
+def expected(model: Observed, write: Equations, x: sp.Matrix) -> tuple[list[sp.Expr], sp.Matrix]:
+    """Return what the measurements are expected to be, h, and H = dh/dx, both at the estimate."""
+    plant = measured_expressions(model.plant, model.measured)
+    entries = partial_derivatives(plant, "outputs", [s.name for s in plant.states])
+    values = list(plant.output_expressions.values())
+    swap = written_at(plant, write, "expected", list(x), time, [*values, *entries.values()])
+    H = sp.Matrix(len(values), x.rows, lambda i, j: entries.get((i, j), sp.S.Zero).xreplace(swap))
+    h = [write.define(f"expected_output[{i}]", e.xreplace(swap)) for i, e in enumerate(values)]
+    return h, write.matrix("H", H)
+
+
+def innovations(model: Observed, write: Equations, h: Sequence[sp.Expr]) -> list[sp.Expr]:
+    """Return measured less expected outputs; angles less whole turns."""
+    every = []
+    for i, (s, expected) in enumerate(zip(model.measured, h, strict=True)):
+        difference = s.symbol - expected
+        every.append(write.define(f"innovation[{i}]", wrapped(difference) if s.unit == "rad" else difference))
+    return every
+
+
+def corrected(model: Observed, write: Equations, prior: Estimate, fresh: sp.Expr) -> Estimate:
+    """Write the measurement update.
+
+    Measurements are taken one by one. All are linearised at the prediction x0, so that the result is that of
+    the update with all at once: the k-th has the innovation ``y - h(x0) - H (x - x0)`` after k - 1 others.
+    """
+    h, H = expected(model, write, prior.x)
+    estimate = prior
+    for i, first in enumerate(innovations(model, write, h)):
+        row = H[i, :]
+        moved = (row * (estimate.x - prior.x))[0] if i else sp.S.Zero
+        variance = model.noise[i].symbol ** 2
+        estimate = write.correct(f"measured_{i}", estimate, row, first - moved, variance, fresh)
+    return estimate
+
+
+def sampled_block(
+    model: Observed,
+    states: Sequence[Signal],
+    write: Equations,
+    now: Estimate,
+    then: Estimate,
+    lost_samples: bool,
+    step: Signal,
+) -> Block:
+    """Return the sampled Block that shows `now` and keeps `then`."""
+    n = then.P.rows
+    upper = [then.P[i, j] for i in range(n) for j in range(i, n)]
+    return Block(
+        model.name,
+        states=tuple(states),
+        inputs=(*model.inputs, *([FRESH] if lost_samples else [])),
+        outputs=(*model.estimates, *model.deviations),
+        parameters=(step, *model.parameters),
+        derivatives={s.name: e for s, e in zip(states, [*then.x, *upper], strict=True)},
+        output_expressions=model.output_values(list(now.x), now.P),
+        definitions=write.definitions,
+        period=step.start,
+    )

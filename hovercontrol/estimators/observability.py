@@ -1,0 +1,318 @@
+"""Which states of a Block its measured outputs determine, at an operating point.
+
+Of the exact linearisation ``dx' = A dx, dy = C dx`` the unobservable subspace is the largest one in the null
+space of C that A leaves invariant; it is found in orthonormal bases, so that no power of A is formed. The
+observability Gramian over a window T measures how well the rest is seen,
+
+    W(T) = integral from 0 to T of exp(A' t) C' C exp(A t) dt,
+
+with states and outputs in their nominal sizes. The pair is detectable if A decays within the unobservable
+subspace.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import sys
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import ArrayLike, NDArray
+
+from hovercontrol.core.block import Block
+from hovercontrol.core.boundary import checked
+from hovercontrol.errors import InputError, did_you_mean, shown
+from hovercontrol.estimators.observed import measured_expressions, measured_signals, plant_of
+from hovercontrol.io.tables import positive
+from hovercontrol.models.interface import AnyModel
+
+Array = NDArray[np.float64]
+
+#: Relative size below which a singular value counts as zero: Jacobians are exact to rounding, 1e-16, and
+#: bases of subspaces lose some digits.
+ZERO = 1e-9
+
+#: Components below this share of a direction's largest are left out of its text.
+MINOR = 1e-2
+
+
+@checked
+@dataclass(frozen=True, eq=False)
+class Observability:
+    """What measured outputs say of the states at an operating point; made by :func:`observability`.
+
+    Attributes
+    ----------
+    block : str
+        Name of the Block.
+    states, measured : tuple of str
+        Names.
+    units : dict of str to str
+        Of the states.
+    rank : int
+        Dimension of the observable subspace; all states are seen where it is their number.
+    gramian : ndarray, shape (n, n)
+        W over the window, states and outputs in their nominal sizes [s].
+    singular_values : ndarray, shape (n,)
+        Of the Gramian, falling [s].
+    window : float
+        T [s].
+    hidden : tuple of dict of str to float
+        Changes of the states that the outputs do not show: a basis of the unobservable subspace, in the units
+        of the states, each with a largest component of 1.
+    hidden_modes : tuple of complex
+        Eigenvalues of A in that subspace [1/s].
+
+    Examples
+    --------
+    >>> import hovercontrol as hc
+    >>> craft = hc.vehicle("c17_simulation")
+    >>> seen = observability(craft, {"u": 1.0}, ["u", "v", "r"])
+    >>> seen.rank, seen.detectable
+    (3, False)
+    """
+
+    block: str
+    states: tuple[str, ...]
+    measured: tuple[str, ...]
+    units: dict[str, str]
+    rank: int
+    gramian: Array
+    singular_values: Array
+    window: float
+    hidden: tuple[dict[str, float], ...]
+    hidden_modes: tuple[complex, ...]
+
+    @property
+    def observable(self) -> bool:
+        """Whether the outputs determine all states."""
+        return self.rank == len(self.states)
+
+    @property
+    def detectable(self) -> bool:
+        """Whether what the outputs do not show decays by itself."""
+        return all(mode.real < 0 for mode in self.hidden_modes)
+
+    def sentence(self) -> str:
+        """Return the result as one sentence."""
+        by = ", ".join(self.measured)
+        if self.observable:
+            worst = self.singular_values[-1]
+            weakest = f"the Gramian over {self.window:g} s has the smallest singular value {worst:.3g} s"
+            return f"block {self.block!r}: {by} determine all {self.rank} states; {weakest}"
+        changes = "; ".join(self._text(change) for change in self.hidden)
+        end = ", which decays by itself" if self.detectable else ""
+        return (
+            f"block {self.block!r}: {by} determine {self.rank} of {len(self.states)} states: "
+            f"they do not show a change of {changes}{end}"
+        )
+
+    def __str__(self) -> str:
+        return self.sentence()
+
+    def _text(self, change: Mapping[str, float]) -> str:
+        main = {name: v for name, v in change.items() if abs(v) >= MINOR}
+        if len(main) == 1:
+            return next(iter(main))
+        return " with ".join(f"{v:+.3g} {self.units[name]} {name}" for name, v in main.items())
+
+
+@checked
+def observability(
+    block: AnyModel,
+    at: Any = None,
+    measured: Sequence[str] = ("x", "y", "psi"),
+    *,
+    window: float = 1.0,
+    params: Mapping[str, float] | None = None,
+) -> Observability:
+    """Return which states the measured outputs determine at an operating point.
+
+    Parameters
+    ----------
+    block : Model, BlockModel or Block
+        Continuous.
+    at : Trim, control.OperatingPoint, array_like of shape (n_states,), or mapping by name, optional
+        The operating point: states, or states and inputs by name, over the start values. A Trim brings its
+        parameters and time, too.
+    measured : sequence of str, optional
+        Outputs, or states, of the Block.
+    window : float, optional
+        T of the Gramian [s].
+    params : mapping, optional
+        Parameter values by key, over the defaults.
+
+    Returns
+    -------
+    Observability
+
+    Raises
+    ------
+    InputError
+        If the Block is sampled or has late inputs, a name is unknown, or the point is not one of the Block's.
+
+    Examples
+    --------
+    At rest a position alone does not show the heading; under way it does.
+
+    >>> import hovercontrol as hc
+    >>> craft = hc.vehicle("c17_simulation")
+    >>> print(observability(craft, {"u": 0.0}, ["x", "y"]).sentence())
+    block 'plant': x, y determine 4 of 6 states: they do not show a change of psi; r
+    >>> observability(craft, {"u": 1.0}, ["x", "y"]).observable
+    True
+    """
+    plant = plant_of(block, "observability", "observability at an operating point")
+    channels = measured_signals(plant, measured, "observability")
+    seen = measured_expressions(plant, channels)
+    x, u = operating_point(plant, at)
+    own = getattr(at, "params", None) or {}
+    values, t = plant.default_parameters | dict(own) | dict(params or {}), float(getattr(at, "time", 0.0))
+    plant.parameter_values(values)
+    f = seen.to_numpy()
+    A = f.jacobian(t, x, u, values)
+    C = f.jacobian(t, x, u, values, "outputs")
+    if not (np.isfinite(A).all() and np.isfinite(C).all()):
+        raise InputError(f"observability: block {plant.name!r}: the Jacobian is not finite at this point")
+    size, wide = (np.array([s.nominal for s in group]) for group in (plant.states, channels))
+    A, C = A * size / size[:, None], C * size / wide[:, None]
+    basis = unobservable(A, C)
+    gramian = _gramian(A, C, positive("observability: window", window))
+    names = tuple(s.name for s in plant.states)
+    return Observability(
+        plant.name,
+        names,
+        tuple(measured),
+        {s.name: s.unit for s in plant.states},
+        len(A) - basis.shape[1],
+        gramian,
+        np.asarray(np.linalg.svd(gramian, compute_uv=False), dtype=float),
+        float(window),
+        tuple(_change(names, row * size) for row in _readable(basis.T)),
+        tuple(map(complex, np.linalg.eigvals(basis.T @ A @ basis))),
+    )
+
+
+def unobservable(A: Array, C: Array) -> Array:
+    """Return an orthonormal basis of the unobservable subspace as columns, shape (n, n - rank)."""
+    basis = _null_space(C)
+    scale = max(float(np.linalg.norm(A, 2)), np.finfo(float).tiny)
+    while basis.shape[1]:
+        # A leaves the subspace of the basis by these parts; keep what it does not move out.
+        out = (A @ basis - basis @ (basis.T @ (A @ basis))) / scale
+        kept = _null_space(out, 1.0)
+        if kept.shape[1] == basis.shape[1]:
+            break
+        basis = np.linalg.qr(basis @ kept)[0]
+    return basis
+
+
+def _null_space(matrix: Array, size: float | None = None) -> Array:
+    _, s, Vt = np.linalg.svd(matrix)
+    largest = (s[0] if s.size else 0.0) if size is None else size
+    return np.asarray(Vt[int((s > ZERO * largest).sum()) :].T)
+
+
+def _gramian(A: Array, C: Array, window: float) -> Array:
+    """Return W(window): a short one by Van Loan's exponential, doubled by W(2T) = W(T) + Phi(T)' W(T) Phi(T).
+
+    Van Loan, Computing integrals involving the matrix exponential, IEEE TAC 23 (1978); over a long window
+    his matrix would hold exp(-A T), which overflows for fast modes.
+    """
+    n = len(A)
+    doublings = max(0, math.ceil(math.log2(max(float(np.linalg.norm(A, 2)) * window, 1.0))))
+    short = window / 2**doublings
+    whole = scipy.linalg.expm(np.block([[-A.T, C.T @ C], [np.zeros((n, n)), A]]) * short)
+    Phi = whole[n:, n:]
+    W = Phi.T @ whole[:n, n:]
+    for _ in range(doublings):
+        W, Phi = W + Phi.T @ W @ Phi, Phi @ Phi
+    return np.asarray((W + W.T) / 2)
+
+
+def _readable(rows: Array) -> Array:
+    """Return another basis of the rows' space: each row has one column to itself."""
+    rows = rows.copy()
+    for k in range(len(rows)):
+        size = np.abs(rows[k:]).max(axis=0)
+        lead = int(np.flatnonzero(size >= size.max() * (1 - 1e-6))[0])
+        pick = k + int(np.abs(rows[k:, lead]).argmax())
+        rows[[k, pick]] = rows[[pick, k]]
+        rows[k] /= rows[k, lead]
+        for other in range(len(rows)):
+            if other != k:
+                rows[other] -= rows[other, lead] * rows[k]
+    return rows
+
+
+def _change(names: Sequence[str], values: Array) -> dict[str, float]:
+    largest = values[int(np.abs(values).argmax())]
+    return {name: float(v / largest) for name, v in zip(names, values, strict=True)}
+
+
+def operating_point(block: Block, at: Any) -> tuple[Array, Array]:
+    """Return states and inputs of an operating point, arguments as for :func:`observability`.
+
+    Raises
+    ------
+    InputError
+        If a name is unknown, a number of values is wrong, or one is not finite.
+    """
+    start = {s.name: s.start for s in (*block.states, *block.inputs)}
+    n = len(block.states)
+    if isinstance(at, Mapping):
+        for key in at:
+            if key not in start:
+                raise InputError(
+                    f"observability: at: block {block.name!r} has no state or input {shown(key)}"
+                    f"{did_you_mean(key, start)}"
+                )
+        start |= dict(at)
+        at = None
+    values = list(start.values())
+    x, u = values[:n], values[n:]
+    if hasattr(at, "x") and hasattr(at, "u"):  # a Trim
+        x, u = at.x, at.u
+    elif hasattr(at, "states") and hasattr(at, "inputs"):  # a control.OperatingPoint
+        x, u = at.states, at.inputs
+    elif at is not None:
+        x = at
+    return _finite("states", x, n), _finite("inputs", u, len(block.inputs))
+
+
+def _finite(kind: str, values: ArrayLike, size: int) -> Array:
+    try:
+        found = np.ravel(np.asarray(values, dtype=float))
+    except (TypeError, ValueError):
+        found = np.full(0, math.nan)
+    if found.size != size or not np.isfinite(found).all():
+        raise InputError(f"observability: at: expected {size} finite {kind}, found {shown(values)}")
+    return found
+
+
+def warn_if_undetectable(plant: Block, measured: Sequence[str], name: str) -> None:
+    """Warn if the measured outputs do not determine the state at the plant's start values.
+
+    What decays by itself needs no measurement.
+    """
+    try:
+        found = observability(plant, None, measured)
+    except np.linalg.LinAlgError:
+        return
+    if not found.detectable:
+        text = f"{name}: at the start values, {found.sentence()}; their variance does not fall"
+        warnings.warn(text, stacklevel=_outside())
+
+
+def _outside() -> int:
+    """Return the stack level of the first caller outside the package."""
+    package = os.path.dirname(os.path.dirname(__file__)) + os.sep
+    level, frame = 1, sys._getframe(1)
+    while frame.f_back is not None and frame.f_code.co_filename.startswith(package):
+        level, frame = level + 1, frame.f_back
+    return level

@@ -1,0 +1,229 @@
+"""A plant as its estimators see it: which outputs are measured, and the noise of states and measurements."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import sympy as sp
+
+from hovercontrol.core.block import Block
+from hovercontrol.core.expressions import Expressions
+from hovercontrol.core.signals import Signal
+from hovercontrol.errors import InputError, did_you_mean, shown
+from hovercontrol.io.tables import finite
+from hovercontrol.models.interface import AnyModel
+
+
+@dataclass(frozen=True)
+class Observed:
+    """A plant, what is measured of it, and the noise; made by :func:`observed`.
+
+    Attributes
+    ----------
+    name : str
+        Of the estimator.
+    plant : Block
+        Its parameters carry the estimator's name.
+    measured : tuple of Signal
+        The measured outputs, as inputs of the estimator.
+    process : dict of int to Signal
+        Parameters: root of the noise's spectral density, by the index of the state.
+    noise : tuple of Signal
+        Parameters: of each measurement.
+    start_std : tuple of float
+        Of each state.
+    """
+
+    name: str
+    plant: Block
+    measured: tuple[Signal, ...]
+    process: dict[int, Signal]
+    noise: tuple[Signal, ...]
+    start_std: tuple[float, ...]
+
+    @property
+    def intensities(self) -> dict[int, sp.Expr]:
+        """Q: intensity of each state's noise [unit^2/s], by the index of the state."""
+        return {i: s.symbol**2 for i, s in self.process.items()}
+
+    @property
+    def inputs(self) -> tuple[Signal, ...]:
+        """Measured outputs, then the plant's inputs."""
+        return (*self.measured, *self.plant.inputs)
+
+    @property
+    def parameters(self) -> tuple[Signal, ...]:
+        """Noise, then the plant's parameters."""
+        return (*self.process.values(), *self.noise, *self.plant.parameters)
+
+    @property
+    def estimates(self) -> tuple[Signal, ...]:
+        """Outputs ``NAME_hat`` of each state."""
+        return tuple(
+            s.replace(
+                name=suffixed(s.name, "hat"), description=f"estimate of {s.name}", lower=-sp.oo, upper=sp.oo
+            )
+            for s in self.plant.states
+        )
+
+    @property
+    def deviations(self) -> tuple[Signal, ...]:
+        """Outputs ``NAME_std`` of each state."""
+        return tuple(
+            Signal(suffixed(s.name, "std"), s.unit, f"standard deviation of the error of {s.name}")
+            for s in self.plant.states
+        )
+
+    def output_values(self, x: Sequence[sp.Expr], P: sp.Matrix) -> dict[str, sp.Expr]:
+        """Return what the outputs are, given estimates and their covariance."""
+        hats = {s.name: e for s, e in zip(self.estimates, x, strict=True)}
+        return hats | {s.name: sp.sqrt(sp.Max(P[i, i], 0)) for i, s in enumerate(self.deviations)}
+
+
+def suffixed(name: str, suffix: str) -> str:
+    """Return ``NAME_suffix``; an index stays at the end.
+
+    Examples
+    --------
+    >>> suffixed("plant.u", "hat"), suffixed("c[0]", "hat")
+    ('plant.u_hat', 'c_hat[0]')
+    """
+    base, bracket, index = name.partition("[")
+    return f"{base}_{suffix}{bracket}{index}"
+
+
+def plant_of(plant: AnyModel, name: str, what: str) -> Block:
+    """Return the plant of a model or a Block itself.
+
+    Raises
+    ------
+    InputError
+        If it is sampled or hybrid, its inputs act late, or it has no states.
+    """
+    block = plant if isinstance(plant, Block) else plant.plant()
+    block.need_continuous(what, hybrid=False)
+    block.need_prompt_inputs(f"the {what}")
+    if not block.states:
+        raise InputError(f"{name}: block {block.name!r} has no states to estimate")
+    return block
+
+
+def observed(
+    plant: Block,
+    measured: Sequence[str],
+    process_noise: Mapping[str, float],
+    measurement_noise: Mapping[str, float],
+    start_std: Mapping[str, float] | None,
+    name: str,
+    *,
+    continuous: bool,
+) -> Observed:
+    """Return a plant as an estimator sees it.
+
+    Parameters
+    ----------
+    plant : Block
+    measured : sequence of str
+        Outputs, or states, of the plant.
+    process_noise, measurement_noise, start_std
+        As for :func:`~hovercontrol.estimators.extended.extended_kalman`.
+    name : str
+        Of the estimator.
+    continuous : bool
+        Whether measurements are continuous: their noise has a spectral density then.
+
+    Raises
+    ------
+    InputError
+        If a name is unknown or missing, or a number is out of its range.
+    """
+    own = owned(plant, name)
+    channels = measured_signals(plant, measured, name)
+    names = [s.name for s in plant.states]
+    process = _numbers(f"{name}: process_noise", process_noise, names)
+    noise = _numbers(f"{name}: measurement_noise", measurement_noise, [s.name for s in channels])
+    start = _numbers(f"{name}: start_std", start_std or {}, names)
+    for s in channels:
+        if not noise.get(s.name):
+            found = f"found {noise[s.name]:g}" if s.name in noise else "found none"
+            raise InputError(f"{name}: measurement_noise: expected a positive number for {s.name!r}, {found}")
+    root = "*s^(1/2)" if continuous else ""
+    return Observed(
+        name,
+        own,
+        channels,
+        {
+            names.index(state): Signal(
+                f"{name}.process_noise_{state}",
+                f"({plant.signal(state).unit})/s^(1/2)",
+                f"root spectral density of the noise in {state}'",
+                start=value,
+                lower=0.0,
+            )
+            for state, value in sorted(process.items(), key=lambda item: names.index(item[0]))
+        },
+        tuple(
+            Signal(
+                f"{name}.measurement_noise_{s.name}",
+                f"({s.unit}){root}",
+                f"{'root spectral density' if continuous else 'standard deviation'} of the noise of {s.name}",
+                start=noise[s.name],
+                lower=0.0,
+            )
+            for s in channels
+        ),
+        tuple(start.get(s.name, s.nominal) for s in plant.states),
+    )
+
+
+def owned(plant: Block, name: str) -> Block:
+    """Return a plant whose parameters carry the estimator's name in front, also those of its parts."""
+    before = f"{plant.name}."
+    parts = {p.name: f"{name}.{p.name}" for p in plant.parameters if "." in p.name}
+    parts |= {
+        p.name: f"{name}.{p.name.removeprefix(before)}"
+        for p in plant.parameters
+        if p.name.startswith(before) or "." not in p.name
+    }
+    return plant.with_parameter_names(parts).named(name)
+
+
+def measured_signals(plant: Block, measured: Sequence[str], name: str) -> tuple[Signal, ...]:
+    """Return the measured outputs; a state that is no output may be measured, too.
+
+    Raises
+    ------
+    InputError
+        If there are none, one is named twice or unknown (the nearest name is told).
+    """
+    if isinstance(measured, str) or not len(measured) or len(set(measured)) < len(measured):
+        raise InputError(f"{name}: measured: expected different names of outputs, found {shown(measured)}")
+    known = {s.name: s for s in (*plant.states, *plant.outputs)}
+    for one in measured:
+        if one not in known:
+            raise InputError(
+                f"{name}: measured: block {plant.name!r} has no output {shown(one)}{did_you_mean(one, known)}"
+            )
+    return tuple(
+        Signal(one, known[one].unit, f"measured {one}", nominal=known[one].nominal) for one in measured
+    )
+
+
+def measured_expressions(plant: Block, measured: Sequence[Signal]) -> Block:
+    """Return the plant with the measured signals as its outputs, in their order."""
+    known = {s.name: s.symbol for s in plant.states} | dict(plant.output_expressions)
+    return plant.unchecked(
+        outputs=tuple(measured),
+        output_expressions=Expressions((s.name, known[s.name]) for s in measured),
+    )
+
+
+def _numbers(where: str, given: Mapping[str, float], known: Sequence[str]) -> dict[str, float]:
+    """Return numbers by name, none negative; refuse a name that is not known."""
+    for key, value in given.items():
+        if key not in known:
+            raise InputError(f"{where}: unknown name {shown(key)}{did_you_mean(key, known)}")
+        if finite(f"{where}: {key}", value) < 0:
+            raise InputError(f"{where}: {key} must not be negative, found {value:g}")
+    return {key: float(value) for key, value in given.items()}

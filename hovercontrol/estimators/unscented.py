@@ -1,0 +1,256 @@
+"""The unscented Kalman filter of any Block, as a Block.
+
+A set of 2 n points with the mean x and the covariance P, and x itself,
+
+    x +- sqrt(n + kappa) L_i,  L L' = P,  weights 1/(2 (n + kappa)), of x itself kappa/(n + kappa),
+
+goes through the equations in place of their linearisation (Julier and Uhlmann, Proc. IEEE 92 (2004);
+kappa = 0 are the cubature points of Arasaratnam and Haykin, IEEE TAC 54 (2009)). Weights are not negative, so
+that covariances stay positive. The process noise of a step is that of :mod:`.propagation`, along the mean.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import sympy as sp
+
+from hovercontrol.core.block import Block
+from hovercontrol.core.boundary import checked
+from hovercontrol.core.delay_line import fixed, not_negative
+from hovercontrol.core.signals import time
+from hovercontrol.errors import InputError
+from hovercontrol.estimators.filter_equations import (
+    FRESH,
+    corrected,
+    estimate_of,
+    expected,
+    filter_states,
+    innovations,
+    sampled_block,
+)
+from hovercontrol.estimators.ins.kalman import Equations, Estimate, wrapped
+from hovercontrol.estimators.observability import warn_if_undetectable
+from hovercontrol.estimators.observed import Observed, measured_expressions, observed, plant_of
+from hovercontrol.estimators.propagation import (
+    Dynamics,
+    collected,
+    middle_columns,
+    runge_kutta,
+    steps_between,
+    written_at,
+)
+from hovercontrol.io.tables import positive
+from hovercontrol.models.interface import AnyModel
+
+#: Least pivot of a Cholesky factor, as a share of the variance: rounding does not make its root imaginary.
+PIVOT = sp.Float(1e-14)
+
+
+@checked
+def unscented_kalman(
+    plant: AnyModel,
+    measured: Sequence[str] = ("x", "y", "psi"),
+    *,
+    process_noise: Mapping[str, float],
+    measurement_noise: Mapping[str, float],
+    period: float,
+    start_std: Mapping[str, float] | None = None,
+    lost_samples: bool = False,
+    kappa: float = 0.0,
+    substeps: int | None = None,
+    name: str = "estimator",
+) -> Block:
+    """Return the unscented Kalman filter of a plant.
+
+    It has two to three times the equations of :func:`~hovercontrol.estimators.extended.extended_kalman`. Use
+    it where the estimate's error is larger than the range in which the equations are nearly linear: a speed
+    uncertain by more than the width of dry friction, a heading uncertain by some tenths of a radian.
+
+    Parameters
+    ----------
+    plant : Model, BlockModel or Block
+        Continuous. Its start values are the first estimate.
+    measured : sequence of str, optional
+        Outputs, or states, of the plant. The innovation of one in rad is wrapped to -pi ... pi.
+    process_noise, measurement_noise, start_std : mapping of str to float
+        As for :func:`~hovercontrol.estimators.extended.extended_kalman` with a period [unit/s^(1/2), unit,
+        unit]; none of `start_std` is 0.
+    period : float
+        Of the samples [s].
+    lost_samples : bool, optional
+        Add an input ``fresh``: where it is 0 the measurements are not used, and the filter predicts.
+    kappa : float, optional
+        Spread of the points, not negative (dimensionless).
+    substeps : int, optional
+        Runge-Kutta steps from tick to tick, with new points for each (default: as for the extended filter).
+    name : str, optional
+
+    Returns
+    -------
+    Block
+        Sampled; signals as of :func:`~hovercontrol.estimators.extended.extended_kalman`.
+
+    Raises
+    ------
+    InputError
+        As :func:`~hovercontrol.estimators.extended.extended_kalman`; or if kappa is negative, or a standard
+        deviation at the start is 0.
+
+    Warns
+    -----
+    UserWarning
+        If the measurements do not determine the state at the plant's start values.
+
+    Examples
+    --------
+    >>> import hovercontrol as hc
+    >>> craft = hc.vehicle("c17_simulation")
+    >>> estimator = unscented_kalman(
+    ...     craft, process_noise={"u": 0.1, "v": 0.1, "r": 0.1},
+    ...     measurement_noise={"x": 0.01, "y": 0.01, "psi": 0.02}, period=0.01,
+    ... )
+    >>> [s.name for s in estimator.outputs[:4]]
+    ['x_hat', 'y_hat', 'psi_hat', 'u_hat']
+    """
+    block = plant_of(plant, name, "unscented Kalman filter")
+    tick = positive(f"{name}: period", period)
+    model = observed(block, measured, process_noise, measurement_noise, start_std, name, continuous=False)
+    spread = not_negative(f"{name}: kappa", kappa)
+    for state, std in zip(block.states, model.start_std, strict=True):
+        if not std:
+            raise InputError(f"{name}: start_std: expected a positive number for {state.name!r}, found 0")
+    warn_if_undetectable(block, measured, name)
+    n = steps_between(block, tick, name, substeps)
+    step = fixed("period", tick, "of the samples")
+    states, write = filter_states(model), Equations()
+    prior = estimate_of(states, len(block.states))
+    now = _measured(model, write, prior, FRESH.symbol if lost_samples else sp.S.One, spread)
+    then, dynamics, h = now, Dynamics(model.plant), write.define("substep", step.symbol / n)
+    for k in range(n):
+        then = _predicted(dynamics, write, f"step_{k}", then, model.intensities, time + k * h, h, spread)
+    return sampled_block(model, states, write, now, then, lost_samples, step)
+
+
+def cholesky(write: Equations, name: str, P: sp.Matrix) -> sp.Matrix:
+    """Write the lower Cholesky factor of a covariance."""
+    n = P.rows
+    L = sp.zeros(n, n)
+    for j in range(n):
+        pivot = P[j, j] - sum(L[j, k] ** 2 for k in range(j))
+        least = sp.Max(pivot, PIVOT * P[j, j]) if j else pivot
+        L[j, j] = write.define(f"{name}[{j},{j}]", sp.sqrt(least))
+        for i in range(j + 1, n):
+            rest = P[i, j] - sum(L[i, k] * L[j, k] for k in range(j))
+            L[i, j] = write.define(f"{name}[{i},{j}]", rest / L[j, j])
+    return L
+
+
+def _points(
+    write: Equations, name: str, x: sp.Matrix, P: sp.Matrix, kappa: float
+) -> tuple[list[sp.Matrix], list[Any]]:
+    """Return the points and their weights; x itself is first, and has no weight if kappa is 0."""
+    n = P.rows
+    L = cholesky(write, f"{name}_L", P)
+    root = sp.sqrt(sp.nsimplify(n + kappa))
+    points, weights = [x], [sp.nsimplify(kappa) / sp.nsimplify(n + kappa)]
+    for j in range(n):
+        for sign, side in ((1, "ahead"), (-1, "behind")):
+            points.append(write.matrix(f"{name}_{side}_{j}", x + sign * root * L[:, j]))
+            weights.append(sp.S.One / (2 * sp.nsimplify(n + kappa)))
+    return points, weights
+
+
+def _mean(write: Equations, name: str, points: Sequence[sp.Matrix], weights: Sequence[Any]) -> sp.Matrix:
+    n = points[0].rows
+    return write.matrix(
+        name, sp.Matrix([sum(w * p[i] for w, p in zip(weights, points, strict=True) if w) for i in range(n)])
+    )
+
+
+def _deviations(write: Equations, name: str, points: Sequence[sp.Matrix], mean: sp.Matrix) -> list[sp.Matrix]:
+    return [write.matrix(f"{name}_{k}", p - mean) for k, p in enumerate(points)]
+
+
+def _product(a: Sequence[sp.Matrix], b: Sequence[sp.Matrix], weights: Sequence[Any], i: int, j: int) -> Any:
+    """Return an entry of the covariance of two sets of deviations."""
+    return sum(w * p[i] * q[j] for w, p, q in zip(weights, a, b, strict=True) if w)
+
+
+def _predicted(
+    dynamics: Dynamics,
+    write: Equations,
+    name: str,
+    estimate: Estimate,
+    Q: Mapping[int, sp.Expr],
+    when: sp.Expr,
+    h: sp.Expr,
+    kappa: float,
+) -> Estimate:
+    """Write the estimate one step later; arguments as for :func:`.propagation.predict`."""
+    n = estimate.P.rows
+    begin = sp.Matrix(estimate.P)
+    for i, q in Q.items():
+        begin[i, i] += h / 6 * q
+    begin = write.symmetric(f"{name}_begin", n, {(i, j): begin[i, j] for i in range(n) for j in range(i, n)})
+    points, weights = _points(write, name, estimate.x, begin, kappa)
+    centre = runge_kutta(dynamics, write, name, points[0], when, h)
+    moved = [centre.x] + [
+        runge_kutta(dynamics, write, f"{name}_point_{k}", p, when, h, jacobian=False).x
+        for k, p in enumerate(points[1:])
+    ]
+    x = _mean(write, f"{name}_mean", moved, weights)
+    off = _deviations(write, f"{name}_off", moved, x)
+    P = sp.Matrix(n, n, lambda i, j: _product(off, off, weights, i, j) if j >= i else 0)
+    whole = collected(P, middle_columns(write, name, centre.F, h, list(Q)), Q, h)
+    upper = {(i, j): whole[i, j] for i in range(n) for j in range(i, n)}
+    return Estimate(x, write.symmetric(f"{name}_P", n, upper))
+
+
+def _measured(model: Observed, write: Equations, prior: Estimate, fresh: sp.Expr, kappa: float) -> Estimate:
+    """Write the measurement update; where outputs are linear in the states it is that of a Kalman filter."""
+    plant = measured_expressions(model.plant, model.measured)
+    states = {s.symbol for s in plant.states}
+    slopes = plant.jacobian("outputs", "states")
+    if not slopes.free_symbols & states:
+        return corrected(model, write, prior, fresh)
+    n, m = prior.P.rows, len(model.measured)
+    h, _ = expected(model, write, prior.x)
+    points, weights = _points(write, "sigma", prior.x, prior.P, kappa)
+    outputs = [sp.zeros(m, 1)]
+    values = list(plant.output_expressions.values())
+    for k, point in enumerate(points[1:]):
+        swap = written_at(plant, write, f"sigma_{k}", list(point), time, values)
+        # Outputs less those at the mean: an angle jumps by a whole turn between two points.
+        off = [e.xreplace(swap) - e0 for e, e0 in zip(values, h, strict=True)]
+        turned = [wrapped(e) if s.unit == "rad" else e for e, s in zip(off, model.measured, strict=True)]
+        outputs.append(write.matrix(f"sigma_{k}_output", sp.Matrix(turned)))
+    mean = _mean(write, "sigma_mean", outputs, weights)
+    dy = _deviations(write, "sigma_dy", outputs, mean)
+    dx = _deviations(write, "sigma_dx", points, prior.x)
+    R = [s.symbol**2 for s in model.noise]
+    S = sp.Matrix(m, m, lambda i, j: _product(dy, dy, weights, i, j) + (R[i] if i == j else 0))
+    cross = write.matrix("cross", sp.Matrix(m, n, lambda i, j: _product(dy, dx, weights, i, j)))
+    # K = C S^-1 with S = L L': x + G' L^-1 e, P - G' G, where G = L^-1 C'.
+    L = cholesky(write, "S_L", S)
+    e = sp.Matrix([v - mu for v, mu in zip(innovations(model, write, h), mean, strict=True)])
+    G, z = _solved(write, "G", L, cross), _solved(write, "z", L, e)
+    used = sp.Piecewise((1, fresh > sp.S.Half), (0, True))
+    x = write.matrix("measured_x", prior.x + sp.Matrix([used * v for v in G.T * z]))
+    upper = {
+        (i, j): prior.P[i, j] - used * sum(G[k, i] * G[k, j] for k in range(m))
+        for i in range(n)
+        for j in range(i, n)
+    }
+    return Estimate(x, write.symmetric("measured_P", n, upper))
+
+
+def _solved(write: Equations, name: str, L: sp.Matrix, right: sp.Matrix) -> sp.Matrix:
+    """Write the solution of ``L X = right``, by forward substitution."""
+    X = sp.zeros(*right.shape)
+    for i in range(right.rows):
+        for j in range(right.cols):
+            rest = right[i, j] - sum(L[i, k] * X[k, j] for k in range(i))
+            X[i, j] = write.define(f"{name}[{i},{j}]", rest / L[i, i])
+    return X

@@ -1,0 +1,293 @@
+"""The extended Kalman filter of any Block, against filters of SciPy, python-control and NumPy."""
+
+import control
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.linalg import expm, solve_discrete_are
+from scipy.stats import chi2
+
+import hovercontrol as hc
+from hovercontrol.errors import InputError
+from hovercontrol.simulation.hybrid import Ticking
+
+H = 0.05
+NOISE = {"process_noise": {"v": 0.3}, "measurement_noise": {"x": 0.02}}
+CRAFT_NOISE = {
+    "process_noise": {"u": 0.1, "v": 0.1, "r": 0.2},
+    "measurement_noise": {"x": 0.01, "y": 0.01, "psi": 0.02},
+    "start_std": {"x": 0.02, "y": 0.02, "psi": 0.05, "u": 0.1, "v": 0.1, "r": 0.1},
+}
+
+
+def cart(drag=0.8):
+    """A mass with drag, pushed: x' = v, v' = -drag v + push."""
+    x, v, push = hc.Signal("x", "m"), hc.Signal("v", "m/s"), hc.Signal("push", "m/s^2")
+    k = hc.Signal("drag", "1/s", start=drag)
+    rates = {"x": v.symbol, "v": push.symbol - k.symbol * v.symbol}
+    return hc.Block("cart", [x, v], [push], [x, v], [k], rates)
+
+
+def matrices(drag=0.8):
+    return np.array([[0.0, 1.0], [0.0, -drag]]), np.array([[0.0], [1.0]]), np.array([[1.0, 0.0]])
+
+
+def discrete(drag=0.8, q=0.3**2):
+    """Phi, Gamma and Qd over H, by Van Loan's matrix exponentials."""
+    A, B, _ = matrices(drag)
+    Phi_Gamma = expm(np.block([[A, B], [np.zeros((1, 3))]]) * H)
+    whole = expm(np.block([[-A, np.diag([0.0, q])], [np.zeros((2, 2)), A.T]]) * H)
+    Phi = whole[2:, 2:].T
+    return Phi, Phi_Gamma[:2, 2:], Phi @ whole[:2, 2:]
+
+
+def covariance(block, state, n):
+    """P of a filter's state, and its estimate."""
+    values = dict(zip((s.name for s in block.states), state, strict=True))
+    P = np.array([[values[f"P[{min(i, j)},{max(i, j)}]"] for j in range(n)] for i in range(n)])
+    return np.array([values[f"xhat[{i}]"] for i in range(n)]), P
+
+
+def test_its_steady_covariance_is_that_of_the_riccati_equation():
+    estimator = hc.extended_kalman(cart(), ["x"], **NOISE, period=H)
+    ticks = Ticking(estimator)
+    for k in range(400):
+        ticks.tick(k * H, {"x": 0.0, "push": 0.0})
+    Phi, _, Qd = discrete()
+    P = solve_discrete_are(Phi.T, matrices()[2].T, Qd, [[0.02**2]])
+    np.testing.assert_allclose(covariance(estimator, ticks.state, 2)[1], P, rtol=2e-6)
+
+
+def test_of_a_linear_plant_it_is_the_kalman_filter_of_python_control():
+    Phi, Gamma, Qd = discrete()
+    B = np.hstack([Gamma, np.eye(2)])
+    system = control.ss(Phi, B, matrices()[2], 0, H, inputs=["push", "w1", "w2"], outputs=["x"])
+    theirs = control.create_estimator_iosystem(
+        system, Qd, np.diag([0.02**2]), P0=np.diag([0.04, 0.09]), disturbance_indices=["w1", "w2"]
+    )
+    rng = np.random.default_rng(3)
+    t, push, x = np.arange(60) * H, rng.normal(size=60), rng.normal(size=60) * 0.1
+    wanted = control.input_output_response(
+        theirs, t, np.vstack([x, push]), np.r_[0.0, 0.0, np.diag([0.04, 0.09]).ravel()]
+    )
+    estimator = hc.extended_kalman(cart(), ["x"], **NOISE, period=H, start_std={"x": 0.2, "v": 0.3})
+    ours = control.input_output_response(
+        estimator.to_control(), t, np.vstack([x, push]), [s.start for s in estimator.states]
+    )
+    # python-control's estimator shows its prediction, as our states do.
+    np.testing.assert_allclose(ours.states[:2], wanted.outputs[:2], rtol=0, atol=1e-6)
+    np.testing.assert_allclose(ours.states[[2, 3, 4]], wanted.states[[2, 3, 5]], rtol=0, atol=1e-6)
+
+
+def test_continuous_it_is_the_steady_kalman_bucy_filter():
+    A, _, C = matrices()
+    root = 0.02 * H**0.5
+    L, P, _ = control.lqe(A, np.eye(2), C, np.diag([0.0, 0.3**2]), [[root**2]])
+    noise = NOISE | {"measurement_noise": {"x": root}}
+    estimator = hc.extended_kalman(cart(), ["x"], **noise)
+    run = hc.simulate(estimator, [0.0, 10.0, 20.0], {"x": [0.0] * 3}, rtol=1e-10, atol=1e-13)
+    _, found = covariance(estimator, run.states[:, -1], 2)
+    np.testing.assert_allclose(found, P, rtol=1e-6)
+    # At that covariance its linearisation is that of python-control's filter, A - L C.
+    linear = estimator.linearize(run.states[:, -1], [0.0, 0.0])
+    np.testing.assert_allclose(linear.A[:2, :2], A - L @ C, rtol=1e-6, atol=1e-9)
+
+
+def by_hand(plant, x, P, Q, R, h, samples, commands, fresh):
+    """An extended Kalman filter as a textbook has it: solve_ivp for x and P, all measurements at once."""
+    f, C = plant.to_numpy(), np.eye(3, 6)
+
+    def rates(_, z, u):
+        F = f.jacobian(0.0, z[:6], u)
+        P = z[6:].reshape(6, 6)
+        return np.r_[f.derivatives(0.0, z[:6], u), (F @ P + P @ F.T + Q).ravel()]
+
+    for y, u, new in zip(samples, commands, fresh, strict=True):
+        if new:
+            innovation = y - C @ x
+            innovation[2] = np.angle(np.exp(1j * innovation[2]))
+            K = P @ C.T @ np.linalg.inv(C @ P @ C.T + R)
+            x, P = x + K @ innovation, (np.eye(6) - K @ C) @ P
+        yield x, P
+        z = solve_ivp(rates, (0, h), np.r_[x, P.ravel()], args=(u,), rtol=1e-10, atol=1e-12).y[:, -1]
+        x, P = z[:6], z[6:].reshape(6, 6)
+
+
+def truth(plant, h, steps, seed, start):
+    """A noisy run: motion, samples, commands."""
+    rng = np.random.default_rng(seed)
+    f, x = plant.to_numpy(), np.array(start)
+    fine = 20
+    Q = np.array([0, 0, 0, 0.1, 0.1, 0.2])
+    rows = []
+    for k in range(steps):
+        u = np.array([2.0 + 0.5 * np.sin(0.4 * k * h), 0.3 * np.sin(0.7 * k * h)])
+        rows.append((x.copy(), x[:3] + rng.normal(size=3) * [0.01, 0.01, 0.02], u))
+        for _ in range(fine):  # Euler and Maruyama
+            x = x + f.derivatives(0.0, x, u) * h / fine + Q * rng.normal(size=6) * (h / fine) ** 0.5
+    return [np.array(c) for c in zip(*rows, strict=True)]
+
+
+START = {"u": 1.2, "v": -0.2, "r": 0.4, "psi": 3.13}
+
+
+def soft_craft():
+    """A craft whose dry friction is smoothed over 5 cm/s: one Runge-Kutta step for each sample will do."""
+    widths = {f"plant.{axis}_coulomb_width": 0.05 for axis in ("surge", "sway", "yaw")}
+    return hc.vehicle("c17_simulation").plant().with_values(widths)
+
+
+def craft_filter(**options):
+    craft = soft_craft().with_values(START)
+    return craft, hc.extended_kalman(craft, **CRAFT_NOISE, **options)
+
+
+def test_on_a_craft_it_is_the_textbook_filter_also_past_pi_and_without_samples():
+    h = 0.05
+    craft, estimator = craft_filter(period=h, lost_samples=True, substeps=3)
+    motion, samples, commands = truth(craft, h, 40, 1, [0.0, 0.0, 3.13, 1.2, -0.2, 0.4])
+    assert np.abs(motion[:, 2]).max() > np.pi
+    samples[:, 2] = np.angle(np.exp(1j * samples[:, 2]))  # as a compass has it
+    fresh = np.arange(40) % 7 < 4
+    Q, R = np.diag([0, 0, 0, 0.01, 0.01, 0.04]), np.diag([1e-4, 1e-4, 4e-4])
+    P = np.diag([0.02, 0.02, 0.05, 0.1, 0.1, 0.1]) ** 2
+    ticks, names = Ticking(estimator), [s.name for s in craft.states]
+    wanted = by_hand(craft, np.array([0, 0, 3.13, 1.2, -0.2, 0.4]), P, Q, R, h, samples, commands, fresh)
+    for k, (x, P) in enumerate(wanted):
+        given = dict(zip(("x", "y", "psi"), samples[k], strict=True))
+        given |= {"thrust": commands[k][0], "rudder": commands[k][1], "fresh": float(fresh[k])}
+        shown = ticks.tick(k * h, given)
+        np.testing.assert_allclose([shown[f"{n}_hat"] for n in names], x, rtol=0, atol=2e-5)
+        np.testing.assert_allclose([shown[f"{n}_std"] for n in names], np.diag(P) ** 0.5, rtol=5e-3)
+
+
+def nees(runs, steps, lost):
+    """Normalised squared errors at the end of runs whose start is as uncertain as the filter assumes."""
+    h = 0.05
+    craft, estimator = craft_filter(period=h, lost_samples=True)
+    filters = np.array([s.start for s in estimator.states])
+    f, found = estimator.to_numpy().array_derivatives, []
+    rng = np.random.default_rng(7)
+    std = [0.02, 0.02, 0.05, 0.1, 0.1, 0.1]
+    truths = [
+        truth(craft, h, steps, 100 + k, np.array([0, 0, 3.13, 1.2, -0.2, 0.4]) + rng.normal(size=6) * std)
+        for k in range(runs)
+    ]
+    z, p = np.repeat(filters[:, None], runs, 1), estimator.parameter_values()
+    for k in range(steps - 1):
+        u = [*np.array([t[1][k] for t in truths]).T, *np.array([t[2][k] for t in truths]).T]
+        fresh = (rng.random(runs) >= lost).astype(float)
+        z = np.array([np.broadcast_to(v, runs) for v in f(k * h, z, [*u, fresh], p)])
+    for k, t in enumerate(truths):
+        x, P = covariance(estimator, z[:, k], 6)
+        e = t[0][-1] - x
+        found.append(e @ np.linalg.solve(P, e))
+    return np.array(found)
+
+
+@pytest.mark.parametrize("lost", [0.0, 0.5])
+def test_its_errors_are_as_large_as_it_says(lost):
+    errors = nees(50, 30, lost)
+    low, high = chi2.ppf([0.005, 0.995], 50 * 6)
+    assert low < errors.sum() < high
+
+
+def loop(h=0.05):
+    """A craft whose speed is held by a proportional law on the estimate alone."""
+    craft = soft_craft()
+    estimator = hc.extended_kalman(craft, **CRAFT_NOISE, period=h, name="filter")
+    u, ref, k = hc.Signal("u_hat", "m/s"), hc.Signal("u_ref", "m/s"), hc.Signal("k", "s/m", start=4.0)
+    cruise = hc.Signal("cruise", "1", start=1.8)
+    law = cruise.symbol + k.symbol * (ref.symbol - u.symbol)
+    pilot = hc.Block(
+        "pilot", [], [u, ref], [hc.Signal("thrust"), hc.Signal("rudder", "rad")], [k, cruise],
+        output_expressions={"thrust": law, "rudder": 0},
+    )  # fmt: skip
+    return hc.interconnect([craft, estimator, pilot], "loop")
+
+
+def test_a_loop_closed_by_the_estimate_runs_alike_everywhere():
+    system, t = loop(), np.arange(81) * 0.05
+    ref = np.full(81, 0.8)
+    plain = hc.simulate(system, t, {"u_ref": ref})
+    fast = system.compile().simulate(t, {"u_ref": ref})
+    python_control = control.input_output_response(
+        system.to_control(step=0.05), t, ref, [s.start for s in system.states]
+    )
+    np.testing.assert_allclose(fast.outputs, plain.outputs, rtol=0, atol=1e-5)
+    np.testing.assert_allclose(python_control.outputs, plain.outputs, rtol=0, atol=1e-5)
+    names = [s.name for s in system.outputs]
+    u, u_hat = (plain.outputs[names.index(n)] for n in ("u", "u_hat"))
+    assert abs(u[-1] - 0.8) < 0.02 and np.abs(u_hat - u)[20:].max() < 0.05
+
+
+def test_the_plants_coefficients_are_the_filters_own():
+    craft = soft_craft()
+    estimator = hc.extended_kalman(craft, **CRAFT_NOISE, period=0.05)
+    assert estimator.default_parameters["estimator.yaw_coulomb"] == 0.83
+    assert estimator.default_parameters["estimator.process_noise_r"] == 0.2
+    assert estimator.default_parameters["estimator.measurement_noise_psi"] == 0.02
+    whole = hc.interconnect([craft, hc.rename(estimator, {})], "whole")
+    assert {"plant.yaw_coulomb", "estimator.yaw_coulomb"} <= set(whole.default_parameters)
+
+
+def test_a_plant_of_parts_has_its_parts_names_in_the_outputs():
+    moved = hc.interconnect([cart()], "whole")
+    estimator = hc.extended_kalman(moved, ["x"], process_noise={"cart.v": 1.0}, measurement_noise={"x": 0.1})
+    assert [s.name for s in estimator.outputs] == ["cart.x_hat", "cart.v_hat", "cart.x_std", "cart.v_std"]
+    assert "estimator.cart.drag" in estimator.default_parameters
+    hc.interconnect([moved.named("plant"), estimator], "both")
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"measured": ["z"]}, "has no output 'z'"),
+        ({"measured": ["x", "x"]}, "expected different names"),
+        ({"process_noise": {"w": 1.0}}, "process_noise: unknown name 'w'"),
+        ({"process_noise": {"v": -1.0}}, "process_noise: v must not be negative"),
+        ({"measurement_noise": {}}, "expected a positive number for 'x', found none"),
+        ({"measurement_noise": {"x": 0.0}}, "expected a positive number for 'x', found 0"),
+        ({"start_std": {"y": 1.0}}, "start_std: unknown name 'y'"),
+        ({"period": 0.0}, "period must be positive"),
+        ({"period": 100.0}, "shorten the period, or give substeps=32"),
+        ({"substeps": 0}, "substeps: expected 1 or more, found 0"),
+    ],
+)
+def test_what_it_cannot_use_is_refused_in_one_line(changes, said):
+    with pytest.raises(InputError, match=said):
+        hc.extended_kalman(cart(), **({"measured": ["x"], **NOISE, "period": H} | changes))
+
+
+def test_a_sampled_plant_and_late_inputs_are_refused():
+    sampled = hc.Block("n", [hc.Signal("n")], [], [hc.Signal("n")], derivatives={"n": 0}, period=1.0)
+    with pytest.raises(InputError, match="sampled every 1 s"):
+        hc.extended_kalman(sampled, ["n"], process_noise={}, measurement_noise={"n": 1.0})
+    late = hc.vehicle("c17_simulation").with_effects([hc.effect("input_delay", 0.1)])
+    with pytest.raises(InputError, match="acts with a delay"):
+        hc.extended_kalman(late, **CRAFT_NOISE)
+
+
+def test_measurements_that_do_not_show_the_state_are_told():
+    with pytest.warns(UserWarning, match="x, y determine 4 of 6 states: they do not show a change of psi; r"):
+        hc.extended_kalman(
+            hc.vehicle("c17_simulation"), ["x", "y"],
+            process_noise={}, measurement_noise={"x": 0.01, "y": 0.01}, period=0.05,
+        )  # fmt: skip
+
+
+@pytest.mark.slow
+def test_it_is_exported_as_an_fmu(tmp_path):
+    fmpy = pytest.importorskip("fmpy")
+    _, estimator = craft_filter(period=0.05)
+    path = estimator.to_fmu(tmp_path / "filter.fmu")
+    t = np.arange(21) * 0.05
+    values = {"x": 0.3, "y": 0.1, "psi": -3.1, "thrust": 2.0, "rudder": 0.1}
+    signals = {name: np.full(21, value) for name, value in values.items()}
+    rows = np.array(
+        list(zip(t, *signals.values(), strict=True)), dtype=[(n, float) for n in ("time", *signals)]
+    )
+    result = fmpy.simulate_fmu(str(path), stop_time=1.0, output_interval=0.05, input=rows)
+    ours = hc.simulate(estimator, t, signals).outputs
+    k = [s.name for s in estimator.outputs].index("v_hat")
+    np.testing.assert_allclose(result["v_hat"][-1], ours[k, -1], rtol=0, atol=1e-6)
