@@ -41,6 +41,9 @@ class Signal:
         Bounds.
     modes : sequence of str, optional
         Names of the values 0, 1, 2... of a mode, a plain number; its bounds follow.
+    saturates : bool, optional
+        Of an input: the Block's equations clip it at its bounds, so that a value outside is no error
+        (:func:`hovercontrol.models.actuated.actuated`).
 
     Raises
     ------
@@ -62,6 +65,7 @@ class Signal:
     lower: float = -math.inf
     upper: float = math.inf
     modes: tuple[str, ...] = ()
+    saturates: bool = dataclasses.field(default=False, repr=False)  # hashes of Blocks are as before
 
     def __post_init__(self) -> None:
         if self.modes:

@@ -1,6 +1,7 @@
-"""Actuators with a memory: play between command and actuator, and a limit of its rate.
+"""Actuators: the limits of a command, play between command and actuator, and a limit of its rate.
 
-Both are regularised: the actuator follows within the time constant :data:`TAU`, which a fit leaves as it is.
+The last two have a memory and are regularised: the actuator follows within the time constant :data:`TAU`,
+which a fit leaves as it is.
 """
 
 from __future__ import annotations
@@ -22,6 +23,12 @@ def play(command: sp.Expr, width: sp.Expr, tau: sp.Expr, state: sp.Expr) -> sp.E
     ahead = sp.Max(0, command - width / 2 - state)
     behind = sp.Max(0, state - command - width / 2)
     return (ahead - behind) / tau
+
+
+def clipped(command: sp.Expr, lower: sp.Expr | None, upper: sp.Expr | None) -> sp.Expr:
+    """Return a command kept between two limits; None stands for no limit."""
+    below = command if upper is None else sp.Min(command, upper)
+    return below if lower is None else sp.Max(below, lower)
 
 
 def limited_rate(command: sp.Expr, limit: sp.Expr, tau: sp.Expr, state: sp.Expr) -> sp.Expr:
