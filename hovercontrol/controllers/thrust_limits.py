@@ -1,10 +1,11 @@
 """Thrust and rudder of a demanded force vector, within the limits of both.
 
 A propeller with a rudder at the stern pushes along T [cos theta, sin theta], with T in [lower, upper],
-lower >= 0, and theta in [right, left]. To clip T = |f| and theta = atan2(f_y, f_x) each by itself has two faults
-where the demand f points astern: the craft is pushed ahead with all of |f|, and where f_y passes through zero
-the rudder jumps from one limit to the other. With velocity feedback f_y falls while the rudder is positive, so
-that the jump is a relay that drives f_y back to zero: a sliding mode, in which a solver makes no progress.
+lower >= 0, and theta in [right, left]. To clip T = |f| and theta = atan2(f_y, f_x) each by itself has two
+faults where the demand f points astern: the craft is pushed ahead with all of |f|, and where f_y passes
+through zero the rudder jumps from one limit to the other. With velocity feedback f_y falls while the rudder
+is positive, so that the jump is a relay that drives f_y back to zero: a sliding mode, in which a solver makes
+no progress.
 
 Here the side force, which turns the craft, is kept, and the force ahead is at least what the rudder needs:
 
@@ -13,8 +14,8 @@ Here the side force, which turns the craft, is kept, and the force ahead is at l
 
 Within the limits these are the demanded vector's own T and theta. Both are continuous in f: astern, the
 thrust falls to zero with f_y. The upper limit of T keeps the direction. eps, 1 % of the largest thrust and at
-least `lower`, is the thrust below which the rudder returns to the middle. A demand exactly astern, f_y = 0, gets
-no thrust: the craft coasts.
+least `lower`, is the thrust below which the rudder returns to the middle. A demand exactly astern, f_y = 0,
+gets no thrust: the craft coasts.
 """
 
 from __future__ import annotations

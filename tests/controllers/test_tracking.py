@@ -18,6 +18,7 @@ from hovercontrol.models.actuated import actuated
 from hovercontrol.models.model import RUDDER, THRUST, Model
 from hovercontrol.models.vehicles import c17_experiment, c17_simulation, four_fan, hoverdemon
 from hovercontrol.simulation.trajectory import simulate
+from hovercontrol.targets import library
 
 DRAG = (
     "surge_coulomb",
@@ -255,29 +256,40 @@ def test_a_rudder_that_turns_further_or_to_one_side_only_is_clipped_by_itself():
     assert np.array_equal(bounded.outputs(0.0, (), inputs)[1], np.clip(wanted[1], -2.0, 2.0))
 
 
-#: A demand astern: gains with which the clipped law chatters (40 starts of 40 stalled).
-ASTERN = {"k1": 4.0, "k2": 4.0}
+#: Gains and a start with which the demand points astern on the way.
+ASTERN, START = {"k1": 4.0, "k2": 4.0}, {"plant.x": 3.77, "plant.y": 2.2, "plant.psi": 1.83}
+
+
+def narrow():
+    """Return C17's craft with thrust 0 to 4 N and the rudder within 0.5 rad, limited."""
+    thrust = THRUST.replace(unit="N", lower=0.0, upper=4.0)
+    return replace(
+        c17_simulation(), thrust=thrust, rudder=RUDDER.replace(lower=-0.5, upper=0.5), limited=True
+    )
 
 
 @pytest.mark.parametrize("lag", [None, {"thrust": 0.1, "rudder": 0.05}])
 def test_a_loop_within_narrow_limits_goes_on_where_the_reference_is_astern(lag):
-    craft = replace(
-        c17_simulation(),
-        thrust=THRUST.replace(unit="N", lower=0.0, upper=4.0),
-        rudder=RUDDER.replace(lower=-0.5, upper=0.5),
-        limited=True,
-    )
+    craft = narrow()
     there = line((1e-9, 0.0), start=(-3.0, 0.0))
     loop = interconnect([actuated(craft, lag=lag), tracking_controller(craft, **ASTERN), there])
     times = np.linspace(0.0, 30.0, 301)
-    start = {"plant.x": 3.77, "plant.y": 2.2, "plant.psi": 1.83}
-    found = loop.compile().simulate(times, x0=start)
+    found = loop.compile().simulate(times, x0=START)
     names = list(found.output_labels)
     outputs = np.asarray(found.outputs)
     assert 0.0 <= outputs[names.index("thrust")].min() <= outputs[names.index("thrust")].max() <= 4.0
     assert np.abs(outputs[names.index("rudder")]).max() <= 0.5
-    again = simulate(loop, times[:61], x0=start)
+    again = simulate(loop, times[:61], x0=START)
     assert np.asarray(again.outputs) == pytest.approx(outputs[:, :61], abs=2e-2)
+
+
+def test_the_rudder_chatters_where_only_the_plant_is_limited_and_the_error_says_so(monkeypatch):
+    monkeypatch.setattr(library, "MAX_STEPS", 20_000)
+    law = tracking_controller(narrow(), limits=False, **ASTERN)
+    loop = interconnect([narrow().plant(), law, line((1e-9, 0.0), start=(-3.0, 0.0))])
+    cause = r"the state plant\.r = .* the switch atan2\(controller\.thrust_y, .* in rudder chatters"
+    with pytest.raises(InputError, match=rf"at t = 4\.\d* s: too many steps: {cause}"):
+        loop.compile().simulate(np.linspace(0.0, 30.0, 301), x0=START)
 
 
 # ---- what it refuses -----------------------------------------------------------------------------
