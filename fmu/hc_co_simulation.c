@@ -3,6 +3,7 @@
 
 #define AHEAD 100.0              /* communication steps that the solver may be ahead: forces at rest are sampled */
 #define MAX_STEPS 10000000L      /* of the solver in one communication step, some seconds */
+#define LOOKS 50                 /* short steps that tell which state is the hardest to integrate */
 
 static int check_step(hc_instance *c, double time, double length)
 {
@@ -18,15 +19,52 @@ static int check_step(hc_instance *c, double time, double length)
     return HC_DONE;
 }
 
+/* The state whose derivative is not finite where the solver stands, or changes most in some short steps of Euler's
+ * method from there, against its tolerance. */
+static int hardest_state(hc_solver *s)
+{
+    const double h = s->h > 0.0 ? 10.0 * s->h : 1e-6;
+    double *x = s->stage, *before = s->k[0], *now = s->k[1], *most = s->k[2], *kept;
+    int found = 0;
+    for (int i = 0; i < s->n; i++) {
+        x[i] = s->x[i];
+        most[i] = 0.0;
+    }
+    hc_ticks_hold(s->model, x, s->x);
+    for (int step = 0; step < LOOKS; step++) {
+        hc_right_hand_side(s, s->t + step * h, x, now);
+        for (int i = 0; i < s->n; i++) {
+            if (!hc_is_finite(now[i]))
+                return i;
+            if (step > 0 && fabs(now[i] - before[i]) > most[i])
+                most[i] = fabs(now[i] - before[i]);
+            x[i] += h * now[i];
+        }
+        kept = before;
+        before = now;
+        now = kept;
+    }
+    for (int i = 0; i < s->n; i++) {
+        most[i] /= s->absolute[i] + s->rtol * fabs(s->x[i]);
+        if (most[i] > most[found])
+            found = i;
+    }
+    return found;
+}
+
 static int fail_step(hc_instance *c, int status)
 {
+    const int i = hardest_state(c->solver);
     const char *reason = status == HC_NOT_FINITE       ? "a derivative or a force is not finite"
                          : status == HC_STEP_TOO_SMALL ? "the tolerance cannot be met"
                                                        : "too many steps";
     c->value[0] = hc_solver_time(c->solver);
     c->valid = 0;
     hc_read_states(c);
-    return hc_fail(c, "the integration stopped at time %.17g: %s", c->value[0], reason);
+    if (c->solver->n == 0)
+        return hc_fail(c, "the integration stopped at time %.17g: %s", c->value[0], reason);
+    return hc_fail(c, "the integration stopped at time %.17g: %s; the state %.150s = %.9g is the hardest to integrate",
+                   c->value[0], reason, hc_description.names[i], c->x[i]);
 }
 
 /* The solver is past the event that ended its last step, or at the switch that did. */

@@ -1,6 +1,7 @@
 /* What the exporter says of a model beside its equations; every FMU defines `hc_description`.
  *
- * Order of `names`: states, inputs, parameters, outputs. Order of `start`, `lower`, `upper`: states, inputs, parameters.
+ * Order of `names`: states, inputs, parameters, outputs. Order of `start`, `lower`, `upper`,
+ * `room`, `saturates`: states, inputs, parameters.
  * An array that would be empty may be NULL.
  */
 #ifndef HC_DESCRIPTION_H
@@ -14,6 +15,8 @@ typedef struct {
     const char *const *names; /* for messages */
     const double *start;
     const double *lower, *upper; /* -HUGE_VAL and HUGE_VAL where there is no bound */
+    const double *room;          /* how far outside its bounds a value counts as rounding */
+    const char *saturates;       /* 1: an input that the equations clip at its bounds */
     const double *nominal;       /* of the states */
     double rtol, atol;           /* of the Co-Simulation solver; atol is times nominal. An importer's tolerance
                                     replaces rtol and scales atol with it. */

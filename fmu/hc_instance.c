@@ -48,6 +48,7 @@ static hc_instance *allocate(const hc_log_type *log, int kind, const char *name)
     c->product = take(&block, n + m->n_outputs);
     hc_ticks_place(&c->ticks, m, block);
     c->mode = calloc(2 * (size_t)k + 1, sizeof *c->mode);
+    c->told = calloc((size_t)known + 1, 1);
     c->name = malloc(strlen(name) + 1);
     if (kind == HC_CO_SIMULATION) {
         const hc_options options = {HC_DORMAND_PRINCE, hc_description.rtol, hc_description.atol, 0.0, 0,
@@ -66,7 +67,7 @@ static hc_instance *allocate(const hc_log_type *log, int kind, const char *name)
     c->in = hc_delays_inputs(c->delays);
 #endif
     c->initial = calloc(c->solver || kind == HC_MODEL_EXCHANGE ? hc_count_state(c) : 1, sizeof *c->initial);
-    if (!c->mode || !c->name || !c->initial || (kind == HC_CO_SIMULATION && !c->solver)) {
+    if (!c->mode || !c->told || !c->name || !c->initial || (kind == HC_CO_SIMULATION && !c->solver)) {
         hc_instance_free(c);
         return NULL;
     }
@@ -124,6 +125,7 @@ void hc_instance_free(hc_instance *c)
     hc_delays_free(c->delays);
 #endif
     free(c->initial);
+    free(c->told);
     free(c->name);
     free(c->mode);
     free(c->value);

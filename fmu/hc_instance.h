@@ -80,6 +80,7 @@ typedef struct {
     int changed_before; /* likewise at the last step */
     int event;         /* the solver's last step ended at an event */
     double *initial;   /* the state of a new instance */
+    char *told;        /* 1: that a value is outside its bounds was logged; states, inputs, parameters */
 } hc_instance;
 
 /* States that move between ticks; those that are held come after them. */

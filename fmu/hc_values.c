@@ -169,6 +169,32 @@ static unsigned settable_kinds(const hc_instance *c)
     }
 }
 
+/* The value as it is set: one that is outside its bounds by rounding is the bound. */
+static double within(unsigned i, double value)
+{
+    const double lower = hc_description.lower[i], upper = hc_description.upper[i], room = hc_description.room[i];
+    return value < lower && value >= lower - room ? lower : value > upper && value <= upper + room ? upper : value;
+}
+
+/* Of a value outside its bounds: an error, or HC_DONE where it is so by rounding or the equations clip it; told once. */
+static int check_bounds(hc_instance *c, unsigned vr, unsigned i, double value)
+{
+    char text[200];
+    const double lower = hc_description.lower[i], upper = hc_description.upper[i], set = within(i, value);
+    const int outside = set < lower || set > upper;
+    if (set == value && !outside)
+        return HC_DONE;
+    if (outside && !hc_description.saturates[i])
+        return hc_fail(c, "%s is set to %.17g, outside its bounds [%.17g, %.17g]", hc_called(c, vr, text), value, lower,
+                       upper);
+    if (!c->told[i])
+        hc_log_message(&c->log, HC_WARNING, c->function,
+                       "%s is set to %.17g, outside its bounds [%.17g, %.17g]: it acts as the bound; not told again",
+                       hc_called(c, vr, text), value, lower, upper);
+    c->told[i] = 1;
+    return HC_DONE;
+}
+
 /* An error, or HC_DONE if the value may be set. */
 static int check_value(hc_instance *c, unsigned settable, unsigned vr, double value)
 {
@@ -186,9 +212,8 @@ static int check_value(hc_instance *c, unsigned settable, unsigned vr, double va
     i = hc_place_of(c, kind, vr);
     if (!hc_is_finite(value))
         return hc_fail(c, "%s is set to %s", hc_called(c, vr, text), value != value ? "NaN" : "an infinite value");
-    if (value < hc_description.lower[i] || value > hc_description.upper[i])
-        return hc_fail(c, "%s is set to %.17g, outside its bounds [%.17g, %.17g]", hc_called(c, vr, text), value,
-                       hc_description.lower[i], hc_description.upper[i]);
+    if (check_bounds(c, vr, i, value) != HC_DONE)
+        return HC_ERROR;
 #if HC_DELAYS
     if (hc_refuse_late(c, kind, vr, value) != HC_DONE)
         return HC_ERROR;
@@ -203,6 +228,11 @@ void hc_invalidate(hc_instance *c)
         c->valid &= ~(unsigned)VALID_MODES; /* else modes change only in an event */
 }
 
+static double value_to_set(const hc_instance *c, unsigned vr, double value)
+{
+    return within(hc_place_of(c, hc_kind_of(c, vr), vr), value);
+}
+
 int hc_set_reals(hc_instance *c, const unsigned *vr, size_t n, const double *value)
 {
     const unsigned settable = settable_kinds(c);
@@ -213,12 +243,12 @@ int hc_set_reals(hc_instance *c, const unsigned *vr, size_t n, const double *val
         if (check_value(c, settable, vr[i], value[i]) != HC_DONE)
             return HC_ERROR;
     for (size_t i = 0; i < n; i++)
-        differs |= c->value[vr[i]] != value[i];
+        differs |= c->value[vr[i]] != value_to_set(c, vr[i], value[i]);
     if (!differs)
         return HC_DONE;
     hc_read_states(c); /* with the old values, up to which the solver went */
     for (size_t i = 0; i < n; i++)
-        c->value[vr[i]] = value[i];
+        c->value[vr[i]] = value_to_set(c, vr[i], value[i]);
     hc_invalidate(c);
     c->changed = 1;
     return hc_take_inputs(c);

@@ -61,6 +61,7 @@ if TYPE_CHECKING:
     from hovercontrol.log_check.check import check
     from hovercontrol.logs.log import Log
     from hovercontrol.logs.read import read_log
+    from hovercontrol.models.actuated import actuated
     from hovercontrol.models.blockmodel import BlockModel
     from hovercontrol.models.model import Fan, Model
     from hovercontrol.models.modelfile import load_model, save_model
@@ -95,6 +96,7 @@ __all__ = [
     "save_model",
     "load_parameters",
     "save_parameters",
+    "actuated",
     # operating points and loops in the frequency domain
     "Trim",
     "bode",
@@ -178,6 +180,7 @@ _PLACES = {
     "log_check.check": ("check",),
     "logs.log": ("Log",),
     "logs.read": ("read_log",),
+    "models.actuated": ("actuated",),
     "models.blockmodel": ("BlockModel",),
     "models.model": ("Fan", "Model"),
     "models.modelfile": ("load_model", "save_model"),

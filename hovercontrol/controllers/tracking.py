@@ -14,6 +14,7 @@ from types import SimpleNamespace
 import sympy as sp
 
 from hovercontrol.controllers.references import OUTPUTS as REFERENCE
+from hovercontrol.controllers.thrust_limits import within_limits
 from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
 from hovercontrol.core.signals import Signal
@@ -31,7 +32,7 @@ def tracking_controller(
     k1: float = 2.0,
     k2: float = 2.0,
     adapt: Sequence[str] = (),
-    limits: bool = False,
+    limits: bool | None = None,
     name: str = "controller",
 ) -> Block:
     """Return the tracking controller for a model with a propeller and a rudder.
@@ -52,7 +53,9 @@ def tracking_controller(
         Coefficients that are taken from inputs ``NAME_hat`` (an estimator's outputs). The parameter
         ``adaptation`` blends: 0 is the model's value, 1 (the default) the estimate.
     limits : bool, optional
-        Keep the commands within the model's input bounds.
+        Keep the commands within the model's input bounds, which become parameters: the side force, which
+        turns the craft, is kept where the rudder reaches a limit, the direction where the thrust does
+        (:mod:`hovercontrol.controllers.thrust_limits`). Default: as ``model.limited`` says.
     name : str, optional
 
     Returns
@@ -113,7 +116,7 @@ def tracking_controller(
     )
     fx, fy = sp.symbols("thrust_x thrust_y", real=True)
     solution = (B(d, b).inv() * demand).xreplace(blended)
-    thrust, rudder, bounds = polar(model, fx, fy, limits)
+    thrust, rudder, bounds = polar(model, fx, fy, model.limited if limits is None else limits)
     used = demand.free_symbols | B(d, b).free_symbols
     return Block(
         name,
@@ -223,19 +226,6 @@ def _adaptation(
 
 def polar(model: Model, fx: sp.Symbol, fy: sp.Symbol, limits: bool) -> tuple[sp.Expr, sp.Expr, list[Signal]]:
     """Return thrust and rudder of a force vector: T = norm, theta = atan2, within bounds if wanted."""
-    thrust: sp.Expr = sp.sqrt(fx**2 + fy**2)
-    rudder: sp.Expr = sp.atan2(fy, fx)
-    if not limits:
-        return thrust, rudder, []
-    bounds = []
-    commands = {"thrust": thrust, "rudder": rudder}
-    for signal in (model.thrust, model.rudder):
-        for key, clip in (("lower", sp.Max), ("upper", sp.Min)):
-            value = getattr(signal, key)
-            if abs(value) != float("inf"):
-                bound = Signal(
-                    f"{signal.name}_{key}", signal.unit, f"{key} limit of {signal.name}", start=value
-                )
-                bounds.append(bound)
-                commands[signal.name] = clip(commands[signal.name], bound.symbol)
-    return commands["thrust"], commands["rudder"], bounds
+    if limits:
+        return within_limits(fx, fy, model.thrust, model.rudder)
+    return sp.sqrt(fx**2 + fy**2), sp.atan2(fy, fx), []

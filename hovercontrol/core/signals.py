@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import re
+import warnings
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,6 +17,9 @@ from hovercontrol.errors import InputError, did_you_mean
 
 #: The independent variable, in seconds. Expressions that depend on time use this symbol.
 time = sp.Symbol("t", real=True)
+
+#: Of a signal's nominal size: what lies outside its bounds by less is there by rounding.
+ROUNDING = 1e-6
 
 _NAME = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*(\[\d+(,\d+)*\])?")
 
@@ -41,6 +45,9 @@ class Signal:
         Bounds.
     modes : sequence of str, optional
         Names of the values 0, 1, 2... of a mode, a plain number; its bounds follow.
+    saturates : bool, optional
+        Of an input: the Block's equations clip it at its bounds, so that a value outside is no error
+        (:func:`hovercontrol.models.actuated.actuated`).
 
     Raises
     ------
@@ -62,6 +69,7 @@ class Signal:
     lower: float = -math.inf
     upper: float = math.inf
     modes: tuple[str, ...] = ()
+    saturates: bool = dataclasses.field(default=False, repr=False)  # hashes of Blocks are as before
 
     def __post_init__(self) -> None:
         if self.modes:
@@ -81,9 +89,9 @@ class Signal:
                 object.__setattr__(self, field, float(value))
             except (TypeError, ValueError):
                 raise InputError(f"{self.name}: {field} must be a number, found {value!r}") from None
-        self.check(self.start)
         if not 0 < self.nominal < math.inf:
             raise InputError(f"{self.name}: nominal must be positive, found {self.nominal:g}")
+        object.__setattr__(self, "start", self.check(self.start))
 
     def _become_mode(self) -> None:
         given: Any = self.modes
@@ -113,20 +121,40 @@ class Signal:
             raise InputError(f"{self.name}: unknown mode {name!r}{did_you_mean(name, self.modes)}")
         return self.modes.index(name)
 
+    @property
+    def room(self) -> float:
+        """How far outside its bounds a value counts as rounding: 1e-6 of the nominal size, or of the range.
+
+        That is ten times the rounding of single precision, and of six printed digits.
+        """
+        return ROUNDING * min(self.nominal, self.upper - self.lower)
+
     def check(self, value: float, name: str = "") -> float:
         """Return a value of this signal if it lies within the bounds.
+
+        One that is outside by no more than :attr:`room` is set to the bound, with a warning once.
 
         Raises
         ------
         InputError
             If it does not; the line names the signal (or `name`), its unit and its bounds.
+
+        Examples
+        --------
+        >>> Signal("F", "N", lower=0.0).check(2.0)
+        2.0
         """
-        if not self.lower <= value <= self.upper:
-            raise InputError(
-                f"{name or self.name} = {value:g} {self.unit} is out of its bounds "
-                f"[{self.lower:g}, {self.upper:g}]"
-            )
-        return value
+        if self.lower <= value <= self.upper:
+            return value
+        nearest = min(max(value, self.lower), self.upper)
+        line = (
+            f"{name or self.name} = {value:.9g} {self.unit} is out of its bounds "
+            f"[{self.lower:g}, {self.upper:g}]"
+        )
+        if abs(value - nearest) <= self.room:
+            _warn_once(name or self.name, f"{line} by rounding: it is set to {nearest:g}")
+            return nearest
+        raise InputError(line)
 
     @property
     def symbol(self) -> sp.Symbol:
@@ -158,3 +186,12 @@ class Signal:
         return as_user(dataclasses.replace, self, **changes)
 
     but = replace  # its former name, in scripts
+
+
+_TOLD: set[str] = set()
+
+
+def _warn_once(name: str, line: str) -> None:
+    if name not in _TOLD:
+        _TOLD.add(name)
+        warnings.warn(line, stacklevel=3)

@@ -1,6 +1,6 @@
-"""Actuators with a memory: play between command and actuator, and a limit of its rate.
+"""Actuators: the limits of a command, play between command and actuator, and a limit of its rate.
 
-Both have a state that follows within the time constant :data:`TAU`, which a fit leaves as it is.
+The last two have a state that follows within the time constant :data:`TAU`, which a fit leaves as it is.
 """
 
 from __future__ import annotations
@@ -27,6 +27,12 @@ def play(command: sp.Expr, width: sp.Expr, tau: sp.Expr, state: sp.Expr) -> tupl
     """
     acting = sp.Max(command - width / 2, sp.Min(command + width / 2, state))
     return acting, (acting - state) / tau
+
+
+def clipped(command: sp.Expr, lower: sp.Expr | None, upper: sp.Expr | None) -> sp.Expr:
+    """Return a command kept between two limits; None stands for no limit."""
+    below = command if upper is None else sp.Min(command, upper)
+    return below if lower is None else sp.Max(below, lower)
 
 
 def limited_rate(command: sp.Expr, limit: sp.Expr, tau: sp.Expr, state: sp.Expr) -> sp.Expr:

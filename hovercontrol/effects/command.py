@@ -11,6 +11,7 @@ from typing import Any
 import sympy as sp
 
 from hovercontrol.core.signals import Signal
+from hovercontrol.effects.actuator import clipped
 from hovercontrol.effects.base import TINY, Coefficient, Effect, Shape
 
 
@@ -116,7 +117,7 @@ class ThrustSaturation(Effect):
 
     def commands(self, c: Any, s: Any) -> dict[Signal, sp.Expr]:
         for name, T in s.thrusts.items():
-            s.thrusts[name] = sp.Max(sp.Min(T, c.limit), -c.limit)
+            s.thrusts[name] = clipped(T, -c.limit, c.limit)
         return {}
 
 

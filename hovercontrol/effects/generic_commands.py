@@ -1,4 +1,4 @@
-"""What may lie between an input of any machine and what it drives: a dead zone, play, lag, saturation."""
+"""Actuators of any machine, between an input and what it drives: dead zone, play, lag, limits."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any
 import sympy as sp
 
 from hovercontrol.core.signals import Signal
-from hovercontrol.effects.actuator import TAU, play
+from hovercontrol.effects.actuator import TAU, clipped, limited_rate, play
 from hovercontrol.effects.base import TINY, Effect, Shape
 from hovercontrol.effects.generic_classes import make_class, remembered, word
 
@@ -78,11 +78,34 @@ def lag(signal: str, unit: str) -> type[Effect]:
 
 
 @remembered
+def rate_limit(signal: str, unit: str) -> type[Effect]:
+    """Return the class of a limit of the rate of what an input drives; no search tries it."""
+    state = Signal(f"{word(signal)}_rate_limited", unit, f"{signal} behind the limit of its rate")
+
+    def commands(self: Effect, c: Any, s: Any) -> dict[Signal, sp.Expr]:
+        slope = limited_rate(s.thrusts[signal], c.limit, c.tau, state.symbol)
+        s.thrusts[signal] = state.symbol
+        return {state: slope}
+
+    return make_class(
+        f"{word(signal)}_rate_limit",
+        (),
+        f"What {signal} drives changes no faster than a limit.",
+        "speed of an actuator",
+        signal=signal,
+        order=4,
+        limit=Shape(f"({unit})/s" if set(unit) & set("*/^ ") else f"{unit}/s", lower=TINY),
+        tau=Shape("s", lower=TINY, default=TAU, fixed=True),
+        commands=commands,
+    )
+
+
+@remembered
 def saturation(signal: str, unit: str) -> type[Effect]:
     """Return the class of a limit of an input."""
 
     def commands(self: Effect, c: Any, s: Any) -> dict[Signal, sp.Expr]:
-        s.thrusts[signal] = sp.Max(sp.Min(s.thrusts[signal], c.limit), -c.limit)
+        s.thrusts[signal] = clipped(s.thrusts[signal], -c.limit, c.limit)
         return {}
 
     return make_class(

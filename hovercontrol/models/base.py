@@ -98,10 +98,13 @@ class EffectModel(ABC):
         """Return the parameters that say how late inputs act and how late measurements are, or ``""``."""
 
     @abstractmethod
-    def plant(self, *, late: bool = False, fastest: float | None = None) -> Block:
+    def plant(
+        self, *, late: bool = False, fastest: float | None = None, limited: bool | None = None
+    ) -> Block:
         """Return the plant; without delays if the caller shifts commands and clock (`late`).
 
-        States of effects follow others at a rate of `fastest` at most [1/s], if given.
+        States of effects follow others at a rate of `fastest` at most [1/s], if given. Where it is `limited`,
+        by default as the model says, its inputs saturate at their bounds.
         """
 
     # ---- the same for all ----------------------------------------------------------------------------

@@ -22,6 +22,7 @@ from hovercontrol.core.summary import block_line
 from hovercontrol.effects import Effect, effect_class
 from hovercontrol.effects.generic import generic_effects
 from hovercontrol.errors import InputError, did_you_mean
+from hovercontrol.models.actuated import saturated
 from hovercontrol.models.base import EffectModel, as_measured, delays_of, effect_lines, rate_limit
 
 #: Names that a signal may not have, and why.
@@ -49,6 +50,8 @@ class BlockModel(EffectModel):
         :func:`~hovercontrol.effects.generic.generic_effects` of the Block.
     effects : sequence of Effect, optional
         Those that it has.
+    limited : bool, optional
+        Whether the plant's inputs saturate at their bounds, before any effect acts on them.
 
     Raises
     ------
@@ -85,6 +88,7 @@ class BlockModel(EffectModel):
     block: Block
     catalogue: tuple[str, ...] | None = None
     effects: tuple[Effect, ...] = field(default=())
+    limited: bool = False
 
     def __repr__(self) -> str:
         return "\n".join([f"BlockModel of {block_line(self.block)}", *effect_lines(self.effects)])
@@ -137,7 +141,7 @@ class BlockModel(EffectModel):
         expressions = (block.derivatives, block.output_expressions, block.definitions)
         return (
             self.name,
-            (block.states, block.inputs, block.outputs, tuple(parameters)),
+            (block.states, block.inputs, block.outputs, tuple(parameters), self.limited),
             *(tuple(e.items()) for e in expressions),
             *(type(e) for e in self.effects),
         )
@@ -287,7 +291,9 @@ class BlockModel(EffectModel):
             time=time,
         )
 
-    def plant(self, *, late: bool = False, fastest: float | None = None) -> Block:
+    def plant(
+        self, *, late: bool = False, fastest: float | None = None, limited: bool | None = None
+    ) -> Block:
         """Return the Block with the effects; as of a :class:`~hovercontrol.models.model.Model`.
 
         Parameters
@@ -296,6 +302,8 @@ class BlockModel(EffectModel):
             Whether the caller shifts inputs and clock itself (:meth:`timing`): a Block without delays.
         fastest : float, optional
             Largest rate at which states of effects follow the others [1/s], for who steps it coarsely.
+        limited : bool, optional
+            Saturate each input at its bounds before anything else acts on it. Default: as the model says.
 
         Raises
         ------
@@ -303,8 +311,11 @@ class BlockModel(EffectModel):
             If an effect acts on a state that is not there, inputs would act before they are sent, or
             `fastest` is not positive.
         """
-        if not self.effects:
-            return self.block
+        block = self._amended(late, fastest) if self.effects else self.block
+        return saturated(block) if (self.limited if limited is None else limited) else block
+
+    def _amended(self, late: bool, fastest: float | None) -> Block:
+        """Return the Block with the effects."""
         block = self.block
         lags, way = self._way()
         swap = {s.symbol: way.thrusts[s.name] for s in block.inputs}

@@ -16,7 +16,7 @@ from hovercontrol.core.boundary import checked
 from hovercontrol.core.lookup import linear
 from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError
-from hovercontrol.io.tables import finite, number
+from hovercontrol.io.tables import finite, number, positive
 
 
 @dataclass(frozen=True)
@@ -156,11 +156,14 @@ class Fan:
         What the force is multiplied by, a coefficient of the model; without it there is none.
     reverses : bool, optional
         Whether it pulls, too: its force may be negative. A curve says so by its signals instead.
+    upper : float, optional
+        Largest command, in its unit; with `reverses` also backward. A curve measured on a bench ends at its
+        last point instead.
 
     Raises
     ------
     InputError
-        If the curve or the gain is no such thing, or a fan with a curve is said to reverse.
+        If the curve, the gain or the bound is no such thing, or a fan with a curve is said to reverse.
 
     Examples
     --------
@@ -175,6 +178,7 @@ class Fan:
     curve: Polynomial | BenchCurve | Sequence[float] | None = None
     gain: float | None = None
     reverses: bool = False
+    upper: float | None = None
 
     def __post_init__(self) -> None:
         for key in ("x", "y", "direction"):
@@ -191,6 +195,10 @@ class Fan:
                 f"fan {self.name}: a fan with a curve reverses where its curve does: curve = "
                 "{signal = [-1, 0, 1], force = [-1, 0, 1]}"
             )
+        if self.upper is not None:
+            object.__setattr__(self, "upper", positive(f"fan {self.name}: upper", self.upper))
+            if isinstance(curve, BenchCurve):
+                raise InputError(f"fan {self.name}: its curve ends at {curve.bounds[1]:g}: leave out upper")
 
     @property
     def _law(self) -> Polynomial | BenchCurve | None:
@@ -199,10 +207,13 @@ class Fan:
 
     def command(self) -> Signal:
         """Return the plant's input: the force of this fan [N], or the signal of its curve."""
+        most = math.inf if self.upper is None else self.upper
         if self._law is None:
-            lower = -math.inf if self.reverses else 0.0
-            return Signal(self.name, "N", f"force of the fan {self.name}", nominal=0.1, lower=lower)
+            lower = -most if self.reverses else 0.0
+            text = f"force of the fan {self.name}"
+            return Signal(self.name, "N", text, nominal=0.1, lower=lower, upper=most)
         lower, upper = self._law.bounds
+        upper = min(upper, most)
         return Signal(
             self.name,
             "1",

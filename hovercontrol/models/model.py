@@ -22,6 +22,7 @@ from hovercontrol.core.boundary import checked
 from hovercontrol.core.signals import Signal, time
 from hovercontrol.effects import Effect, effect_class, effect_names
 from hovercontrol.errors import InputError
+from hovercontrol.models.actuated import saturated
 from hovercontrol.models.base import EffectModel, as_measured, delays_of, effect_lines, rate_limit
 from hovercontrol.models.fans import Fan as Fan
 
@@ -58,6 +59,8 @@ class Model(EffectModel):
         Unit and bounds of the rudder craft's commands, where they differ from the default.
     fans : sequence of Fan, optional
         The fans of a fan craft.
+    limited : bool, optional
+        Whether the plant's commands saturate at their bounds, before any effect acts on them.
 
     Raises
     ------
@@ -79,6 +82,7 @@ class Model(EffectModel):
     thrust: Signal = THRUST
     rudder: Signal = RUDDER
     fans: tuple[Fan, ...] = field(default=())
+    limited: bool = False
 
     def __repr__(self) -> str:
         fans = [f"{len(self.fans)} fans"] if self.fans else []
@@ -119,7 +123,8 @@ class Model(EffectModel):
     @property
     def signature(self) -> tuple[Hashable, ...]:
         """What the plant's equations depend on: all but the numbers."""
-        return (self.name, self.thrust, self.rudder, self._fans_alike(), *(type(e) for e in self.effects))
+        inputs = (self.thrust, self.rudder, self._fans_alike(), self.limited)
+        return (self.name, *inputs, *(type(e) for e in self.effects))
 
     def _fans_alike(self) -> tuple[Fan, ...]:
         """Return the fans with gains of 1."""
@@ -344,7 +349,14 @@ class Model(EffectModel):
         seen = self._seen(owner)
         return str(delay or ""), str(seen.late or "")
 
-    def plant(self, name: str = "plant", *, late: bool = False, fastest: float | None = None) -> Block:
+    def plant(
+        self,
+        name: str = "plant",
+        *,
+        late: bool = False,
+        fastest: float | None = None,
+        limited: bool | None = None,
+    ) -> Block:
         """Return the plant: rigid-body motion [C17 eq 8, 11] with the model's effects.
 
         Parameters
@@ -355,6 +367,10 @@ class Model(EffectModel):
             Whether the caller shifts commands and clock itself (:meth:`timing`): a plant without delays.
         fastest : float, optional
             Largest rate at which states of effects follow the motion [1/s], for who steps it coarsely.
+        limited : bool, optional
+            Saturate each command at its bounds before anything else acts on it, in every backend; outputs
+            ``thrust_applied``... are what acts (:func:`~hovercontrol.models.actuated.actuated`). Default: as
+            the model says.
 
         Returns
         -------
@@ -382,7 +398,7 @@ class Model(EffectModel):
         seen = {as_measured(s): changed[s.name] for s in MOTION if s.name in changed}
         commands = (self.thrust, self.rudder, *(f.command() for f in self.fans))
         inputs = tuple(c for c in commands if c.symbol in used)
-        return Block(
+        block = Block(
             name,
             states=(*MOTION, *states),
             inputs=inputs,
@@ -400,6 +416,7 @@ class Model(EffectModel):
                 **{state.name: slope for state, slope in states.items()},
             },
         )
+        return saturated(block) if (self.limited if limited is None else limited) else block
 
 
 def motion_symbols(fans: Iterable[Fan] = (), owner: str = "plant") -> SimpleNamespace:

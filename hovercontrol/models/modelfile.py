@@ -4,6 +4,7 @@
 
     [plant]
     name = "hovercraft"
+    limited = true          # optional: commands saturate at their bounds in every simulation and FMU
 
     [inputs]                # optional: where a command's unit or bounds differ from the default
     thrust = {unit = "A", lower = 0.0, upper = 6.1}
@@ -19,6 +20,7 @@
     rear = {x = -0.05, y = 0.0, direction = 0.0, curve = {signal = [0.0, 0.5, 1.0], force = [0.0, 0.1, 0.4]}}
     left = {x = 0.0, y = 0.04, direction = 1.57, gain = 1.05}   # times a coefficient that a fit seeks
     right = {x = 0.0, y = -0.04, direction = 1.57, reverses = true}   # its force may be negative
+    bow = {x = 0.1, y = 0.0, direction = 1.57, upper = 0.5}           # its largest command
 """
 
 from __future__ import annotations
@@ -78,7 +80,10 @@ def model_from_table(content: Mapping[str, Any]) -> Model:
     """Return the model of a parsed model file (see :func:`load_model`)."""
     check_keys("section", content, ("plant", "inputs", "effects", "fans"))
     plant = table("[plant]", content.get("plant", {}))
-    check_keys("key in [plant]", plant, ("name",))
+    check_keys("key in [plant]", plant, ("name", "limited"))
+    limited = plant.get("limited", False)
+    if not isinstance(limited, bool):
+        raise InputError(f"plant.limited: expected true or false, found {shown(limited)}")
     inputs = table("[inputs]", content.get("inputs", {}))
     check_keys("input", inputs, ("thrust", "rudder"))
     fans = table("[fans]", content.get("fans", {}))
@@ -91,6 +96,7 @@ def model_from_table(content: Mapping[str, Any]) -> Model:
         thrust=signals["thrust"],
         rudder=signals["rudder"],
         fans=tuple(_fan(key, value) for key, value in fans.items()),
+        limited=limited,
     )
 
 
@@ -131,7 +137,7 @@ def model_text(model: Model) -> str:
     [effects]
     yaw_linear_drag = 0.5
     """
-    lines = ["[plant]", f"name = {_quoted(model.name)}", ""]
+    lines = ["[plant]", f"name = {_quoted(model.name)}", *["limited = true"] * model.limited, ""]
     changed = [(s, d) for s, d in ((model.thrust, THRUST), (model.rudder, RUDDER)) if s != d]
     if changed:
         lines += ["[inputs]", *(f"{s.name} = {_input_text(s, d)}" for s, d in changed), ""]
@@ -153,6 +159,8 @@ def _fan_text(fan: Fan) -> str:
         parts.append(f"gain = {fan.gain!r}")
     if fan.reverses:
         parts.append("reverses = true")
+    if fan.upper is not None:
+        parts.append(f"upper = {fan.upper!r}")
     return "{" + ", ".join(parts) + "}"
 
 
@@ -198,7 +206,7 @@ def _input(default: Signal, value: Any) -> Signal:
 
 def _fan(name: str, value: Any) -> Fan:
     given = table(f"fans.{name}", value)
-    check_keys(f"key in fans.{name}", given, ("x", "y", "direction", "curve", "gain", "reverses"))
+    check_keys(f"key in fans.{name}", given, ("x", "y", "direction", "curve", "gain", "reverses", "upper"))
     for key in ("x", "y", "direction"):
         if key not in given:
             raise InputError(f"fans.{name}: {key!r} is missing")
@@ -208,7 +216,8 @@ def _fan(name: str, value: Any) -> Fan:
     reverses = given.get("reverses", False)
     if not isinstance(reverses, bool):
         raise InputError(f"fans.{name}.reverses: expected true or false, found {shown(reverses)}")
-    return Fan(name, x, y, direction, curve, gain, reverses)
+    upper = number(f"fans.{name}.upper", given["upper"]) if "upper" in given else None
+    return Fan(name, x, y, direction, curve, gain, reverses, upper)
 
 
 def _curve(fan: str, value: Any) -> Polynomial | BenchCurve:

@@ -125,6 +125,7 @@ def _scenario(path: Path, content: dict[str, Any]) -> Scenario:
     positive("scenario.step", head["step"])
     plant = _section(content, "plant", PLANT)
     belief = _model(path, plant)
+    belief = replace(belief, limited=plant.get("limited", belief.limited))
     craft = belief.with_coefficients(_numbers("plant.coefficients", plant.get("coefficients", {})))
     craft = craft.with_effects(model_from_table({"effects": plant.get("effects", {})}).effects)
     start = _numbers("plant.start", plant.get("start", {}))

@@ -31,7 +31,14 @@ SECTIONS = (
 
 #: ``base`` is taken off before the rest is checked: see :mod:`hovercontrol.scenarios.base`.
 HEAD: Keys = {"base": str, "title": str, "source": str, "step": float}
-PLANT: Keys = {"vehicle": str, "model": str, "start": dict, "coefficients": dict, "effects": dict}
+PLANT: Keys = {
+    "vehicle": str,
+    "model": str,
+    "limited": bool,
+    "start": dict,
+    "coefficients": dict,
+    "effects": dict,
+}
 #: What ``plant.start`` may set.
 STATES = ("x", "y", "psi", "u", "v", "r")
 BODY: Keys = {"mass": float, "inertia": float, "arm": float}

@@ -17,7 +17,7 @@ def model_schema() -> Schema:
     ['effects', 'fans', 'inputs', 'plant']
     """
     sections = {
-        "plant": table({"name": TEXT}, description="the craft"),
+        "plant": table({"name": TEXT, "limited": {"type": "boolean"}}, description="the craft"),
         "inputs": table(
             {"thrust": _input(), "rudder": _input()}, description="commands that differ from the default"
         ),
@@ -73,6 +73,7 @@ def _fan() -> Schema:
             "curve": {"anyOf": [array(NUMBER, 1), points]},
             "gain": NUMBER,
             "reverses": {"type": "boolean"},
+            "upper": {"exclusiveMinimum": 0, **NUMBER},
         },
         ("x", "y", "direction"),
     )

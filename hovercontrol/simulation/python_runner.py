@@ -14,8 +14,7 @@ from hovercontrol.core.block import Block
 from hovercontrol.core.delays import undelayed
 from hovercontrol.core.functions import call_scalar, numpy_functions
 from hovercontrol.core.switching import switching_times
-from hovercontrol.errors import InputError
-from hovercontrol.simulation.reasons import REASONS
+from hovercontrol.simulation.reasons import StoppedError
 from hovercontrol.simulation.runner import INPUT_NOT_FINITE, BlockRunner, Inputs
 from hovercontrol.simulation.ticking import Running
 
@@ -67,8 +66,8 @@ class PythonEngine:
                 if run.time < switch < until:
                     run.advance(switch)
             run.advance(until)
-        except InputError:  # a state is no number after it
-            return REASONS.index("a derivative is not a number")
+        except StoppedError as end:
+            return end.status
         finally:
             self._look()
         return 0

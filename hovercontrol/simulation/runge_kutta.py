@@ -103,6 +103,24 @@ _A = (
 _E = (71 / 57600, 0.0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1 / 40)
 
 
+class NoProgressError(Exception):
+    """An integration that cannot go on.
+
+    Parameters
+    ----------
+    status : int
+        Of :data:`hovercontrol.simulation.reasons.REASONS`.
+    time : float
+        The last good time [s].
+    state : list of float
+        The state there.
+    """
+
+    def __init__(self, status: int, time: float, state: list[float]) -> None:
+        super().__init__(status, time, state)
+        self.status, self.time, self.state = status, time, state
+
+
 def dormand_prince(
     rhs: FunctionPair,
     t: float,
@@ -114,6 +132,7 @@ def dormand_prince(
     rtol: float,
     atol: float,
     longest: float,
+    most: int = 500_000,
 ) -> tuple[list[float], float]:
     """Integrate with inputs held, in steps as long as the error allows.
 
@@ -127,16 +146,26 @@ def dormand_prince(
         Relative and absolute tolerance.
     longest : float
         Longest step [s].
+    most : int, optional
+        Most steps.
 
     Returns
     -------
     list of float
-        State at `until`; NaN where the steps become too short.
+        State at `until`.
     float
         Step to go on with [s].
+
+    Raises
+    ------
+    NoProgressError
+        If the steps become too short or too many, or a derivative is not a number.
     """
-    state, now = list(x), t
+    state, now, count = list(x), t, 0
     while now < until:
+        if count == most:
+            raise NoProgressError(4, now, state)
+        count += 1
         step = min(h, longest, until - now)
         slopes = [call_scalar(rhs, now, state, u, p)]
         for c, row in zip(_C, _A, strict=True):
@@ -156,5 +185,5 @@ def dormand_prince(
         if step == h or factor < 1.0:
             h = step * factor
         if not h > 1e-14 * max(abs(until), 1e-3):
-            return [math.nan] * len(state), h
+            raise NoProgressError(3 if math.isfinite(error) else 2, now, state)
     return state, h

@@ -18,11 +18,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hovercontrol.core.block import Block
-from hovercontrol.core.delays import UnderWay, delay_values
+from hovercontrol.core.delays import UnderWay, delay_values, undelayed
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.io.short_repr import short_repr
 from hovercontrol.simulation.given import initial_state
-from hovercontrol.simulation.reasons import REASONS
+from hovercontrol.simulation.reasons import REASONS, StoppedError, where_it_stops
+from hovercontrol.simulation.ticking import between_ticks
 
 Array = NDArray[np.float64]
 Inputs = Sequence[float] | Mapping[str, float] | float | Array
@@ -97,7 +98,7 @@ class Runner(ABC):
         if not (isinstance(time, int | float) and math.isfinite(time)):
             raise InputError(f"{label}: expected a time in seconds to start at, found {time!r}")
         self.time = float(time)
-        self._label, self._rest = label, 0.0
+        self._label, self._rest, self._asked = label, 0.0, 1.0
         self._pack, self._shape = struct.Struct(f"{len(inputs)}d").pack, (len(inputs),)
         self._sent = self._pack(*inputs)
 
@@ -148,6 +149,7 @@ class Runner(ABC):
                 self._sent = self._packed(inputs)
         length = dt - self._rest  # sums of many steps are compensated: ticks must not come a step late
         until = self.time + length
+        self._asked = length
         status = self._advance(until, self._sent)
         if status:
             self._fail(status)
@@ -231,7 +233,12 @@ class Runner(ABC):
             values = np.frombuffer(self._sent)
             n = int(np.flatnonzero(~np.isfinite(values))[0])
             raise InputError(f"{self._label}: input {self.input_labels[n]!r} is {values[n]}")
-        raise InputError(f"{self._label}: the run stops at t = {self.time:.6g} s: {REASONS[status]}")
+        text = f"{self._label}: the run stops at t = {self.time:.6g} s: {REASONS[status]}{self._where()}"
+        raise StoppedError(text, status)
+
+    def _where(self) -> str:
+        """Return the state at which the run stops, for the end of its error."""
+        return ""
 
     def _packed(self, inputs: Any) -> bytes:
         """Return inputs as bytes; say in one line what is wrong with them."""
@@ -407,6 +414,12 @@ class BlockRunner(Runner):
         if status != INPUT_NOT_FINITE:
             self.time, self._rest = self._engine.time(), 0.0
         super()._fail(status)
+
+    def _where(self) -> str:
+        n, x = self._block.n_continuous, self.state.tolist()
+        inputs = self._late.inputs if self._late else self.inputs.tolist()
+        held, moves = [*inputs, *x[n:]], between_ticks(undelayed(self._block))
+        return where_it_stops(moves, self.time, x[:n], held, self._values, span=self._asked)
 
 
 def _as_bytes(value: Any) -> Any:

@@ -14,13 +14,16 @@ from hovercontrol.core.block import Block
 from hovercontrol.core.expressions import Expressions
 from hovercontrol.core.functions import call_scalar, numpy_functions
 from hovercontrol.core.ticks import ROOM, Schedule
-from hovercontrol.errors import InputError
-from hovercontrol.simulation.runge_kutta import dormand_prince
+from hovercontrol.simulation.reasons import REASONS, StoppedError, where_it_stops
+from hovercontrol.simulation.runge_kutta import NoProgressError, dormand_prince
 
 Array = NDArray[np.float64]
 
 #: Step to begin with [s].
 FIRST = 1e-3
+
+#: Of :data:`hovercontrol.simulation.reasons.REASONS`.
+STATUS_NOT_FINITE = 2
 
 
 class Running:
@@ -51,8 +54,9 @@ class Running:
         atol: float = 1e-9,
         longest: float = math.inf,
     ) -> None:
-        self._n = block.n_continuous
-        self._rhs = numpy_functions(between_ticks(block)).scalar_pair("derivatives")
+        self._block = block
+        self._n, self._between = block.n_continuous, between_ticks(block)
+        self._rhs = numpy_functions(self._between).scalar_pair("derivatives")
         functions = numpy_functions(block)
         places = {s.name: k for k, s in enumerate(block.states)}
         self._ticks = [
@@ -107,8 +111,8 @@ class Running:
 
         Raises
         ------
-        InputError
-            If a state is no number any more; time and states are then the last good ones.
+        StoppedError
+            If the integration cannot go on; time and states are then the last good ones.
         """
         n, schedule = self._n, self._schedule
         while self.time < until:
@@ -116,18 +120,35 @@ class Running:
             moved, step = self.state[:n], self._step
             if n:
                 held = [*self.inputs, *self.state[n:]]
-                moved, step = dormand_prince(
-                    self._rhs, self.time, moved, held, self._params, stop, step, *self._allowed
-                )
-            if not all(map(math.isfinite, [*moved, *self.state[n:]])):
-                raise InputError(
-                    f"the simulation stops at t = {self.time:.6g} s: a state is not a number after it"
-                )
+                try:
+                    moved, step = dormand_prince(
+                        self._rhs, self.time, moved, held, self._params, stop, step, *self._allowed
+                    )
+                except NoProgressError as end:
+                    span = until - self.time
+                    self.time, self.state[:n] = end.time, end.state
+                    raise self._stopped(end.status, held, span) from None
+            if not all(map(math.isfinite, self.state[n:])):
+                raise self._stopped(STATUS_NOT_FINITE, [], 0.0)
             self.state[:n], self._step = moved, step
             self.time = stop
             self._taken = []
             if not (open_end and stop == until):
                 self._tick()
+
+    def _stopped(self, status: int, held: Sequence[float], span: float) -> StoppedError:
+        """Return the error: the time, the reason, and where."""
+        bad = [s for s, v in zip(self._block.states, self.state, strict=True) if not math.isfinite(v)]
+        if bad:
+            where = f": the state {bad[0].name} is not a number"
+        else:
+            rtol, atol, _ = self._allowed
+            where = where_it_stops(
+                self._between, self.time, self.state[: self._n], held, self._params,
+                span=span, rtol=rtol, atol=atol,
+            )  # fmt: skip
+        text = f"the simulation stops at t = {self.time:.6g} s: {REASONS[status]}{where}"
+        return StoppedError(self._block.where(text), status, where)
 
     def _tick(self) -> None:
         taken = []

@@ -21,6 +21,7 @@ from hovercontrol.core.delays import arrivals, undelayed
 from hovercontrol.core.functions import call_scalar, numpy_functions
 from hovercontrol.core.switching import longest_step
 from hovercontrol.errors import InputError, did_you_mean
+from hovercontrol.simulation.effort import Effort
 from hovercontrol.simulation.given import checked_times, initial_state, input_rows
 from hovercontrol.simulation.ticking import run_hybrid
 
@@ -31,9 +32,6 @@ Array = NDArray[np.float64]
 
 #: Solvers of :func:`scipy.integrate.solve_ivp`.
 METHODS = ("RK45", "RK23", "DOP853", "Radau", "BDF", "LSODA")
-
-#: Derivatives after which the solver's effort is looked at, and how many a stretch of time may cost, an hour.
-LOOKED_AFTER, MOST_CALLS = 50_000, 100_000_000
 
 
 @checked
@@ -129,32 +127,23 @@ def simulate(
     states = np.empty((len(block.states), len(times)))
     states[:, 0] = x
     rhs = numpy_functions(block).scalar_pair("derivatives")
-    reached = float(times[0])
+    effort = Effort(block, p, float(times[0]), float(times[-1]), rtol, atol)
+    latest: tuple[float, list[float], list[float]] = float(times[0]), x.tolist(), u[:, 0].tolist()
     max_step = min(max_step, longest_step(block, params, times[0], times[-1]))
     for first, last in _pieces(times, u, hold):
         value = _input_function(times, u, first, last, hold)
 
-        effort = _Effort(block, float(times[first]), float(times[last]))
-
-        def f(
-            t: float,
-            x: Array,
-            value: Callable[[float], list[float]] = value,
-            effort: _Effort = effort,
-        ) -> Any:
-            nonlocal reached
-            reached = t
-            effort.spend(t)
+        def f(t: float, x: Array, value: Callable[[float], list[float]] = value) -> Any:
+            nonlocal latest
+            latest = t, x.tolist(), value(t)
+            effort.spend(*latest)
             if progress is not None:
                 progress(t)
-            return call_scalar(rhs, t, x.tolist(), value(t), p)
+            return call_scalar(rhs, *latest, p)
 
         if block.states:
             if not np.isfinite(f(times[first], states[:, first])).all():  # the solver would never return
-                raise InputError(
-                    f"block {block.name!r}: the simulation stops at t = {times[first]:.6g} s: "
-                    "a derivative is not a number there"
-                )
+                raise effort.stopped(*latest, "a derivative is not a number there")
             result = solve_ivp(
                 f,
                 (times[first], times[last]),
@@ -166,32 +155,11 @@ def simulate(
                 max_step=max_step,
             )
             if not result.success or not np.isfinite(result.y).all():
-                raise InputError(
-                    f"block {block.name!r}: the simulation stops at t = {reached:.6g} s: {result.message}"
-                )
+                raise effort.stopped(*latest, result.message.rstrip("."))
             states[:, first : last + 1] = result.y
     functions = numpy_functions(block)
     outputs = functions.outputs(times, states, u, params)
     return time_response(block, times, outputs, states, u)
-
-
-class _Effort:
-    """What a solver has spent on a stretch of time; refuses what would take hours.
-
-    Coefficients like 1e308 make steps so short that the end is never reached.
-    """
-
-    def __init__(self, block: Block, begin: float, end: float) -> None:
-        self._name, self._begin, self._span, self._calls = block.name, begin, end - begin, 0
-
-    def spend(self, t: float) -> None:
-        """Count a derivative at time t."""
-        self._calls += 1
-        if self._calls % LOOKED_AFTER == 0 and (t - self._begin) * MOST_CALLS < self._span * self._calls:
-            raise InputError(
-                f"block {self._name!r}: the simulation stops at t = {t:.6g} s: the steps are too short to "
-                f"reach {self._begin + self._span:.6g} s in hours; a coefficient is too large"
-            )
 
 
 def time_response(

@@ -26,8 +26,9 @@ from hovercontrol.core.summary import block_line
 from hovercontrol.errors import InputError, shown
 from hovercontrol.simulation.given import checked_times, initial_state, input_rows
 from hovercontrol.simulation.python_runner import start_block
-from hovercontrol.simulation.reasons import REASONS
+from hovercontrol.simulation.reasons import REASONS, StoppedError, where_it_stops
 from hovercontrol.simulation.runner import BlockRunner, Inputs
+from hovercontrol.simulation.ticking import between_ticks
 from hovercontrol.simulation.trajectory import time_response
 from hovercontrol.targets.engines import Engine, checked_solver, engine_of
 from hovercontrol.targets.executors import sweep_on
@@ -207,9 +208,8 @@ class CompiledBlock:
         states, p = np.array(x, dtype=float), np.array(values)
         status = engine.advance(solver, t, until, states, np.array(u, dtype=float), p)
         if status:
-            raise InputError(
-                f"block {self.block.name!r}: the simulation stops after t = {t:.6g} s: {REASONS[status]}"
-            )
+            where = self._where(t, states, np.array(u, dtype=float), p, until - t, solver)
+            raise self._stopped(f"after t = {t:.6g} s", status, where)
         return states
 
     def _look_for_whole(self) -> Engine:
@@ -288,12 +288,24 @@ class CompiledBlock:
         solver = checked_solver(method, step, rtol, atol)
         late = arrivals(self.block, times, u, p)
         run = self._engine_from(x).simulate(solver, late.times, late.inputs, x, p)
-        status, reached, states, outputs = run
+        status, reached, states, outputs, last = run
         if status:
-            raise InputError(
-                f"block {self.block.name!r}: the simulation stops at t = {reached:.6g} s: {REASONS[status]}"
-            )
+            row = max(int(np.searchsorted(late.times, reached, side="right")) - 1, 0)
+            where = self._where(reached, last, late.inputs[:, row], p, times[-1] - times[0], solver)
+            raise self._stopped(f"at t = {reached:.6g} s", status, where)
         return time_response(self.block, times, outputs[late.given].T, states[late.given].T, u)
+
+    def _where(self, t: float, x: Array, u: Array, p: Array, span: float, solver: Solver) -> str:
+        """Return the state at which a run stops, for the end of its error."""
+        moves, n = between_ticks(self._plain), self._plain.n_continuous
+        held = [*u.tolist(), *x[n:].tolist()]
+        return where_it_stops(
+            moves, t, x[:n].tolist(), held, p.tolist(), span=span, rtol=solver.rtol, atol=solver.atol
+        )
+
+    def _stopped(self, when: str, status: int, where: str) -> StoppedError:
+        text = f"the simulation stops {when}: {REASONS[status]}{where}"
+        return StoppedError(self.block.where(text), status, where)
 
     @checked
     def sweep(

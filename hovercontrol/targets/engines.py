@@ -50,10 +50,10 @@ class NumpyEngine:
             x[:] = run.state
             return 0
         if until > t:
-            status, _, states, _ = self.simulate(
+            status, *_, last = self.simulate(
                 solver, np.array([t, until]), np.repeat(u[:, None], 2, axis=1), x, p
             )
-            x[:] = states[-1]
+            x[:] = last
             return status
         return 0
 
@@ -70,13 +70,14 @@ class NumpyEngine:
 
     def simulate(
         self, solver: Solver, times: Array, u: Array, x: Array, p: Array
-    ) -> tuple[int, float, Array, Array]:
-        """Return status, time reached, states and outputs."""
+    ) -> tuple[int, float, Array, Array, Array]:
+        """Return status, time reached, states, outputs and the last states."""
         params = dict(zip(self.block.default_parameters, p.tolist(), strict=True))
         if solver.method == "dormand-prince" or self.block.ticks:
             longest, rtol, atol = solver.step or math.inf, solver.rtol, solver.atol
             r = simulate(self.block, times, u, x, params, rtol=rtol, atol=atol, max_step=longest)
-            return 0, times[-1], np.atleast_2d(r.states).T, np.atleast_2d(r.outputs).T
+            found = np.atleast_2d(r.states).T
+            return 0, times[-1], found, np.atleast_2d(r.outputs).T, found[-1]
         states = [x.tolist()]
         for k, (t, until) in enumerate(pairwise(times.tolist())):
             steps = math.ceil((until - t) / solver.step - 1e-9)
@@ -84,9 +85,10 @@ class NumpyEngine:
                 rk4(self.pair("derivatives"), t, states[-1], u[:, k].tolist(), p.tolist(), until, steps)
             )
             if not np.isfinite(states[-1]).all():
-                return 2, t, np.array(states), np.empty((0, 0))
+                return 2, t, np.array(states), np.empty((0, 0)), np.array(states[-2])
         found = np.array(states).reshape(len(times), -1)
-        return 0, times[-1], found, numpy_functions(self.block).outputs(times, found.T, u, params).T
+        outputs = numpy_functions(self.block).outputs(times, found.T, u, params).T
+        return 0, times[-1], found, outputs, found[-1]
 
     def sweep(
         self,
@@ -105,12 +107,12 @@ class NumpyEngine:
         t = times[counted]
         for k in range(len(x)):
             try:
-                statuses[k], _, states, outputs = self.simulate(solver, times, u, x[k], p[k])
+                statuses[k], _, _, outputs, last[k] = self.simulate(solver, times, u, x[k], p[k])
             except InputError as error:
                 statuses[k] = 2 if "not a number" in str(error) else 3
             if statuses[k]:
                 continue
-            y, last[k] = outputs[counted], states[-1]
+            y = outputs[counted]
             away = np.abs(y - y[-1]) > band
             settled = [t[np.flatnonzero(a)[-1] + 1] if a.any() else t[0] for a in away.T]
             rms = np.sqrt(np.trapezoid(y**2, t, axis=0) / (t[-1] - t[0])) if len(t) > 1 else np.abs(y[0])

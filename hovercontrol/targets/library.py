@@ -211,8 +211,8 @@ class Library:
 
     def simulate(
         self, solver: Solver, times: Array, u: Array, x: Array, p: Array
-    ) -> tuple[int, float, Array, Array]:
-        """Return status, time reached, states and outputs, each of shape (n_times, signals)."""
+    ) -> tuple[int, float, Array, Array, Array]:
+        """Return status, time reached, states and outputs, (n_times, signals) each, and the last states."""
         n_states, n_outputs = self._sizes
         states, outputs = np.empty((len(times), n_states)), np.empty((len(times), n_outputs))
         reached, last, rows = np.array([times[0]]), x.copy(), np.ascontiguousarray(u.T)
@@ -222,7 +222,7 @@ class Library:
         status = self._simulate(*call, *arrays)
         if status == NO_MEMORY:
             raise MemoryError("no memory for the solver")
-        return status, float(reached[0]), states, outputs
+        return status, float(reached[0]), states, outputs, last
 
     def sweep(
         self,

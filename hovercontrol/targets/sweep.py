@@ -255,10 +255,9 @@ def values_of_runs(
             ) from None
         signal, column = signals[name], columns[name]
         out = ~((signal.lower <= column) & (column <= signal.upper))
-        if kind == "parameter" and out.any():
-            run = int(np.flatnonzero(out)[0])
+        for run in np.flatnonzero(out).tolist() if kind == "parameter" else ():
             try:
-                signal.check(column[run], name)
+                column[run] = signal.check(float(column[run]), name)
             except InputError as error:
                 raise InputError(f"block {block.name!r}: {error} (run {run})") from None
     return every, {name: columns[name] for name in given or {}}

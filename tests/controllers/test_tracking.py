@@ -1,18 +1,24 @@
 """The tracking controller against C17 (15)-(16), (25)-(26), and its Lyapunov function."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+import sympy as sp
 from hypothesis import given
 from hypothesis import strategies as st
 
 from hovercontrol.controllers import tracking_controller
-from hovercontrol.controllers.references import ellipse
+from hovercontrol.controllers.references import ellipse, line
+from hovercontrol.controllers.thrust_limits import within_limits
 from hovercontrol.core.interconnect import interconnect
 from hovercontrol.effects import Coefficient, Effect, effect
 from hovercontrol.errors import InputError
-from hovercontrol.models.model import Model
+from hovercontrol.models.actuated import actuated
+from hovercontrol.models.model import RUDDER, THRUST, Model
 from hovercontrol.models.vehicles import c17_experiment, c17_simulation, four_fan, hoverdemon
 from hovercontrol.simulation.trajectory import simulate
+from hovercontrol.targets import library
 
 DRAG = (
     "surge_coulomb",
@@ -202,15 +208,88 @@ def test_only_coefficients_can_be_adapted(name):
         tracking_controller(c17_simulation(), adapt=[name])
 
 
+def by_hand(force, upper, most):
+    """Keep the side force; push ahead as much as the rudder needs for it; shorten at the thrust's limit."""
+    fx, fy = force
+    ahead = max(fx, abs(fy) / np.tan(most))
+    return min(np.hypot(ahead, fy), upper), np.arctan2(fy, max(ahead, 0.01 * upper))
+
+
 def test_limits_keep_the_commands_within_what_the_craft_can_do(rng):
     craft = c17_experiment()
-    bounded, free = (tracking_controller(craft, limits=limits).to_numpy() for limits in (True, False))
+    bounded, free = (
+        tracking_controller(craft, limits=limits, control_point=0.3).to_numpy() for limits in (True, False)
+    )
     inputs = rng.normal(0, 0.7, (12, 300))
-    found, wanted = bounded.outputs(0.0, (), inputs), free.outputs(0.0, (), inputs)
-    assert np.array_equal(found[0], np.clip(wanted[0], 0.0, 6.1))
-    assert np.array_equal(found[1], np.clip(wanted[1], -np.radians(26), np.radians(26)))
-    assert (found[0] < 6.1).any()
-    assert (found[0] == 6.1).any()
+    (thrust, rudder), wanted = bounded.outputs(0.0, (), inputs)[:2], free.outputs(0.0, (), inputs)
+    forces = wanted[0] * np.array([np.cos(wanted[1]), np.sin(wanted[1])])
+    for k, force in enumerate(forces.T):
+        assert (thrust[k], rudder[k]) == pytest.approx(by_hand(force, 6.1, np.radians(26)), abs=1e-12)
+    within = (wanted[0] < 6.1) & (np.abs(wanted[1]) < np.radians(26)) & (forces[0] > 0.061)
+    assert within.sum() > 5
+    assert thrust[within] == pytest.approx(wanted[0][within])
+    assert rudder[within] == pytest.approx(wanted[1][within])
+    assert thrust.max() == 6.1
+    assert np.abs(rudder).max() <= np.radians(26)
+
+
+def test_commands_within_limits_are_continuous_where_the_demand_points_astern():
+    thrust, rudder = THRUST.replace(lower=0.0, upper=4.0), RUDDER.replace(lower=-0.5, upper=0.5)
+    fx, fy = sp.symbols("fx fy", real=True)
+    commands = within_limits(fx, fy, thrust, rudder)
+    values = {b.symbol: b.start for b in commands[2]}
+    f = sp.lambdify((fx, fy), [e.subs(values) for e in commands[:2]], "numpy")
+    angles = np.linspace(-np.pi, np.pi, 20001)
+    T, theta = f(2.0 * np.cos(angles), 2.0 * np.sin(angles))
+    for values in (T, theta, T * np.sin(theta)):
+        assert np.abs(np.diff(values, append=values[0])).max() < 0.02
+    assert T * np.sin(theta) == pytest.approx(
+        np.clip(2.0 * np.sin(angles), *4.0 * np.sin([-0.5, 0.5])), abs=0.03
+    )
+
+
+def test_a_rudder_that_turns_further_or_to_one_side_only_is_clipped_by_itself():
+    craft = replace(c17_experiment(), rudder=RUDDER.replace(lower=-2.0, upper=2.0))
+    bounded, free = (tracking_controller(craft, limits=limits).to_numpy() for limits in (True, False))
+    inputs = np.random.default_rng(4).normal(0, 0.7, (12, 100))
+    wanted = free.outputs(0.0, (), inputs)
+    assert np.array_equal(bounded.outputs(0.0, (), inputs)[1], np.clip(wanted[1], -2.0, 2.0))
+
+
+#: Gains and a start with which the demand points astern on the way.
+ASTERN, START = {"k1": 4.0, "k2": 4.0}, {"plant.x": 3.77, "plant.y": 2.2, "plant.psi": 1.83}
+
+
+def narrow():
+    """Return C17's craft with thrust 0 to 4 N and the rudder within 0.5 rad, limited."""
+    thrust = THRUST.replace(unit="N", lower=0.0, upper=4.0)
+    return replace(
+        c17_simulation(), thrust=thrust, rudder=RUDDER.replace(lower=-0.5, upper=0.5), limited=True
+    )
+
+
+@pytest.mark.parametrize("lag", [None, {"thrust": 0.1, "rudder": 0.05}])
+def test_a_loop_within_narrow_limits_goes_on_where_the_reference_is_astern(lag):
+    craft = narrow()
+    there = line((1e-9, 0.0), start=(-3.0, 0.0))
+    loop = interconnect([actuated(craft, lag=lag), tracking_controller(craft, **ASTERN), there])
+    times = np.linspace(0.0, 30.0, 301)
+    found = loop.compile().simulate(times, x0=START)
+    names = list(found.output_labels)
+    outputs = np.asarray(found.outputs)
+    assert 0.0 <= outputs[names.index("thrust")].min() <= outputs[names.index("thrust")].max() <= 4.0
+    assert np.abs(outputs[names.index("rudder")]).max() <= 0.5
+    again = simulate(loop, times[:61], x0=START)
+    assert np.asarray(again.outputs) == pytest.approx(outputs[:, :61], abs=2e-2)
+
+
+def test_the_rudder_chatters_where_only_the_plant_is_limited_and_the_error_says_so(monkeypatch):
+    monkeypatch.setattr(library, "MAX_STEPS", 20_000)
+    law = tracking_controller(narrow(), limits=False, **ASTERN)
+    loop = interconnect([narrow().plant(), law, line((1e-9, 0.0), start=(-3.0, 0.0))])
+    cause = r"the state plant\.r = .* the switch atan2\(controller\.thrust_y, .* in rudder chatters"
+    with pytest.raises(InputError, match=rf"at t = 4\.\d* s: too many steps: {cause}"):
+        loop.compile().simulate(np.linspace(0.0, 30.0, 301), x0=START)
 
 
 # ---- what it refuses -----------------------------------------------------------------------------

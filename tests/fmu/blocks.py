@@ -7,6 +7,7 @@ import sympy as sp
 from hovercontrol import Block, Signal, interconnect, waypoints
 from hovercontrol.core.sgn import sgn
 from hovercontrol.core.signals import time
+from hovercontrol.models.actuated import actuated
 from hovercontrol.scenarios import load_scenario
 from hovercontrol.scenarios.runner import loop_parts
 
@@ -107,5 +108,20 @@ def counts() -> Block:
     return Block("counts", [n], [], [n], derivatives={"n": n.symbol + 1}, period=0.1).in_continuous_time
 
 
-MAKERS = (driven, axes, follower, plant, controller, fails_late, remembers, counts)
+def pushed() -> Block:
+    """A cart of 2 kg whose push is limited to -1 to 4 N and lags by 0.1 s."""
+    v, m = Signal("v", "m/s"), Signal("m", "kg", start=2.0, lower=0.5)
+    F = Signal("F", "N", lower=-1.0, upper=4.0)
+    return actuated(Block("pushed", (v,), (F,), (v,), (m,), {"v": F.symbol / m.symbol}), lag=0.1)
+
+
+def relay() -> Block:
+    """v' = -a sign(v), which a solver without sliding modes cannot pass, beside w' = -k w."""
+    v, w = Signal("v", "m/s", start=1.0), Signal("w", "m/s", start=1.0)
+    a, k = Signal("a", "m/s^2", start=2.0), Signal("k", "1/s", start=0.1)
+    brake = sp.Piecewise((-a.symbol, v.symbol > 0), (a.symbol, True))
+    return Block("relay", (w, v), (), (v,), (a, k), {"v": brake, "w": -k.symbol * w.symbol})
+
+
+MAKERS = (driven, axes, follower, plant, controller, fails_late, remembers, counts, pushed, relay)
 BLOCKS = {f.__name__: f for f in MAKERS}

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from fmpy.fmi1 import FMICallException
@@ -124,7 +127,7 @@ def test_what_fails_beyond_a_communication_point_does_not_fail_before_it(fmu, ve
     assert instance.states() == pytest.approx([2 / 3 * (0.01**1.5 - 1)], abs=1e-6)
     with pytest.raises(FMICallException):
         instance.step(0.99, 0.02)
-    assert "not finite" in instance.last
+    assert re.search(r"not finite; the state x = -0\.6\d* is the hardest to integrate", instance.last)
     assert 0.99 <= instance.get([0])[0] <= 1.0
     instance.close()
 
@@ -341,4 +344,64 @@ def test_values_that_cannot_be(fmu, version, kind, value, words):
     assert instance.messages[-1][:2] == (3, "logStatusError")
     assert words in instance.last.replace("lag.", ""), instance.last
     assert instance.get(kept) == before  # none of them
+    instance.close()
+
+
+# ---- bounds ------------------------------------------------------------------------------------------------
+
+
+@VERSIONS
+@pytest.mark.parametrize("kind", [CS, ME])
+@pytest.mark.parametrize(
+    ("name", "variable", "value", "acts_as"),
+    [
+        ("follower", "input", 5.0 + 1e-9, 5.0),
+        ("follower", "input", -5.0 - 9e-7, -5.0),
+        ("pushed", "parameter", 0.5 - 1e-9, 0.5),
+    ],
+)
+def test_a_value_a_hair_outside_its_bounds_is_the_bound_and_told_once(
+    fmu, version, kind, name, variable, value, acts_as
+):
+    built = fmu(name, version)
+    instance = built.open(kind)
+    reference = built.vr(variable)[0]
+    instance.enter_initialization()
+    for _ in range(3):
+        instance.set([reference], [value])
+        assert instance.get([reference]) == [acts_as]
+    told = [m for m in instance.messages if m[1] == "logStatusWarning"]
+    assert len(told) == 1
+    assert told[0][0] == 1
+    assert "outside its bounds" in told[0][2]
+    instance.close()
+
+
+@VERSIONS
+def test_an_input_that_saturates_takes_any_value_and_acts_as_its_bound(fmu, version):
+    built = fmu("pushed", version)
+    instance = built.open(CS).start()
+    push = built.vr("input")[0]
+    times, commands = np.linspace(0.0, 1.0, 21), [9.0] * 7 + [-1e6] * 7 + [4.0 + 1e-9] * 6
+    rows = [instance.states()]
+    for (begin, end), command in zip(pairwise(times), commands, strict=True):
+        instance.set([push], [command])
+        instance.step(begin, end - begin)
+        rows.append(instance.states())
+    assert len([m for m in instance.messages if m[1] == "logStatusWarning"]) == 1
+    found = built.interface.block.compile().simulate(times, {"F": [*np.clip(commands, -1.0, 4.0), 0.0]})
+    np.testing.assert_allclose(np.transpose(rows), found.states, atol=2e-5)
+    instance.close()
+
+
+@VERSIONS
+@pytest.mark.slow  # ten million steps
+def test_a_step_that_cannot_be_done_names_the_state(fmu, version):
+    instance = fmu("relay", version).open(CS).start()
+    with pytest.raises(FMICallException):
+        instance.step(0.0, 10.0)
+    assert re.search(
+        r"stopped at time 1\.0\d*: too many steps; the state v = \S+ is the hardest to integrate",
+        instance.last,
+    )
     instance.close()

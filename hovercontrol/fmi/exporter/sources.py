@@ -78,6 +78,8 @@ def c_description(interface: Interface, token: str, rtol: float, atol: float) ->
         _array("double", "start", (_number(v.start or 0.0) for v in given)),
         _array("double", "lower", (_number(v.lower) for v in given)),
         _array("double", "upper", (_number(v.upper) for v in given)),
+        _array("double", "room", (_number(v.room) for v in given)),
+        _array("char", "saturates", (str(int(v.saturates)) for v in given)),
         _array("double", "nominal", (_number(v.nominal) for v in interface.of("state"))),
     )
     name = interface.identifier

@@ -45,6 +45,8 @@ class Variable:
     nominal: float = 1.0
     derivative_of: int | None = None
     reinit: bool = False
+    room: float = 0.0
+    saturates: bool = False
 
 
 class Interface:
@@ -193,6 +195,8 @@ class Interface:
             s.upper,
             s.nominal,
             reinit=reinit,
+            room=s.room,
+            saturates=s.saturates,
         )
 
     def _name(self, name: str, suffix: str = "") -> str:

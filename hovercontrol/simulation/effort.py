@@ -1,0 +1,78 @@
+"""What a solver of SciPy spends on a simulation: a run that hardly moves says so, and ends."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+
+from hovercontrol.core.block import Block
+from hovercontrol.simulation.reasons import StoppedError, where_it_stops
+
+#: Evaluations of the derivatives after which the pace is looked at: seconds.
+LOOKED_AFTER = 50_000
+
+#: A run that needs more at its pace is slow: it is told, and after as many looks in a row it is stopped.
+MOST, LOOKS = 5_000_000, 8
+
+
+class Effort:
+    """Counts the evaluations of a run, and looks at its pace now and then.
+
+    Parameters
+    ----------
+    block : Block
+        As of :func:`hovercontrol.simulation.reasons.where_it_stops`.
+    params : sequence of float
+        Parameter values in order.
+    begin, end : float
+        Of the run [s].
+    rtol, atol : float
+        Of the solver.
+    """
+
+    def __init__(
+        self, block: Block, params: Sequence[float], begin: float, end: float, rtol: float, atol: float
+    ) -> None:
+        self._block, self._params, self._span, self._end = block, params, end - begin, end
+        self._allowed = {"rtol": rtol, "atol": atol}
+        self._calls = self._slow = 0
+        self._seen, self._told = begin, False
+
+    def spend(self, t: float, x: Sequence[float], u: Sequence[float]) -> None:
+        """Count an evaluation at time `t` [s].
+
+        Raises
+        ------
+        StoppedError
+            If the run hardly moves.
+        """
+        self._calls += 1
+        if self._calls % LOOKED_AFTER:
+            return
+        moved, self._seen = t - self._seen, t
+        needed = (self._end - t) / moved * LOOKED_AFTER if moved > 0.0 else float("inf")
+        if needed <= MOST:
+            self._slow = 0
+            return
+        self._slow += 1
+        if self._slow >= LOOKS:
+            raise self.stopped(t, x, u, f"too many steps to reach {self._end:.6g} s")
+        if not self._told:
+            self._told = True
+            warnings.warn(
+                self._block.where(
+                    f"the simulation is at t = {t:.6g} s and advances by {moved:.2g} s in {LOOKED_AFTER} "
+                    f"evaluations{self.where(t, x, u)}"
+                ),
+                stacklevel=2,
+            )
+
+    def where(self, t: float, x: Sequence[float], u: Sequence[float]) -> str:
+        """Return the state and the switch that hold the run up, as the end of a line."""
+        return where_it_stops(self._block, t, x, u, self._params, span=self._span, **self._allowed)
+
+    def stopped(self, t: float, x: Sequence[float], u: Sequence[float], reason: str) -> StoppedError:
+        """Return the error that ends a run."""
+        where = self.where(t, x, u)
+        line = f"the simulation stops at t = {t:.6g} s: {reason}{where}"
+        return StoppedError(self._block.where(line), 4, where)
