@@ -28,6 +28,8 @@ TYPE_CHECKING = False  # as in typing, which takes a while to import
 if TYPE_CHECKING:
     from typing import Any
 
+    from hovercontrol.animation.animate import animate
+    from hovercontrol.animation.path import plot_path
     from hovercontrol.controllers import tracking_controller
     from hovercontrol.controllers.references import circle, ellipse, figure_eight, line, waypoints
     from hovercontrol.core.block import Block
@@ -93,6 +95,9 @@ __all__ = [
     "kalman_bucy",
     "regression",
     "simulate",
+    # pictures of a motion
+    "plot_path",
+    "animate",
     # errors
     "InputError",
     "UnitError",
@@ -101,6 +106,8 @@ __all__ = [
 
 #: Where each public name is defined. A module is imported when it is asked for: SymPy takes 0.7 s.
 _PLACES = {
+    "animation.animate": ("animate",),
+    "animation.path": ("plot_path",),
     "controllers": ("tracking_controller",),
     "controllers.references": ("circle", "ellipse", "figure_eight", "line", "waypoints"),
     "core.block": ("Block",),
