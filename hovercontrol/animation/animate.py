@@ -103,6 +103,19 @@ def animate(
     return made
 
 
+def check_format(path: Path) -> str:
+    """Return the suffix of a file for an animation; raise if it cannot be one."""
+    kind = path.suffix.lower()
+    if kind not in FORMATS:
+        raise InputError(
+            f"{path}: expected a file {', '.join(FORMATS)}, found {kind or 'no suffix'}"
+            f"{did_you_mean(kind, FORMATS) if kind else ''}"
+        )
+    if kind == ".mp4":
+        check_ffmpeg(path)
+    return kind
+
+
 @checked
 @dataclass(frozen=True, eq=False)
 class Animation:
@@ -146,17 +159,10 @@ class Animation:
             If the suffix is another, ffmpeg is missing or fails, or the file cannot be written.
         """
         file = Path(path)
-        kind = file.suffix.lower()
-        if kind not in FORMATS:
-            raise InputError(
-                f"{file}: expected a file {', '.join(FORMATS)}, found {kind or 'no suffix'}"
-                f"{did_you_mean(kind, FORMATS) if kind else ''}"
-            )
+        kind = check_format(file)
         if kind == ".html":
             text = self._page()
             return write_atomically(file, lambda part: part.write_text(text, encoding="utf-8"))
-        if kind == ".mp4":
-            check_ffmpeg(file)
         period = gif_period(self.fps) if kind == ".gif" else 1 / self.fps
         write = write_gif if kind == ".gif" else write_mp4
         with figure_style():
