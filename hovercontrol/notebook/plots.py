@@ -79,7 +79,7 @@ def identified_figure(found: Identified) -> Figure:
         labels.append("now" if known else "open")
     axis.set_yticks(range(many), [f"{c.name} [{c.unit}]" for c in found.coefficients])
     axis.set_ylim(many - 0.5, -0.5)
-    axis.set_xlabel("value, in parts of the largest of its row")
+    axis.set_xlabel("value over the largest of its row [1]")
     axis.grid(alpha=0.3, axis="x")
     figure.legend(loc="outside lower center", ncols=3, frameon=False)
     return figure
@@ -157,8 +157,12 @@ def margins_figure(found: FrozenMargins) -> Figure:
     axes = figure.subplots(3, 1, sharex=True)
     axes[0].plot(found.times, found["phase"], color=BLUE)
     axes[0].set_ylabel("phase margin [deg]")
-    axes[1].semilogy(found.times, found["gain_up"], color=BLUE, label="up")
-    axes[1].semilogy(found.times, found["gain_down"], "--", color=ORANGE, label="down")
+    for name, style, colour in (("gain_up", "-", BLUE), ("gain_down", "--", ORANGE)):
+        limit = np.where((found[name] > 0) & np.isfinite(found[name]), found[name], np.nan)
+        none = "" if np.isfinite(limit).any() else ": any gain is borne"
+        axes[1].plot(found.times, limit, style, color=colour, label=f"{name.removeprefix('gain_')}{none}")
+    if np.isfinite([found["gain_up"], found["gain_down"]]).any():
+        axes[1].set_yscale("log")
     axes[1].set_ylabel("gain at the edge [1]")
     axes[1].legend(frameon=False)
     axes[2].plot(found.times, found["delay"], color=BLUE, label="constant")
