@@ -31,6 +31,8 @@ if TYPE_CHECKING:
     from hovercontrol.analysis.common.frequency import bode, nyquist
     from hovercontrol.analysis.common.margins import margins
     from hovercontrol.analysis.common.sensitivity import sensitivity
+    from hovercontrol.animation.animate import animate
+    from hovercontrol.animation.path import plot_path
     from hovercontrol.controllers import gain_scheduled, lqi, lqr, pid, place, tracking_controller
     from hovercontrol.controllers.references import circle, ellipse, figure_eight, line, waypoints
     from hovercontrol.core.block import Block
@@ -138,6 +140,9 @@ __all__ = [
     "steering_reference",
     "weaving",
     "path_tracker",
+    # pictures of a motion
+    "plot_path",
+    "animate",
     # errors
     "InputError",
     "SmoothedFrictionWarning",
@@ -151,6 +156,8 @@ _PLACES = {
     "analysis.common.margins": ("margins",),
     "analysis.common.sensitivity": ("sensitivity",),
     "controllers": ("gain_scheduled", "lqi", "lqr", "pid", "place", "tracking_controller"),
+    "animation.animate": ("animate",),
+    "animation.path": ("plot_path",),
     "controllers.references": ("circle", "ellipse", "figure_eight", "line", "waypoints"),
     "core.block": ("Block",),
     "core.interconnect": ("interconnect", "prefix", "rename"),

@@ -20,7 +20,7 @@ LAYERS = (
     {"models", "controllers", "estimators", "guidance", "hardware", "logs"},
     {"estimation"},
     {"autopilot", "scenarios"},
-    {"discrepancy", "identify", "monitor", "analysis", "fmi", "samples"},
+    {"discrepancy", "identify", "monitor", "analysis", "fmi", "samples", "animation"},
     {"log_check", "reproduce", "schema"},
     {"cockpit", "commands"},
     {"cli"},

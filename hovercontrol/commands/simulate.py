@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from hovercontrol.core.block import Block
     from hovercontrol.logs import Log
     from hovercontrol.scenarios import Run
+    from hovercontrol.scenarios.machine import MachineRun
 
 EXAMPLE = "Example: hovercontrol simulate table1 --out out/table1"
 
@@ -40,6 +41,14 @@ def simulate(
     ] = "",
     columns: given.Columns = "",
     params: given.Params = None,
+    animation: Annotated[
+        str,
+        typer.Option(
+            "--animate",
+            metavar="FILE",
+            help="Write an animation of the craft, too: .html, .gif, or .mp4 (needs ffmpeg).",
+        ),
+    ] = "",
     out: Out = None,
     list_: Annotated[bool, typer.Option("--list", help="List the scenarios and exit.")] = False,
     json: given.Json = False,
@@ -65,13 +74,17 @@ def simulate(
         )
     if columns and not commands:
         raise InputError("simulate: --columns is of the log that --commands names; expected both")
+    if animation:
+        from hovercontrol.animation.animate import check_format
+
+        check_format(Path(animation))
     log = read_log(commands, given.pairs(columns)) if commands else None
     own = given.from_users_file(scenario, params)
     if own is None and params:
         raise InputError(f"simulate: --params are of a model FILE.py:NAME, found {scenario}")
     if isinstance(own, Block | BlockModel):
         block = own if isinstance(own, Block) else own.plant()
-        return _drive(block, duration, log, out, json)
+        return _drive(block, duration, log, out, json, animation)
     loaded = (
         load_scenario(scenario, seconds=duration, commands=log)
         if own is None
@@ -82,14 +95,30 @@ def simulate(
     with given.progress_bar(f"simulate {loaded.name}", loaded.end) as report:
         run = run_scenario(loaded, report)
         files = run.save(out)
+    _animate(run, animation)
     if not json:
         _show_metrics(run)
         _show_clipped(run)
-    given.show("", files, out, _as_json(run) if json else None)
+    _show_written(_as_json(run), files, out, animation, json)
     return 0 if all(m.met for m in run.metrics()) else 1
 
 
-def _drive(block: Block, seconds: float | None, log: Log | None, out: Path | None, json: bool) -> int:
+def _animate(run: Run | MachineRun, file: str) -> None:
+    if file:
+        from hovercontrol.animation.animate import animate
+
+        with given.progress_bar(f"animate {Path(file).name}", 1.0) as report:
+            animate(run, file, progress=report)
+
+
+def _show_written(content: dict[str, Any], files: list[Path], out: Path, animation: str, json: bool) -> None:
+    text = f"wrote {animation}" if animation else ""
+    given.show(text, files, out, content | ({"animation": animation} if animation else {}) if json else None)
+
+
+def _drive(
+    block: Block, seconds: float | None, log: Log | None, out: Path | None, json: bool, animation: str
+) -> int:
     """Drive a machine of the user's own, which has no figures of merit."""
     from hovercontrol.scenarios.drive import run_length
     from hovercontrol.scenarios.machine import run_machine
@@ -99,8 +128,9 @@ def _drive(block: Block, seconds: float | None, log: Log | None, out: Path | Non
     with given.progress_bar(f"simulate {block.name}", run_length(seconds, log)) as report:
         run = run_machine(block, seconds=seconds, commands=log, progress=report)
         files = run.save(out)
+    _animate(run, animation)
     content = {"scenario": block.name, "figures": [], "clipped": {}}
-    given.show("", files, out, content if json else None)
+    _show_written(content, files, out, animation, json)
     return 0
 
 

@@ -69,9 +69,10 @@ class CoefficientHistory:
         """Return a figure: every coefficient over time, with a band of two standard deviations."""
         from matplotlib.figure import Figure
 
-        rows = -(-len(self.coefficients) // 2)
-        figure = Figure(figsize=(9.0, 1.0 + 1.6 * rows), layout="constrained")
-        axes = figure.subplots(rows, 2, sharex=True, squeeze=False).ravel()
+        columns = min(2, len(self.coefficients))
+        rows = -(-len(self.coefficients) // columns)
+        figure = Figure(figsize=(4.5 * columns, 1.0 + 1.6 * rows), layout="constrained")
+        axes = figure.subplots(rows, columns, sharex=True, squeeze=False).ravel()
         for ax, (name, values) in zip(axes, self.coefficients.items(), strict=False):
             band = 2 * self.std[name]
             ax.fill_between(self.time, values - band, values + band, alpha=0.25, linewidth=0)

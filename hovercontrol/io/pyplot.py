@@ -51,6 +51,13 @@ def shown_once(figure: Figure) -> Figure:
     return figure
 
 
+def in_front() -> Figure | None:
+    """Return pyplot's current figure; None where none is open."""
+    import matplotlib.pyplot as plt
+
+    return plt.gcf() if plt.get_fignums() else None
+
+
 def _display(figure: Figure) -> None:
     """Show a figure as the value of a cell, or as one that is open where a cell ends.
 

@@ -142,5 +142,5 @@ def _coefficients(axis: Axes, coefficients: tuple[Fitted, ...]) -> None:
     axis.axvline(100.0, color="0.4", lw=0.8, ls=":")
     axis.set_yticks(range(len(coefficients)), [c.name for c in coefficients], fontsize="small")
     axis.invert_yaxis()
-    axis.set_xlabel("standard error of a trial fit, per cent of the estimate")
+    axis.set_xlabel("standard error of a trial fit [% of the estimate]")
     axis.grid(alpha=0.3, axis="x")

@@ -8,10 +8,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 if TYPE_CHECKING:
+    import control
+
     from hovercontrol.analysis.c17.iss import IssGain
-    from hovercontrol.analysis.common.margins import FrozenMargins
+    from hovercontrol.analysis.common.margins import FrozenMargins, Margins
     from hovercontrol.analysis.k06.budget import Budget
     from hovercontrol.discrepancy.diagnosis import Diagnosis
     from hovercontrol.identify.result import Identified
@@ -76,7 +79,7 @@ def identified_figure(found: Identified) -> Figure:
         labels.append("now" if known else "open")
     axis.set_yticks(range(many), [f"{c.name} [{c.unit}]" for c in found.coefficients])
     axis.set_ylim(many - 0.5, -0.5)
-    axis.set_xlabel("value, in parts of the largest of its row")
+    axis.set_xlabel("value over the largest of its row [1]")
     axis.grid(alpha=0.3, axis="x")
     figure.legend(loc="outside lower center", ncols=3, frameon=False)
     return figure
@@ -154,8 +157,12 @@ def margins_figure(found: FrozenMargins) -> Figure:
     axes = figure.subplots(3, 1, sharex=True)
     axes[0].plot(found.times, found["phase"], color=BLUE)
     axes[0].set_ylabel("phase margin [deg]")
-    axes[1].semilogy(found.times, found["gain_up"], color=BLUE, label="up")
-    axes[1].semilogy(found.times, found["gain_down"], "--", color=ORANGE, label="down")
+    for name, style, colour in (("gain_up", "-", BLUE), ("gain_down", "--", ORANGE)):
+        limit = np.where((found[name] > 0) & np.isfinite(found[name]), found[name], np.nan)
+        none = "" if np.isfinite(limit).any() else ": any gain is borne"
+        axes[1].plot(found.times, limit, style, color=colour, label=f"{name.removeprefix('gain_')}{none}")
+    if np.isfinite([found["gain_up"], found["gain_down"]]).any():
+        axes[1].set_yscale("log")
     axes[1].set_ylabel("gain at the edge [1]")
     axes[1].legend(frameon=False)
     axes[2].plot(found.times, found["delay"], color=BLUE, label="constant")
@@ -167,6 +174,54 @@ def margins_figure(found: FrozenMargins) -> Figure:
         axis.margins(x=0)
         axis.grid(alpha=0.3)
     return figure
+
+
+def bode_figure(found: Margins, loop: control.StateSpace) -> Figure:
+    """Return gain and phase of a loop over frequency, with its margins."""
+    response = loop.frequency_response(_frequencies(loop, found.crossover), squeeze=True)
+    rate, gain = response.omega, np.abs(response.complex)
+    phase = np.degrees(np.unwrap(np.angle(response.complex)))
+    phase -= (
+        360.0 * np.round((np.interp(found.crossover, rate, phase) + 90.0) / 360.0) if _known(found) else 0.0
+    )
+    figure = Figure(figsize=(7.5, 5.6), layout="constrained")
+    above, below = figure.subplots(2, 1, sharex=True)
+    above.loglog(rate, gain, color=BLUE)
+    above.axhline(1.0, color="0.4", lw=0.8)
+    for factor, line in ((found.gain_up, "--"), (found.gain_down, ":")):
+        if 0.0 < factor < math.inf:
+            above.axhline(
+                1 / factor, color=ORANGE, ls=line, lw=1.0, label=f"unstable with the gain x {factor:.3g}"
+            )
+    above.set_ylabel("gain of the loop [1]")
+    below.semilogx(rate, phase, color=BLUE)
+    below.axhline(-180.0, color="0.4", lw=0.8)
+    below.set_ylabel("phase of the loop [deg]")
+    below.set_xlabel("frequency [rad/s]")
+    if _known(found):
+        at = float(np.interp(found.crossover, rate, phase))
+        edge = at - math.copysign(found.phase, at + 180.0)
+        label = f"phase margin {found.phase:.3g} deg at {found.crossover:.3g} rad/s"
+        below.plot(2 * [found.crossover], [at, edge], color=ORANGE, lw=2.5, label=label)
+    for axis in (above, below):
+        axis.grid(alpha=0.3)
+        axis.margins(x=0)
+        if axis.get_legend_handles_labels()[1]:
+            axis.legend(frameon=False, fontsize="small")
+    figure.suptitle("" if found.stable else "unstable as it is")
+    return figure
+
+
+def _known(found: Margins) -> bool:
+    return math.isfinite(found.phase) and math.isfinite(found.crossover)
+
+
+def _frequencies(loop: control.StateSpace, crossover: float) -> NDArray[np.float64]:
+    """Return frequencies [rad/s] around all poles, zeros and the crossover that are not at the origin."""
+    found = np.abs(np.concatenate([loop.poles(), loop.zeros(), [crossover]]))
+    found = found[(found > 1e-6) & (found < 1e6)]
+    low, high = (found.min(), found.max()) if found.size else (1.0, 1.0)
+    return np.geomspace(low / 30, high * 30, 800)
 
 
 def iss_figure(found: IssGain) -> Figure:

@@ -80,7 +80,7 @@ def _grid(given: Mapping[str, Array], runs: int) -> tuple[list[Varied], NDArray[
         if len(y) * len(x) == runs and np.array_equal(grid, [a[order], b[order]]):
             return [(one, y), (other, x)], order
     every = np.arange(runs)
-    return [("run", every.astype(float))], every
+    return [("number of the run [1]", every.astype(float))], every
 
 
 def _with_unit(name: str, unit: str | None) -> str:

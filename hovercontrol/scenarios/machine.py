@@ -5,17 +5,22 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
 from hovercontrol.io.folders import write_folder
+from hovercontrol.io.pyplot import open_in_pyplot
 from hovercontrol.io.short_repr import short_repr
 from hovercontrol.logs import Log
 from hovercontrol.scenarios.drive import STEP, played, run_length
 from hovercontrol.scenarios.phases import held, phase_grid
 from hovercontrol.simulation.trajectory import simulate
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 @checked
@@ -35,6 +40,12 @@ class MachineRun:
     units: Mapping[str, str]
 
     __repr__ = short_repr
+
+    def plot(self) -> Figure:
+        """Return outputs and inputs over time as a picture."""
+        from hovercontrol.notebook.plots import log_figure
+
+        return open_in_pyplot(log_figure(self.log, self.units))
 
     def save(self, folder: str | Path) -> list[Path]:
         """Write ``log.csv`` and ``signals.png``, atomically.

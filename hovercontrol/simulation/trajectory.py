@@ -28,6 +28,8 @@ from hovercontrol.simulation.ticking import run_hybrid
 if TYPE_CHECKING:
     import control
 
+    from hovercontrol.simulation.response import Response
+
 Array = NDArray[np.float64]
 
 #: Solvers of :func:`scipy.integrate.solve_ivp`.
@@ -75,7 +77,8 @@ def simulate(
     Returns
     -------
     control.TimeResponseData
-        With the signals' names and ``.plot()`` (``.to_pandas()`` where pandas is installed).
+        With the signals' names, their units in ``.units``, and ``.plot()`` (``.to_pandas()`` where pandas is
+        installed).
 
     Raises
     ------
@@ -159,16 +162,16 @@ def simulate(
             states[:, first : last + 1] = result.y
     functions = numpy_functions(block)
     outputs = functions.outputs(times, states, u, params)
-    return time_response(block, times, outputs, states, u)
+    return time_response(block, times, outputs, states, u, held=hold == "zero")
 
 
 def time_response(
-    block: Block, times: Array, outputs: Array, states: Array, u: Array
-) -> control.TimeResponseData:
-    """Return a simulation's arrays, each of shape (signals, times), under their names."""
-    import control  # takes a second: only where its class is needed
+    block: Block, times: Array, outputs: Array, states: Array, u: Array, *, held: bool = True
+) -> Response:
+    """Return a simulation's arrays, each of shape (signals, times), under their names, with their units."""
+    from hovercontrol.simulation.response import Response  # takes a second: only where its class is needed
 
-    return control.TimeResponseData(
+    response = Response(
         times,
         outputs,
         states,
@@ -181,6 +184,9 @@ def time_response(
         title=block.name,
         plot_inputs=bool(block.inputs),
     )
+    response.units = {s.name: s.unit for s in (*block.states, *block.outputs, *block.inputs)}
+    response.held = held
+    return response
 
 
 def _pieces(times: Array, u: Array, hold: str) -> list[tuple[int, int]]:

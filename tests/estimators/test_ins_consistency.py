@@ -87,7 +87,7 @@ def test_plot_shows_both(rng):
     e, P = drawn(rng, np.eye(2), 20, 5)
     assert len(consistency(e, P).plot().axes) == 1
     axes = consistency(e, P, e, np.ones_like(e)).plot(np.arange(20) * 0.1).axes
-    assert [a.get_ylabel() for a in axes] == ["NEES", "NIS, mean over the run"]
+    assert [a.get_ylabel() for a in axes] == ["NEES [1]", "NIS, mean over the run [1]"]
 
 
 @pytest.mark.parametrize(

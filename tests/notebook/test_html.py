@@ -10,15 +10,9 @@ import pytest
 
 import hovercontrol as hc
 import hovercontrol.fmi
-from hovercontrol.discrepancy import diagnose
-from hovercontrol.effects import effect
-from hovercontrol.identify.study import Study
-from hovercontrol.log_check import check
 from hovercontrol.logs import Log
 from hovercontrol.models.blockmodel import BlockModel
 from hovercontrol.notebook.html import ROWS, sparkline, table
-from hovercontrol.scenarios import load_scenario, run_scenario
-from hovercontrol.scenarios.varied import vary
 from hovercontrol.targets.compiler import NoCompilerError, find_compiler
 
 CRAFT = hc.vehicle("c17_experiment")
@@ -50,42 +44,6 @@ def checked_html(thing):
     for math in re.findall(r"<math>.*?</math>", text, flags=re.DOTALL):
         ET.fromstring(math)
     return text
-
-
-def runs():
-    rng, t, found = np.random.default_rng(3), 0.04 * np.arange(300), []
-    truth = CRAFT.with_effects([effect("slope", x=0.15)]).plant().compile(friction="smooth")
-    for k in range(2):
-        u = [np.repeat(rng.uniform(*span, 15), 20) for span in ((1, 4), (-0.4, 0.4))]
-        run = truth.simulate(t, u)
-        seen = {
-            n: y + 1e-3 * rng.normal(size=t.size) for n, y in zip(run.output_labels, run.outputs, strict=True)
-        }
-        found.append(Log(f"run{k}", t, seen | dict(zip(("thrust", "rudder"), u, strict=True))))
-    return found
-
-
-@pytest.fixture(scope="module")
-def logs():
-    return runs()
-
-
-@pytest.fixture(scope="module")
-def results(logs):
-    scenario = load_scenario("k06-turn")
-    sweep = vary(scenario, {"controller.k2": np.linspace(1.0, 6.0, 5)}, "r", "final")
-    study = Study.make(CRAFT, logs[:1], logs[1:])
-    return {
-        "log": logs[0],
-        "run": run_scenario(scenario, lambda t: None),
-        "varied": sweep,
-        "sweep": sweep.result,
-        "study": study,
-        "identified": study.found,
-        "free run": study.judged[0].run,
-        "diagnosis": diagnose(CRAFT, logs[:1], logs[1], names=["slope"]),
-        "check": check(logs[:1], CRAFT),
-    }
 
 
 def test_a_block_shows_its_equations_and_signals_with_units():

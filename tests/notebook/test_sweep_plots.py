@@ -50,7 +50,7 @@ def test_one_number_is_a_curve_over_it():
 def test_what_is_no_grid_is_drawn_over_the_runs(kept):
     k, v0 = (values[kept] for values in grid())
     (axes,) = swept({"decay.k": k}, {"v": v0}).plot().axes
-    assert axes.get_xlabel() == "run"
+    assert axes.get_xlabel() == "number of the run [1]"
     np.testing.assert_allclose(axes.lines[0].get_ydata(), v0 * np.exp(-k), rtol=1e-5)
 
 

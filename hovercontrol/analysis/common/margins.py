@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING, Literal
 
 import control
@@ -62,6 +62,8 @@ class Margins:
     outside : OutsideModes
         The modes that do not decay and that the loop through the wire does not change: a position that
         nobody feeds back integrates. They count in no margin.
+    loop : control.StateSpace or None
+        The loop that was judged, for the plot.
 
     Examples
     --------
@@ -80,10 +82,25 @@ class Margins:
     delay: float = math.nan
     jitter: float = math.nan
     outside: OutsideModes = ALL_DECAY
+    loop: control.StateSpace | None = field(default=None, repr=False, compare=False)
+
+    def plot(self) -> Figure:
+        """Return the Bode plot of the loop, with crossover and phase and gain margins marked.
+
+        Raises
+        ------
+        InputError
+            If the loop is not known: of the worst margins along a motion, ``each`` knows theirs.
+        """
+        from hovercontrol.notebook.plots import bode_figure
+
+        if self.loop is None:
+            raise InputError("margins: no loop to draw; margins() and loop_margins() return it with them")
+        return open_in_pyplot(bode_figure(self, self.loop))
 
 
 #: The names of what can be drawn over time.
-MARGINS = tuple(f.name for f in fields(Margins) if f.name != "outside")
+MARGINS = tuple(f.name for f in fields(Margins) if f.name not in ("outside", "loop"))
 
 
 @checked
@@ -158,7 +175,7 @@ def loop_margins(loop: control.StateSpace | control.TransferFunction) -> Margins
     loop, outside = split_loop(control.ss(loop))
     closed = control.feedback(loop, 1)
     if outside.grow or not (np.real(closed.poles()) < 0).all():
-        return Margins(stable=False, outside=outside)
+        return Margins(stable=False, outside=outside, loop=loop)
     gains, phases, _, _, crossovers, _ = control.stability_margins(loop, returnall=True)
     gains = np.asarray(gains)[(gains > SMALL) & (gains < 1 / SMALL)]
     phases, crossovers = np.radians(np.asarray(phases, dtype=float)), np.asarray(crossovers, dtype=float)
@@ -177,6 +194,7 @@ def loop_margins(loop: control.StateSpace | control.TransferFunction) -> Margins
         delay=float(min(late, default=math.inf)),
         jitter=_jitter(closed),
         outside=outside,
+        loop=loop,
     )
 
 

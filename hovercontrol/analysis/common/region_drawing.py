@@ -91,6 +91,8 @@ def draw_region(region: Region, names: Iterable[str], axes: Axes) -> None:
         (drawn,) = axes.plot(*point, marker, color=BLACK, mfc="white", ms=8, ls="none", label=name, zorder=4)
         handles.append(drawn)
     axes.set(xlabel=str(region.x), ylabel=str(region.y))
+    if _are_places(region):
+        axes.set_aspect("equal")
     if areas:
         axes.set_xlim(*region.x.values[[0, -1]])
         axes.set_ylim(*region.y.values[[0, -1]])
@@ -99,6 +101,12 @@ def draw_region(region: Region, names: Iterable[str], axes: Axes) -> None:
     if handles:
         place: dict[str, Any] = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.14)}
         axes.legend(handles=handles, frameon=False, fontsize="small", **place)
+
+
+def _are_places(region: Region) -> bool:
+    """Return whether the axes are those of a place in metres: ``x`` and ``y``, ``goal_x`` and ``goal_y``."""
+    x, y = region.x, region.y
+    return x.unit == y.unit == "m" and x.name[-1:] == "x" and y.name == f"{x.name[:-1]}y"
 
 
 def _area(region: Region, axes: Axes, values: Mask, look: Mapping[str, Any]) -> None:

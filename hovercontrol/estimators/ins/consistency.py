@@ -99,7 +99,7 @@ class Consistency:
             left.axhline(
                 edge, color="0.5", linestyle="--", label="" if k else f"{self.level:.0%} band of a run"
             )
-        left.set(xlabel="tick" if time is None else "time [s]", ylabel="NEES")
+        left.set(xlabel="number of the tick [1]" if time is None else "time [s]", ylabel="NEES [1]")
         left.set_title(f"{self.nees_inside:.0%} in the band")
         left.legend()
         if len(self.nis):
@@ -108,7 +108,7 @@ class Consistency:
                 runs, *self.nis_band, color="C0", alpha=0.25, label=f"{self.level:.0%} band"
             )
             axes[0, 1].plot(runs, self.nis, "o", markersize=4)
-            axes[0, 1].set(xlabel="run", ylabel="NIS, mean over the run")
+            axes[0, 1].set(xlabel="number of the run [1]", ylabel="NIS, mean over the run [1]")
             axes[0, 1].set_title(f"{self.nis_inside:.0%} in the band")
             axes[0, 1].legend()
         return open_in_pyplot(figure)

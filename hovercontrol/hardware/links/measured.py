@@ -137,7 +137,7 @@ class MeasuredDelays:
         ax.stairs(drawn, 1000 * edges, color="tab:blue", label="expected of a link that draws from these")
         numbers = (1000 * value for value in (self.mean, self.sd, self.least, self.most))
         ax.set_title("mean {:.4g}, sd {:.4g}, {:.4g} to {:.4g} ms".format(*numbers), fontsize="small")
-        ax.set(xlabel="delay [ms]", ylabel="messages")
+        ax.set(xlabel="delay [ms]", ylabel="messages [1]")
         figure.legend(loc="outside lower center", ncols=2, frameon=False)
         return open_in_pyplot(figure)
 

@@ -1,0 +1,190 @@
+"""``hc.animate``: a run as a moving picture of the craft from above."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import control
+import numpy as np
+from numpy.typing import NDArray
+
+from hovercontrol.animation.craft import Craft, craft_of
+from hovercontrol.animation.frames import Frames, check_ffmpeg, gif_period, write_gif, write_mp4
+from hovercontrol.animation.motion import Motion, motion_of
+from hovercontrol.animation.player import framed, page
+from hovercontrol.core.boundary import checked
+from hovercontrol.errors import InputError, did_you_mean
+from hovercontrol.io.figure_style import figure_style
+from hovercontrol.io.files import write_atomically
+from hovercontrol.io.tables import positive
+from hovercontrol.logs.log import Log
+from hovercontrol.models.model import Model
+from hovercontrol.scenarios.machine import MachineRun
+from hovercontrol.scenarios.result import Run
+
+FORMATS = (".html", ".mp4", ".gif")
+
+#: Most frames of an animation: 20 minutes at 25 frames per second.
+MOST = 30_000
+
+
+@checked
+def animate(
+    run: control.TimeResponseData | Log | Run | MachineRun,
+    path: str | Path | None = None,
+    *,
+    speed: float = 1.0,
+    fps: float = 25.0,
+    model: Model | None = None,
+    trail: bool = True,
+    forces: bool = True,
+    progress: Callable[[float], None] | None = None,
+) -> Animation:
+    """Return the motion of a craft as an animation, and write it to a file where a path is given.
+
+    The craft is drawn as an outline with its bow, the path behind it, the point to follow if the run holds
+    ``x_ref`` and ``y_ref`` (or ``goal_x_ref``, ``goal_y_ref``), forces as arrows, and time and body
+    velocities as text. An arrow ends where its force acts: at the stern along the rudder angle for ``thrust``
+    and ``rudder``, at each fan for a model with fans. The upper quartile of the run's forces is as
+    long as the hull, and the longest arrow twice that.
+
+    Parameters
+    ----------
+    run : control.TimeResponseData, Log, Run or MachineRun
+        With ``x``, ``y`` [m] and ``psi`` [rad] as outputs, columns or states (``plant.x``): from
+        :func:`hovercontrol.simulate`, ``compile().simulate``, a scenario, or a log.
+    path : path, optional
+        A file ``.html`` (one page that needs nothing else, with slider and speeds), ``.mp4`` (needs ffmpeg)
+        or ``.gif``; written atomically. In a notebook the result shows itself without.
+    speed : float, optional
+        Seconds of the run per second of the animation.
+    fps : float, optional
+        Frames per second; the page draws more, as the screen does. A GIF takes the nearest that it can have.
+    model : Model, optional
+        Of the craft: its fans, and their size of hull. Default: the scenario's, or else a craft with a rudder
+        of 0.45 m x 0.25 m. A hull that would be too small to see is enlarged.
+    trail, forces : bool, optional
+        Whether the path behind and the arrows are drawn.
+    progress : callable, optional
+        Called now and then with the part that is written, 0 to 1.
+
+    Returns
+    -------
+    Animation
+        With ``save(path)``.
+
+    Raises
+    ------
+    InputError
+        If the run holds no pose, the file has another suffix, ffmpeg is missing, or there would be more than
+        30 000 frames.
+
+    Examples
+    --------
+    >>> import hovercontrol as hc
+    >>> import numpy as np
+    >>> craft, t = hc.vehicle("c17_simulation"), np.linspace(0.0, 4.0, 81)
+    >>> run = hc.simulate(craft.plant(), t, {"thrust": np.full(81, 3.0), "rudder": 0.1 * np.sin(t)})
+    >>> hc.animate(run, speed=2.0).frames
+    51
+    """
+    speed, fps = positive("animate: speed", speed), positive("animate: fps", fps)
+    made = Animation(motion_of(run), model, speed, fps, trail, forces)
+    if made.frames > MOST:
+        raise InputError(
+            f"animate: {made.frames} frames are too many, at most {MOST}: "
+            f"raise speed to {math.ceil(speed * made.frames / MOST)} or more"
+        )
+    if path is not None:
+        made.save(path, progress)
+    return made
+
+
+def check_format(path: Path) -> str:
+    """Return the suffix of a file for an animation; raise if it cannot be one."""
+    kind = path.suffix.lower()
+    if kind not in FORMATS:
+        raise InputError(
+            f"{path}: expected a file {', '.join(FORMATS)}, found {kind or 'no suffix'}"
+            f"{did_you_mean(kind, FORMATS) if kind else ''}"
+        )
+    if kind == ".mp4":
+        check_ffmpeg(path)
+    return kind
+
+
+@checked
+@dataclass(frozen=True, eq=False)
+class Animation:
+    """A motion with how it is to be shown; made by :func:`animate`. A notebook shows it as a player.
+
+    Attributes
+    ----------
+    motion : Motion
+        The run's.
+    model : Model or None
+    speed, fps : float
+        Seconds of the run per second, and frames per second.
+    trail, forces : bool
+        Whether the path behind and the arrows are drawn.
+    """
+
+    motion: Motion
+    model: Model | None = None
+    speed: float = 1.0
+    fps: float = 25.0
+    trail: bool = True
+    forces: bool = True
+
+    @property
+    def frames(self) -> int:
+        """Number of frames."""
+        return len(self._times(1 / self.fps))
+
+    def save(self, path: str | Path, progress: Callable[[float], None] | None = None) -> Path:
+        """Write the animation to a file ``.html``, ``.mp4`` or ``.gif``, atomically.
+
+        Parameters
+        ----------
+        path : path
+        progress : callable, optional
+            Called now and then with the part that is written, 0 to 1.
+
+        Raises
+        ------
+        InputError
+            If the suffix is another, ffmpeg is missing or fails, or the file cannot be written.
+        """
+        file = Path(path)
+        kind = check_format(file)
+        if kind == ".html":
+            text = self._page()
+            return write_atomically(file, lambda part: part.write_text(text, encoding="utf-8"))
+        period = gif_period(self.fps) if kind == ".gif" else 1 / self.fps
+        write = write_gif if kind == ".gif" else write_mp4
+        with figure_style():
+            frames = Frames(self.motion, *self._drawn(period), trail=self.trail)
+            report = progress or (lambda part: None)
+            return write_atomically(file, lambda part: write(frames, part, period, report))
+
+    def _repr_html_(self) -> str:
+        return framed(self._page())
+
+    def _page(self) -> str:
+        step = min(self.speed, 1.0) / self.fps  # a page may be played more slowly than at first
+        step = max(step, (self.motion.time[-1] - self.motion.time[0]) / MOST)
+        motion, craft = self._drawn(step / self.speed)
+        return page(motion, craft, step, self.speed, trail=self.trail)
+
+    def _drawn(self, period: float) -> tuple[Motion, Craft]:
+        motion = self.motion.at(self._times(period))
+        return motion, craft_of(motion, self.model, forces=self.forces)
+
+    def _times(self, period: float) -> NDArray[np.float64]:
+        """Return the run's times, one for each frame; the last frame is not before the run's end."""
+        begin, end, step = self.motion.time[0], self.motion.time[-1], period * self.speed
+        times: NDArray[np.float64] = begin + step * np.arange(math.ceil((end - begin) / step - 1e-9) + 1)
+        return times

@@ -1,0 +1,91 @@
+"""The result of a simulation: python-control's response, whose plot has units on its axes."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import control
+import numpy as np
+from matplotlib.figure import Figure
+
+from hovercontrol.io.pyplot import in_front, open_in_pyplot
+
+#: Height of one pair of axes, and of title and time axis together [in].
+ROW, REST = 1.0, 1.2
+
+
+class Response(control.TimeResponseData):
+    """A :class:`control.TimeResponseData` that knows the units of its signals.
+
+    Made by :func:`hovercontrol.simulate`, ``block.compile().simulate`` and ``run_ins``; python-control takes
+    it wherever it takes its own.
+
+    Attributes
+    ----------
+    units : dict of str to str
+        Units of outputs, states and inputs by name.
+    held : bool
+        Whether inputs hold from one sample to the next; the plot then draws them as steps.
+
+    Examples
+    --------
+    >>> import hovercontrol as hc
+    >>> v, a = hc.Signal("v", "m/s"), hc.Signal("a", "m/s^2")
+    >>> run = hc.simulate(hc.Block("cart", [v], [a], [v], derivatives={"v": a.symbol}), [0, 1], {"a": [1, 1]})
+    >>> run.units
+    {'v': 'm/s', 'a': 'm/s^2'}
+    """
+
+    units: dict[str, str]
+    held: bool
+
+    def plot(self, *args: Any, **kwargs: Any) -> control.ControlPlot:
+        """Draw outputs and inputs over time, as :func:`control.time_response_plot`, with units.
+
+        Responses drawn after each other share a figure, as python-control's do.
+
+        Parameters
+        ----------
+        *args, **kwargs
+            As for :func:`control.time_response_plot`: ``plot_inputs``, ``overlay_signals``, ``ax``, ...
+
+        Returns
+        -------
+        control.ControlPlot
+            ``.figure``, ``.axes`` and ``.lines``.
+        """
+        if "ax" not in kwargs:
+            self._open_figure(self._rows(kwargs))
+        drawn = super().plot(*args, **kwargs)
+        if "ax" not in kwargs:
+            drawn.figure.set_layout_engine("constrained")  # tight would set the title into tall axes
+        for axes in np.ravel(drawn.axes):
+            name = axes.get_ylabel()
+            if name in self.units:
+                axes.set_ylabel(f"{name} [{self.units[name]}]")
+            if self.held and name in (self.input_labels or ()) and name not in (self.output_labels or ()):
+                for line in axes.lines:
+                    line.set_drawstyle("steps-post")
+        return drawn
+
+    def _rows(self, kwargs: dict[str, Any]) -> int:
+        """Return how many pairs of axes stand above each other."""
+        inputs = kwargs.get("plot_inputs")
+        inputs = self.plot_inputs if inputs is None else inputs
+        outputs = self.noutputs if kwargs.get("plot_outputs", True) else 0
+        if kwargs.get("transpose"):
+            return 1
+        if kwargs.get("overlay_signals"):
+            return bool(outputs) + (inputs is True)
+        return max(outputs, self.ninputs) if inputs == "overlay" else outputs + self.ninputs * bool(inputs)
+
+    def _open_figure(self, rows: int) -> None:
+        """Open a figure of the right height, unless an empty one or one of responses alike is in front.
+
+        python-control draws into whatever has as many axes, the picture of something else, too.
+        """
+        front = in_front()
+        if front is not None and hasattr(front, "_output_offset") and rows in (1, len(front.axes)):
+            front.set_layout_engine("tight")  # that python-control expects
+        elif front is None or front.axes:
+            open_in_pyplot(Figure(figsize=(6.4, max(4.8, REST + ROW * rows))))
