@@ -153,7 +153,7 @@ def trim(
     rates: Mapping[str, float | None] | None = None,
     params: Values | None = None,
     time: float = 0.0,
-    guess: Values | None = None,
+    guess: Values | Trim | None = None,
 ) -> Trim:
     """Return an operating point of a Block; arguments and errors as of :meth:`hovercontrol.Block.trim`.
 
@@ -166,6 +166,7 @@ def trim(
     {'thrust': 2.1574, 'rudder': -0.0808}
     """
     plain = with_rates(undelayed(block))
+    guess = {**guess.states, **guess.inputs} if isinstance(guess, Trim) else guess
     groups = {
         "state": [s.name for s in block.states],
         "input": [s.name for s in block.inputs],

@@ -173,6 +173,13 @@ def test_what_is_left_to_choose_is_nearest_to_the_guess_and_told():
     assert other.inputs["rear_right"] == pytest.approx((0.5 + d) / 2)
 
 
+def test_a_trim_is_a_guess_for_the_next(craft):
+    astern = craft.trim({"u": -1.0}, guess={"thrust": -1.5})
+    faster = craft.trim({"u": -1.2}, guess=astern)
+    assert faster.inputs["thrust"] == pytest.approx(-C17["surge_coulomb"] / C17["thrust"])
+    assert faster.inputs["rudder"] == pytest.approx(0.0, abs=1e-8)
+
+
 def test_a_sampled_block_has_a_fixed_point():
     v, a = hc.Signal("v", "m/s"), hc.Signal("a", "m/s")
     step = hc.Block("step", [v], [a], [v], derivatives={"v": 0.8 * v.symbol + a.symbol}, period=0.1)

@@ -212,7 +212,7 @@ def test_each_result_has_a_figure_with_units_and_the_numbers(loop, ahead):
     ("call", "line"),
     [
         (lambda loop, at: hc.bode(loop, "ruder", at), "no signal 'ruder' that can be cut; did you mean 'rud"),
-        (lambda loop, at: hc.bode(loop, "psi", at), "it is a state; give the Blocks of the loop as a list"),
+        (lambda loop, at: hc.bode(loop, "psi", at), r"it is the signal plant\.psi under this name; give the"),
         (lambda loop, at: hc.bode(loop, "rudder"), "nothing drives 'thrust': a loop to be cut must"),
         (lambda loop, at: hc.bode(loop), "wire: expected the signal at which the loop is broken"),
         (lambda loop, at: hc.bode(THREE_LAGS, "rudder"), "is the loop gain itself"),
