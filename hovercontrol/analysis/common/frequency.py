@@ -65,6 +65,16 @@ class Bode:
     margins: Margins | None = None
     wire: str = ""
 
+    def __repr__(self) -> str:
+        m = self.margins
+        if m is None:
+            said = f"{len(self.frequencies)} frequencies"
+        elif not m.stable:
+            said = "the loop is unstable"
+        else:
+            said = f"gain margin {m.gain_up:.4g}, phase margin {m.phase:.4g} deg at {m.crossover:.4g} rad/s"
+        return f"<Bode{f' at {self.wire}' if self.wire else ''}: {said}>"
+
     def plot(self) -> Figure:
         """Return the Bode plot of L with its gain and phase margins."""
         from hovercontrol.analysis.common.frequency_plots import bode_figure
@@ -150,6 +160,13 @@ class Nyquist:
     closed_loop_unstable: int
     outside: OutsideModes = field(default_factory=OutsideModes)
     wire: str = ""
+
+    def __repr__(self) -> str:
+        at = f" at {self.wire}" if self.wire else ""
+        return (
+            f"<Nyquist{at}: {self.encirclements} clockwise encirclements, "
+            f"unstable poles {self.open_loop_unstable} open loop, {self.closed_loop_unstable} closed loop>"
+        )
 
     @property
     def response(self) -> NDArray[np.complex128]:

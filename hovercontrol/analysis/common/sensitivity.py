@@ -79,6 +79,11 @@ class Sensitivity:
     margins: Margins | None = None
     wire: str = ""
 
+    def __repr__(self) -> str:
+        peaks = (("Ms", self.Ms, self.Ms_frequency), ("Mt", self.Mt, self.Mt_frequency))
+        said = ", ".join(f"{name} {peak:.4g} at {where:.4g} rad/s" for name, peak, where in peaks)
+        return f"<Sensitivity{f' at {self.wire}' if self.wire else ''}: {said}>"
+
     @property
     def S(self) -> NDArray[np.complex128]:
         """1/(1 + L) at the frequencies, complex, shape (n,) [1]."""

@@ -208,6 +208,15 @@ def test_each_result_has_a_figure_with_units_and_the_numbers(loop, ahead):
         plt.close(figure)
 
 
+def test_results_read_as_one_line():
+    assert repr(hc.bode(THREE_LAGS)) == "<Bode: gain margin 3, phase margin 32.61 deg at 0.7494 rad/s>"
+    assert repr(hc.bode(4 * THREE_LAGS)) == "<Bode: the loop is unstable>"
+    assert repr(hc.nyquist(4 * THREE_LAGS)).startswith(
+        "<Nyquist: 2 clockwise encirclements, unstable poles 0"
+    )
+    assert repr(hc.sensitivity(ct.tf([1.0], [1.0, 1.0, 0.0]))).endswith("Mt 1.155 at 0.7071 rad/s>")
+
+
 @pytest.mark.parametrize(
     ("call", "line"),
     [
