@@ -282,13 +282,14 @@ class Backends:
         Returns
         -------
         control.StateSpace
-            Signals by their names; of a sampled Block in discrete time.
+            Signals by their names; of a sampled Block in discrete time, and of a hybrid one whose parts tick
+            with one period: from tick to tick, the states being those before it and the outputs after it.
 
         Raises
         ------
         InputError
-            If a name, a number of values or the friction is wrong, an input acts late or the Block has parts
-            that tick.
+            If a name, a number of values or the friction is wrong, an input acts late, or parts of the Block
+            tick with different periods.
 
         Warns
         -----

@@ -46,8 +46,7 @@ class Bode:
         Of L, as a factor [1].
     phase : ndarray, shape (n,)
         [deg], continuous.
-    margins : Margins or None
-        None of a sampled loop.
+    margins : Margins
     wire : str
         Where the loop is broken.
 
@@ -62,14 +61,12 @@ class Bode:
     frequencies: Array
     magnitude: Array
     phase: Array
-    margins: Margins | None = None
+    margins: Margins
     wire: str = ""
 
     def __repr__(self) -> str:
         m = self.margins
-        if m is None:
-            said = f"{len(self.frequencies)} frequencies"
-        elif not m.stable:
+        if not m.stable:
             said = "the loop is unstable"
         else:
             said = f"gain margin {m.gain_up:.4g}, phase margin {m.phase:.4g} deg at {m.crossover:.4g} rad/s"

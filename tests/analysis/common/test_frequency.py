@@ -188,7 +188,7 @@ def test_a_sampled_loop_has_its_response_up_to_half_its_rate():
     assert found.frequencies[-1] == pytest.approx(math.pi / 0.1)
     np.testing.assert_allclose(found.S, ct.feedback(1, L)(np.exp(0.1j * found.frequencies)), rtol=1e-9)
     assert found.Ms == pytest.approx(2 / 1.5)  # |z - 1|/|z - 0.5| at z = -1
-    assert found.margins is None
+    assert found.margins.gain_up == pytest.approx(4.0)  # k = 2 is the edge
 
 
 # ---- figures and errors ----------------------------------------------------------------------------------
@@ -235,9 +235,9 @@ def test_wrong_arguments_are_one_line(loop, ahead, call, line):
         call(loop, ahead)
 
 
-def test_a_loop_that_ticks_is_refused(blocks):
+def test_a_wire_that_holds_a_state_is_cut_between_blocks(blocks, ahead):
     craft, pilot = blocks
     slow = hc.Block("pilot", [], pilot.inputs, pilot.outputs, pilot.parameters, period=0.2,
                     output_expressions=pilot.output_expressions)  # fmt: skip
-    with pytest.raises(hc.InputError, match="parts that tick and so no frequency response"):
-        hc.bode([craft, slow], "rudder", {"goal": 0.0, "thrust": 1.8})
+    with pytest.raises(hc.InputError, match=r"the signal pilot\.held_rudder under this name"):
+        hc.bode(hc.interconnect([craft, slow], "heading"), "rudder", ahead)
