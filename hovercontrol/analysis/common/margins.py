@@ -57,8 +57,8 @@ class Margins:
         Longest constant delay [s]: phase margin over crossover, the least of all crossovers.
     jitter : float
         Every delay that varies as it likes within 0 and this [s] is borne: ``1/max |w T(j w)|``, after Kao
-        and Lincoln (2004), the theorem that K06 section 5.3.3 names. Sufficient, so never above `delay`; NaN of
-        a sampled loop.
+        and Lincoln (2004), the theorem that K06 section 5.3.3 names. Sufficient, so never above `delay`; NaN
+        of a sampled loop.
     outside : OutsideModes
         The modes that do not decay and that the loop through the wire does not change: a position that
         nobody feeds back integrates. They count in no margin.
