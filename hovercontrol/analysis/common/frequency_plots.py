@@ -24,8 +24,9 @@ def bode_figure(found: Bode) -> Figure:
     """Return magnitude and phase of L over frequency, with gain and phase margin."""
     figure = Figure(figsize=(7.0, 5.4), layout="constrained")
     axes = figure.subplots(2, 1, sharex=True).reshape(2, 1)
-    stable = found.margins is not None and found.margins.stable
-    control.bode_plot(found.gain, found.frequencies, ax=axes, display_margins=stable, color=BLUE)
+    control.bode_plot(
+        found.gain, found.frequencies, ax=axes, display_margins=found.margins.stable, color=BLUE
+    )
     axes[0, 0].set_title("")
     axes[0, 0].set_ylabel("magnitude [1]")
     axes[1, 0].set_ylabel("phase [deg]")
@@ -93,9 +94,7 @@ def _at(wire: str) -> str:
     return f" at {wire}" if wire else ""
 
 
-def _margins_text(margins: Margins | None) -> str:
-    if margins is None:
-        return ""
+def _margins_text(margins: Margins) -> str:
     if not margins.stable:
         return ": the loop is unstable"
     down = f" and down {margins.gain_down:.3g}" if margins.gain_down > 0 else ""
