@@ -221,3 +221,11 @@ def test_a_reference_alone_is_a_static_system():
 def test_a_linearisation_at_a_point_of_the_wrong_size_is_refused(point):
     with pytest.raises(InputError, match="expected"):
         c17_experiment().plant().linearize(*point)
+
+
+@pytest.mark.parametrize("step", [None, 0.1])
+def test_states_of_another_number_are_refused_in_one_line(step):
+    system = c17_experiment().plant().to_control(step=step)
+    for x, u in ((X[:4], U), (X, [1.0])):
+        with pytest.raises(InputError, match=r"expected 6 states and 2 inputs, found shapes"):
+            system.dynamics(0.0, x, u)
