@@ -76,6 +76,9 @@ class Regressors:
         self._pair = self._functions.scalar_pair("outputs")
         self._values = block.parameter_values()
 
+    def __repr__(self) -> str:
+        return f"Regressors of {', '.join((*self.measured, *self.inputs))}"
+
     def at(self, t: float, signals: Sequence[float]) -> Array:
         """Return ``[h G]``, shape (n, 1 + m), at time t [s]; signals: measured, then inputs."""
         table = np.zeros(self._shape)

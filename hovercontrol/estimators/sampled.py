@@ -103,6 +103,10 @@ class SampledEstimator:
         self._expected = x0 is not None
         self._before: list[float] | None = None
 
+    def __repr__(self) -> str:
+        names, measured = ", ".join(self.names), ", ".join(self.measured)
+        return f"SampledEstimator of {names}, every {self.dt:g} s, from {measured}"
+
     @property
     def coefficients(self) -> dict[str, float]:
         """The estimates by name."""

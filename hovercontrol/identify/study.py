@@ -19,6 +19,7 @@ from hovercontrol.identify.result import Identified, aligned
 from hovercontrol.io.folders import write_folder
 from hovercontrol.io.percent import percent
 from hovercontrol.io.pyplot import open_in_pyplot
+from hovercontrol.io.short_repr import cut
 from hovercontrol.logs import VELOCITY, Log
 from hovercontrol.logs.duplicates import refuse_duplicates
 from hovercontrol.models.interface import AnyModel, as_model
@@ -158,6 +159,10 @@ class Study:
         found = self.found
         unexcited = not all(c.excited and c.trusted for c in found.coefficients)
         return unexcited or bool(found.misfit) or any(j.worse for j in self.judged if j.holdout)
+
+    def __repr__(self) -> str:
+        logs = ", ".join(f"{j.label}{' (held out)' * j.holdout}" for j in self.judged)
+        return "\n".join([f"Study of {len(self.judged)} logs: {cut(logs)}", repr(self.found)])
 
     def _repr_html_(self) -> str:
         from hovercontrol.notebook.results import study_html

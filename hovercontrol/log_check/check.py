@@ -21,6 +21,7 @@ from hovercontrol.io.folders import write_folder
 from hovercontrol.io.percent import percent
 from hovercontrol.io.plain_json import json_text, plain
 from hovercontrol.io.pyplot import open_in_pyplot
+from hovercontrol.io.short_repr import cut
 from hovercontrol.log_check.facts import Array, Column, LogFacts, Timing, facts
 from hovercontrol.logs import Log
 from hovercontrol.models.interface import AnyModel, as_model
@@ -68,6 +69,11 @@ class Checked:
     warnings: tuple[str, ...]
     model: str
     coefficients: tuple[Fitted, ...]
+
+    def __repr__(self) -> str:
+        counts = f"{len(self.logs)} logs, {len(self.errors)} errors, {len(self.warnings)} warnings"
+        said = [f"  {cut(line)}" for line in (*self.errors, *self.warnings)]
+        return "\n".join([f"Checked: {counts}; print(checked.text()) for all", *said])
 
     @property
     def negative(self) -> bool:

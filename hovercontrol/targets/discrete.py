@@ -54,9 +54,11 @@ class SteppedSystem(BlockSystem):
 
     def _prepare(self) -> None:
         super()._prepare()
-        engine = engine_of(self.block, "smooth")
-        self._stepper = lru_cache(maxsize=16)(lambda values: engine.stepper(self._solver, values))
+        self._stepper = lru_cache(maxsize=16)(self._made_stepper)
         self._step: Step | None = None
+
+    def _made_stepper(self, values: tuple[float, ...]) -> Step:
+        return engine_of(self.block, "smooth").stepper(self._solver, values)
 
     def __getstate__(self) -> dict[str, Any]:
         return {k: v for k, v in super().__getstate__().items() if k not in ("_stepper", "_step")}
@@ -67,8 +69,9 @@ class SteppedSystem(BlockSystem):
         if self._values is not before:
             self._step = None
 
-    def _advanced(self, t: float, until: float, x: Any, u: Any) -> Array:
-        step = self._step = self._step or self._stepper(self._values)
+    def _advanced(self, t: float, until: float, x: Any, u: Any, step: Step | None = None) -> Array:
+        if step is None:
+            step = self._step = self._step or self._stepper(self._values)
         status, states = step(t, until, np.ravel(x), np.ravel(self._commanded(u)))
         if status:
             raise InputError(
@@ -80,8 +83,7 @@ class SteppedSystem(BlockSystem):
         return self._advanced(t, t + self.dt, x, u)
 
     def _updates(self, t: float, x: Any, u: Any, params: Mapping[str, float]) -> Array:
-        step = self._stepper(self._own(params))
-        return step(t, t + self.dt, np.ravel(x), np.ravel(self._commanded(u)))[1]
+        return self._advanced(t, t + self.dt, x, u, self._stepper(self._own(params)))
 
 
 class HeldSystem(SteppedSystem):
@@ -115,7 +117,7 @@ class HybridSystem(SteppedSystem):
         return super()._out(t, self._advanced(t, t, x, u), self._commanded(u))
 
     def _outputs(self, t: float, x: Any, u: Any, params: Mapping[str, float]) -> Array:
-        states = self._stepper(self._own(params))(t, t, np.ravel(x), np.ravel(self._commanded(u)))[1]
+        states = self._advanced(t, t, x, u, self._stepper(self._own(params)))
         return super()._outputs(t, states, u, params)
 
     def linearize(self, *args: Any, **kwargs: Any) -> Any:

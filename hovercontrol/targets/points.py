@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from hovercontrol.core.block import Block, Rows
 from hovercontrol.core.functions import call_scalar, numpy_functions
 from hovercontrol.targets.compiler import NotCachedError
-from hovercontrol.targets.library import Library, Point
+from hovercontrol.targets.library import Library, Point, check_point
 
 Array = NDArray[np.float64]
 
@@ -50,7 +50,12 @@ class Points:
     def python(self, rows: Rows, t: float, x: Any, u: Any, values: tuple[float, ...]) -> Array:
         """Evaluate in Python, with numbers or arrays of any shape that has as many."""
         self._spent += self._size[rows]
-        return np.array(call_scalar(self._pairs[rows], t, _list(x), _list(u), values), float)
+        states, inputs = _list(x), _list(u)
+        try:
+            return np.array(call_scalar(self._pairs[rows], t, states, inputs, values), float)
+        except (ValueError, IndexError):
+            check_point(self.block, states, inputs)
+            raise
 
     def native(self, values: tuple[float, ...]) -> tuple[Point, Point] | None:
         """Return derivatives and outputs in machine code at fixed parameters, None before it pays."""

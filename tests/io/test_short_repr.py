@@ -4,6 +4,7 @@ import copy
 import dataclasses
 import importlib
 import pickle
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,6 +13,8 @@ import hovercontrol as hc
 from hovercontrol.analysis import Axis, Region
 from hovercontrol.core.delays import registers
 from hovercontrol.effects import effect
+from hovercontrol.estimators.sampled import SampledEstimator
+from hovercontrol.identify.study import Study
 from hovercontrol.io.short_repr import short, short_repr
 from hovercontrol.scenarios import load_scenario
 from hovercontrol.scenarios.runner import loop_parts
@@ -46,6 +49,19 @@ def log():
     return hc.Log("demo", np.arange(900.0), {name: np.arange(900.0) for name in ("x", "y", "psi", "thrust")})
 
 
+def study():
+    class Found:
+        def __repr__(self):
+            return "the table"
+
+    judged = (SimpleNamespace(label="a.csv", holdout=False), SimpleNamespace(label="b.csv", holdout=True))
+    return Study(Found(), judged)
+
+
+def estimator():
+    return SampledEstimator(hc.vehicle("hoverdemon").plant(), dt=0.02)
+
+
 PLANT = hc.vehicle("c17_simulation").plant()
 
 
@@ -65,6 +81,9 @@ PLANT = hc.vehicle("c17_simulation").plant()
         (sweep, ["SweepResult: 40 runs, 0 failed", "plant.yaw_coulomb [rad/s^2] [40 from 0.5 to 1]"]),
         (lambda: sweep()["u"], ["Figures(", "rms=[40 from"]),
         (region, ["'stable gains'", "k1", "[31 from 0 to 3]", "rate: [21 x 31 from 0 to 650]", "3 % true"]),
+        (lambda: hc.check([log()]), ["Checked: 1 logs, 0 errors", "checked.text()"]),
+        (study, ["Study of 2 logs: a.csv, b.csv (held out)", "the table"]),
+        (estimator, ["SampledEstimator of thrust, rudder_torque, every 0.02 s, from u, v, r"]),
         (log, ["Log 'demo': 900 rows from 0 to 899 s", "x, y, psi, thrust"]),
     ],
 )  # fmt: skip

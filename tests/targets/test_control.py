@@ -89,6 +89,32 @@ def test_parameters_given_for_one_call_are_gone_in_the_next():
     assert np.array_equal(system.dynamics(0, X, U, params={}), before)
 
 
+def test_parameters_are_checked_when_they_change_and_not_at_each_call(monkeypatch):
+    system, calls = plant(), []
+    check = type(system.block).parameter_values
+    monkeypatch.setattr(
+        type(system.block), "parameter_values", lambda *a, **k: calls.append(1) or check(*a, **k)
+    )
+    for _ in range(5):
+        system.dynamics(0, X, U)
+        system.output(0, X, U)
+    assert len(calls) == 1
+    key = "plant.yaw_coulomb"
+    for value in (0.5, 0.5, 0.6):
+        given = {key: value}
+        system.dynamics(0, X, U, given)
+        given[key] = 0.7  # what the caller does to its own mapping afterwards is no parameter
+        assert system.dynamics(0, X, U, {key: value})[5] == plant().dynamics(0, X, U, {key: value})[5]
+    system.params[key] = 3.0
+    changed = system.dynamics(0, X, U)
+    assert changed[5] == plant().dynamics(0, X, U, {key: 3.0})[5]
+    with pytest.raises(InputError, match="out of its bounds"):
+        system.dynamics(0, X, U, {key: -1.0})
+    assert np.array_equal(system.dynamics(0, X, U), changed)
+    with pytest.raises(InputError, match="expected a number"):
+        system.dynamics(0, X, U, {key: np.array([0.1, 0.2])})
+
+
 def test_two_craft_of_one_kind_do_not_share_a_value():
     left, right = (prefix(hoverdemon().plant(), n).to_control() for n in ("left", "right"))
     both = ct.interconnect(
@@ -195,3 +221,11 @@ def test_a_reference_alone_is_a_static_system():
 def test_a_linearisation_at_a_point_of_the_wrong_size_is_refused(point):
     with pytest.raises(InputError, match="expected"):
         c17_experiment().plant().linearize(*point)
+
+
+@pytest.mark.parametrize("step", [None, 0.1])
+def test_states_of_another_number_are_refused_in_one_line(step):
+    system = c17_experiment().plant().to_control(step=step)
+    for x, u in ((X[:4], U), (X, [1.0])):
+        with pytest.raises(InputError, match=r"expected 6 states and 2 inputs, found shapes"):
+            system.dynamics(0.0, x, u)
