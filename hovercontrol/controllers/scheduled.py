@@ -49,7 +49,7 @@ def gain_scheduled(
         Two or more, with different values of the scheduling variable; their order does not matter.
     design : callable
         ``design(plant, trim) -> Block``, the controller at one operating point:
-        ``lambda plant, trim: lqr(plant, trim, Q, R, states=["u", "v", "r"])``. All must have the same
+        ``functools.partial(lqr, Q=Q, R=R, states=["u", "v", "r"])``. All must have the same
         signals.
     schedule : str, optional
         The scheduling variable: a state or output of the plant. Where it has a setpoint in the design,
@@ -75,13 +75,14 @@ def gain_scheduled(
 
     Examples
     --------
+    >>> from functools import partial
     >>> from hovercontrol.controllers.state_feedback import lqr
     >>> from hovercontrol.models.vehicles import c17_simulation
     >>> plant = c17_simulation().plant()
     >>> hold = gain_scheduled(
     ...     plant,
     ...     [plant.trim({"u": u, "r": 0.0}) for u in (0.5, 1.0)],
-    ...     lambda plant, trim: lqr(plant, trim, {"psi": 1.0, "v": 1.0}, {"rudder": 1.0}),
+    ...     partial(lqr, Q={"psi": 1.0, "v": 1.0}, R={"rudder": 1.0}),
     ... )
     >>> [key for key in hold.default_parameters if "rudder_v" in key]
     ['controller.K_rudder_v_0', 'controller.K_rudder_v_1']

@@ -241,7 +241,7 @@ def optimal_gains(
         A, B = design.with_integrals(positive(f"{where}: period", period))
     try:
         K, P, _ = (control.dlqr if period else control.lqr)(A, B, Q, R)
-    except (np.linalg.LinAlgError, ValueError, control.ControlException) as error:
+    except (np.linalg.LinAlgError, ValueError) as error:
         raise InputError(f"{where}: the Riccati equation has no stabilising solution: {error}") from None
     F = feedforward(A, B, design.disturbances(period), K, P, R, sampled=period is not None)
     return np.asarray(K, dtype=float), F
