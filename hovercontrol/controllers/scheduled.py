@@ -125,11 +125,10 @@ def _refuse_different(first: Block, other: Block) -> None:
     for kind in ("inputs", "outputs", "states", "parameters"):
         a, b = ([s.name for s in getattr(block, kind)] for block in (first, other))
         if a != b:
-            raise InputError(
-                f"gain_scheduled: the designs have different {kind}: {', '.join(a)} and {', '.join(b)}; "
-                "name the states (states=...); friction is compensated where a state rests "
-                "(compensate_friction=False)"
-            )
+            odd = ", ".join(sorted({*a} ^ {*b})) or "their order"
+            friction = any(name.startswith("F_") for name in {*a} ^ {*b})
+            hint = "compensate_friction=False" if friction else "name the states (states=...)"
+            raise InputError(f"gain_scheduled: the designs differ in {kind}: {odd}; {hint}")
     same = all(
         dict(getattr(first, kind)) == dict(getattr(other, kind))
         for kind in ("derivatives", "definitions", "output_expressions")

@@ -128,6 +128,25 @@ def test_an_output_that_is_no_state_can_be_integrated():
     assert block.default_parameters["controller.K_force_integral_knots"] == pytest.approx(K[0, 1])
 
 
+@pytest.mark.parametrize("period", [None, 0.05])
+def test_the_loop_runs_alike_in_python_in_machine_code_and_in_python_control(period):
+    plant, t = craft(), np.arange(81) * 0.05
+    weights = {"u": 1.0, "integral_u": 4.0}
+    loop = hc.interconnect(
+        [plant, hc.lqi(plant, STRAIGHT, weights, {"thrust": 1.0}, integrate="u", period=period)]
+    )
+    u = {"u_ref": 2.0, "rudder": 0.0}
+    python = hc.simulate(loop, t, u, x0={"plant.u": 1.0}, rtol=1e-9, atol=1e-11)
+    compiled = loop.compile().simulate(t, u, x0={"plant.u": 1.0}, rtol=1e-9, atol=1e-11)
+    x = [1.0 if s.name == "plant.u" else s.start for s in loop.states]
+    system = loop.to_control()
+    given = np.outer([u[name] for name in system.input_labels], np.ones_like(t))
+    keywords = {} if period else {"solve_ivp_kwargs": {"rtol": 1e-9, "atol": 1e-11}}
+    response = control.input_output_response(system, t, given, x, **keywords)
+    assert compiled.outputs == pytest.approx(python.outputs, abs=1e-6)
+    assert response.outputs == pytest.approx(python.outputs, abs=1e-5)
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [

@@ -261,6 +261,17 @@ def test_a_plant_with_a_controller_in_it_is_designed_for_by_its_outputs_names():
     assert [s.name for s in block.inputs] == [s.name for s in alone.inputs]
 
 
+def test_a_craft_turns_steadily_about_a_trim_of_a_turn():
+    plant, t = hc.vehicle("c17_simulation").plant(), np.linspace(0, 15, 151)
+    turn = plant.trim({"u": 1.0, "r": 0.4})
+    block = hc.lqr(plant, turn, {"u": 1.0, "v": 1.0, "r": 4.0}, {"thrust": 1.0, "rudder": 1.0})
+    assert "controller.F_rudder_r" not in block.default_parameters  # the yaw friction is constant on a turn
+    run = hc.interconnect([plant, block]).compile(friction="events").simulate(t, x0={"plant.u": 0.6})
+    end = dict(zip(run.output_labels, run.outputs[:, -1], strict=True))
+    for name in ("u", "v", "r"):
+        assert end[name] == pytest.approx(turn.states[name], abs=1e-4)
+
+
 # ---- what is refused -----------------------------------------------------------------------------
 
 
