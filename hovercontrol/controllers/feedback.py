@@ -15,7 +15,6 @@ from hovercontrol.core.block import Block
 from hovercontrol.core.sgn import sgn
 from hovercontrol.core.signals import Signal
 from hovercontrol.core.units import dimension, unit_text
-from hovercontrol.errors import InputError
 
 Array = NDArray[np.float64]
 
@@ -43,13 +42,7 @@ class Form:
 
     def reads(self, signal: Signal) -> Signal:
         """Return the input that carries a state or output."""
-        name = self.measured.replace("{}", signal.name)
-        if "." in name:
-            raise InputError(
-                f"{self.name}: the plant has no output for the state {signal.name!r}; leave it out "
-                "(states=...) or estimate it (measured='{}_hat')"
-            )
-        return signal.replace(name=name)
+        return signal.replace(name=self.measured.replace("{}", signal.name))
 
 
 @dataclass(frozen=True)
