@@ -241,5 +241,7 @@ def _integrators(
         step = Signal("period", "s", "sampling period", start=form.period)
         parameters.append(step)
         updates = {name: sp.Symbol(name, real=True) + step.symbol * rate for name, rate in updates.items()}
+    known = {s.name for s in part.inputs}
     reads = [applied_signal(s) for _, s in able] if applied and design.integrals else []
+    reads = [s for s in reads if s.name not in known]
     return [m.signal for m in part.integrals], updates, parameters, reads
