@@ -28,6 +28,9 @@ TYPE_CHECKING = False  # as in typing, which takes a while to import
 if TYPE_CHECKING:
     from typing import Any
 
+    from hovercontrol.analysis.common.frequency import bode, nyquist
+    from hovercontrol.analysis.common.margins import margins
+    from hovercontrol.analysis.common.sensitivity import sensitivity
     from hovercontrol.controllers import gain_scheduled, lqi, lqr, pid, place, tracking_controller
     from hovercontrol.controllers.references import circle, ellipse, figure_eight, line, waypoints
     from hovercontrol.core.block import Block
@@ -78,8 +81,12 @@ __all__ = [
     "save_model",
     "load_parameters",
     "save_parameters",
-    # operating points
+    # operating points and loops in the frequency domain
     "Trim",
+    "bode",
+    "nyquist",
+    "margins",
+    "sensitivity",
     # measured logs
     "Log",
     "read_log",
@@ -110,6 +117,9 @@ __all__ = [
 
 #: Where each public name is defined. A module is imported when it is asked for: SymPy takes 0.7 s.
 _PLACES = {
+    "analysis.common.frequency": ("bode", "nyquist"),
+    "analysis.common.margins": ("margins",),
+    "analysis.common.sensitivity": ("sensitivity",),
     "controllers": ("gain_scheduled", "lqi", "lqr", "pid", "place", "tracking_controller"),
     "controllers.references": ("circle", "ellipse", "figure_eight", "line", "waypoints"),
     "core.block": ("Block",),

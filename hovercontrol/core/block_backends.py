@@ -200,7 +200,7 @@ class Backends:
         rates: Mapping[str, float | None] | None = None,
         params: Mapping[str, float] | None = None,
         time: float = 0.0,
-        guess: Mapping[str, float] | None = None,
+        guess: Mapping[str, float] | Trim | None = None,
     ) -> Trim:
         """Return an operating point: a point at which the Block moves steadily or rests.
 
@@ -216,13 +216,14 @@ class Backends:
             Given values in their units.
         rates : mapping of str to float or None, optional
             Given derivatives of states, unit of the state per second; None leaves one free. Of a sampled
-            Block: what a step adds.
+            state: what a step adds.
         params : mapping, optional
             Parameter values by key, over the defaults, in their units.
         time : float, optional
             Of equations that depend on time [s].
-        guess : mapping of str to float, optional
-            Where the search for free states and inputs begins (default: their start values).
+        guess : mapping of str to float, or Trim, optional
+            Where the search for free states and inputs begins, such as a neighbouring trim (default: their
+            start values).
 
         Returns
         -------

@@ -16,14 +16,17 @@ from hovercontrol.core.functions import numpy_functions
 from hovercontrol.errors import InputError
 from hovercontrol.io.tables import finite
 from hovercontrol.notebook.html import card, table
+from hovercontrol.targets.friction_slopes import Point, creeping
 from hovercontrol.targets.trim_conditions import (
     Conditions,
     closest_names,
     ignorable_states,
     names_that_count,
+    rate_name,
     rate_unit,
+    with_rates,
 )
-from hovercontrol.targets.trim_solver import solve, undetermined
+from hovercontrol.targets.trim_solver import bound_at, failure, solve, undetermined
 
 if TYPE_CHECKING:
     import control
@@ -43,7 +46,7 @@ class Trim:
     states, inputs, outputs : mapping of str to float
         Values in their units, in the Block's order.
     rates : mapping of str to float
-        The states' derivatives, unit of the state per second; of a sampled Block what a step adds.
+        The states' derivatives, unit of the state per second; of sampled states what a step adds.
     params : mapping of str to float
         Parameter values that were given, by key, in their units.
     time : float
@@ -51,6 +54,7 @@ class Trim:
     how : mapping of str to str
         How each state and input got its value: "given", "solved", "at its lower bound", "at its upper bound",
         "nearest to its start" (the conditions leave a choice), "at its start" (no condition depends on it).
+        A velocity within the width of its smoothed dry friction is "solved, creeping": it would be at rest.
 
     Examples
     --------
@@ -122,9 +126,10 @@ class Trim:
         return card("Trim", self.block.name, "", table(("name", "value", "unit", ""), self._rows()))
 
     def _rows(self) -> list[tuple[str, float, str, str]]:
-        """Return name, value, unit and how it got it: states and inputs, outputs, then what moves."""
+        """Return name, value, unit and how it got it; the rates that are not zero come last."""
         own = {**self.states, **self.inputs}
         rows = [(name, value, self.block.signal(name).unit, self.how[name]) for name, value in own.items()]
+        rows += [(key, value, self.block.parameter(key).unit, "given") for key, value in self.params.items()]
         for signal in self.block.outputs:
             if signal.name not in own:
                 value = self.outputs[signal.name]
@@ -133,10 +138,9 @@ class Trim:
                 rows.append(
                     (signal.name, value, signal.unit, "output" if within else "output, out of bounds")
                 )
-        step = " per step" if self.block.period else "'"
         for name, rate in self.rates.items():
             if abs(rate) > 1e-6 * self.block.signal(name).nominal:
-                rows.append((f"{name}{step}", rate, rate_unit(self.block, name), "rate"))
+                rows.append((rate_name(self.block, name), rate, rate_unit(self.block, name), "rate"))
         return rows
 
 
@@ -149,7 +153,7 @@ def trim(
     rates: Mapping[str, float | None] | None = None,
     params: Values | None = None,
     time: float = 0.0,
-    guess: Values | None = None,
+    guess: Values | Trim | None = None,
 ) -> Trim:
     """Return an operating point of a Block; arguments and errors as of :meth:`hovercontrol.Block.trim`.
 
@@ -161,14 +165,8 @@ def trim(
     >>> {name: round(value, 4) for name, value in circle.inputs.items()}
     {'thrust': 2.1574, 'rudder': -0.0808}
     """
-    if block.ticks:
-        raise InputError(
-            block.where(
-                "it has parts that tick: trim its continuous part, or the loop with the controller in "
-                "continuous time"
-            )
-        )
-    plain = undelayed(block)
+    plain = with_rates(undelayed(block))
+    guess = {**guess.states, **guess.inputs} if isinstance(guess, Trim) else guess
     groups = {
         "state": [s.name for s in block.states],
         "input": [s.name for s in block.inputs],
@@ -188,11 +186,11 @@ def trim(
         return [k for k, s in signals if s.name in counts - set(given[kind]) and not _fixed(s)]
 
     unknowns = free("state"), free("input")
-    conditions = Conditions(plain, x, u, *unknowns, of_rates, of_outputs, params, finite("time", time))
+    conditions = Conditions(block, plain, x, u, *unknowns, of_rates, of_outputs, params, finite("time", time))
     block.parameter_values(params)
     z, holds = solve(conditions)
     if not holds:
-        raise InputError(block.where(_failure(conditions, z)))
+        raise InputError(block.where(failure(conditions, z)))
     return _result(block, conditions, z, given)
 
 
@@ -250,43 +248,23 @@ def _wanted_rates(
     return {k: float(rate) for k, rate in enumerate(wanted.values()) if rate is not None}
 
 
-def _bound(conditions: Conditions, k: int, value: float) -> str:
-    """Return the bound at which an unknown is, or nothing; value in nominal sizes."""
-    lower, upper = (b[k] for b in conditions.bounds)
-    if abs(value - lower) < 1e-6:
-        return "lower"
-    return "upper" if abs(value - upper) < 1e-6 else ""
-
-
-def _failure(conditions: Conditions, z: Array) -> str:
-    """Return what the nearest miss lacks, the worst first, and which bounds it meets."""
-    found, missing = conditions.found(z), np.abs(conditions.missing(z))
-    worst = [int(k) for k in np.argsort(-missing) if not missing[k] <= 1e-6][:4]
-    lines = [conditions.each[k].line(float(found[k])) for k in worst]
-    bounds = []
-    for k, signal in enumerate(conditions.unknowns):
-        side = _bound(conditions, k, float(z[k]))
-        if side:
-            unit = "" if signal.unit == "1" else f" {signal.unit}"
-            bounds.append(f"{signal.name} is at its {side} bound {getattr(signal, side):g}{unit}")
-    names = ", ".join(s.name for s in conditions.unknowns[:8]) or "nothing"
-    return "; ".join([f"no trim found, nearest with {names} free: {'; '.join(lines)}", *bounds])
-
-
 def _result(block: Block, conditions: Conditions, z: Array, given: Mapping[str, Values]) -> Trim:
     x, u = conditions.point(z)
-    f, t, params = numpy_functions(conditions.block), conditions.time, conditions.params
-    rates = f.derivatives(t, x, u, params) - (x if block.period else 0.0)
+    plain, t, params = conditions.rates_block, conditions.time, conditions.params
+    f = numpy_functions(plain)
     choice = {conditions.unknowns[k].name for k in undetermined(conditions, z)}
     asked = np.abs(conditions.jacobian(z)).max(axis=0, initial=0.0) > 0
     how = dict.fromkeys((s.name for s in (*block.states, *block.inputs)), "at its start")
     how |= dict.fromkeys([*given["state"], *given["input"]], "given")
     for k, signal in enumerate(conditions.unknowns):
-        side = _bound(conditions, k, float(z[k]))
+        side = bound_at(conditions, k, float(z[k]))
         if side:
             how[signal.name] = f"at its {side} bound"
         elif asked[k]:
             how[signal.name] = "nearest to its start" if signal.name in choice else "solved"
+    for name in creeping(plain, Point(t, x, u, params or {})):
+        if how.get(name) == "solved":
+            how[name] = "solved, creeping: dry friction would hold it"
 
     def named(signals: Any, values: Array) -> dict[str, float]:
         return {s.name: float(v) for s, v in zip(signals, values, strict=True)}
@@ -296,7 +274,7 @@ def _result(block: Block, conditions: Conditions, z: Array, given: Mapping[str, 
         named(block.states, x),
         named(block.inputs, u),
         named(block.outputs, f.outputs(t, x, u, params)),
-        named(block.states, rates),
+        named(block.states, f.derivatives(t, x, u, params)),
         dict(params or {}),
         t,
         how,

@@ -4,7 +4,7 @@ With x, u the states and inputs, f the rates and g the outputs of the Block, a t
 
     f_i(t, x, u) = given rate (0 unless given),    g_j(t, x, u) = given output,
 
-x and u within the bounds of their signals. Of a sampled Block the rate is what a step adds, next x - x.
+x and u within the bounds of their signals. Of a sampled state the rate is what a step adds, next x - x.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from hovercontrol.core.block import Block
 from hovercontrol.core.derivatives import partial_derivatives
+from hovercontrol.core.expressions import Expressions
 from hovercontrol.core.functions import numpy_functions
 from hovercontrol.core.signals import Signal
 from hovercontrol.core.units import dimension
@@ -28,8 +29,40 @@ Array = NDArray[np.float64]
 _VELOCITIES = (dimension("m/s"), dimension("rad/s"), dimension("1/s"))
 
 
+def with_rates(block: Block) -> Block:
+    """Return a Block with what a step adds, next x - x, as the derivative of each sampled state.
+
+    Examples
+    --------
+    >>> from hovercontrol import Signal
+    >>> v, a = Signal("v", "m/s"), Signal("a", "m/s")
+    >>> step = Block("step", [v], [a], derivatives={"v": 0.8 * v.symbol + a.symbol}, period=0.1)
+    >>> print(with_rates(step).equations())
+    v' = a - 0.2*v
+    """
+    after = _next_values(block)
+    if not after:
+        return block
+    rates = {
+        name: after[name] - sp.Symbol(name, real=True) if name in after else e
+        for name, e in block.derivatives.items()
+    }
+    return block.unchecked(derivatives=Expressions(rates), ticks=(), period=0.0)
+
+
+def _next_values(block: Block) -> Mapping[str, sp.Expr]:
+    if block.period:
+        return block.derivatives
+    return {name: e for tick in block.ticks for name, e in tick.updates.items()}
+
+
+def rate_name(block: Block, state: str) -> str:
+    """Return what lines call a state's rate: ``u'``, or ``mode per step`` where it is sampled."""
+    return f"{state} per step" if state in _next_values(block) else f"{state}'"
+
+
 def rate_unit(block: Block, state: str) -> str:
-    """Return the unit of a state's rate; of a sampled Block that of the state.
+    """Return the unit of a state's rate; of a sampled one that of the state.
 
     Examples
     --------
@@ -39,7 +72,7 @@ def rate_unit(block: Block, state: str) -> str:
     ('m/s', 'm/s^2')
     """
     unit = block.signal(state).unit
-    if block.period:
+    if state in _next_values(block):
         return unit
     base, slash, power = unit.rpartition("/s")
     if slash and (not power or (power.startswith("^") and power[1:].isdigit())):
@@ -57,6 +90,7 @@ def ignorable_states(block: Block, asked: Collection[str] = ()) -> tuple[str, ..
     Parameters
     ----------
     block : Block
+        As of :func:`with_rates`.
     asked : collection of str, optional
         States whose rates are given. They are steady only if the states that they depend on rest: a craft
         that is to go north keeps its heading.
@@ -71,14 +105,8 @@ def ignorable_states(block: Block, asked: Collection[str] = ()) -> tuple[str, ..
     """
     names = [s.name for s in block.states]
     inputs = [s.name for s in block.inputs]
-    by_state = partial_derivatives(block, "derivatives", names)
+    depends = set(partial_derivatives(block, "derivatives", names))
     by_input = {i for i, _ in partial_derivatives(block, "derivatives", inputs)}
-    rests = {(i, i) for i in range(len(names))} if block.period else set()
-    depends = {
-        (i, j)
-        for (i, j), entry in by_state.items()
-        if (i, j) not in rests or block.expand(entry) != 1  # next x = x + ... does not depend on x
-    }
     ignorable: set[int] = set()
     while True:
         more = {
@@ -108,8 +136,6 @@ def names_that_count(block: Block, rates: Collection[int], outputs: Collection[i
 
 def _periodic(block: Block, state: str, angle: Signal) -> bool:
     e = block.expand(block.derivatives[state])
-    if block.period:
-        e = e - sp.Symbol(state, real=True)
     return bool(e.xreplace({angle.symbol: angle.symbol + 2 * sp.pi}) == e)
 
 
@@ -125,12 +151,15 @@ class Condition:
     wanted : float
     nominal : float
         Size by which what is missing is divided.
+    state : str, optional
+        Of a rate.
     """
 
     name: str
     unit: str
     wanted: float
     nominal: float
+    state: str = ""
 
     def line(self, found: float) -> str:
         """Return how a point falls short: ``u' = -0.35 m/s^2, wanted 0``."""
@@ -145,7 +174,8 @@ class Conditions:
     Parameters
     ----------
     block : Block
-        Without delays.
+    rates_block : Block
+        The same without delays, as of :func:`with_rates`.
     x, u : ndarray, shapes (n_states,) and (n_inputs,)
         Given values, and where the search for the others begins.
     free_states, free_inputs : sequence of int
@@ -158,6 +188,7 @@ class Conditions:
     """
 
     block: Block
+    rates_block: Block
     x: Array
     u: Array
     free_states: Sequence[int]
@@ -174,10 +205,11 @@ class Conditions:
         unknowns = (*(states[k] for k in self.free_states), *(inputs[k] for k in self.free_inputs))
         of_rates = (
             Condition(
-                f"{states[k].name} per step" if self.block.period else f"{states[k].name}'",
+                rate_name(self.block, states[k].name),
                 rate_unit(self.block, states[k].name),
                 wanted,
                 states[k].nominal,
+                states[k].name,
             )
             for k, wanted in self.rates.items()
         )
@@ -215,9 +247,9 @@ class Conditions:
     def found(self, z: Array) -> Array:
         """Return rates and outputs, in the order of the conditions, in their units."""
         x, u = self.point(z)
-        f = numpy_functions(self.block)
+        f = numpy_functions(self.rates_block)
         with np.errstate(all="ignore"):
-            rates = f.derivatives(self.time, x, u, self.params) - (x if self.block.period else 0.0)
+            rates = f.derivatives(self.time, x, u, self.params)
             outputs = f.outputs(self.time, x, u, self.params) if self.outputs else np.zeros(0)
         return np.concatenate([rates[list(self.rates)], outputs[list(self.outputs)]])
 
@@ -229,19 +261,18 @@ class Conditions:
     def jacobian(self, z: Array) -> Array:
         """Return the exact derivative of :meth:`missing`, shape (n_conditions, n_unknowns)."""
         x, u = self.point(z)
-        f = numpy_functions(self.block)
+        f = numpy_functions(self.rates_block)
 
         def of(rows: str, columns: str) -> Array:
             with np.errstate(all="ignore"):
                 return f.jacobian(self.time, x, u, self.params, rows, columns)  # type: ignore[arg-type]
 
-        def of_unknowns(rows: str, wanted: Sequence[int], less: Array | float = 0.0) -> Array:
-            parts = [(of(rows, "states") - less)[:, list(self.free_states)]]
+        def of_unknowns(rows: str, wanted: Sequence[int]) -> Array:
+            parts = [of(rows, "states")[:, list(self.free_states)]]
             parts += [of(rows, "inputs")[:, list(self.free_inputs)]]
             return np.hstack(parts)[list(wanted)]
 
-        stays = np.eye(len(x)) if self.block.period else 0.0
-        whole = of_unknowns("derivatives", list(self.rates), stays)
+        whole = of_unknowns("derivatives", list(self.rates))
         if self.outputs:
             whole = np.vstack([whole, of_unknowns("outputs", list(self.outputs))])
         return whole * self.sizes / np.array([c.nominal for c in self.each])[:, None]

@@ -62,6 +62,42 @@ def test_it_agrees_with_control_find_operating_point(craft):
     np.testing.assert_allclose(own.u, found.inputs, atol=1e-7)
 
 
+def test_a_craft_at_its_trim_draws_the_circle(craft):
+    u, r = 0.8, -0.4
+    circle = craft.trim({"u": u, "r": r})
+    run = craft.compile().simulate(np.linspace(0, 20, 201), dict(circle.inputs), x0=circle.x)
+    x, y, _, *velocities = np.asarray(run.states)
+    np.testing.assert_allclose(velocities, np.outer(circle.x[3:], np.ones(201)), atol=1e-6)
+    speed = np.hypot(u, circle.states["v"])
+    centre = np.array([-circle.states["v"], u]) / r  # psi = 0: (0, 0) + R [-v, u]/r
+    np.testing.assert_allclose(np.hypot(x - centre[0], y - centre[1]), speed / abs(r), atol=1e-5)
+
+
+def test_a_thrust_below_dry_friction_creeps_and_says_so(craft):
+    slow = craft.trim({"v": 0.0, "r": 0.0}, {"thrust": 1.0, "rudder": 0.0})
+    level = C17["thrust"] / C17["surge_coulomb"]  # tanh(u/w) = c7 T/c1
+    assert slow.states["u"] == pytest.approx(0.01 * np.arctanh(level))
+    assert slow.how["u"] == "solved, creeping: dry friction would hold it"
+
+
+def test_a_turn_in_the_wind_is_not_steady_and_the_line_says_what_to_leave_free():
+    windy = hc.vehicle("c17_simulation").with_effects([hc.effect("wind", x=0.5)]).plant()
+    with pytest.raises(
+        hc.InputError, match=r"psi' = 0.5 rad/s, wanted 0; rates=\{'psi': None\} leaves that free"
+    ):
+        windy.trim({"u": 1.0, "r": 0.5})
+    assert windy.trim({"u": 1.0, "r": 0.5}, rates={"psi": None}).rates["psi"] == pytest.approx(0.5)
+
+
+def test_k06s_craft_cannot_circle_under_way_without_side_force():
+    # r' = -d F_Y/J = 0 asks for F_Y = 0, and then v' = -r u is not 0
+    craft = hc.vehicle("hoverdemon").plant()
+    assert craft.trim({"u": 1.1}).inputs == pytest.approx({"thrust": 0.0, "rudder": 0.0})
+    assert craft.trim({"u": 0.0, "r": 3.0}).inputs["thrust"] == pytest.approx(0.0, abs=1e-8)
+    with pytest.raises(hc.InputError, match="no trim found, nearest with v, thrust, rudder free"):
+        craft.trim({"u": 1.1, "r": 0.5})
+
+
 def test_given_inputs_leave_the_states_free(cart):
     assert cart.trim(inputs={"F": 3.0}).states["v"] == pytest.approx(1.5)
     assert cart.trim(inputs={"F": 3.0}, params={"cart.k": 6.0}).states["v"] == pytest.approx(0.5)
@@ -137,6 +173,13 @@ def test_what_is_left_to_choose_is_nearest_to_the_guess_and_told():
     assert other.inputs["rear_right"] == pytest.approx((0.5 + d) / 2)
 
 
+def test_a_trim_is_a_guess_for_the_next(craft):
+    astern = craft.trim({"u": -1.0}, guess={"thrust": -1.5})
+    faster = craft.trim({"u": -1.2}, guess=astern)
+    assert faster.inputs["thrust"] == pytest.approx(-C17["surge_coulomb"] / C17["thrust"])
+    assert faster.inputs["rudder"] == pytest.approx(0.0, abs=1e-8)
+
+
 def test_a_sampled_block_has_a_fixed_point():
     v, a = hc.Signal("v", "m/s"), hc.Signal("a", "m/s")
     step = hc.Block("step", [v], [a], [v], derivatives={"v": 0.8 * v.symbol + a.symbol}, period=0.1)
@@ -201,9 +244,30 @@ def test_it_is_an_operating_point_of_python_control(craft):
     np.testing.assert_allclose(own.A, craft.linearize(circle.x, circle.u).A)
 
 
-def test_a_hybrid_block_is_refused(craft):
-    psi = hc.Signal("psi", "rad")
-    slow = hc.Block("pilot", [], [psi], craft.inputs, [], period=0.2,
-                    output_expressions={"thrust": 1.0 + 0 * psi.symbol, "rudder": psi.symbol})  # fmt: skip
-    with pytest.raises(hc.InputError, match="parts that tick"):
-        interconnect([craft, slow], "loop").trim()
+def test_a_controller_that_ticks_rests_with_the_craft(craft):
+    psi, r = hc.Signal("psi", "rad"), hc.Signal("r", "rad/s")
+    goal, gain = hc.Signal("goal", "rad", start=1.0), hc.Signal("gain", "1", start=0.6)
+    integral = hc.Signal("integral", "rad")
+    law = {
+        "thrust": 1.8 + 0 * gain.symbol,
+        "rudder": gain.symbol * (psi.symbol - goal.symbol) + integral.symbol,
+    }
+    adds = {"integral": integral.symbol + 0.1 * (psi.symbol - goal.symbol)}
+    slow = hc.Block("pilot", [integral], [psi, r], craft.inputs, [gain, goal], adds, law, period=0.2)
+    loop = interconnect([craft, slow], "loop")
+    steady = loop.trim(states={"plant.u": 1.0})
+    assert steady.states["plant.psi"] == pytest.approx(1.0)
+    assert steady.states["pilot.held_thrust"] == pytest.approx(1.8)
+    after = hc.simulate(loop, [0.0, 0.2, 0.6], x0=steady.x)
+    np.testing.assert_allclose(after.states[2:, -1], steady.x[2:], atol=1e-9)
+    with pytest.raises(hc.InputError, match=r"pilot.held_thrust per step = 0.8, wanted 0"):
+        loop.trim(states={"plant.u": 1.0, "pilot.held_thrust": 1.0})
+
+
+def test_a_plant_of_ones_own_is_trimmed_like_a_craft(cart):
+    own = hc.BlockModel(cart).plant()
+    assert own.trim({"v": 1.0}).inputs["F"] == pytest.approx(2.0)
+
+
+def test_the_parameters_given_are_in_the_table(cart):
+    assert "  cart.k  4  kg/s  given" in str(cart.trim({"v": 1.0}, params={"cart.k": 4.0}))

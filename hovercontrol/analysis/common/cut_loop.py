@@ -76,10 +76,10 @@ def _cut_whole(loop: Block, cut: Sequence[str]) -> Block:
     known = {s.name: s for s in loop.definition_signals}
     for name in cut:
         if name not in known:
-            ports = {s.name for s in (*loop.states, *loop.outputs)}
+            shown = {s.name: s.symbol for s in loop.states} | dict(loop.output_expressions)
             hint = (
-                ": it is a state; give the Blocks of the loop as a list to cut it there"
-                if name in ports
+                f": it is the signal {shown[name]} under this name; give the Blocks of the loop as a list"
+                if name in shown
                 else did_you_mean(name, known)
             )
             raise InputError(loop.where(f"no signal {name!r} that can be cut{hint}"))
