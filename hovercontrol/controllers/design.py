@@ -7,12 +7,13 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-import sympy as sp
 from numpy.typing import NDArray
 from scipy.signal import cont2discrete
 
 from hovercontrol.controllers import operating_point
 from hovercontrol.controllers.friction_feedforward import Friction, frictions_at_rest
+from hovercontrol.controllers.reduction import closure, eliminated
+from hovercontrol.controllers.state_names import StateNames, is_angle
 from hovercontrol.core.block import Block
 from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError, did_you_mean
@@ -25,9 +26,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-#: Largest rate of a state that counts as zero [its unit/s], and smallest entry of A, relative to the largest,
-#: that counts as a dependence: trims are solved to about 1e-9.
-STEADY, DEPENDS = 1e-5, 1e-12
+#: Largest rate of a state that counts as zero [its unit/s]: trims are solved to about 1e-9.
+STEADY = 1e-5
 
 
 @dataclass(frozen=True)
@@ -125,6 +125,7 @@ def design_of(
     weighted: Iterable[str] | None = None,
     integrate: Sequence[str] = (),
     compensate: bool = False,
+    estimated: bool = False,
 ) -> Design:
     """Return the linear model of chosen states and inputs.
 
@@ -139,7 +140,8 @@ def design_of(
         As for :meth:`hovercontrol.Block.linearize`.
     states : sequence of str, optional
         Which states are fed back. Default: those of `weighted` and all on which these depend; without
-        `weighted` all that do not move at the operating point.
+        `weighted` all that do not move at the operating point. Of these only such as an output shows; others,
+        lags of actuators, follow their inputs at once.
     inputs : iterable of str, optional
         Which inputs are commanded (default: all).
     weighted : iterable of str, optional
@@ -148,6 +150,8 @@ def design_of(
         States or outputs whose error is integrated.
     compensate : bool, optional
         Whether dry friction of states at rest is part of the design.
+    estimated : bool, optional
+        Whether an estimator shows every state.
 
     Raises
     ------
@@ -156,19 +160,27 @@ def design_of(
     """
     point = operating_point.point_of(plant, trim)
     A, B, C, D = operating_point.linear_model(plant, point, friction, amplitude)
-    names = _Names(where, plant)
+    names = StateNames(where, plant)
     rates = operating_point.rates(plant, point)
     columns = _columns(where, plant, inputs)
     rows, integrals = _integrals(where, plant, names, point, integrate, C, D[:, columns])
+    hidden = set() if estimated else set(range(len(A))) - names.shown()
     if states is not None:
         kept = [names.index(s) for s in states]
     elif weighted is None:
-        kept = [k for k in range(len(A)) if abs(rates[k]) <= STEADY]
+        kept = [k for k in range(len(A)) if abs(rates[k]) <= STEADY and k not in hidden]
     else:
         needed = {k for row in rows for k in np.flatnonzero(row).tolist()}
-        kept = _closure(A, {names.index(s) for s in weighted} | needed)
+        named = {names.index(s) for s in weighted} | needed
+        kept = [k for k in closure(A, named) if k in named or k not in hidden]
     if not kept:
         raise InputError(f"{where}: expected one or more states to feed back, found none")
+    for k in kept:
+        if k in hidden:
+            raise InputError(
+                f"{where}: no output of block {plant.name!r} shows the state {plant.states[k].name!r}; leave "
+                "it out or estimate it (measured='{}_hat')"
+            )
     chosen = tuple(
         Measured(names.signal(k).replace(start=point.x[k]), is_angle(plant, plant.states[k])) for k in kept
     )
@@ -182,53 +194,12 @@ def design_of(
                 f"{where}: {s.name} moves by {rates[k]:.3g} {s.unit} per second at the operating"
                 " point and has no constant setpoint; leave it out of the states and weights"
             )
-    part = np.ix_(kept, kept)
+    A, B = eliminated(where, A, B[:, columns], kept, hidden, [s.name for s in plant.states])
     C_kept = np.array([row[kept] for row in rows]).reshape(len(rows), len(kept))
     frictions = tuple(
         replace(f, state=kept.index(f.state)) for f in frictions_at_rest(plant, point, kept) if compensate
     )
-    return Design(chosen, commanded, A[part], B[np.ix_(kept, columns)], integrals, C_kept, frictions)
-
-
-class _Names:
-    """Which state a name means: a state's own name, or that of an output that is the state."""
-
-    def __init__(self, where: str, plant: Block) -> None:
-        self._where, self._plant = where, plant
-        self._states = [s.name for s in plant.states]
-        symbols = {s.symbol: k for k, s in enumerate(plant.states)}
-        self._aliases = {
-            o.name: symbols[e] for o in plant.outputs if (e := plant.output_expressions[o.name]) in symbols
-        }
-
-    def index(self, name: str) -> int:
-        if name in self._states:
-            return self._states.index(name)
-        if name in self._aliases:
-            return self._aliases[name]
-        hint = did_you_mean(name, [*self._aliases, *self._states])
-        raise InputError(f"{self._where}: block {self._plant.name!r} has no state {name!r}{hint}")
-
-    def find(self, name: str) -> int | None:
-        return self.index(name) if name in self._states or name in self._aliases else None
-
-    def signal(self, k: int) -> Signal:
-        """Return the k-th state under the name by which an output shows it."""
-        state = self._plant.states[k]
-        shown = [name for name, index in self._aliases.items() if index == k]
-        if state.name in shown or not shown:
-            return state
-        return state.replace(name=shown[0])
-
-
-def _closure(A: Array, kept: set[int]) -> list[int]:
-    """Return the states of a set and all on which their derivatives depend, in order."""
-    depends = np.abs(A) > DEPENDS * max(np.abs(A).max(), 1.0)
-    while True:
-        more = kept | {int(j) for k in kept for j in np.flatnonzero(depends[k])}
-        if more == kept:
-            return sorted(kept)
-        kept = more
+    return Design(chosen, commanded, A, B, integrals, C_kept, frictions)
 
 
 def _columns(where: str, plant: Block, inputs: Iterable[str] | None) -> list[int]:
@@ -245,7 +216,7 @@ def _columns(where: str, plant: Block, inputs: Iterable[str] | None) -> list[int
 
 
 def _integrals(
-    where: str, plant: Block, names: _Names, point: Point, integrate: Sequence[str], C: Array, D: Array
+    where: str, plant: Block, names: StateNames, point: Point, integrate: Sequence[str], C: Array, D: Array
 ) -> tuple[list[Array], tuple[Measured, ...]]:
     """Return each integrated quantity as a row over all states, and its signal."""
     rows, found = [], []
@@ -282,23 +253,6 @@ def _inside(where: str, signal: Signal, value: float) -> float:
         return signal.check(value)
     except InputError as error:
         raise InputError(f"{where}: the operating point is out of reach: {error}") from None
-
-
-def is_angle(plant: Block, state: Signal) -> bool:
-    """Return whether 2 pi more of a state is the same to the plant: an angle of its equations of motion.
-
-    Examples
-    --------
-    >>> from hovercontrol.models.vehicles import c17_simulation
-    >>> plant = c17_simulation().plant()
-    >>> [s.name for s in plant.states if is_angle(plant, s)]
-    ['psi']
-    """
-    if state.unit != "rad":
-        return False
-    turn = {state.symbol: state.symbol + 2 * sp.pi}
-    expanded = (plant.expand(e) for e in plant.derivatives.values())
-    return all(e.xreplace(turn) == e for e in expanded)
 
 
 def by_name(given: object) -> list[str] | None:

@@ -15,7 +15,6 @@ from hovercontrol.core.block import Block
 from hovercontrol.core.sgn import sgn
 from hovercontrol.core.signals import Signal
 from hovercontrol.core.units import dimension, unit_text
-from hovercontrol.errors import InputError
 
 Array = NDArray[np.float64]
 
@@ -43,13 +42,7 @@ class Form:
 
     def reads(self, signal: Signal) -> Signal:
         """Return the input that carries a state or output."""
-        name = self.measured.replace("{}", signal.name)
-        if "." in name:
-            raise InputError(
-                f"{self.name}: the plant has no output for the state {signal.name!r}; leave it out "
-                "(states=...) or estimate it (measured='{}_hat')"
-            )
-        return signal.replace(name=name)
+        return signal.replace(name=self.measured.replace("{}", signal.name))
 
 
 @dataclass(frozen=True)
@@ -248,5 +241,7 @@ def _integrators(
         step = Signal("period", "s", "sampling period", start=form.period)
         parameters.append(step)
         updates = {name: sp.Symbol(name, real=True) + step.symbol * rate for name, rate in updates.items()}
+    known = {s.name for s in part.inputs}
     reads = [applied_signal(s) for _, s in able] if applied and design.integrals else []
+    reads = [s for s in reads if s.name not in known]
     return [m.signal for m in part.integrals], updates, parameters, reads

@@ -128,6 +128,7 @@ def lqi(
         weighted=weighted,
         integrate=integrate,
         compensate=friction == "none" if compensate_friction is None else compensate_friction,
+        estimated=measured != "{}",
     )
     if len(integrate) > len(design.inputs):
         raise InputError(

@@ -49,7 +49,7 @@ def gain_scheduled(
         Two or more, with different values of the scheduling variable; their order does not matter.
     design : callable
         ``design(plant, trim) -> Block``, the controller at one operating point:
-        ``lambda plant, trim: lqr(plant, trim, Q, R, states=["u", "v", "r"])``. All must have the same
+        ``functools.partial(lqr, Q=Q, R=R, states=["u", "v", "r"])``. All must have the same
         signals.
     schedule : str, optional
         The scheduling variable: a state or output of the plant. Where it has a setpoint in the design,
@@ -75,13 +75,14 @@ def gain_scheduled(
 
     Examples
     --------
+    >>> from functools import partial
     >>> from hovercontrol.controllers.state_feedback import lqr
     >>> from hovercontrol.models.vehicles import c17_simulation
     >>> plant = c17_simulation().plant()
     >>> hold = gain_scheduled(
     ...     plant,
     ...     [plant.trim({"u": u, "r": 0.0}) for u in (0.5, 1.0)],
-    ...     lambda plant, trim: lqr(plant, trim, {"psi": 1.0, "v": 1.0}, {"rudder": 1.0}),
+    ...     partial(lqr, Q={"psi": 1.0, "v": 1.0}, R={"rudder": 1.0}),
     ... )
     >>> [key for key in hold.default_parameters if "rudder_v" in key]
     ['controller.K_rudder_v_0', 'controller.K_rudder_v_1']
@@ -124,11 +125,10 @@ def _refuse_different(first: Block, other: Block) -> None:
     for kind in ("inputs", "outputs", "states", "parameters"):
         a, b = ([s.name for s in getattr(block, kind)] for block in (first, other))
         if a != b:
-            raise InputError(
-                f"gain_scheduled: the designs have different {kind}: {', '.join(a)} and {', '.join(b)}; "
-                "name the states (states=...); friction is compensated where a state rests "
-                "(compensate_friction=False)"
-            )
+            odd = ", ".join(sorted({*a} ^ {*b})) or "their order"
+            friction = any(name.startswith("F_") for name in {*a} ^ {*b})
+            hint = "compensate_friction=False" if friction else "name the states (states=...)"
+            raise InputError(f"gain_scheduled: the designs differ in {kind}: {odd}; {hint}")
     same = all(
         dict(getattr(first, kind)) == dict(getattr(other, kind))
         for kind in ("derivatives", "definitions", "output_expressions")

@@ -71,7 +71,8 @@ def lqr(
     states : sequence of str, optional
         The states that are fed back. Default with weights by name: those with a weight and all on which
         these depend, so that ``{"y": 1, "psi": 1}`` holds a line and leaves x free. Default otherwise: all
-        that do not move at the operating point.
+        that do not move at the operating point. Of these only such as an output shows; others (lags of
+        actuators) are taken to follow their inputs at once.
     period : float, optional
         Of a sampled controller [s]: designed on the exact discretisation with held inputs.
     friction : {"none", "smooth", "describing"}, optional
@@ -133,6 +134,7 @@ def lqr(
         inputs=by_name(R),
         weighted=by_name(Q),
         compensate=friction == "none" if compensate_friction is None else compensate_friction,
+        estimated=measured != "{}",
     )
     q = weight_matrix("lqr: Q", named(design, Q, plant), design.names, definite=False)
     r = weight_matrix("lqr: R", R, design.input_names, definite=True)
@@ -198,7 +200,14 @@ def place(
     {'controller.a_trim': 0.0, 'controller.K_a_y': 2.0, 'controller.K_a_v': 2.0}
     """
     design = design_of(
-        "place", plant, trim, friction=friction, amplitude=amplitude, states=states, inputs=inputs
+        "place",
+        plant,
+        trim,
+        friction=friction,
+        amplitude=amplitude,
+        states=states,
+        inputs=inputs,
+        estimated=measured != "{}",
     )
     wanted = np.atleast_1d(np.asarray(poles, dtype=complex))
     n = len(design.states)
@@ -241,7 +250,7 @@ def optimal_gains(
         A, B = design.with_integrals(positive(f"{where}: period", period))
     try:
         K, P, _ = (control.dlqr if period else control.lqr)(A, B, Q, R)
-    except (np.linalg.LinAlgError, ValueError, control.ControlException) as error:
+    except (np.linalg.LinAlgError, ValueError) as error:
         raise InputError(f"{where}: the Riccati equation has no stabilising solution: {error}") from None
     F = feedforward(A, B, design.disturbances(period), K, P, R, sampled=period is not None)
     return np.asarray(K, dtype=float), F

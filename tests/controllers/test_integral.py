@@ -128,6 +128,25 @@ def test_an_output_that_is_no_state_can_be_integrated():
     assert block.default_parameters["controller.K_force_integral_knots"] == pytest.approx(K[0, 1])
 
 
+@pytest.mark.parametrize("period", [None, 0.05])
+def test_the_loop_runs_alike_in_python_in_machine_code_and_in_python_control(period):
+    plant, t = craft(), np.arange(81) * 0.05
+    weights = {"u": 1.0, "integral_u": 4.0}
+    loop = hc.interconnect(
+        [plant, hc.lqi(plant, STRAIGHT, weights, {"thrust": 1.0}, integrate="u", period=period)]
+    )
+    u = {"u_ref": 2.0, "rudder": 0.0}
+    python = hc.simulate(loop, t, u, x0={"plant.u": 1.0}, rtol=1e-9, atol=1e-11)
+    compiled = loop.compile().simulate(t, u, x0={"plant.u": 1.0}, rtol=1e-9, atol=1e-11)
+    x = [1.0 if s.name == "plant.u" else s.start for s in loop.states]
+    system = loop.to_control()
+    given = np.outer([u[name] for name in system.input_labels], np.ones_like(t))
+    keywords = {} if period else {"solve_ivp_kwargs": {"rtol": 1e-9, "atol": 1e-11}}
+    response = control.input_output_response(system, t, given, x, **keywords)
+    assert compiled.outputs == pytest.approx(python.outputs, abs=1e-6)
+    assert response.outputs == pytest.approx(python.outputs, abs=1e-5)
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [
@@ -144,3 +163,29 @@ def test_wrong_input_is_refused_in_one_line(change, words):
     with pytest.raises(InputError) as caught:
         hc.lqi(craft(), STRAIGHT, **given)
     assert words in str(caught.value)
+
+
+def test_a_lag_that_an_output_shows_as_the_applied_command_is_fed_back_under_that_name():
+    u, lag = hc.Signal("u", "m/s"), hc.Signal("lag", "m/s^2")
+    force, applied = hc.Signal("force", "m/s^2", lower=-1.0, upper=1.0), hc.Signal("force_applied", "m/s^2")
+    T = hc.Signal("T", "s", start=0.2)
+    plant = hc.Block(
+        "cart",
+        [u, lag],
+        [force],
+        [u, applied],
+        [T],
+        {"u": lag.symbol, "lag": (force.symbol - lag.symbol) / T.symbol},
+        {"force_applied": lag.symbol},
+    )
+    weights = {"u": 1.0, "integral_u": 1.0}
+    block = hc.lqi(plant, plant.trim({"u": 0.0}), weights, {"force": 1.0}, integrate="u", applied=True)
+    assert [s.name for s in block.inputs] == ["u", "force_applied", "u_ref", "force_applied_ref"]
+    A, B = np.array([[0, 1.0], [0, -5.0]]), np.array([[0], [5.0]])
+    K = control.lqr(A, B, np.diag([1.0, 0, 1.0]), [[1.0]], integral_action=np.array([[1.0, 0]]))[0]
+    names = ("u", "force_applied", "integral_u")
+    assert [block.default_parameters[f"controller.K_force_{s}"] for s in names] == pytest.approx(K[0])
+    run = hc.simulate(hc.interconnect([plant, block]), np.linspace(0, 30, 301), {"u_ref": 3.0})
+    speed = run.outputs[run.output_labels.index("u")]
+    assert speed[-1] == pytest.approx(3.0, abs=1e-3)
+    assert speed.max() < 3.6

@@ -154,3 +154,17 @@ def test_wrong_input_is_refused_in_one_line(change, words):
     with pytest.raises(InputError) as caught:
         hc.pid(Y, U, **({"kp": 1.0, "kd": 1.0} | change))
     assert words in str(caught.value)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("period", [None, 0.02])
+def test_the_controller_works_as_an_fmu(tmp_path, period):
+    fmpy = pytest.importorskip("fmpy")
+    loop = craft_on_course(kp=-1.0, kd=-0.8, derivative_filter=0.05, period=period)
+    loop = loop.with_values({"plant.u": 1.0, "psi_ref": 0.5, "u_ref": 1.0})
+    expected = loop.compile().simulate(np.arange(101) * 0.02)
+    path = loop.to_fmu(tmp_path / "loop.fmu")
+    found = fmpy.simulate_fmu(str(path), stop_time=2.0, output_interval=0.02, output=["psi"])
+    psi = expected.outputs[expected.output_labels.index("psi")]
+    assert psi[-1] > 0.2
+    assert found["psi"] == pytest.approx(psi, abs=1e-4)

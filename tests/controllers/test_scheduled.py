@@ -157,5 +157,34 @@ def test_designs_with_different_states_are_refused():
         states = STATES if trim.states[3] > 0.6 else ["psi", "r"]
         return hc.lqr(plant, trim, {"psi": 1.0}, {"rudder": 1.0}, states=states)
 
-    with pytest.raises(InputError, match="the designs have different inputs"):
+    with pytest.raises(InputError, match="the designs differ in inputs: u, u_ref, v, v_ref; name the states"):
         hc.gain_scheduled(craft(), [straight(0.5), straight(1.0)], uneven)
+
+
+def test_turns_faster_than_one_design_holds_are_held_by_several():
+    """With dry friction: one gain from a turn of 0.2 rad/s loses a third of the speed at 0.7 rad/s."""
+    plant, t = hc.vehicle("c17_simulation").plant(), np.linspace(0, 10, 101)
+
+    def at(plant, trim):
+        return hc.lqr(plant, trim, {"u": 1.0, "v": 1.0, "r": 4.0}, {"thrust": 1.0, "rudder": 1.0})
+
+    turns = [plant.trim({"u": 1.0, "r": rate}) for rate in (0.2, 0.4, 0.8)]
+    speeds = []
+    for block in (hc.gain_scheduled(plant, turns, at, schedule="r"), at(plant, turns[0])):
+        run = hc.interconnect([plant, block]).compile(friction="events")
+        result = run.simulate(t, {"r_ref": 0.7}, x0={"plant.u": 1.0, "plant.r": 0.7})
+        speeds.append(result.outputs[result.output_labels.index("u")][-1])
+    assert speeds[0] == pytest.approx(1.0, abs=0.05)
+    assert speeds[1] < 0.75
+
+
+def test_straight_course_and_turns_are_one_schedule_without_friction_compensation():
+    plant = hc.vehicle("c17_simulation").plant()
+    trims = [plant.trim({"u": 1.0, "r": rate}) for rate in (-0.4, 0.0, 0.4)]
+    weights = ({"u": 1.0, "v": 1.0, "r": 4.0}, {"thrust": 1.0, "rudder": 1.0})
+    with pytest.raises(InputError, match="F_rudder_r, F_thrust_r, r_width; compensate_friction=False"):
+        hc.gain_scheduled(plant, trims, lambda p, at: hc.lqr(p, at, *weights), schedule="r")
+    block = hc.gain_scheduled(
+        plant, trims, lambda p, at: hc.lqr(p, at, *weights, compensate_friction=False), schedule="r"
+    )
+    assert [s.start for s in block.parameters if s.name.startswith("r_")] == [-0.4, 0.0, 0.4]

@@ -249,6 +249,35 @@ def test_an_estimator_stands_between():
     assert [s.name for s in block.inputs][4:] == ["y_ref", "psi_ref", "v_ref", "r_ref"]
 
 
+def late_rudder(seconds):
+    return hc.vehicle("c17_simulation").with_effects([hc.effect("rudder_lag", seconds)]).plant()
+
+
+def test_a_lag_of_the_rudder_that_no_output_shows_is_taken_as_immediate():
+    weights = ({"y": 4.0, "psi": 2.0, "r": 1.0}, {"rudder": 3.0})
+    late = late_rudder(0.1)
+    block = hc.lqr(late, late.trim({"u": 1.0, "r": 0.0, "psi": 0.0}), *weights)
+    prompt = hc.lqr(hc.vehicle("c17_simulation").plant(), straight(), *weights)
+    assert block.default_parameters == pytest.approx(prompt.default_parameters, rel=1e-6, abs=1e-9)
+    assert [s.name for s in block.inputs] == [s.name for s in prompt.inputs]
+
+
+def test_an_estimated_lag_of_the_rudder_is_fed_back():
+    late = late_rudder(0.1)
+    at = late.trim({"u": 1.0, "r": 0.0, "psi": 0.0})
+    weights = ({"y": 4.0, "psi": 2.0, "r": 1.0}, {"rudder": 3.0})
+    block = hc.lqr(late, at, *weights, measured="{}_hat")
+    lag = next(s.name for s in late.states if "rudder" in s.name)
+    assert f"{lag}_hat" in [s.name for s in block.inputs]
+    A, B = on_course(LINE)
+    A = np.block([[A, B], [np.zeros((1, 4)), np.array([[-10.0]])]])
+    K = control.lqr(A, [[0], [0], [0], [0], [10.0]], np.diag([4.0, 2.0, 0.0, 1.0, 0.0]), [[3.0]])[0]
+    found = [block.default_parameters[f"controller.K_rudder_{s}"] for s in (*LINE, lag)]
+    assert found == pytest.approx(K[0], rel=1e-6)
+    text = refusal(hc.lqr, late, at, *weights, states=[*LINE, lag])
+    assert f"no output of block 'plant' shows the state {lag!r}" in text
+
+
 def test_a_plant_with_a_controller_in_it_is_designed_for_by_its_outputs_names():
     """The states of an interconnection are named plant.y; its outputs are y."""
     plant = hc.vehicle("c17_simulation").plant()
@@ -259,6 +288,17 @@ def test_a_plant_with_a_controller_in_it_is_designed_for_by_its_outputs_names():
     alone = hc.lqr(plant, straight(), {"y": 4.0, "psi": 2.0, "r": 1.0}, {"rudder": 3.0}, name="steering")
     assert block.default_parameters == pytest.approx(alone.default_parameters, rel=1e-9)
     assert [s.name for s in block.inputs] == [s.name for s in alone.inputs]
+
+
+def test_a_craft_turns_steadily_about_a_trim_of_a_turn():
+    plant, t = hc.vehicle("c17_simulation").plant(), np.linspace(0, 15, 151)
+    turn = plant.trim({"u": 1.0, "r": 0.4})
+    block = hc.lqr(plant, turn, {"u": 1.0, "v": 1.0, "r": 4.0}, {"thrust": 1.0, "rudder": 1.0})
+    assert "controller.F_rudder_r" not in block.default_parameters  # the yaw friction is constant on a turn
+    run = hc.interconnect([plant, block]).compile(friction="events").simulate(t, x0={"plant.u": 0.6})
+    end = dict(zip(run.output_labels, run.outputs[:, -1], strict=True))
+    for name in ("u", "v", "r"):
+        assert end[name] == pytest.approx(turn.states[name], abs=1e-4)
 
 
 # ---- what is refused -----------------------------------------------------------------------------
