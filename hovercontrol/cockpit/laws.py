@@ -9,14 +9,15 @@ import sympy as sp
 
 from hovercontrol.controllers.k06 import both_ways, force_to_command
 from hovercontrol.controllers.k06.energy import body_signals, kinetic_energy
-from hovercontrol.controllers.k06.heading import HEADING_REF
+from hovercontrol.controllers.k06.heading import HEADING_REF, TICK
 from hovercontrol.controllers.k06.laws import SURGE_REF, YAW_RATE_REF
 from hovercontrol.controllers.k06.origin import GOAL
 from hovercontrol.core.block import Block
 from hovercontrol.core.interconnect import interconnect
 from hovercontrol.core.signals import Signal
+from hovercontrol.guidance import steering_law, weaving
 from hovercontrol.models.model import MOTION, THRUST, Fan, Model
-from hovercontrol.models.vehicles import HOVERDEMON_BODY
+from hovercontrol.models.vehicles import HOVERDEMON_BODY, hoverdemon
 
 #: Full stick where a model states no bounds: the ends of K06's table of forces (figure 4.5), in N and rad.
 FULL_THRUST, FULL_RUDDER = 2.0, math.radians(35.0)
@@ -63,6 +64,7 @@ _GOAL = (
 CHOICES: dict[str, Choice] = {
     "manual": Choice("Manual", stick=True),
     "motion": Choice("Stick sets motion", stick=True),
+    "steer": Choice("Stick steers under way", stick=True),
     "stop": Choice("Stop", "k06-stop"),
     "forward": Choice("Forward", "k06-forward", (SURGE_REF.replace(start=1.1, lower=0.0, upper=1.5),)),
     "reverse": Choice("Reverse", "k06-reverse", (SURGE_REF.replace(start=-0.76, lower=-1.0, upper=0.0),)),
@@ -114,6 +116,8 @@ def force_parts(key: str) -> list[Block]:
 
     if key == "motion":
         return stick_motion()
+    if key == "steer":
+        return stick_steering()
     parts = loop_parts(load_scenario(CHOICES[key].scenario))
     return [block for role, block in parts.items() if role not in ("plant", "actuation")]
 
@@ -156,7 +160,8 @@ def stick_motion() -> list[Block]:
     It is K06's pilot in the loop (chapter 7): the pilot plans the path, and
     :func:`~hovercontrol.controllers.k06.both_ways` holds what is told, with the gains of K06's
     trials. Astern it is told only once the craft goes ahead no more: until then it is stopped. K06 has
-    no law for turning while moving, and the ideal craft no such steady motion: told both, it slips.
+    no law for turning while moving, and the ideal craft no such steady motion: told both, it slips;
+    :func:`stick_steering` does both in the mean.
 
     Returns
     -------
@@ -190,6 +195,43 @@ def stick_motion() -> list[Block]:
         },
     )
     return [wish, both_ways(k1=1.0, k2=4.0, reverse_k1=1.5, reverse_k2=1.0, alpha=1.44)]
+
+
+def stick_steering() -> list[Block]:
+    """Return the parts of the law by which the stick tells surge velocity and yaw rate at the same time.
+
+    The craft has no sway drag, so that it weaves: both are right in the mean over a weave
+    (:func:`~hovercontrol.guidance.weaving`), 23 s at full stick aside.
+
+    Returns
+    -------
+    list of Block
+        What the stick wishes, the weave, and the steering law.
+
+    Examples
+    --------
+    >>> [part.name for part in stick_steering()]
+    ['wish', 'weave', 'controller']
+    """
+    ahead, right = (s.symbol for s in STICK)
+    full = (
+        Signal("ahead", "m/s", "surge at full stick ahead", start=1.1),
+        Signal("astern", "m/s", "surge at full stick back", start=0.76),
+        Signal("turning", "rad/s", "yaw rate at full stick aside", start=0.5),
+    )
+    fast, back, turning = (s.symbol for s in full)
+    wish = Block(
+        "wish",
+        inputs=STICK,
+        outputs=(SURGE_REF, YAW_RATE_REF),
+        parameters=full,
+        output_expressions={
+            "surge_ref": sp.Piecewise((fast * ahead, ahead >= 0), (back * ahead, True)),
+            "yaw_rate_ref": -turning * right,
+        },
+    )
+    law = steering_law(hoverdemon(), yaw_gain=1.5, forces=True)
+    return [wish, weaving(period=TICK, name="weave"), law]
 
 
 def full_stick(command: Signal) -> float:

@@ -25,7 +25,7 @@ from hovercontrol.io.tables import number, positive
 from hovercontrol.models.model import MOTION
 from hovercontrol.models.vehicles import HOVERDEMON_BODY, Body
 
-_SEEN = tuple(s for s in MOTION if s.name in ("psi", "u", "v", "r"))
+_SEEN = tuple(s for s in MOTION if s.name in ("u", "v", "r"))
 
 
 @checked
@@ -35,7 +35,7 @@ def weaving(
     ratio: float = 0.55,
     least_rate: float = 0.02,
     drift_gain: float = 0.5,
-    heading_gain: float = 0.5,
+    turn_gain: float = 0.5,
     period: float = 0.0,
     body: Body = HOVERDEMON_BODY,
     name: str = "guidance",
@@ -63,10 +63,9 @@ def weaving(
         Yaw rate [rad/s] far below which the modulation fades.
     drift_gain : float, optional
         k [rad/m].
-    heading_gain : float, optional
-        Yaw rate per error of the heading from the integral of r_d [rad/s], through a sine; it makes the mean
-        yaw rate right where small side forces are lost in a dead zone. The start of that integral is the
-        state ``heading_desired`` [rad].
+    turn_gain : float, optional
+        Yaw rate added per sine of the integral of ``r_d - r`` [rad/s]: it makes the mean yaw rate right where
+        small side forces are lost in a dead zone.
     period : float, optional
         Of a sampled Block [s]; 0: continuous.
     body : Body, optional
@@ -75,7 +74,7 @@ def weaving(
     Returns
     -------
     Block
-        Inputs ``surge_ref`` [m/s], ``yaw_rate_ref`` [rad/s], ``psi, u, v, r``; outputs the desired
+        Inputs ``surge_ref`` [m/s], ``yaw_rate_ref`` [rad/s], ``u, v, r``; outputs the desired
         values of :func:`~hovercontrol.guidance.steering_law`.
 
     Raises
@@ -95,7 +94,7 @@ def weaving(
         "ratio": Signal("ratio", "1", "modulation frequency over yaw rate", start=ratio),
         "least_rate": Signal("least_rate", "rad/s", "modulation fades below", start=least_rate),
         "drift_gain": Signal("drift_gain", "rad/m", "yaw rate per sway velocity", start=drift_gain),
-        "heading_gain": Signal("heading_gain", "rad/s", "yaw rate per heading error", start=heading_gain),
+        "turn_gain": Signal("turn_gain", "rad/s", "yaw rate per turn missing", start=turn_gain),
         "slow": Signal("slow", "m/s", "surge below which the drift counts less", start=0.05),
         "percussion": Signal(
             "percussion",
@@ -127,37 +126,37 @@ def weaving(
     )
 
 
-_PSI, _U, _V, _R = (s.symbol for s in _SEEN)
+_U, _V, _R = (s.symbol for s in _SEEN)
 
 _STATES = (
     Signal("surge_mean", "m/s", "filtered surge command"),
     Signal("yaw_rate_mean", "rad/s", "filtered yaw rate command"),
     Signal("phase", "rad", "of the modulation"),
-    Signal("heading_desired", "rad", "integral of the yaw rate told"),
+    Signal("turn_missing", "rad", "integral of the wanted yaw rate less the yaw rate"),
 )
 
 
 def _commands(p: dict[str, sp.Symbol]) -> tuple[list[sp.Expr], dict[sp.Symbol, sp.Expr]]:
     """Return u_d and r_d, and the time derivative of each symbol in them."""
-    U, R, a, turned = (s.symbol for s in _STATES)
+    U, R, a, missing = (s.symbol for s in _STATES)
     w = sp.Symbol("drift", real=True)
     whole = sp.sqrt(R**2 + p["least_rate"] ** 2)
     g, s, k = R / whole, sp.tanh(U / p["slow"]), p["drift_gain"]
+    there = s**2  # on the spot nothing has to be modulated
     pace = p["ratio"] * whole
     # w of the weave alone, from w' = -u_d r_d with k = 0 and without its mean; e is what has to be damped.
-    e = w + U * R * g**2 * sp.sin(2 * a) / (2 * pace)
+    e = w + there * U * R * g**2 * sp.sin(2 * a) / (2 * pace)
     surge = U * (1 + sp.sqrt(2) * g * sp.sin(a))
-    rate = R - sp.sqrt(2) * g * (R - s * k * e) * sp.sin(a) + s * k * (1 - g**2) * e
+    rate = R - sp.sqrt(2) * g * (there * R - s * k * e) * sp.sin(a) + s * k * (1 - g**2) * e
     slopes = {
         U: (SURGE_REF.symbol - U) / p["lag"],
         R: (YAW_RATE_REF.symbol - R) / p["lag"],
         a: pace,
-        turned: rate,
+        missing: rate - _R,
         w: -_U * _R,
-        _PSI: _R,
     }
-    # The heading follows the integral of the rate told, so that the mean yaw rate is exact.
-    return [surge, rate + p["heading_gain"] * sp.sin(turned - _PSI)], slopes
+    # What is missing of the turn is made up for, so that the mean yaw rate is exact.
+    return [surge, rate + p["turn_gain"] * sp.sin(missing)], slopes
 
 
 def _next_values(slopes: dict[str, sp.Expr], lag: sp.Symbol, period: sp.Symbol) -> dict[str, sp.Expr]:

@@ -94,6 +94,20 @@ def test_the_stick_sets_velocity_and_turn_rate_and_a_law_does_the_rest(loop):
     assert abs(slip["r"]) < 0.05 and slip["v"] == pytest.approx(ARM * 0.75, abs=0.02)
 
 
+@pytest.mark.slow
+def test_the_stick_steers_under_way_in_the_mean_over_a_weave(loop):
+    weave = math.tau / (0.55 * math.hypot(0.25, 0.02))
+    loop.command(law="steer", stick=(0.5, -0.5))
+    loop.advance(2 * weave)
+    begun = loop.signals()
+    surges = []
+    for k in range(1, 101):
+        loop.advance((2 + k / 100) * weave)
+        surges.append(loop.signals()["u"])
+    assert sum(surges) / 100 == pytest.approx(0.55, rel=0.05)
+    assert (loop.signals()["psi"] - begun["psi"]) / weave == pytest.approx(0.25, rel=0.1)
+
+
 @pytest.mark.parametrize("wanted", [2.0, -2.5])
 def test_the_heading_is_reached_by_the_nearest_turn_and_held(loop, wanted):
     loop.command(law="turn", references={"yaw_rate_ref": 2.0})

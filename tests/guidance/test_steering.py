@@ -179,6 +179,37 @@ def test_k06s_real_loop_keeps_the_sticks_motion_over_the_grid(navigation):
     assert found["within"].all()
 
 
+def test_thrust_and_rudder_bounds_say_which_turns_there_are():
+    """C17's experiment, 6.1 A: 1.5 rad/s is within its bounds at all surge velocities, 3 rad/s at none."""
+    craft = hc.vehicle("c17_experiment")
+    loop = hc.interconnect([craft.plant(), command_filter(), steering_law(craft, limits=True)])
+    for yaw_rate in (1.5, 3.0):
+        turns = [steady_turn(craft, surge, yaw_rate) for surge in (0.3, 0.7, 1.1)]
+        held = [turn.thrust <= 6.1 and abs(turn.rudder) <= np.radians(26.0) for turn in turns]
+        found = steering_map(loop, points=3, yaw_rate=(-yaw_rate, yaw_rate), least_time=20.0)
+        assert found["within"][:, -1].tolist() == held == [yaw_rate < 2.0] * 3
+
+
+@pytest.mark.slow
+def test_the_real_loop_steers_a_craft_with_drag_where_the_rudder_reaches():
+    craft = K06.with_effects(
+        [
+            hc.effect("surge_linear_drag", 0.3),
+            hc.effect("sway_linear_drag", 0.8),
+            hc.effect("yaw_linear_drag", 2.459),
+        ]
+    )
+    loop = autopilot(
+        steering_law(craft, forces=True, yaw_gain=1.5),
+        guidance=command_filter(period=0.001),
+        references={"surge_ref": 0.5, "yaw_rate_ref": 0.3},
+        plant=craft.plant(),
+    )
+    found = steering_map(loop, points=3)
+    angles = [abs(steady_turn(craft, surge, 0.5).rudder) for surge in (0.3, 0.7, 1.1)]
+    assert found["within"][:, -1].tolist() == [angle < 0.47 for angle in angles] == [False, True, True]
+
+
 def test_a_map_over_the_stick_finds_what_a_craft_that_does_not_turn_misses():
     from hovercontrol.controllers.k06 import drive, force_to_command
 

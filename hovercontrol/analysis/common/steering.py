@@ -24,6 +24,12 @@ from hovercontrol.models.model import Model
 
 Array = NDArray[np.float64]
 
+#: Weaves that pass before the mean is taken, and the step of simulations and samples [s].
+SETTLING, STEP = 3, 0.02
+
+#: Smallest yaw rate to which an error is related [rad/s].
+LEAST_YAW_RATE = 0.05
+
 #: Sway velocities between which a steady turn is looked for [m/s].
 WIDEST = 1e3
 
@@ -173,7 +179,7 @@ def steering_map(
     surge: tuple[float, float] = (0.3, 1.1),
     yaw_rate: tuple[float, float] = (-0.5, 0.5),
     points: int = 9,
-    weaves: int = 8,
+    weaves: int = 6,
     least_time: float = 60.0,
     progress: Callable[[float], None] | None = None,
 ) -> Region:
@@ -191,7 +197,7 @@ def steering_map(
     points : int, optional
         Along either axis.
     weaves : int, optional
-        Whole periods of the modulation over which is averaged; as many, at least two, pass before.
+        Whole periods of the modulation over which is averaged, after three that are not.
     least_time : float, optional
         Shortest time that is averaged, and that passes before [s].
     progress : callable, optional
@@ -221,8 +227,9 @@ def steering_map(
     names = [d if d in inputs else f"reference.{d}" for d in ("surge_ref", "yaw_rate_ref")]
     for name in names:
         if name not in inputs and name not in known:
+            short = name.rpartition(".")[2]
             raise InputError(
-                f"block {loop.name!r}: no input {name.rpartition('.')[2]!r}, no parameter {name!r}"
+                loop.where(f"expected an input {short!r} or a parameter {name!r}, found neither")
             )
     x = axis("yaw_rate_ref", "rad/s", yaw_rate, points, "yaw rate command")
     y = axis("surge_ref", "m/s", surge, points, "surge command")
@@ -231,19 +238,18 @@ def steering_map(
     for k in range(points**2):
         i, j = divmod(k, points)
         told = (float(y.values[i]), float(x.values[j]))
-        weave = 2 * np.pi / (pace * np.hypot(told[1], fading))
-        if told[1] == 0.0:
-            weave = least_time
-        counted = weave * max(1, min(weaves, round(8 * least_time / weave)), np.ceil(least_time / weave))
-        t = np.linspace(0.0, 2 * counted, round(2 * counted / 0.02) + 1)
+        weave = 2 * np.pi / (pace * np.hypot(told[1], fading)) if told[1] else least_time
+        settled = max(least_time, SETTLING * weave)
+        end = settled + weave * np.ceil(max(weaves if told[1] else 1, least_time / weave))
+        t = np.linspace(0.0, end, round(end / STEP) + 1)
         pairs = dict(zip(names, told, strict=True))
         params = {n: v for n, v in pairs.items() if n not in inputs}
         params |= {key: float(k + 1) for key in known if key.endswith(".seed")}
         given = {n: np.full(t.size, v) for n, v in pairs.items() if n in inputs}
-        response = compiled.simulate(t, given or None, params=params, method="rk4", step=0.02)
-        late = t >= counted
+        response = compiled.simulate(t, given or None, params=params, method="rk4", step=STEP)
+        late = t >= settled
         u, r = (response.outputs[response.output_labels.index(n)][late].mean() for n in ("u", "r"))
-        errors[:, i, j] = u / told[0] - 1.0, (r - told[1]) / max(abs(told[1]), 0.05)
+        errors[:, i, j] = u / told[0] - 1.0, (r - told[1]) / max(abs(told[1]), LEAST_YAW_RATE)
         if progress is not None:
             progress((k + 1) / points**2)
     maps = {
