@@ -14,6 +14,6 @@ from hovercontrol.estimators.unscented import unscented_kalman
 __all__ = [
     "Regression", "regression", "Regressors",
     "kalman_bucy", "sampled_estimator", "SampledEstimator", "estimate_from_log", "CoefficientHistory",
-    "extended_kalman", "unscented_kalman", 
+    "extended_kalman", "unscented_kalman",
     "disturbance_observer", "with_disturbances", "observability", "Observability",
 ]  # fmt: skip

@@ -101,7 +101,7 @@ def disturbance_observer(
     correlation_time: float | None = None,
     period: float | None = None,
     start_std: Mapping[str, float] | None = None,
-    lost_samples: bool = False,
+    lost_samples: bool | Sequence[str] = False,
     substeps: int | None = None,
     name: str = "observer",
 ) -> Block:
@@ -124,8 +124,8 @@ def disturbance_observer(
         Of the disturbances [s]; None: they are constant but for their noise.
     period : float, optional
         Of the samples [s]. None: the observer is continuous.
-    lost_samples : bool, optional
-        Add an input ``fresh``: where it is 0 the measurements are not used, and the observer predicts.
+    lost_samples : bool or sequence of str, optional
+        Add an input ``fresh``, or ``fresh_NAME`` of these measured outputs: where it is 0 there is no sample.
     substeps : int, optional
         Runge-Kutta steps from tick to tick (default: by the plant's fastest mode).
     name : str, optional

@@ -302,8 +302,8 @@ def warn_if_undetectable(plant: Block, measured: Sequence[str], name: str) -> No
     """
     try:
         found = observability(plant, None, measured)
-    except np.linalg.LinAlgError:
-        return
+    except InputError as error:
+        raise InputError(f"{name}: {error}; give the plant other start values") from None
     if not found.detectable:
         text = f"{name}: at the start values, {found.sentence()}; their variance does not fall"
         warnings.warn(text, stacklevel=_outside())

@@ -1,5 +1,7 @@
 """The extended Kalman filter of any Block, against filters of SciPy, python-control and NumPy."""
 
+from functools import cache
+
 import control
 import numpy as np
 import pytest
@@ -117,7 +119,7 @@ def truth(plant, h, steps, seed, start):
     """A noisy run: motion, samples, commands."""
     rng = np.random.default_rng(seed)
     f, x = plant.to_numpy(), np.array(start)
-    fine = 20
+    fine = 10
     Q = np.array([0, 0, 0, 0.1, 0.1, 0.2])
     rows = []
     for k in range(steps):
@@ -137,18 +139,20 @@ def soft_craft():
     return hc.vehicle("c17_simulation").plant().with_values(widths)
 
 
-def craft_filter(**options):
+@cache
+def craft_filter():
     craft = soft_craft().with_values(START)
+    options = {"period": 0.02, "lost_samples": True}
     return craft, hc.extended_kalman(craft, **CRAFT_NOISE, **options)
 
 
 def test_on_a_craft_it_is_the_textbook_filter_also_past_pi_and_without_samples():
-    h = 0.05
-    craft, estimator = craft_filter(period=h, lost_samples=True, substeps=3)
-    motion, samples, commands = truth(craft, h, 40, 1, [0.0, 0.0, 3.13, 1.2, -0.2, 0.4])
+    h = 0.02
+    craft, estimator = craft_filter()
+    motion, samples, commands = truth(craft, h, 50, 1, [0.0, 0.0, 3.13, 1.2, -0.2, 0.4])
     assert np.abs(motion[:, 2]).max() > np.pi
     samples[:, 2] = np.angle(np.exp(1j * samples[:, 2]))  # as a compass has it
-    fresh = np.arange(40) % 7 < 4
+    fresh = np.arange(50) % 7 < 4
     Q, R = np.diag([0, 0, 0, 0.01, 0.01, 0.04]), np.diag([1e-4, 1e-4, 4e-4])
     P = np.diag([0.02, 0.02, 0.05, 0.1, 0.1, 0.1]) ** 2
     ticks, names = Ticking(estimator), [s.name for s in craft.states]
@@ -161,10 +165,28 @@ def test_on_a_craft_it_is_the_textbook_filter_also_past_pi_and_without_samples()
         np.testing.assert_allclose([shown[f"{n}_std"] for n in names], np.diag(P) ** 0.5, rtol=5e-3)
 
 
+def test_sensors_of_different_rates_have_an_input_each():
+    """Without samples of the position the heading goes on, as of a filter that measures the heading alone."""
+    options = CRAFT_NOISE | {"period": 0.05, "substeps": 1}
+    _, both = soft_craft(), hc.extended_kalman(soft_craft(), **options, lost_samples=["x", "y"])
+    assert [s.name for s in both.inputs[-2:]] == ["fresh_x", "fresh_y"]
+    with pytest.warns(UserWarning):
+        noise = options | {"measurement_noise": {"psi": 0.02}}
+        alone = hc.extended_kalman(soft_craft(), ["psi"], **noise)
+    left, right = Ticking(both), Ticking(alone)
+    given = {"psi": 0.1, "thrust": 2.0, "rudder": 0.1}
+    for k in range(5):
+        nothing = {"x": float("nan"), "y": float("nan"), "fresh_x": 0.0, "fresh_y": 0.0}
+        shown = [
+            list(ticks.tick(0.05 * k, g).values()) for ticks, g in ((left, given | nothing), (right, given))
+        ]
+        np.testing.assert_allclose(*shown, rtol=0, atol=1e-12)
+
+
 def nees(runs, steps, lost):
     """Normalised squared errors at the end of runs whose start is as uncertain as the filter assumes."""
-    h = 0.05
-    craft, estimator = craft_filter(period=h, lost_samples=True)
+    h = 0.02
+    craft, estimator = craft_filter()
     filters = np.array([s.start for s in estimator.states])
     f, found = estimator.to_numpy().array_derivatives, []
     rng = np.random.default_rng(7)
@@ -185,7 +207,7 @@ def nees(runs, steps, lost):
     return np.array(found)
 
 
-@pytest.mark.parametrize("lost", [0.0, 0.5])
+@pytest.mark.parametrize("lost", [pytest.param(0.0, marks=pytest.mark.slow), 0.5])
 def test_its_errors_are_as_large_as_it_says(lost):
     errors = nees(50, 30, lost)
     low, high = chi2.ppf([0.005, 0.995], 50 * 6)
@@ -251,7 +273,8 @@ def test_a_plant_of_parts_has_its_parts_names_in_the_outputs():
         ({"start_std": {"y": 1.0}}, "start_std: unknown name 'y'"),
         ({"period": 0.0}, "period must be positive"),
         ({"period": 100.0}, "shorten the period, or give substeps=32"),
-        ({"substeps": 0}, "substeps: expected 1 or more, found 0"),
+        ({"lost_samples": ["v"]}, "lost_samples: expected measured outputs, found 'v'"),
+        ({"substeps": 0}, "substeps: expected 1 to 32, found 0"),
     ],
 )
 def test_what_it_cannot_use_is_refused_in_one_line(changes, said):
@@ -279,15 +302,15 @@ def test_measurements_that_do_not_show_the_state_are_told():
 @pytest.mark.slow
 def test_it_is_exported_as_an_fmu(tmp_path):
     fmpy = pytest.importorskip("fmpy")
-    _, estimator = craft_filter(period=0.05)
+    _, estimator = craft_filter()
     path = estimator.to_fmu(tmp_path / "filter.fmu")
-    t = np.arange(21) * 0.05
-    values = {"x": 0.3, "y": 0.1, "psi": -3.1, "thrust": 2.0, "rudder": 0.1}
+    t = np.arange(21) * 0.02
+    values = {"x": 0.3, "y": 0.1, "psi": -3.1, "thrust": 2.0, "rudder": 0.1, "fresh": 1.0}
     signals = {name: np.full(21, value) for name, value in values.items()}
     rows = np.array(
         list(zip(t, *signals.values(), strict=True)), dtype=[(n, float) for n in ("time", *signals)]
     )
-    result = fmpy.simulate_fmu(str(path), stop_time=1.0, output_interval=0.05, input=rows)
+    result = fmpy.simulate_fmu(str(path), stop_time=0.4, output_interval=0.02, input=rows)
     ours = hc.simulate(estimator, t, signals).outputs
     k = [s.name for s in estimator.outputs].index("v_hat")
     np.testing.assert_allclose(result["v_hat"][-1], ours[k, -1], rtol=0, atol=1e-6)

@@ -35,6 +35,34 @@ def beacon():
     ).with_values({"x": -2.0, "y": -0.3, "vx": 0.1, "vy": 0.4})  # fmt: skip
 
 
+def beacon_filter(**options):
+    return hc.unscented_kalman(
+        beacon(), ["distance", "bearing"], period=0.1, process_noise={"vx": 0.2, "vy": 0.2},
+        measurement_noise={"distance": 0.05, "bearing": 0.1}, **options,
+    )  # fmt: skip
+
+
+def test_without_samples_it_predicts_also_where_outputs_bend():
+    some, none = beacon_filter(lost_samples=["bearing"]), beacon_filter(lost_samples=True)
+    given = {"distance": 2.1, "bearing": -3.0}
+    lost = {"distance": float("nan"), "bearing": float("nan"), "fresh": 0.0}
+    a, b, c = (
+        Ticking(block).tick(0.0, values)
+        for block, values in (
+            (none, given | {"fresh": 1.0}),
+            (some, given | {"fresh_bearing": 1.0}),
+            (none, lost),
+        )
+    )
+    assert a == pytest.approx(b, abs=1e-14)
+    start = {f"{s.name}_hat": s.start for s in beacon().states} | {
+        f"{s.name}_std": 1.0 for s in beacon().states
+    }
+    assert c == pytest.approx(start, abs=1e-12)
+    distance = Ticking(some).tick(0.0, given | {"bearing": float("nan"), "fresh_bearing": 0.0})
+    assert distance["x_std"] < 0.5 and distance["y_std"] > 0.8  # the beacon lies along x
+
+
 def by_hand(x, P, samples, h, q, r, kappa):
     """An unscented filter for the cart with a constant velocity, whose prediction is exact."""
     n = 4
