@@ -305,8 +305,8 @@ def warn_if_undetectable(plant: Block, measured: Sequence[str], name: str) -> No
     except InputError as error:
         raise InputError(f"{name}: {error}; give the plant other start values") from None
     if not found.detectable:
-        text = f"{name}: at the start values, {found.sentence()}; their variance does not fall"
-        warnings.warn(text, stacklevel=_outside())
+        what = found.sentence().partition(": ")[2]
+        warnings.warn(f"{name}: at the plant's start values, {what}", stacklevel=_outside())
 
 
 def _outside() -> int:

@@ -6,7 +6,7 @@ import pytest
 
 import hovercontrol as hc
 from hovercontrol.errors import InputError
-from tests.estimators.test_extended_kalman import H, cart, soft_craft
+from tests.estimators.observed_plants import H, cart, soft_craft
 
 CRAFT = {
     "measurement_noise": {"x": 0.005, "y": 0.005, "psi": 0.01},

@@ -5,33 +5,24 @@ from functools import cache
 import control
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 from scipy.linalg import expm, solve_discrete_are
 from scipy.stats import chi2
 
 import hovercontrol as hc
 from hovercontrol.errors import InputError
 from hovercontrol.simulation.hybrid import Ticking
-
-H = 0.05
-NOISE = {"process_noise": {"v": 0.3}, "measurement_noise": {"x": 0.02}}
-CRAFT_NOISE = {
-    "process_noise": {"u": 0.1, "v": 0.1, "r": 0.2},
-    "measurement_noise": {"x": 0.01, "y": 0.01, "psi": 0.02},
-    "start_std": {"x": 0.02, "y": 0.02, "psi": 0.05, "u": 0.1, "v": 0.1, "r": 0.1},
-}
-
-
-def cart(drag=0.8):
-    """A mass with drag, pushed: x' = v, v' = -drag v + push."""
-    x, v, push = hc.Signal("x", "m"), hc.Signal("v", "m/s"), hc.Signal("push", "m/s^2")
-    k = hc.Signal("drag", "1/s", start=drag)
-    rates = {"x": v.symbol, "v": push.symbol - k.symbol * v.symbol}
-    return hc.Block("cart", [x, v], [push], [x, v], [k], rates)
-
-
-def matrices(drag=0.8):
-    return np.array([[0.0, 1.0], [0.0, -drag]]), np.array([[0.0], [1.0]]), np.array([[1.0, 0.0]])
+from tests.estimators.observed_plants import (
+    CRAFT_NOISE,
+    NOISE,
+    START,
+    H,
+    by_hand,
+    cart,
+    covariance,
+    matrices,
+    soft_craft,
+    truth,
+)
 
 
 def discrete(drag=0.8, q=0.3**2):
@@ -41,13 +32,6 @@ def discrete(drag=0.8, q=0.3**2):
     whole = expm(np.block([[-A, np.diag([0.0, q])], [np.zeros((2, 2)), A.T]]) * H)
     Phi = whole[2:, 2:].T
     return Phi, Phi_Gamma[:2, 2:], Phi @ whole[:2, 2:]
-
-
-def covariance(block, state, n):
-    """P of a filter's state, and its estimate."""
-    values = dict(zip((s.name for s in block.states), state, strict=True))
-    P = np.array([[values[f"P[{min(i, j)},{max(i, j)}]"] for j in range(n)] for i in range(n)])
-    return np.array([values[f"xhat[{i}]"] for i in range(n)]), P
 
 
 def test_its_steady_covariance_is_that_of_the_riccati_equation():
@@ -95,48 +79,33 @@ def test_continuous_it_is_the_steady_kalman_bucy_filter():
     np.testing.assert_allclose(linear.A[:2, :2], A - L @ C, rtol=1e-6, atol=1e-9)
 
 
-def by_hand(plant, x, P, Q, R, h, samples, commands, fresh):
-    """An extended Kalman filter as a textbook has it: solve_ivp for x and P, all measurements at once."""
-    f, C = plant.to_numpy(), np.eye(3, 6)
-
-    def rates(_, z, u):
-        F = f.jacobian(0.0, z[:6], u)
-        P = z[6:].reshape(6, 6)
-        return np.r_[f.derivatives(0.0, z[:6], u), (F @ P + P @ F.T + Q).ravel()]
-
-    for y, u, new in zip(samples, commands, fresh, strict=True):
-        if new:
-            innovation = y - C @ x
-            innovation[2] = np.angle(np.exp(1j * innovation[2]))
-            K = P @ C.T @ np.linalg.inv(C @ P @ C.T + R)
-            x, P = x + K @ innovation, (np.eye(6) - K @ C) @ P
-        yield x, P
-        z = solve_ivp(rates, (0, h), np.r_[x, P.ravel()], args=(u,), rtol=1e-10, atol=1e-12).y[:, -1]
-        x, P = z[:6], z[6:].reshape(6, 6)
+def test_continuous_on_a_craft_it_is_the_textbook_filter():
+    root = {"x": 0.002, "y": 0.003, "psi": 0.004}
+    craft = hc.vehicle("c17_simulation").plant()
+    estimator = hc.extended_kalman(craft, **(CRAFT_NOISE | {"measurement_noise": root}))
+    rng, f = np.random.default_rng(8), craft.to_numpy()
+    x, u, y, half = rng.normal(size=6), rng.normal(size=2), rng.normal(size=3), rng.normal(size=(6, 6))
+    y[2] = x[2] + 2 * np.pi + 0.3  # the same heading, and 0.3 rad
+    P, C = half @ half.T, np.eye(3, 6)
+    F, Q = f.jacobian(0.0, x, u), np.diag([0, 0, 0, 0.01, 0.01, 0.04])
+    K = P @ C.T @ np.diag(np.array(list(root.values())) ** -2.0)
+    found = estimator.to_numpy().derivatives(0.0, [*x, *P[np.triu_indices(6)]], [*y, *u])
+    innovation = np.array([*(y - x[:3])[:2], 0.3])
+    wanted = f.derivatives(0.0, x, u) + K @ innovation
+    np.testing.assert_allclose(found[:6], wanted, rtol=1e-9)
+    loss = K @ C @ P
+    np.testing.assert_allclose(found[6:], (F @ P + P @ F.T + Q - loss)[np.triu_indices(6)], rtol=1e-9)
 
 
-def truth(plant, h, steps, seed, start):
-    """A noisy run: motion, samples, commands."""
-    rng = np.random.default_rng(seed)
-    f, x = plant.to_numpy(), np.array(start)
-    fine = 10
-    Q = np.array([0, 0, 0, 0.1, 0.1, 0.2])
-    rows = []
-    for k in range(steps):
-        u = np.array([2.0 + 0.5 * np.sin(0.4 * k * h), 0.3 * np.sin(0.7 * k * h)])
-        rows.append((x.copy(), x[:3] + rng.normal(size=3) * [0.01, 0.01, 0.02], u))
-        for _ in range(fine):  # Euler and Maruyama
-            x = x + f.derivatives(0.0, x, u) * h / fine + Q * rng.normal(size=6) * (h / fine) ** 0.5
-    return [np.array(c) for c in zip(*rows, strict=True)]
-
-
-START = {"u": 1.2, "v": -0.2, "r": 0.4, "psi": 3.13}
-
-
-def soft_craft():
-    """A craft whose dry friction is smoothed over 5 cm/s: one Runge-Kutta step for each sample will do."""
-    widths = {f"plant.{axis}_coulomb_width": 0.05 for axis in ("surge", "sway", "yaw")}
-    return hc.vehicle("c17_simulation").plant().with_values(widths)
+def test_continuous_without_measurements_the_variance_is_that_of_the_plant():
+    estimator = hc.extended_kalman(cart(), ["x"], **NOISE, start_std={"v": 0.5}, lost_samples=True)
+    t = np.array([0.0, 1.0, 2.0])
+    signals = {"x": np.full(3, 7.0), "fresh": np.zeros(3)}
+    run = hc.simulate(estimator.with_values({"xhat[1]": 1.0}), t, signals)
+    shown = dict(zip((s.name for s in estimator.outputs), run.outputs, strict=True))
+    decay = np.exp(-2 * 0.8 * t)
+    np.testing.assert_allclose(shown["v_hat"], np.exp(-0.8 * t), rtol=1e-5)
+    np.testing.assert_allclose(shown["v_std"] ** 2, 0.25 * decay + 0.09 * (1 - decay) / 1.6, rtol=1e-5)
 
 
 @cache

@@ -8,7 +8,7 @@ from scipy.optimize import approx_fprime
 
 import hovercontrol as hc
 from hovercontrol.errors import InputError
-from tests.estimators.test_extended_kalman import (
+from tests.estimators.observed_plants import (
     CRAFT_NOISE,
     NOISE,
     START,

@@ -8,7 +8,7 @@ from scipy.linalg import expm, solve_continuous_lyapunov
 
 import hovercontrol as hc
 from hovercontrol.errors import InputError
-from tests.estimators.test_extended_kalman import cart
+from tests.estimators.observed_plants import cart
 
 CRAFT = hc.vehicle("c17_simulation")
 

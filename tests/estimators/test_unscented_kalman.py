@@ -7,7 +7,7 @@ import sympy as sp
 import hovercontrol as hc
 from hovercontrol.errors import InputError
 from hovercontrol.simulation.hybrid import Ticking
-from tests.estimators.test_extended_kalman import NOISE, START, H, cart, covariance, soft_craft
+from tests.estimators.observed_plants import NOISE, START, H, cart, covariance, soft_craft
 
 
 def test_of_a_linear_plant_it_is_the_kalman_filter():
