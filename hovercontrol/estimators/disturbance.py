@@ -148,6 +148,10 @@ def disturbance_observer(
 
     Notes
     -----
+    If a position is measured with a standard deviation s every h seconds, and the disturbance of the
+    velocity's derivative has the root spectral density q, the observer's poles are those of a Butterworth
+    filter of bandwidth ``(q/(s h**0.5))**(1/3)`` [rad/s], where drag is slower than that.
+
     A craft that dry friction holds at rest does not show a disturbance. The filter's smooth friction lets it
     creep, so that the estimate goes to 0 there. Estimates are valid while the craft moves.
 

@@ -38,7 +38,7 @@ Array = NDArray[np.float64]
 ZERO = 1e-9
 
 #: Components below this share of a direction's largest are left out of its text.
-MINOR = 1e-2
+MINOR = 2e-2
 
 
 @checked
@@ -60,6 +60,9 @@ class Observability:
         W over the window, states and outputs in their nominal sizes [s].
     singular_values : ndarray, shape (n,)
         Of the Gramian, falling [s].
+    weakest : dict of str to float
+        The change of the states that the outputs show least, or not at all, in the units of the states, with
+        a largest component of 1.
     window : float
         T [s].
     hidden : tuple of dict of str to float
@@ -84,6 +87,7 @@ class Observability:
     rank: int
     gramian: Array
     singular_values: Array
+    weakest: dict[str, float]
     window: float
     hidden: tuple[dict[str, float], ...]
     hidden_modes: tuple[complex, ...]
@@ -100,17 +104,15 @@ class Observability:
 
     def sentence(self) -> str:
         """Return the result as one sentence."""
-        by = ", ".join(self.measured)
+        where = f"block {self.block!r} with {', '.join(self.measured)} measured"
         if self.observable:
-            worst = self.singular_values[-1]
-            weakest = f"the Gramian over {self.window:g} s has the smallest singular value {worst:.3g} s"
-            return f"block {self.block!r}: {by} determine all {self.rank} states; {weakest}"
+            size = f"singular value {self.singular_values[-1]:.2g} s of the Gramian over {self.window:g} s"
+            weakest = f"weakest: {self._text(self.weakest)} ({size})"
+            return f"{where}: all {self.rank} states are observable; {weakest}"
         changes = "; ".join(self._text(change) for change in self.hidden)
-        end = ", which decays by itself" if self.detectable else ""
-        return (
-            f"block {self.block!r}: {by} determine {self.rank} of {len(self.states)} states: "
-            f"they do not show a change of {changes}{end}"
-        )
+        end = ", decaying by itself" if self.detectable else ""
+        found = f"{self.rank} of {len(self.states)} states are observable"
+        return f"{where}: {found}; unobservable: {changes}{end}"
 
     def __str__(self) -> str:
         return self.sentence()
@@ -163,7 +165,7 @@ def observability(
     >>> import hovercontrol as hc
     >>> craft = hc.vehicle("c17_simulation")
     >>> print(observability(craft, {"u": 0.0}, ["x", "y"]).sentence())
-    block 'plant': x, y determine 4 of 6 states: they do not show a change of psi; r
+    block 'plant' with x, y measured: 4 of 6 states are observable; unobservable: psi; r
     >>> observability(craft, {"u": 1.0}, ["x", "y"]).observable
     True
     """
@@ -184,6 +186,7 @@ def observability(
     basis = unobservable(A, C)
     gramian = _gramian(A, C, positive("observability: window", window))
     names = tuple(s.name for s in plant.states)
+    _, singular_values, directions = np.linalg.svd(gramian)
     return Observability(
         plant.name,
         names,
@@ -191,7 +194,8 @@ def observability(
         {s.name: s.unit for s in plant.states},
         len(A) - basis.shape[1],
         gramian,
-        np.asarray(np.linalg.svd(gramian, compute_uv=False), dtype=float),
+        np.asarray(singular_values, dtype=float),
+        _change(names, directions[-1] * size),
         float(window),
         tuple(_change(names, row * size) for row in _readable(basis.T)),
         tuple(map(complex, np.linalg.eigvals(basis.T @ A @ basis))),
@@ -305,8 +309,7 @@ def warn_if_undetectable(plant: Block, measured: Sequence[str], name: str) -> No
     except InputError as error:
         raise InputError(f"{name}: {error}; give the plant other start values") from None
     if not found.detectable:
-        what = found.sentence().partition(": ")[2]
-        warnings.warn(f"{name}: at the plant's start values, {what}", stacklevel=_outside())
+        warnings.warn(f"{name}: at the start values of {found.sentence()}", stacklevel=_outside())
 
 
 def _outside() -> int:

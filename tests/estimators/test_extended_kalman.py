@@ -261,7 +261,7 @@ def test_a_sampled_plant_and_late_inputs_are_refused():
 
 
 def test_measurements_that_do_not_show_the_state_are_told():
-    with pytest.warns(UserWarning, match="x, y determine 4 of 6 states: they do not show a change of psi; r"):
+    with pytest.warns(UserWarning, match="x, y measured: 4 of 6 states are observable; unobservable: psi; r"):
         hc.extended_kalman(
             hc.vehicle("c17_simulation"), ["x", "y"],
             process_noise={}, measurement_noise={"x": 0.01, "y": 0.01}, period=0.05,
