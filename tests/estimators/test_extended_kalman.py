@@ -135,20 +135,18 @@ def test_on_a_craft_it_is_the_textbook_filter_also_past_pi_and_without_samples()
 
 
 def test_sensors_of_different_rates_have_an_input_each():
-    """Without samples of the position the heading goes on, as of a filter that measures the heading alone."""
-    options = CRAFT_NOISE | {"period": 0.05, "substeps": 1}
-    _, both = soft_craft(), hc.extended_kalman(soft_craft(), **options, lost_samples=["x", "y"])
-    assert [s.name for s in both.inputs[-2:]] == ["fresh_x", "fresh_y"]
-    with pytest.warns(UserWarning):
-        noise = options | {"measurement_noise": {"psi": 0.02}}
-        alone = hc.extended_kalman(soft_craft(), ["psi"], **noise)
+    """Without samples of the speed the filter is that of the position alone."""
+    noise = {"process_noise": {"v": 0.3}, "period": H}
+    both = hc.extended_kalman(
+        cart(), ["v", "x"], **noise, measurement_noise={"x": 0.02, "v": 0.1}, lost_samples=["v"]
+    )
+    assert both.inputs[-1].name == "fresh_v"
+    alone = hc.extended_kalman(cart(), ["x"], **noise, measurement_noise={"x": 0.02})
     left, right = Ticking(both), Ticking(alone)
-    given = {"psi": 0.1, "thrust": 2.0, "rudder": 0.1}
     for k in range(5):
-        nothing = {"x": float("nan"), "y": float("nan"), "fresh_x": 0.0, "fresh_y": 0.0}
-        shown = [
-            list(ticks.tick(0.05 * k, g).values()) for ticks, g in ((left, given | nothing), (right, given))
-        ]
+        given = {"x": 0.1 * k, "push": 0.3}
+        lost = given | {"v": float("nan"), "fresh_v": 0.0}
+        shown = [list(ticks.tick(H * k, g).values()) for ticks, g in ((left, lost), (right, given))]
         np.testing.assert_allclose(*shown, rtol=0, atol=1e-12)
 
 
