@@ -101,7 +101,7 @@ def disturbance_observer(
     correlation_time: float | None = None,
     period: float | None = None,
     start_std: Mapping[str, float] | None = None,
-    lost_samples: bool = False,
+    lost_samples: bool | Sequence[str] = False,
     substeps: int | None = None,
     name: str = "observer",
 ) -> Block:
@@ -124,8 +124,8 @@ def disturbance_observer(
         Of the disturbances [s]; None: they are constant but for their noise.
     period : float, optional
         Of the samples [s]. None: the observer is continuous.
-    lost_samples : bool, optional
-        Add an input ``fresh``: where it is 0 the measurements are not used, and the observer predicts.
+    lost_samples : bool or sequence of str, optional
+        Add an input ``fresh``, or ``fresh_NAME`` of these measured outputs: where it is 0 there is no sample.
     substeps : int, optional
         Runge-Kutta steps from tick to tick (default: by the plant's fastest mode).
     name : str, optional
@@ -148,6 +148,10 @@ def disturbance_observer(
 
     Notes
     -----
+    If a position is measured with a standard deviation s every h seconds, and the disturbance of the
+    velocity's derivative has the root spectral density q, the observer's poles are those of a Butterworth
+    filter of bandwidth ``(q/(s h**0.5))**(1/3)`` [rad/s], where drag is slower than that.
+
     A craft that dry friction holds at rest does not show a disturbance. The filter's smooth friction lets it
     creep, so that the estimate goes to 0 there. Estimates are valid while the craft moves.
 

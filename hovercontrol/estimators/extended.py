@@ -20,13 +20,13 @@ from hovercontrol.core.boundary import checked
 from hovercontrol.core.delay_line import fixed
 from hovercontrol.core.signals import Signal, time
 from hovercontrol.estimators.filter_equations import (
-    FRESH,
     corrected,
     estimate_of,
     expected,
     filter_states,
     innovations,
     sampled_block,
+    shares,
 )
 from hovercontrol.estimators.ins.kalman import Equations, Estimate
 from hovercontrol.estimators.observability import warn_if_undetectable
@@ -45,7 +45,7 @@ def extended_kalman(
     measurement_noise: Mapping[str, float],
     period: float | None = None,
     start_std: Mapping[str, float] | None = None,
-    lost_samples: bool = False,
+    lost_samples: bool | Sequence[str] = False,
     substeps: int | None = None,
     name: str = "estimator",
 ) -> Block:
@@ -68,8 +68,9 @@ def extended_kalman(
     start_std : mapping of str to float, optional
         Standard deviation of the first estimate's error, by the states' names [unit] (default: the state's
         nominal size).
-    lost_samples : bool, optional
-        Add an input ``fresh``: where it is 0 the measurements are not used, and the filter predicts.
+    lost_samples : bool or sequence of str, optional
+        Add an input ``fresh``: where it is 0 the measurements are not used, and the filter predicts. Names of
+        measured outputs: an input ``fresh_NAME`` for each, for sensors of different rates.
     substeps : int, optional
         Runge-Kutta steps from tick to tick (default: by the plant's fastest mode at its start values
         and at rest, where dry friction is stiffest).
@@ -114,36 +115,42 @@ def extended_kalman(
     """
     block = plant_of(plant, name, "extended Kalman filter")
     model = observed(
-        block, measured, process_noise, measurement_noise, start_std, name, continuous=period is None
+        block,
+        measured,
+        process_noise,
+        measurement_noise,
+        start_std,
+        name,
+        continuous=period is None,
+        lost_samples=lost_samples,
     )
     warn_if_undetectable(block, measured, name)
     states = filter_states(model)
     estimate = estimate_of(states, len(block.states))
     if period is None:
-        return _continuous(model, states, estimate, lost_samples)
+        return _continuous(model, states, estimate)
     tick = positive(f"{name}: period", period)
     n = steps_between(block, tick, name, substeps)
     step = fixed("period", tick, "of the samples")
     write = Equations()
-    fresh = FRESH.symbol if lost_samples else sp.S.One
-    now = corrected(model, write, estimate, fresh)
+    now = corrected(model, write, estimate)
     then, dynamics, h = now, Dynamics(model.plant), write.define("substep", step.symbol / n)
     for k in range(n):
         then = predict(dynamics, write, f"step_{k}", then, model.intensities, time + k * h, h)
-    return sampled_block(model, states, write, now, then, lost_samples, step)
+    return sampled_block(model, states, write, now, then, step)
 
 
-def _continuous(model: Observed, states: Sequence[Signal], estimate: Estimate, lost_samples: bool) -> Block:
+def _continuous(model: Observed, states: Sequence[Signal], estimate: Estimate) -> Block:
     """Return the extended Kalman-Bucy filter."""
     write, n = Equations(), len(model.plant.states)
     x, P = estimate.x, estimate.P
     f, F = Dynamics(model.plant).at(write, "plant", list(x), time)
     h, H = expected(model, write, x)
     R = [s.symbol**2 for s in model.noise]
-    used = sp.Piecewise((1, FRESH.symbol > sp.S.Half), (0, True)) if lost_samples else sp.S.One
+    used = shares(model)
     # K = P H' R^-1
     PH = write.matrix("PH", P * H.T)
-    gain = sp.Matrix(n, len(R), lambda i, k: PH[i, k] / R[k] * used)
+    gain = sp.Matrix(n, len(R), lambda i, k: PH[i, k] / R[k] * used[k])
     seen = sp.Matrix(innovations(model, write, h))
     correction, FP, Q = gain * seen, F * P, model.intensities
     # P' = F P + P F' + Q - P H' R^-1 H P
@@ -155,7 +162,7 @@ def _continuous(model: Observed, states: Sequence[Signal], estimate: Estimate, l
     return Block(
         model.name,
         states=tuple(states),
-        inputs=(*model.inputs, *([FRESH] if lost_samples else [])),
+        inputs=model.inputs,
         outputs=(*model.estimates, *model.deviations),
         parameters=model.parameters,
         derivatives=rates,

@@ -13,9 +13,6 @@ from hovercontrol.estimators.ins.kalman import Equations, Estimate, wrapped
 from hovercontrol.estimators.observed import Observed, measured_expressions
 from hovercontrol.estimators.propagation import written_at
 
-#: The input of an estimator that may lack samples.
-FRESH = Signal("fresh", "1", "1 at a tick with new measurements, 0 without", start=1.0, lower=0.0, upper=1.0)
-
 
 def filter_states(model: Observed) -> tuple[Signal, ...]:
     """Return the states in which a filter keeps the estimate and the upper triangle of its covariance."""
@@ -57,15 +54,22 @@ def expected(model: Observed, write: Equations, x: sp.Matrix) -> tuple[list[sp.E
 
 
 def innovations(model: Observed, write: Equations, h: Sequence[sp.Expr]) -> list[sp.Expr]:
-    """Return measured less expected outputs; angles less whole turns."""
+    """Return measured less expected outputs; angles less whole turns, 0 without a sample."""
     every = []
     for i, (s, expected) in enumerate(zip(model.measured, h, strict=True)):
         difference = s.symbol - expected
-        every.append(write.define(f"innovation[{i}]", wrapped(difference) if s.unit == "rad" else difference))
+        turned = wrapped(difference) if s.unit == "rad" else difference
+        seen = sp.Piecewise((turned, model.fresh[i] > sp.S.Half), (0, True))
+        every.append(write.define(f"innovation[{i}]", seen))
     return every
 
 
-def corrected(model: Observed, write: Equations, prior: Estimate, fresh: sp.Expr) -> Estimate:
+def shares(model: Observed) -> list[sp.Expr]:
+    """Return of each measurement 1 where it is fresh, else 0."""
+    return [sp.Piecewise((1, fresh > sp.S.Half), (0, True)) for fresh in model.fresh]
+
+
+def corrected(model: Observed, write: Equations, prior: Estimate) -> Estimate:
     """Write the measurement update.
 
     Measurements are taken one by one. All are linearised at the prediction x0, so that the result is that of
@@ -77,7 +81,7 @@ def corrected(model: Observed, write: Equations, prior: Estimate, fresh: sp.Expr
         row = H[i, :]
         moved = (row * (estimate.x - prior.x))[0] if i else sp.S.Zero
         variance = model.noise[i].symbol ** 2
-        estimate = write.correct(f"measured_{i}", estimate, row, first - moved, variance, fresh)
+        estimate = write.correct(f"measured_{i}", estimate, row, first - moved, variance, model.fresh[i])
     return estimate
 
 
@@ -87,7 +91,6 @@ def sampled_block(
     write: Equations,
     now: Estimate,
     then: Estimate,
-    lost_samples: bool,
     step: Signal,
 ) -> Block:
     """Return the sampled Block that shows `now` and keeps `then`."""
@@ -96,7 +99,7 @@ def sampled_block(
     return Block(
         model.name,
         states=tuple(states),
-        inputs=(*model.inputs, *([FRESH] if lost_samples else [])),
+        inputs=model.inputs,
         outputs=(*model.estimates, *model.deviations),
         parameters=(step, *model.parameters),
         derivatives={s.name: e for s, e in zip(states, [*then.x, *upper], strict=True)},

@@ -15,22 +15,18 @@ from typing import Any
 
 import control.optimal
 import numpy as np
-import sympy as sp
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import LinearConstraint, NonlinearConstraint
 
 from hovercontrol.core.arguments import at_least
 from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
-from hovercontrol.core.delay_line import fixed
-from hovercontrol.core.expressions import Expressions
 from hovercontrol.core.functions import numpy_functions
-from hovercontrol.core.signals import Signal, time
 from hovercontrol.errors import InputError, did_you_mean, shown
-from hovercontrol.estimators.ins.kalman import Equations
 from hovercontrol.estimators.observability import warn_if_undetectable
-from hovercontrol.estimators.observed import Observed, measured_expressions, observed, plant_of, suffixed
-from hovercontrol.estimators.propagation import Dynamics, runge_kutta, steps_between
+from hovercontrol.estimators.observed import Observed, observed, plant_of
+from hovercontrol.estimators.one_step import over_one_step
+from hovercontrol.estimators.propagation import steps_between
 from hovercontrol.io.tables import positive
 from hovercontrol.models.interface import AnyModel
 
@@ -276,45 +272,3 @@ def moving_horizon(
     warn_if_undetectable(block, measured, name)
     n = steps_between(block, step, name, substeps)
     return MovingHorizon(model, over_one_step(model, step, n), horizon, bounds)
-
-
-def over_one_step(model: Observed, step: float, substeps: int) -> Block:
-    """Return the plant over one step as a sampled Block: inputs and process noise are held, w adds to x'.
-
-    Parameters
-    ----------
-    model : Observed
-    step : float
-        [s]
-    substeps : int
-        Runge-Kutta steps.
-    """
-    plant = measured_expressions(model.plant, model.measured)
-    noise = {
-        state.name: Signal(
-            suffixed(state.name, "noise"), f"({state.unit})/s", f"process noise in {state.name}'"
-        )
-        for state in (plant.states[i] for i in model.process)
-    }
-    disturbed = plant.unchecked(
-        derivatives=Expressions(
-            (key, e + noise[key].symbol if key in noise else e) for key, e in plant.derivatives.items()
-        )
-    )
-    period = fixed("step", float(step), "of the estimator")
-    write, dynamics = Equations(), Dynamics(disturbed)
-    h = write.define("substep", period.symbol / substeps)
-    x = sp.Matrix([s.symbol for s in plant.states])
-    for k in range(substeps):
-        x = runge_kutta(dynamics, write, f"step_{k}", x, time + k * h, h, jacobian=False).x
-    return Block(
-        model.name,
-        states=plant.states,
-        inputs=(*plant.inputs, *noise.values()),
-        outputs=plant.outputs,
-        parameters=(period, *plant.parameters),
-        derivatives={s.name: e for s, e in zip(plant.states, x, strict=True)},
-        output_expressions=plant.output_expressions,
-        definitions={**plant.definitions, **write.definitions},
-        period=float(step),
-    )

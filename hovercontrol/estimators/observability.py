@@ -21,24 +21,20 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
 
 from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError, did_you_mean, shown
+from hovercontrol.estimators.observable_subspace import gramian_over, readable, unobservable
 from hovercontrol.estimators.observed import measured_expressions, measured_signals, plant_of
 from hovercontrol.io.tables import positive
 from hovercontrol.models.interface import AnyModel
 
 Array = NDArray[np.float64]
 
-#: Relative size below which a singular value counts as zero: Jacobians are exact to rounding, 1e-16, and
-#: bases of subspaces lose some digits.
-ZERO = 1e-9
-
 #: Components below this share of a direction's largest are left out of its text.
-MINOR = 1e-2
+MINOR = 2e-2
 
 
 @checked
@@ -60,6 +56,9 @@ class Observability:
         W over the window, states and outputs in their nominal sizes [s].
     singular_values : ndarray, shape (n,)
         Of the Gramian, falling [s].
+    weakest : dict of str to float
+        The change of the states that the outputs show least, or not at all, in the units of the states, with
+        a largest component of 1.
     window : float
         T [s].
     hidden : tuple of dict of str to float
@@ -84,6 +83,7 @@ class Observability:
     rank: int
     gramian: Array
     singular_values: Array
+    weakest: dict[str, float]
     window: float
     hidden: tuple[dict[str, float], ...]
     hidden_modes: tuple[complex, ...]
@@ -100,17 +100,15 @@ class Observability:
 
     def sentence(self) -> str:
         """Return the result as one sentence."""
-        by = ", ".join(self.measured)
+        where = f"block {self.block!r} with {', '.join(self.measured)} measured"
         if self.observable:
-            worst = self.singular_values[-1]
-            weakest = f"the Gramian over {self.window:g} s has the smallest singular value {worst:.3g} s"
-            return f"block {self.block!r}: {by} determine all {self.rank} states; {weakest}"
+            size = f"singular value {self.singular_values[-1]:.2g} s of the Gramian over {self.window:g} s"
+            weakest = f"weakest: {self._text(self.weakest)} ({size})"
+            return f"{where}: all {self.rank} states are observable; {weakest}"
         changes = "; ".join(self._text(change) for change in self.hidden)
-        end = ", which decays by itself" if self.detectable else ""
-        return (
-            f"block {self.block!r}: {by} determine {self.rank} of {len(self.states)} states: "
-            f"they do not show a change of {changes}{end}"
-        )
+        end = ", decaying by itself" if self.detectable else ""
+        found = f"{self.rank} of {len(self.states)} states are observable"
+        return f"{where}: {found}; unobservable: {changes}{end}"
 
     def __str__(self) -> str:
         return self.sentence()
@@ -163,7 +161,7 @@ def observability(
     >>> import hovercontrol as hc
     >>> craft = hc.vehicle("c17_simulation")
     >>> print(observability(craft, {"u": 0.0}, ["x", "y"]).sentence())
-    block 'plant': x, y determine 4 of 6 states: they do not show a change of psi; r
+    block 'plant' with x, y measured: 4 of 6 states are observable; unobservable: psi; r
     >>> observability(craft, {"u": 1.0}, ["x", "y"]).observable
     True
     """
@@ -182,8 +180,9 @@ def observability(
     size, wide = (np.array([s.nominal for s in group]) for group in (plant.states, channels))
     A, C = A * size / size[:, None], C * size / wide[:, None]
     basis = unobservable(A, C)
-    gramian = _gramian(A, C, positive("observability: window", window))
+    gramian = gramian_over(A, C, positive("observability: window", window))
     names = tuple(s.name for s in plant.states)
+    _, singular_values, directions = np.linalg.svd(gramian)
     return Observability(
         plant.name,
         names,
@@ -191,63 +190,12 @@ def observability(
         {s.name: s.unit for s in plant.states},
         len(A) - basis.shape[1],
         gramian,
-        np.asarray(np.linalg.svd(gramian, compute_uv=False), dtype=float),
+        np.asarray(singular_values, dtype=float),
+        _change(names, directions[-1] * size),
         float(window),
-        tuple(_change(names, row * size) for row in _readable(basis.T)),
+        tuple(_change(names, row * size) for row in readable(basis.T)),
         tuple(map(complex, np.linalg.eigvals(basis.T @ A @ basis))),
     )
-
-
-def unobservable(A: Array, C: Array) -> Array:
-    """Return an orthonormal basis of the unobservable subspace as columns, shape (n, n - rank)."""
-    basis = _null_space(C)
-    scale = max(float(np.linalg.norm(A, 2)), np.finfo(float).tiny)
-    while basis.shape[1]:
-        # A leaves the subspace of the basis by these parts; keep what it does not move out.
-        out = (A @ basis - basis @ (basis.T @ (A @ basis))) / scale
-        kept = _null_space(out, 1.0)
-        if kept.shape[1] == basis.shape[1]:
-            break
-        basis = np.linalg.qr(basis @ kept)[0]
-    return basis
-
-
-def _null_space(matrix: Array, size: float | None = None) -> Array:
-    _, s, Vt = np.linalg.svd(matrix)
-    largest = (s[0] if s.size else 0.0) if size is None else size
-    return np.asarray(Vt[int((s > ZERO * largest).sum()) :].T)
-
-
-def _gramian(A: Array, C: Array, window: float) -> Array:
-    """Return W(window): a short one by Van Loan's exponential, doubled by W(2T) = W(T) + Phi(T)' W(T) Phi(T).
-
-    Van Loan, Computing integrals involving the matrix exponential, IEEE TAC 23 (1978); over a long window
-    his matrix would hold exp(-A T), which overflows for fast modes.
-    """
-    n = len(A)
-    doublings = max(0, math.ceil(math.log2(max(float(np.linalg.norm(A, 2)) * window, 1.0))))
-    short = window / 2**doublings
-    whole = scipy.linalg.expm(np.block([[-A.T, C.T @ C], [np.zeros((n, n)), A]]) * short)
-    Phi = whole[n:, n:]
-    W = Phi.T @ whole[:n, n:]
-    for _ in range(doublings):
-        W, Phi = W + Phi.T @ W @ Phi, Phi @ Phi
-    return np.asarray((W + W.T) / 2)
-
-
-def _readable(rows: Array) -> Array:
-    """Return another basis of the rows' space: each row has one column to itself."""
-    rows = rows.copy()
-    for k in range(len(rows)):
-        size = np.abs(rows[k:]).max(axis=0)
-        lead = int(np.flatnonzero(size >= size.max() * (1 - 1e-6))[0])
-        pick = k + int(np.abs(rows[k:, lead]).argmax())
-        rows[[k, pick]] = rows[[pick, k]]
-        rows[k] /= rows[k, lead]
-        for other in range(len(rows)):
-            if other != k:
-                rows[other] -= rows[other, lead] * rows[k]
-    return rows
 
 
 def _change(names: Sequence[str], values: Array) -> dict[str, float]:
@@ -302,11 +250,10 @@ def warn_if_undetectable(plant: Block, measured: Sequence[str], name: str) -> No
     """
     try:
         found = observability(plant, None, measured)
-    except np.linalg.LinAlgError:
-        return
+    except InputError as error:
+        raise InputError(f"{name}: {error}; give the plant other start values") from None
     if not found.detectable:
-        text = f"{name}: at the start values, {found.sentence()}; their variance does not fall"
-        warnings.warn(text, stacklevel=_outside())
+        warnings.warn(f"{name}: at the start values of {found.sentence()}", stacklevel=_outside())
 
 
 def _outside() -> int:

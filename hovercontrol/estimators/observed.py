@@ -33,6 +33,8 @@ class Observed:
         Parameters: of each measurement.
     start_std : tuple of float
         Of each state.
+    lost : tuple of Signal or None
+        Of each measurement the input that is 1 with a sample and 0 without, where there is one.
     """
 
     name: str
@@ -41,6 +43,12 @@ class Observed:
     process: dict[int, Signal]
     noise: tuple[Signal, ...]
     start_std: tuple[float, ...]
+    lost: tuple[Signal | None, ...]
+
+    @property
+    def fresh(self) -> list[sp.Expr]:
+        """1 for each measurement that is always there, else the symbol of its input."""
+        return [s.symbol if s else sp.S.One for s in self.lost]
 
     @property
     def intensities(self) -> dict[int, sp.Expr]:
@@ -49,8 +57,8 @@ class Observed:
 
     @property
     def inputs(self) -> tuple[Signal, ...]:
-        """Measured outputs, then the plant's inputs."""
-        return (*self.measured, *self.plant.inputs)
+        """Measured outputs, the plant's inputs, then what says which measurements are there."""
+        return (*self.measured, *self.plant.inputs, *dict.fromkeys(s for s in self.lost if s))
 
     @property
     def parameters(self) -> tuple[Signal, ...]:
@@ -118,6 +126,7 @@ def observed(
     name: str,
     *,
     continuous: bool,
+    lost_samples: bool | Sequence[str] = False,
 ) -> Observed:
     """Return a plant as an estimator sees it.
 
@@ -132,6 +141,8 @@ def observed(
         Of the estimator.
     continuous : bool
         Whether measurements are continuous: their noise has a spectral density then.
+    lost_samples : bool or sequence of str, optional
+        Whether samples may be missing, of all measurements together or of some by name.
 
     Raises
     ------
@@ -174,6 +185,25 @@ def observed(
             for s in channels
         ),
         tuple(start.get(s.name, s.nominal) for s in plant.states),
+        _lost(channels, lost_samples, name),
+    )
+
+
+def _lost(channels: Sequence[Signal], lost: bool | Sequence[str], name: str) -> tuple[Signal | None, ...]:
+    """Return the input of each measurement that says whether it is there."""
+    if isinstance(lost, bool):
+        fresh = Signal("fresh", "1", "1 with samples, 0 without", start=1.0, lower=0.0, upper=1.0)
+        return (fresh if lost else None,) * len(channels)
+    known = [s.name for s in channels]
+    for key in lost:
+        if key not in known:
+            hint = did_you_mean(key, known)
+            raise InputError(f"{name}: lost_samples: expected measured outputs, found {shown(key)}{hint}")
+    return tuple(
+        Signal(f"fresh_{key}", "1", f"1 with a sample of {key}, 0 without", start=1.0, lower=0.0, upper=1.0)
+        if key in lost
+        else None
+        for key in known
     )
 
 

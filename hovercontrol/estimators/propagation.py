@@ -26,14 +26,14 @@ from hovercontrol.core.block import Block
 from hovercontrol.core.derivatives import needed_definitions, partial_derivatives
 from hovercontrol.core.functions import numpy_functions
 from hovercontrol.core.signals import time
-from hovercontrol.errors import InputError
+from hovercontrol.errors import InputError, shown
 from hovercontrol.estimators.ins.kalman import Equations, Estimate
 
 #: A step is at most this long in units of the plant's shortest time constant: Runge-Kutta's is stable up to
 #: 2.78. At 2 it leaves a third of what decays within it, where exp(-2) is 0.14.
 LONGEST = 2.0
 
-#: Most steps from tick to tick that are chosen for the user: each adds some hundred operations.
+#: Most steps from tick to tick: each adds some two thousand operations to the filter of a craft.
 MOST_STEPS = 32
 
 
@@ -257,11 +257,11 @@ def steps_between(plant: Block, period: float, name: str, given: int | None = No
     Raises
     ------
     InputError
-        If the user asks for less than one, or the plant is too fast for the period.
+        If the user asks for less than one or too many, or the plant is too fast for the period.
     """
     if given is not None:
-        if given < 1:
-            raise InputError(f"{name}: substeps: expected 1 or more, found {given}")
+        if not 1 <= given <= MOST_STEPS:
+            raise InputError(f"{name}: substeps: expected 1 to {MOST_STEPS}, found {shown(given)}")
         return given
     f, u = numpy_functions(plant), [s.start for s in plant.inputs]
     start = [s.start for s in plant.states]

@@ -22,13 +22,13 @@ from hovercontrol.core.delay_line import fixed, not_negative
 from hovercontrol.core.signals import time
 from hovercontrol.errors import InputError
 from hovercontrol.estimators.filter_equations import (
-    FRESH,
     corrected,
     estimate_of,
     expected,
     filter_states,
     innovations,
     sampled_block,
+    shares,
 )
 from hovercontrol.estimators.ins.kalman import Equations, Estimate, wrapped
 from hovercontrol.estimators.observability import warn_if_undetectable
@@ -57,7 +57,7 @@ def unscented_kalman(
     measurement_noise: Mapping[str, float],
     period: float,
     start_std: Mapping[str, float] | None = None,
-    lost_samples: bool = False,
+    lost_samples: bool | Sequence[str] = False,
     kappa: float = 0.0,
     substeps: int | None = None,
     name: str = "estimator",
@@ -79,8 +79,8 @@ def unscented_kalman(
         unit]; none of `start_std` is 0.
     period : float
         Of the samples [s].
-    lost_samples : bool, optional
-        Add an input ``fresh``: where it is 0 the measurements are not used, and the filter predicts.
+    lost_samples : bool or sequence of str, optional
+        Add an input ``fresh``, or ``fresh_NAME`` of these measured outputs: where it is 0 there is no sample.
     kappa : float, optional
         Spread of the points, not negative (dimensionless).
     substeps : int, optional
@@ -116,7 +116,16 @@ def unscented_kalman(
     """
     block = plant_of(plant, name, "unscented Kalman filter")
     tick = positive(f"{name}: period", period)
-    model = observed(block, measured, process_noise, measurement_noise, start_std, name, continuous=False)
+    model = observed(
+        block,
+        measured,
+        process_noise,
+        measurement_noise,
+        start_std,
+        name,
+        continuous=False,
+        lost_samples=lost_samples,
+    )
     spread = not_negative(f"{name}: kappa", kappa)
     for state, std in zip(block.states, model.start_std, strict=True):
         if not std:
@@ -126,11 +135,11 @@ def unscented_kalman(
     step = fixed("period", tick, "of the samples")
     states, write = filter_states(model), Equations()
     prior = estimate_of(states, len(block.states))
-    now = _measured(model, write, prior, FRESH.symbol if lost_samples else sp.S.One, spread)
+    now = _measured(model, write, prior, spread)
     then, dynamics, h = now, Dynamics(model.plant), write.define("substep", step.symbol / n)
     for k in range(n):
         then = _predicted(dynamics, write, f"step_{k}", then, model.intensities, time + k * h, h, spread)
-    return sampled_block(model, states, write, now, then, lost_samples, step)
+    return sampled_block(model, states, write, now, then, step)
 
 
 def cholesky(write: Equations, name: str, P: sp.Matrix) -> sp.Matrix:
@@ -208,13 +217,13 @@ def _predicted(
     return Estimate(x, write.symmetric(f"{name}_P", n, upper))
 
 
-def _measured(model: Observed, write: Equations, prior: Estimate, fresh: sp.Expr, kappa: float) -> Estimate:
+def _measured(model: Observed, write: Equations, prior: Estimate, kappa: float) -> Estimate:
     """Write the measurement update; where outputs are linear in the states it is that of a Kalman filter."""
     plant = measured_expressions(model.plant, model.measured)
     states = {s.symbol for s in plant.states}
     slopes = plant.jacobian("outputs", "states")
     if not slopes.free_symbols & states:
-        return corrected(model, write, prior, fresh)
+        return corrected(model, write, prior)
     n, m = prior.P.rows, len(model.measured)
     h, _ = expected(model, write, prior.x)
     points, weights = _points(write, "sigma", prior.x, prior.P, kappa)
@@ -227,19 +236,20 @@ def _measured(model: Observed, write: Equations, prior: Estimate, fresh: sp.Expr
         turned = [wrapped(e) if s.unit == "rad" else e for e, s in zip(off, model.measured, strict=True)]
         outputs.append(write.matrix(f"sigma_{k}_output", sp.Matrix(turned)))
     mean = _mean(write, "sigma_mean", outputs, weights)
-    dy = _deviations(write, "sigma_dy", outputs, mean)
+    # Without a sample an output neither deviates nor differs, and so corrects nothing.
+    used = sp.diag(*shares(model))
+    dy = [used * d for d in _deviations(write, "sigma_dy", outputs, mean)]
     dx = _deviations(write, "sigma_dx", points, prior.x)
     R = [s.symbol**2 for s in model.noise]
     S = sp.Matrix(m, m, lambda i, j: _product(dy, dy, weights, i, j) + (R[i] if i == j else 0))
     cross = write.matrix("cross", sp.Matrix(m, n, lambda i, j: _product(dy, dx, weights, i, j)))
     # K = C S^-1 with S = L L': x + G' L^-1 e, P - G' G, where G = L^-1 C'.
     L = cholesky(write, "S_L", S)
-    e = sp.Matrix([v - mu for v, mu in zip(innovations(model, write, h), mean, strict=True)])
+    e = used * (sp.Matrix(innovations(model, write, h)) - mean)
     G, z = _solved(write, "G", L, cross), _solved(write, "z", L, e)
-    used = sp.Piecewise((1, fresh > sp.S.Half), (0, True))
-    x = write.matrix("measured_x", prior.x + sp.Matrix([used * v for v in G.T * z]))
+    x = write.matrix("measured_x", prior.x + G.T * z)
     upper = {
-        (i, j): prior.P[i, j] - used * sum(G[k, i] * G[k, j] for k in range(m))
+        (i, j): prior.P[i, j] - sum(G[k, i] * G[k, j] for k in range(m))
         for i in range(n)
         for j in range(i, n)
     }

@@ -3,10 +3,11 @@
 import control
 import numpy as np
 import pytest
+from scipy.signal import butter
 
 import hovercontrol as hc
 from hovercontrol.errors import InputError
-from tests.estimators.test_extended_kalman import H, cart, soft_craft
+from tests.estimators.observed_plants import H, cart, soft_craft
 
 CRAFT = {
     "measurement_noise": {"x": 0.005, "y": 0.005, "psi": 0.01},
@@ -40,6 +41,19 @@ def test_of_a_linear_plant_it_is_the_kalman_bucy_filter_of_the_larger_plant():
     run = hc.simulate(observer, t, {"x": 0 * t}, rtol=1e-9, atol=1e-12)
     found = run.outputs[[s.name for s in observer.outputs].index("disturbance_v_std"), -1]
     assert found == pytest.approx(P[2, 2] ** 0.5, rel=1e-5)
+
+
+def test_its_bandwidth_is_that_of_a_butterworth_filter():
+    q, s, h = 0.5, 0.002, 0.01
+    free = cart(drag=0.0)
+    observer = hc.disturbance_observer(
+        free, ["x"], disturbance_noise={"v": q}, measurement_noise={"x": s * h**0.5}
+    )
+    t = np.array([0.0, 2.0, 4.0])
+    x = hc.simulate(observer, t, {"x": 0 * t}, rtol=1e-9, atol=1e-12).states[:, -1]
+    poles = np.linalg.eigvals(observer.linearize(x, [0.0, 0.0]).A[:3, :3])
+    _, wanted = butter(3, (q / (s * h**0.5)) ** (1 / 3), analog=True)
+    np.testing.assert_allclose(np.poly(poles), wanted, rtol=1e-4)
 
 
 def craft_run(observer, craft, seconds, seed=0):
@@ -97,7 +111,7 @@ def test_fed_forward_the_estimate_removes_the_offset_that_a_push_leaves():
 
 def test_a_disturbance_that_the_measurements_do_not_show_is_told():
     """Of a cart whose speed alone is measured the position is hidden; its disturbance is not."""
-    with pytest.warns(UserWarning, match="v determine 2 of 3 states: they do not show a change of x;"):
+    with pytest.warns(UserWarning, match="with v measured: 2 of 3 states are observable; unobservable: x"):
         hc.disturbance_observer(
             cart(), ["v"], disturbance_noise={"v": 1.0}, measurement_noise={"v": 0.1}, period=H
         )

@@ -1,35 +1,28 @@
 """The extended Kalman filter of any Block, against filters of SciPy, python-control and NumPy."""
 
+from functools import cache
+
 import control
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 from scipy.linalg import expm, solve_discrete_are
 from scipy.stats import chi2
 
 import hovercontrol as hc
 from hovercontrol.errors import InputError
 from hovercontrol.simulation.hybrid import Ticking
-
-H = 0.05
-NOISE = {"process_noise": {"v": 0.3}, "measurement_noise": {"x": 0.02}}
-CRAFT_NOISE = {
-    "process_noise": {"u": 0.1, "v": 0.1, "r": 0.2},
-    "measurement_noise": {"x": 0.01, "y": 0.01, "psi": 0.02},
-    "start_std": {"x": 0.02, "y": 0.02, "psi": 0.05, "u": 0.1, "v": 0.1, "r": 0.1},
-}
-
-
-def cart(drag=0.8):
-    """A mass with drag, pushed: x' = v, v' = -drag v + push."""
-    x, v, push = hc.Signal("x", "m"), hc.Signal("v", "m/s"), hc.Signal("push", "m/s^2")
-    k = hc.Signal("drag", "1/s", start=drag)
-    rates = {"x": v.symbol, "v": push.symbol - k.symbol * v.symbol}
-    return hc.Block("cart", [x, v], [push], [x, v], [k], rates)
-
-
-def matrices(drag=0.8):
-    return np.array([[0.0, 1.0], [0.0, -drag]]), np.array([[0.0], [1.0]]), np.array([[1.0, 0.0]])
+from tests.estimators.observed_plants import (
+    CRAFT_NOISE,
+    NOISE,
+    START,
+    H,
+    by_hand,
+    cart,
+    covariance,
+    matrices,
+    soft_craft,
+    truth,
+)
 
 
 def discrete(drag=0.8, q=0.3**2):
@@ -39,13 +32,6 @@ def discrete(drag=0.8, q=0.3**2):
     whole = expm(np.block([[-A, np.diag([0.0, q])], [np.zeros((2, 2)), A.T]]) * H)
     Phi = whole[2:, 2:].T
     return Phi, Phi_Gamma[:2, 2:], Phi @ whole[:2, 2:]
-
-
-def covariance(block, state, n):
-    """P of a filter's state, and its estimate."""
-    values = dict(zip((s.name for s in block.states), state, strict=True))
-    P = np.array([[values[f"P[{min(i, j)},{max(i, j)}]"] for j in range(n)] for i in range(n)])
-    return np.array([values[f"xhat[{i}]"] for i in range(n)]), P
 
 
 def test_its_steady_covariance_is_that_of_the_riccati_equation():
@@ -93,62 +79,49 @@ def test_continuous_it_is_the_steady_kalman_bucy_filter():
     np.testing.assert_allclose(linear.A[:2, :2], A - L @ C, rtol=1e-6, atol=1e-9)
 
 
-def by_hand(plant, x, P, Q, R, h, samples, commands, fresh):
-    """An extended Kalman filter as a textbook has it: solve_ivp for x and P, all measurements at once."""
-    f, C = plant.to_numpy(), np.eye(3, 6)
-
-    def rates(_, z, u):
-        F = f.jacobian(0.0, z[:6], u)
-        P = z[6:].reshape(6, 6)
-        return np.r_[f.derivatives(0.0, z[:6], u), (F @ P + P @ F.T + Q).ravel()]
-
-    for y, u, new in zip(samples, commands, fresh, strict=True):
-        if new:
-            innovation = y - C @ x
-            innovation[2] = np.angle(np.exp(1j * innovation[2]))
-            K = P @ C.T @ np.linalg.inv(C @ P @ C.T + R)
-            x, P = x + K @ innovation, (np.eye(6) - K @ C) @ P
-        yield x, P
-        z = solve_ivp(rates, (0, h), np.r_[x, P.ravel()], args=(u,), rtol=1e-10, atol=1e-12).y[:, -1]
-        x, P = z[:6], z[6:].reshape(6, 6)
+def test_continuous_on_a_craft_it_is_the_textbook_filter():
+    root = {"x": 0.002, "y": 0.003, "psi": 0.004}
+    craft = hc.vehicle("c17_simulation").plant()
+    estimator = hc.extended_kalman(craft, **(CRAFT_NOISE | {"measurement_noise": root}))
+    rng, f = np.random.default_rng(8), craft.to_numpy()
+    x, u, y, half = rng.normal(size=6), rng.normal(size=2), rng.normal(size=3), rng.normal(size=(6, 6))
+    y[2] = x[2] + 2 * np.pi + 0.3  # the same heading, and 0.3 rad
+    P, C = half @ half.T, np.eye(3, 6)
+    F, Q = f.jacobian(0.0, x, u), np.diag([0, 0, 0, 0.01, 0.01, 0.04])
+    K = P @ C.T @ np.diag(np.array(list(root.values())) ** -2.0)
+    found = estimator.to_numpy().derivatives(0.0, [*x, *P[np.triu_indices(6)]], [*y, *u])
+    innovation = np.array([*(y - x[:3])[:2], 0.3])
+    wanted = f.derivatives(0.0, x, u) + K @ innovation
+    np.testing.assert_allclose(found[:6], wanted, rtol=1e-9)
+    loss = K @ C @ P
+    np.testing.assert_allclose(found[6:], (F @ P + P @ F.T + Q - loss)[np.triu_indices(6)], rtol=1e-9)
 
 
-def truth(plant, h, steps, seed, start):
-    """A noisy run: motion, samples, commands."""
-    rng = np.random.default_rng(seed)
-    f, x = plant.to_numpy(), np.array(start)
-    fine = 20
-    Q = np.array([0, 0, 0, 0.1, 0.1, 0.2])
-    rows = []
-    for k in range(steps):
-        u = np.array([2.0 + 0.5 * np.sin(0.4 * k * h), 0.3 * np.sin(0.7 * k * h)])
-        rows.append((x.copy(), x[:3] + rng.normal(size=3) * [0.01, 0.01, 0.02], u))
-        for _ in range(fine):  # Euler and Maruyama
-            x = x + f.derivatives(0.0, x, u) * h / fine + Q * rng.normal(size=6) * (h / fine) ** 0.5
-    return [np.array(c) for c in zip(*rows, strict=True)]
+def test_continuous_without_measurements_the_variance_is_that_of_the_plant():
+    estimator = hc.extended_kalman(cart(), ["x"], **NOISE, start_std={"v": 0.5}, lost_samples=True)
+    t = np.array([0.0, 1.0, 2.0])
+    signals = {"x": np.full(3, 7.0), "fresh": np.zeros(3)}
+    run = hc.simulate(estimator.with_values({"xhat[1]": 1.0}), t, signals)
+    shown = dict(zip((s.name for s in estimator.outputs), run.outputs, strict=True))
+    decay = np.exp(-2 * 0.8 * t)
+    np.testing.assert_allclose(shown["v_hat"], np.exp(-0.8 * t), rtol=1e-5)
+    np.testing.assert_allclose(shown["v_std"] ** 2, 0.25 * decay + 0.09 * (1 - decay) / 1.6, rtol=1e-5)
 
 
-START = {"u": 1.2, "v": -0.2, "r": 0.4, "psi": 3.13}
-
-
-def soft_craft():
-    """A craft whose dry friction is smoothed over 5 cm/s: one Runge-Kutta step for each sample will do."""
-    widths = {f"plant.{axis}_coulomb_width": 0.05 for axis in ("surge", "sway", "yaw")}
-    return hc.vehicle("c17_simulation").plant().with_values(widths)
-
-
-def craft_filter(**options):
+@cache
+def craft_filter():
     craft = soft_craft().with_values(START)
+    options = {"period": 0.02, "lost_samples": True}
     return craft, hc.extended_kalman(craft, **CRAFT_NOISE, **options)
 
 
 def test_on_a_craft_it_is_the_textbook_filter_also_past_pi_and_without_samples():
-    h = 0.05
-    craft, estimator = craft_filter(period=h, lost_samples=True, substeps=3)
-    motion, samples, commands = truth(craft, h, 40, 1, [0.0, 0.0, 3.13, 1.2, -0.2, 0.4])
+    h = 0.02
+    craft, estimator = craft_filter()
+    motion, samples, commands = truth(craft, h, 50, 1, [0.0, 0.0, 3.13, 1.2, -0.2, 0.4])
     assert np.abs(motion[:, 2]).max() > np.pi
     samples[:, 2] = np.angle(np.exp(1j * samples[:, 2]))  # as a compass has it
-    fresh = np.arange(40) % 7 < 4
+    fresh = np.arange(50) % 7 < 4
     Q, R = np.diag([0, 0, 0, 0.01, 0.01, 0.04]), np.diag([1e-4, 1e-4, 4e-4])
     P = np.diag([0.02, 0.02, 0.05, 0.1, 0.1, 0.1]) ** 2
     ticks, names = Ticking(estimator), [s.name for s in craft.states]
@@ -161,10 +134,26 @@ def test_on_a_craft_it_is_the_textbook_filter_also_past_pi_and_without_samples()
         np.testing.assert_allclose([shown[f"{n}_std"] for n in names], np.diag(P) ** 0.5, rtol=5e-3)
 
 
+def test_sensors_of_different_rates_have_an_input_each():
+    """Without samples of the speed the filter is that of the position alone."""
+    noise = {"process_noise": {"v": 0.3}, "period": H}
+    both = hc.extended_kalman(
+        cart(), ["v", "x"], **noise, measurement_noise={"x": 0.02, "v": 0.1}, lost_samples=["v"]
+    )
+    assert both.inputs[-1].name == "fresh_v"
+    alone = hc.extended_kalman(cart(), ["x"], **noise, measurement_noise={"x": 0.02})
+    left, right = Ticking(both), Ticking(alone)
+    for k in range(5):
+        given = {"x": 0.1 * k, "push": 0.3}
+        lost = given | {"v": float("nan"), "fresh_v": 0.0}
+        shown = [list(ticks.tick(H * k, g).values()) for ticks, g in ((left, lost), (right, given))]
+        np.testing.assert_allclose(*shown, rtol=0, atol=1e-12)
+
+
 def nees(runs, steps, lost):
     """Normalised squared errors at the end of runs whose start is as uncertain as the filter assumes."""
-    h = 0.05
-    craft, estimator = craft_filter(period=h, lost_samples=True)
+    h = 0.02
+    craft, estimator = craft_filter()
     filters = np.array([s.start for s in estimator.states])
     f, found = estimator.to_numpy().array_derivatives, []
     rng = np.random.default_rng(7)
@@ -185,7 +174,7 @@ def nees(runs, steps, lost):
     return np.array(found)
 
 
-@pytest.mark.parametrize("lost", [0.0, 0.5])
+@pytest.mark.parametrize("lost", [pytest.param(0.0, marks=pytest.mark.slow), 0.5])
 def test_its_errors_are_as_large_as_it_says(lost):
     errors = nees(50, 30, lost)
     low, high = chi2.ppf([0.005, 0.995], 50 * 6)
@@ -251,7 +240,8 @@ def test_a_plant_of_parts_has_its_parts_names_in_the_outputs():
         ({"start_std": {"y": 1.0}}, "start_std: unknown name 'y'"),
         ({"period": 0.0}, "period must be positive"),
         ({"period": 100.0}, "shorten the period, or give substeps=32"),
-        ({"substeps": 0}, "substeps: expected 1 or more, found 0"),
+        ({"lost_samples": ["v"]}, "lost_samples: expected measured outputs, found 'v'"),
+        ({"substeps": 0}, "substeps: expected 1 to 32, found 0"),
     ],
 )
 def test_what_it_cannot_use_is_refused_in_one_line(changes, said):
@@ -269,7 +259,7 @@ def test_a_sampled_plant_and_late_inputs_are_refused():
 
 
 def test_measurements_that_do_not_show_the_state_are_told():
-    with pytest.warns(UserWarning, match="x, y determine 4 of 6 states: they do not show a change of psi; r"):
+    with pytest.warns(UserWarning, match="x, y measured: 4 of 6 states are observable; unobservable: psi; r"):
         hc.extended_kalman(
             hc.vehicle("c17_simulation"), ["x", "y"],
             process_noise={}, measurement_noise={"x": 0.01, "y": 0.01}, period=0.05,
@@ -279,15 +269,15 @@ def test_measurements_that_do_not_show_the_state_are_told():
 @pytest.mark.slow
 def test_it_is_exported_as_an_fmu(tmp_path):
     fmpy = pytest.importorskip("fmpy")
-    _, estimator = craft_filter(period=0.05)
+    _, estimator = craft_filter()
     path = estimator.to_fmu(tmp_path / "filter.fmu")
-    t = np.arange(21) * 0.05
-    values = {"x": 0.3, "y": 0.1, "psi": -3.1, "thrust": 2.0, "rudder": 0.1}
+    t = np.arange(21) * 0.02
+    values = {"x": 0.3, "y": 0.1, "psi": -3.1, "thrust": 2.0, "rudder": 0.1, "fresh": 1.0}
     signals = {name: np.full(21, value) for name, value in values.items()}
     rows = np.array(
         list(zip(t, *signals.values(), strict=True)), dtype=[(n, float) for n in ("time", *signals)]
     )
-    result = fmpy.simulate_fmu(str(path), stop_time=1.0, output_interval=0.05, input=rows)
+    result = fmpy.simulate_fmu(str(path), stop_time=0.4, output_interval=0.02, input=rows)
     ours = hc.simulate(estimator, t, signals).outputs
     k = [s.name for s in estimator.outputs].index("v_hat")
     np.testing.assert_allclose(result["v_hat"][-1], ours[k, -1], rtol=0, atol=1e-6)

@@ -8,7 +8,7 @@ from scipy.optimize import approx_fprime
 
 import hovercontrol as hc
 from hovercontrol.errors import InputError
-from tests.estimators.test_extended_kalman import (
+from tests.estimators.observed_plants import (
     CRAFT_NOISE,
     NOISE,
     START,
@@ -93,10 +93,10 @@ def test_noise_keeps_its_bounds():
 
 
 def test_as_a_system_of_python_control_it_predicts_one_step():
-    problem = hc.moving_horizon(cart(), ["x"], horizon=8, **CART)
+    problem = hc.moving_horizon(cart(), ["x"], horizon=6, **CART)
     system = problem.create_mhe_iosystem(estimate_labels=["x_hat", "v_hat"])
     assert (system.input_labels, system.output_labels) == (["x", "push"], ["x_hat", "v_hat"])
-    t = np.arange(30) * H
+    t = np.arange(16) * H
     push = np.sin(t)
     x, v = hc.simulate(cart(), t, {"push": push}).states
     run = control.input_output_response(system, t, [x, push], 0)

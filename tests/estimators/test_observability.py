@@ -8,7 +8,7 @@ from scipy.linalg import expm, solve_continuous_lyapunov
 
 import hovercontrol as hc
 from hovercontrol.errors import InputError
-from tests.estimators.test_extended_kalman import cart
+from tests.estimators.observed_plants import cart
 
 CRAFT = hc.vehicle("c17_simulation")
 
@@ -62,7 +62,7 @@ def test_what_is_hidden_but_decays_is_detectable():
     found = hc.observability(block, None, ["x"])
     assert (found.rank, found.observable, found.detectable) == (2, False, True)
     assert found.hidden_modes == pytest.approx((-2.0,))
-    assert "do not show a change of w, which decays by itself" in found.sentence()
+    assert "unobservable: w, decaying by itself" in found.sentence()
     hc.extended_kalman(block, ["x"], process_noise={}, measurement_noise={"x": 1.0})  # no warning
 
 
@@ -75,8 +75,14 @@ def test_a_hidden_combination_is_told_with_its_units():
         output_expressions={"total": a.symbol + 2 * b.symbol},
     )  # fmt: skip
     found = hc.observability(block, None, ["total"])
-    assert found.sentence().endswith("they do not show a change of +1 m a with -0.5 m b")
+    assert found.sentence().endswith("unobservable: +1 m a with -0.5 m b")
     assert not found.detectable
+
+
+def test_what_is_seen_least_is_named():
+    """Over 1 s at 1 m/s a yaw rate that dry friction stops within 12 ms hardly moves the craft aside."""
+    text = hc.observability(CRAFT, {"u": 1.0}, ["x", "y"]).sentence()
+    assert "with x, y measured: all 6 states are observable; weakest: r (singular value 2e-14 s" in text
 
 
 def test_points_of_python_control_and_points_with_x_and_u_are_taken():

@@ -7,7 +7,7 @@ import sympy as sp
 import hovercontrol as hc
 from hovercontrol.errors import InputError
 from hovercontrol.simulation.hybrid import Ticking
-from tests.estimators.test_extended_kalman import NOISE, START, H, cart, covariance, soft_craft
+from tests.estimators.observed_plants import NOISE, START, H, cart, covariance, soft_craft
 
 
 def test_of_a_linear_plant_it_is_the_kalman_filter():
@@ -33,6 +33,34 @@ def beacon():
             "distance": sp.sqrt(x.symbol**2 + y.symbol**2), "bearing": sp.atan2(y.symbol, x.symbol),
         },
     ).with_values({"x": -2.0, "y": -0.3, "vx": 0.1, "vy": 0.4})  # fmt: skip
+
+
+def beacon_filter(**options):
+    return hc.unscented_kalman(
+        beacon(), ["distance", "bearing"], period=0.1, process_noise={"vx": 0.2, "vy": 0.2},
+        measurement_noise={"distance": 0.05, "bearing": 0.1}, **options,
+    )  # fmt: skip
+
+
+def test_without_samples_it_predicts_also_where_outputs_bend():
+    some, none = beacon_filter(lost_samples=["bearing"]), beacon_filter(lost_samples=True)
+    given = {"distance": 2.1, "bearing": -3.0}
+    lost = {"distance": float("nan"), "bearing": float("nan"), "fresh": 0.0}
+    a, b, c = (
+        Ticking(block).tick(0.0, values)
+        for block, values in (
+            (none, given | {"fresh": 1.0}),
+            (some, given | {"fresh_bearing": 1.0}),
+            (none, lost),
+        )
+    )
+    assert a == pytest.approx(b, abs=1e-14)
+    start = {f"{s.name}_hat": s.start for s in beacon().states} | {
+        f"{s.name}_std": 1.0 for s in beacon().states
+    }
+    assert c == pytest.approx(start, abs=1e-12)
+    distance = Ticking(some).tick(0.0, given | {"bearing": float("nan"), "fresh_bearing": 0.0})
+    assert distance["x_std"] < 0.5 and distance["y_std"] > 0.8  # the beacon lies along x
 
 
 def by_hand(x, P, samples, h, q, r, kappa):

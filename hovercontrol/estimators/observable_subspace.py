@@ -1,0 +1,67 @@
+"""Linear algebra of observability: the unobservable subspace of a pair, and the Gramian over a window."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+#: Relative size below which a singular value counts as zero: Jacobians are exact to rounding, 1e-16, and
+#: bases of subspaces lose some digits.
+ZERO = 1e-9
+
+
+def unobservable(A: Array, C: Array) -> Array:
+    """Return an orthonormal basis of the unobservable subspace as columns, shape (n, n - rank)."""
+    basis = _null_space(C)
+    scale = max(float(np.linalg.norm(A, 2)), np.finfo(float).tiny)
+    while basis.shape[1]:
+        # A leaves the subspace of the basis by these parts; keep what it does not move out.
+        out = (A @ basis - basis @ (basis.T @ (A @ basis))) / scale
+        kept = _null_space(out, 1.0)
+        if kept.shape[1] == basis.shape[1]:
+            break
+        basis = np.linalg.qr(basis @ kept)[0]
+    return basis
+
+
+def _null_space(matrix: Array, size: float | None = None) -> Array:
+    _, s, Vt = np.linalg.svd(matrix)
+    largest = (s[0] if s.size else 0.0) if size is None else size
+    return np.asarray(Vt[int((s > ZERO * largest).sum()) :].T)
+
+
+def gramian_over(A: Array, C: Array, window: float) -> Array:
+    """Return W(window): a short one by Van Loan's exponential, doubled by W(2T) = W(T) + Phi(T)' W(T) Phi(T).
+
+    Van Loan, Computing integrals involving the matrix exponential, IEEE TAC 23 (1978); over a long window
+    his matrix would hold exp(-A T), which overflows for fast modes.
+    """
+    n = len(A)
+    doublings = max(0, math.ceil(math.log2(max(float(np.linalg.norm(A, 2)) * window, 1.0))))
+    short = window / 2**doublings
+    whole = scipy.linalg.expm(np.block([[-A.T, C.T @ C], [np.zeros((n, n)), A]]) * short)
+    Phi = whole[n:, n:]
+    W = Phi.T @ whole[:n, n:]
+    for _ in range(doublings):
+        W, Phi = W + Phi.T @ W @ Phi, Phi @ Phi
+    return np.asarray((W + W.T) / 2)
+
+
+def readable(rows: Array) -> Array:
+    """Return another basis of the rows' space: each row has one column to itself."""
+    rows = rows.copy()
+    for k in range(len(rows)):
+        size = np.abs(rows[k:]).max(axis=0)
+        lead = int(np.flatnonzero(size >= size.max() * (1 - 1e-6))[0])
+        pick = k + int(np.abs(rows[k:, lead]).argmax())
+        rows[[k, pick]] = rows[[pick, k]]
+        rows[k] /= rows[k, lead]
+        for other in range(len(rows)):
+            if other != k:
+                rows[other] -= rows[other, lead] * rows[k]
+    return rows

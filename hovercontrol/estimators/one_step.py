@@ -1,0 +1,55 @@
+"""A plant over one step of an estimator, with its process noise as inputs."""
+
+from __future__ import annotations
+
+import sympy as sp
+
+from hovercontrol.core.block import Block
+from hovercontrol.core.delay_line import fixed
+from hovercontrol.core.expressions import Expressions
+from hovercontrol.core.signals import Signal, time
+from hovercontrol.estimators.ins.kalman import Equations
+from hovercontrol.estimators.observed import Observed, measured_expressions, suffixed
+from hovercontrol.estimators.propagation import Dynamics, runge_kutta
+
+
+def over_one_step(model: Observed, step: float, substeps: int) -> Block:
+    """Return the plant over one step as a sampled Block: inputs and process noise are held, w adds to x'.
+
+    Parameters
+    ----------
+    model : Observed
+    step : float
+        [s]
+    substeps : int
+        Runge-Kutta steps.
+    """
+    plant = measured_expressions(model.plant, model.measured)
+    noise = {
+        state.name: Signal(
+            suffixed(state.name, "noise"), f"({state.unit})/s", f"process noise in {state.name}'"
+        )
+        for state in (plant.states[i] for i in model.process)
+    }
+    disturbed = plant.unchecked(
+        derivatives=Expressions(
+            (key, e + noise[key].symbol if key in noise else e) for key, e in plant.derivatives.items()
+        )
+    )
+    period = fixed("step", float(step), "of the estimator")
+    write, dynamics = Equations(), Dynamics(disturbed)
+    h = write.define("substep", period.symbol / substeps)
+    x = sp.Matrix([s.symbol for s in plant.states])
+    for k in range(substeps):
+        x = runge_kutta(dynamics, write, f"step_{k}", x, time + k * h, h, jacobian=False).x
+    return Block(
+        model.name,
+        states=plant.states,
+        inputs=(*plant.inputs, *noise.values()),
+        outputs=plant.outputs,
+        parameters=(period, *plant.parameters),
+        derivatives={s.name: e for s, e in zip(plant.states, x, strict=True)},
+        output_expressions=plant.output_expressions,
+        definitions={**plant.definitions, **write.definitions},
+        period=float(step),
+    )
