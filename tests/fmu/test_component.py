@@ -401,6 +401,7 @@ def test_a_step_that_cannot_be_done_names_the_state(fmu, version):
     with pytest.raises(FMICallException):
         instance.step(0.0, 10.0)
     assert re.search(
-        r"stopped at time 1\.0\d*: too many steps; the state v = \S+ is the hardest to integrate", instance.last
+        r"stopped at time 1\.0\d*: too many steps; the state v = \S+ is the hardest to integrate",
+        instance.last,
     )
     instance.close()
