@@ -250,3 +250,32 @@ def test_what_a_model_file_may_say_of_limits(tmp_path):
         hc.load_model(file)
     with pytest.raises(InputError, match="its curve ends at 1"):
         hc.Fan("f", 0.0, 0.0, 0.0, curve=BenchCurve([0.0, 1.0], [0.0, 0.4]), upper=0.5)
+
+
+# ---- estimators ------------------------------------------------------------------------------------------
+
+DRAG = {"surge_coulomb": 1.35, "yaw_coulomb": 0.83, "sway_linear_drag": 1.2}
+
+
+@pytest.mark.parametrize("lag", [None, 0.2])
+def test_an_estimator_that_sees_applied_commands_does_not_wind_up(lag, rng):
+    craft = c17_experiment()
+    plant, sent = actuated(craft, lag=lag), hc.kalman_bucy(craft.plant(), list(DRAG))
+    seen = {"sent": sent, "applied": hc.applied_inputs(sent, plant)}
+    if lag is None:
+        seen["limited"] = hc.kalman_bucy(craft.plant(limited=True), list(DRAG))
+    times = np.linspace(0.0, 20.0, 401)
+    u = {name: np.repeat(rng.uniform(low, high, 41), 10)[:401]
+         for name, low, high in (("thrust", 0.0, 14.0), ("rudder", -1.2, 1.2))}  # fmt: skip
+    off = {}
+    for name, estimator in seen.items():
+        run = hc.interconnect([plant, estimator]).compile().simulate(times, u)
+        off[name] = max(abs(column(run, f"{c}_hat")[-1] - value) for c, value in DRAG.items())
+    assert off.pop("sent") > 0.1
+    assert max(off.values()) < 0.01
+
+
+def test_an_estimator_of_a_plant_that_tells_nothing_is_refused():
+    estimator = hc.kalman_bucy(c17_simulation().plant(), ["yaw_coulomb"])
+    with pytest.raises(InputError, match="tells no applied command that 'estimator' takes"):
+        hc.applied_inputs(estimator, c17_simulation().plant())
