@@ -28,6 +28,9 @@ TYPE_CHECKING = False  # as in typing, which takes a while to import
 if TYPE_CHECKING:
     from typing import Any
 
+    from hovercontrol.analysis.common.frequency import bode, nyquist
+    from hovercontrol.analysis.common.margins import margins
+    from hovercontrol.analysis.common.sensitivity import sensitivity
     from hovercontrol.animation.animate import animate
     from hovercontrol.animation.path import plot_path
     from hovercontrol.controllers import tracking_controller
@@ -39,7 +42,7 @@ if TYPE_CHECKING:
     from hovercontrol.core.units import UnitError
     from hovercontrol.discrepancy.diagnose import diagnose
     from hovercontrol.effects import Coefficient, Effect, Shape, effect, effect_names
-    from hovercontrol.errors import InputError
+    from hovercontrol.errors import InputError, SmoothedFrictionWarning
     from hovercontrol.estimators.kalman_bucy import kalman_bucy
     from hovercontrol.estimators.regression import regression
     from hovercontrol.identify.fit import identify
@@ -52,6 +55,7 @@ if TYPE_CHECKING:
     from hovercontrol.models.parameters import load_parameters, save_parameters
     from hovercontrol.models.vehicles import VEHICLES, vehicle
     from hovercontrol.simulation.trajectory import simulate
+    from hovercontrol.targets.trim import Trim
 
 __version__ = "0.1.0"
 
@@ -79,6 +83,12 @@ __all__ = [
     "save_model",
     "load_parameters",
     "save_parameters",
+    # operating points and loops in the frequency domain
+    "Trim",
+    "bode",
+    "nyquist",
+    "margins",
+    "sensitivity",
     # measured logs
     "Log",
     "read_log",
@@ -100,12 +110,16 @@ __all__ = [
     "animate",
     # errors
     "InputError",
+    "SmoothedFrictionWarning",
     "UnitError",
 ]
 
 
 #: Where each public name is defined. A module is imported when it is asked for: SymPy takes 0.7 s.
 _PLACES = {
+    "analysis.common.frequency": ("bode", "nyquist"),
+    "analysis.common.margins": ("margins",),
+    "analysis.common.sensitivity": ("sensitivity",),
     "animation.animate": ("animate",),
     "animation.path": ("plot_path",),
     "controllers": ("tracking_controller",),
@@ -117,7 +131,7 @@ _PLACES = {
     "core.units": ("UnitError",),
     "discrepancy.diagnose": ("diagnose",),
     "effects": ("Coefficient", "Effect", "Shape", "effect", "effect_names"),
-    "errors": ("InputError",),
+    "errors": ("InputError", "SmoothedFrictionWarning"),
     "estimators.kalman_bucy": ("kalman_bucy",),
     "estimators.regression": ("regression",),
     "identify.fit": ("identify",),
@@ -130,6 +144,7 @@ _PLACES = {
     "models.parameters": ("load_parameters", "save_parameters"),
     "models.vehicles": ("VEHICLES", "vehicle"),
     "simulation.trajectory": ("simulate",),
+    "targets.trim": ("Trim",),
 }
 _PLACE = {name: module for module, names in _PLACES.items() for name in names}
 _PACKAGES = {module.partition(".")[0] for module in _PLACES}
@@ -140,6 +155,8 @@ for _name, _module, _function in (
     ("interconnect", "core.interconnect", "interconnect"),
     ("start", "simulation.python_runner", "start_block"),
     ("control", "targets.control", "to_control"),
+    ("trim", "targets.trim", "trim"),
+    ("linearize", "targets.linearization", "linearize"),
     ("compile", "targets.compiled", "compile_block"),
     ("fmu", "fmi.exporter.export", "export_fmu"),
     ("html", "notebook.systems", "block_html"),

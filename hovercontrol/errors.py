@@ -37,6 +37,25 @@ class ArgumentError(InputError):
     """
 
 
+class SmoothedFrictionWarning(UserWarning):
+    """A pole of a linear system comes from the smoothing of dry friction, not from the craft.
+
+    Parameters
+    ----------
+    text : object
+        One line: the pole, the velocity, the width of the smoothing, and what to use instead.
+
+    Examples
+    --------
+    >>> import warnings
+    >>> with warnings.catch_warnings():  # where the smoothed slope is what is wanted
+    ...     warnings.simplefilter("ignore", SmoothedFrictionWarning)
+    """
+
+    def __init__(self, text: object = "") -> None:
+        super().__init__(one_line(text))
+
+
 def one_line(text: object, longest: int = LONGEST_LINE) -> str:
     r"""Return a text as one line that a terminal shows as it is.
 

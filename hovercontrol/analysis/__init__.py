@@ -17,11 +17,14 @@ from hovercontrol.analysis.c17.normal_form import NormalForm, normal_form
 from hovercontrol.analysis.c17.zero_dynamics import ZeroDynamics, predict, zero_dynamics
 from hovercontrol.analysis.common.directions import Direction
 from hovercontrol.analysis.common.excitation import Excitation, FunctionSet, excitation, signals_of
+from hovercontrol.analysis.common.frequency import Bode, Nyquist, bode, nyquist
+from hovercontrol.analysis.common.loop_gain import loop_gain
 from hovercontrol.analysis.common.loop_modes import OutsideModes
 from hovercontrol.analysis.common.margins import FrozenMargins, Margins, loop_margins, margins, margins_along
 from hovercontrol.analysis.common.observability import Gramian, SlidingGramian, observability_gramian
 from hovercontrol.analysis.common.packet_loss import PacketLoop, packet_loop, packet_loop_along
 from hovercontrol.analysis.common.regions import Axis, Region, axis
+from hovercontrol.analysis.common.sensitivity import Sensitivity, sensitivity
 from hovercontrol.analysis.common.stabilizability import Stabilizability, stabilizability
 from hovercontrol.analysis.k06.basins import turn_basins
 from hovercontrol.analysis.k06.law_regions import forward_region, reverse_region
@@ -37,6 +40,7 @@ __all__ = [
     "forward_region", "reverse_region",
     "clopper_pearson", "region_of_attraction",
     "turn_basins", "Margins", "FrozenMargins", "OutsideModes", "loop_margins", "margins", "margins_along",
+    "Bode", "bode", "Nyquist", "nyquist", "Sensitivity", "sensitivity", "loop_gain",
     "PacketLoop", "packet_loop", "packet_loop_along",
     "Stabilizability", "stabilizability",
 ]  # fmt: skip

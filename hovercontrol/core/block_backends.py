@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from hovercontrol.core.functions import NumpyFunctions
     from hovercontrol.simulation.runner import BlockRunner
     from hovercontrol.targets.compiled import CompiledBlock
+    from hovercontrol.targets.trim import Trim
 
 
 @partial(checked, name="Block")
@@ -190,22 +191,118 @@ class Backends:
         )
         return written
 
+    def trim(
+        self,
+        states: Mapping[str, float] | None = None,
+        inputs: Mapping[str, float] | None = None,
+        outputs: Mapping[str, float] | None = None,
+        *,
+        rates: Mapping[str, float | None] | None = None,
+        params: Mapping[str, float] | None = None,
+        time: float = 0.0,
+        guess: Mapping[str, float] | None = None,
+    ) -> Trim:
+        """Return an operating point: a point at which the Block moves steadily or rests.
+
+        Values are given by name; every other state and input is free within its signal's bounds. The rate of
+        each state is zero, except of those that may move steadily: the states on which the other rates do not
+        depend (of a craft its position and heading; in wind its position alone). Where the conditions leave a
+        choice, the point nearest to the guess is taken, each difference divided by its signal's nominal size.
+        Inputs that act late have the values that arrive.
+
+        Parameters
+        ----------
+        states, inputs, outputs : mapping of str to float, optional
+            Given values in their units.
+        rates : mapping of str to float or None, optional
+            Given derivatives of states, unit of the state per second; None leaves one free. Of a sampled
+            state: what a step adds.
+        params : mapping, optional
+            Parameter values by key, over the defaults, in their units.
+        time : float, optional
+            Of equations that depend on time [s].
+        guess : mapping of str to float, optional
+            Where the search for free states and inputs begins (default: their start values).
+
+        Returns
+        -------
+        Trim
+            With ``states``, ``inputs``, ``outputs`` and ``rates`` by name, and ``x``, ``u``, ``y`` as arrays.
+
+        Raises
+        ------
+        InputError
+            If a name is unknown, a value is out of its bounds, or no point meets the conditions: the line
+            then says which are not met, by how much, and which signal is at a bound.
+
+        Examples
+        --------
+        >>> import hovercontrol as hc
+        >>> craft = hc.vehicle("c17_simulation").plant()
+        >>> ahead = craft.trim(states={"u": 1.0})
+        >>> print(round(ahead.inputs["thrust"], 3), ahead.rates["x"])
+        1.8 1.0
+        """
+        found: Trim = backend("trim")(
+            self, states, inputs, outputs, rates=rates, params=params, time=time, guess=guess
+        )
+        return found
+
     def linearize(
         self,
-        x: ArrayLike | control.OperatingPoint,
-        u: ArrayLike | None = None,
+        at: ArrayLike | Mapping[str, float] | control.OperatingPoint | Trim,
+        u: ArrayLike | Mapping[str, float] | None = None,
         params: Mapping[str, float] | None = None,
-        t: float = 0.0,
+        t: float | None = None,
+        *,
+        friction: Literal["smooth", "none", "describing"] = "smooth",
+        amplitude: Mapping[str, float] | None = None,
     ) -> control.StateSpace:
         """Return the exact linearisation at a point as a python-control state-space system.
 
         Parameters
         ----------
-        x : array_like, shape (n_states,), scalar for all states, or control.OperatingPoint
-        u : array_like, shape (n_inputs,), or scalar for all inputs; default the operating point's, or 0
+        at : Trim, control.OperatingPoint, mapping by name or array_like, shape (n_states,)
+            The point. A mapping has values of states and inputs in their units, over their start values; a
+            scalar is the value of all states.
+        u : array_like, shape (n_inputs,), scalar for all inputs, or mapping by name, optional
+            Default: that of the Trim, operating point or mapping; beside an array 0.
         params : mapping, optional
-            Parameter values by key, over the defaults.
+            Parameter values by key, over those of the Trim and the defaults.
         t : float, optional
-            Time [s].
+            Time [s]; default that of the Trim, or 0.
+        friction : {"smooth", "none", "describing"}, optional
+            Slope of dry friction, ``sgn(v, w)``, anywhere in the Block. "smooth": of tanh(v/w), as it is
+            written; at v = 0 that is 1/w, and a warning tells if it makes a pole. "none": 0, as where v keeps
+            its sign. "describing": 4/(pi A) sqrt(1 - (v/A)^2), that of an oscillation of amplitude A about v.
+        amplitude : mapping of str to float, optional
+            Of the oscillation, by state, in its unit, for "describing"; friction in other states has slope 0.
+
+        Returns
+        -------
+        control.StateSpace
+            Signals by their names; of a sampled Block in discrete time.
+
+        Raises
+        ------
+        InputError
+            If a name, a number of values or the friction is wrong, an input acts late or the Block has parts
+            that tick.
+
+        Warns
+        -----
+        SmoothedFrictionWarning
+            If friction is "smooth" and a pole is the slope of that smoothing.
+
+        Examples
+        --------
+        >>> import hovercontrol as hc
+        >>> craft = hc.vehicle("c17_simulation").plant()
+        >>> ahead = craft.trim(states={"u": 1.0})
+        >>> for A in (0.5, 0.1):
+        ...     line = craft.linearize(ahead, friction="describing", amplitude={"r": A})
+        ...     print(round(float(line.A[5, 5]), 3))
+        -2.594
+        -11.048
         """
-        return self.to_control().linearize(x, u, t=t, params=params)
+        return backend("linearize")(self, at, u, params, t, friction=friction, amplitude=amplitude)

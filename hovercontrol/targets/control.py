@@ -15,6 +15,7 @@ from hovercontrol.core.delays import registers
 from hovercontrol.core.functions import numpy_functions
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.io.tables import positive
+from hovercontrol.targets import friction_slopes
 from hovercontrol.targets.library import Point, Solver
 from hovercontrol.targets.linear import point_values, state_space
 from hovercontrol.targets.points import points
@@ -155,6 +156,11 @@ class BlockSystem(control.NonlinearIOSystem):
         ------
         InputError
             If a number of values or a key is wrong, or a value is not finite.
+
+        Warns
+        -----
+        SmoothedFrictionWarning
+            If a pole is the slope of smoothed dry friction.
         """
         if isinstance(x0, control.OperatingPoint):
             x0, u0 = x0.states, x0.inputs if u0 is None else u0
@@ -162,12 +168,9 @@ class BlockSystem(control.NonlinearIOSystem):
         u = point_values(u0, self.ninputs, "input", self.block.name)
         kwargs.pop("eps", None)  # a step for finite differences: nothing is left to choose
         self._update_params(params)
-        f = numpy_functions(self.block)
-        matrices = [
-            f.jacobian(t, x, u, self._current_params, rows, columns)
-            for rows in ("derivatives", "outputs")
-            for columns in ("states", "inputs")
-        ]
+        point = friction_slopes.Point(t, x, u, self._current_params)
+        matrices = friction_slopes.linear_matrices(self.block, point)
+        friction_slopes.warn_of_smoothing(self.block, matrices[0], point)
         if copy_names:
             labels = {"inputs": self.input_labels, "outputs": self.output_labels, "states": self.state_labels}
             kwargs = {"name": f"{self.name}$linearized", **labels, **kwargs}

@@ -3,17 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
 
 import control
 import numpy as np
 from numpy.typing import ArrayLike
 
 from hovercontrol.core.block import Block
+from hovercontrol.core.expressions import Expressions
 from hovercontrol.core.interconnect import interconnect, rename
+from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError, did_you_mean
-from hovercontrol.simulation.given import initial_state
+from hovercontrol.targets.friction_slopes import Point as At
+from hovercontrol.targets.friction_slopes import Slope, linear_matrices, warn_of_smoothing
+from hovercontrol.targets.linear import state_space
+from hovercontrol.targets.linearization import given_point
+from hovercontrol.targets.trim import Trim
 
-Point = ArrayLike | Mapping[str, float]
+Loop = Block | Sequence[Block]
+Point = ArrayLike | Mapping[str, float] | Trim
 
 #: What a signal is called where it comes back to the wire that is cut.
 RETURNED = "_returned"
@@ -36,6 +44,20 @@ def break_loop(blocks: Sequence[Block], at: str | Sequence[str], name: str = "lo
         If nothing drives the signal, or the Blocks leave other inputs open.
     """
     cut = [at] if isinstance(at, str) else list(at)
+    whole = _cut_blocks(blocks, cut, name)
+    if len(whole.inputs) > len(cut):
+        raise _open(name, whole.inputs[len(cut)].name)
+    return whole
+
+
+def _open(name: str, signal: str) -> InputError:
+    return InputError(
+        f"{name}: nothing drives {signal!r}: a loop to be cut must be closed, or its value given"
+    )
+
+
+def _cut_blocks(blocks: Sequence[Block], cut: Sequence[str], name: str) -> Block:
+    """Return Blocks joined with wires cut; open inputs come after these."""
     driven = {s.name for block in blocks for s in block.outputs}
     for signal in cut:
         if signal not in driven:
@@ -44,11 +66,38 @@ def break_loop(blocks: Sequence[Block], at: str | Sequence[str], name: str = "lo
     for block in blocks:
         own = {s.name: f"{s.name}{RETURNED}" for s in block.outputs if s.name in cut}
         parts.append(rename(block, own) if own else block)
-    whole = interconnect(parts, name, outputs=[f"{signal}{RETURNED}" for signal in cut])
-    more = [s.name for s in whole.inputs if s.name not in cut]
-    if more:
-        raise InputError(f"{name}: nothing drives {more[0]!r}: a loop to be cut must be closed")
-    return interconnect(parts, name, inputs=cut, outputs=[f"{signal}{RETURNED}" for signal in cut])
+    returned = [f"{signal}{RETURNED}" for signal in cut]
+    more = [s.name for s in interconnect(parts, name, outputs=returned).inputs if s.name not in cut]
+    return interconnect(parts, name, inputs=[*cut, *more], outputs=returned)
+
+
+def _cut_whole(loop: Block, cut: Sequence[str]) -> Block:
+    """Return a loop that is one Block with wires cut: signals that its equations define."""
+    known = {s.name: s for s in loop.definition_signals}
+    for name in cut:
+        if name not in known:
+            ports = {s.name for s in (*loop.states, *loop.outputs)}
+            hint = (
+                ": it is a state; give the Blocks of the loop as a list to cut it there"
+                if name in ports
+                else did_you_mean(name, known)
+            )
+            raise InputError(loop.where(f"no signal {name!r} that can be cut{hint}"))
+    returned = [known[name].replace(name=f"{name}{RETURNED}") for name in cut]
+    new = {name: signal.name for name, signal in zip(cut, returned, strict=True)}
+    signals = tuple(s.replace(name=new.get(s.name, s.name)) for s in loop.definition_signals)
+    wires = tuple(_input(known[name]) for name in cut)
+    return loop.unchecked(
+        inputs=(*wires, *loop.inputs),
+        outputs=tuple(returned),
+        output_expressions=Expressions((s.name, s.symbol) for s in returned),
+        definitions=Expressions((new.get(name, name), e) for name, e in loop.definitions.items()),
+        definition_signals=signals,
+    )
+
+
+def _input(signal: Signal) -> Signal:
+    return Signal(signal.name, signal.unit, signal.description, nominal=signal.nominal)
 
 
 class CutLoop:
@@ -56,42 +105,66 @@ class CutLoop:
 
     Parameters
     ----------
-    blocks, at
-        As for :func:`break_loop`.
+    loop : Block or sequence of Block
+        The Blocks of the loop, or the loop that they make.
+    wires : str or sequence of str
+        Signals that one of the Blocks drives; of a loop in one Block, signals that its equations define.
 
     Raises
     ------
     InputError
-        As there.
+        If nothing drives a signal, or the loop has parts that tick.
     """
 
-    def __init__(self, blocks: Sequence[Block], at: str | Sequence[str]) -> None:
-        cut = [at] if isinstance(at, str) else list(at)
-        self._cut = break_loop(blocks, cut).to_control()
-        self._closed = interconnect(blocks, "loop", outputs=cut)
+    def __init__(self, loop: Loop, wires: str | Sequence[str]) -> None:
+        cut = [wires] if isinstance(wires, str) else list(wires)
+        self._n = len(cut)
+        if isinstance(loop, Block):
+            self._cut = _cut_whole(loop, cut)
+            symbols = Expressions((s.name, s.symbol) for s in self._cut.inputs[: self._n])
+            self._closed = loop.unchecked(outputs=self._cut.inputs[: self._n], output_expressions=symbols)
+        else:
+            self._cut = _cut_blocks(loop, cut, "loop")
+            self._closed = interconnect(loop, "loop", outputs=cut)
+        if self._closed.ticks:
+            text = "it has parts that tick and so no frequency response; cut the loop in continuous time"
+            raise InputError(self._closed.where(text))
 
     def linearize(
-        self, x: Point | None = None, time: float = 0.0, params: Mapping[str, float] | None = None
+        self,
+        at: Point | None = None,
+        time: float | None = None,
+        params: Mapping[str, float] | None = None,
+        *,
+        friction: Slope = "smooth",
+        amplitude: Mapping[str, float] | None = None,
     ) -> control.StateSpace:
         """Return the linear system from the cut wires to where they come back; feedback is positive.
 
         Parameters
         ----------
-        x : array_like or mapping by name, optional
-            State of the closed loop, over its start values.
+        at : Trim, mapping by name or array_like, optional
+            State of the closed loop, a mapping over its start values. Inputs that nothing drives have the
+            values of the Trim or the mapping.
         time : float, optional
-            [s]
+            [s]; default that of the Trim, or 0.
         params : mapping, optional
             Parameter values by key.
+        friction, amplitude
+            As for :meth:`hovercontrol.Block.linearize`.
 
         Raises
         ------
         InputError
-            If a name or a number of values is wrong.
+            If a name or a number of values is wrong, or an input is open and has no value.
         """
-        point = initial_state(self._closed, x)
-        through = self._closed.to_numpy().outputs(time, point, (), params)
-        return self._cut.linearize(point, through, time, params)
+        known = at.inputs if isinstance(at, Trim) else at if isinstance(at, Mapping) else {}
+        for signal in self._closed.inputs:
+            if signal.name not in known:
+                raise _open(self._closed.name, signal.name)
+        given: Any = {} if at is None else at
+        point = given_point(self._closed, given, None, params, time)
+        return self._at(point, friction, amplitude, warn=True)
 
     def along(
         self, motion: control.TimeResponseData, params: Mapping[str, float] | None = None
@@ -101,12 +174,32 @@ class CutLoop:
         Raises
         ------
         InputError
-            If the motion has not all states of this loop.
+            If the motion has not all states and inputs of this loop.
         """
-        names, labels = [s.name for s in self._closed.states], list(motion.state_labels)
-        missing = [name for name in names if name not in labels]
-        if missing:
-            raise InputError(f"motion: no state {missing[0]!r}{did_you_mean(missing[0], labels)}")
-        states = np.asarray(motion.states)[[labels.index(name) for name in names]]
-        for time, x in zip(np.asarray(motion.time).tolist(), states.T, strict=True):
-            yield self.linearize(x, time, params)
+        states = _rows(self._closed.states, "state", motion.state_labels, motion.states)
+        inputs = _rows(self._closed.inputs, "input", motion.input_labels, motion.inputs)
+        for k, time in enumerate(np.asarray(motion.time).tolist()):
+            yield self._at(At(time, states[:, k], inputs[:, k], dict(params or {})), "smooth", None)
+
+    def _at(
+        self, point: At, friction: Slope, amplitude: Mapping[str, float] | None, *, warn: bool = False
+    ) -> control.StateSpace:
+        through = self._closed.to_numpy().outputs(*point)
+        here = point._replace(u=np.concatenate([through, point.u]))
+        A, B, C, D = linear_matrices(self._cut, here, friction, amplitude)
+        if warn and friction == "smooth":
+            closed = linear_matrices(self._closed, point)[0]
+            warn_of_smoothing(self._closed, closed, point)
+        n = self._n
+        labels = {kind: [s.name for s in getattr(self._cut, kind)] for kind in ("outputs", "states")}
+        wires = [s.name for s in self._cut.inputs[:n]]
+        return state_space([A, B[:, :n], C, D[:, :n]], self._cut.period, inputs=wires, **labels)
+
+
+def _rows(signals: Sequence[Signal], kind: str, labels: Sequence[str] | None, values: Any) -> np.ndarray:
+    names = list(labels or [])
+    for signal in signals:
+        if signal.name not in names:
+            raise InputError(f"motion: no {kind} {signal.name!r}{did_you_mean(signal.name, names)}")
+    rows = np.asarray(values, dtype=float)
+    return rows[[names.index(s.name) for s in signals]] if signals else np.zeros((0, rows.shape[-1]))

@@ -10,18 +10,19 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import control
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from hovercontrol.analysis.common.cut_loop import CutLoop, Point
+from hovercontrol.analysis.common.cut_loop import CutLoop
 from hovercontrol.analysis.common.loop_modes import OutsideModes, split_loop
 from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.io.pyplot import open_in_pyplot
+from hovercontrol.targets.trim import Trim
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -90,11 +91,11 @@ class Margins:
         InputError
             If the loop is not known: of the worst margins along a motion, ``each`` knows theirs.
         """
-        from hovercontrol.notebook.plots import bode_figure
+        from hovercontrol.analysis.common.frequency_plots import loop_figure
 
         if self.loop is None:
             raise InputError("margins: no loop to draw; margins() and loop_margins() return it with them")
-        return open_in_pyplot(bode_figure(self, self.loop))
+        return open_in_pyplot(loop_figure(self.loop, self))
 
 
 #: The names of what can be drawn over time.
@@ -103,26 +104,37 @@ MARGINS = tuple(f.name for f in fields(Margins) if f.name not in ("outside", "lo
 
 @checked
 def margins(
-    blocks: Sequence[Block],
-    at: str,
-    x: Point | None = None,
+    loop: Block | Sequence[Block],
+    wire: str,
+    at: ArrayLike | Mapping[str, float] | Trim | None = None,
     *,
-    time: float = 0.0,
+    time: float | None = None,
     params: Mapping[str, float] | None = None,
+    friction: Literal["smooth", "none", "describing"] = "smooth",
+    amplitude: Mapping[str, float] | None = None,
 ) -> Margins:
     """Return the margins of a loop at one wire, linearised about a point.
 
     Parameters
     ----------
-    blocks, at
-        As for :func:`break_loop`.
-    x, time, params
-        As for :meth:`CutLoop.linearize`.
+    loop : Block or sequence of Block
+        The Blocks of the loop, or the loop that they make.
+    wire : str
+        Signal at which it is broken: one that a Block drives; of a loop in one Block a signal that its
+        equations define, such as a command.
+    at : Trim, mapping by name or array_like, shape (n_states,), optional
+        Point of the closed loop: states, and inputs that nothing drives, over the start values of states.
+    time : float, optional
+        [s]; default that of the Trim, or 0.
+    params : mapping, optional
+        Parameter values by key.
+    friction, amplitude
+        Slope of dry friction, as for :meth:`hovercontrol.Block.linearize`.
 
     Raises
     ------
     InputError
-        As there.
+        If a name or a number of values is wrong, or the loop has parts that tick or an input without value.
 
     Examples
     --------
@@ -134,7 +146,8 @@ def margins(
     >>> round(found.phase, 3), round(found.delay, 5), round(found.jitter, 5)  # pi/(2 k) and 1/k
     (90.0, 0.7854, 0.5)
     """
-    return _of_line(CutLoop(blocks, at).linearize(x, time, params))
+    line = CutLoop(loop, wire).linearize(at, time, params, friction=friction, amplitude=amplitude)
+    return _of_line(line)
 
 
 @checked
@@ -231,8 +244,8 @@ class FrozenMargins:
 
 @checked
 def margins_along(
-    blocks: Sequence[Block],
-    at: str,
+    loop: Block | Sequence[Block],
+    wire: str,
     motion: control.TimeResponseData,
     *,
     params: Mapping[str, float] | None = None,
@@ -241,8 +254,8 @@ def margins_along(
 
     Parameters
     ----------
-    blocks, at
-        As for :func:`break_loop`.
+    loop, wire
+        As for :func:`margins`.
     motion : control.TimeResponseData
         Of the closed loop, states by name; each row is a point.
     params : mapping, optional
@@ -264,7 +277,7 @@ def margins_along(
     >>> [round(m.phase, 3) for m in found.each]
     [90.0, 90.0]
     """
-    each = tuple(_of_line(line) for line in CutLoop(blocks, at).along(motion, params))
+    each = tuple(_of_line(line) for line in CutLoop(loop, wire).along(motion, params))
     return FrozenMargins(np.asarray(motion.time, dtype=float), each)
 
 

@@ -1,0 +1,162 @@
+"""The search for a trim: least squares within bounds, then the solution nearest to where it began."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import NDArray
+from scipy.optimize import least_squares, minimize
+from scipy.stats import qmc
+
+from hovercontrol.targets.trim_conditions import Conditions
+
+Array = NDArray[np.float64]
+
+#: A trim holds where each condition is met to this part of its nominal size.
+TOLERANCE = 1e-8
+#: Further points from which the search begins where the first fails: a Halton sequence, the same each time.
+STARTS = 16
+#: A solution whose unknowns are all within this many nominal sizes of the start is taken at once; of those
+#: farther away the nearest among so many starts, as angles and signs have more than one.
+NEAR, COMPARED = 2.0, 6
+#: How far about the first they lie, in nominal sizes.
+SPREAD = 3.0
+#: A singular value of the Jacobian below this part of the largest is 0.
+RANK = 1e-9
+
+
+def solve(conditions: Conditions) -> tuple[Array, bool]:
+    """Return the unknowns in nominal sizes, and whether they meet the conditions or are the nearest miss."""
+    start = conditions.start
+    best, least = start, np.inf
+    solutions: list[Array] = []
+    for tried, begin in enumerate(_starts(conditions)):
+        z = _from(conditions, begin)
+        if z is None:
+            continue
+        size = float(np.max(np.abs(conditions.missing(z)), initial=0.0))
+        if size < least:
+            best, least = z, size
+        if size <= TOLERANCE:
+            solutions.append(nearest(conditions, z))
+            if np.max(np.abs(solutions[-1] - start), initial=0.0) <= NEAR:
+                break
+        if solutions and tried >= COMPARED:
+            break
+    if not solutions:
+        return best, False
+    return _tidy(conditions, min(solutions, key=lambda z: float(np.linalg.norm(z - start)))), True
+
+
+def nearest(conditions: Conditions, z: Array) -> Array:
+    """Return the solution nearest to the start, from one that is found: min |z - start|^2, missing(z) = 0.
+
+    Where the conditions determine the unknowns that is the one that is found.
+    """
+    J, start = conditions.jacobian(z), conditions.start
+    _, R, order = scipy.linalg.qr(J.T, mode="economic", pivoting=True)
+    rank = int(np.sum(np.abs(np.diag(R)) > RANK * max(1.0, np.abs(R).max(initial=0.0))))
+    if rank == len(z):
+        return z
+    rows = order[:rank]
+    found = minimize(
+        lambda z: (float((z - start) @ (z - start)), 2 * (z - start)),
+        z,
+        jac=True,
+        method="SLSQP",
+        bounds=list(zip(*conditions.bounds, strict=True)),
+        constraints={
+            "type": "eq",
+            "fun": lambda z: conditions.missing(z)[rows],
+            "jac": lambda z: conditions.jacobian(z)[rows],
+        },
+        options={"ftol": 1e-14, "maxiter": 200},
+    )
+    nearer = _from(conditions, found.x) if np.isfinite(found.x).all() else None
+    if nearer is None or np.max(np.abs(conditions.missing(nearer)), initial=0.0) > TOLERANCE:
+        return z
+    return nearer if np.linalg.norm(nearer - start) < np.linalg.norm(z - start) else z
+
+
+def undetermined(conditions: Conditions, z: Array) -> list[int]:
+    """Return the unknowns that could change together while the conditions still hold.
+
+    Those on which no condition depends are not among them.
+    """
+    J = conditions.jacobian(z)
+    asked = np.flatnonzero(np.abs(J).max(axis=0, initial=0.0) > 0)
+    if not asked.size:
+        return []
+    null = scipy.linalg.null_space(J[:, asked], rcond=RANK)
+    return asked[np.abs(null).max(axis=1, initial=0.0) > 1e-6].tolist()
+
+
+def bound_at(conditions: Conditions, k: int, value: float) -> str:
+    """Return the bound at which an unknown is, or nothing; value in nominal sizes."""
+    lower, upper = (b[k] for b in conditions.bounds)
+    if abs(value - lower) < 1e-6:
+        return "lower"
+    return "upper" if abs(value - upper) < 1e-6 else ""
+
+
+def failure(conditions: Conditions, z: Array) -> str:
+    """Return what the nearest miss lacks, the worst first, and which bounds it meets."""
+    found, missing = conditions.found(z), np.abs(conditions.missing(z))
+    worst = [int(k) for k in np.argsort(-missing) if not missing[k] <= 1e-6][:4]
+    lines = [conditions.each[k].line(float(found[k])) for k in worst]
+    bounds = []
+    for k, signal in enumerate(conditions.unknowns):
+        side = bound_at(conditions, k, float(z[k]))
+        if side:
+            unit = "" if signal.unit == "1" else f" {signal.unit}"
+            bounds.append(f"{signal.name} is at its {side} bound {getattr(signal, side):g}{unit}")
+    names = ", ".join(s.name for s in conditions.unknowns[:8]) or "nothing"
+    return "; ".join([f"no trim found, nearest with {names} free: {'; '.join(lines)}", *bounds])
+
+
+def _from(conditions: Conditions, start: Array) -> Array | None:
+    """Return where least squares ends; None where the Block has no finite values."""
+    if not len(start):
+        return start
+    lower, upper = conditions.bounds
+    try:
+        found = least_squares(
+            conditions.missing,
+            np.clip(start, lower, upper),
+            conditions.jacobian,
+            bounds=(lower, upper),
+            xtol=1e-15,
+            ftol=1e-15,
+            gtol=1e-15,
+            max_nfev=200,
+        )
+    except ValueError:  # not finite at the start
+        return None
+    z = np.asarray(found.x)
+    onto = np.clip(z, lower, upper)
+    for bound in (lower, upper):  # the search stays inside; a solution on a bound is put there
+        onto = np.where(np.abs(onto - bound) < 1e-7, bound, onto)
+    size = [float(np.max(np.abs(conditions.missing(p)), initial=0.0)) for p in (z, onto)]
+    return onto if size[1] <= max(size[0], TOLERANCE) else z
+
+
+def _tidy(conditions: Conditions, z: Array) -> Array:
+    """Put unknowns that are within rounding of 0 or of their start there, if the conditions still hold."""
+    tidy = np.where(np.abs(z) < TOLERANCE, 0.0, z)
+    tidy = np.where(np.abs(z - conditions.start) < TOLERANCE, conditions.start, tidy)
+    size = [float(np.max(np.abs(conditions.missing(p)), initial=0.0)) for p in (z, tidy)]
+    return tidy if size[1] <= max(size[0], TOLERANCE / 10) else z
+
+
+def _starts(conditions: Conditions) -> Iterator[Array]:
+    yield conditions.start
+    n = len(conditions.unknowns)
+    if not n or not conditions.each:
+        return
+    lower, upper = conditions.bounds
+    low = np.maximum(lower, conditions.start - SPREAD)
+    high = np.minimum(upper, conditions.start + SPREAD)
+    for share in qmc.Halton(n, scramble=False).random(STARTS + 1)[1:]:
+        yield low + share * (high - low)
