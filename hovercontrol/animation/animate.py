@@ -126,10 +126,18 @@ class Animation:
     motion : Motion
         The run's.
     model : Model or None
-    speed, fps : float
-        Seconds of the run per second, and frames per second.
+    speed : float
+        Seconds of the run per second of the animation [1].
+    fps : float
+        Frames per second [1/s].
     trail, forces : bool
         Whether the path behind and the arrows are drawn.
+
+    Examples
+    --------
+    >>> log = Log("line", [0.0, 2.0], {"x": [0.0, 1.0], "y": [0.0, 0.0], "psi": [0.0, 0.0]})
+    >>> animate(log, fps=10.0).frames
+    21
     """
 
     motion: Motion

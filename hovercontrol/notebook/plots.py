@@ -8,13 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    import control
-
     from hovercontrol.analysis.c17.iss import IssGain
-    from hovercontrol.analysis.common.margins import FrozenMargins, Margins
+    from hovercontrol.analysis.common.margins import FrozenMargins
     from hovercontrol.analysis.k06.budget import Budget
     from hovercontrol.discrepancy.diagnosis import Diagnosis
     from hovercontrol.identify.result import Identified
@@ -174,54 +171,6 @@ def margins_figure(found: FrozenMargins) -> Figure:
         axis.margins(x=0)
         axis.grid(alpha=0.3)
     return figure
-
-
-def bode_figure(found: Margins, loop: control.StateSpace) -> Figure:
-    """Return gain and phase of a loop over frequency, with its margins."""
-    response = loop.frequency_response(_frequencies(loop, found.crossover), squeeze=True)
-    rate, gain = response.omega, np.abs(response.complex)
-    phase = np.degrees(np.unwrap(np.angle(response.complex)))
-    phase -= (
-        360.0 * np.round((np.interp(found.crossover, rate, phase) + 90.0) / 360.0) if _known(found) else 0.0
-    )
-    figure = Figure(figsize=(7.5, 5.6), layout="constrained")
-    above, below = figure.subplots(2, 1, sharex=True)
-    above.loglog(rate, gain, color=BLUE)
-    above.axhline(1.0, color="0.4", lw=0.8)
-    for factor, line in ((found.gain_up, "--"), (found.gain_down, ":")):
-        if 0.0 < factor < math.inf:
-            above.axhline(
-                1 / factor, color=ORANGE, ls=line, lw=1.0, label=f"unstable with the gain x {factor:.3g}"
-            )
-    above.set_ylabel("gain of the loop [1]")
-    below.semilogx(rate, phase, color=BLUE)
-    below.axhline(-180.0, color="0.4", lw=0.8)
-    below.set_ylabel("phase of the loop [deg]")
-    below.set_xlabel("frequency [rad/s]")
-    if _known(found):
-        at = float(np.interp(found.crossover, rate, phase))
-        edge = at - math.copysign(found.phase, at + 180.0)
-        label = f"phase margin {found.phase:.3g} deg at {found.crossover:.3g} rad/s"
-        below.plot(2 * [found.crossover], [at, edge], color=ORANGE, lw=2.5, label=label)
-    for axis in (above, below):
-        axis.grid(alpha=0.3)
-        axis.margins(x=0)
-        if axis.get_legend_handles_labels()[1]:
-            axis.legend(frameon=False, fontsize="small")
-    figure.suptitle("" if found.stable else "unstable as it is")
-    return figure
-
-
-def _known(found: Margins) -> bool:
-    return math.isfinite(found.phase) and math.isfinite(found.crossover)
-
-
-def _frequencies(loop: control.StateSpace, crossover: float) -> NDArray[np.float64]:
-    """Return frequencies [rad/s] around all poles, zeros and the crossover that are not at the origin."""
-    found = np.abs(np.concatenate([loop.poles(), loop.zeros(), [crossover]]))
-    found = found[(found > 1e-6) & (found < 1e6)]
-    low, high = (found.min(), found.max()) if found.size else (1.0, 1.0)
-    return np.geomspace(low / 30, high * 30, 800)
 
 
 def iss_figure(found: IssGain) -> Figure:

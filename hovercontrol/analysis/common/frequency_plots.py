@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import control
 import numpy as np
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from hovercontrol.notebook.plots import BLUE, ORANGE
 
@@ -22,16 +23,25 @@ LARGEST = 4.0
 
 def bode_figure(found: Bode) -> Figure:
     """Return magnitude and phase of L over frequency, with gain and phase margin."""
+    return loop_figure(found.gain, found.margins, found.frequencies, found.wire)
+
+
+def loop_figure(
+    gain: control.StateSpace,
+    margins: Margins | None,
+    frequencies: NDArray[np.float64] | None = None,
+    wire: str = "",
+) -> Figure:
+    """Return the Bode plot of a loop gain, at python-control's frequencies where none are given."""
     figure = Figure(figsize=(7.0, 5.4), layout="constrained")
     axes = figure.subplots(2, 1, sharex=True).reshape(2, 1)
-    control.bode_plot(
-        found.gain, found.frequencies, ax=axes, display_margins=found.margins.stable, color=BLUE
-    )
+    stable = margins is not None and margins.stable
+    control.bode_plot(gain, frequencies, ax=axes, display_margins=stable, color=BLUE)
     axes[0, 0].set_title("")
     axes[0, 0].set_ylabel("magnitude [1]")
     axes[1, 0].set_ylabel("phase [deg]")
     axes[1, 0].set_xlabel("frequency [rad/s]")
-    figure.suptitle(f"Loop gain{_at(found.wire)}{_margins_text(found.margins)}", fontsize="medium")
+    figure.suptitle(f"Loop gain{_at(wire)}{_margins_text(margins)}", fontsize="medium")
     return figure
 
 

@@ -93,11 +93,11 @@ class Margins:
         InputError
             If the loop is not known: of the worst margins along a motion, ``each`` knows theirs.
         """
-        from hovercontrol.notebook.plots import bode_figure
+        from hovercontrol.analysis.common.frequency_plots import loop_figure
 
         if self.loop is None:
             raise InputError("margins: no loop to draw; margins() and loop_margins() return it with them")
-        return open_in_pyplot(bode_figure(self, self.loop))
+        return open_in_pyplot(loop_figure(self.loop, self))
 
 
 #: The names of what can be drawn over time.
