@@ -19,6 +19,7 @@ from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
 from hovercontrol.core.delay_line import fixed
 from hovercontrol.core.signals import Signal, time
+from hovercontrol.errors import InputError
 from hovercontrol.estimators.filter_equations import (
     corrected,
     estimate_of,
@@ -128,6 +129,8 @@ def extended_kalman(
     states = filter_states(model)
     estimate = estimate_of(states, len(block.states))
     if period is None:
+        if substeps is not None:
+            raise InputError(f"{name}: substeps are of a sampled filter: give a period, too")
         return _continuous(model, states, estimate)
     tick = positive(f"{name}: period", period)
     n = steps_between(block, tick, name, substeps)

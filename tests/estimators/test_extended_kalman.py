@@ -241,6 +241,7 @@ def test_a_plant_of_parts_has_its_parts_names_in_the_outputs():
         ({"period": 0.0}, "period must be positive"),
         ({"period": 100.0}, "shorten the period, or give substeps=32"),
         ({"lost_samples": ["v"]}, "lost_samples: expected measured outputs, found 'v'"),
+        ({"substeps": 2, "period": None}, "substeps are of a sampled filter"),
         ({"substeps": 0}, "substeps: expected 1 to 32, found 0"),
     ],
 )
