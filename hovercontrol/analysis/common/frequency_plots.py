@@ -28,15 +28,14 @@ def bode_figure(found: Bode) -> Figure:
 
 def loop_figure(
     gain: control.StateSpace,
-    margins: Margins | None,
+    margins: Margins,
     frequencies: NDArray[np.float64] | None = None,
     wire: str = "",
 ) -> Figure:
     """Return the Bode plot of a loop gain, at python-control's frequencies where none are given."""
     figure = Figure(figsize=(7.0, 5.4), layout="constrained")
     axes = figure.subplots(2, 1, sharex=True).reshape(2, 1)
-    stable = margins is not None and margins.stable
-    control.bode_plot(gain, frequencies, ax=axes, display_margins=stable, color=BLUE)
+    control.bode_plot(gain, frequencies, ax=axes, display_margins=margins.stable, color=BLUE)
     axes[0, 0].set_title("")
     axes[0, 0].set_ylabel("magnitude [1]")
     axes[1, 0].set_ylabel("phase [deg]")
