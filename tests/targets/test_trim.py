@@ -119,6 +119,16 @@ def test_which_states_may_move(craft, cart):
         double.trim({"v": 1.0}, {"a": 2.0})
 
 
+def test_what_moves_steadily_is_not_what_grows_faster_and_faster():
+    # a charge may grow at a constant current; the current itself may not, though only the charge sees it
+    q, i, volt = hc.Signal("q", "A*s"), hc.Signal("i", "A"), hc.Signal("volt", "V")
+    L, k = hc.Signal("L", "V*s/A", start=1.0), hc.Signal("k", "1/s", start=1.0)
+    rates = {"q": i.symbol, "i": volt.symbol / L.symbol, "volt": -k.symbol * volt.symbol}
+    coil = hc.Block("coil", [q, i, volt], [], [q], [L, k], rates)
+    assert ignorable_states(coil) == ("q",)
+    assert coil.trim({"i": 2.0}).rates["q"] == pytest.approx(2.0)
+
+
 def test_a_course_by_rates_keeps_the_heading(craft):
     north = craft.trim(rates={"x": 0.0, "y": 1.0})
     assert north.states["psi"] == pytest.approx(np.pi / 2)
