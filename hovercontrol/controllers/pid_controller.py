@@ -84,6 +84,8 @@ def pid(
     Block
         Inputs ``psi``, ``psi_ref``; output ``rudder``; states ``integral`` and ``filtered`` (sampled:
         ``derivative`` and ``last``) where there are such parts. The gains and times are parameters.
+        ``filtered`` (``last``) starts at c r - y of the signals' start values; give it the value of the first
+        measurement where a derivative kick matters.
 
     Raises
     ------
