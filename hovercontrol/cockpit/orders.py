@@ -112,7 +112,7 @@ class Flown(ABC):
         references : mapping of str to float, optional
             Of that law, by name (``surge_ref``); SI units. A wanted heading is taken as the nearest turn.
         stick : tuple of float, optional
-            Forward and to the right, -1 to 1; only the laws ``manual`` and ``motion`` look at it.
+            Forward and to the right, -1 to 1; only the laws ``manual``, ``motion`` and ``steer`` look at it.
         disturbances : mapping, optional
             By key its numbers by name, or None to switch it off.
         switches : mapping of str to bool, optional

@@ -25,7 +25,15 @@ from hovercontrol.core.boundary import checked
 from hovercontrol.core.interconnect import interconnect
 from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError
-from hovercontrol.guidance.waypoints import ALONG_TRACK, CROSS_TRACK, LEG, leg_ends, waypoint_array
+from hovercontrol.guidance.waypoints import (
+    ALONG_TRACK,
+    CROSS_TRACK,
+    LEG,
+    corner_signals,
+    leg_ends,
+    track,
+    waypoint_array,
+)
 from hovercontrol.io.tables import number, positive
 from hovercontrol.models.model import MOTION
 from hovercontrol.models.vehicles import HOVERDEMON_BODY, Body
@@ -111,41 +119,29 @@ def path_tracker(
 
 def _planner(path: np.ndarray, end_heading: float, period: float) -> Block:
     """Return what tells the end of the present leg as the goal, and goes on when the craft rests there."""
-    corners = [
-        (Signal(f"x_{k}", "m", "corner", start=px), Signal(f"y_{k}", "m", "corner", start=py))
-        for k, (px, py) in enumerate(path)
-    ]
+    corners = corner_signals(path)
     legs = len(path) - 1
     end = Signal("end_heading", "rad", "heading at the end", start=end_heading)
-    last_leg = LEG.replace(name="present_leg", description="the leg that is flown")
-    k = last_leg.symbol
+    present = LEG.replace(name="present_leg", description="the leg that is flown")
+    k = present.symbol
     now = leg_ends(corners, k, legs)
     after = leg_ends(corners, sp.Min(k + 1, legs - 1), legs)
-    begin_x, begin_y, end_x, end_y = (
-        sp.Symbol(key, real=True) for key in ("begin_x", "begin_y", "end_x", "end_y")
-    )
-    direction = sp.Symbol("leg_direction", real=True)
-    x, y = (s.symbol for s in _POSITION)
     onward = sp.atan2(after["end_y"] - after["begin_y"], after["end_x"] - after["begin_x"])
     rests = sp.Eq(MODE.symbol, MODE.mode("rest"))
     return Block(
         "planner",
-        states=(last_leg,),
+        states=(present,),
         inputs=(*_POSITION, MODE),
         outputs=(*GOAL, LEG, CROSS_TRACK, ALONG_TRACK),
         parameters=(end, *(c for pair in corners for c in pair)),
-        definitions={
-            **now,
-            "leg_direction": sp.atan2(end_y - begin_y, end_x - begin_x),
-        },
+        definitions=track(now),
+        definition_signals=(CROSS_TRACK, ALONG_TRACK),
         derivatives={"present_leg": sp.Piecewise((k + 1, sp.And(rests, k < legs - 1)), (k, True))},
         output_expressions={
-            "goal_x_ref": end_x,
-            "goal_y_ref": end_y,
+            "goal_x_ref": sp.Symbol("end_x", real=True),
+            "goal_y_ref": sp.Symbol("end_y", real=True),
             "goal_heading_ref": sp.Piecewise((onward, k < legs - 1), (end.symbol, True)),
             "leg": k,
-            "cross_track": -(x - begin_x) * sp.sin(direction) + (y - begin_y) * sp.cos(direction),
-            "along_track": (x - begin_x) * sp.cos(direction) + (y - begin_y) * sp.sin(direction),
         },
         period=period,
     )

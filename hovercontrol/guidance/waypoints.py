@@ -1,11 +1,10 @@
 """Line-of-sight guidance along straight legs between waypoints, with switching by circles of acceptance.
 
-Fossen, Handbook of Marine Craft Hydrodynamics and Motion Control, Wiley 2011, sections 10.3 and 12.2 (below:
-F). With ``chi_p`` the direction of the leg from p_k to p_(k+1),
+Fossen, Handbook of Marine Craft Hydrodynamics and Motion Control, Wiley 2011, section 10.3. With ``chi_p`` the direction of the leg from p_k to p_(k+1),
 
 ``along = (x - x_k) cos chi_p + (y - y_k) sin chi_p``, ``cross = -(x - x_k) sin chi_p + (y - y_k) cos chi_p``,
 
-``course_ref = chi_p - atan(cross/lookahead)``  [F eq 10.59, 10.72, 10.73].
+``course_ref = chi_p - atan(cross/lookahead)``.
 """
 
 from __future__ import annotations
@@ -67,7 +66,9 @@ def line_of_sight(
     integral : float, optional
         Gain kappa [m/s] of integral line of sight against currents and sideslip, 0: none. The course is then
         ``chi_p - atan((cross + kappa s)/lookahead)`` with ``s' = lookahead cross/(lookahead^2 +
-        (cross + kappa s)^2)`` [F eq 10.74]; s begins at zero on each leg.
+        (cross + kappa s)^2)`` (Borhaug, Pavlov, Pettersen, "Integral LOS control for path following of
+        underactuated marine surface vessels in the presence of constant ocean currents", CDC 2008); s begins
+        at zero on each leg.
     closed : bool, optional
         Go on from the last waypoint to the first, round after round.
     period : float, optional
@@ -93,81 +94,108 @@ def line_of_sight(
     ['course_ref', 'surge_ref', 'cross_track']
     """
     path = waypoint_array(name, points, closed)
-    sizes = {
+    p = {
         "lookahead": Signal("lookahead", "m", "distance ahead that the course points at", start=lookahead),
         "acceptance": Signal("acceptance", "m", "radius of the circle of acceptance", start=acceptance),
         "surge": Signal("surge", "m/s", "surge command under way", start=surge),
     }
-    for key, signal in sizes.items():
+    for key, signal in p.items():
         positive(f"{name}: {key}", signal.start)
     if not 0.0 <= number(f"{name}: integral", integral) < math.inf:
         raise InputError(f"{name}: integral must not be negative, found {integral!r}")
     positive(f"{name}: period", period)
-    corners = [
-        (Signal(f"x_{k}", "m", "waypoint", start=px), Signal(f"y_{k}", "m", "waypoint", start=py))
-        for k, (px, py) in enumerate(path)
-    ]
-    legs = len(path) if closed else len(path) - 1
-    last_leg = LEG.replace(name="last_leg", description="the leg at the last tick")
-    ahead, radius, speed = (s.symbol for s in sizes.values())
-    x, y = (s.symbol for s in _POSITION)
-    now, before = LEG.symbol, last_leg.symbol
-    flown = {"before": before, "now": sp.Min(now, legs - 1)}
-    values: dict[str, sp.Expr] = {}
-    for when, leg in flown.items():
-        for key, value in leg_ends(corners, leg, legs).items():
-            values[f"{key}_{when}"] = value
-    begin_x, begin_y, end_x, end_y = (
-        sp.Symbol(f"{key}_now", real=True) for key in ("begin_x", "begin_y", "end_x", "end_y")
-    )
-    former = {key: sp.Symbol(f"{key}_before", real=True) for key in ("begin_x", "begin_y", "end_x", "end_y")}
-    left_x, left_y = former["end_x"] - x, former["end_y"] - y
-    forward = left_x * (former["end_x"] - former["begin_x"]) + left_y * (former["end_y"] - former["begin_y"])
-    reached = sp.Or(left_x**2 + left_y**2 <= radius**2, forward <= 0)
-    after = sp.Piecewise((0, before >= legs - 1), (before + 1, True)) if closed else before + 1
-    under_way = sp.true if closed else before < legs
-    direction = sp.Symbol("leg_direction", real=True)
-    cross = CROSS_TRACK.symbol
-    offset: sp.Expr = cross
-    states, updates = [last_leg], {"last_leg": now}
-    parameters = [*sizes.values()]
     if integral:
-        kappa = Signal("integral", "m/s", "gain of the integral", start=integral)
-        last = Signal("last_integral", "s", "integral of the cross-track error over the distance squared")
-        tick = Signal("period", "s", "of the ticks, fixed", start=period, lower=period, upper=period)
-        parameters += [kappa, tick]
-        values["integral_now"] = sp.Piecewise((last.symbol, sp.Eq(now, before)), (0, True))
-        s = sp.Symbol("integral_now", real=True)
-        offset = cross + kappa.symbol * s
-        states.append(last)
-        updates["last_integral"] = s + tick.symbol * ahead * cross / (ahead**2 + offset**2)
+        p["integral"] = Signal("integral", "m/s", "gain of the integral", start=integral)
+        p["period"] = Signal("period", "s", "of the ticks, fixed", start=period, lower=period, upper=period)
+    k = {key: signal.symbol for key, signal in p.items()}
+    corners = corner_signals(path)
+    legs = len(path) if closed else len(path) - 1
+    offset, states, summed, updates = _integral(k) if integral else (CROSS_TRACK.symbol, [], {}, {})
     # The wanted course, as the whole turn that is nearest to the last one.
-    last_course = COURSE_REF.replace(name="last_course", start=float(np.arctan2(*(path[1] - path[0])[::-1])))
-    states.append(last_course)
-    wanted = direction - sp.atan(offset / ahead) - last_course.symbol
-    moving = now < legs if not closed else sp.true
+    last_course = COURSE_REF.replace(name="last_course", start=math.atan2(*(path[1] - path[0])[::-1]))
+    wanted = _DIRECTION - sp.atan(offset / k["lookahead"]) - last_course.symbol
+    moving = sp.true if closed else LEG.symbol < legs
     turn = sp.Piecewise((sp.atan2(sp.sin(wanted), sp.cos(wanted)), moving), (0, True))
-    updates["last_course"] = COURSE_REF.symbol
     return Block(
         name,
-        states=tuple(states),
+        states=(_LAST_LEG, *states, last_course),
         inputs=_POSITION,
         outputs=(COURSE_REF, SURGE_REF, CROSS_TRACK, ALONG_TRACK, TO_GO, LEG),
-        parameters=(*parameters, *(c for pair in corners for c in pair)),
+        parameters=(*p.values(), *(c for pair in corners for c in pair)),
         definitions={
-            **values,
-            "leg": sp.Piecewise((after, sp.And(under_way, reached)), (before, True)),
-            "leg_direction": sp.atan2(end_y - begin_y, end_x - begin_x),
-            "along_track": (x - begin_x) * sp.cos(direction) + (y - begin_y) * sp.sin(direction),
-            "cross_track": -(x - begin_x) * sp.sin(direction) + (y - begin_y) * sp.cos(direction),
-            "to_go": sp.sqrt((end_x - x) ** 2 + (end_y - y) ** 2),
+            **_switching(corners, legs, closed, k["acceptance"]),
+            **track(leg_ends(corners, sp.Min(LEG.symbol, legs - 1), legs)),
+            **summed,
             "course_ref": last_course.symbol + turn,
         },
         definition_signals=(LEG, ALONG_TRACK, CROSS_TRACK, TO_GO, COURSE_REF),
-        derivatives=updates,
-        output_expressions={"surge_ref": sp.Piecewise((speed, moving), (0, True))},
+        derivatives={"last_leg": LEG.symbol, "last_course": COURSE_REF.symbol, **updates},
+        output_expressions={"surge_ref": sp.Piecewise((k["surge"], moving), (0, True))},
         period=period,
     )
+
+
+_LAST_LEG = LEG.replace(name="last_leg", description="the leg at the last tick")
+_DIRECTION = sp.Symbol("leg_direction", real=True)
+_X, _Y = (s.symbol for s in _POSITION)
+
+
+def _switching(
+    corners: Sequence[tuple[Signal, Signal]], legs: int, closed: bool, radius: sp.Symbol
+) -> dict[str, sp.Expr]:
+    """Return the leg: the next one where the waypoint ahead is near, or passed."""
+    before = _LAST_LEG.symbol
+    ends = {f"{key}_before": e for key, e in leg_ends(corners, before, legs).items()}
+    begin_x, begin_y, end_x, end_y = (sp.Symbol(key, real=True) for key in ends)
+    left_x, left_y = end_x - _X, end_y - _Y
+    passed = left_x * (end_x - begin_x) + left_y * (end_y - begin_y) <= 0
+    reached = sp.Or(left_x**2 + left_y**2 <= radius**2, passed)
+    if closed:
+        after, may = sp.Piecewise((0, before >= legs - 1), (before + 1, True)), sp.true
+    else:
+        after, may = before + 1, before < legs
+    return {**ends, "leg": sp.Piecewise((after, sp.And(may, reached)), (before, True))}
+
+
+def _integral(
+    k: dict[str, sp.Symbol],
+) -> tuple[sp.Expr, list[Signal], dict[str, sp.Expr], dict[str, sp.Expr]]:
+    """Return the offset of integral line of sight, its state, its definition and its next value."""
+    last = Signal("last_integral", "s", "integral s of integral line of sight")
+    now = sp.Symbol("integral_now", real=True)
+    begun = sp.Piecewise((last.symbol, sp.Eq(LEG.symbol, _LAST_LEG.symbol)), (0, True))
+    cross, ahead = CROSS_TRACK.symbol, k["lookahead"]
+    offset = cross + k["integral"] * now
+    # s' = lookahead cross/(lookahead^2 + (cross + kappa s)^2)
+    following = now + k["period"] * ahead * cross / (ahead**2 + offset**2)
+    return offset, [last], {"integral_now": begun}, {"last_integral": following}
+
+
+def track(ends: dict[str, sp.Expr]) -> dict[str, sp.Expr]:
+    """Return the definitions of a leg's ends and direction, and of the distances from it.
+
+    Parameters
+    ----------
+    ends : dict of str to sympy.Expr
+        By :func:`leg_ends`.
+    """
+    begin_x, begin_y, end_x, end_y = (sp.Symbol(key, real=True) for key in ends)
+    cos, sin = sp.cos(_DIRECTION), sp.sin(_DIRECTION)
+    return {
+        **ends,
+        "leg_direction": sp.atan2(end_y - begin_y, end_x - begin_x),
+        "along_track": (_X - begin_x) * cos + (_Y - begin_y) * sin,
+        "cross_track": -(_X - begin_x) * sin + (_Y - begin_y) * cos,
+        "to_go": sp.sqrt((end_x - _X) ** 2 + (end_y - _Y) ** 2),
+    }
+
+
+def corner_signals(path: np.ndarray) -> list[tuple[Signal, Signal]]:
+    """Return the waypoints as parameters ``x_0, y_0, ...`` [m]."""
+    return [
+        (Signal(f"x_{k}", "m", "waypoint", start=px), Signal(f"y_{k}", "m", "waypoint", start=py))
+        for k, (px, py) in enumerate(path)
+    ]
 
 
 def leg_ends(corners: Sequence[tuple[Signal, Signal]], leg: sp.Expr, legs: int) -> dict[str, sp.Expr]:

@@ -63,7 +63,7 @@ def test_the_course_takes_the_shorter_turn_through_pi():
 
 
 def test_an_ideal_point_converges_as_the_law_says():
-    """A point that goes where it is told: e' = -U e/sqrt(lookahead^2 + e^2) (Fossen, proof of 10.59)."""
+    """A point that goes where it is told: e' = -U e/sqrt(lookahead^2 + e^2) (Fossen 2011, section 10.3)."""
     U, lookahead = 0.5, 2.0
     law = line_of_sight([[0.0, 0.0], [50.0, 0.0]], lookahead=lookahead)
     guidance, rest = law.to_numpy(), np.zeros(len(law.states))
