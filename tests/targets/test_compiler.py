@@ -177,7 +177,7 @@ def test_a_changed_file_of_the_runtime_makes_a_new_library(cache, monkeypatch, t
 
     def run():
         times, solver = np.array([0.0, 1.0]), Solver("dormand-prince", 0.0, 1e-6, 1e-9)
-        status, _, states, _ = Library(two, "events").simulate(
+        status, _, states, *_ = Library(two, "events").simulate(
             solver, times, np.empty((0, 2)), np.ones(1), np.full(1, 2.0)
         )
         return status, states[-1, 0]
