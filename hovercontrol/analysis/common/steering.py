@@ -34,6 +34,7 @@ LEAST_YAW_RATE = 0.05
 WIDEST = 1e3
 
 
+@checked
 @dataclass(frozen=True)
 class SteadyTurn:
     """A turn at constant surge velocity and yaw rate.
