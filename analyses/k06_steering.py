@@ -42,8 +42,9 @@ def main(out: Path, progress: Progress | None = None, *, points: int = 7) -> lis
         f"{flown['within'].mean():.0%} keep 5 % and 10 %.",
         "Without sway drag the mean of u r is zero: no steady turn under way; the means hold over "
         "whole weaves.",
-        f"C17's craft under C17's law: turns at {SURGE:g} m/s are stable for control points from "
-        f"{stable.min():.3f} m on (centre of percussion: {_percussion():.3f} m).",
+        f"C17's craft under C17's law: turns at {SURGE:g} m/s are stable for the control points "
+        f"tried from {stable.min():.3f} m on, and for none nearer than the centre of percussion, "
+        f"{_percussion():.3f} m.",
     ]
     tables = {"k06_steering_stick": flown.save, "k06_steering_modes": modes.save}
     return save(out, "k06_steering", figure, tables, findings)

@@ -1,7 +1,7 @@
 """Line-of-sight guidance along straight legs between waypoints, with switching by circles of acceptance.
 
-Fossen, Handbook of Marine Craft Hydrodynamics and Motion Control, Wiley 2011, section 10.3.
-With ``chi_p`` the direction of the leg from p_k to p_(k+1),
+Fossen, Handbook of Marine Craft Hydrodynamics and Motion Control, Wiley 2011, section 10.3. With ``chi_p``
+the direction of the leg from p_k to p_(k+1),
 
 ``along = (x - x_k) cos chi_p + (y - y_k) sin chi_p``, ``cross = -(x - x_k) sin chi_p + (y - y_k) cos chi_p``,
 
