@@ -54,13 +54,13 @@ class StoppedError(InputError):
     ----------
     text : str
         The whole line.
-    status : int
+    status : int, optional
         Of :data:`REASONS`.
     where : str, optional
         As of :func:`where_it_stops`.
     """
 
-    def __init__(self, text: str, status: int, where: str = "") -> None:
+    def __init__(self, text: str, status: int = 4, where: str = "") -> None:
         super().__init__(text)
         self.status, self.where = status, where
 

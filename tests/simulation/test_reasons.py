@@ -1,5 +1,7 @@
 """A simulation that cannot go on says why, in which state, and which switch chatters."""
 
+import pickle
+
 import numpy as np
 import pytest
 import sympy as sp
@@ -114,3 +116,10 @@ def test_a_switch_that_is_passed_once_does_not_chatter():
     k = Signal("a", "m/s^2", start=2.0)
     once = Block("once", [V], [], [V], [k], {"v": -k.symbol * sp.Piecewise((1, V.symbol > 0), (2, True))})
     assert "chatters" not in where_it_stops(once, 0.0, [1e-3], [], [2.0], span=10.0)
+
+
+def test_the_error_goes_through_files_names_and_pickles():
+    first = StoppedError("block 'a': it stops", 3, ": the state v")
+    again = pickle.loads(pickle.dumps(first))
+    assert (str(again), again.status, again.where) == (str(first), 3, ": the state v")
+    assert str(type(first)(f"a.toml: {first}")) == "a.toml: block 'a': it stops"
