@@ -63,7 +63,8 @@ if TYPE_CHECKING:
     from hovercontrol.log_check.check import check
     from hovercontrol.logs.log import Log
     from hovercontrol.logs.read import read_log
-    from hovercontrol.models.actuated import actuated, applied_inputs
+    from hovercontrol.models.actuated import actuated
+    from hovercontrol.models.applied import applied_inputs
     from hovercontrol.models.blockmodel import BlockModel
     from hovercontrol.models.model import Fan, Model
     from hovercontrol.models.modelfile import load_model, save_model
@@ -188,7 +189,8 @@ _PLACES = {
     "log_check.check": ("check",),
     "logs.log": ("Log",),
     "logs.read": ("read_log",),
-    "models.actuated": ("actuated", "applied_inputs"),
+    "models.actuated": ("actuated",),
+    "models.applied": ("applied_inputs",),
     "models.blockmodel": ("BlockModel",),
     "models.model": ("Fan", "Model"),
     "models.modelfile": ("load_model", "save_model"),

@@ -1,0 +1,48 @@
+"""Estimators that see the commands as a plant's actuators apply them."""
+
+from __future__ import annotations
+
+from hovercontrol.core.block import Block
+from hovercontrol.core.boundary import checked
+from hovercontrol.core.interconnect import rename
+from hovercontrol.errors import InputError
+from hovercontrol.models.actuated import APPLIED
+
+
+@checked
+def applied_inputs(block: Block, plant: Block) -> Block:
+    """Return an estimator or observer that takes the applied commands of a plant as its inputs.
+
+    Where a limit acts, an estimator that sees the command as it was sent takes the difference for an error of
+    its coefficients, and winds up.
+
+    Parameters
+    ----------
+    block : Block
+        Its input ``NAME`` becomes ``NAME_applied`` where the plant has an output of that name.
+    plant : Block
+        As of :func:`~hovercontrol.models.actuated.actuated`.
+
+    Raises
+    ------
+    InputError
+        If the plant tells no applied command that is an input of the Block.
+
+    Examples
+    --------
+    >>> from hovercontrol.estimators import kalman_bucy
+    >>> from hovercontrol.models.actuated import actuated
+    >>> from hovercontrol.models.vehicles import c17_experiment
+    >>> craft = c17_experiment()
+    >>> plant = actuated(craft, lag={"rudder": 0.1})
+    >>> estimator = applied_inputs(kalman_bucy(craft.plant(), ["yaw_coulomb"]), plant)
+    >>> [s.name for s in estimator.inputs][-2:]
+    ['thrust_applied', 'rudder_applied']
+    """
+    told = {s.name for s in plant.outputs}
+    swap = {s.name: f"{s.name}{APPLIED}" for s in block.inputs if f"{s.name}{APPLIED}" in told}
+    if not swap:
+        raise InputError(
+            plant.where(f"it tells no applied command that {block.name!r} takes; see actuated()")
+        )
+    return rename(block, swap)
