@@ -200,7 +200,7 @@ class Backends:
         rates: Mapping[str, float | None] | None = None,
         params: Mapping[str, float] | None = None,
         time: float = 0.0,
-        guess: Mapping[str, float] | None = None,
+        guess: Mapping[str, float] | Trim | None = None,
     ) -> Trim:
         """Return an operating point: a point at which the Block moves steadily or rests.
 
@@ -221,8 +221,9 @@ class Backends:
             Parameter values by key, over the defaults, in their units.
         time : float, optional
             Of equations that depend on time [s].
-        guess : mapping of str to float, optional
-            Where the search for free states and inputs begins (default: their start values).
+        guess : mapping of str to float, or Trim, optional
+            Where the search for free states and inputs begins, such as a neighbouring trim (default: their
+            start values).
 
         Returns
         -------
@@ -281,13 +282,14 @@ class Backends:
         Returns
         -------
         control.StateSpace
-            Signals by their names; of a sampled Block in discrete time.
+            Signals by their names; of a sampled Block in discrete time, and of a hybrid one whose parts tick
+            with one period: from tick to tick, the states being those before it and the outputs after it.
 
         Raises
         ------
         InputError
-            If a name, a number of values or the friction is wrong, an input acts late or the Block has parts
-            that tick.
+            If a name, a number of values or the friction is wrong, an input acts late, or parts of the Block
+            tick with different periods.
 
         Warns
         -----

@@ -148,6 +148,25 @@ def warn_of_smoothing(block: Block, A: Array, point: Point) -> None:
         warnings.warn(text, SmoothedFrictionWarning, stacklevel=_level())
 
 
+def creeping(block: Block, point: Point) -> set[str]:
+    """Return the velocities at a point that creep: not 0, and within the width of their smoothed friction.
+
+    Coulomb's friction would hold them at rest.
+
+    Examples
+    --------
+    >>> from hovercontrol.models.vehicles import vehicle
+    >>> craft = vehicle("c17_simulation").plant()
+    >>> creeping(craft, Point(0.0, np.array([0, 0, 0, 0.005, 0, 0.2]), np.zeros(2), {}))
+    {'u'}
+    """
+    rubbing = _lines_for(block)
+    if rubbing is None:
+        return set()
+    v, w = rubbing.at(point)
+    return {name for name, a, b in zip(rubbing.names, v, w, strict=True) if 1e-6 * b < abs(a) < 2 * b}
+
+
 # ---- sgn as a line through a point -----------------------------------------------------------------------
 
 

@@ -6,16 +6,19 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from hovercontrol.core.block import Block
 from hovercontrol.errors import InputError, did_you_mean
-from hovercontrol.targets.friction_slopes import Point, Slope, linear_matrices
+from hovercontrol.targets.friction_slopes import Point, Slope, linear_matrices, warn_of_smoothing
+from hovercontrol.targets.hybrid_linear import common_period, hybrid_matrices, without_ticks
 from hovercontrol.targets.linear import point_values, state_space
 from hovercontrol.targets.trim import Trim
 
 if TYPE_CHECKING:
     import control
+
+Array = NDArray[np.float64]
 
 
 def linearize(
@@ -39,14 +42,48 @@ def linearize(
     -0.48
     """
     point = given_point(block, at, u, params, t)
-    if friction == "smooth" and amplitude is None:
+    if friction == "smooth" and amplitude is None and not block.ticks:
         return block.to_control().linearize(point.x, point.u, t=point.t, params=point.params)
-    block.to_control()  # refuses inputs that act late
-    if block.ticks:
-        block.need_continuous("linearisation", hybrid=False)
-    matrices = linear_matrices(block, point, friction, amplitude)
+    if block.delays:
+        block.to_control()  # says what can be done about inputs that act late
     labels = {kind: [s.name for s in getattr(block, kind)] for kind in ("inputs", "outputs", "states")}
-    return state_space(matrices, block.period, name=f"{block.name}$linearized", **labels)
+    matrices, period = matrices_at(block, point, friction, amplitude)
+    return state_space(matrices, period, name=f"{block.name}$linearized", **labels)
+
+
+def matrices_at(
+    block: Block,
+    point: Point,
+    friction: Slope = "smooth",
+    amplitude: Mapping[str, float] | None = None,
+    *,
+    warn: bool = True,
+) -> tuple[list[Array], float]:
+    """Return A, B, C, D and the period [s] of a Block's linear system, 0 of a continuous one.
+
+    Parameters
+    ----------
+    block : Block
+    point : Point
+    friction, amplitude
+        As for :meth:`hovercontrol.Block.linearize`.
+    warn : bool, optional
+        Whether to warn of a pole that comes from smoothed dry friction.
+
+    Examples
+    --------
+    >>> from hovercontrol.models.vehicles import vehicle
+    >>> craft = vehicle("c17_simulation").plant()
+    >>> (A, *_), period = matrices_at(craft, given_point(craft, {"u": 1.0}), "none")
+    >>> A.shape, period
+    ((6, 6), 0.0)
+    """
+    if warn and friction == "smooth":
+        plain = without_ticks(block)
+        warn_of_smoothing(plain, linear_matrices(plain, point)[0], point)
+    if block.ticks:
+        return hybrid_matrices(block, point, friction, amplitude), common_period(block)
+    return linear_matrices(block, point, friction, amplitude), block.period
 
 
 def given_point(

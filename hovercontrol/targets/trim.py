@@ -16,6 +16,7 @@ from hovercontrol.core.functions import numpy_functions
 from hovercontrol.errors import InputError
 from hovercontrol.io.tables import finite
 from hovercontrol.notebook.html import card, table
+from hovercontrol.targets.friction_slopes import Point, creeping
 from hovercontrol.targets.trim_conditions import (
     Conditions,
     closest_names,
@@ -53,6 +54,7 @@ class Trim:
     how : mapping of str to str
         How each state and input got its value: "given", "solved", "at its lower bound", "at its upper bound",
         "nearest to its start" (the conditions leave a choice), "at its start" (no condition depends on it).
+        A velocity within the width of its smoothed dry friction is "solved, creeping": it would be at rest.
 
     Examples
     --------
@@ -151,7 +153,7 @@ def trim(
     rates: Mapping[str, float | None] | None = None,
     params: Values | None = None,
     time: float = 0.0,
-    guess: Values | None = None,
+    guess: Values | Trim | None = None,
 ) -> Trim:
     """Return an operating point of a Block; arguments and errors as of :meth:`hovercontrol.Block.trim`.
 
@@ -164,6 +166,7 @@ def trim(
     {'thrust': 2.1574, 'rudder': -0.0808}
     """
     plain = with_rates(undelayed(block))
+    guess = {**guess.states, **guess.inputs} if isinstance(guess, Trim) else guess
     groups = {
         "state": [s.name for s in block.states],
         "input": [s.name for s in block.inputs],
@@ -247,7 +250,8 @@ def _wanted_rates(
 
 def _result(block: Block, conditions: Conditions, z: Array, given: Mapping[str, Values]) -> Trim:
     x, u = conditions.point(z)
-    f, t, params = numpy_functions(conditions.rates_block), conditions.time, conditions.params
+    plain, t, params = conditions.rates_block, conditions.time, conditions.params
+    f = numpy_functions(plain)
     choice = {conditions.unknowns[k].name for k in undetermined(conditions, z)}
     asked = np.abs(conditions.jacobian(z)).max(axis=0, initial=0.0) > 0
     how = dict.fromkeys((s.name for s in (*block.states, *block.inputs)), "at its start")
@@ -258,6 +262,9 @@ def _result(block: Block, conditions: Conditions, z: Array, given: Mapping[str, 
             how[signal.name] = f"at its {side} bound"
         elif asked[k]:
             how[signal.name] = "nearest to its start" if signal.name in choice else "solved"
+    for name in creeping(plain, Point(t, x, u, params or {})):
+        if how.get(name) == "solved":
+            how[name] = "solved, creeping: dry friction would hold it"
 
     def named(signals: Any, values: Array) -> dict[str, float]:
         return {s.name: float(v) for s, v in zip(signals, values, strict=True)}

@@ -151,12 +151,15 @@ class Condition:
     wanted : float
     nominal : float
         Size by which what is missing is divided.
+    state : str, optional
+        Of a rate.
     """
 
     name: str
     unit: str
     wanted: float
     nominal: float
+    state: str = ""
 
     def line(self, found: float) -> str:
         """Return how a point falls short: ``u' = -0.35 m/s^2, wanted 0``."""
@@ -206,6 +209,7 @@ class Conditions:
                 rate_unit(self.block, states[k].name),
                 wanted,
                 states[k].nominal,
+                states[k].name,
             )
             for k, wanted in self.rates.items()
         )

@@ -17,10 +17,10 @@ Array = NDArray[np.float64]
 #: A trim holds where each condition is met to this part of its nominal size.
 TOLERANCE = 1e-8
 #: Further points from which the search begins where the first fails: a Halton sequence, the same each time.
-STARTS = 16
+STARTS = 8
 #: A solution whose unknowns are all within this many nominal sizes of the start is taken at once; of those
 #: farther away the nearest among so many starts, as angles and signs have more than one.
-NEAR, COMPARED = 2.0, 6
+NEAR, COMPARED = 4.0, 6
 #: How far about the first they lie, in nominal sizes.
 SPREAD = 3.0
 #: A singular value of the Jacobian below this part of the largest is 0.
@@ -40,14 +40,15 @@ def solve(conditions: Conditions) -> tuple[Array, bool]:
         if size < least:
             best, least = z, size
         if size <= TOLERANCE:
-            solutions.append(nearest(conditions, z))
-            if np.max(np.abs(solutions[-1] - start), initial=0.0) <= NEAR:
+            solutions.append(z)
+            if np.max(np.abs(z - start), initial=0.0) <= NEAR:
                 break
         if solutions and tried >= COMPARED:
             break
     if not solutions:
         return best, False
-    return _tidy(conditions, min(solutions, key=lambda z: float(np.linalg.norm(z - start)))), True
+    closest = min(solutions, key=lambda z: float(np.linalg.norm(z - start)))
+    return _tidy(conditions, nearest(conditions, closest)), True
 
 
 def nearest(conditions: Conditions, z: Array) -> Array:
@@ -113,6 +114,8 @@ def failure(conditions: Conditions, z: Array) -> str:
             unit = "" if signal.unit == "1" else f" {signal.unit}"
             bounds.append(f"{signal.name} is at its {side} bound {getattr(signal, side):g}{unit}")
     names = ", ".join(s.name for s in conditions.unknowns[:8]) or "nothing"
+    if len(worst) == 1 and not bounds and conditions.each[worst[0]].state:
+        bounds.append(f"rates={{{conditions.each[worst[0]].state!r}: None}} leaves that free")
     return "; ".join([f"no trim found, nearest with {names} free: {'; '.join(lines)}", *bounds])
 
 
@@ -130,7 +133,7 @@ def _from(conditions: Conditions, start: Array) -> Array | None:
             xtol=1e-15,
             ftol=1e-15,
             gtol=1e-15,
-            max_nfev=200,
+            max_nfev=100,
         )
     except ValueError:  # not finite at the start
         return None

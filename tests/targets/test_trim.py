@@ -62,6 +62,42 @@ def test_it_agrees_with_control_find_operating_point(craft):
     np.testing.assert_allclose(own.u, found.inputs, atol=1e-7)
 
 
+def test_a_craft_at_its_trim_draws_the_circle(craft):
+    u, r = 0.8, -0.4
+    circle = craft.trim({"u": u, "r": r})
+    run = craft.compile().simulate(np.linspace(0, 20, 201), dict(circle.inputs), x0=circle.x)
+    x, y, _, *velocities = np.asarray(run.states)
+    np.testing.assert_allclose(velocities, np.outer(circle.x[3:], np.ones(201)), atol=1e-6)
+    speed = np.hypot(u, circle.states["v"])
+    centre = np.array([-circle.states["v"], u]) / r  # psi = 0: (0, 0) + R [-v, u]/r
+    np.testing.assert_allclose(np.hypot(x - centre[0], y - centre[1]), speed / abs(r), atol=1e-5)
+
+
+def test_a_thrust_below_dry_friction_creeps_and_says_so(craft):
+    slow = craft.trim({"v": 0.0, "r": 0.0}, {"thrust": 1.0, "rudder": 0.0})
+    level = C17["thrust"] / C17["surge_coulomb"]  # tanh(u/w) = c7 T/c1
+    assert slow.states["u"] == pytest.approx(0.01 * np.arctanh(level))
+    assert slow.how["u"] == "solved, creeping: dry friction would hold it"
+
+
+def test_a_turn_in_the_wind_is_not_steady_and_the_line_says_what_to_leave_free():
+    windy = hc.vehicle("c17_simulation").with_effects([hc.effect("wind", x=0.5)]).plant()
+    with pytest.raises(
+        hc.InputError, match=r"psi' = 0.5 rad/s, wanted 0; rates=\{'psi': None\} leaves that free"
+    ):
+        windy.trim({"u": 1.0, "r": 0.5})
+    assert windy.trim({"u": 1.0, "r": 0.5}, rates={"psi": None}).rates["psi"] == pytest.approx(0.5)
+
+
+def test_k06s_craft_cannot_circle_under_way_without_side_force():
+    # r' = -d F_Y/J = 0 asks for F_Y = 0, and then v' = -r u is not 0
+    craft = hc.vehicle("hoverdemon").plant()
+    assert craft.trim({"u": 1.1}).inputs == pytest.approx({"thrust": 0.0, "rudder": 0.0})
+    assert craft.trim({"u": 0.0, "r": 3.0}).inputs["thrust"] == pytest.approx(0.0, abs=1e-8)
+    with pytest.raises(hc.InputError, match="no trim found, nearest with v, thrust, rudder free"):
+        craft.trim({"u": 1.1, "r": 0.5})
+
+
 def test_given_inputs_leave_the_states_free(cart):
     assert cart.trim(inputs={"F": 3.0}).states["v"] == pytest.approx(1.5)
     assert cart.trim(inputs={"F": 3.0}, params={"cart.k": 6.0}).states["v"] == pytest.approx(0.5)
@@ -81,6 +117,16 @@ def test_which_states_may_move(craft, cart):
     assert ignorable_states(double) == ("x",)
     with pytest.raises(hc.InputError, match=r"v' = 2 m/s\^2, wanted 0"):
         double.trim({"v": 1.0}, {"a": 2.0})
+
+
+def test_what_moves_steadily_is_not_what_grows_faster_and_faster():
+    # a charge may grow at a constant current; the current itself may not, though only the charge sees it
+    q, i, volt = hc.Signal("q", "A*s"), hc.Signal("i", "A"), hc.Signal("volt", "V")
+    L, k = hc.Signal("L", "V*s/A", start=1.0), hc.Signal("k", "1/s", start=1.0)
+    rates = {"q": i.symbol, "i": volt.symbol / L.symbol, "volt": -k.symbol * volt.symbol}
+    coil = hc.Block("coil", [q, i, volt], [], [q], [L, k], rates)
+    assert ignorable_states(coil) == ("q",)
+    assert coil.trim({"i": 2.0}).rates["q"] == pytest.approx(2.0)
 
 
 def test_a_course_by_rates_keeps_the_heading(craft):
@@ -135,6 +181,13 @@ def test_what_is_left_to_choose_is_nearest_to_the_guess_and_told():
     d = ahead.inputs["rear_left"] - ahead.inputs["front_left"]
     assert other.inputs["front_left"] == pytest.approx((0.5 - d) / 2)
     assert other.inputs["rear_right"] == pytest.approx((0.5 + d) / 2)
+
+
+def test_a_trim_is_a_guess_for_the_next(craft):
+    astern = craft.trim({"u": -1.0}, guess={"thrust": -1.5})
+    faster = craft.trim({"u": -1.2}, guess=astern)
+    assert faster.inputs["thrust"] == pytest.approx(-C17["surge_coulomb"] / C17["thrust"])
+    assert faster.inputs["rudder"] == pytest.approx(0.0, abs=1e-8)
 
 
 def test_a_sampled_block_has_a_fixed_point():

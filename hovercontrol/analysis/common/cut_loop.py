@@ -15,9 +15,9 @@ from hovercontrol.core.interconnect import interconnect, rename
 from hovercontrol.core.signals import Signal
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.targets.friction_slopes import Point as At
-from hovercontrol.targets.friction_slopes import Slope, linear_matrices, warn_of_smoothing
+from hovercontrol.targets.friction_slopes import Slope
 from hovercontrol.targets.linear import state_space
-from hovercontrol.targets.linearization import given_point
+from hovercontrol.targets.linearization import given_point, matrices_at
 from hovercontrol.targets.trim import Trim
 
 Loop = Block | Sequence[Block]
@@ -76,10 +76,10 @@ def _cut_whole(loop: Block, cut: Sequence[str]) -> Block:
     known = {s.name: s for s in loop.definition_signals}
     for name in cut:
         if name not in known:
-            ports = {s.name for s in (*loop.states, *loop.outputs)}
+            shown = {s.name: s.symbol for s in loop.states} | dict(loop.output_expressions)
             hint = (
-                ": it is a state; give the Blocks of the loop as a list to cut it there"
-                if name in ports
+                f": it is the signal {shown[name]} under this name; give the Blocks of the loop as a list"
+                if name in shown
                 else did_you_mean(name, known)
             )
             raise InputError(loop.where(f"no signal {name!r} that can be cut{hint}"))
@@ -113,7 +113,7 @@ class CutLoop:
     Raises
     ------
     InputError
-        If nothing drives a signal, or the loop has parts that tick.
+        If nothing drives a signal.
     """
 
     def __init__(self, loop: Loop, wires: str | Sequence[str]) -> None:
@@ -126,9 +126,6 @@ class CutLoop:
         else:
             self._cut = _cut_blocks(loop, cut, "loop")
             self._closed = interconnect(loop, "loop", outputs=cut)
-        if self._closed.ticks:
-            text = "it has parts that tick and so no frequency response; cut the loop in continuous time"
-            raise InputError(self._closed.where(text))
 
     def linearize(
         self,
@@ -156,7 +153,8 @@ class CutLoop:
         Raises
         ------
         InputError
-            If a name or a number of values is wrong, or an input is open and has no value.
+            If a name or a number of values is wrong, an input is open and has no value, or parts of the loop
+            tick with different periods.
         """
         known = at.inputs if isinstance(at, Trim) else at if isinstance(at, Mapping) else {}
         for signal in self._closed.inputs:
@@ -186,14 +184,13 @@ class CutLoop:
     ) -> control.StateSpace:
         through = self._closed.to_numpy().outputs(*point)
         here = point._replace(u=np.concatenate([through, point.u]))
-        A, B, C, D = linear_matrices(self._cut, here, friction, amplitude)
         if warn and friction == "smooth":
-            closed = linear_matrices(self._closed, point)[0]
-            warn_of_smoothing(self._closed, closed, point)
+            matrices_at(self._closed, point)  # warns
+        (A, B, C, D), period = matrices_at(self._cut, here, friction, amplitude, warn=False)
         n = self._n
         labels = {kind: [s.name for s in getattr(self._cut, kind)] for kind in ("outputs", "states")}
         wires = [s.name for s in self._cut.inputs[:n]]
-        return state_space([A, B[:, :n], C, D[:, :n]], self._cut.period, inputs=wires, **labels)
+        return state_space([A, B[:, :n], C, D[:, :n]], period, inputs=wires, **labels)
 
 
 def _rows(signals: Sequence[Signal], kind: str, labels: Sequence[str] | None, values: Any) -> np.ndarray:

@@ -46,8 +46,7 @@ class Bode:
         Of L, as a factor [1].
     phase : ndarray, shape (n,)
         [deg], continuous.
-    margins : Margins or None
-        None of a sampled loop.
+    margins : Margins
     wire : str
         Where the loop is broken.
 
@@ -62,8 +61,16 @@ class Bode:
     frequencies: Array
     magnitude: Array
     phase: Array
-    margins: Margins | None = None
+    margins: Margins
     wire: str = ""
+
+    def __repr__(self) -> str:
+        m = self.margins
+        if not m.stable:
+            said = "the loop is unstable"
+        else:
+            said = f"gain margin {m.gain_up:.4g}, phase margin {m.phase:.4g} deg at {m.crossover:.4g} rad/s"
+        return f"<Bode{f' at {self.wire}' if self.wire else ''}: {said}>"
 
     def plot(self) -> Figure:
         """Return the Bode plot of L with its gain and phase margins."""
@@ -150,6 +157,13 @@ class Nyquist:
     closed_loop_unstable: int
     outside: OutsideModes = field(default_factory=OutsideModes)
     wire: str = ""
+
+    def __repr__(self) -> str:
+        at = f" at {self.wire}" if self.wire else ""
+        return (
+            f"<Nyquist{at}: {self.encirclements} clockwise encirclements, "
+            f"unstable poles {self.open_loop_unstable} open loop, {self.closed_loop_unstable} closed loop>"
+        )
 
     @property
     def response(self) -> NDArray[np.complex128]:

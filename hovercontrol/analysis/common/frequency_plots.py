@@ -28,14 +28,14 @@ def bode_figure(found: Bode) -> Figure:
 
 def loop_figure(
     gain: control.StateSpace,
-    margins: Margins | None,
+    margins: Margins,
     frequencies: NDArray[np.float64] | None = None,
     wire: str = "",
 ) -> Figure:
     """Return the Bode plot of a loop gain, at python-control's frequencies where none are given."""
     figure = Figure(figsize=(7.0, 5.4), layout="constrained")
     axes = figure.subplots(2, 1, sharex=True).reshape(2, 1)
-    stable = margins is not None and margins.stable
+    stable = margins.stable
     control.bode_plot(gain, frequencies, ax=axes, display_margins=stable, color=BLUE)
     axes[0, 0].set_title("")
     axes[0, 0].set_ylabel("magnitude [1]")
@@ -104,9 +104,7 @@ def _at(wire: str) -> str:
     return f" at {wire}" if wire else ""
 
 
-def _margins_text(margins: Margins | None) -> str:
-    if margins is None:
-        return ""
+def _margins_text(margins: Margins) -> str:
     if not margins.stable:
         return ": the loop is unstable"
     down = f" and down {margins.gain_down:.3g}" if margins.gain_down > 0 else ""

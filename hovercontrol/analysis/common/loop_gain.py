@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hovercontrol.analysis.common.cut_loop import CutLoop
-from hovercontrol.analysis.common.loop_modes import OutsideModes, split_loop
+from hovercontrol.analysis.common.loop_modes import OutsideModes, split_loop, split_sampled
 from hovercontrol.analysis.common.margins import Margins, loop_margins
 from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
@@ -63,12 +63,13 @@ def loop_gain(
     Returns
     -------
     control.StateSpace
-        One input and one output; in discrete time if all Blocks are sampled.
+        One input and one output; in discrete time if Blocks are sampled, all with one period.
 
     Raises
     ------
     InputError
-        If a name or a number of values is wrong, or the loop has parts that tick.
+        If a name or a number of values is wrong, or parts of the loop tick with different
+        periods.
 
     Examples
     --------
@@ -91,13 +92,12 @@ class Broken(NamedTuple):
         L without the modes outside the loop that do not decay.
     outside : OutsideModes
         These.
-    margins : Margins or None
-        None of a sampled loop.
+    margins : Margins
     """
 
     gain: control.StateSpace
     outside: OutsideModes
-    margins: Margins | None
+    margins: Margins
 
 
 def broken(
@@ -125,9 +125,8 @@ def broken(
         L = control.StateSpace(
             line.A, line.B, -line.C, -line.D, line.dt, states=line.state_labels, remove_useless_states=False
         )
-    if L.isdtime(strict=True):
-        return Broken(L, OutsideModes(), None)
-    return Broken(*split_loop(L), loop_margins(L))
+    split = split_sampled if L.isdtime(strict=True) else split_loop
+    return Broken(*split(L), loop_margins(L))
 
 
 def unstable_poles(system: control.StateSpace) -> int:

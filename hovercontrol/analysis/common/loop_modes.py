@@ -31,6 +31,8 @@ System = tuple[Array, Array, Array]
 STILL = 1e-6
 #: A part of B or C below this part of its norm is 0, and so is what it couples.
 COUPLED = 1e-8
+#: An entry of a sampled A below this part of the largest is the rounding of a matrix exponential.
+ROUNDING = 1e-13
 #: A state is named if it takes part in the modes with this part of the largest participation.
 NAMED = 0.1
 #: States that a line names.
@@ -100,6 +102,40 @@ def split_loop(line: control.StateSpace) -> tuple[control.StateSpace, OutsideMod
         A, B, C = loop
     grow = any(pole.real > 0 for pole in poles)
     return control.ss(A, B, C, line.D), OutsideModes(tuple(poles), tuple(states), grow)
+
+
+def split_sampled(line: control.StateSpace) -> tuple[control.StateSpace, OutsideModes]:
+    """Return a sampled loop without the states beside it, and the modes of these that do not decay.
+
+    A state is beside the loop if no path leads to it from the input or none from it to the output. Poles are
+    told as those of the continuous system, log(z)/h.
+
+    Parameters
+    ----------
+    line : control.StateSpace
+        In discrete time of a known step h, one input and output.
+
+    Examples
+    --------
+    >>> import control
+    >>> line = control.ss([[1, 0.1], [0, 0.9]], [[0], [1]], [[0, 2]], 0, 0.1, states=["x", "v"])
+    >>> loop, outside = split_sampled(line)
+    >>> loop.nstates, str(outside)
+    (1, 'outside the loop, not decaying: x; poles [rad/s] 0')
+    """
+    A, B, C = _balanced(line.A, line.B, line.C)
+    leads = np.abs(A) > ROUNDING * float(np.abs(A).max(initial=0.0))
+    inside = _closure(B[:, 0] != 0, leads) & _closure(C[0] != 0, leads.T)
+    names, poles, states = np.array(line.state_labels), [], []
+    _, groups = connected_components(leads, connection="strong")
+    for group in np.unique(groups[~inside]):
+        own = np.flatnonzero(groups == group)
+        lasting = [z for z in np.linalg.eigvals(A[np.ix_(own, own)]) if abs(z) > 1 - STILL]
+        poles += [0j if abs(z - 1) < STILL else complex(np.log(complex(z)) / line.dt) for z in lasting]
+        states += [str(name) for name in names[own]] if lasting else []
+    grow = any(pole.real * line.dt > STILL for pole in poles)
+    loop = control.ss(A[np.ix_(inside, inside)], B[inside], C[:, inside], line.D, line.dt)
+    return loop, OutsideModes(tuple(poles), tuple(states), grow)
 
 
 def _lasting(A: Array, outside: Mask, names: NDArray[np.str_]) -> tuple[list[complex], list[str]]:

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hovercontrol.analysis.common.cut_loop import CutLoop
-from hovercontrol.analysis.common.loop_modes import OutsideModes, split_loop
+from hovercontrol.analysis.common.loop_modes import OutsideModes, split_loop, split_sampled
 from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError, did_you_mean
@@ -57,7 +57,8 @@ class Margins:
         Longest constant delay [s]: phase margin over crossover, the least of all crossovers.
     jitter : float
         Every delay that varies as it likes within 0 and this [s] is borne: ``1/max |w T(j w)|``, after Kao
-        and Lincoln (2004), the theorem that K06 section 5.3.3 names. Sufficient, so never above `delay`.
+        and Lincoln (2004), the theorem that K06 section 5.3.3 names. Sufficient, so never above `delay`; NaN
+        of a sampled loop.
     outside : OutsideModes
         The modes that do not decay and that the loop through the wire does not change: a position that
         nobody feeds back integrates. They count in no margin.
@@ -152,7 +153,9 @@ def margins(
 
 @checked
 def loop_margins(loop: control.StateSpace | control.TransferFunction) -> Margins:
-    """Return the margins of a linear loop, continuous, one input and output, negative feedback.
+    """Return the margins of a linear loop with one input and output and negative feedback.
+
+    Of a sampled loop `jitter` is NaN: its theorem is of continuous loops.
 
     Raises
     ------
@@ -166,17 +169,20 @@ def loop_margins(loop: control.StateSpace | control.TransferFunction) -> Margins
     >>> round(found.phase, 6), round(found.delay, 5)
     (90.0, 0.7854)
     """
-    if not loop.issiso() or loop.isdtime(strict=True):
+    sampled = loop.isdtime(strict=True)
+    if not loop.issiso() or (sampled and loop.dt is True):
         raise InputError(
-            f"margins: expected a continuous loop with one input and one output, found {loop.ninputs} "
+            f"margins: expected a loop with one input and one output and a known step, found {loop.ninputs} "
             f"and {loop.noutputs}, dt = {loop.dt}"
         )
-    loop, outside = split_loop(control.ss(loop))
+    loop, outside = (split_sampled if sampled else split_loop)(control.ss(loop))
     closed = control.feedback(loop, 1)
-    if outside.grow or not (np.real(closed.poles()) < 0).all():
+    poles = closed.poles()
+    if outside.grow or not (np.abs(poles) < 1 if sampled else np.real(poles) < 0).all():
         return Margins(stable=False, outside=outside, loop=loop)
     gains, phases, _, _, crossovers, _ = control.stability_margins(loop, returnall=True)
-    gains = np.asarray(gains)[(gains > SMALL) & (gains < 1 / SMALL)]
+    gains = np.append(gains, _at_half_rate(loop)) if sampled else np.asarray(gains)
+    gains = gains[(gains > SMALL) & (gains < 1 / SMALL)]
     phases, crossovers = np.radians(np.asarray(phases, dtype=float)), np.asarray(crossovers, dtype=float)
     least = int(np.argmin(np.abs(phases))) if len(phases) else -1
     late = np.mod(phases, 2 * np.pi) / crossovers
@@ -191,7 +197,7 @@ def loop_margins(loop: control.StateSpace | control.TransferFunction) -> Margins
         disk_gain=10 ** (gain / 20) if gain < -20 * math.log10(SMALL) else math.inf,
         disk_phase=phase,
         delay=float(min(late, default=math.inf)),
-        jitter=_jitter(closed),
+        jitter=math.nan if sampled else _jitter(closed),
         outside=outside,
         loop=loop,
     )
@@ -283,7 +289,14 @@ def margins_along(
 
 def _of_line(line: control.StateSpace) -> Margins:
     """Return the margins of a cut loop, whose feedback is positive."""
-    return loop_margins(control.StateSpace(line.A, line.B, -line.C, -line.D, states=line.state_labels))
+    matrices = line.A, line.B, -line.C, -line.D, line.dt
+    return loop_margins(control.StateSpace(*matrices, states=line.state_labels, remove_useless_states=False))
+
+
+def _at_half_rate(loop: control.StateSpace) -> list[float]:
+    """Return the gain at which a sampled loop is at the edge at z = -1; a search of crossings misses it."""
+    response = complex(loop(-1.0))
+    return [-1 / response.real] if response.real < 0 else []
 
 
 def _jitter(closed: control.StateSpace) -> float:
@@ -299,10 +312,14 @@ def _jitter(closed: control.StateSpace) -> float:
 
 def _disk(loop: control.StateSpace, crossovers: Array) -> tuple[float, float, float]:
     """Return disk margin, disk-based gain [dB] and phase margin [deg], sought about all that happens."""
-    moving = np.abs(np.concatenate([loop.poles(), loop.zeros(), crossovers]))
+    roots = np.concatenate([loop.poles(), loop.zeros()]).astype(complex)
+    if loop.isdtime(strict=True):
+        roots = np.log(roots[np.abs(roots) > SMALL]) / loop.dt
+    moving = np.abs(np.concatenate([roots, crossovers]))
     moving = moving[(moving > 1e-6) & (moving < 1e6)]
     low, high = (moving.min(), moving.max()) if len(moving) else (1.0, 1.0)
-    coarse = np.sort(np.concatenate([np.geomspace(low / 100, high * 100, 300), crossovers]))
+    top = np.pi / loop.dt if loop.isdtime(strict=True) else high * 100
+    coarse = np.sort(np.concatenate([np.geomspace(min(low, top) / 100, top, 300), crossovers]))
     worst = int(np.argmin(control.disk_margins(loop, coarse, returnall=True)[0]))
     near = coarse[max(worst - 1, 0)], coarse[min(worst + 1, len(coarse) - 1)]
     disk, gain, phase = control.disk_margins(loop, np.linspace(*near, 201))

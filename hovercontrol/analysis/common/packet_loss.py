@@ -256,6 +256,8 @@ def _step(line: control.StateSpace, period: float, lost: str) -> tuple[Array, Ar
     """Return the step of states and held commands if the packet arrives, and if it is lost."""
     if lost not in ("hold", "zero"):
         raise InputError(f"lost: unknown {lost!r}{did_you_mean(str(lost), ('hold', 'zero'))}")
+    if line.isdtime(strict=True):
+        raise InputError("packet loop: expected a continuous loop, found one with parts that tick")
     if np.any(line.D):
         raise InputError("packet loop: a command depends on a command at the same instant")
     sampled = control.sample_system(line, positive("period", period), "zoh")

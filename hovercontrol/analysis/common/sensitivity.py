@@ -56,8 +56,8 @@ class Sensitivity:
         Where these are [rad/s]; 0 or inf where it is the limit.
     gain_margin, phase_margin : float
         What Ms guarantees: a gain up to the factor Ms/(Ms - 1), a phase of 2 asin(1/(2 Ms)) [deg].
-    margins : Margins or None
-        The margins themselves, the disk of gain and phase at once among them; None of a sampled loop.
+    margins : Margins
+        The margins themselves, the disk of gain and phase at once among them.
     wire : str
         Where the loop is broken.
 
@@ -76,8 +76,13 @@ class Sensitivity:
     Mt_frequency: float
     gain_margin: float
     phase_margin: float
-    margins: Margins | None = None
+    margins: Margins
     wire: str = ""
+
+    def __repr__(self) -> str:
+        peaks = (("Ms", self.Ms, self.Ms_frequency), ("Mt", self.Mt, self.Mt_frequency))
+        said = ", ".join(f"{name} {peak:.4g} at {where:.4g} rad/s" for name, peak, where in peaks)
+        return f"<Sensitivity{f' at {self.wire}' if self.wire else ''}: {said}>"
 
     @property
     def S(self) -> NDArray[np.complex128]:

@@ -188,7 +188,7 @@ def test_a_sampled_loop_has_its_response_up_to_half_its_rate():
     assert found.frequencies[-1] == pytest.approx(math.pi / 0.1)
     np.testing.assert_allclose(found.S, ct.feedback(1, L)(np.exp(0.1j * found.frequencies)), rtol=1e-9)
     assert found.Ms == pytest.approx(2 / 1.5)  # |z - 1|/|z - 0.5| at z = -1
-    assert found.margins is None
+    assert found.margins.gain_up == pytest.approx(4.0)  # k = 2 is the edge
 
 
 # ---- figures and errors ----------------------------------------------------------------------------------
@@ -208,11 +208,20 @@ def test_each_result_has_a_figure_with_units_and_the_numbers(loop, ahead):
         plt.close(figure)
 
 
+def test_results_read_as_one_line():
+    assert repr(hc.bode(THREE_LAGS)) == "<Bode: gain margin 3, phase margin 32.61 deg at 0.7494 rad/s>"
+    assert repr(hc.bode(4 * THREE_LAGS)) == "<Bode: the loop is unstable>"
+    assert repr(hc.nyquist(4 * THREE_LAGS)).startswith(
+        "<Nyquist: 2 clockwise encirclements, unstable poles 0"
+    )
+    assert repr(hc.sensitivity(ct.tf([1.0], [1.0, 1.0, 0.0]))).endswith("Mt 1.155 at 0.7071 rad/s>")
+
+
 @pytest.mark.parametrize(
     ("call", "line"),
     [
         (lambda loop, at: hc.bode(loop, "ruder", at), "no signal 'ruder' that can be cut; did you mean 'rud"),
-        (lambda loop, at: hc.bode(loop, "psi", at), "it is a state; give the Blocks of the loop as a list"),
+        (lambda loop, at: hc.bode(loop, "psi", at), r"it is the signal plant\.psi under this name; give the"),
         (lambda loop, at: hc.bode(loop, "rudder"), "nothing drives 'thrust': a loop to be cut must"),
         (lambda loop, at: hc.bode(loop), "wire: expected the signal at which the loop is broken"),
         (lambda loop, at: hc.bode(THREE_LAGS, "rudder"), "is the loop gain itself"),
@@ -226,9 +235,9 @@ def test_wrong_arguments_are_one_line(loop, ahead, call, line):
         call(loop, ahead)
 
 
-def test_a_loop_that_ticks_is_refused(blocks):
+def test_a_wire_that_holds_a_state_is_cut_between_blocks(blocks, ahead):
     craft, pilot = blocks
     slow = hc.Block("pilot", [], pilot.inputs, pilot.outputs, pilot.parameters, period=0.2,
                     output_expressions=pilot.output_expressions)  # fmt: skip
-    with pytest.raises(hc.InputError, match="parts that tick and so no frequency response"):
-        hc.bode([craft, slow], "rudder", {"goal": 0.0, "thrust": 1.8})
+    with pytest.raises(hc.InputError, match=r"the signal pilot\.held_rudder under this name"):
+        hc.bode(hc.interconnect([craft, slow], "heading"), "rudder", ahead)

@@ -161,7 +161,7 @@ def test_a_wire_that_does_not_come_back_bears_all():
     assert found.delay == np.inf and found.jitter == np.inf
 
 
-@pytest.mark.parametrize("loop", [ct.ss([[-1.0]], [[1.0, 2.0]], [[1.0]], 0), ct.tf([1.0], [1.0, 0.5], 0.1)])
+@pytest.mark.parametrize("loop", [ct.ss([[-1.0]], [[1.0, 2.0]], [[1.0]], 0), ct.tf([1.0], [1.0, 0.5], True)])
 def test_another_loop_is_refused(loop):
-    with pytest.raises(hc.InputError, match="expected a continuous loop with one input and one output"):
+    with pytest.raises(hc.InputError, match="expected a loop with one input and one output and a known step"):
         loop_margins(loop)

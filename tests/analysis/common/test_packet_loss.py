@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from hovercontrol import InputError, interconnect
+from hovercontrol import Block, InputError, Signal, interconnect
 from hovercontrol.analysis.c17.loops import c17_ellipse, on_reference
 from hovercontrol.analysis.common.packet_loss import PacketLoop, packet_loop, packet_loop_along
 from hovercontrol.analysis.k06.law_regions import force_craft
@@ -141,3 +141,11 @@ def test_c17s_ellipse_bears_every_second_packet_lost_at_22_ms():
 def test_bad_input_is_refused(call, line):
     with pytest.raises(InputError, match=line):
         call()
+
+
+def test_a_law_that_ticks_is_refused():
+    v, a, k = Signal("v", "m/s"), Signal("a", "m/s^2"), Signal("k", "1/s", start=2.0)
+    cart = Block("cart", [v], [a], [v], derivatives={"v": a.symbol})
+    law = Block("law", [], [v], [a], [k], output_expressions={"a": -k.symbol * v.symbol}, period=0.1)
+    with pytest.raises(InputError, match="packet loop: expected a continuous loop"):
+        packet_loop([cart, law], "a", period=0.1)
