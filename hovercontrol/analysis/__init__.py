@@ -26,7 +26,7 @@ from hovercontrol.analysis.common.packet_loss import PacketLoop, packet_loop, pa
 from hovercontrol.analysis.common.regions import Axis, Region, axis
 from hovercontrol.analysis.common.sensitivity import Sensitivity, sensitivity
 from hovercontrol.analysis.common.stabilizability import Stabilizability, stabilizability
-from hovercontrol.analysis.common.steering import SteadyTurn, steady_turn, steering_map, turning_modes
+from hovercontrol.analysis.common.steering import steering_map, turning_modes
 from hovercontrol.analysis.k06.basins import turn_basins
 from hovercontrol.analysis.k06.law_regions import forward_region, reverse_region
 
@@ -44,5 +44,5 @@ __all__ = [
     "Bode", "bode", "Nyquist", "nyquist", "Sensitivity", "sensitivity", "loop_gain",
     "PacketLoop", "packet_loop", "packet_loop_along",
     "Stabilizability", "stabilizability",
-    "SteadyTurn", "steady_turn", "steering_map", "turning_modes",
+    "steering_map", "turning_modes",
 ]  # fmt: skip

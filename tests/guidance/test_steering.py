@@ -6,7 +6,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import hovercontrol as hc
-from hovercontrol.analysis import steady_turn, steering_map, turning_modes
+from hovercontrol.analysis import steering_map, turning_modes
 from hovercontrol.autopilot import autopilot
 from hovercontrol.errors import InputError
 from hovercontrol.guidance import command_filter, steering_law, steering_reference, weaving
@@ -90,15 +90,15 @@ def test_the_modes_of_a_turn_are_those_of_the_simulated_loop():
     """Linearise heading and yaw rate on the circle by finite differences of C17's own equations (23)."""
     c4, c5, c6, c7, c8, dx = 1.20, 0.83, 0.48, 0.75, 0.14 * 0.75 * 0.585 / 0.01, 0.2
     U, R = 0.8, 0.3
-    turn = steady_turn(C17, U, R)
-    V = np.hypot(U, turn.sway + dx * R)
+    sway = C17.plant().trim({"u": U, "r": R}).states["v"]
+    V = np.hypot(U, sway + dx * R)
 
     def yaw(psi, r):  # z1 = z2 = 0, p_d' = V e1, p_d'' = V R e2
         v = -np.sin(psi) * V - dx * r
         torque = (V * R * np.cos(psi) + c4 * v + dx * (c5 * np.sign(r) + c6 * r)) / (c7 - c8 * dx)
         return -c5 * np.sign(r) - c6 * r - c8 * torque
 
-    here = -np.arctan2(turn.sway + dx * R, U)
+    here = -np.arctan2(sway + dx * R, U)
     h = 1e-6
     assert yaw(here, R) == pytest.approx(0.0, abs=1e-9)
     by_psi = (yaw(here + h, R) - yaw(here - h, R)) / (2 * h)
@@ -108,8 +108,8 @@ def test_the_modes_of_a_turn_are_those_of_the_simulated_loop():
 
 
 def test_a_craft_without_drag_has_no_steady_turn():
-    with pytest.raises(InputError, match="no steady turn"):
-        steady_turn(K06, 0.5, 0.3)
+    with pytest.raises(InputError, match="v' = "):
+        K06.plant().trim({"u": 0.5, "r": 0.3})
 
 
 def test_without_drag_the_drift_of_the_centre_of_oscillation_is_minus_the_integral_of_u_r():
@@ -179,13 +179,21 @@ def test_k06s_real_loop_keeps_the_sticks_motion_over_the_grid(navigation):
     assert found["within"].all()
 
 
+def has_trim(plant, surge, yaw_rate):
+    """Whether a steady turn is within the bounds of thrust and rudder."""
+    try:
+        plant.trim({"u": surge, "r": yaw_rate})
+    except InputError:
+        return False
+    return True
+
+
 def test_thrust_and_rudder_bounds_say_which_turns_there_are():
     """C17's experiment, 6.1 A: 1.5 rad/s is within its bounds at all surge velocities, 3 rad/s at none."""
     craft = hc.vehicle("c17_experiment")
     loop = hc.interconnect([craft.plant(), command_filter(), steering_law(craft, limits=True)])
     for yaw_rate in (1.5, 3.0):
-        turns = [steady_turn(craft, surge, yaw_rate) for surge in (0.3, 0.7, 1.1)]
-        held = [turn.thrust <= 6.1 and abs(turn.rudder) <= np.radians(26.0) for turn in turns]
+        held = [has_trim(craft.plant(), surge, yaw_rate) for surge in (0.3, 0.7, 1.1)]
         found = steering_map(loop, points=3, yaw_rate=(-yaw_rate, yaw_rate), least_time=20.0)
         assert found["within"][:, -1].tolist() == held == [yaw_rate < 2.0] * 3
 
@@ -206,7 +214,8 @@ def test_the_real_loop_steers_a_craft_with_drag_where_the_rudder_reaches():
         plant=craft.plant(),
     )
     found = steering_map(loop, points=3)
-    angles = [abs(steady_turn(craft, surge, 0.5).rudder) for surge in (0.3, 0.7, 1.1)]
+    plant = craft.plant()
+    angles = [abs(plant.trim({"u": surge, "r": 0.5}).inputs["rudder"]) for surge in (0.3, 0.7, 1.1)]
     assert found["within"][:, -1].tolist() == [angle < 0.47 for angle in angles] == [False, True, True]
 
 

@@ -1,14 +1,12 @@
-"""Steering under way: steady turns, their stability under C17's controller, and maps over the stick."""
+"""Steering under way: the stability of steady turns under C17's controller, and maps over the stick."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 
 from hovercontrol.analysis.c17.normal_form import symbol
 from hovercontrol.analysis.common.regions import Region, axis
@@ -18,8 +16,6 @@ from hovercontrol.core.boundary import checked
 from hovercontrol.core.interconnect import interconnect
 from hovercontrol.core.sgn import sgn
 from hovercontrol.errors import InputError
-from hovercontrol.guidance.steering import inverse_dynamics
-from hovercontrol.io.tables import finite
 from hovercontrol.models.model import Model
 
 Array = NDArray[np.float64]
@@ -29,84 +25,6 @@ SETTLING, STEP = 3, 0.02
 
 #: Smallest yaw rate to which an error is related [rad/s].
 LEAST_YAW_RATE = 0.05
-
-#: Sway velocities between which a steady turn is looked for [m/s].
-WIDEST = 1e3
-
-
-@checked
-@dataclass(frozen=True)
-class SteadyTurn:
-    """A turn at constant surge velocity and yaw rate.
-
-    Attributes
-    ----------
-    surge, sway : float
-        [m/s]
-    yaw_rate : float
-        [rad/s]
-    thrust : float
-        In the unit of the craft's thrust command.
-    rudder : float
-        [rad]
-
-    Examples
-    --------
-    >>> SteadyTurn(surge=1.0, sway=-0.5, yaw_rate=0.4, thrust=2.0, rudder=-0.1).sway
-    -0.5
-    """
-
-    surge: float
-    sway: float
-    yaw_rate: float
-    thrust: float
-    rudder: float
-
-
-@checked
-def steady_turn(model: Model, surge: float, yaw_rate: float) -> SteadyTurn:
-    """Return the steady turn of a craft: u' = v' = r' = 0.
-
-    Parameters
-    ----------
-    model : Model
-        With a propeller and a rudder.
-    surge : float
-        [m/s]
-    yaw_rate : float
-        [rad/s]
-
-    Raises
-    ------
-    InputError
-        If there is none: without sway drag ``v' = -u r`` is not zero.
-
-    Examples
-    --------
-    >>> from hovercontrol.models.vehicles import vehicle
-    >>> turn = steady_turn(vehicle("c17_simulation"), 1.1, 0.5)
-    >>> round(turn.sway, 3)  # (-u r - (c7/c8)(c5 + c6 r))/c4
-    -0.567
-    """
-    vector, slope = inverse_dynamics(model, "plant", sp.S.Zero, sp.S.Zero)
-    values = {p.symbol: p.start for p in model.parameters("plant")}
-    values |= {symbol("u"): finite("surge", surge), symbol("r"): finite("yaw rate", yaw_rate)}
-    v = symbol("v")
-    sway_slope, along, side = (e.xreplace(values).replace(sgn, _exact_sign) for e in (slope, *vector))
-    f = sp.lambdify(v, sway_slope, "numpy")
-    ends = [float(f(edge)) for edge in (-WIDEST, WIDEST)]
-    if not ends[0] > 0.0 > ends[1]:
-        raise InputError(
-            f"model {model.name!r} has no steady turn at {surge:g} m/s and {yaw_rate:g} rad/s: no sway drag "
-            "holds the centrifugal force"
-        )
-    sway = float(brentq(f, -WIDEST, WIDEST, xtol=1e-12))
-    fx, fy = (float(e.subs(v, sway)) for e in (along, side))
-    return SteadyTurn(surge, sway, yaw_rate, float(np.hypot(fx, fy)), float(np.arctan2(fy, fx)))
-
-
-def _exact_sign(v: sp.Expr, width: sp.Expr) -> sp.Expr:
-    return sp.sign(v)
 
 
 @checked
@@ -147,8 +65,8 @@ def turning_modes(
     >>> [bool(turning_modes(craft, 0.7, 0.3, control_point=d).real.max() < 0) for d in (0.09, 0.2)]
     [False, True]
     """
-    turn = steady_turn(model, surge, yaw_rate)
-    side = turn.sway + control_point * yaw_rate
+    turn = model.plant().trim({"u": surge, "r": yaw_rate})
+    side = turn.states["v"] + control_point * yaw_rate
     V = float(np.hypot(surge, side))
     loop = interconnect([model.plant(), tracking_controller(model, control_point=control_point)])
     # On the circle, chi = 0: p = -R delta, R [u, v + dx r] = [V, 0], p_d'' = [0, V r_ref].
