@@ -14,8 +14,8 @@ README = Path(__file__).parents[1] / "README.md"
 BLOCKS = re.findall(r"```python\n(.*?)```", README.read_text(encoding="utf-8"), flags=re.DOTALL)
 
 
-def test_there_are_five_examples():
-    assert len(BLOCKS) == 5
+def test_there_are_six_examples():
+    assert len(BLOCKS) == 6
 
 
 def test_every_example_runs_in_order(capsys, tmp_path, monkeypatch):
@@ -31,6 +31,8 @@ def test_every_example_runs_in_order(capsys, tmp_path, monkeypatch):
             exec(block, space)
     assert len(plt.get_fignums()) == 2, "the response's and the region's picture"
     assert space["loop"].to_control().nstates == 83
+    line = dict(zip(space["line"].output_labels, space["line"].outputs, strict=True))
+    assert abs(line["y"][-1]) < 0.15 and abs(line["rudder_applied"]).max() <= 0.45
     assert (tmp_path / "plant.fmu").stat().st_size > 10_000
     assert space["region"].outside("theorem", "simulated") == []
     assert space["found"].verdict == "effect"
