@@ -11,8 +11,9 @@ from hovercontrol.simulation.reasons import StoppedError, where_it_stops
 #: Evaluations of the derivatives after which the pace is looked at: seconds.
 LOOKED_AFTER = 50_000
 
-#: A run that needs more at its pace is slow: it is told, and after as many looks in a row it is stopped.
-MOST, LOOKS = 5_000_000, 8
+#: Evaluations that a run may need at its pace: beyond the first number, minutes, the user is told; one that
+#: needs more than the second, hours, at so many looks in a row is stopped.
+TOLD, STOPPED, LOOKS = 5_000_000, 100_000_000, 8
 
 
 class Effort:
@@ -51,13 +52,10 @@ class Effort:
             return
         moved, self._seen = t - self._seen, t
         needed = (self._end - t) / moved * LOOKED_AFTER if moved > 0.0 else float("inf")
-        if needed <= MOST:
-            self._slow = 0
-            return
-        self._slow += 1
+        self._slow = self._slow + 1 if needed > STOPPED else 0
         if self._slow >= LOOKS:
             raise self.stopped(t, x, u, f"too many steps to reach {self._end:.6g} s")
-        if not self._told:
+        if needed > TOLD and not self._told:
             self._told = True
             warnings.warn(
                 self._block.where(
