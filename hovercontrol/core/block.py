@@ -245,7 +245,7 @@ class Block(Backends):
                 values[key] = number = float(value)
                 signal = signals[key]
                 if bounded and not signal.lower <= number <= signal.upper:
-                    signal.check(number, key)
+                    values[key] = signal.check(number, key)
             except InputError as error:
                 raise InputError(self.where(str(error))) from None
         return tuple(values.values())
