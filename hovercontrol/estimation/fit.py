@@ -35,8 +35,8 @@ GATES = 8
 #: noise levels.
 ROUNDS, AGAIN = 12, 4
 
-#: Maximum number of times that samples are down-weighted. Each time lowers the noise of the channels, so more
-#: samples stand out.
+#: Maximum number of times that samples are down-weighted. The first times lower the noise of the channels, so
+#: more samples stand out.
 WEIGHTINGS = 4
 
 
