@@ -1,4 +1,4 @@
-"""The commands of several logs as inputs of one Block: means over sub-steps, and states that follow from them."""
+"""The commands of several logs as inputs of one Block: their means, and the states that follow from them."""
 
 from __future__ import annotations
 
