@@ -104,6 +104,7 @@ def _guess(block: Block, log: Measured) -> dict[str, Array]:
     at = np.arange(log.time.size)
     before, after = np.maximum(at - REACH, 0), np.minimum(at + REACH, at[-1])
     symbols = [s.symbol for s in block.states]
+    # x_i = x_j' by central differences: (x_j(k + REACH) - x_j(k - REACH)) / (t(k + REACH) - t(k - REACH))
     for i, j in _slopes(block, symbols):
         if names[j] in known and names[i] not in known:
             rise = known[names[j]][after] - known[names[j]][before]

@@ -102,6 +102,7 @@ def widening(fit: Fit) -> Array:
 
     See :attr:`Fit.covariance <hovercontrol.estimation.fit.Fit.covariance>`.
     """
+    # k_i = sqrt(max(widened variance / variance from noise alone, 1))
     plain = inverse(fit.S.sum(axis=0) + np.diag(fit.prior.precision))
     slope = fit.problem.slope(fit.p)
     wide = np.diag(fit.covariance) / np.maximum(np.diag(plain) * slope**2, 1e-300)

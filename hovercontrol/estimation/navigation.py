@@ -1,7 +1,7 @@
 """Logs from an inertial navigation: velocities drift between corrections, positions jump at corrections.
 
 An inertial navigation integrates accelerometers between fixes. Its velocity over ground then has an unknown
-offset and ramp, with very little noise. Its position is the integral of that velocity and adds no
+offset and ramp, and is smooth to a millimetre. Its position is the integral of that velocity and adds no
 information. At a fix both jump although the craft does not. Therefore positions are left out, and offset and
 ramp are states of the filter that every correction draws anew (:mod:`.drift`). K06 sections 3.5 and 5.4
 describe such a navigation.
@@ -177,7 +177,7 @@ def corrections(log: Log) -> Indices:
     if not known.any():
         return np.empty(0, dtype=np.intp)
     carried = np.concatenate([np.zeros((2, 1)), np.cumsum(np.where(known, moved, 0.0), axis=1)], axis=1)
-    carried = without_spikes(carried)  # a single bad sample must not count as a lasting jump
+    carried = without_spikes(carried)  # a spike is no correction: the position does not stay there
     moved = np.diff(carried)
     level = np.median(np.abs(moved[:, known]), axis=1, keepdims=True) / NORMAL
     longer = np.maximum(step / float(np.median(step)), 1.0)  # velocities may change where rows are missing
@@ -215,6 +215,8 @@ def measure_navigated(block: Block, log: Log, most_rows: int = MOST_ROWS) -> Nav
         return None
     speed = without_spikes(over_ground(log))
     moved = np.diff(log.stack("x", "y"), axis=0)[at - 1]
+    # offset = rms of the velocity jumps,  ramp = offset / median time between corrections,
+    # white = median |d^3 v| / (0.6745 sqrt(20))
     jumps = np.sqrt(((speed[:, at] - speed[:, at - 1]) ** 2).mean())
     thirds = np.abs(np.diff(speed, 3, axis=1))
     white = max(float(np.nanmedian(thirds)) / (NORMAL * np.sqrt(20.0)), 1e-12)

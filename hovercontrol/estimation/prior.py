@@ -76,6 +76,9 @@ def prior_of(problem: Problem, model: Subject) -> Prior:
     centre = np.array([own.get(name, v) for name, v in zip(problem.names, problem.start, strict=True)])
     centre = np.clip(centre, problem.lower, problem.upper)
     z = problem.inside(centre)
+    # precision = 1/sigma^2 about the model's value c, with c_alone of `sizes_alone`:
+    #   coefficient: sigma = max(coefficients |c|, alone c_alone)
+    #   logarithm of a shape: sigma = shapes;  other shape: sigma = max(|c|, 1e-3)
     precision = np.zeros(len(z))
     alone = problem.sizes_alone()
     for j, name in enumerate(problem.names):

@@ -1,7 +1,8 @@
 """The estimation problem: one model and the rows of the logs, linearised from each row to the next.
 
-The N steps from row to row are integrated in sub-steps of a Runge-Kutta method (:mod:`.steps`). States that
-depend on the commands alone are computed beforehand; the other states are free and are estimated.
+The N steps from row to row are integrated in sub-steps of the classical Runge-Kutta method, with the inputs
+held at their mean over each sub-step (:mod:`.steps`). States that depend on the commands alone are computed
+beforehand; the other states are free and are estimated.
 """
 
 from __future__ import annotations
