@@ -144,6 +144,7 @@ def augment(
         Q[..., :n, :n] += new[..., :, None] * new[..., None, :]
         Q[..., :n, -1] = Q[..., -1, :n] = new
         Q[..., -1, -1], P0[..., -1, -1] = linear.fresh, 1.0
+    # R = (sigma_channel scale_(log, channel))^2 times the relative variance of the sample
     level = (noise.measured * noise.scale[problem.rows.log]) ** 2  # W, C
     if problem.data.variance is not None:
         level = level * problem.data.variance
