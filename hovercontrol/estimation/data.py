@@ -82,8 +82,8 @@ def gather(model: Subject, logs: Sequence[Log | Measured]) -> Data:
     Raises
     ------
     InputError
-        If an input is missing or out of its bounds, nothing that the model computes was measured, or a log
-        has too few rows.
+        If an input is missing or out of its bounds, no state or output of the model was measured, or no log
+        has enough rows.
     """
     block = structure(model)
     every = [(isinstance(log, Log) and measure_navigated(block, log)) or log for log in logs]

@@ -197,7 +197,7 @@ def idle_inputs(block: Block, name: str, moving: Sequence[bool]) -> list[str]:
     name : str
         Full name of the parameter.
     moving : sequence of bool
-        For each input, whether it is ever nonzero.
+        For each input, whether it is nonzero at any time.
     """
     idle = {s.name for s, moves in zip(block.inputs, moving, strict=True) if not moves}
     return [n for n in inputs_beside(block, name) if n in idle]
