@@ -1,1 +1,1 @@
-"""Estimation: one engine for logs and imperfect models, behind identification and the search for effects."""
+"""Estimation of unknowns, states and noise from logs, used by identification and the search for effects."""

@@ -1,4 +1,4 @@
-"""A Block whose states stay as they are: what a model is held against that says nothing."""
+"""A Block that assumes constant velocities: the baseline that a model must beat."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from hovercontrol.core.expressions import Expressions
 
 
 def coasting(block: Block) -> Block:
-    """Return the Block in which every state stays, but those that follow from others by geometry alone.
+    """Return the Block with all states constant except those that follow from others by kinematics alone.
 
-    Those are the states whose derivative holds neither a parameter nor an input: a pose moves on
-    with velocities that stay.
+    A state is kinematic if its derivative contains neither a parameter nor an input: a pose moves on with
+    constant velocities.
 
     Examples
     --------

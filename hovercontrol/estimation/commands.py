@@ -1,7 +1,7 @@
-"""Commands as they arrive at the forces: late, lagged, with play. Computed over the whole log from rest.
+"""Commands as they act on the forces, with delay, lag and play, computed over the whole log from rest.
 
-States that depend on nothing but the commands (a motor's lag, a gear's play) are no unknowns of a filter: the
-log tells them.
+States that depend on the commands alone (a motor's lag, a gear's play) follow from the log. The filter does
+not estimate them.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from hovercontrol.targets.follow import follow
 
 Array = NDArray[np.float64]
 
-#: Part of a command's range below which a change is rounding.
+#: Fraction of a command's range below which a change counts as rounding error.
 ROUNDING = 1e-8
 
 
@@ -36,7 +36,7 @@ class ArrivalCriteria:
     Attributes
     ----------
     missing : float
-        Time step, relative to the usual one, from which on a row is missing.
+        Time step, relative to the median one, above which a row counts as missing.
     """
 
     missing: float = 1.5
@@ -46,14 +46,15 @@ class ArrivalCriteria:
 ARRIVALS = ArrivalCriteria()
 
 
-#: Steps from row to row of laws that are not linear: so many in the first of these parts of it [s], since
-#: play takes up a new command at once; later ones as long as the second, at most so many.
+#: Sub-steps from row to row for nonlinear laws. FIRST sub-steps cover the first SECONDS[0] (at most half of
+#: the step) [s], because play takes up a new command at once. Later ones are SECONDS[1] long [s], at most
+#: MOST_STEPS of them.
 FIRST, SECONDS, MOST_STEPS = 16, (4e-3, 1e-3), 256
 
 
 @dataclass(frozen=True, eq=False)
 class _Laws:
-    """How states follow from commands: a and b of ``x' = a x + b`` where that is so for all."""
+    """Laws by which states follow from commands: a and b of ``x' = a x + b`` if all are linear, else none."""
 
     indices: tuple[int, ...]
     linear: tuple[tuple[Callable[..., float], Callable[..., Array]], ...]
@@ -61,13 +62,15 @@ class _Laws:
 
 @lru_cache(maxsize=500)
 def input_states(block: Block, motion: tuple[str, ...]) -> tuple[int, ...]:
-    """Return the indices of the states that follow from inputs, parameters and time alone, in order of need.
+    """Return the indices of the states that follow from inputs, parameters and time alone.
+
+    Each state comes after those on which it depends.
 
     Parameters
     ----------
     block : Block
     motion : tuple of str
-        States that are no part of the commands' way, whatever they follow from.
+        States of the motion. They are excluded even if they depend on the inputs alone.
 
     Examples
     --------
@@ -115,12 +118,13 @@ def _laws(block: Block, motion: tuple[str, ...]) -> _Laws | None:
 
 
 def command_times(log: Measured) -> tuple[Array, Array]:
-    """Return when the commands of each row began to hold, and how sure that is [s].
+    """Return the time at which the commands of each row begin to hold, and its standard deviation [s].
 
-    That is the time of the row. Where rows are missing before a row with a new command, it changed at any
-    time since the row before: at the middle on average, with a uniform distribution's standard deviation.
-    A trial begins with its commands.
+    Usually this is the time of the row, with standard deviation zero. If rows are missing before a row with a
+    new command, the command changed at an unknown time since the previous row. That time is assumed to be
+    uniformly distributed. The commands of the first row of a trial hold from that row on.
     """
+    # Uniform distribution over the step h before the row: mean h/2 before it, standard deviation h/sqrt(12)
     time, std = log.time.copy(), np.zeros(log.time.size)
     sampled = log.sampled
     usual = float(np.median(np.diff(log.time[sampled]))) if sampled.sum() > 1 else 0.0
@@ -135,13 +139,13 @@ def command_times(log: Measured) -> tuple[Array, Array]:
 
 
 def by_trial(log: Measured, time: Array) -> tuple[Array, Array]:
-    """Return times and commands of a log, shapes (m,) and (n_inputs, m), zero in pauses between its trials.
+    """Return times and commands of a log, shapes (m,) and (n_inputs, m); zero in pauses between trials.
 
     Parameters
     ----------
     log : Measured
     time : ndarray, shape (n,)
-        When the commands of each row begin to hold.
+        Time at which the commands of each row begin to hold [s].
     """
     usual = float(np.median(np.diff(time))) if time.size > 1 else 0.0
     pauses = [start for start in log.starts if time[start] - time[start - 1] > 2.0 * usual]
@@ -152,13 +156,14 @@ def by_trial(log: Measured, time: Array) -> tuple[Array, Array]:
 
 
 def divided(pieces: int, part: Array) -> tuple[Array, Array]:
-    """Return begins and lengths of pieces of steps, in parts of a step, both of shape (pieces, N).
+    """Return begins and lengths of the sub-steps of steps, as fractions of a step; both (pieces, N).
 
     Parameters
     ----------
     pieces : int
+        Number of sub-steps.
     part : ndarray, shape (N,)
-        Where two pieces meet, in parts of the step; NaN: anywhere.
+        Fraction of the step at which two sub-steps must meet; NaN: no such point.
 
     Examples
     --------
@@ -173,9 +178,9 @@ def divided(pieces: int, part: Array) -> tuple[Array, Array]:
 
 
 def changes(inputs: Array) -> Array:
-    """Return by how much commands change at each row, in parts of how far each ranges, shape (n,).
+    """Return the change of the commands at each row, relative to their ranges and summed, shape (n,).
 
-    Less than ``ROUNDING`` is no change. Before the first row commands are zero.
+    A change below ``ROUNDING`` counts as zero. Before the first row, commands are zero.
 
     Parameters
     ----------
@@ -192,13 +197,13 @@ def changes(inputs: Array) -> Array:
 
 
 class Arrival:
-    """The commands of one log, each value held from its row to the next; zero before the first.
+    """The commands of one log, each value held from its row to the next; zero before the first row.
 
     Parameters
     ----------
     block : Block
     time : ndarray, shape (n,)
-        Seconds from the log's first row.
+        Time since the first row of the log [s].
     inputs : ndarray, shape (n_inputs, n)
     motion : tuple of str
         As for :func:`input_states`.
@@ -216,12 +221,12 @@ class Arrival:
         self._laws = _laws(block, motion)
 
     def at(self, when: Array, delay: float = 0.0) -> Array:
-        """Return the inputs that hold at times `when` [s], late by `delay`, shape (n_inputs, ...)."""
+        """Return the inputs at times `when` [s], delayed by `delay` [s], shape (n_inputs, ...)."""
         row = np.searchsorted(self.time, when - delay + 1e-9, side="right") - 1
         return np.where(row >= 0, self.inputs[:, np.maximum(row, 0)], 0.0)
 
     def integral(self, when: Array, delay: float = 0.0) -> Array:
-        """Return the inputs' integrals up to times `when` [s], late by `delay`, shape (n_inputs, ...)."""
+        """Return the integrals of the inputs up to `when` [s], delayed by `delay` [s], (n_inputs, ...)."""
         t = when - delay
         held = self.inputs[:, -1].reshape(-1, *[1] * t.ndim) * np.maximum(0.0, t - self._knots[-1])
         if not len(self._integral):
@@ -229,16 +234,16 @@ class Arrival:
         return np.stack([np.interp(t, self._knots, row, left=0.0) for row in self._integral]) + held
 
     def largest_change(self, begin: Array, length: Array, delay: float, most: int) -> Array:
-        """Return when commands change most within steps, in parts of each; NaN where they do not.
+        """Return the fraction of each step at which commands change most; NaN if they do not change.
 
         Parameters
         ----------
         begin, length : ndarray, shape (N,)
-            Of the steps [s].
+            Begin and length of the steps [s].
         delay : float
-            By which commands are late [s].
+            Delay of the commands [s].
         most : int
-            Where there are more changes within a step, none of them counts.
+            Maximum number of changes within a step; with more changes the result is NaN.
         """
         margin = 1e-6 * length
         first = np.searchsorted(self._changes, begin + margin - delay, side="right")
@@ -256,7 +261,10 @@ class Arrival:
     def lagged_integral(
         self, when: Array, parameters: Sequence[float], delay: float = 0.0
     ) -> dict[int, Array]:
-        """Return integrals of the input states up to times `when` [s], by index; from rest at the start."""
+        """Return the integrals of the input states up to times `when` [s], by index of the state.
+
+        The states start from rest at the first row.
+        """
         laws = self._laws
         if laws is None:
             return {}
@@ -265,7 +273,7 @@ class Arrival:
             found = list(_integrated(*self._stepped(laws, parameters), t))
         else:
             at = np.maximum(np.searchsorted(self.time, t + 1e-9, side="right") - 1, 0)
-            later = np.maximum(t - self.time[at], 0.0)  # before the log commands rest
+            later = np.maximum(t - self.time[at], 0.0)  # before the log, commands are zero
             found = [self._followed(a_of, b_of, parameters, at, later) for a_of, b_of in laws.linear]
         return dict(zip(laws.indices, found, strict=True))
 
@@ -277,7 +285,9 @@ class Arrival:
         at: NDArray[np.intp],
         later: Array,
     ) -> Array:
-        """Return the integral of a state of ``x' = a x + b`` up to so much later than rows `at`, exactly."""
+        """Return the exact integral of the state of ``x' = a x + b`` up to `later` [s] after rows `at`."""
+        # With g = -b/a held from row to row and x_0 = x(t_0) = 0:
+        #   x(t_k + s) = g + (x_k - g) exp(a s),  integral over s: g s + (x_k - g)/a (exp(a s) - 1)
         a, steps = float(a_of(parameters)), np.diff(self.time)
         goal = -np.broadcast_to(b_of(parameters, self.inputs), self.time.shape) / a
         fade = np.exp(a * steps)
@@ -288,7 +298,7 @@ class Arrival:
         return np.asarray(before[at] + goal[at] * later + off[at] * np.expm1(a * later))
 
     def _stepped(self, laws: _Laws, parameters: Sequence[float]) -> tuple[Array, Array]:
-        """Return times, shape (m,), and the states at them, shape (n, m)."""
+        """Integrate nonlinear laws; return times, shape (m,), and the states at them, shape (n, m)."""
         steps = np.diff(self.time)
         early = np.minimum(SECONDS[0], 0.5 * steps)
         rest = np.clip(np.ceil((steps - early) / SECONDS[1]), 1, MOST_STEPS).astype(np.intp)
@@ -305,7 +315,7 @@ class Arrival:
 
 
 def _integrated(times: Array, values: Array, when: Array) -> Array:
-    """Return integrals up to `when` of what is straight between times and stays behind the last.
+    """Return the integrals up to `when` of piecewise linear functions, constant after the last time.
 
     Parameters
     ----------
@@ -318,6 +328,7 @@ def _integrated(times: Array, values: Array, when: Array) -> Array:
     -------
     ndarray, shape (n, ...)
     """
+    # integral to t = sum of h (v_i + v_(i+1))/2 over whole intervals + (v + v' s/2) s, s = t - t_k
     steps = np.diff(times)
     before = np.zeros(values.shape)
     before[:, 1:] = np.cumsum(0.5 * steps * (values[:, :-1] + values[:, 1:]), axis=1)

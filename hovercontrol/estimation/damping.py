@@ -1,4 +1,4 @@
-"""Steps of an iteration that go to and fro, or creep: Aitken's rule, for a whole step or its elements."""
+"""Damping or lengthening of steps that oscillate or converge slowly: Aitken's rule, whole or by element."""
 
 from __future__ import annotations
 
@@ -9,25 +9,26 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-#: Smallest part of a step that is taken.
+#: Smallest fraction of a step that is taken.
 LEAST = 0.2
 
 
 @dataclass(eq=False)
 class Damping:
-    """Takes the part of each proposed step after which, by the last two, the next one would be zero.
+    """Damp each element of a step by Aitken's rule (Irons and Tuck, Int. J. Numer. Methods Eng. 1 (1969)).
 
-    About a kink (dry friction, a jump of a command) steps that are right on either side undo each other for
-    ever; levels of noise creep. Irons and Tuck, Int. J. Numer. Methods Eng. 1 (1969), element by element.
+    The last two proposed steps predict the fraction of the new step after which the next step would be zero.
+    About a kink (dry friction, a jump of a command) undamped steps from either side undo each other for
+    ever; noise levels converge slowly.
 
     Attributes
     ----------
     most : float
-        Largest part that is taken: 1 damps, more also lengthens.
+        Largest fraction that is taken: 1 only damps, more also lengthens.
     step : ndarray
-        Proposed last.
+        Last proposed step.
     part : ndarray
-        Of it that was taken.
+        Fraction of it that was taken.
     """
 
     most: float = 1.0
@@ -35,18 +36,19 @@ class Damping:
     part: Array = field(default_factory=lambda: np.zeros(0))
 
     def taken(self, step: Array) -> Array:
-        """Return what is taken of a proposed step.
+        """Return the damped step.
 
         Parameters
         ----------
         step : ndarray
-            Of the shape of the last one; else that one is forgotten.
+            Proposed step. If its shape differs from that of the last one, it is taken as it is.
         """
+        # Secant through the last two proposals s, s' of which a part a of s was taken: a' = a s / (s - s')
         part = np.ones_like(step)
         if self.step.shape == step.shape:
             with np.errstate(all="ignore"):
                 secant = self.part * self.step / (self.step - step)
-            away = np.abs(step) >= np.abs(self.step)  # it grows: no end is in sight
+            away = np.abs(step) >= np.abs(self.step)  # steps grow: the secant has no root ahead
             onward = np.where(away, self.most, np.clip(secant, LEAST, self.most))
             part = np.where(step * self.step < 0.0, np.clip(secant, LEAST, 1.0), np.maximum(onward, 1.0))
             part = np.where(np.isfinite(part), part, 1.0)
@@ -56,29 +58,30 @@ class Damping:
 
 @dataclass(eq=False)
 class Relaxation:
-    """Takes the part of a whole step after which, by the last two, the next one would be zero.
+    """Damp a whole step by Aitken's rule for vectors (Irons and Tuck, 1969).
 
-    Of steps s and s' of which the part a of s was taken, with m = s' s / s s, that part is a/(1 - m):
-    Aitken's rule for vectors (Irons and Tuck, 1969). The direction stays: what falls along it still does.
+    If the fraction a of the last step s was taken and s' is proposed now, the new fraction is ``a/(1 - m)``
+    with ``m = s'.s / s.s``. The direction is kept, so a descent direction stays one.
 
     Attributes
     ----------
     step : ndarray
-        Proposed last.
+        Last proposed step.
     part : float
-        Of it that was taken.
+        Fraction of it that was taken.
     """
 
     step: Array = field(default_factory=lambda: np.zeros(0))
     part: float = 1.0
 
     def of(self, step: Array) -> float:
-        """Return the part of a proposed step that is to be taken, ``LEAST`` to 1.
+        """Return the fraction of a proposed step to take, ``LEAST`` to 1.
 
         Parameters
         ----------
         step : ndarray
-            Of the shape of the last one, else that one is forgotten; elements in comparable units.
+            Proposed step, elements in comparable units. If its shape differs from that of the last one, the
+            fraction is 1.
         """
         part, square = 1.0, float(self.step @ self.step)
         if self.step.shape == step.shape and square > 0.0:

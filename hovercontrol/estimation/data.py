@@ -1,4 +1,4 @@
-"""Logs as a model's Block sees them: measured channels in blocks, their noise, and a guess of the states."""
+"""Logs in terms of a model's Block: measured channels in blocks, their noise, and a guess of the states."""
 
 from __future__ import annotations
 
@@ -20,34 +20,34 @@ from hovercontrol.logs import Log
 
 Array = NDArray[np.float64]
 
-#: Rows of all logs together that are used at most.
+#: Maximum number of rows used of each log.
 MOST_ROWS = 60_000
 
-#: Rows to either side between which the slope of a measured state is taken.
+#: Number of rows to either side for the central difference of a measured state.
 REACH = 3
 
-#: Rows over whose median a first guess of a measured state is taken: it must not follow single samples.
+#: Length in rows of the median filter of the first guess of a measured state. It removes single outliers.
 DESPIKE = 5
 
 
 @dataclass(frozen=True, eq=False)
 class Data:
-    """Logs as a model's Block sees them.
+    """Logs in terms of a model's Block.
 
     Attributes
     ----------
     logs : tuple of Measured
     channels : tuple of str
-        All that was measured in any.
+        All channels that were measured in any log.
     noise : ndarray, shape (C,)
-        Measurement noise from third differences: a start.
+        Initial estimate of the measurement noise, from third differences.
     scales : ndarray, shape (L, C)
-        The noise of each log over that of all.
+        Noise of each log relative to that of all logs.
     rows : Rows
     drift : DriftStates or None
-        Errors of a navigation's velocities.
+        Errors of the velocities of an inertial navigation.
     variance : ndarray, shape (K, W, C), or None
-        Noise variance of each sample over that of its channel; None where all are 1.
+        Noise variance of each sample relative to that of its channel; None if all are 1.
     """
 
     logs: tuple[Measured, ...]
@@ -59,20 +59,20 @@ class Data:
     variance: Array | None = None
 
     def without(self, samples: NDArray[np.bool_]) -> Data:
-        """Return the data less some samples, shape (K, W, C)."""
+        """Return the data without some samples, a mask of shape (K, W, C)."""
         values = np.where(samples, np.nan, self.rows.values)
         return replace(self, rows=replace(self.rows, values=values))
 
     @property
     def down_weighted(self) -> NDArray[np.bool_]:
-        """Which samples have a larger variance than others of their channel, shape (K, W, C)."""
+        """Samples whose variance is larger than that of their channel, a mask of shape (K, W, C)."""
         if self.variance is None:
             return np.zeros(self.rows.values.shape, dtype=bool)
         return np.asarray(np.isfinite(self.rows.values) & (self.variance > 1.0))
 
 
 def gather(model: Subject, logs: Sequence[Log | Measured]) -> Data:
-    """Return what logs say about a model.
+    """Return the measurements of logs in terms of a model's Block.
 
     Parameters
     ----------
@@ -82,8 +82,8 @@ def gather(model: Subject, logs: Sequence[Log | Measured]) -> Data:
     Raises
     ------
     InputError
-        If an input is missing or out of its bounds, nothing that the model computes was measured, or a log
-        has too few rows.
+        If an input is missing or out of its bounds, no state or output of the model was measured, or no log
+        has enough rows.
     """
     block = structure(model)
     every = [(isinstance(log, Log) and measure_navigated(block, log)) or log for log in logs]
@@ -96,7 +96,7 @@ def gather(model: Subject, logs: Sequence[Log | Measured]) -> Data:
 
 
 def _guess(block: Block, log: Measured) -> dict[str, Array]:
-    """Return where states may be: as measured less what stands out, or the slope of what was."""
+    """Return a guess of the states: median-filtered measurements, or differences of measured states."""
     names = [s.name for s in block.states]
     known = {name: row for name, row in zip(names, log.states, strict=False) if np.isfinite(row).all()}
     for name in [n for n in known if n in log.channels]:
@@ -104,6 +104,7 @@ def _guess(block: Block, log: Measured) -> dict[str, Array]:
     at = np.arange(log.time.size)
     before, after = np.maximum(at - REACH, 0), np.minimum(at + REACH, at[-1])
     symbols = [s.symbol for s in block.states]
+    # x_i = x_j' by central differences: (x_j(k + REACH) - x_j(k - REACH)) / (t(k + REACH) - t(k - REACH))
     for i, j in _slopes(block, symbols):
         if names[j] in known and names[i] not in known:
             rise = known[names[j]][after] - known[names[j]][before]
@@ -112,6 +113,6 @@ def _guess(block: Block, log: Measured) -> dict[str, Array]:
 
 
 def _slopes(block: Block, symbols: Sequence[object]) -> list[tuple[int, int]]:
-    """Return which states are just the slope of another, with that one: ``position' = velocity``."""
+    """Return pairs (i, j) of states with ``x_j' = x_i``, such as ``position' = velocity``."""
     slopes = [block.expand(block.derivatives[s.name]) for s in block.states]
     return [(symbols.index(e), j) for j, e in enumerate(slopes) if e in symbols]

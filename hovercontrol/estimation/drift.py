@@ -1,6 +1,7 @@
-"""Errors of a navigation's velocities as states of a filter: an offset and a ramp over ground.
+"""Velocity errors of an inertial navigation as states of the filter: an offset and a ramp over ground.
 
-Both are constant between two corrections, each of which draws them anew.
+Between two corrections the velocity error over ground is ``offset + ramp * t``, t since the correction. Each
+correction draws offset and ramp anew from their prior distribution.
 """
 
 from __future__ import annotations
@@ -23,16 +24,18 @@ STATES = 4
 
 @dataclass(frozen=True, eq=False)
 class DriftStates:
-    """What drift adds to a linear system, beside its states.
+    """Additional states of a linear system that describe the drift.
 
     Attributes
     ----------
     A : ndarray, shape (K-1, W, 4, 4)
-        From row to row; zero where a correction lies between.
+        Transition matrix from row to row; zero across a correction.
     Q : ndarray, shape (K-1, W, 4, 4)
-        What corrections draw.
+        Covariance of the drift drawn at a correction; zero elsewhere.
     H : ndarray, shape (K, W, C, 4)
+        Measurement matrix of the channels.
     P0 : ndarray, shape (W, 4, 4)
+        Covariance of the first state.
     """
 
     A: Array
@@ -42,7 +45,7 @@ class DriftStates:
 
 
 def drift_states(logs: Sequence[Measured], rows: Rows) -> DriftStates | None:
-    """Return the drift of logs that a navigation wrote; None if none did.
+    """Return the drift states of logs from an inertial navigation; None if there is no such log.
 
     Parameters
     ----------
@@ -56,6 +59,8 @@ def drift_states(logs: Sequence[Measured], rows: Rows) -> DriftStates | None:
     dt = np.diff(rows.time, axis=0)
     A, Q = (np.zeros((K - 1, W, STATES, STATES)) for _ in range(2))
     H, P0 = np.zeros((K, W, C, STATES)), np.zeros((W, STATES, STATES))
+    # offset' = ramp over a row of length dt; body velocities u, v from errors e_N, e_E over ground:
+    #   du = cos(psi) e_N + sin(psi) e_E,  dv = -sin(psi) e_N + cos(psi) e_E
     A[..., range(STATES), range(STATES)] = 1.0
     A[..., 0, 2] = A[..., 1, 3] = dt
     u, v = rows.channels.index("u"), rows.channels.index("v")

@@ -1,9 +1,9 @@
-"""Which coefficients a log excites, and in which directions it says nothing.
+"""Excitation: the coefficients that logs identify, and the directions in which they give no information.
 
-A direction is a combination of coefficients that may change together while what the model says of the
-measurements stays as it was. Coefficients are compared by their size: their value before (1 if that was 0),
-of a Block's parameter its nominal value; or a quarter of their estimate where that is larger (chance alone
-does not carry an estimate four standard errors away).
+A direction is a combination of coefficients that can change together without changing the predicted
+measurements. Coefficients are compared by their size. The size is the value before the fit (1 if that was 0),
+or the nominal value of a Block's parameter. It is a quarter of the estimate if that is larger, because an
+estimate is not four standard errors from zero by chance.
 """
 
 from __future__ import annotations
@@ -35,15 +35,15 @@ class ExcitationCriteria:
     Attributes
     ----------
     named : float
-        Smallest component of a direction that is named, relative to the largest.
+        Smallest component of a direction that is reported, relative to the largest.
     resting : float
-        Standard errors within which a state is at rest.
+        A state within this many standard errors of zero counts as at rest.
     no_information : float
-        Standard error, relative to the size of the coefficient, above which it is infinite.
+        Standard error, relative to the size of the coefficient, above which it counts as infinite.
     growth : float
-        Growth of a state from row to row above which sub-steps are too long for friction at rest: an
-        explicit step h along a slope s grows from h s = 2.8 on (Hairer and Wanner, Solving ODEs II, IV.2), an
-        unstable craft by a few per cent.
+        Growth of a state from row to row above which sub-steps are too long for friction at rest. An explicit
+        step h along a slope s is unstable for h s > 2.8 (Hairer and Wanner, Solving ODEs II, IV.2); the
+        states of an unstable craft grow only by a few per cent.
     """
 
     named: float = 0.1
@@ -57,12 +57,13 @@ EXCITATION = ExcitationCriteria()
 
 
 def information(fit: Fit) -> Array:
-    """Return what the logs alone say of the coefficients, in their own units, shape (P, P).
+    """Return the information matrix of the coefficients from the logs alone, in their own units, (P, P).
 
-    States that are at rest but for noise are taken to be at rest: on a velocity that is fitted to noise drag
-    seems to act, and the log would seem to excite it. Where the shortest sub-steps are too long for friction
-    at rest, the path is the fitted one.
+    States that differ from zero by noise alone are set to zero. Otherwise drag would act on a velocity that
+    is fitted to noise, and the log would seem to excite that drag. If even the shortest sub-steps are too
+    long for friction at rest, the fitted path is used.
     """
+    # S = J'J with whitened sensitivities J, without the prior; in own units S_ij / (dp_i/dz_i dp_j/dz_j)
     n = len(fit.problem.free)
     path, slope = fit.path.copy(), fit.problem.slope(fit.p)
     std = np.sqrt(np.maximum(np.diagonal(fit.covariance_of_path, axis1=2, axis2=3)[..., :n], 0.0))
@@ -78,17 +79,18 @@ def information(fit: Fit) -> Array:
 
 
 def covariance(S: Array, size: Array, widen: Array) -> Array:
-    """Return the covariance of the coefficients, shape (P, P); very large, not infinite, where none is known.
+    """Return the covariance of the coefficients, shape (P, P); large but finite without information.
 
     Parameters
     ----------
     S : ndarray, shape (P, P)
         Information matrix.
     size : ndarray, shape (P,)
-        For scaling.
+        Sizes of the coefficients, for scaling.
     widen : ndarray, shape (P,)
-        Factors of the standard errors.
+        Factors on the standard errors.
     """
+    # With D = diag(size): C = D (D S D)^-1 D by eigenvalues, with a lower limit on each, then C_ij k_i k_j
     values, vectors = np.linalg.eigh(S * np.outer(size, size))
     values = np.maximum(values, max(1e-14 * values[-1], EXCITATION.no_information**-3))
     C = (vectors / values) @ vectors.T * np.outer(size, size)
@@ -96,10 +98,11 @@ def covariance(S: Array, size: Array, widen: Array) -> Array:
 
 
 def widening(fit: Fit) -> Array:
-    """Return how many times wider than their noise says blocks of the logs scatter coefficients, shape (P,).
+    """Return the factors by which the scatter between blocks widens the standard errors, shape (P,).
 
     See :attr:`Fit.covariance <hovercontrol.estimation.fit.Fit.covariance>`.
     """
+    # k_i = sqrt(max(widened variance / variance from noise alone, 1))
     plain = inverse(fit.S.sum(axis=0) + np.diag(fit.prior.precision))
     slope = fit.problem.slope(fit.p)
     wide = np.diag(fit.covariance) / np.maximum(np.diag(plain) * slope**2, 1e-300)
@@ -107,9 +110,10 @@ def widening(fit: Fit) -> Array:
 
 
 def unexcited_directions(C: Array, size: Array) -> Array:
-    """Return directions with a standard error above their size: unit vectors in sizes, (P, m).
+    """Return directions whose standard error exceeds their size, as unit vectors in sizes, (P, m).
 
-    There are none unless some coefficient's own standard error is above its size.
+    They are eigenvectors of ``D^-1 C D^-1``, ``D = diag(size)``, with eigenvalues above 1. There are none
+    unless the standard error of some coefficient exceeds its size.
     """
     scaled = C / np.outer(size, size)
     values, vectors = np.linalg.eigh(scaled)
@@ -117,7 +121,7 @@ def unexcited_directions(C: Array, size: Array) -> Array:
 
 
 def named_directions(directions: Array, size: Array, names: Sequence[str]) -> tuple[dict[str, float], ...]:
-    """Return each direction as steps of named coefficients, the largest (in sizes) being 1."""
+    """Return each direction as steps of named coefficients; the largest one (in sizes) has the step 1."""
     named = []
     for v in directions.T:
         lead = int(np.abs(v).argmax())
@@ -136,19 +140,20 @@ def reason(
     unit: str,
     idle: Sequence[str],
 ) -> str:
-    """Return why a coefficient is not excited, empty if it is.
+    """Return why a coefficient is not excited; an empty string if it is.
 
     Parameters
     ----------
     name, unit : str
+        Name and unit of the coefficient.
     std, size : float
         Standard error and size, in that unit.
     alone : float
-        Standard error if all others were known.
+        Standard error if all other coefficients were known.
     directions : sequence of mapping
-        As from :func:`named_directions`.
+        Result of :func:`named_directions`.
     idle : sequence of str
-        Inputs in the coefficient's factor that do not move.
+        Inputs in the factor of the coefficient that are constant zero.
     """
     if std <= size:
         return ""
@@ -170,7 +175,7 @@ def reason(
 
 
 def inputs_beside(block: Block, name: str) -> list[str]:
-    """Return the inputs in a coefficient's factor, by name.
+    """Return the names of the inputs in the factor of a coefficient.
 
     Parameters
     ----------
@@ -184,7 +189,7 @@ def inputs_beside(block: Block, name: str) -> list[str]:
 
 
 def idle_inputs(block: Block, name: str, moving: Sequence[bool]) -> list[str]:
-    """Return the inputs in a coefficient's factor that are zero throughout.
+    """Return the names of the inputs in the factor of a coefficient that are zero throughout.
 
     Parameters
     ----------
@@ -192,7 +197,7 @@ def idle_inputs(block: Block, name: str, moving: Sequence[bool]) -> list[str]:
     name : str
         Full name of the parameter.
     moving : sequence of bool
-        For each input, whether it is ever other than zero.
+        For each input, whether it is nonzero at any time.
     """
     idle = {s.name for s, moves in zip(block.inputs, moving, strict=True) if not moves}
     return [n for n in inputs_beside(block, name) if n in idle]

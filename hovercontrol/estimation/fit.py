@@ -1,9 +1,9 @@
-"""Maximum likelihood under process noise: path, unknowns and noise of one model on logs.
+"""Maximum likelihood estimation under process noise: path, unknowns and noise levels of one model on logs.
 
 Each pass linearises the model from row to row about the path, runs one Kalman filter with a column for every
-unknown, solves for the unknowns, and smooths: a step of Gauss and Newton on path and unknowns together (Bell,
-SIAM J. Optim. 4 (1994): the iterated Kalman smoother), with a prior. The same smoother says how the levels of
-noise should move (Koopman and Shephard, Biometrika 79 (1992)).
+unknown, solves for the unknowns and smooths. This is a Gauss-Newton step on path and unknowns together, with
+a prior (Bell, SIAM J. Optim. 4 (1994): the iterated Kalman smoother). The same smoother gives the derivative
+of the likelihood with respect to the noise levels (Koopman and Shephard, Biometrika 79 (1992)).
 """
 
 from __future__ import annotations
@@ -24,16 +24,19 @@ from hovercontrol.estimation.step_control import controlled, deviations
 
 Array = NDArray[np.float64]
 
-#: Passes at most in which the levels of noise move, and afterwards.
+#: Maximum number of passes that update the noise levels, and of passes afterwards.
 MOVING, STILL = 14, 8
 
-#: Passes at most in which samples are left out before levels of noise move: large outliers hide small ones.
+#: Maximum number of passes that remove outliers before noise levels are updated. Large outliers hide small
+#: ones.
 GATES = 8
 
-#: Times at most that samples are left out of a fit that has settled, and passes in which levels then move.
+#: Maximum number of rounds of outlier removal after a fit has settled, and of passes that then update the
+#: noise levels.
 ROUNDS, AGAIN = 12, 4
 
-#: Times at most that samples are down-weighted: the first make channels less noisy, so that more stand out.
+#: Maximum number of times that samples are down-weighted. The first times lower the noise of the channels, so
+#: more samples stand out.
 WEIGHTINGS = 4
 
 
@@ -47,18 +50,18 @@ class Convergence:
     Attributes
     ----------
     settled : float
-        Largest change of the cost in a pass while noise levels move, and largest rise of the sum of squares
-        by a step that is taken: a number that moves by a standard error changes it by one.
+        Largest change of the cost in a pass while noise levels are updated, and largest increase of the sum
+        of squares in an accepted step. An unknown one standard error from its optimum raises the cost by 1.
     stopped : float
         Largest change of the cost in a pass under fixed noise levels.
     reached : float
-        Largest fall of the cost that a step of the unknowns predicts at the end: the square of their distance
-        from the optimum in standard errors, a tenth of one.
+        Largest predicted reduction of the cost by a step of the unknowns at convergence. It is the square of
+        their distance from the optimum in standard errors: 0.01 is a tenth of a standard error.
     enough : int
-        Passes after which a path that alternates between stick and slip counts as converged.
+        Number of passes after which a path that alternates between stick and slip counts as converged.
     idle : int
-        Passes without a cost lower than before, by `settled`, after which a fit gains no more: steep dry
-        friction throws a path to and fro.
+        Number of passes without a reduction of the lowest cost by `settled` after which a fit stops. Steep
+        dry friction makes a path oscillate from pass to pass.
     """
 
     settled: float = 1.0
@@ -72,47 +75,49 @@ class Convergence:
 CONVERGENCE = Convergence()
 
 
-#: Factors by which correlation times are tried, the largest and the smallest.
+#: Largest and smallest factor by which correlation times are changed on trial.
 COARSEST, FINEST = 2.0, 1.2
 
-#: Times at most that one such step is followed by another of the same factor.
+#: Maximum number of times that such a step is repeated with the same factor.
 FURTHER = 3
 
-#: Shortest part of a step that is tried, and where the model runs away behind it.
+#: Shortest fraction of a step that is tried, and the same if the model diverges at its end.
 SHORTEST, TINIEST = 0.05, 1e-6
 
-#: Passes of a refit before levels of noise move.
+#: Passes of a refit before the noise levels are updated.
 HOLD = 2
 
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """Where a fit ended.
+    """Result of a fit.
 
     Attributes
     ----------
     problem : Problem
     p : ndarray, shape (P,)
+        Estimated unknowns in their own units.
     path : ndarray, shape (K, W, n_states)
+        Estimated states.
     noise : Noise
     prior : Prior
     linear : Linear
-        About the path.
+        Linearisation about the path.
     cost : float
-        Minus twice the log likelihood and the log prior, but for constants.
+        Minus twice the sum of log likelihood and log prior, up to a constant.
     block_costs : ndarray, shape (B,)
-        What each block adds to the cost.
+        Minus twice the log likelihood of each block, up to a constant.
     S, g : ndarray, shapes (B, P, P), (B, P)
-        Normal equations of each block, in the coordinates in which unknowns are sought.
+        Normal equations ``S dz = g`` of each block, in the scaled coordinates z of :class:`.Unknowns`.
     missing : ndarray, shape (K, W, q)
         The smoothed missing accelerations.
     drift : ndarray, shape (K, W, C)
         The smoothed error of a navigation in each channel.
     covariance_of_path : ndarray, shape (K, W, N, N)
-        Of free states, missing accelerations and what follows these (:func:`.augment`), the unknowns as they
-        are.
+        Covariance of all states of :func:`.augment` (free states first, then missing accelerations), given
+        the unknowns.
     left : ndarray, shape (K, W, C)
-        Measured minus smoothed path, in standard deviations of that; zero where not measured.
+        Measured minus smoothed path, in standard deviations of that difference; zero where not measured.
     converged : bool
     """
 
@@ -137,22 +142,26 @@ class Fit:
 
     @property
     def model(self):  # type: ignore[no-untyped-def]
-        """The model with the unknowns as fitted."""
+        """The model with the estimated unknowns."""
         return self.problem.model.with_coefficients(self.problem.coefficients(self.p))
 
     @property
     def movable(self) -> NDArray[np.intp]:
-        """Unknowns that no bound holds."""
+        """Indices of the unknowns that no active bound holds."""
         slope = self.g.sum(axis=0) - self.prior.slope(self.problem.inside(self.p))
         return np.flatnonzero(~held(self.problem, self.p, slope))
 
     @property
     def covariance(self) -> Array:
-        """Covariance of the unknowns in their own units, shape (P, P): what noise leaves open.
+        """Covariance of the unknowns in their own units, shape (P, P).
 
-        Blocks that scatter more than noise explains widen it (a sandwich; Liang and Zeger, Biometrika 73,
-        1986): process noise has a shape that no model knows.
+        The standard errors are widened if the blocks scatter more than the noise explains: the true process
+        noise need not have the assumed correlation. The estimate of the scatter is the sandwich estimator
+        (Liang and Zeger, Biometrika 73, 1986).
         """
+        # C = (S + Lambda)^-1, scores s_b = g_b - Lambda (z - c) / W of W blocks
+        # M = W/(W - 1) sum s_b s_b',  robust covariance C M C
+        # C_ij <- C_ij k_i k_j,  k_i^2 = max((C M C)_ii / C_ii, 1);  in own units: times dp_i/dz_i dp_j/dz_j
         problem, z = self.problem, self.problem.inside(self.p)
         S = self.S.sum(axis=0) + np.diag(self.prior.precision)
         C = inverse(S)
@@ -182,35 +191,36 @@ def estimate(
     times: bool = True,
     trace: Callable[[str], None] | None = None,
 ) -> Fit:
-    """Fit path, unknowns and levels of noise.
+    """Estimate path, unknowns and noise levels.
 
     Parameters
     ----------
     problem : Problem
     prior : Prior
     noise : Noise
-        To begin with.
+        Initial noise levels.
     p, path : ndarray, optional
-        To begin with; default: the problem's.
+        Initial unknowns and path; default: those of the problem.
     frozen : bool, optional
-        Whether the unknowns stay as they are.
+        Whether the unknowns keep their values.
     levels : bool, optional
-        Whether the levels of noise move.
+        Whether the noise levels are estimated.
     gate : bool, optional
-        Whether samples that stand out are left out or down-weighted (:mod:`.outliers`).
+        Whether outliers are removed or down-weighted (:mod:`.outliers`).
     most : int, optional
-        Passes at most in which they do.
+        Maximum number of passes that update the noise levels.
     hold : int, optional
-        Passes before they do: a path that begins beside what the model says must not look like noise.
+        Number of passes before the first update of the noise levels. An initial path far from the model must
+        not be mistaken for noise.
     times : bool, optional
-        Whether correlation times of process noise move, too.
+        Whether the correlation times of the process noise are estimated, too.
     trace : callable, optional
-        Called with a line on each pass.
+        Called with one line of text after each pass.
 
     Raises
     ------
     FloatingPointError
-        If no path leads along the logs: the model runs away.
+        If the model diverges, so that no path follows the logs.
     """
     start = problem.start.copy() if p is None else problem.outside(problem.inside(p))
     run = _Iteration(problem, prior, noise.of(problem), frozen, times, most, hold, trace)
@@ -228,11 +238,11 @@ def estimate(
 
 @dataclass(eq=False)
 class _Iteration:
-    """Where an iteration is: what is fitted, noise, passes done, the cost before, damping of each step.
+    """State of the iteration: problem, noise, number of passes, previous cost, damping of the steps.
 
-    A step may raise the cost by `rise` at most; under noise that moves, by anything.
+    A step may raise the cost by at most `rise`. While noise levels are updated, `rise` is infinite.
 
-    Only the pass it has come to is kept: those of long logs take 200 MB each.
+    Only the latest pass is kept: a pass over long logs takes 200 MB.
     """
 
     problem: Problem
@@ -265,11 +275,11 @@ class _Iteration:
         self._come_to(now)
 
     def onward(self, judged: Problem | None = None) -> None:
-        """Make the next pass, with samples left out or down-weighted if they were judged again.
+        """Make the next pass, on the problem `judged` if samples were removed or down-weighted.
 
-        A step that raises both the sum of squares and the cost is halved, and so is one behind which the
-        model runs away; what goes to and fro about a kink of dry friction is damped. Where no part of a step
-        will do, the iteration has stalled.
+        A step is halved while it raises both the sum of squares and the cost by more than `rise`, or while
+        the model diverges at its end. Steps that oscillate about a kink of dry friction are damped. If no
+        tried fraction of the step is acceptable, the iteration has stalled.
         """
         if judged is not None:
             self.problem, self.before, self.least, self.rise = judged, np.inf, np.inf, np.inf
@@ -279,8 +289,9 @@ class _Iteration:
         std = deviations(problem, now.smooth.covariance)
         known = np.diag(now.S.sum(axis=0)) + self.prior.precision if step.any() else np.zeros_like(step)
         moves = (along[..., list(problem.free)] / std).ravel()
-        part = self.relaxation.of(np.r_[step * np.sqrt(known), moves])  # in standard deviations
-        del self.now, now  # before the next takes as much memory
+        # Step in standard deviations: dz_j sqrt((S + Lambda)_jj) of the unknowns, dx / sigma_x of the path
+        part = self.relaxation.of(np.r_[step * np.sqrt(known), moves])
+        del self.now, now  # free its memory before the next pass
 
         def behind(part: float) -> Pass | None:
             p, path = problem.outside(here + part * step), there + part * along
@@ -299,7 +310,7 @@ class _Iteration:
         self._come_to(found)
 
     def gated(self) -> None:
-        """Go on until nothing stands out: large outliers hide small ones."""
+        """Remove outliers until none is left or the limit is reached: large outliers hide small ones."""
         for _ in range(GATES):
             stands_out = outliers(residuals(self.problem, self.now), self.problem.seen)
             if not stands_out.any():
@@ -307,7 +318,7 @@ class _Iteration:
             self.onward(self.problem.without(stands_out))
 
     def judged(self, levels: bool) -> bool:
-        """Leave out or down-weight what stands out until nothing does; tell whether anything did."""
+        """Remove or down-weight outliers until none is left; return whether there were any."""
         changed = False
         while (problem := self._less()) is not None:
             self.onward(problem)
@@ -316,13 +327,13 @@ class _Iteration:
                 self.noise = moved(self.problem, self.noise, self.now.system, self.now.smooth, self.of_levels)
                 self.onward()
             changed = True
-        if changed and self.problem.data.down_weighted.any():  # under the noise as it came out
+        if changed and self.problem.data.down_weighted.any():  # with the updated noise levels
             variance = alone(self.problem, self.now)[1]
             self.onward(self.problem.weighted(np.where(self.problem.data.down_weighted, variance, 1.0)))
         return changed
 
     def _less(self) -> Problem | None:
-        """Return the problem with further samples left out or down-weighted; None where none stands out."""
+        """Return the problem with more samples removed or down-weighted; None if there is no outlier."""
         problem = self.problem
         left, variance = alone(problem, self.now)
         out = outliers(left, problem.seen)
@@ -334,13 +345,13 @@ class _Iteration:
         return problem.without(out) if out.any() else None
 
     def settled(self, levels: bool) -> bool:
-        """Go on to the end, and tell whether that converged: levels of noise move first, then they stay."""
+        """Iterate to the end, first with noise levels updated, then fixed; return whether it converged."""
         if levels:
             self._moving()
         return self._still(1 if levels else 0)
 
     def fit(self, converged: bool) -> Fit:
-        """Return what was fitted."""
+        """Return the result."""
         problem, now, smooth = self.problem, self.now, self.now.smooth
         n, rows = len(problem.free), problem.rows
         end = n + len(problem.driven)
@@ -352,11 +363,11 @@ class _Iteration:
         )  # fmt: skip
 
     def _moving(self) -> None:
-        """Go on to the first pass whose levels and correlation times of noise stay."""
-        self.rise = np.inf  # what descends under one noise need not under the next
+        """Iterate to the first pass in which noise levels and correlation times stay the same."""
+        self.rise = np.inf  # a step that descends under one noise level may ascend under the next
         while True:
             there = self._little_changes(CONVERGENCE.settled) or self.idle >= CONVERGENCE.idle
-            while there and self.times and self.factor > FINEST:  # not before all factors were tried
+            while there and self.times and self.factor > FINEST:  # all factors are tried first
                 there = not self._timed()
             if (there and self.k > self.hold) or self.k >= self.most + self.hold:
                 return self.onward()
@@ -367,14 +378,15 @@ class _Iteration:
             self.onward()
 
     def _still(self, count: int) -> bool:
-        """Go on until little changes under the noise as it is, and tell whether that converged."""
+        """Iterate under fixed noise levels until the cost settles; return whether it converged."""
         self.least, self.idle, self.rise = self.now.cost, 0, CONVERGENCE.settled
         while True:
             enough = CONVERGENCE.stopped if count < CONVERGENCE.enough else 2.0 * CONVERGENCE.settled
             there = self._little_changes(enough, CONVERGENCE.reached)
             if there or count >= STILL or self.idle >= CONVERGENCE.idle or self.stalled:
                 return there
-            self.rise *= 0.5  # summable: it comes to rest (Li and Fukushima, Optim. Methods Softw. 13, 2000)
+            # A summable tolerance ensures convergence (Li and Fukushima, Optim. Methods Softw. 13, 2000).
+            self.rise *= 0.5
             self.onward()
             count += 1
 
@@ -382,7 +394,7 @@ class _Iteration:
         return bool(abs(self.change) < enough and self.now.predicted < left)
 
     def _timed(self) -> bool:
-        """Try correlation times by a factor; tell whether they moved. The next factor is smaller if not."""
+        """Try other correlation times; return whether any changed. If none did, reduce the factor."""
         self.noise, further = timed(self.problem, self.now.linear, self.noise, self.factor)
         for _ in range(FURTHER if further else 0):
             self.noise, again = timed(self.problem, self.now.linear, self.noise, self.factor)
@@ -414,18 +426,19 @@ def refit(
     times: bool = True,
     trace: Callable[[str], None] | None = None,
 ) -> Fit:
-    """Fit another problem on the same rows from where a fit ended.
+    """Fit another problem on the same rows, starting from a previous fit.
 
     Parameters
     ----------
     near : Fit
+        The previous fit.
     problem : Problem
-        Unknowns of the same name start where `near` ended, others where their model has them.
+        Unknowns of the same name start from their values in `near`, others from their values in the model.
     prior : Prior
     noise : Noise, optional
-        To begin with; default: that of `near`.
+        Initial noise levels; default: those of `near`.
     p : ndarray, optional
-        Unknowns to begin with.
+        Initial unknowns.
     frozen, levels, times, trace
         As for :func:`estimate`.
     """
@@ -442,6 +455,6 @@ def refit(
 
 
 def first_noise(problem: Problem) -> Noise:
-    """Return levels of noise to begin with: of the measurements as seen, and all acceleration missing."""
+    """Return initial noise levels: the noise estimated from the logs, and all acceleration missing."""
     data, none = problem.data, np.empty(0)
     return Noise(data.noise, data.scales, none, none, ()).of(problem)

@@ -1,4 +1,4 @@
-"""The commands of several logs as one Block gets them: means over sub-steps, states that follow."""
+"""The commands of several logs as inputs of one Block: their means, and the states that follow from them."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Inputs:
     ----------
     block : Block
     model : Model or BlockModel
-        Whose Block it is.
+        The model of the Block.
     logs : sequence of Measured
 
     Attributes
@@ -31,7 +31,7 @@ class Inputs:
     known : tuple of int
         States of the Block that follow from the commands alone.
     unsure : list of ndarray
-        Of each log, when commands changed of which that is not known well [s]; empty if all are known.
+        For each log, the times of commands whose time of change is uncertain [s]; empty if there are none.
     """
 
     def __init__(self, block: Block, model: Subject, logs: Sequence[Measured]) -> None:
@@ -52,21 +52,21 @@ class Inputs:
         ]
 
     def delay(self, parameters: Sequence[float]) -> float:
-        """Return by how much commands are late [s]."""
+        """Return the delay of the commands [s]."""
         return sum(parameters[at] for at in self._timing)
 
     def arrivals(self, late: bool = False) -> list[Arrival]:
-        """Return the commands of each log: as likely, or where not sure a standard deviation later."""
+        """Return the commands of each log; if `late`, uncertain ones one standard deviation later."""
         return self._late if late else self._likely
 
     def at(self, parameters: Sequence[float], t: Array, log: Indices) -> Array:
-        """Return the inputs that hold at times, shape (n_inputs, ...).
+        """Return the inputs at given times, shape (n_inputs, ...).
 
         Parameters
         ----------
         parameters : sequence of float
         t, log : ndarray, shape (...)
-            Seconds since the start of each log, and which.
+            Time since the start of the log [s], and index of the log.
         """
         u = np.empty((len(self.block.inputs), *t.shape))
         for k, arrival in enumerate(self._likely):
@@ -77,17 +77,19 @@ class Inputs:
     def between(
         self, parameters: Sequence[float], t: Array, h: Array, log: Indices, *, late: bool = False
     ) -> tuple[Array, dict[int, Array]]:
-        """Return means in S sub-steps that follow each other: of inputs, and of states that follow from them.
+        """Return the means of inputs, and of states that follow from them, in S consecutive sub-steps.
 
         Parameters
         ----------
         parameters : sequence of float
         t : ndarray, shape (S, N)
-            Their begins, in seconds since the start of each log.
+            Begins of the sub-steps, since the start of each log [s].
         h : ndarray, shape (S, N) or (N,)
-            Their lengths [s]; where one is 0 so are the means.
+            Lengths of the sub-steps [s]; the means over a length of 0 are 0.
         log : ndarray of int, shape (N,)
+            Index of the log.
         late : bool, optional
+            Whether commands whose time of change is uncertain act one standard deviation later.
 
         Returns
         -------
@@ -98,7 +100,8 @@ class Inputs:
         return means, self.lagged(parameters, t, h, log, late=late)
 
     def means(self, delay: float, t: Array, h: Array, log: Indices, *, late: bool = False) -> Array:
-        """Return the inputs' means, late by `delay` [s]; see :meth:`between`."""
+        """Return the means of the inputs, delayed by `delay` [s]; see :meth:`between`."""
+        # mean of u over [t, t + h] = (U(t + h) - U(t)) / h, with the integral U of the delayed input
         u, edges, width = np.empty((len(self.block.inputs), *t.shape)), *_edges(t, h)
         for k, arrival in enumerate(self.arrivals(late)):
             own = np.flatnonzero(log == k)
@@ -121,7 +124,7 @@ class Inputs:
 
 
 def _edges(t: Array, h: Array) -> tuple[Array, Array]:
-    """Return where sub-steps begin and end, shape (S + 1, N), and their lengths to divide by, (S, N)."""
+    """Return the edges of the sub-steps, shape (S + 1, N), and their lengths, inf for 0, shape (S, N)."""
     h = np.broadcast_to(h, t.shape)
     edges = np.concatenate([t, t[-1:] + h[-1:]])
     return edges, np.where(h > 0, h, np.inf)

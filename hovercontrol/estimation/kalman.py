@@ -1,12 +1,19 @@
-"""Kalman filter and smoother of a linearised problem, over many blocks of rows at once, with columns.
+"""Kalman filter and fixed-interval smoother of a linearised problem, for many blocks of rows at once.
 
-A filter is linear in what drives it. So one run of gains whitens the residuals and, beside them, the answers
-to every unknown and to every candidate: weighted least squares of the whitened columns is then the maximum
-likelihood under process noise (Kristensen, Madsen, Jorgensen, Automatica 40 (2004); de Jong, Biometrika 76
-(1989): the augmented filter). Smoothing is by adjoint variables (Durbin and Koopman, Time Series Analysis by
-State Space Methods, 2nd ed., 4.4), which needs no inverse of a covariance: process noise may be zero.
+The model is linearised about a path, a trajectory of the states. With x the deviation from that path, theta
+the steps of the unknowns, w ~ N(0, Q) and e ~ N(0, R)::
 
-NumPy does it until a library is built, where there is a compiler; the two agree but for rounding.
+    x(k+1) = A x(k) + drive(k) [1; theta] + w(k),    seen(k) [1; theta] = H x(k) + e(k)
+
+The filter is linear in its inputs. One sequence of gains therefore whitens all columns: the residuals
+(column 0) and the sensitivities to each unknown and each candidate term. Least squares on the whitened
+columns gives the maximum likelihood estimate under process noise (Kristensen, Madsen, Jorgensen, Automatica
+40 (2004); de Jong, Biometrika 76 (1989): the augmented filter). The smoother uses adjoint variables (Durbin
+and Koopman, Time Series Analysis by State Space Methods, 2nd ed., 4.4). It inverts no state covariance, so
+process noise may be zero.
+
+A compiled library does the work as soon as it is built. Until then, and without a compiler, NumPy does; the
+two agree up to rounding errors.
 """
 
 from __future__ import annotations
@@ -23,22 +30,22 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class System:
-    """A linear system over W blocks of K rows, about a path.
+    """A linear system over W blocks of K rows, in deviations from a path.
 
     Attributes
     ----------
     A : ndarray, shape (K-1, W, n, n)
-        From row to row.
+        Transition matrix from each row to the next.
     Q : ndarray, shape (K-1, W, n, n)
         Covariance of the process noise.
     drive : ndarray, shape (K-1, W, n, m)
-        What each column adds to the state; column 0 is the defect of the path.
+        Input of each column to the state; column 0 is the defect of the path.
     H : ndarray, shape (K, W, C, n)
-        Of the channels; zero where not measured.
+        Measurement matrix of the channels; zero where not measured.
     R : ndarray, shape (K, W, C)
         Variance of the measurements; 1 where not measured.
     seen : ndarray, shape (K, W, C, m)
-        Column 0: measured minus path; others: minus what the column adds to the channel.
+        Column 0: measured minus path. Other columns: minus their direct contribution to the channel.
     P0 : ndarray, shape (W, n, n)
         Covariance of the first state.
     """
@@ -54,14 +61,14 @@ class System:
 
 @dataclass(frozen=True, eq=False)
 class Filtered:
-    """What a filter run leaves.
+    """Result of a filter run.
 
     Attributes
     ----------
     white : ndarray, shape (K, W, C, m)
-        Innovations of every column, whitened.
+        Whitened innovations of every column, ``L^-1 (seen - H Z)`` with ``S = L L'``.
     log_det : ndarray, shape (W,)
-        Logarithm of the determinant of the innovations' covariance, by block.
+        Logarithm of the determinant of the innovations' covariance S, summed over the rows of each block.
     """
 
     white: Array
@@ -75,16 +82,19 @@ class Filtered:
 def run_filter(system: System, *, keep: bool = False) -> Filtered:
     """Run the filter over all blocks.
 
+    For column 0 the whitened innovations w satisfy ``-2 log likelihood = sum w'w + log det S``, up to a
+    constant.
+
     Parameters
     ----------
     system : System
     keep : bool, optional
-        Whether a smoother is to follow.
+        Whether to keep the arrays that :func:`run_smoother` needs.
 
     Raises
     ------
     numpy.linalg.LinAlgError
-        If a covariance of innovations is not positive.
+        If a covariance of innovations is not positive definite.
     """
     A, Q, drive, H, R, seen = system.A, system.Q, system.drive, system.H, system.R, system.seen
     K, W, C, m = seen.shape
@@ -111,6 +121,9 @@ def run_filter(system: System, *, keep: bool = False) -> Filtered:
         if keep:
             Ps[k], Zs[k] = P, Z  # type: ignore[index]
         if some[k]:
+            # S = H P H' + R = L L',  w = L^-1 (y - H Z),  half = L^-1 H P
+            # Z <- Z + P H' S^-1 (y - H Z) = Z + half' w,  P <- P - P H' S^-1 H P = P - half' half
+            # log det S = 2 sum log L_ii
             PH = P @ Ht[k]
             S = H[k] @ PH
             S[:, eye, eye] += R[k]
@@ -130,6 +143,7 @@ def run_filter(system: System, *, keep: bool = False) -> Filtered:
             if keep:
                 gains[k] = backs[k] = 0.0  # type: ignore[index]
         if k < K - 1:
+            # Prediction: P <- A P A' + Q,  Z <- A Z + drive
             P = A[k] @ P @ At[k] + Q[k]
             P = 0.5 * (P + np.swapaxes(P, 1, 2))
             Z = A[k] @ Z + drive[k]
@@ -144,10 +158,10 @@ class Smoothed:
     ----------
     state : ndarray, shape (K, W, n)
     covariance : ndarray, shape (K, W, n, n)
-        The weights of columns taken as known.
+        Covariance given the weights of the columns, without their own uncertainty.
     push, information : ndarray, shapes (K-1, W, n), (K-1, W, n, n)
-        r and N of Durbin and Koopman (4.38), (4.42) behind each step: by these the likelihood grows with the
-        process noise's covariance, ``(r r' - N) / 2``.
+        r and N of Durbin and Koopman (4.38), (4.42) after each step. The derivative of the log likelihood
+        with respect to the covariance Q of that step is ``(r r' - N) / 2``.
     """
 
     state: Array
@@ -163,9 +177,9 @@ def run_smoother(system: System, filtered: Filtered, weights: Array) -> Smoothed
     ----------
     system : System
     filtered : Filtered
-        By ``run_filter(..., keep=True)``.
+        Result of ``run_filter(..., keep=True)``.
     weights : ndarray, shape (m,) or (W, m)
-        How much of each column: 1 for the residual, the step for each unknown.
+        Weight of each column: 1 for the residual, the step for each unknown.
     """
     half, back, Ps, Zs = filtered._gain, filtered._back, filtered._P, filtered._Z
     assert half is not None and back is not None and Ps is not None and Zs is not None
@@ -184,6 +198,9 @@ def run_smoother(system: System, filtered: Filtered, weights: Array) -> Smoothed
     e = np.einsum("kwcm,wm->kwc", filtered.white, weights)
     r, N = np.zeros((W, n)), np.zeros((W, n, n))
     eye = np.eye(n)
+    # Backward recursion, Durbin and Koopman (4.38), (4.42), with G = A (I - P H' S^-1 H) and v = y - H z:
+    #   r <- H' S^-1 v + G' r,  N <- H' S^-1 H + G' N G,  x = z + P r,  V = P - P N P
+    # In whitened form: back = L^-1 H, half = L^-1 H P, e = L^-1 v, so H' S^-1 v = back' e.
     for k in range(K - 1, -1, -1):
         if k < K - 1:
             push[k], information[k] = r, N

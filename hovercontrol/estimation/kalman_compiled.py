@@ -1,4 +1,4 @@
-"""The filter and the smoother of :mod:`.kalman` in C, built for each number of states and channels."""
+"""The filter and the smoother of :mod:`.kalman` in C, compiled for each number of states and channels."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from hovercontrol.targets.shoot import pool, threads
 
 Array = NDArray[np.float64]
 
-#: Fewest blocks for a thread.
+#: Minimum number of blocks per thread.
 SHARE = 4
 
 _ARRAYS = (
@@ -28,7 +28,7 @@ _ARRAYS = (
 
 
 class _Kalman(ctypes.Structure):
-    """kalman of kalman.c."""
+    """The struct ``kalman`` of kalman.c."""
 
     _fields_ = (
         *((name, ctypes.c_long) for name in ("rows", "blocks", "columns")),
@@ -53,7 +53,7 @@ class Compiled:
         Raises
         ------
         numpy.linalg.LinAlgError
-            If a covariance is not positive.
+            If a covariance of innovations is not positive definite.
         """
         self._run(self._filter, arrays)
 
@@ -86,5 +86,5 @@ def _build(n: int, C: int) -> Future[Compiled]:
 
 
 def compiled(n: int, C: int) -> Compiled | None:
-    """Return the library; None while it is built, or where that cannot be."""
+    """Return the library; None while it is being built, or if it cannot be built."""
     return ready(_build(n, C))

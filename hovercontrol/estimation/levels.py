@@ -1,4 +1,4 @@
-"""How noisy each channel is, from its third differences, and each log beside the others."""
+"""Measurement noise of each channel, from third differences, and its differences between logs."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from hovercontrol.estimation.measure import Measured, steps
 
 Array = NDArray[np.float64]
 
-#: Standard error of a noise level from the median of n third differences, times the root of n.
+#: Relative standard error of a noise level from the median of n third differences, times sqrt(n).
 LEVEL = 1.65
 
 
@@ -27,9 +27,9 @@ class LevelCriteria:
     Attributes
     ----------
     unlike : float
-        Ratio of noise levels from which on each log has its own.
+        Minimum ratio of noise levels above which each log has its own level.
     sure : float
-        Standard errors by which they must differ as well.
+        Minimum difference of their logarithms in standard errors; both conditions must hold.
     """
 
     unlike: float = 1.25
@@ -41,17 +41,18 @@ LEVELS = LevelCriteria()
 
 
 def noise_levels(logs: Sequence[Measured], channels: Sequence[str]) -> Array:
-    """Return the measurement noise of each channel, shape (C,), in its unit.
+    """Return the standard deviation of the measurement noise of each channel, shape (C,), in its unit.
 
-    From third differences, which motion hardly enters: the median of their size over 0.6745
-    sqrt(20). An upper estimate where sampling is slow. Not below what the smallest step of the
-    channel, its resolution, makes (over sqrt(12)).
+    The estimate uses third differences, in which motion is small. It is an upper estimate if sampling is
+    slow. It is at least the quantisation noise of the channel's resolution.
 
     Raises
     ------
     InputError
-        If a channel is constant; the line names it.
+        If a channel is constant; the message names it.
     """
+    # Third differences of white noise have the variance (1 + 9 + 9 + 1) sigma^2 = 20 sigma^2. Therefore
+    #   sigma = max(median |d^3 y| / (0.6745 sqrt(20)), q / sqrt(12)), q the smallest change of the channel
     levels = []
     for channel in channels:
         spans = [(m, a, b) for m in logs if channel in m.channels for a, b in m.segments]
@@ -69,21 +70,21 @@ def noise_levels(logs: Sequence[Measured], channels: Sequence[str]) -> Array:
 
 
 def _seen(log: Measured, channel: str, begin: int, end: int) -> tuple[Array, Array]:
-    """Return the samples of a channel between two rows, and their times: not all rows have one."""
+    """Return the samples of a channel between two rows, and their times; rows without one are skipped."""
     row = log.values[log.channels.index(channel), begin:end]
     own = np.isfinite(row)
     return row[own], log.time[begin:end][own]
 
 
 def noise_scales(logs: Sequence[Measured], channels: Sequence[str], noise: Array) -> Array:
-    """Return the noise of each log's channels over that of all logs, shape (L, C); 1 where they are alike.
+    """Return the noise of each log relative to that of all logs, shape (L, C); 1 if the logs do not differ.
 
     Parameters
     ----------
     logs : sequence of Measured
     channels : sequence of str
     noise : ndarray, shape (C,)
-        Of all logs together.
+        Noise level of all logs together.
     """
     scales = np.ones((len(logs), len(channels)))
     for c, channel in enumerate(channels):
@@ -92,6 +93,8 @@ def noise_scales(logs: Sequence[Measured], channels: Sequence[str], noise: Array
         known = [(i, level, error) for i, (level, error) in zip(own, found, strict=True) if level > 0.0]
         if len(known) < 2:
             continue
+        # The largest and smallest level of relative standard errors e1, e2 differ if
+        #   log(most / least) > max(log(unlike), sure * sqrt(e1^2 + e2^2))
         (_, least, one), (_, most, other) = (f(known, key=lambda k: k[1]) for f in (min, max))
         if np.log(most / least) > max(np.log(LEVELS.unlike), LEVELS.sure * np.hypot(one, other)):
             for i, level, _ in known:
@@ -100,13 +103,13 @@ def noise_scales(logs: Sequence[Measured], channels: Sequence[str], noise: Array
 
 
 def unlike(channels: Sequence[str], scales: Array) -> list[str]:
-    """Return one line on logs that differ in noise; none if they do not.
+    """Return one line of text if the logs differ in noise, else an empty list.
 
     Parameters
     ----------
     channels : sequence of str
     scales : ndarray, shape (L, C)
-        By :func:`noise_scales`.
+        Result of :func:`noise_scales`.
 
     Examples
     --------
@@ -119,7 +122,7 @@ def unlike(channels: Sequence[str], scales: Array) -> list[str]:
 
 
 def _level(log: Measured, channel: str) -> tuple[float, float]:
-    """Return the noise of one channel and its relative standard error; 0 if it is constant."""
+    """Return the noise of one channel and its relative standard error; both are 0 if it is constant."""
     row = log.values[log.channels.index(channel)]
     try:
         return float(noise_levels([log], [channel])[0]), LEVEL / np.sqrt(max(np.isfinite(row).sum(), 1))
@@ -128,7 +131,10 @@ def _level(log: Measured, channel: str) -> tuple[float, float]:
 
 
 def _even(time: Array) -> NDArray[np.bool_]:
-    """Return which four rows in a row follow each other evenly: across a missing row motion enters."""
+    """Return which groups of four consecutive rows are evenly spaced.
+
+    Across a missing row, motion enters the third difference.
+    """
     step = np.diff(time)
     if step.size < 3:
         return np.zeros(0, dtype=bool)

@@ -1,6 +1,6 @@
-"""What a log says about a Block: measured channels, inputs, and where its states were.
+"""A log in terms of a Block: measured channels, inputs, and an estimate of the states.
 
-Which rows carry a residual, and which belong together, is decided here and nowhere else.
+Only this module decides which rows carry a residual and which rows belong together.
 """
 
 from __future__ import annotations
@@ -24,22 +24,22 @@ from hovercontrol.logs.prepare import prepared
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-#: Rows of one log that are used at most; more tell little new and cost memory.
+#: Maximum number of rows used of one log. More rows add little information and cost memory.
 MOST_ROWS = 60_000
 
 
 @dataclass(frozen=True)
 class InputLimits:
-    """What is accepted of the inputs and channels of a log.
+    """Tolerances for the inputs and channels of a log.
 
     No published source: set by hand, exercised by tests/estimation/test_measure.py.
 
     Attributes
     ----------
     margin : float
-        Part of the larger bound by which a command may exceed its bounds.
+        Fraction of the larger bound by which a command may exceed its bounds.
     rounding : float
-        Changes smaller than this part of a value (or of 1) are rounding.
+        Changes below this fraction of the largest value (or of 1 if larger) count as rounding errors.
     """
 
     margin: float = 0.05
@@ -53,37 +53,37 @@ INPUTS = InputLimits()
 @checked
 @dataclass(frozen=True, eq=False)
 class Measured:
-    """A log as a Block sees it.
+    """A log in terms of a Block.
 
     Attributes
     ----------
     name : str
-        Of the log.
+        Name of the log.
     time : ndarray, shape (n,)
-        On the log's clock [s].
+        Time on the clock of the log [s].
     origin : float
-        Time of the log's first row [s]; the Block's time counts from there.
+        Time of the first row of the log [s]; the Block's time starts there.
     inputs : ndarray, shape (n_inputs, n)
-        In the order of the Block.
+        Commands, in the order of the Block's inputs.
     channels : tuple of str
         States or outputs of the Block that were measured.
     values : ndarray, shape (n_channels, n)
-        Measurements; NaN where a sample was rejected, and in rows that are there for a command only.
+        Measurements; NaN for rejected samples and in rows that hold a command only.
     states : ndarray, shape (n_states, n)
-        Where the states were, as far as the log tells; NaN in the rows of states it does not tell.
+        Estimate of the states from the log; rows of states without an estimate are NaN.
     segments : tuple of (int, int)
-        First row and row behind the last of each stretch without a break: no gap, no loss of sight.
+        First row and end (exclusive) of each stretch without a gap and without loss of tracking.
     stretches : tuple of (int, int)
-        The same for the trials of a log and the stretches that a very long one was cut into; else one for all
-        rows.
+        First row and end (exclusive) of each trial, and of each stretch cut from a very long log; one pair
+        for all rows otherwise.
     sampled : ndarray of bool, shape (n,)
-        Rows in which something was measured, rejected or not: the others are there for a command only.
+        Rows with a measurement, rejected or not. Other rows hold a command only.
     rejected : tuple of Span
-        Samples that the smoother left out: when, how many and why.
+        Samples that the smoother rejected: time, number and reason.
     rows_total : int
-        Rows of the log, of which a very long one keeps only some stretches.
+        Number of rows of the log, before a very long one was cut.
     starts : tuple of int
-        First rows of all trials but the first: no state is known from the rows before.
+        First row of each trial except the first. The rows before it tell nothing about the states.
 
     Examples
     --------
@@ -115,21 +115,22 @@ class Measured:
 
 @checked
 def measure(block: Block, log: Log, most_rows: int = MOST_ROWS) -> Measured:
-    """Return what a log says about a Block.
+    """Return a log in terms of a Block.
 
-    Stamps that scatter about a steady rate are replaced by that (:func:`hovercontrol.logs.steady`). A log
-    with the whole pose of a planar craft goes through the smoother: samples that are no motion carry no
-    residual, stretches without sight are breaks, and body velocities start the fit. Each trial is read by
-    itself. Commands hold over blank cells; rows that repeat a measurement hold none. Rows in which nothing
-    was measured keep the time of their commands. Of a log of more than `most_rows` rows only ten
-    stretches, spread evenly, are taken.
+    Time stamps that scatter about a steady rate are replaced by that rate (:func:`hovercontrol.logs.steady`).
+    A log with the whole pose of a planar craft passes through the smoother: implausible samples carry no
+    residual, loss of tracking ends a segment, and the estimated body velocities initialise the fit. Each
+    trial is read separately. Commands are held over blank cells. Repeated measurements are discarded. Rows
+    without a measurement keep the time of their commands. If a log has more than `most_rows` rows, only ten
+    evenly spread stretches are used.
 
     Parameters
     ----------
     block : Block
     log : Log
-        With every input of the Block, and at least one of its outputs or states.
+        Log with every input of the Block, and at least one of its outputs or states.
     most_rows : int, optional
+        Maximum number of rows used.
 
     Returns
     -------
@@ -138,9 +139,9 @@ def measure(block: Block, log: Log, most_rows: int = MOST_ROWS) -> Measured:
     Raises
     ------
     InputError
-        If an input of the Block is not in the log (the nearest column is named), not finite or
-        outside its bounds (degrees, percent); if nothing that the Block computes was measured, or a
-        measured pose never changes.
+        If an input of the Block is not in the log (the message names the nearest column), is not finite or
+        is outside its bounds (because of degrees or percent, for example); if no state or output of the Block
+        was measured; or if a measured pose never changes.
 
     Examples
     --------
@@ -186,17 +187,17 @@ def measure(block: Block, log: Log, most_rows: int = MOST_ROWS) -> Measured:
 
 
 def measure_all(block: Block, logs: Sequence[Log | Measured], most_rows: int) -> list[Measured]:
-    """Return what each log says; those measured already are kept."""
+    """Return each log in terms of a Block; :class:`Measured` logs are returned as they are."""
     return [log if isinstance(log, Measured) else measure(block, log, most_rows) for log in logs]
 
 
 def refuse_still(name: str, channels: Sequence[str], rows: Sequence[Array] | Array) -> None:
-    """Refuse a log in which nothing that was measured ever changes.
+    """Raise if all measured channels are constant.
 
     Raises
     ------
     InputError
-        The line names the log.
+        The message names the log.
     """
     if not any(steps(row[np.isfinite(row)]).size for row in rows):
         verb = "are" if len(channels) > 1 else "is"
@@ -204,13 +205,13 @@ def refuse_still(name: str, channels: Sequence[str], rows: Sequence[Array] | Arr
 
 
 def steps(row: Array) -> Array:
-    """Return the sizes of all changes from row to row but those by rounding."""
+    """Return the magnitudes of all changes from row to row, without rounding errors."""
     sizes = np.abs(np.diff(row))
     return sizes[sizes > INPUTS.rounding * max(1.0, float(np.abs(row).max(initial=0.0)))]
 
 
 def _check_input(log: Log, signal: Signal) -> None:
-    """Raise if a command is not finite, or farther outside the signal's bounds than ``INPUTS.margin``."""
+    """Raise if a command is not finite or exceeds the signal's bounds by more than ``INPUTS.margin``."""
     values = log[signal.name]
     bad = np.flatnonzero(~np.isfinite(values))
     if bad.size:
@@ -253,6 +254,7 @@ def _part(block: Block, log: Log, channels: Sequence[str]) -> Measured:
         time, valid, spans = smooth.log.time, smooth.valid & sampled, smooth.rejected
         if "psi" in channels:
             row = values[channels.index("psi")]
+            # the multiple of 2 pi that brings the measured heading within pi of the smoothed one
             row[:] = near["psi"] + (row - near["psi"] + np.pi) % (2 * np.pi) - np.pi
         values[:, whole & ~smooth.accepted] = np.nan
         for row, channel in zip(values, channels, strict=True):

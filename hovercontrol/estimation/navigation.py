@@ -1,10 +1,10 @@
-"""Logs that a navigation wrote: between its corrections velocities drift, at them positions jump.
+"""Logs from an inertial navigation: velocities drift between corrections, positions jump at corrections.
 
-An inertial navigation integrates accelerometers between fixes. Its velocity over ground is then off by an
-offset and a ramp that nobody knows, smooth to a millimetre, and its position, which integrates that, says
-nothing new; at a fix both jump where the craft does not. So positions are left out, and offset and ramp are
-states of the filter that every correction draws anew (:mod:`.drift`). K06 sections 3.5 and 5.4 describe such
-a navigation.
+An inertial navigation integrates accelerometers between fixes. Its velocity over ground then has an unknown
+offset and ramp, and is smooth to a millimetre. Its position is the integral of that velocity and adds no
+information. At a fix both jump although the craft does not. Therefore positions are left out, and offset and
+ramp are states of the filter that every correction draws anew (:mod:`.drift`). K06 sections 3.5 and 5.4
+describe such a navigation.
 """
 
 from __future__ import annotations
@@ -33,13 +33,13 @@ class NavigationCriteria:
     Attributes
     ----------
     jump : float
-        Size of a correction in robust standard deviations of position minus integrated velocity.
+        Smallest size of a correction in robust standard deviations of position minus integrated velocity.
     resolved : float
-        Smallest size of a correction in steps of the position's resolution.
+        Smallest size of a correction in multiples of the position's resolution.
     least : int
         Smallest number of corrections.
     most : float
-        Largest part of the rows that are corrections.
+        Largest fraction of the rows that are corrections.
     """
 
     jump: float = 8.0
@@ -52,14 +52,14 @@ class NavigationCriteria:
 NAVIGATION = NavigationCriteria()
 
 
-#: Rows to either side of a correction whose medians differ by it.
+#: Number of rows to either side of a correction whose medians are compared.
 BESIDE = 5
 
-#: Times that spikes are looked for: large ones hide small ones.
+#: Maximum number of searches for spikes: large spikes hide small ones.
 ROUNDS = 5
 
 
-#: How far a median of sizes is from the standard deviation of normal numbers.
+#: Median of the absolute value of a normal variable, in standard deviations.
 NORMAL = 0.6745
 
 
@@ -70,15 +70,15 @@ class Drift:
     Attributes
     ----------
     offset : float
-        Standard deviation of their constant part [m/s].
+        Standard deviation of the constant part [m/s].
     ramp : float
-        Of its growth [m/s^2].
+        Standard deviation of the rate of change [m/s^2].
     white : float
-        Of what differs from row to row [m/s].
+        Standard deviation of the white noise from row to row [m/s].
     corrections : int
-        How often the log was corrected.
+        Number of corrections in the log.
     jump : float
-        Root mean square of a correction of the position [m].
+        Root mean square correction of the position [m].
     """
 
     offset: float
@@ -97,13 +97,13 @@ class Drift:
 
 @dataclass(frozen=True, eq=False)
 class Navigated(Measured):
-    """A log that a navigation wrote.
+    """A log from an inertial navigation.
 
     Attributes
     ----------
     drift : Drift
     corrected : ndarray
-        Times on the log's clock of the first rows behind corrections [s].
+        Times of the first rows after corrections, on the clock of the log [s].
     """
 
     drift: Drift
@@ -111,13 +111,16 @@ class Navigated(Measured):
 
 
 def over_ground(log: Log) -> Array:
-    """Return the velocities over ground that a log's heading and body velocities say, shape (2, n) [m/s]."""
+    """Return the velocities over ground from heading and body velocities of a log, shape (2, n) [m/s].
+
+    ``[u cos psi - v sin psi, u sin psi + v cos psi]``
+    """
     c, s = np.cos(log["psi"]), np.sin(log["psi"])
     return np.stack([c * log["u"] - s * log["v"], s * log["u"] + c * log["v"]])
 
 
 def without_spikes(rows: Array) -> Array:
-    """Return rows, shape (m, n), with straight lines in place of spikes; a correction stays, and is none.
+    """Return rows, shape (m, n), with spikes replaced by linear interpolation; corrections are kept.
 
     Examples
     --------
@@ -141,18 +144,21 @@ def without_spikes(rows: Array) -> Array:
 
 
 def noise_level(row: Array) -> float:
-    """Return the standard deviation of what differs from row to row, from third differences."""
+    """Return the standard deviation of the white noise of a row of samples, from third differences.
+
+    ``median |d^3 y| / (0.6745 sqrt(20))``
+    """
     thirds = np.abs(np.diff(row, 3))
     return max(float(np.median(thirds)) / (NORMAL * np.sqrt(20.0)) if thirds.size else 0.0, 1e-12)
 
 
 def corrections(log: Log) -> Indices:
-    """Return the rows at which the position jumps as no velocity says, and stays there.
+    """Return the rows at which the position jumps, unexplained by the velocity, and stays at the new value.
 
     Parameters
     ----------
     log : Log
-        With pose and body velocities; else there are none.
+        A log without pose and body velocities has no corrections.
 
     Examples
     --------
@@ -165,19 +171,21 @@ def corrections(log: Log) -> Indices:
     if not log.has(*POSE, *VELOCITY) or len(log) < 8:
         return np.empty(0, dtype=np.intp)
     speed, step = without_spikes(over_ground(log)), np.diff(log.time)
+    # Change of position minus the integral of velocity by the trapezoidal rule: dp - (v_k + v_(k+1))/2 dt
     moved = np.diff(log.stack("x", "y"), axis=0).T - 0.5 * (speed[:, 1:] + speed[:, :-1]) * step
     known = np.isfinite(moved).all(axis=0)
     if not known.any():
         return np.empty(0, dtype=np.intp)
     carried = np.concatenate([np.zeros((2, 1)), np.cumsum(np.where(known, moved, 0.0), axis=1)], axis=1)
-    carried = without_spikes(carried)  # a spike would enter what is integrated, and stay there
+    carried = without_spikes(carried)  # a spike is no correction: the position does not stay there
     moved = np.diff(carried)
     level = np.median(np.abs(moved[:, known]), axis=1, keepdims=True) / NORMAL
     longer = np.maximum(step / float(np.median(step)), 1.0)  # velocities may change where rows are missing
     apart = [steps(row[np.isfinite(row)]) for row in log.stack("x", "y").T]
-    finest = np.array([[sizes.min() if sizes.size else 0.0] for sizes in apart])  # their resolution
+    finest = np.array([[sizes.min() if sizes.size else 0.0] for sizes in apart])  # resolution of the position
     least = np.maximum(NAVIGATION.jump * np.maximum(level, 1e-12), NAVIGATION.resolved * finest)
-    least = least * longer + np.abs(np.diff(speed)) * step  # a velocity that jumps tells when only to a row
+    # The time of a velocity jump is known only to a row: the position may then differ by |dv| dt.
+    least = least * longer + np.abs(np.diff(speed)) * step
     far = known & (np.abs(moved) > least).any(axis=0)
     found = []
     for row in np.flatnonzero(far) + 1:
@@ -191,7 +199,7 @@ def corrections(log: Log) -> Indices:
 
 
 def measure_navigated(block: Block, log: Log, most_rows: int = MOST_ROWS) -> Navigated | None:
-    """Return what a log says about a Block if a navigation wrote it, else None.
+    """Return a log in terms of a Block if the log is from an inertial navigation, else None.
 
     Parameters
     ----------
@@ -207,6 +215,8 @@ def measure_navigated(block: Block, log: Log, most_rows: int = MOST_ROWS) -> Nav
         return None
     speed = without_spikes(over_ground(log))
     moved = np.diff(log.stack("x", "y"), axis=0)[at - 1]
+    # offset = rms of the velocity jumps,  ramp = offset / median time between corrections,
+    # white = median |d^3 v| / (0.6745 sqrt(20))
     jumps = np.sqrt(((speed[:, at] - speed[:, at - 1]) ** 2).mean())
     thirds = np.abs(np.diff(speed, 3, axis=1))
     white = max(float(np.nanmedian(thirds)) / (NORMAL * np.sqrt(20.0)), 1e-12)

@@ -1,8 +1,8 @@
-"""Measurement noise and process noise: what a likelihood assumes of all that no equation says.
+"""Measurement noise and process noise: the part of the likelihood that the model equations leave open.
 
-Process noise is a missing acceleration in each equation on which forces act, of a root mean square and a
-correlation time (Ornstein and Uhlenbeck): gusts, bumps and floors last a while. Its size says what a model
-lacks.
+Process noise is a missing acceleration in each equation on which forces act. It is an Ornstein-Uhlenbeck
+process with a root mean square and a correlation time, because gusts, bumps and uneven floors last a while.
+Its size measures how much the model lacks.
 """
 
 from __future__ import annotations
@@ -19,26 +19,26 @@ from hovercontrol.estimation.problem import Linear, Problem
 
 Array = NDArray[np.float64]
 
-#: Correlation time of a missing acceleration to begin with, in rows.
+#: Initial correlation time of a missing acceleration, in rows.
 FIRST = 5.0
 
 
 @dataclass(frozen=True, eq=False)
 class Noise:
-    """Levels of noise.
+    """Noise levels.
 
     Attributes
     ----------
     measured : ndarray, shape (C,)
-        Standard deviation of each channel.
+        Standard deviation of the measurement noise of each channel.
     scale : ndarray, shape (L, C)
-        The same of each log over that of all.
+        Standard deviation in each log relative to `measured`.
     process : ndarray, shape (q,)
         Root mean square of the missing acceleration, by driven state.
     seconds : ndarray, shape (q,)
-        Its correlation time.
+        Correlation time of the missing acceleration [s].
     driven : tuple of str
-        Names of the driven states.
+        Names of the driven states, those on which forces act.
     """
 
     measured: Array
@@ -48,10 +48,10 @@ class Noise:
     driven: tuple[str, ...]
 
     def of(self, problem: Problem) -> Noise:
-        """Return the noise in the equations of another problem on the same rows.
+        """Return the noise for another problem on the same rows.
 
-        An effect may act in an equation in which the model without it has nothing: there all acceleration is
-        missing at first.
+        An effect may act in an equation that is not driven in the model without it. There the process noise
+        starts from the whole observed acceleration.
         """
         if self.driven == problem.driven_names:
             return self
@@ -75,10 +75,11 @@ def augment(
     drive: Array | None = None,
     seen: Array | None = None,
 ) -> System:
-    """Return the linear system of a problem with its missing accelerations as further states.
+    """Return the linear system of a problem, with its missing accelerations as additional states.
 
-    Behind them come the drift of a navigation and, where rows with new commands are lost, by how much the
-    last of these was late.
+    The state vector is ``[x, a, d, l]``: the free states x, the missing accelerations a, the drift d of a
+    navigation (if the logs come from one) and the lateness l of the last command whose time is uncertain (if
+    rows with new commands are missing), in standard deviations.
 
     Parameters
     ----------
@@ -88,7 +89,7 @@ def augment(
     unknowns : bool, optional
         Whether the unknowns have columns.
     drive, seen : ndarray, shapes (K-1, W, n, M) and (K, W, C, M), optional
-        Further columns: what a candidate adds to the states from row to row, and to the channels.
+        Additional columns: contribution of a candidate to the states from row to row, and to the channels.
     """
     n, q, (K, W, C) = len(problem.free), len(problem.driven), linear.residual.shape
     drift = problem.data.drift
@@ -114,6 +115,9 @@ def augment(
     A = np.zeros((K - 1, W, N, N))
     Q = np.zeros((K - 1, W, N, N))
     P0 = np.zeros((W, N, N))
+    # Missing acceleration a, its integral b over a step of length h, their stochastic parts xi and eta:
+    #   x <- A x + Gamma b,  b = tau (1 - exp(-h/tau)) a + xi,  a <- exp(-h/tau) a + eta
+    #   Q = [[Gamma var(xi) Gamma', Gamma cov(xi, eta)], [., var(eta)]]
     missing = range(n, n + q)
     fade, held, pushed, both, own = _steps(problem, noise)
     A[..., :n, :n] = linear.A
@@ -131,21 +135,24 @@ def augment(
         A[..., own_drift, own_drift] = drift.A
         Q[..., own_drift, own_drift] = drift.Q
         P0[..., own_drift, own_drift] = drift.P0
-    if linear.jolt is not None and linear.fresh is not None:  # by how much the last unsure command is late
+    # Lateness l of the last command of uncertain time, in standard deviations; j = jolt:
+    #   where such a command begins to act:  l <- xi,  x <- x + j xi,  xi ~ N(0, 1);  else  x <- x + j l
+    if linear.jolt is not None and linear.fresh is not None:
         fresh, jolt = linear.fresh[..., None], linear.jolt
         A[..., :n, -1], A[..., -1, -1] = np.where(fresh, 0.0, jolt), ~linear.fresh
         new = np.where(fresh, jolt, 0.0)
         Q[..., :n, :n] += new[..., :, None] * new[..., None, :]
         Q[..., :n, -1] = Q[..., -1, :n] = new
         Q[..., -1, -1], P0[..., -1, -1] = linear.fresh, 1.0
+    # R = (sigma_channel scale_(log, channel))^2 times the relative variance of the sample
     level = (noise.measured * noise.scale[problem.rows.log]) ** 2  # W, C
     if problem.data.variance is not None:
         level = level * problem.data.variance
     return System(A, Q, full, H, np.where(problem.seen, level, 1.0), watched, P0)
 
 
-#: A variance moves by at most this factor in a pass; a ratio that keeps its sign is followed at most so many
-#: times as far.
+#: Largest factor by which a variance changes in a pass; largest factor by which a step in the logarithm of a
+#: variance is lengthened while its sign stays the same.
 FARTHEST, ONWARD = 100.0, 2.5
 
 
@@ -160,18 +167,18 @@ class NoiseCriteria:
     averaging : float
         Averaging time of a missing acceleration, which over a single row is mostly noise [s].
     averaging_rows : int
-        The same in rows, for slowly sampled logs; the longer counts.
+        Averaging time in rows, for slowly sampled logs; the longer of the two applies.
     gain : float
-        Fall of the cost from which on another correlation time is taken.
+        Minimum reduction of the cost for which another correlation time is accepted.
     none : float
-        Process noise relative to the acceleration below which it is zero.
+        Process noise below this fraction of the observed acceleration is set to zero.
     small : float
-        Process noise relative to the acceleration below which its correlation time is not fitted.
+        Process noise below this fraction of the observed acceleration keeps its correlation time.
     least : float
-        Smallest measurement noise relative to the level of third differences.
+        Smallest measurement noise relative to the level from third differences.
     tiny : float
-        Smallest measurement noise relative to a channel's spread: no sensor is better, and in a log without
-        noise what integration leaves would be significant.
+        Smallest measurement noise relative to the standard deviation of the channel. No sensor is better; in
+        a log without noise, integration errors would be significant.
     """
 
     averaging: float = 0.2
@@ -188,31 +195,34 @@ NOISE = NoiseCriteria()
 
 
 def moved(problem: Problem, noise: Noise, system: System, smooth: Smoothed, damping: Damping) -> Noise:
-    """Return the levels of noise a step nearer to the likeliest.
+    """Return the noise levels after one step towards their maximum likelihood values.
 
-    The likelihood's slope by a variance has two halves; at its maximum they are equal, and a variance times
-    their ratio is nearer.
+    The derivative of the log likelihood with respect to the logarithm of a variance is ``(A - B) / 2`` with
+    A, B >= 0. At the maximum A = B, so the undamped step multiplies the variance by A/B.
 
     Parameters
     ----------
     problem : Problem
     noise : Noise
     system : System
-        With that noise.
+        Linear system with that noise.
     smooth : Smoothed
     damping : Damping
-        Of the steps of the variances' logarithms.
+        Damping of the steps of the logarithms of the variances.
     """
     C, q = len(noise.measured), len(noise.process)
     ratio = np.zeros(C + q)
     e = system.seen[..., 0] - (system.H @ smooth.state[..., None])[..., 0]
     known = ((system.H @ smooth.covariance) * system.H).sum(axis=-1)
+    # Channel c, with smoothed residual e and smoothed variance V:  A = sum e^2 / R,  B = sum (1 - V / R)
     for c in range(C):
         own = problem.seen[..., c]
         R = system.R[..., c][own]
         A = float((e[..., c][own] ** 2 / R).sum())
         B = float((1.0 - known[..., c][own] / R).sum())
         ratio[c] = np.log(A / B) if A > 0 and B > 0 else 0.0
+    # Process noise j, with its share Q_j of Q and r, N of the smoother, Durbin and Koopman (4.38), (4.42):
+    #   A = sum r' Q_j r,  B = sum tr(Q_j N)
     n = len(problem.free)
     gamma = _gamma(problem, system.A[..., :n, :n])
     variances = _steps(problem, noise)[2:]
@@ -243,15 +253,19 @@ def moved(problem: Problem, noise: Noise, system: System, smooth: Smoothed, damp
 
 
 def _steps(problem: Problem, noise: Noise) -> tuple[Array, Array, Array, Array, Array]:
-    """Return what becomes of the missing accelerations over steps, each of shape (K-1, W, q).
+    """Return the moments of the missing accelerations over each step, five arrays of shape (K-1, W, q).
 
-    What is left of each, its integral, the variance of what is added to that integral, the covariance of that
-    with what is added to the acceleration, and the variance of the latter.
+    For an acceleration of 1 at the start of the step: its mean at the end and the mean of its integral. Then
+    the variance of the stochastic part xi of the integral, its covariance with the stochastic part eta of the
+    acceleration, and the variance of eta.
     """
+    # Ornstein-Uhlenbeck process of variance sigma^2, s = h/tau:
+    #   mean: exp(-s);  mean of integral: tau (1 - exp(-s));  var eta = sigma^2 (1 - exp(-2 s))
+    #   var xi = sigma^2 tau^2 (2 s - 3 + 4 exp(-s) - exp(-2 s));  cov(xi, eta) = sigma^2 tau (1 - exp(-s))^2
     tau, variance = noise.seconds, noise.process**2
     s = problem.dt[..., None] / tau
     less, less2 = np.expm1(-s), np.expm1(-2.0 * s)  # exp(-s) - 1, exp(-2 s) - 1
-    series = s**3 * (2.0 / 3.0 - s / 2.0 + 7.0 * s**2 / 30.0)  # of the next, without loss of digits
+    series = s**3 * (2.0 / 3.0 - s / 2.0 + 7.0 * s**2 / 30.0)  # Taylor series of var xi, without cancellation
     integrated = np.where(s < 1e-2, series, 2.0 * s + 4.0 * less - less2)
     return (
         1.0 + less,
@@ -263,7 +277,10 @@ def _steps(problem: Problem, noise: Noise) -> tuple[Array, Array, Array, Array, 
 
 
 def _gamma(problem: Problem, A: Array) -> Array:
-    """Return what a push in the middle of a step has become at its end, (K-1, W, n, q)."""
+    """Return the effect at the end of a step of a velocity change during it, (K-1, W, n, q).
+
+    Mean of a change at the start and one at the end: column j is ``(A + I) e_j / 2``, by driven state.
+    """
     driven = list(problem.driven)
     gamma = 0.5 * A[..., :, driven]
     for j, i in enumerate(driven):
@@ -272,20 +289,23 @@ def _gamma(problem: Problem, A: Array) -> Array:
 
 
 def averaging_time(problem: Problem) -> float:
-    """Return the averaging time of missing accelerations [s]."""
+    """Return the averaging time of the missing accelerations [s]."""
     return max(NOISE.averaging, NOISE.averaging_rows * problem.shortest)
 
 
 def averaged(noise: Noise, over: float) -> Array:
-    """Return the root mean square of each missing acceleration's mean over some time [s], shape (q,)."""
+    """Return the root mean square of each missing acceleration, averaged over a time [s], shape (q,)."""
+    # Mean of an Ornstein-Uhlenbeck process over T, s = T/tau:  var = 2 sigma^2 (s - 1 + exp(-s)) / s^2
     s = over / noise.seconds
     return np.asarray(noise.process * np.sqrt(np.maximum(2.0 * (s + np.expm1(-s)), 0.0)) / s)
 
 
 def timed(problem: Problem, linear: Linear, noise: Noise, factor: float) -> tuple[Noise, bool]:
-    """Return the noise with likelier correlation times, if there are such `factor` away; and whether.
+    """Return the noise with more likely correlation times, and whether any changed.
 
-    Each is tried longer and shorter, with the same push over long times and with the same over short ones.
+    Each correlation time is multiplied and divided by `factor`. Each time is tried twice: with the same
+    spectral density at low frequency (``process**2 * seconds`` kept) and with the same increments over short
+    times (``process**2 / seconds`` kept).
     """
     least, most = problem.shortest, problem.longest
     tries, places = [noise], []
@@ -301,10 +321,10 @@ def timed(problem: Problem, linear: Linear, noise: Noise, factor: float) -> tupl
     if not places:
         return noise, False
     costs: list[float] = []
-    for one in tries:  # one by one: side by side they would leave the processor's cache
+    for one in tries:  # one at a time: together they would not fit into the processor's cache
         try:
             filtered = run_filter(augment(problem, linear, one, unknowns=False))
-        except np.linalg.LinAlgError:  # the path ran away: the next pass comes back
+        except np.linalg.LinAlgError:  # the path diverged: the next pass corrects it
             return noise, False
         costs.append(float((filtered.white**2).sum() + filtered.log_det.sum()))
     seconds, process, moved_on = noise.seconds.copy(), noise.process.copy(), False

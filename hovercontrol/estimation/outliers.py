@@ -1,9 +1,9 @@
-"""Samples that stand alone: off what the model and the rows on both sides say, by far more than their kind.
+"""Outliers: samples far from the model and both neighbours, compared with nearby residuals.
 
-A sample is judged by how far it is off what all others say of it, against how far samples about it are off:
-where motion is fast all are, and none is an outlier. What lies very far off is left out; what lies between
-counts with the variance that its own deviation makes likeliest: squared errors would let a few such samples
-pull a fit (Huber, Robust Statistics, 1981, ch. 7).
+The leave-one-out residual of a sample is compared with the residuals of the rows about it. During fast motion
+all residuals are large, and none is an outlier. A sample very far off is removed. A doubtful sample is
+down-weighted: it gets the noise variance that makes its residual most likely. With plain least squares a few
+such samples could distort the fit (Huber, Robust Statistics, 1981, ch. 7).
 """
 
 from __future__ import annotations
@@ -22,23 +22,23 @@ Mask = NDArray[np.bool_]
 class OutlierCriteria:
     """When a sample is an outlier.
 
-    Of a million normal samples none is 6 standard deviations off; real noise has heavier tails: on clean
-    motion-capture logs of 10,000 rows the largest is 14.8. Other values: no published source, exercised
-    by tests/discrepancy/test_outliers.py.
+    A million normal samples contain none beyond 6 standard deviations. Real noise has heavier tails: on clean
+    motion-capture logs of 10,000 rows the largest deviation is 14.8. Other values: no published source,
+    exercised by tests/discrepancy/test_outliers.py.
 
     Attributes
     ----------
     stands_out : float
-        Size of an outlier in standard deviations of the residuals about it: it is left out.
+        Size of an outlier in standard deviations of the residuals about it. Outliers are removed.
     doubtful : float
-        The same of a sample that is down-weighted.
+        Size of a doubtful sample in the same standard deviations. Doubtful samples are down-weighted.
     least : float
-        Smallest standard deviation of the residuals about it, relative to their own: a log without noise
-        has no outliers.
+        Smallest standard deviation of the normalised residuals of a channel, nominally 1. A log without noise
+        therefore has no outliers.
     about : int
-        Rows about a sample from which that standard deviation is estimated.
+        Number of rows about a sample from which the standard deviation is estimated.
     alone : int
-        Rows of which only one is removed at a time, as it may disturb its neighbours.
+        Number of consecutive rows of which only one is removed at a time, as it may disturb its neighbours.
     """
 
     stands_out: float = 16.0
@@ -52,21 +52,22 @@ class OutlierCriteria:
 OUTLIERS = OutlierCriteria()
 
 
-#: Three in four, and half of normal samples are less than so many standard deviations off. (Of outliers and
-#: what they spoil about them there may be one in ten of all, and more of some.)
+#: Quantiles of the absolute value of a normal variable, in standard deviations: 75 % and 50 %. (Outliers and
+#: the neighbours that they disturb may be one in ten of all samples, and more in some channels.)
 THREE_IN_FOUR, HALF = 1.150, 0.6745
 
 
 def outliers(left: Array, seen: Mask, size: float = OUTLIERS.stands_out) -> Mask:
-    """Return which samples stand out.
+    """Return which samples are outliers.
 
     Parameters
     ----------
     left : ndarray, shape (K, W, C)
-        Residuals over their own standard deviations; zero where not seen.
+        Residuals over their own standard deviations; zero where not measured.
     seen : ndarray of bool, shape (K, W, C)
+        Which samples were measured.
     size : float, optional
-        In standard deviations of the residuals about them.
+        Minimum size of an outlier in standard deviations of the residuals about it.
 
     Returns
     -------
@@ -78,6 +79,8 @@ def outliers(left: Array, seen: Mask, size: float = OUTLIERS.stands_out) -> Mask
         own = seen[..., c]
         if not own.any():
             continue
+        # Robust standard deviations of the channel (75 % quantile of |z| / 1.150) and of the rows about a
+        # sample (running median of |z| / 0.6745); an outlier exceeds `size` times both
         z = np.where(own, off[..., c], 0.0)
         usual = max(OUTLIERS.least, float(np.quantile(z[own], 0.75)) / THREE_IN_FOUR)
         suspect = z > size * usual

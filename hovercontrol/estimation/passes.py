@@ -1,4 +1,8 @@
-"""One pass over logs: the model linearised about a path, filtered, the unknowns solved for, smoothed."""
+"""One pass over the logs: linearise the model about a path, filter, solve for the unknowns, smooth.
+
+Unknowns are the parameters of the model that a fit estimates. They are sought in scaled coordinates z: the
+logarithm of positive scale parameters, the value itself for all others (:class:`.Unknowns`).
+"""
 
 from __future__ import annotations
 
@@ -15,7 +19,7 @@ from hovercontrol.estimation.problem import Linear, Problem
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-#: Largest step of an unknown that is sought by its logarithm.
+#: Largest step of an unknown whose logarithm is estimated.
 FARTHEST = 1.0
 
 
@@ -23,26 +27,31 @@ FARTHEST = 1.0
 class Pass:
     """One linearisation with its filter and smoother.
 
+    With the whitened residuals w0 and the whitened sensitivities J of a block, its normal equations are
+    ``S dz = g`` with ``S = J'J`` and ``g = -J'w0``.
+
     Attributes
     ----------
     p : ndarray, shape (P,)
+        Unknowns in their own units.
     path : ndarray, shape (K, W, n_states)
-        About which the model is linearised.
+        States about which the model is linearised.
     linear : Linear
     system : System
     smooth : Smoothed
-        Steps of the path, and the missing accelerations.
+        Step of the path, and the missing accelerations.
     cost : float
-        Minus twice the log likelihood and the log prior, but for constants.
+        Minus twice the sum of log likelihood and log prior, up to a constant.
     block_costs : ndarray, shape (W,)
+        Minus twice the log likelihood of each block, up to a constant.
     S, g : ndarray, shapes (W, P, P), (W, P)
-        Normal equations of the unknowns.
+        Normal equations of the unknowns, by block.
     step : ndarray, shape (P,)
-        Of the unknowns, in the coordinates in which they are sought.
+        Step of the unknowns, in scaled coordinates.
     predicted : float
-        Reduction of the cost that this step predicts.
+        Predicted reduction of the cost by this step.
     squares : float
-        The cost without the determinants of the filter: what steps reduce.
+        The cost without the log determinants of the filter: the part that the steps reduce.
     """
 
     p: Array
@@ -59,17 +68,18 @@ class Pass:
     squares: float
 
     def steps(self, problem: Problem) -> tuple[Array, Array]:
-        """Return the steps of the unknowns, in the coordinates in which they are sought, and of the path."""
+        """Return the step of the unknowns, in scaled coordinates, and the step of the path."""
         along = np.zeros_like(self.path)
         along[..., list(problem.free)] = self.smooth.state[..., : len(problem.free)]
         return self.step, along
 
 
 def run_pass(problem: Problem, noise: Noise, prior: Prior, p: Array, path: Array, frozen: bool) -> Pass:
-    """Return one pass; a frozen one leaves the unknowns as they are."""
+    """Return one pass; if `frozen`, the unknowns keep their values."""
     linear = problem.linearise(path, p, unknowns=not frozen)
     system = augment(problem, linear, noise)
     filtered = run_filter(system, keep=True)
+    # With whitened columns [w0, J]:  w0'w0 + log det = -2 log likelihood,  S = J'J,  g = -J'w0
     every = products(filtered.white)
     costs = every[:, 0, 0] + filtered.log_det
     S, g = every[:, 1:, 1:], -every[:, 1:, 0]
@@ -85,7 +95,7 @@ def run_pass(problem: Problem, noise: Noise, prior: Prior, p: Array, path: Array
 def tried_pass(
     problem: Problem, noise: Noise, prior: Prior, p: Array, path: Array, frozen: bool
 ) -> Pass | None:
-    """Return a pass; None where the model runs away."""
+    """Return a pass; None if the model diverges."""
     try:
         with np.errstate(all="ignore"):
             now = run_pass(problem, noise, prior, p, path, frozen)
@@ -95,12 +105,15 @@ def tried_pass(
 
 
 def held(problem: Problem, p: Array, slope: Array) -> Mask:
-    """Return which unknowns a bound holds back from where the cost falls."""
+    """Return which unknowns are at a bound that the descent direction `slope` points across."""
     return np.asarray(((p <= problem.lower) & (slope < 0)) | ((p >= problem.upper) & (slope > 0)))
 
 
 def _newton(problem: Problem, prior: Prior, p: Array, S: Array, g: Array) -> tuple[Array, float]:
-    """Return the step of the unknowns within their bounds, and the reduction that it predicts."""
+    """Return the Gauss-Newton step of the unknowns within their bounds, and its predicted reduction."""
+    # Minimise |w0 + J dz|^2 + (z + dz - c)' Lambda (z + dz - c), Lambda and c of the prior:
+    #   (S + Lambda) dz = g - Lambda (z - c)
+    # An unknown at a bound leaves the free set if the step would cross that bound.
     z = problem.inside(p)
     total = S.sum(axis=0) + np.diag(prior.precision)
     slope = g.sum(axis=0) - prior.slope(z)
@@ -116,27 +129,34 @@ def _newton(problem: Problem, prior: Prior, p: Array, S: Array, g: Array) -> tup
         free &= ~back
     dz = np.where(problem.log_scale, np.clip(dz, -FARTHEST, FARTHEST), dz)
     dz = problem.inside(problem.outside(z + dz)) - z
+    # Predicted reduction: 2 dz' (g - Lambda (z - c)) - dz' (S + Lambda) dz
     return dz, float(2.0 * dz @ slope - dz @ total @ dz)
 
 
 def residuals(problem: Problem, now: Pass) -> Array:
-    """Return measured minus smoothed path over that difference's standard deviation, shape (K, W, C)."""
+    """Return measured minus smoothed path, over the standard deviation of that difference, shape (K, W, C).
+
+    With the smoothed variance h V h' of a channel, ``var(y - h x) = R - h V h'``.
+    """
     e, known = _smoothed(now)
     return np.where(problem.seen, e / np.sqrt(now.system.R - known), 0.0)
 
 
 def alone(problem: Problem, now: Pass) -> tuple[Array, Array]:
-    """Return how far each sample is off what all others say, and the variance that makes it likeliest.
+    """Return the leave-one-out residual of each sample, and its maximum likelihood noise variance.
 
     Returns
     -------
     ndarray, shape (K, W, C)
-        Over the standard deviation that the difference has if the sample is as good as its channel.
+        Deviation of the sample from its prediction by all other samples, over the standard deviation of that
+        deviation if the sample has the usual noise of its channel.
     ndarray, shape (K, W, C)
-        The likeliest noise variance of the sample over that of its channel, at least 1.
+        Maximum likelihood noise variance of the sample relative to that of its channel, at least 1.
     """
+    # Leave-one-out residual d and prediction variance v from the smoothed residual e and variance V = h V h':
+    #   d = e / (1 - V/R),  v = V / (1 - V/R),  z = d / sqrt(R_channel + v),  R_sample = d^2 - v
     (e, known), R = _smoothed(now), now.system.R
-    part = 1.0 - known / R  # what a sample's own pull on the path leaves of its deviation from all others
+    part = 1.0 - known / R
     own = problem.data.variance
     usual = R if own is None else R / own
     off, open_ = e / part, known / part
@@ -145,7 +165,10 @@ def alone(problem: Problem, now: Pass) -> tuple[Array, Array]:
 
 
 def _smoothed(now: Pass) -> tuple[Array, Array]:
-    """Return measured minus smoothed path, and the variance of that path in each channel, (K, W, C)."""
+    """Return measured minus smoothed path, and the smoothed variance ``h V h'`` of each channel.
+
+    Both have shape (K, W, C). The variance is kept below R.
+    """
     system, smooth = now.system, now.smooth
     e = system.seen[..., 0] - (system.H @ smooth.state[..., None])[..., 0]
     known = ((system.H @ smooth.covariance) * system.H).sum(axis=-1)
@@ -153,14 +176,17 @@ def _smoothed(now: Pass) -> tuple[Array, Array]:
 
 
 def inverse(S: Array) -> Array:
-    """Return the inverse of normal equations whose unknowns differ in size."""
+    """Return the pseudo-inverse of normal equations whose unknowns differ in scale.
+
+    ``D^-1 (D^-1 S D^-1)^+ D^-1`` with ``D = diag(sqrt(S_ii))``.
+    """
     size = np.sqrt(np.maximum(np.diag(S), 1e-300))
     scaled = S / np.outer(size, size)
     return np.asarray(np.linalg.pinv(scaled, hermitian=True, rcond=1e-13) / np.outer(size, size))
 
 
 def products(white: Array) -> Array:
-    """Return the products of whitened columns of each block, shape (W, m, m)."""
+    """Return the inner products of the whitened columns of each block, shape (W, m, m)."""
     K, W, C, m = white.shape
     flat = white.transpose(1, 0, 2, 3).reshape(W, K * C, m)
     return np.asarray(np.swapaxes(flat, 1, 2) @ flat)

@@ -1,4 +1,4 @@
-"""How well a fitted model predicts: simulated from the smoothed path at many rows, compared with the log."""
+"""Prediction errors of a fitted model: simulations from many rows of the smoothed path against the log."""
 
 from __future__ import annotations
 
@@ -15,30 +15,30 @@ from hovercontrol.targets.shoot import shoot
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
-#: Rows from which predictions start, at most.
+#: Maximum number of rows from which predictions start.
 STARTS = 600
 
 #: Longest sub-step [s].
 STEP = 0.01
 
-#: Horizons that fit into the logs at least: fewer say nothing of their own scatter.
+#: Minimum number of horizons that must fit into the logs. Fewer do not show the scatter of the errors.
 TIMES = 10
 
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
-    """Errors some time ahead.
+    """Prediction errors at one horizon.
 
     Attributes
     ----------
     horizon : float
-        [s]
+        Time from start to prediction [s].
     channels : tuple of str
     errors : ndarray, shape (N, C)
-        Measured, less the drift of a navigation, minus predicted; NaN where not measured.
+        Measured value minus drift of a navigation minus prediction; NaN where not measured.
     block : ndarray of int, shape (N,)
-        In which part of the logs each prediction starts: a block, or as many as make twice the horizon, since
-        predictions that overlap err alike.
+        Part of the logs in which each prediction starts. A part is one block, or as many blocks as twice the
+        horizon lasts, because predictions that overlap have correlated errors.
     """
 
     horizon: float
@@ -57,15 +57,15 @@ class Prediction:
 
 
 def predict(fit: Fit, horizon: float, starts: int = STARTS) -> Prediction | None:
-    """Return the errors of a fitted model `horizon` seconds ahead; None if no unbroken log is that long.
+    """Return the prediction errors of a fitted model; None if no unbroken log is as long as `horizon`.
 
     Parameters
     ----------
     fit : Fit
     horizon : float
-        [s]; the row nearest to it is predicted, in whichever block it is.
+        Time ahead [s]. The row nearest to it is predicted, whether in the same block or another.
     starts : int, optional
-        Predictions at most, spread evenly.
+        Maximum number of predictions, spread evenly.
     """
     problem = fit.problem
     time = problem.rows.time
@@ -86,6 +86,7 @@ def predict(fit: Fit, horizon: float, starts: int = STARTS) -> Prediction | None
     t0, t1 = time[first, start_of], time[last, of]
     finest = min(STEP, problem.longest_piece or STEP)
     S = max(1, int(np.ceil(float((t1 - t0).max()) / finest)))
+    # Integrate from the smoothed state x(t0) to t1 in S equal sub-steps h = (t1 - t0)/S
     h = (t1 - t0) / S
     t = t0 + np.arange(S)[:, None] * h
     parameters = problem.parameters(fit.p)
@@ -100,7 +101,11 @@ def predict(fit: Fit, horizon: float, starts: int = STARTS) -> Prediction | None
 
 
 def horizons(fit: Fit, wanted: Sequence[float] = (0.2, 0.5, 1.0, 2.0)) -> tuple[float, ...]:
-    """Return how far ahead a model is judged [s]: as wanted, or as many rows of a slower machine."""
+    """Return the prediction horizons for a fit [s].
+
+    The wanted horizons, lengthened for slowly sampled logs so that the shortest one spans ten rows, without
+    those that are too long for the logs. If none is left, the shortest one is cut to fit.
+    """
     slow = max(1.0, 10.0 * fit.problem.shortest / wanted[0])
     longest = max(float(np.ptp(piece.when)) for piece in _pieces(fit.problem))
     most = min(0.8 * longest, float(fit.problem.rows.seconds.sum()) / TIMES)
@@ -109,7 +114,19 @@ def horizons(fit: Fit, wanted: Sequence[float] = (0.2, 0.5, 1.0, 2.0)) -> tuple[
 
 @dataclass(frozen=True, eq=False)
 class _Piece:
-    """Measured rows of an unbroken piece of log in order of time: when [s], which of all, its stretches."""
+    """Measured rows of an unbroken piece of a log, in order of time.
+
+    Attributes
+    ----------
+    when : ndarray
+        Time of each row [s].
+    which : ndarray of int
+        Index of each row among all rows of the piece, stretch after stretch.
+    stretches : ndarray of int
+        Stretches of the piece.
+    per_stretch : int
+        Number of rows of a stretch.
+    """
 
     when: Array
     which: Indices
@@ -117,13 +134,13 @@ class _Piece:
     per_stretch: int
 
     def rows(self, of: Indices) -> Indices:
-        """Return rows and stretches of some of them, shape (2, N)."""
+        """Return row and stretch of the measured rows with indices `of`, shape (2, N)."""
         stretch, row = np.divmod(self.which[of], self.per_stretch)
         return np.stack([row, self.stretches[stretch]])
 
 
 def _pieces(problem: Problem) -> list[_Piece]:
-    """Return the pieces that have measured rows; one index a row, as logs of many millions of rows want."""
+    """Return the pieces that have measured rows, with one index per row to save memory in very long logs."""
     rows = problem.rows
     seen = np.asarray(problem.seen.any(axis=2))
     found = []

@@ -1,4 +1,4 @@
-"""What is held of a model's unknowns before any log: weakly, that they are about what the model says."""
+"""Prior of a model's unknowns: a wide normal distribution about the values of the model."""
 
 from __future__ import annotations
 
@@ -22,11 +22,12 @@ class PriorWidths:
     Attributes
     ----------
     shapes : float
-        Of the logarithm of a shape parameter, such as the width of friction.
+        Standard deviation of the logarithm of a shape parameter, such as the width of friction.
     coefficients : float
-        Of a coefficient, relative to its value.
+        Standard deviation of a coefficient, relative to its value.
     alone : float
-        Or, if larger, relative to the coefficient whose term alone has the measured acceleration.
+        Standard deviation of a coefficient, relative to the value at which its term alone explains the
+        observed acceleration. The larger of the two standard deviations applies.
     """
 
     shapes: float = 1.5
@@ -40,38 +41,44 @@ PRIOR = PriorWidths()
 
 @dataclass(frozen=True, eq=False)
 class Prior:
-    """Normal in the coordinates in which unknowns are sought; none on what was added to the model.
+    """Independent normal distributions in scaled coordinates (:class:`.Unknowns`).
+
+    Parameters of effects that were added to the model have no prior: their precision is zero.
 
     Attributes
     ----------
     centre, precision : ndarray, shape (P,)
+        Mean c and inverse variance Lambda in scaled coordinates z.
     """
 
     centre: Array
     precision: Array
 
     def cost(self, z: Array) -> float:
-        """Return minus twice its logarithm, but for a constant."""
+        """Return minus twice the log prior up to a constant, ``sum Lambda (z - c)^2``."""
         return float(self.precision @ (z - self.centre) ** 2)
 
     def slope(self, z: Array) -> Array:
-        """Return half the slope of the cost."""
+        """Return half the gradient of the cost, ``Lambda (z - c)``."""
         return np.asarray(self.precision * (z - self.centre))
 
 
 def prior_of(problem: Problem, model: Subject) -> Prior:
-    """Return the prior of a problem about the values of the model as it was given.
+    """Return the prior of a problem, centred at the values of the original model.
 
     Parameters
     ----------
     problem : Problem
     model : Model or BlockModel
-        Without what was added.
+        The model before effects were added.
     """
     own, linear = model.coefficients(), set(model.linear_coefficients())
     centre = np.array([own.get(name, v) for name, v in zip(problem.names, problem.start, strict=True)])
     centre = np.clip(centre, problem.lower, problem.upper)
     z = problem.inside(centre)
+    # precision = 1/sigma^2 about the model's value c, with c_alone of `sizes_alone`:
+    #   coefficient: sigma = max(coefficients |c|, alone c_alone)
+    #   logarithm of a shape: sigma = shapes;  other shape: sigma = max(|c|, 1e-3)
     precision = np.zeros(len(z))
     alone = problem.sizes_alone()
     for j, name in enumerate(problem.names):

@@ -1,4 +1,9 @@
-"""One model against the rows of logs, linearised from row to row: what every estimate is made of."""
+"""The estimation problem: one model and the rows of the logs, linearised from each row to the next.
+
+The N steps from row to row are integrated in sub-steps of the classical Runge-Kutta method, with the inputs
+held at their mean over each sub-step (:mod:`.steps`). States that depend on the commands alone are computed
+beforehand; the other states are free and are estimated.
+"""
 
 from __future__ import annotations
 
@@ -33,16 +38,17 @@ Array = NDArray[np.float64]
 #: Longest sub-step [s].
 STEP = 0.01
 
-#: Sub-steps between two rows: to begin with where rows are far apart, and at most.
+#: Number of sub-steps between two rows: initial number if rows are far apart, and maximum.
 FEW, MOST = 4, 64
 
-#: Part of all steps for which sub-steps are short enough where all are divided alike: runs of many steps.
+#: Fraction of the steps for which sub-steps are short enough if all steps have the same number of sub-steps,
+#: as in simulations over many steps.
 ENOUGH = 0.95
 
-#: Standard deviation of a block's first states about the path, in parts of how far states range.
+#: Standard deviation of a block's first states about the path, relative to the spread of each state.
 LOOSE = 10.0
 
-#: Least range of a friction's bristles, over their nominal value.
+#: Smallest spread of the bristle states of a friction model, relative to their nominal value.
 SHORTEST = 1e-6
 
 #: Relative size of the perturbations of one-sided differences.
@@ -53,12 +59,18 @@ NUDGE = 1e-6
 class Linear:
     """A problem linearised about a path; n free states, P unknowns.
 
+    With F the state at the next row, y the channels, dx and dz the deviations of states and unknowns (the
+    latter in scaled coordinates z, :class:`.Unknowns`)::
+
+        dx(k+1) = A dx(k) + B dz + defect(k),    residual(k) = H dx(k) + D dz + noise
+        A = dF/dx,  B = dF/dz,  defect = F(x(k)) - x(k+1),  H = dy/dx,  D = dy/dz
+
     Attributes
     ----------
     A : ndarray, shape (K-1, W, n, n)
     B : ndarray, shape (K-1, W, n, P)
     defect : ndarray, shape (K-1, W, n)
-        Where the model leads from a row, minus the path at the next.
+        State that the model reaches from a row, minus the path at the next row.
     H : ndarray, shape (K, W, C, n)
     D : ndarray, shape (K, W, C, P)
     residual : ndarray, shape (K, W, C)
@@ -66,9 +78,10 @@ class Linear:
     start : ndarray, shape (n,)
         Standard deviation of a block's first states about the path.
     jolt : ndarray, shape (K-1, W, n), or None
-        What a standard deviation of the times at which commands changed, where those are not known, adds.
+        Change of the next state if commands whose time of change is uncertain change one standard deviation
+        later.
     fresh : ndarray of bool, shape (K-1, W), or None
-        In which steps such a change begins to act; one late command shows for as long as it lags.
+        Steps in which such a change begins to act. Its lateness affects later steps while the command lags.
     """
 
     A: Array
@@ -83,28 +96,28 @@ class Linear:
 
 
 class Problem(Unknowns):
-    """A model, the logs as its Block sees them, and its unknowns.
+    """A model, the logs in terms of its Block, and the unknowns to estimate.
 
     Parameters
     ----------
     model : Model or BlockModel
-        Whose values the unknowns start from.
+        Its values are the initial values of the unknowns.
     data : Data
     names : sequence of str, optional
         Unknowns; default: all.
     pieces : int or ndarray, shape (N,), optional
-        In how many sub-steps each of the N steps from row to row is at least.
+        Minimum number of sub-steps of all N steps from row to row, or of each.
 
     Attributes
     ----------
     each : ndarray of int, shape (N,)
-        In how many sub-steps each step is.
+        Number of sub-steps of each step.
     pieces : int
         The largest number of sub-steps.
     free : tuple of int
-        States that are estimated: all but those that follow from the commands alone.
+        States that are estimated: all except those that follow from the commands alone.
     driven : tuple of int
-        Places among `free` of the states on which forces act or may act: process noise is theirs.
+        Positions in `free` of the states on which forces act or may act. They have process noise.
     driven_names : tuple of str
     """
 
@@ -142,7 +155,8 @@ class Problem(Unknowns):
         self.longest = max(0.25 * float(np.median(self.rows.seconds)), 2.0 * self.shortest)
         within = self.guess[..., list(self.free)]
         free = [self.block.states[i] for i in self.free]
-        least = [(1e-3 if s.name in self.rows.guess else 1.0) * s.nominal for s in free]  # not seen: anywhere
+        # A state without a guess from the logs may lie anywhere within its nominal range.
+        least = [(1e-3 if s.name in self.rows.guess else 1.0) * s.nominal for s in free]
         self.spread = np.maximum(within.std(axis=(0, 1)), least)
         self.accelerations = np.array([self._acceleration(i) for i in self.driven])
         usual = math.ceil(float(np.max(self.dt)) / STEP - 1e-9)
@@ -155,40 +169,41 @@ class Problem(Unknowns):
         self.set_pieces(pieces)
 
     def of(self, model: Subject) -> Problem:
-        """Return the problem of another model on the same rows.
+        """Return the problem for another model on the same rows.
 
-        Its unknowns are those of this problem that the model has, and the numbers of effects new in it.
+        Its unknowns are the unknowns of this problem that the model has, and the parameters of effects that
+        are new in the model.
         """
         mine = self.model.coefficients()
         names = [name for name in unknowns(model) if name in self.names or name not in mine]
         return Problem(model, self.data, names)
 
     def _acceleration(self, i: int) -> float:
-        """Return the root mean square slope of a free state, as seen."""
+        """Return the root mean square rate of change of a free state along the initial path."""
         own = self.dt > 0
         slopes = np.diff(self.guess[..., self.free[i]], axis=0)[own] / self.dt[own]
         return float(np.sqrt(np.mean(slopes**2))) or float(self.spread[i])
 
     @property
     def bristles(self) -> list[int]:
-        """States that are estimated and are no motion: those of a friction, which follow it within little."""
+        """Estimated states that are not motion: bristle states of friction, which follow it closely."""
         return [i for i in self.free if self.block.states[i].name not in self.model.motion]
 
     # ---- what the model is ------------------------------------------------------------------------------
 
     def _is_driven(self, i: int) -> bool:
-        """Whether a force may act on a state: its derivative holds a parameter or an input of the Block."""
+        """Whether a force may act on a state: its derivative has a parameter or an input of the Block."""
         name = self.block.states[i].name
         if name in self.model.pushed:
             return True
         if name not in self.model.motion:
-            return False  # bristles of a friction follow from the motion
+            return False  # bristle states of friction follow from the motion
         own = {s.symbol for s in (*self.block.parameters, *self.block.inputs)}
         own |= {self.block.states[k].symbol for k in self.known}
         return bool(self.block.expand(self.block.derivatives[name]).free_symbols & own)
 
     def _depends_on_inputs(self) -> list[int]:
-        """Return which unknowns change how commands arrive."""
+        """Return the indices of the unknowns that change the delay or the lag of the commands."""
         symbols = {self.block.states[i].symbol for i in self.known}
         laws = [self.block.derivatives[s.name].free_symbols for s in self.block.states if s.symbol in symbols]
         acting: set[str] = set().union(*({str(s) for s in law} for law in laws))
@@ -196,22 +211,23 @@ class Problem(Unknowns):
         return [j for j, name in enumerate(self.names) if self.block.parameter(name).name in acting]
 
     def without(self, samples: NDArray[np.bool_]) -> Problem:
-        """Return the problem less some samples, shape (K, W, C)."""
+        """Return the problem without some samples, a mask of shape (K, W, C)."""
         other = copy(self)
         other.data = self.data.without(samples)
         other.rows, other.seen = other.data.rows, self.seen & ~samples
         return other
 
     def weighted(self, variance: Array) -> Problem:
-        """Return the problem with other noise variances of samples over their channels', (K, W, C)."""
+        """Return the problem with noise variances of samples relative to their channels', (K, W, C)."""
         other = copy(self)
         other.data = replace(self.data, variance=variance)
         return other
 
     def path_of(self, block: Block, path: Array, p: Array) -> Array:
-        """Return another Block's path as one of this problem's; unknowns are `p` where states follow from it.
+        """Return the path of another Block in the states of this problem.
 
-        Bristles of a friction follow the motion from rest, and what else it lacks is as guessed.
+        States that the other Block lacks keep the initial guess, except bristle states of friction. These
+        follow the motion from rest with the unknowns `p`.
         """
         other = [s.name for s in block.states]
         found = self.guess.copy()
@@ -221,7 +237,7 @@ class Problem(Unknowns):
         return self.with_bristles(found, p, other)
 
     def with_bristles(self, path: Array, p: Array, known: Sequence[str] = ()) -> Array:
-        """Return a path on which bristles of a friction follow the motion, but for those that are known."""
+        """Return a path whose bristle states follow the motion, except the bristle states in `known`."""
         states = [s.name for s in self.block.states]
         new = [i for i in self.bristles if states[i] not in known]
         if not new:
@@ -240,18 +256,21 @@ class Problem(Unknowns):
     # ---- simulation ----------------------------------------------------------------------------------------
 
     def set_pieces(self, pieces: int | Counts) -> None:
-        """Choose in how many sub-steps all steps from row to row are, or each, shape (N,)."""
+        """Set the number of sub-steps of all steps from row to row, or of each step, shape (N,)."""
         self.steps = Steps(self.rows, self.inputs, np.clip(pieces, 1, MOST))
         self.each, self.pieces = self.steps.each, self.steps.pieces
 
     @property
     def longest_piece(self) -> float:
-        """Length of the sub-steps that are short enough for nearly all steps, as parts of the longest [s]."""
+        """Length of a sub-step that is short enough for nearly all steps [s].
+
+        The longest step divided by :attr:`usual_pieces`.
+        """
         return float(self.dt.max()) / self.usual_pieces
 
     @property
     def usual_pieces(self) -> int:
-        """In how many sub-steps nearly all steps are, at most."""
+        """Number of sub-steps that nearly all steps do not exceed."""
         return math.ceil(np.quantile(self.each, ENOUGH))
 
     def channels_at(self, x: Array, parameters: Sequence[float], t: Array, log: NDArray[np.intp]) -> Array:
@@ -271,7 +290,7 @@ class Problem(Unknowns):
         )
 
     def columns(self, unknowns: bool = True) -> Columns:
-        """Return by what slopes are: free states, then unknowns."""
+        """Return the columns of the sensitivities: free states, then unknowns."""
         n = len(self.free)
         of_state, of_parameter = [-1] * len(self.block.states), [-1] * len(self.block.parameters)
         for j, i in enumerate(self.free):
@@ -282,7 +301,7 @@ class Problem(Unknowns):
         return Columns(of_state, of_parameter)
 
     def _nudged(self, p: Array, j: int) -> tuple[Array, float]:
-        """Return unknowns of which one is a little other, and by how much."""
+        """Return the unknowns with one of them perturbed, and the perturbation."""
         step = NUDGE * max(abs(p[j]), 0.1 * self.size[j])
         step = step if p[j] + step <= self.upper[j] else -step
         other = p.copy()
@@ -298,22 +317,25 @@ class Problem(Unknowns):
         unknowns: bool = True,
         late: bool = False,
     ) -> tuple[Array, Array, Array]:
-        """Return where each row but the last leads, with slopes.
+        """Return the free states that the model reaches from each row at the next row, with derivatives.
 
         Parameters
         ----------
         x : ndarray, shape (K, W, n_states)
         p : ndarray, shape (P,)
         jacobian, unknowns : bool, optional
-            Whether slopes are asked for, and those by the unknowns.
+            Whether to return derivatives, and whether these include the unknowns.
         late : bool, optional
-            Whether commands act later by what is not sure of when they changed.
+            Whether commands whose time of change is uncertain act one standard deviation later.
 
         Returns
         -------
         ndarray, shape (K-1, W, n)
+            F, the states reached.
         ndarray, shape (K-1, W, n, n)
+            dF/dx
         ndarray, shape (K-1, W, n, P)
+            dF/dp
         """
         parameters, n = self.parameters(p), len(self.free)
         columns = self.columns(unknowns) if jacobian else None
@@ -324,7 +346,8 @@ class Problem(Unknowns):
             return F, np.empty(0), np.empty(0)
         J = np.moveaxis(slopes.reshape(n, columns.count, *self.dt.shape), (0, 1), (2, 3))
         A, B = J[..., :n], J[..., n:]
-        for j in self._moves_commands if unknowns else ():  # not by the parameter alone
+        # Unknowns that also change the commands: one-sided difference (F(p + d e_j) - F(p)) / d
+        for j in self._moves_commands if unknowns else ():
             other, step = self._nudged(p, j)
             every = self.parameters(other)
             there = self._shot(start, every)[0]
@@ -334,7 +357,7 @@ class Problem(Unknowns):
     def _shot(
         self, start: Array, parameters: Sequence[float], columns: Columns | None = None, late: bool = False
     ) -> tuple[Array, Array]:
-        """Return the free states after steps from row to row, shape (n, N), and their slopes."""
+        """Return the free states after the steps from row to row, shape (n, N), and their derivatives."""
         free = list(self.free)
         end = np.empty((len(free), start.shape[1]))
         slopes = np.empty((len(free), columns.count if columns else 0, start.shape[1]))
@@ -351,7 +374,7 @@ class Problem(Unknowns):
         return end, slopes
 
     def observe(self, x: Array, p: Array) -> tuple[Array, Array, Array]:
-        """Return the channels at every row, with slopes; shapes (K, W, C), (K, W, C, n), (K, W, C, P)."""
+        """Return the channels y, dy/dx and dy/dp at all rows; (K, W, C), (K, W, C, n) and (K, W, C, P)."""
         K, W, _ = x.shape
         n, P, C = len(self.free), len(p), len(self._picked)
         y, H, D = np.empty((K, W, C)), np.zeros((K, W, C, n)), np.zeros((K, W, C, P))
@@ -383,7 +406,11 @@ class Problem(Unknowns):
         return self.inputs.at(parameters, self.rows.time, log)
 
     def sizes_alone(self) -> Array:
-        """Return how large each unknown is whose term alone makes all accelerations seen, shape (P,)."""
+        """Return the size of each unknown at which its term alone explains an observed acceleration, (P,).
+
+        If an unknown acts on several driven states, the smallest size counts.
+        """
+        # size_j = min over driven states i of rms(x_i') / rms(df_i/dp_j), df_i/dp_j by a one-sided difference
         part = slice(None, None, max(1, self.dt.shape[0] // 40))
         x = np.moveaxis(self.guess[:-1][part], 2, 0)
         u = self._inputs_at_rows(self.parameters(self.start))[:, :-1][:, part]
@@ -405,7 +432,7 @@ class Problem(Unknowns):
         return np.where(np.isfinite(sizes), sizes, self.size)
 
     def linearise(self, x: Array, p: Array, *, unknowns: bool = True) -> Linear:
-        """Linearise about a path, in the coordinates in which unknowns are sought."""
+        """Linearise about a path, with the unknowns in scaled coordinates (:class:`.Unknowns`)."""
         F, A, B = self.advance(x, p, unknowns=unknowns)
         y, H, D = self.observe(x, p)
         if not unknowns:
@@ -425,7 +452,10 @@ class Problem(Unknowns):
         return Linear(A, B, defect, H, D, residual, self._starts(x), jolt, fresh)
 
     def _starts(self, path: Array) -> Array:
-        """Return how far off a path a block may begin: anywhere near, but bristles range as they do on it."""
+        """Return the standard deviation of a block's first states about the path, shape (n,).
+
+        It is wide for states of motion; for bristle states it is their standard deviation along the path.
+        """
         found = LOOSE * self.spread
         for i in self.bristles:
             own = float(path[..., i].std())
@@ -433,7 +463,7 @@ class Problem(Unknowns):
         return found
 
     def _fresh(self, delay: float) -> NDArray[np.bool_]:
-        """Return in which steps a command begins to act of which is not known when it changed, (K-1, W)."""
+        """Return the steps in which a command of uncertain time of change begins to act, (K-1, W)."""
         found = np.zeros(self.dt.shape, dtype=bool)
         for w, log in enumerate(self.rows.log.tolist()):
             step = np.searchsorted(self.rows.time[:, w], self.inputs.unsure[log] + delay, side="right") - 1

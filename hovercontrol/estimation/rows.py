@@ -1,7 +1,7 @@
-"""Rows of logs side by side in blocks: what a filter runs over.
+"""Rows of the logs, arranged in blocks for the filter.
 
-Each log is cut into disjoint blocks, over which evidence is compared later; a gap is no end of a block:
-rows without a measurement fill it, so that the model predicts through it.
+Each log is cut into disjoint blocks, whose evidence is compared later. A gap does not end a block: rows
+without a measurement fill it, and the model predicts across it.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ class Blocking:
     Attributes
     ----------
     least_blocks : int
-        Smallest number of blocks of all logs together: their scatter is estimated.
+        Smallest number of blocks of all logs together, so that their scatter can be estimated.
     most_blocks : int
         Largest number of blocks.
     seconds : float
@@ -36,15 +36,16 @@ class Blocking:
     rows : int
         Length of a block of a slowly sampled log in rows.
     stretch : int
-        Smallest number of rows that are filtered in one piece, since the first state is unknown.
+        Smallest number of rows of a stretch that a longer block is split into. The first state of each
+        stretch is unknown.
     fewest : int
         Smallest number of rows of a block.
     long_step : float
-        Time step, relative to the usual one, from which on rows without a measurement are inserted.
+        Time step, relative to the median one, above which rows without a measurement are inserted.
     longest_gap : float
-        Gap that ends a block [s].
+        Longest gap within a block [s].
     gap_steps : float
-        The same in usual time steps; both must be exceeded.
+        Longest gap within a block in median time steps. A gap that exceeds both ends a block.
     """
 
     least_blocks: int = 8
@@ -64,23 +65,24 @@ BLOCKING = Blocking()
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """W stretches of up to K rows, the shorter ones padded with their last row.
+    """W stretches of up to K rows; shorter ones are padded with their last row.
 
     Attributes
     ----------
     time : ndarray, shape (K, W)
-        Seconds since the start of the log that each stretch is from.
+        Time since the start of the log of each stretch [s].
     values : ndarray, shape (K, W, C)
         Measurements; NaN where there is none.
     guess : dict of str to ndarray, shape (K, W)
-        Where states may be, by name, as far as the logs tell.
+        Initial guess of the states that the logs tell, by name.
     log : ndarray of int, shape (W,)
+        Log of each stretch.
     block : ndarray of int, shape (W,)
-        Which stretches belong to one block: long ones are filtered in several stretches, side by side.
+        Block of each stretch. Long blocks are filtered in several stretches in parallel.
     piece : ndarray of int, shape (W,)
-        Which stretches follow on: a very long gap, or the end of a trial, ends a piece.
+        Unbroken piece of a log of each stretch. A very long gap or the end of a trial ends a piece.
     block_log : ndarray of int, shape (B,)
-        From which log each block is.
+        Log of each block.
     at : ndarray of int, shape (K, W)
         Row of the log; -1 where there is none.
     channels : tuple of str
@@ -102,7 +104,7 @@ class Rows:
         return self.by_block(self.time[-1] - self.time[0])
 
     def by_block(self, values: Array) -> Array:
-        """Return sums over the stretches of each block, shape (B, ...) of (W, ...)."""
+        """Return the sums over the stretches of each block, (W, ...) to (B, ...)."""
         found = np.zeros((len(self.block_log), *values.shape[1:]))
         np.add.at(found, self.block, values)
         return found
@@ -119,7 +121,7 @@ def arrange(
     ----------
     logs : sequence of Measured
     states : sequence of dict of str to ndarray, shape (n,)
-        A finite guess of states at all rows of each log, by name.
+        Finite guess of the states at all rows of each log, by name.
     channels : sequence of str
 
     Raises
@@ -177,7 +179,7 @@ def arrange(
 
 
 def _pieces(log: Measured) -> list[tuple[int, int]]:
-    """Return first row and row behind the last of the parts of each trial between very long gaps."""
+    """Return first row and end (exclusive) of the parts of each trial between very long gaps."""
     seen = np.flatnonzero(np.isfinite(log.values).any(axis=0))
     if seen.size < 2:
         return []
@@ -189,7 +191,7 @@ def _pieces(log: Measured) -> list[tuple[int, int]]:
 
 
 def _grid(log: Measured, first: int, stop: int) -> tuple[Array, Indices]:
-    """Return times and rows of a part, long steps filled with times that have no row (-1)."""
+    """Return times and rows of a part; long steps are filled with times that have no row (-1)."""
     time = log.time[first:stop]
     step = np.diff(time)
     usual = float(np.median(step))

@@ -1,4 +1,4 @@
-"""Spikes: samples off the rows before and behind alike, as no motion puts them."""
+"""Spikes: samples that deviate from the rows before and after in a way that no motion explains."""
 
 from __future__ import annotations
 
@@ -13,25 +13,25 @@ Mask = NDArray[np.bool_]
 
 @dataclass(frozen=True)
 class SpikeCriteria:
-    """When samples are a spike: off the rows before and after alike.
+    """When samples are a spike: far from the rows before and from the rows after.
 
     No published source: set by hand on recorded logs, exercised by tests/discrepancy/test_outliers.py.
 
     Attributes
     ----------
     stands_out : float
-        Distance of a residual from both sides in standard deviations.
+        Smallest distance of a residual from both sides in standard deviations.
     steps : float
-        The same in steps from row to row there.
+        Smallest distance from the nearer side in multiples of the steps from row to row about it.
     beside : int
-        Rows to either side that are compared.
+        Number of rows to either side that are compared.
     apart : float
         Largest distance between the two sides, relative to the distance of the sample.
     sharp : tuple
-        Distance of one, two or three samples from the nearest rows, relative to their distance from the
-        sides.
+        Smallest distance of one, two or three samples from the nearest rows, relative to their distance from
+        the nearer side.
     lonely : float
-        Factor for samples with rows on one side only.
+        Factor on `stands_out` for samples with rows on one side only.
     """
 
     stands_out: float = 5.5
@@ -47,14 +47,14 @@ SPIKES = SpikeCriteria()
 
 
 def stand_out(z: Array, seen: Mask) -> Mask:
-    """Return which samples lie off the rows before and those behind them alike, alone or a few together.
+    """Return which samples are spikes: one to three samples far from the rows before and the rows after.
 
     Parameters
     ----------
     z : ndarray, shape (W, K, C)
         Residuals over the noise.
     seen : ndarray of bool, shape (W, K, C)
-        Rows that are not are passed over.
+        Which samples were measured; the others are skipped.
 
     Examples
     --------
@@ -63,7 +63,7 @@ def stand_out(z: Array, seen: Mask) -> Mask:
     array([4])
     """
     rows = np.where(seen, z, np.nan)
-    order = np.argsort(~np.isfinite(rows), axis=1, kind="stable")  # rows that are seen side by side, in front
+    order = np.argsort(~np.isfinite(rows), axis=1, kind="stable")  # measured rows first, in order
     rows = np.take_along_axis(rows, order, axis=1)
     found = np.zeros(rows.shape, dtype=np.bool_)
     for width in range(1, len(SPIKES.sharp) + 1):
@@ -76,7 +76,7 @@ def stand_out(z: Array, seen: Mask) -> Mask:
 
 
 def _alone(rows: Array, width: int) -> Mask:
-    """Return at which rows as many as `width` begin that stand out together, (W, K + 1 - width, C)."""
+    """Return at which rows a spike of `width` samples begins, shape (W, K + 1 - width, C)."""
     W, K, C = rows.shape
     if width > K:
         return np.zeros((W, 0, C), dtype=np.bool_)
@@ -85,16 +85,17 @@ def _alone(rows: Array, width: int) -> Mask:
     padded = np.concatenate([edge, rows, edge], axis=1)
     found = _perhaps(padded, width)
     w, k, c = np.nonzero(found)
-    near = padded[w, k + np.arange(2 * beside + width)[:, None], c]  # few: the ranks of all rows take long
+    near = padded[w, k + np.arange(2 * beside + width)[:, None], c]  # candidates only: ranking all is slow
     found[w, k, c] = _between(near[:beside][::-1], near[beside:-beside], near[-beside:], width)
     return found
 
 
 def _perhaps(padded: Array, width: int) -> Mask:
-    """Return at which rows as many as `width` may begin that stand out together, (W, K + 1 - width, C).
+    """Return at which rows a spike of `width` samples may begin, shape (W, K + 1 - width, C).
 
-    The middle of both sides is farther than ``stands_out`` from such a row, and each side less than
-    ``apart`` / 2 of that from their middle: the row is above the medians of both, or below both.
+    This is a fast necessary condition. A spike is farther than ``stands_out`` from the middle of both sides,
+    and each side is less than ``apart`` / 2 of that distance from the middle. The first sample is therefore
+    above the medians of both sides by ``(1 - apart / 2) * stands_out``, or below both.
     """
     count, beside = padded.shape[1] - 2 * SPIKES.beside - width + 1, SPIKES.beside
     a, b, c = (padded[:, k : padded.shape[1] - 2 + k] for k in range(3))
@@ -109,10 +110,16 @@ def _perhaps(padded: Array, width: int) -> Mask:
 
 
 def _between(before: Array, own: Array, after: Array, width: int) -> Mask:
-    """Return which rows, shape (width, N), stand out from those before and after, nearest first, (3, N)."""
+    """Return which samples, shape (width, N), are spikes, given the rows before and after, shape (3, N).
+
+    Rows before and after are ordered by distance, the nearest first.
+    """
+    # Medians l, r of both sides, middle m = (l + r)/2:
+    #   far = min |z - m|,  least = far - |l - r|/2 (distance from the nearer side)
+    # A spike has far > stands_out, least > steps * (step size about it), |l - r| < apart * least
     left, right = _ranked(before, 0.5), _ranked(after, 0.5)
     none, no_more = np.isnan(left), np.isnan(right)
-    one = none | no_more  # at the end of a stretch there is one side only: it must be whole, and tell more
+    one = none | no_more  # at an end of a stretch: one side only, which must be complete; stricter limits
     left, right = np.where(none, right, left), np.where(no_more, left, right)
     middle = 0.5 * (left + right)
     up = np.sign(own[0] - middle)
@@ -128,7 +135,7 @@ def _between(before: Array, own: Array, after: Array, width: int) -> Mask:
 
 
 def _ranked(rows: Array, part: float) -> Array:
-    """Return the number of a rank (0: smallest, 1: largest) among the finite ones along the first axis."""
+    """Return the value of a rank (0: smallest, 1: largest) among the finite values along the first axis."""
     ordered, last = np.sort(rows, axis=0), np.isfinite(rows).sum(axis=0) - 1
     place = np.maximum(last, 0) * part
     low, high = np.floor(place).astype(np.intp), np.ceil(place).astype(np.intp)

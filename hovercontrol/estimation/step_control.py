@@ -1,9 +1,9 @@
-"""How fine sub-steps must be along a path: until halved ones change no state by more than logs can tell.
+"""Step-size control along a path: sub-steps are halved until halving changes no state noticeably.
 
-The error control of every integrator (Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I,
-II.4), with the standard deviation of each state as its scale. What it is for is said in :mod:`.substeps`.
-A body at rest stays there in sub-steps of any length: whether small motions of it grow is seen beside the
-path.
+This is the usual error control by step halving (Hairer, Norsett and Wanner, Solving Ordinary Differential
+Equations I, II.4), with the standard deviation of each state as its scale. :mod:`.substeps` says why short
+sub-steps are needed. A body at rest stays at rest in sub-steps of any length. Therefore a second path, a
+small distance away, shows whether small motions grow.
 """
 
 from __future__ import annotations
@@ -19,27 +19,28 @@ from hovercontrol.estimation.steps import Counts
 
 Array = NDArray[np.float64]
 
-#: Largest change of a state by halved sub-steps, in its standard deviations over the root of the number of
-#: steps: errors of one sign add up over all steps, noise over their root. Largest change of a small motion,
-#: relative to it. Rows about such a step that are divided with it: the next pass runs along another path.
+#: CLOSE: largest change of a state by halving the sub-steps, in standard deviations of the state over the
+#: root of the number of steps. Errors of one sign grow with the number of steps, noise with its root.
+#: STEADY: largest relative change of a small motion by halving. ABOUT: number of rows about a step that are
+#: refined with it, because the next pass runs along another path.
 CLOSE, STEADY, ABOUT = 0.3, 0.1, 5
 
-#: A small motion, and the least standard deviation of a state (a body that dry friction holds has none), in
-#: parts of how far the state ranges.
+#: Size of a small motion, and smallest standard deviation of a state, relative to the spread of the state. A
+#: body that dry friction holds would have the standard deviation zero.
 SMALL = 1e-4
 
-#: Standard deviation of a state before the first pass tells it, in parts of how far it ranges.
+#: Standard deviation of a state before the first pass, relative to the spread of the state.
 FIRST = 1e-2
 
 
 def deviations(problem: Problem, covariance: Array) -> Array:
-    """Return standard deviations of the free states, (K, W, n), of their covariance, (K, W, N, N)."""
+    """Return the standard deviations of the free states, (K, W, n), from a covariance, (K, W, N, N)."""
     variance = np.diagonal(covariance, axis1=2, axis2=3)[..., : len(problem.free)]
     return np.sqrt(np.maximum(variance, (SMALL * problem.spread) ** 2))
 
 
 def controlled(problem: Problem, path: Array, p: Array, std: Array | None = None) -> Problem:
-    """Return a problem in sub-steps that are short enough along a path; none becomes longer.
+    """Return the problem with sub-steps that are short enough along a path; no sub-step becomes longer.
 
     Parameters
     ----------
@@ -48,8 +49,10 @@ def controlled(problem: Problem, path: Array, p: Array, std: Array | None = None
     p : ndarray, shape (P,)
         Unknowns.
     std : ndarray, shape (K, W, n), optional
-        By :func:`deviations`; None before the first pass.
+        Result of :func:`deviations`; None before the first pass.
     """
+    # Of N steps, a step of end F(x; h) is halved while, for a small motion d about the path,
+    #   |F(x; h) - F(x; h/2)| > CLOSE std / sqrt(N)  or  |dF(h) - dF(h/2)| > STEADY d,  dF = F(x + d) - F(x)
     least = (FIRST * problem.spread if std is None else std[1:]) * CLOSE / np.sqrt(problem.dt.size)
     beside = path.copy()
     beside[..., list(problem.free)] += SMALL * problem.spread
@@ -76,7 +79,7 @@ def controlled(problem: Problem, path: Array, p: Array, std: Array | None = None
 
 
 def _divided(problem: Problem, pieces: Counts) -> Problem:
-    """Return a problem in other sub-steps."""
+    """Return the problem with other numbers of sub-steps."""
     other = copy(problem)
     other.set_pieces(pieces)
     return other

@@ -1,4 +1,4 @@
-"""Steps from row to row in sub-steps, as many as each needs."""
+"""Steps from row to row, each divided into as many sub-steps as it needs."""
 
 from __future__ import annotations
 
@@ -15,22 +15,22 @@ from hovercontrol.estimation.rows import Rows
 Array = NDArray[np.float64]
 Counts = NDArray[np.intp]
 
-#: Delays whose sub-steps are kept, at most.
+#: Maximum number of delays whose sub-steps are cached.
 HELD = 4
 
 
 @dataclass(frozen=True, eq=False)
 class SubSteps:
-    """Steps from row to row in pieces: S of each of N steps.
+    """N steps from row to row, each divided into S sub-steps.
 
     Attributes
     ----------
     t, h : ndarray, shape (S, N)
-        Begin and length [s].
+        Begin and length of each sub-step [s].
     u : ndarray, shape (n_inputs, S, N)
         Means of the inputs.
     lagged : dict of int to ndarray, shape (S, N)
-        Means of states that follow from the inputs.
+        Means of the states that follow from the inputs, by index of the state.
     """
 
     t: Array
@@ -41,17 +41,18 @@ class SubSteps:
 
 @dataclass(frozen=True, eq=False)
 class Group:
-    """Steps that are in equally many sub-steps, and where these are among all of their stretch.
+    """Steps with the same number of sub-steps, and the positions of these within their stretch.
 
     Attributes
     ----------
     at : ndarray of int, shape (N,)
-        Which steps.
+        Indices of the steps.
     steps : SubSteps
-        In S sub-steps each.
+        S sub-steps of each.
     place : ndarray of int, shape (S, N)
-        Of each sub-step in its stretch.
+        Position of each sub-step in its stretch.
     stretch : ndarray of int, shape (N,)
+        Stretch of each step.
     """
 
     at: Counts
@@ -62,12 +63,14 @@ class Group:
 
 @dataclass(frozen=True, eq=False)
 class InTime(SubSteps):
-    """All sub-steps of W stretches in order of time, M each: shorter ones end in sub-steps of length zero.
+    """All sub-steps of W stretches in order of time, M for each stretch.
+
+    Stretches with fewer sub-steps are padded with sub-steps of length zero.
 
     Attributes
     ----------
     begin : ndarray of int, shape (K, W)
-        The first sub-step of each step from row to row, and behind the last row's the number of all.
+        The first sub-step of each step from row to row; the last row holds the number of all sub-steps.
     groups : tuple of Group
     """
 
@@ -75,7 +78,7 @@ class InTime(SubSteps):
     groups: tuple[Group, ...]
 
     def between(self, path: Array) -> Array:
-        """Return a path in the middles of sub-steps, straight from row to row, (n, M, W) of (K, W, n)."""
+        """Return a path, (K, W, n), interpolated linearly at the middles of the sub-steps, (n, M, W)."""
         x = np.moveaxis(path, 2, 0)
         found = np.broadcast_to(x[:, -1:], (len(x), *self.t.shape)).copy()
         for g in self.groups:
@@ -94,16 +97,16 @@ class Steps:
     rows : Rows
     inputs : Inputs
     pieces : int or ndarray, shape (N,)
-        In how many sub-steps all are, or each.
+        Number of sub-steps of all steps, or of each.
 
     Attributes
     ----------
     each : ndarray of int, shape (N,)
-        In how many sub-steps each is.
+        Number of sub-steps of each step.
     pieces : int
-        The largest of these.
+        The largest of these numbers.
     log : ndarray of int, shape (N,)
-        In which log each is.
+        Index of the log of each step.
     """
 
     def __init__(self, rows: Rows, inputs: Inputs, pieces: int | Counts) -> None:
@@ -117,15 +120,15 @@ class Steps:
         self._held: dict[tuple[float, bool], list[SubSteps]] = {}
 
     def divided(self, parameters: Sequence[float], late: bool = False) -> list[tuple[Counts, SubSteps]]:
-        """Return steps that are in equally many sub-steps: which, and these.
+        """Return, for each number of sub-steps, the indices of its steps and their sub-steps.
 
-        Means of inputs change with the delay alone: those of the last few are kept.
+        The means of the inputs depend on the delay alone. They are cached for the last few delays.
 
         Parameters
         ----------
         parameters : sequence of float
         late : bool, optional
-            Whether commands act later by what is not sure of when they changed.
+            Whether commands whose time of change is uncertain act one standard deviation later.
         """
         key = self.inputs.delay(parameters), late
         if key in self._held:
@@ -160,7 +163,11 @@ class Steps:
         return InTime(t, h, u, lagged, begin, tuple(groups))
 
     def _sub_steps(self, parameters: Sequence[float], pieces: int, steps: Counts, late: bool) -> SubSteps:
-        """Return sub-steps. Two meet where commands change most in a step: held inputs are exact then."""
+        """Return the sub-steps of `steps`.
+
+        Two sub-steps meet at the largest change of the commands in a step, so that inputs held constant over
+        each sub-step are exact there.
+        """
         begin, dt, log = self._begin[steps], self._dt[steps], self.log[steps]
         part, delay = np.full(dt.shape, np.nan), self.inputs.delay(parameters)
         if pieces > 1:

@@ -1,4 +1,4 @@
-"""What can be diagnosed: a model's equations, timing and unknowns, whatever its numbers."""
+"""Models that can be diagnosed: their equations, timing and unknowns, independent of parameter values."""
 
 from __future__ import annotations
 
@@ -7,18 +7,19 @@ from hovercontrol.effects import Shape
 from hovercontrol.models.blockmodel import BlockModel
 from hovercontrol.models.model import Model
 
-#: What can be diagnosed.
+#: A model that can be diagnosed.
 Subject = Model | BlockModel
 
-#: Largest rate at which bristles of a friction follow the motion [1/s]: logs do not show a millisecond. Times
-#: the length of a sub-step it is at most the other: Runge-Kutta is stable to 2.8.
+#: FASTEST: largest rate at which bristle states of friction follow the motion [1/s], as logs do not resolve a
+#: millisecond. FOLLOWED: largest product of that rate and the length of a sub-step; Runge-Kutta is stable up
+#: to 2.8.
 FASTEST, FOLLOWED = 1e3, 1.25
 
 _STRUCTURES: dict[tuple[object, ...], Block] = {}
 
 
 def structure(model: Subject) -> Block:
-    """Return a Block with the equations of a model, whatever its numbers; made once for a set of effects."""
+    """Return a Block with the equations of a model; cached, as it does not depend on parameter values."""
     key = (type(model), *model.signature)
     if key not in _STRUCTURES:
         if len(_STRUCTURES) > 500:
@@ -28,12 +29,14 @@ def structure(model: Subject) -> Block:
 
 
 def rate_key(block: Block) -> str:
-    """Return what the parameter is called that says how fast bristles follow, if a Block has it."""
+    """Return the name of the parameter for the rate at which bristle states follow, if a Block has one."""
     return f"{block.name}.fastest"
 
 
 def followed_rate(step: float) -> float:
-    """Return how fast bristles may follow in sub-steps as long as this [1/s].
+    """Return the largest stable rate of bristle states [1/s] for sub-steps of length `step` [s].
+
+    ``min(FASTEST, FOLLOWED / step)``
 
     Examples
     --------
@@ -47,7 +50,7 @@ _TIMINGS: dict[tuple[object, ...], tuple[str, str]] = {}
 
 
 def timing(model: Subject) -> tuple[str, str]:
-    """Return which parameters say how late a model's inputs act and measurements are; made once as well."""
+    """Return the names of the parameters for the delays of a model's inputs and measurements; cached."""
     key = (type(model), *model.signature)
     if key not in _TIMINGS:
         if len(_TIMINGS) > 500:
@@ -57,9 +60,9 @@ def timing(model: Subject) -> tuple[str, str]:
 
 
 def unknowns(model: Subject) -> tuple[str, ...]:
-    """Return the parameters of a model that a fit seeks: coefficients, widths of dry friction, shapes.
+    """Return the parameters of a model that a fit estimates: coefficients, widths of dry friction, shapes.
 
-    A time at which something jumps is none: residuals do not change smoothly with it.
+    The time of a jump is not estimated, because residuals do not change smoothly with it.
 
     Examples
     --------
@@ -78,7 +81,7 @@ def unknowns(model: Subject) -> tuple[str, ...]:
 
 
 def same_widths(model: Subject) -> dict[str, str]:
-    """Return widths of friction that are another's: along one axis dry friction has one.
+    """Return widths of friction that equal another one: along one axis, dry friction has a single width.
 
     Examples
     --------

@@ -1,9 +1,9 @@
-"""What happens within the steps from row to row, in the sub-steps of :mod:`.step_control`.
+"""States and sensitivities within the steps from row to row, in the sub-steps of :mod:`.step_control`.
 
-Sub-steps must be short. Dry friction of strength c and width w has slopes up to c/w, and Runge-Kutta with
-sub-steps h is unstable beyond h c/w = 2.8 (Hairer and Wanner, Solving Ordinary Differential Equations II,
-IV.2): each multiplies differences, those of rounding too, by up to (h c/w)^4/24, and the same log gives other
-coefficients on another processor.
+Sub-steps must be short. Dry friction of strength c and width w has slopes up to c/w. Runge-Kutta with
+sub-steps h is unstable for h c/w > 2.8 (Hairer and Wanner, Solving Ordinary Differential Equations II, IV.2):
+each sub-step multiplies differences, including rounding errors, by up to (h c/w)^4/24. The same log would
+then give different coefficients on another processor.
 """
 
 from __future__ import annotations
@@ -22,17 +22,17 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Within:
-    """What happens from row to row, in sub-steps.
+    """States and responses in the sub-steps from row to row.
 
     Attributes
     ----------
     steps : InTime
         M sub-steps of each of W stretches.
     states : ndarray, shape (n_states, M, W)
-        In the middles of sub-steps, as the model leads there from each row.
+        States at the middle of each sub-step, simulated from the row before.
     response : tuple of ndarray, shape (n, n, S, N)
-        Of each group of steps. [j, i]: what a unit push on free state j during a sub-step has become of free
-        state i at the next row. A body that dry friction holds forgets it.
+        One array for each group of steps. Element [j, i] is the change of free state i at the next row caused
+        by a unit rate of free state j during a sub-step. It decays quickly if dry friction holds the body.
     """
 
     steps: InTime
@@ -40,7 +40,7 @@ class Within:
     response: tuple[Array, ...]
 
     def become(self, push: Array) -> Array:
-        """Return what pushes, shape (n, M, W), have become at the next rows, shape (K-1, W, n)."""
+        """Return the effect of added rates, shape (n, M, W), at the next rows, shape (K-1, W, n)."""
         rows = len(self.steps.begin) - 1, push.shape[-1]
         found = np.zeros((len(push), rows[0] * rows[1]))
         for group, response in zip(self.steps.groups, self.response, strict=True):
@@ -52,7 +52,7 @@ class Within:
 
 
 def within(fit: Fit) -> Within:
-    """Return what happens within the steps of a fit."""
+    """Return the states and responses within the steps of a fit."""
     problem = fit.problem
     parameters = problem.parameters(fit.p)
     steps = problem.steps.in_time(parameters)
@@ -66,12 +66,14 @@ def within(fit: Fit) -> Within:
 
 
 def _group_within(fit: Fit, group: Group, parameters: list[float]) -> tuple[Array, Array]:
-    """Return the states in the middles of S sub-steps of N steps, (n_states, S, N), and the responses."""
+    """Return the states at the middles of S sub-steps of N steps, (n_states, S, N), and the responses."""
     problem, steps = fit.problem, group.steps
     n, (S, N) = len(problem.free), group.place.shape
     x = np.moveaxis(fit.path[:-1], 2, 0).reshape(-1, problem.dt.size)[:, group.at]
     known = {i: v[None] for i, v in steps.lagged.items()}
     path = shoot(problem.block, steps.t[None], steps.h, steps.u[:, None], known, parameters, x)
+    # Backward through the sub-steps, with the Jacobian J_s = dx(s+1)/dx(s) and Phi = dx(end)/dx:
+    #   Phi(s) = Phi(s+1) J_s,  Phi(end) = I,  response = h (Phi(s) + Phi(s+1))/2 * trapezoid correction
     response, after = np.empty((n, n, S, N)), np.broadcast_to(np.eye(n)[:, :, None], (n, n, N))
     for s in reversed(range(S)):
         held = {i: v[s, None, None] for i, v in steps.lagged.items()}
@@ -88,9 +90,10 @@ def _group_within(fit: Fit, group: Group, parameters: list[float]) -> tuple[Arra
 
 
 def _of_trapezoid(left: Array) -> Array:
-    """Return the mean of a decay over that of its ends, for what is left of it at the end.
+    """Return the mean of an exponential decay relative to the trapezoidal rule, given its value at the end.
 
-    Of exp(-a s), s from 0 to 1, with e = exp(-a): (1 - e)/a over (1 + e)/2. Friction decays fast.
+    For exp(-a s), s from 0 to 1, with e = exp(-a): (1 - e)/a over (1 + e)/2. The correction matters because
+    friction decays fast.
     """
     e = np.clip(left, 1e-12, 1.0)
     with np.errstate(all="ignore"):

@@ -1,4 +1,4 @@
-"""What a fit seeks: its start, its bounds, the coordinates it is sought in, its places in a Block."""
+"""Unknowns of a fit: initial values, bounds, scaled coordinates and positions among a Block's parameters."""
 
 from __future__ import annotations
 
@@ -13,36 +13,39 @@ from hovercontrol.estimation.subject import Subject, same_widths, unknowns
 
 Array = NDArray[np.float64]
 
-#: Narrowest friction [m/s, rad/s] that a fit tells from a jump, and the widest in parts of the speed.
+#: Smallest width of friction that a fit can distinguish from a jump [m/s, rad/s], and largest width relative
+#: to the speed.
 NARROWEST, WIDEST = 5e-4, 0.3
 
 
 class Unknowns:
     """The unknowns of a model.
 
-    Those that scale something (widths, times, stiffnesses: shapes above zero) are sought by their logarithm.
+    Unknowns p are estimated in scaled coordinates z. Positive scale parameters (shapes such as widths, times
+    and stiffnesses) have ``z = log p``, all others ``z = p``.
 
     Parameters
     ----------
     model : Model or BlockModel
-        Whose values the unknowns start from.
+        Its values are the initial values of the unknowns.
     block : Block
-        With the model's equations.
+        Block with the equations of the model.
     paths : mapping of str to ndarray
-        The Block's states, as guessed from logs: no friction grows as wide as they are fast.
+        States of the Block, as guessed from the logs. They bound the widths of friction.
     names : sequence of str, optional
-        Default: :func:`~hovercontrol.estimation.subject.unknowns`.
+        Names of the unknowns; default: :func:`~hovercontrol.estimation.subject.unknowns`.
 
     Attributes
     ----------
     names : tuple of str
     start, lower, upper : ndarray, shape (P,)
-        In the unknowns' own units.
+        Initial values and bounds, in the units of the unknowns.
     log_scale : ndarray of bool, shape (P,)
+        Unknowns whose logarithm is estimated.
     size : ndarray, shape (P,)
-        How large they are: as they start, 1 for zero.
+        Magnitude of the initial values; 1 for zero.
     same : dict of str to str
-        Numbers that are the same as an unknown.
+        Parameters that share their value with an unknown.
     """
 
     def __init__(
@@ -76,7 +79,8 @@ class Unknowns:
         ]
 
     def _bound_widths(self, model: Subject, paths: Mapping[str, Array]) -> None:
-        """Let no dry friction grow as wide as the motion is fast: it would be a linear drag."""
+        """Bound the width of dry friction by the speed: wider friction would act as linear drag."""
+        # widest = WIDEST sqrt(mean(v^4) / mean(v^2)) along the guessed path
         for e in model.effects:
             axis, name = e.axis, e.friction_width()
             if axis not in paths or name not in self.names:
@@ -88,20 +92,20 @@ class Unknowns:
             self.upper[j] = max(min(self.upper[j], widest), self.start[j], self.lower[j])
 
     def inside(self, p: Array) -> Array:
-        """Return unknowns in the coordinates in which they are sought."""
+        """Return the scaled coordinates z of unknowns p."""
         return np.where(self.log_scale, np.log(np.where(self.log_scale, p, 1.0)), p)
 
     def outside(self, z: Array) -> Array:
-        """Return unknowns in their own units, within their bounds."""
+        """Return the unknowns p of scaled coordinates z, clipped to their bounds."""
         p = np.where(self.log_scale, np.exp(np.where(self.log_scale, z, 0.0)), z)
         return np.asarray(np.clip(p, self.lower, self.upper))
 
     def slope(self, p: Array) -> Array:
-        """Return the derivative of unknowns by the coordinates in which they are sought."""
+        """Return dp/dz: p for unknowns whose logarithm is estimated, else 1."""
         return np.where(self.log_scale, p, 1.0)
 
     def parameters(self, p: Array) -> list[float]:
-        """Return every parameter of the Block, the unknowns as in `p`."""
+        """Return all parameters of the Block, with the values `p` of the unknowns."""
         every = list(self._every)
         for places, value in zip(self._at, p.tolist(), strict=True):
             for at in places:
@@ -109,11 +113,14 @@ class Unknowns:
         return every
 
     def coefficients(self, p: Array) -> dict[str, float]:
-        """Return the unknowns and what is the same as one, by name."""
+        """Return the unknowns and the parameters that share their values, by name."""
         found = dict(zip(self.names, p.tolist(), strict=True))
         return {**found, **{one: found[other] for one, other in self.same.items()}}
 
 
 def _scales(shape: Shape, start: float) -> bool:
-    """Return whether a shape is above zero, and none at which its effect vanishes."""
+    """Return whether the logarithm of a shape is estimated.
+
+    Its lower bound must be positive, or zero without a neutral value (at which the effect would vanish).
+    """
     return shape.lower > 0.0 or (shape.lower == 0.0 < start and np.isnan(shape.neutral))
