@@ -23,10 +23,10 @@ class Criteria:
     least, each : float
         An effect with k parameters must reduce twice the negative log likelihood by ``least + each k``. This
         is a likelihood ratio of e^10, and e^2 more for each parameter (a Bayes factor that Kass and Raftery,
-        JASA 90 (1995), call decisive). `level` asks about as much of a chi-squared among sixty candidates.
+        JASA 90 (1995), call decisive). `level` asks for a similar chi-squared among sixty candidates.
     other_sign : float
-        Probability, shared among all candidates considered, that the coefficient changes its sign in a
-        further block. It bounds the standard deviation of the coefficient from block to block, measurement
+        Probability, shared among all candidates considered, that a further block gives the coefficient the
+        opposite sign. It limits the standard deviation of the coefficient from block to block, measurement
         noise removed (:meth:`spread`): a third of the coefficient among forty candidates, 0.47 among the
         three drags of an axis. A real cause is invariant, a substitute for it is not (Peters, Buehlmann,
         Meinshausen, J. R. Stat. Soc. B 78 (2016)).
@@ -62,9 +62,9 @@ class Criteria:
         A log counts as predicted better if these errors, averaged over horizons, fall by more than this many
         standard errors.
     confirmed : float
-        Where a remainder is left and predictions do not surely get better, a name needs a reduction of twice
+        Where a remainder is left and predictions do not get significantly better, an effect must reduce twice
         the negative log likelihood of the held-out log by this many standard errors over blocks. A false
-        effect reaches it in 5 % of cases. A usual level, chosen after a false name with t = 1.5 was seen.
+        effect does so in 5 % of cases. A usual level, chosen after a false name with t = 1.5 was seen.
     most : float
         An effect that removes this fraction of the squared held-out errors at one horizon, all channels
         together, is confirmed by that alone. A few events may cause nearly all of the error; t over all

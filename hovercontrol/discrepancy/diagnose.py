@@ -1,4 +1,4 @@
-"""Find where model and measurement disagree, name the missing effect, add it, and show the smaller error."""
+"""Diagnosis of a model against logs: missing effects, their share of the error, and the remainder."""
 
 from __future__ import annotations
 

@@ -61,7 +61,7 @@ class Found:
 
     @property
     def interval(self) -> tuple[float, float]:
-        """The 95 % interval."""
+        """The 95 % interval, value +- 1.96 std."""
         return self.value - 1.96 * self.std, self.value + 1.96 * self.std
 
 

@@ -197,7 +197,7 @@ def _squares(model: Subject, log: Log, shifts: Array) -> tuple[Array, Array] | N
 
 
 def _least(shifts: Array, squares: Array) -> float | None:
-    """Return the minimum of sums of squares over shifts, by a parabola through five; None near the ends."""
+    """Return the shift with the minimum sum of squares, by a parabola fitted to five; None near the ends."""
     k = int(squares.argmin())
     if not 1 < k < shifts.size - 2:
         return None

@@ -111,6 +111,7 @@ def check_excitation(base: Fit, predicts_nothing: bool = False) -> list[str]:
     names, size = [problem.names[j] for j in own], problem.size[own]
     S = information(base)[np.ix_(own, own)]
     C = covariance(S, size, widening(base)[own])
+    # standard errors: C_jj^(1/2) with all coefficients unknown, S_jj^(-1/2) with the others known
     std = np.sqrt(np.diag(C))
     alone = 1.0 / np.sqrt(np.maximum(np.diag(S), 1e-300))
     blind = np.flatnonzero(std > size).tolist()

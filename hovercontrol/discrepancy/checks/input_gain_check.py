@@ -62,6 +62,7 @@ def refuse_gains(base: Fit) -> None:
         return
     S = base.S.sum(axis=0)
     beside = {j: inputs_beside(problem.block, problem.block.parameter(problem.names[j]).name) for j in linear}
+    # effect of a coefficient on the whitened residual: S_jj^(1/2) |given value|
     does = {j: float(np.sqrt(S[j, j]) * abs(problem.start[j])) for j in linear if beside[j]}
     main = [j for j, much in does.items() if much > INPUT_GAIN.slight * max(does.values())]
     far = {j: beside[j] for j in main if _is_far(base.p[j], problem.start[j], std[j])}

@@ -190,7 +190,11 @@ def regime_of(same: Sequence[Missing]) -> str:
 
 
 def _where(same: Sequence[Missing]) -> str:
-    """Return the condition under which one equation's force is largest."""
+    """Return the condition that best separates large from small force of one equation, as text.
+
+    The criterion is the ratio of the mean square force in the rows where the condition holds to that in the
+    others; below 1.5 the force acts "all along".
+    """
     force = np.concatenate([m.force for m in same])
     best, words = 1.5, "all along"
     for text, rows in _conditions(same):

@@ -91,7 +91,13 @@ class Along:
         self._lagged: dict[tuple[object, ...], list[Array]] = {}
 
     def forcing(self, e: Effect) -> Array:
-        """Return what an effect adds to the free states from row to row, (K-1, W, n)."""
+        """Return what an effect adds to the free states from row to row, (K-1, W, n).
+
+        With the slopes f in the middle of sub-step s of length h_s, and Phi_s the mean transition matrix from
+        within this sub-step to the next row::
+
+            drive = sum over s of h_s Phi_s (f with the effect - f without it)
+        """
         problem = self.problem
         model = problem.model.with_effects([e])
         own = {f"{problem.block.name}.{e.parameter(k)}": v for k, v in e.values.items()}

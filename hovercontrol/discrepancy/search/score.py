@@ -109,11 +109,11 @@ class Scores:
         own = G[:, mine][:, :, mine].sum(axis=0) + np.diag(self.fit.prior.precision[mine])
         cross = G[:, mine][:, :, cols].sum(axis=0)
         # p: unknowns that can move, c: amplitudes of the candidate, Lambda: precision of the prior.
-        # Re-estimated on all blocks, the unknowns move by -B per amplitude:
-        #   B = (sum_w G_pp + Lambda)^-1 sum_w G_pc
-        back = inverse(own) @ cross  # B: P, m
+        # Re-estimated on all blocks, the unknowns move by -E per amplitude:
+        #   E = (sum_w G_pp + Lambda)^-1 sum_w G_pc
+        back = inverse(own) @ cross  # E: P, m
         # Score and information of block w along the candidate:
-        #   u_w = f_c - B'f_p,    J_w = G_cc - G_cp B - B'G_pc + B'G_pp B
+        #   u_w = f_c - E'f_p,    J_w = G_cc - G_cp E - E'G_pc + E'G_pp E
         u = f[:, cols] - f[:, mine] @ back
         J = (
             G[:, cols][:, :, cols]
@@ -121,8 +121,8 @@ class Scores:
             - np.swapaxes(np.swapaxes(G[:, mine][:, :, cols], 1, 2) @ back, 1, 2)
             + np.einsum("pm,wpq,qk->wmk", back, G[:, mine][:, :, mine], back)
         )
-        # J = sum_w J_w + B'Lambda B: the Schur complement G_cc - G_cp (G_pp + Lambda)^-1 G_pc of all blocks
-        # g = sum_w u_w + B'Lambda (z - z0)
+        # J = sum_w J_w + E'Lambda E: the Schur complement G_cc - G_cp (G_pp + Lambda)^-1 G_pc of all blocks
+        # g = sum_w u_w + E'Lambda (z - z0)
         total = J.sum(axis=0) + back.T * self.fit.prior.precision[mine] @ back
         g = u.sum(axis=0) + self.pull[mine] @ back
         bare = np.diag(G[:, cols][:, :, cols].sum(axis=0))

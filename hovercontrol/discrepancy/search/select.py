@@ -118,8 +118,8 @@ def _underrated(search: Search, current: Fit, seen: Sequence[Scored], done: set[
 
     Process noise that absorbed an effect lowers the score of that effect, though blocks agree on it; the best
     of these are fitted. Frictions that fade with speed are fitted too, since they are far from linear near
-    standstill. Friction with bristles is not fitted because blocks agree on it: with a remainder left it
-    would not be named.
+    standstill. Agreement of blocks is no reason to fit friction with bristles, which is not named while a
+    remainder is left.
     """
     problem, criteria = current.problem, search.criteria
     axes = {
