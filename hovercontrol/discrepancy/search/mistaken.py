@@ -76,7 +76,8 @@ def all_mistaken(search: Search, own: Mapping[str, Tried], without: Mapping[str,
 def surely(one: Fit, other: Fit) -> float:
     """Return the excess cost of one fit over another, in standard errors over blocks.
 
-    The test is that of Vuong, Econometrica 57 (1989): with d_w the difference in cost of block w of W, ``t = sum d_w / (W^(1/2) std(d_w))``.
+    The test is that of Vuong, Econometrica 57 (1989): with d_w the difference in cost of block w of W,
+    ``t = sum d_w / (W^(1/2) std(d_w))``.
     """
     d = one.block_costs - other.block_costs
     return float(d.sum() / max(np.sqrt(d.size) * d.std(ddof=1), 1e-300)) if d.size > 1 else 0.0
