@@ -1,4 +1,4 @@
-"""The coefficients of an amended model, fitted again."""
+"""The refitted coefficients of an amended model."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Refitted:
         Estimate and standard error.
     unit : str
     start : float
-        As the given model has it; NaN for a number of an effect that was added.
+        Value in the given model; NaN for a parameter of an added effect.
 
     Examples
     --------
@@ -40,7 +40,7 @@ class Refitted:
 
 
 def refitted(fit: Fit, given: Mapping[str, float]) -> tuple[Refitted, ...]:
-    """Return every coefficient that a fit sought, beside its value in the given model."""
+    """Return every fitted coefficient, with its value in the given model."""
     block, variance = fit.problem.block, np.diag(fit.covariance)
     return tuple(
         Refitted(

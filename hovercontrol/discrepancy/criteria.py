@@ -1,4 +1,4 @@
-"""The evidence required: thresholds of the discrepancy workflow, with reasons."""
+"""Thresholds of the discrepancy workflow: the evidence that an effect needs to be named, with reasons."""
 
 from __future__ import annotations
 
@@ -18,55 +18,61 @@ class Criteria:
     Attributes
     ----------
     level : float
-        Chance of one false name among all candidates that are looked at: a p-value over blocks must lie
-        below this over their number (Bonferroni).
+        Probability of one false name among all candidates considered: the p-value over blocks must lie below
+        this level divided by the number of candidates (Bonferroni).
     least, each : float
-        Fall of twice the negative log likelihood that an effect must bring, beyond `each` for each of its
-        numbers: odds of e^10 before, e^2 for each (a Bayes factor that Kass and Raftery, JASA 90 (1995), call
-        decisive), as `level` asks of a chi-squared of sixty candidates.
+        An effect with k parameters must reduce twice the negative log likelihood by ``least + each k``. This
+        is a likelihood ratio of e^10, and e^2 more for each parameter (a Bayes factor that Kass and Raftery,
+        JASA 90 (1995), call decisive). `level` asks for a similar chi-squared among sixty candidates.
     other_sign : float
-        Chance of another sign in a further block, among all candidates that are looked at: that below which
-        the standard deviation of a coefficient from block to block lies, noise taken off. A third of the
-        coefficient among forty candidates, 0.47 among the three drags of an axis. A real cause is
-        invariant, a stand-in is not (Peters, Buehlmann, Meinshausen, J. R. Stat. Soc. B 78 (2016)).
+        Probability, shared among all candidates considered, that a further block gives the coefficient the
+        opposite sign. It limits the standard deviation of the coefficient from block to block, measurement
+        noise removed (:meth:`spread`): a third of the coefficient among forty candidates, 0.47 among the
+        three drags of an axis. A real cause is invariant, a substitute for it is not (Peters, Buehlmann,
+        Meinshausen, J. R. Stat. Soc. B 78 (2016)).
     blocks : int
-        Fewest blocks with information on a coefficient for their scatter to be judged.
+        Minimum number of blocks with information on a coefficient; with fewer, their scatter is not tested.
     apart : float
-        A rival no more than this behind (odds of e^6) is not distinguished.
+        A rival is kept if its penalised cost exceeds that of the named effect by less than this (a
+        likelihood ratio of e^6).
     apart_t : float
-        Nor one behind by less than so many standard errors of the difference over blocks (Vuong,
-        Econometrica 57 (1989)): at two, 2.5 % of true ones are.
+        A rival is also kept if it trails by fewer than this many standard errors of the difference over
+        blocks (Vuong, Econometrica 57 (1989)). At two, 2.5 % of the true ones trail by more.
     chance : float
-        A law of which a named one is a limit is a rival where its further numbers gain more than they do by
-        chance in all but this part of cases (Wilks, Ann. Math. Stat. 9 (1938)).
+        A law that contains the named one as a limit is a rival only if its extra parameters are significant
+        at this level (chi-squared test of the likelihood ratio: Wilks, Ann. Math. Stat. 9 (1938)).
     remains : float
-        Fall of twice the negative log likelihood by process noise in one equation from which on something
-        remains there: two numbers, its size and its correlation time.
+        An equation has a remainder if process noise in it reduces twice the negative log likelihood by more
+        than this. The noise has two parameters, its size and its correlation time.
     negligible : float
-        Process noise below this part of the accelerations seen is none: what steps of the simulation leave.
+        Process noise below this fraction of the observed acceleration counts as zero: the steps of the
+        simulation cause as much.
     share : float
-        Score, in parts of the best one's, below which a candidate is not fitted.
+        A candidate is not fitted if its score is below this fraction of the best score.
     alike : float
-        The same where the best one leaves nothing: only near twins do as well (signatures correlated by
-        0.88 and more).
+        The same fraction where the best candidate leaves almost no process noise. Then only near twins fit as
+        well (signatures correlated by 0.88 and more).
     tries : int
-        Candidates that are fitted at most to find the best.
+        Maximum number of candidates fitted to find the best.
     worse : float
-        Rise of the held-out errors of all channels together, in its standard errors over blocks, that no
-        effect survives at most horizons, unless the likelihood of that log rises by as many of its own.
+        An effect is dropped if, at most horizons, the held-out errors of all channels together rise by more
+        than this many standard errors over blocks, unless the likelihood of the held-out log rises by more
+        than this many of its own standard errors.
     better : float
-        Fall of them, likewise and averaged over horizons, from which on a log is surely predicted better.
+        A log counts as predicted better if these errors, averaged over horizons, fall by more than this many
+        standard errors.
     confirmed : float
-        Where something remains: fall of twice the negative log likelihood of the held-out log, in its
-        standard errors over blocks, that a name needs unless predictions surely get better: what is no effect
-        reaches it in 5 %. A usual level, chosen after a false name with t = 1.5 was seen.
+        Where a remainder is left and predictions do not get significantly better, an effect must reduce twice
+        the negative log likelihood of the held-out log by this many standard errors over blocks. A false
+        effect does so in 5 % of cases. A usual level, chosen after a false name with t = 1.5 was seen.
     most : float
-        Part of the squared held-out errors at a horizon, all channels together, that confirms a name by
-        itself. A few events may hold nearly all of the error; over all blocks their t is then about one.
+        An effect that removes this fraction of the squared held-out errors at one horizon, all channels
+        together, is confirmed by that alone. A few events may cause nearly all of the error; t over all
+        blocks is then about one.
     visible : float
-        That standard error from which on the held-out log can judge. An effect as large as it was fitted
-        would bring a quarter of it in standard errors (a log ratio of likelihoods has four times its mean as
-        variance), on average what `confirmed` asks.
+        The held-out log can judge an effect if the standard error s of its gain is above this. Twice a log
+        likelihood ratio of mean mu has the variance 4 mu, so an effect as large as fitted would gain
+        mu = s^2/4, or t = mu/s = s/4: on average what `confirmed` asks.
     """
 
     level: float = 0.01
@@ -89,15 +95,18 @@ class Criteria:
     visible: float = 6.6
 
     def penalised(self, fit: Fit) -> float:
-        """Return minus twice the log likelihood of a fit, and `each` for each of its unknowns."""
+        """Return the penalised cost of a fit: minus twice the log likelihood, plus `each` per unknown."""
         return fit.cost + self.each * len(fit.p)
 
     def left(self, fit: Fit) -> NDArray[np.bool_]:
-        """Return in which equations a fit is left with process noise."""
+        """Return the equations in which a fit has more than negligible process noise, as a mask."""
         return np.asarray(fit.noise.process > self.negligible * fit.problem.accelerations)
 
     def spread(self, looked_at: int) -> float:
-        """Return the largest standard deviation from block to block, in parts of a coefficient.
+        """Return the largest standard deviation allowed from block to block, relative to the coefficient.
+
+        A normal estimate of mean 1 and standard deviation s is negative with probability Phi(-1/s). Set to
+        `other_sign` over n candidates this gives ``s = 1 / Phi^-1(1 - other_sign/n)``.
 
         Examples
         --------
@@ -107,5 +116,5 @@ class Criteria:
         return float(1.0 / norm.isf(self.other_sign / max(looked_at, 1)))
 
 
-#: What the package uses.
+#: The values in use.
 CRITERIA = Criteria()

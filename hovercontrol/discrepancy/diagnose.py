@@ -1,4 +1,4 @@
-"""Find where model and measurement disagree, name the missing effect, add it, and show the smaller error."""
+"""Diagnosis of a model against logs: missing effects, their share of the error, and the remainder."""
 
 from __future__ import annotations
 
@@ -42,32 +42,31 @@ def diagnose(
 ) -> Diagnosis:
     """Find which effects a model lacks, how much of the error they explain, and what remains.
 
-    A name needs likelihood under process noise; where something else remains also the same coefficient on
-    disjoint blocks, or, where too few blocks inform on it, held-out logs that show it by themselves; and no
-    held-out log that is predicted worse.
-    A remainder does not withdraw a name: it is measured, and the verdict is ``"partial"``
-    (:func:`.verdict.verdict_of`).
+    An effect is named if it raises the likelihood under process noise and no held-out log is predicted worse
+    with it. If a remainder is left, it must also have the same coefficient on disjoint blocks; where too few
+    blocks inform on it, the held-out logs must show it by themselves. A remainder does not withdraw a name:
+    it is measured, and the verdict is ``"partial"`` (:func:`.verdict.verdict_of`).
 
     Parameters
     ----------
     model : Model, BlockModel or Block
-        Its coefficients may be off: all are fitted again. A Block may lack what any machine may lack, as a
-        BlockModel without a catalogue.
+        Its coefficients may be wrong: all are fitted. For a Block, the effects that any machine may have are
+        considered, as for a BlockModel without a catalogue.
     logs : sequence of Log
-        Measured; with the model's inputs, and of a craft pose, body velocities or both, of any other machine
-        some of its outputs or states.
+        Measured logs. They need the model's inputs and, for a craft, pose, body velocities or both; for any
+        other machine, some of its outputs or states.
     holdout : Log or sequence of Log, optional
-        Logs held out of the fit, judged together; a name with which they are predicted worse, and no
-        likelier, is dropped.
+        Logs held out of the fit, judged together. An effect is dropped if they are predicted worse with it
+        and are not likelier.
     names : sequence of str, optional
         Effects to consider; default: the whole catalogue.
     max_effects : int, optional
-        Largest number of effects to add.
+        Maximum number of effects to add.
     seed : int, optional
-        Of the manoeuvres drawn at random among those from which the next experiment is chosen: all that is
-        random here.
+        Seed of the random manoeuvres among those from which the next experiment is chosen. Nothing else is
+        random.
     progress : callable, optional
-        Called with the part done (0 to 1) and a word on what is being done.
+        Called with the fraction done (0 to 1) and a message.
 
     Returns
     -------
@@ -76,8 +75,7 @@ def diagnose(
     Raises
     ------
     InputError
-        If there is no log, or one from which nothing right can follow (:func:`.checks.check_logs`), or the
-        seed is negative.
+        If there is no log, a log fails the checks (:func:`.checks.check_logs`), or the seed is negative.
 
     Examples
     --------
@@ -98,7 +96,7 @@ def diagnose(
         raise InputError("diagnosis needs at least one log")
     held = as_logs(holdout)
     report = progress or (lambda part, what: None)
-    with threadpool_limits(1, "blas"):  # its threads would wait for each other at many small matrices
+    with threadpool_limits(1, "blas"):  # with many small matrices its threads would wait for each other
         return _diagnosed(as_model(model), logs, held, names, max_effects, seed, report)
 
 
@@ -127,7 +125,7 @@ def _diagnosed(
     held = searched(base, model, kept, names=names, max_effects=max_effects, report=said)
     selection = held.selection
     report(0.92, "measuring what remains")
-    base, final = selection.base, selection.final  # a search may find a likelier fit of the model as it is
+    base, final = selection.base, selection.final  # a search may find a likelier fit of the given model
     remains = remainders(base, final)
     slow = slow_errors(final)
     verdict = verdict_of(selection, [*remains, *slow])
@@ -171,6 +169,6 @@ def _diagnosed(
 
 
 def _dropped(data: Data, fit: Fit) -> int:
-    """Return of how many rows a sample was left out, by the reader or because it stands out."""
+    """Return the number of rows with a sample left out, by the reader or as an outlier."""
     out = (np.isfinite(data.rows.values) & ~fit.problem.seen).any(axis=2)
     return int(out.sum()) + sum(span.rows for m in data.logs for span in m.rejected)

@@ -1,4 +1,4 @@
-"""The result of a diagnosis: the verdict, the effects that are named, the evidence, and what remains."""
+"""The result of a diagnosis: the verdict, the named effects, the evidence and the remainder."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 @checked
 @dataclass(frozen=True)
 class Found:
-    """One number of an effect that was added.
+    """One parameter of an added effect.
 
     Attributes
     ----------
@@ -61,57 +61,59 @@ class Found:
 
     @property
     def interval(self) -> tuple[float, float]:
-        """The 95 % interval."""
+        """The 95 % interval, value +- 1.96 std."""
         return self.value - 1.96 * self.std, self.value + 1.96 * self.std
 
 
 @checked
 @dataclass(frozen=True, eq=False)
 class Diagnosis:
-    """What a model lacks, with the evidence.
+    """The effects that a model lacks, with the evidence.
 
     Attributes
     ----------
     verdict : {"effect", "none", "ambiguous", "partial", "unexplained"}
     effects : tuple of Found
-        Numbers of the effects that are named.
+        Parameters of the named effects.
     rivals : tuple of Rival
-        Effects that these logs do not distinguish from named ones.
+        Effects that the logs do not distinguish from named ones.
     evidence : dict of str to Evidence
-        By named effect.
+        Evidence for each named effect.
     remainders : tuple of Remainder
-        By equation on which forces act.
+        Remainder of each equation on which forces act.
     slow_errors : tuple of SlowError
-        Of sensors that contradict others by more than noise.
+        Errors of sensors that contradict others by more than noise.
     leads : tuple of Lead
-        Nearest candidates that are not named, with the reason.
+        Best candidates that are not named, with the reason.
     model, amended, refitted : Model or BlockModel
-        As given; with the named effects and all coefficients fitted; as given, its coefficients fitted.
+        The given model; the model with the named effects and all coefficients fitted; the given model with
+        its coefficients fitted.
     before, after : Gap or None
-        On the held-out logs, of `refitted` and `amended`.
+        Errors of `refitted` and `amended` on the held-out logs.
     ahead : tuple of Ahead
-        The same at several horizons.
+        The same errors at several horizons.
     train_before, train_after : Gap
-        On the training logs.
+        Errors on the training logs.
     selection : Selection
-        The search itself.
+        Result of the search.
     held_before, held_after : Fit or None
-        Of `refitted` and `amended` on the held-out logs: path and noise alone.
+        Fits of `refitted` and `amended` to the held-out logs, of path and noise alone.
     missing : tuple of Missing
         The acceleration that the given model lacks, by log and equation.
     missing_after : tuple of Missing
-        That which the amended model still lacks.
+        The acceleration that the amended model still lacks.
     regime : str
-        In words, where what the given model lacks is.
+        Where the missing acceleration of the given model acts, as text.
     rows_dropped : int
-        Rows of the training logs of which a sample was left out.
+        Number of rows of the training logs with a sample left out.
     rows_down_weighted : int
-        Rows of which a sample counts less, since it stands alone, though not far enough to be left out.
+        Number of rows with a down-weighted sample: it differs from its neighbours, but not enough to be left
+        out.
     warnings : tuple of str
     experiment : Experiment or None
-        Next experiment, where that would settle an ambiguous case or tell a coefficient better.
+        Next experiment, if one would settle an ambiguous case or reduce a large standard error.
     advice : str
-        That in one sentence, or why there is no such experiment; empty where none is wanted.
+        The experiment in one sentence, or why there is none; empty if none is needed.
 
     Examples
     --------
@@ -159,11 +161,11 @@ class Diagnosis:
 
     @property
     def coefficients(self) -> tuple[Refitted, ...]:
-        """Every coefficient of the amended model that was fitted."""
+        """Every fitted coefficient of the amended model."""
         return refitted(self.selection.final, self.model.coefficients())
 
     def result(self) -> dict[str, Any]:
-        """Return what ``result.json`` holds."""
+        """Return the entries of ``result.json``."""
         names = dict.fromkeys(e.effect for e in self.effects)
         numbers = {name: [e for e in self.effects if e.effect == name] for name in names}
         return {
@@ -222,7 +224,7 @@ class Diagnosis:
         }
 
     def _left(self, equation: str) -> dict[str, Any]:
-        """Return where what remains in one equation is: in words, and when, in the log with most of it."""
+        """Return where the remainder of one equation acts: as text, and times in the log with most of it."""
         same = [m for m in self.missing_after if m.equation == equation]
         most = max(same, key=lambda m: m.share)
         return {
@@ -232,7 +234,7 @@ class Diagnosis:
         }
 
     def _where(self) -> dict[str, Any]:
-        """Return where the given model lacks most: equation, regime, and when, in the worst log."""
+        """Return where the given model lacks most: equation, regime, and the times in the worst log."""
         most = worst(self.missing)
         if most is None or not most.segments:
             return {"equation": None, "segments": [], "regime": self.regime}
@@ -244,7 +246,7 @@ class Diagnosis:
         }
 
     def sentences(self) -> tuple[str, str, str]:
-        """Return what is missing, what it takes of the held-out error, and what remains, a sentence each."""
+        """Return a sentence each on the missing effects, the reduced held-out error, and the remainder."""
         from hovercontrol.discrepancy.report import gap_sentence, headline, remainder_sentence
 
         return headline(self), gap_sentence(self), remainder_sentence(self)
@@ -258,20 +260,20 @@ class Diagnosis:
         return diagnosis_html(self, self.sentences())
 
     def plot(self) -> Figure:
-        """Return errors without and with what was added as a picture."""
+        """Return a figure of the errors without and with the added effects."""
         from hovercontrol.notebook.plots import diagnosis_figure
 
         return open_in_pyplot(diagnosis_figure(self))
 
     def save(self, folder: str | Path) -> list[Path]:
-        """Write ``result.json``, the amended model and, where there is one, ``next_experiment.csv``.
+        """Write ``result.json``, the amended model and, if there is one, ``next_experiment.csv``.
 
-        A craft is written as ``model.toml``; of a Block, ``parameters.toml`` holds coefficients and effects.
+        A craft is written as ``model.toml``. For a Block, ``parameters.toml`` holds coefficients and effects.
 
         Parameters
         ----------
         folder : path
-            Made if it is not there.
+            Created if it does not exist.
         """
         from hovercontrol.models.parameters import FITTED, save_fitted
 
@@ -297,7 +299,7 @@ def reason_of(rival: Rival) -> str:
 
 
 def _finite(value: Any) -> Any:
-    """Return a result with null where a number is not finite: JSON knows no NaN."""
+    """Return a result with None for numbers that are not finite, since JSON has no NaN."""
     if isinstance(value, dict):
         return {k: _finite(v) for k, v in value.items()}
     if isinstance(value, list | tuple):
@@ -306,7 +308,7 @@ def _finite(value: Any) -> Any:
 
 
 def numbers_of(fit: Fit, names: Sequence[str]) -> tuple[Found, ...]:
-    """Return the numbers of effects of a fitted model."""
+    """Return the parameters of effects of a fitted model."""
     problem, C = fit.problem, fit.covariance
     found = []
     for name in names:

@@ -10,7 +10,7 @@ from hovercontrol.models.base import quantity_of
 
 
 def acts_in(fit: Fit, name: str) -> str:
-    """Return where an effect acts, in words of the equations."""
+    """Return where an effect acts, as text: equations, outputs, commands or clock."""
     block = fit.problem.block
     e = fit.problem.model.effect(name)
     own = {block.parameter(e.parameter(k)).symbol for k in e.numbers}
@@ -29,7 +29,7 @@ def acts_in(fit: Fit, name: str) -> str:
 
 
 def commands_of(block: Block, own: set[sp.Symbol]) -> str:
-    """Return which commands pass through states whose equations hold some symbols; all where none does.
+    """Return the commands that pass through states whose equations contain given symbols; all if none does.
 
     Examples
     --------
@@ -48,7 +48,7 @@ def commands_of(block: Block, own: set[sp.Symbol]) -> str:
             behind |= more
         return frozenset(inputs[s] for symbol in behind for s in of[symbol] if s in inputs)
 
-    # What follows a command shares its symbols with the motion, which all commands reach: the fewest count.
+    # A lag shares its symbols with the motion, which all commands reach: take the smallest sets of commands.
     ways = {passing(symbol) for symbol, law in of.items() if law & own}
     fewest = {way for way in ways if not any(other < way for other in ways if other)}
     names = [name for name in inputs.values() if any(name in way for way in fewest)]

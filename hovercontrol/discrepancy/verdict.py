@@ -1,4 +1,4 @@
-"""The verdict from a search and its remainders."""
+"""The verdict of a diagnosis, from the effects selected and the remainders."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ Verdict = Literal["effect", "none", "ambiguous", "partial", "unexplained"]
 
 
 def verdict_of(selection: Selection, remainders: Sequence[Remainder | SlowError]) -> Verdict:
-    """Return the verdict; a remainder does not withdraw a name.
+    """Return the verdict. A remainder does not withdraw a named effect.
 
-    ========== ==================================================================================
-    none       nothing is missing
-    effect     named, and nothing remains beyond noise
-    partial    named, and something remains that no known effect explains
-    ambiguous  one of several effects
-    unexplained something is missing, nothing can be named
-    ========== ==================================================================================
+    =========== =================================================================================
+    none        no effect is missing
+    effect      effects are named, and only noise remains
+    partial     effects are named, and a remainder is left that no known effect explains
+    ambiguous   one of several effects is missing; the logs do not distinguish them
+    unexplained something is missing, but no effect can be named
+    =========== =================================================================================
     """
     remains = any(r.there for r in remainders)
     if any(not r.same for r in selection.rivals):

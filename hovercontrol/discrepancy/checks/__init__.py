@@ -1,4 +1,4 @@
-"""What logs and a first fit must satisfy before a diagnosis."""
+"""Checks of the logs and of a first fit before a diagnosis."""
 
 from hovercontrol.discrepancy.checks.excitation import check_fitted
 from hovercontrol.discrepancy.checks.logs import as_logs, check_logs

@@ -1,4 +1,4 @@
-"""Clocks of one log, checked against each other and against the model."""
+"""Checks of the clocks within one log, against each other and against the model."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class ClockCriteria:
-    """When the clocks of one log disagree.
+    """Settings that decide when the clocks of one log disagree.
 
     No published source: set by hand, exercised by tests/discrepancy/test_checks.py.
 
@@ -33,26 +33,26 @@ class ClockCriteria:
     section : float
         Length of the sections that are compared [s].
     most : int
-        Largest number of sections.
+        Maximum number of sections.
     fewest : int
-        Smallest number of sections for a drift.
+        Minimum number of sections to estimate a drift.
     scale : float
-        Relative difference of pose and velocities from which on there is a warning.
+        Relative difference between pose and velocities above which a warning is given.
     sure : float
         Standard errors that this difference must exceed as well.
     drift : float
-        Drift between commands and motion over a log from which on there is a warning [s].
+        Drift between commands and motion over a log above which a warning is given [s].
     chance : float
         Largest p-value of such a drift.
     left : float
-        Largest part of the misfit that remains once commands are shifted back along the drift; other
+        Largest fraction of the misfit that may remain once commands are shifted back along the drift; other
         causes leave all of it.
     refused_drift : float
-        Drift from which on the log is refused [s].
+        Drift above which the log is refused [s].
     refused_chance : float
         Largest p-value of a drift for which the log is refused.
     refused_left : float
-        Largest part of the misfit that remains in a log that is refused.
+        Largest fraction of the misfit that may remain in a log that is refused.
     """
 
     over: float = 0.4
@@ -76,18 +76,18 @@ CLOCKS = ClockCriteria()
 
 
 def check_clocks(model: Subject, log: Log) -> list[str]:
-    """Return warnings of clocks with different rates, one line each.
+    """Return warnings about clocks with different rates, one line each.
 
     Parameters
     ----------
     model : Model or BlockModel
     log : Log
-        With pose and velocities, or velocities and commands; else nothing can be said.
+        Log with pose and velocities, or velocities and commands; without these it is not checked.
 
     Raises
     ------
     InputError
-        If the clocks of commands and motion surely drift apart, and by much: no effect would explain it.
+        If the clocks of commands and motion drift apart significantly and by much: no effect explains that.
     """
     said = []
     found = scale(log)
@@ -114,12 +114,15 @@ def check_clocks(model: Subject, log: Log) -> list[str]:
 
 
 def command_drift(model: Subject, log: Log) -> tuple[float, float, float] | None:
-    """Return how much later the motion follows its commands at a log's end than at its beginning.
+    """Return the increase in delay between commands and motion from the beginning of a log to its end.
 
-    The growth of velocities over short stretches as the model has it, its commands shifted by each of some
-    times, against that measured. Sections of the log each have a best shift, at the least sum of squares. A
-    line through those tells the drift, their scatter about it the error: where the model lacks a lag, the
-    best shift differs from section to section without a trend.
+    The change of the velocities over short stretches is computed by the model, with commands shifted by each
+    of several times, and compared with the measured change. Each section of the log has a best shift, at the
+    minimum sum of squares. The slope of a line through these shifts gives the drift, and their scatter about
+    the line its error. If the model lacks a lag, the best shift varies between sections without a trend. With
+    n sections at times t_i, and residuals e_i of their best shifts from a line of slope b::
+
+        drift = b (duration of the log),    std(b)^2 = sum e_i^2 / (n - 2) / sum (t_i - mean t)^2
 
     Parameters
     ----------
@@ -129,8 +132,8 @@ def command_drift(model: Subject, log: Log) -> tuple[float, float, float] | None
     Returns
     -------
     (float, float, float) or None
-        Seconds; the chance of as much if there is none; the part of the misfit that is left with the commands
-        shifted along the line, of that with the best one shift. None where the log does not tell.
+        Drift [s]; its two-sided p-value; and the misfit with commands shifted along the line over that with
+        the best constant shift. None if the log carries too little information.
     """
     shifts = np.arange(-CLOCKS.reach, CLOCKS.reach + CLOCKS.step / 2, CLOCKS.step)
     found = _squares(model, log, shifts)
@@ -160,7 +163,10 @@ def command_drift(model: Subject, log: Log) -> tuple[float, float, float] | None
 
 
 def _squares(model: Subject, log: Log, shifts: Array) -> tuple[Array, Array] | None:
-    """Return the middles of stretches, and squares of what the model misses in each, by shift."""
+    """Return the middles of stretches, and the squared error of the model's velocity change by shift.
+
+    Errors are relative to their median at shift zero, and clipped at 6.
+    """
     block = structure(model)
     states, inputs = [s.name for s in block.states], [s.name for s in block.inputs]
     if not inputs or not set(VELOCITY) <= set(states) or not log.has(*VELOCITY):
@@ -191,7 +197,7 @@ def _squares(model: Subject, log: Log, shifts: Array) -> tuple[Array, Array] | N
 
 
 def _least(shifts: Array, squares: Array) -> float | None:
-    """Return where sums of squares are least; None at the ends."""
+    """Return the shift with the minimum sum of squares, by a parabola fitted to five; None near the ends."""
     k = int(squares.argmin())
     if not 1 < k < shifts.size - 2:
         return None

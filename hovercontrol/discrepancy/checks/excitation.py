@@ -1,4 +1,4 @@
-"""Checks after a first fit: coefficients that the logs do not excite, a model that does not predict."""
+"""Checks after a first fit: coefficients that the logs do not excite, and a model that does not predict."""
 
 from __future__ import annotations
 
@@ -28,19 +28,19 @@ from hovercontrol.estimation.prediction import horizons, predict
 
 @dataclass(frozen=True)
 class ExcitationCriteria:
-    """When a first fit shows that a model does not predict its logs.
+    """Settings that decide when a first fit shows that a model does not predict its logs.
 
     No published source: set by hand, exercised by tests/discrepancy/test_checks.py.
 
     Attributes
     ----------
     swallowed : float
-        Process noise relative to the acceleration from which on the prediction is checked.
+        Process noise relative to the acceleration above which the prediction is checked.
     ahead : float
         Prediction horizon of that check [s].
     better : float
-        Largest prediction error relative to that of constant velocities, median over channels. Drag along
-        one axis alone reaches less.
+        Maximum prediction error relative to that of constant velocities, median over channels. A model with
+        drag along one axis alone reaches less.
     """
 
     swallowed: float = 0.3
@@ -54,22 +54,22 @@ EXCITATION = ExcitationCriteria()
 
 @checked
 def check_fitted(base: Fit) -> list[str]:
-    """Refuse logs without information on a model, or in other units; warn of coefficients not excited.
+    """Refuse logs without information on a model or in other units; warn of coefficients not excited.
 
     Parameters
     ----------
     base : Fit
-        Of the given model.
+        Fit of the given model.
 
     Returns
     -------
     list of str
-        One line each.
+        Warnings, one line each.
 
     Raises
     ------
     InputError
-        If no coefficient can be known, or a command is in other units or of the other sign.
+        If no coefficient can be estimated, or a command is in other units or of opposite sign.
 
     Examples
     --------
@@ -90,19 +90,19 @@ def check_fitted(base: Fit) -> list[str]:
 
 
 def check_excitation(base: Fit, predicts_nothing: bool = False) -> list[str]:
-    """Return which coefficients the logs do not excite, one line each.
+    """Return a warning for each coefficient that the logs do not excite.
 
     Parameters
     ----------
     base : Fit
-        Of the given model.
+        Fit of the given model.
     predicts_nothing : bool, optional
-        Whether all that moves is noise to it, so that it is no wonder.
+        Whether all motion is noise to the model; then no coefficient is expected to be excited.
 
     Raises
     ------
     InputError
-        If that is true of all: the craft hardly moves.
+        If no coefficient is excited: the craft hardly moves.
     """
     problem, linear = base.problem, set(base.problem.model.linear_coefficients())
     own = [j for j, name in enumerate(problem.names) if name in linear]
@@ -111,6 +111,7 @@ def check_excitation(base: Fit, predicts_nothing: bool = False) -> list[str]:
     names, size = [problem.names[j] for j in own], problem.size[own]
     S = information(base)[np.ix_(own, own)]
     C = covariance(S, size, widening(base)[own])
+    # standard errors: C_jj^(1/2) with all coefficients unknown, S_jj^(-1/2) with the others known
     std = np.sqrt(np.diag(C))
     alone = 1.0 / np.sqrt(np.maximum(np.diag(S), 1e-300))
     blind = np.flatnonzero(std > size).tolist()
@@ -132,7 +133,7 @@ def check_excitation(base: Fit, predicts_nothing: bool = False) -> list[str]:
 
 
 def predicts_nothing(base: Fit) -> list[str]:
-    """Return a warning if a model predicts hardly better than that velocities stay; else nothing.
+    """Return a warning if a model predicts hardly better than constant velocities; empty otherwise.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Fitted input gains far from the model's: inputs in other units, or of opposite sign."""
+"""Check of fitted input gains against the model's: inputs in other units or of opposite sign."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from hovercontrol.estimation.fit import Fit
 
 @dataclass(frozen=True)
 class InputGainCriteria:
-    """When the gain of an input differs from the model's so much that its unit or sign must be wrong.
+    """Settings that decide when the gain of an input differs so much that its unit or sign must be wrong.
 
     No published source: set by hand, exercised by tests/discrepancy/test_checks.py. A missing effect may
     reduce a gain to nearly nothing, but never with so small a standard error.
@@ -21,15 +21,13 @@ class InputGainCriteria:
     Attributes
     ----------
     far : float
-        Ratio of fitted gain to the model's gain, or its inverse, from which on the unit is taken as
-        wrong.
+        Ratio of the fitted gain to the model's gain, or its inverse, above which the unit is taken as wrong.
     opposite : float
-        Ratio from which on, downwards, the sign is taken as wrong.
+        Ratio below which the sign is taken as wrong.
     known : float
-        Largest relative standard error of the fitted gain.
+        Maximum relative standard error of the fitted gain.
     slight : float
-        A coefficient with less than this part of the effect of the largest one at the same input is not
-        checked.
+        A coefficient with less than this fraction of the effect of the largest one is not checked.
     """
 
     far: float = 20.0
@@ -48,13 +46,13 @@ def refuse_gains(base: Fit) -> None:
     Parameters
     ----------
     base : Fit
-        Of the given model.
+        Fit of the given model.
 
     Raises
     ------
     InputError
-        If the coefficient of an input is 20 times as large or as small as the model's, or about its opposite,
-        and well known: its column is in another unit, or of another sign.
+        If the coefficient of an input is well known, and 20 times as large or as small as the model's or
+        about its opposite: its column is in another unit or of opposite sign.
     """
     problem, std = base.problem, np.sqrt(np.diag(base.covariance))
     linear = [
@@ -64,6 +62,7 @@ def refuse_gains(base: Fit) -> None:
         return
     S = base.S.sum(axis=0)
     beside = {j: inputs_beside(problem.block, problem.block.parameter(problem.names[j]).name) for j in linear}
+    # effect of a coefficient on the whitened residual: S_jj^(1/2) |given value|
     does = {j: float(np.sqrt(S[j, j]) * abs(problem.start[j])) for j in linear if beside[j]}
     main = [j for j, much in does.items() if much > INPUT_GAIN.slight * max(does.values())]
     far = {j: beside[j] for j in main if _is_far(base.p[j], problem.start[j], std[j])}

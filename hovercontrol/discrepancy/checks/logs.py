@@ -1,4 +1,4 @@
-"""What logs must satisfy before a diagnosis: errors and warnings of one line."""
+"""Checks of logs before a diagnosis, with errors and warnings of one line."""
 
 from __future__ import annotations
 
@@ -31,27 +31,27 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class LogCriteria:
-    """When a log is refused or a warning is given before a diagnosis.
+    """Settings that decide when a log is refused or a warning is given before a diagnosis.
 
     No published source: set by hand, exercised by tests/discrepancy/test_checks.py.
 
     Attributes
     ----------
     short : float
-        Longest interval without a gap, in the model's longest time constants, below which there is a warning:
-        after four a first-order response is within 2 %.
+        Length of the longest interval without a gap, relative to the model's longest time constant, below
+        which a warning is given: after four time constants a first-order response is within 2 %.
     few : int
-        The same in rows.
+        The same as a number of rows.
     stuck : float
         Time for which a sensor may be constant while others change [s].
     stuck_rows : int
-        The same in rows; both must be exceeded.
+        The same as a number of rows; both must be reached.
     cut_off : float
-        Part of the rows at the largest value from which on a command seems saturated.
+        Fraction of the rows at an extreme value above which a command may be saturated.
     visits : int
         Number of times that such a command must reach this value.
     idle : float
-        Values below this part of the largest are no saturation.
+        Values below this fraction of the largest do not count as saturation.
     """
 
     short: float = 4.0
@@ -91,7 +91,7 @@ def as_logs(logs: Log | Sequence[Log] | None) -> tuple[Log, ...]:
 
 @checked
 def check_logs(model: Subject, logs: Sequence[Log], holdout: Log | Sequence[Log] | None = None) -> list[str]:
-    """Refuse logs from which nothing right can follow; return warnings about the others.
+    """Refuse logs that cannot give a correct diagnosis; return warnings about the others.
 
     Parameters
     ----------
@@ -102,15 +102,15 @@ def check_logs(model: Subject, logs: Sequence[Log], holdout: Log | Sequence[Log]
     Returns
     -------
     list of str
-        One line each: stuck sensors, commands at a limit, clocks that drift, short logs.
+        Warnings of one line: stuck sensors, commands at a limit, clocks that drift, short logs.
 
     Raises
     ------
     InputError
-        If a log lacks an input of the model (the nearest column is named), is too short, holds a channel that
-        is empty, constant or in wrong units, a pose held over several rows or numbers that stand for missing
-        values, has commands and measurements at other times or clocks that drift apart by much, or shares
-        rows with another.
+        If a log lacks an input of the model (the nearest column is named); is too short; has a channel that
+        is empty, constant or in wrong units, a pose held over several rows, or numbers that stand for missing
+        values; has commands and measurements that do not overlap in time, or clocks that drift apart by much;
+        or shares rows with another log.
 
     Examples
     --------
@@ -167,7 +167,7 @@ def _channels(block: Block, log: Log) -> list[str]:
 
 
 def _measured(block: Block) -> list[str]:
-    """Return what a log may hold of a Block besides its inputs."""
+    """Return the names of a Block's outputs and states that a log may contain."""
     inputs = {s.name for s in block.inputs}
     return [
         name for name in dict.fromkeys(s.name for s in (*block.outputs, *block.states)) if name not in inputs
@@ -175,9 +175,9 @@ def _measured(block: Block) -> list[str]:
 
 
 def time_constant(model: Subject) -> float:
-    """Return the longest time constant of a model's states at their nominal sizes [s]; 0 if none decays.
+    """Return the longest time constant of a model's states at their nominal values [s]; 0 if none decays.
 
-    That of a state x is 1/|df/dx|, with x' = f, where df/dx is negative.
+    The time constant of a state x with x' = f is 1/|df/dx|, if df/dx is negative.
 
     Examples
     --------
@@ -241,7 +241,7 @@ def _refuse_apart(log: Log, channels: Sequence[str], inputs: Sequence[str]) -> N
 
 
 def _stuck(log: Log, channels: Sequence[str]) -> list[str]:
-    """Warn of a sensor that is constant for a while and then jumps."""
+    """Return warnings about sensors that stay constant for a while although they have noise."""
     said = []
     for c in channels:
         known = np.isfinite(log[c])
@@ -249,7 +249,7 @@ def _stuck(log: Log, channels: Sequence[str]) -> list[str]:
         resolution = steps(row)
         noise = float(np.median(np.abs(np.diff(row, 3)))) if row.size > 3 else 0.0
         if noise == 0.0 or (resolution.size and resolution.min() > 0.5 * noise):
-            continue  # a signal without noise, or coarser than its noise, repeats by itself
+            continue  # without noise, or with coarse resolution, values repeat normally
         same = np.concatenate([[0], (np.diff(row) == 0.0).astype(int), [0]])
         edges = np.flatnonzero(np.diff(same)).reshape(-1, 2)
         spans = [
@@ -268,7 +268,7 @@ def _stuck(log: Log, channels: Sequence[str]) -> list[str]:
 
 
 def _cut_off(log: Log, inputs: Sequence[str]) -> list[str]:
-    """Warn of commands that reach one largest value again and again: they may be saturated."""
+    """Return warnings about commands that reach the same extreme value repeatedly: they may be saturated."""
     said = []
     for name in inputs:
         row = log[name]
@@ -290,7 +290,7 @@ def _cut_off(log: Log, inputs: Sequence[str]) -> list[str]:
 
 
 def _refuse_other_pace(logs: Sequence[Log]) -> None:
-    """Refuse logs whose rows are a thousand times as far apart as another's: their times differ in unit."""
+    """Refuse logs whose row intervals differ by a factor of over 300: their times differ in unit."""
     paces = [(float(np.median(np.diff(log.time))), log.name) for log in logs if len(log) > 1]
     for (slow, one), (fast, other) in pairwise(sorted(paces, reverse=True)):
         if slow > 300.0 * fast:

@@ -1,4 +1,4 @@
-"""A name that only works because what the model had is switched off stands, perhaps, for something else."""
+"""Check for named effects that may stand for another: they make the model's own effect vanish."""
 
 from __future__ import annotations
 
@@ -6,17 +6,17 @@ from collections.abc import Sequence
 
 from hovercontrol.estimation.subject import Subject
 
-#: Part of what a coefficient was, below which it is off.
+#: A coefficient below this fraction of its given value counts as switched off.
 OFF = 1e-3
 
 
 def switched_off(given: Subject, amended: Subject, named: Sequence[str]) -> list[str]:
-    """Return a warning for each effect of a model that falls to nothing beside new ones along its axis.
+    """Return a warning for each effect of a model that vanishes once others along its axis are added.
 
     Parameters
     ----------
     given, amended : Model or BlockModel
-        Before and after.
+        The model before and after.
     named : sequence of str
         The new effects.
     """

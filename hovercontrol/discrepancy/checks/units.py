@@ -1,4 +1,4 @@
-"""Units of one log's columns, checked against each other and against the model."""
+"""Checks of the units of one log's columns, against each other and against the model."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class UnitCriteria:
-    """When a column seems to be in another unit.
+    """Settings that decide when a column seems to be in another unit.
 
     No published source: set by hand, exercised by tests/discrepancy/test_checks.py.
 
@@ -32,19 +32,19 @@ class UnitCriteria:
     over : float
         Time over which motion is compared [s].
     least : float
-        Smallest distance moved in one comparison [m].
+        Minimum distance moved in one comparison [m].
     fits : float
-        Part of the motion that velocities must explain with the heading read as degrees.
+        Fraction of the motion that velocities must explain with the heading read as degrees.
     fails : float
-        Largest part that they may explain with the heading read as radian.
+        Maximum fraction that they may explain with the heading read as radians.
     turns : float
-        Smallest gain over a constant heading, relative to what is unexplained with it.
+        Minimum gain over a constant heading, relative to the fraction that it leaves unexplained.
     brisk : float
-        Mean turn rate from which on degrees are suspected [rad/s].
+        Mean turn rate above which degrees are suspected [rad/s].
     less : float
         Factor by which the misfit of the model must fall with angles read as degrees.
     asked : int
-        Rows on which that is tested: those with the largest turn.
+        Number of rows used for this test: those with the largest turn.
     """
 
     over: float = 0.4
@@ -72,9 +72,8 @@ def refuse_units(model: Subject, log: Log) -> None:
     Raises
     ------
     InputError
-        If the position moves 100 or 1000 times as far as the velocities say (or as little), heading and yaw
-        rate differ by the factor between radian and degree or are both in degrees, or an input in rad goes
-        beyond pi.
+        If position and velocities differ by a factor of 100 or 1000, if heading and yaw rate differ by the
+        factor between radians and degrees or are both in degrees, or if an input in rad exceeds pi.
 
     Examples
     --------
@@ -112,7 +111,12 @@ def refuse_units(model: Subject, log: Log) -> None:
 
 
 def scale(log: Log) -> tuple[float, float] | None:
-    """Return how much farther the position moves than the velocities say, and its standard error."""
+    """Return the ratio of the position's motion to the integrated velocities, and its standard error.
+
+    With the columns X and motions y of :func:`_ways`, and e the residual::
+
+        b = (X'X)^-1 X'y,    covariance (X'X)^-1 (sum e_i^2 x_i x_i') (X'X)^-1 (sandwich);    the ratio is b_1
+    """
     found = _ways(log, 1.0)
     if found is None:
         return None
@@ -124,7 +128,7 @@ def scale(log: Log) -> tuple[float, float] | None:
 
 
 def _refuse_angles(model: Subject, log: Log) -> None:
-    """Refuse inputs in rad that go beyond half a turn; those beyond bounds of their own are refused later."""
+    """Refuse inputs in rad that exceed pi; inputs with bounds of their own are checked later."""
     for signal in structure(model).inputs:
         row = log[signal.name][np.isfinite(log[signal.name])]
         farthest = float(np.abs(row).max(initial=0.0))
@@ -137,7 +141,7 @@ def _refuse_angles(model: Subject, log: Log) -> None:
 
 
 def _refuse_degrees(model: Subject, log: Log) -> None:
-    """Refuse a heading and a yaw rate that are in degrees, both or the one that is there."""
+    """Refuse a heading and a yaw rate in degrees, both or the one that the log has."""
     angles = [name for name in ("psi", "r") if log.has(name)]
     agree = _moved_in_degrees(log)
     if not agree and not _modelled_in_degrees(model, log, angles):
@@ -189,7 +193,7 @@ def _modelled_in_degrees(model: Subject, log: Log, angles: list[str]) -> bool:
 
 
 def _busiest(log: Log, angle: str) -> Log:
-    """Return the rows of a log in which an angle changes most."""
+    """Return the part of a log, `asked` rows long, in which an angle changes most."""
     if len(log) <= UNITS.asked:
         return log
     whole = np.concatenate([[0.0], np.nancumsum(np.abs(np.diff(log[angle])))])
@@ -198,25 +202,25 @@ def _busiest(log: Log, angle: str) -> Log:
 
 
 def _misfit(model: Subject, log: Log) -> float:
-    """Return what a model leaves of a log, as it is given, over short blocks: 1 is noise."""
+    """Return the mean square innovation of the given model on a log, over short blocks: 1 is noise alone."""
     try:
         data = gather(model, [log])
         problem = Problem(model, data)
         begin = first_noise(problem)
         noise = replace(begin, process=np.zeros_like(begin.process))
         fit = estimate(problem, prior_of(problem, model), noise, frozen=True, levels=False)
-    except (InputError, FloatingPointError):  # it runs away; what else is wrong is said where it is read
+    except (InputError, FloatingPointError):  # it diverges; other faults are reported on reading
         return math.inf
     white = run_filter(augment(problem, fit.linear, noise, unknowns=False)).white[..., 0]
     return float((white**2).sum()) / int(problem.seen.sum())
 
 
 def _whirls(log: Log) -> bool:
-    """Whether a craft seems to turn fast, as it does with angles in degrees."""
+    """Whether a craft seems to turn fast, as it does if angles are in degrees."""
     if log.has("r"):
         return float(np.nanmean(np.abs(log["r"]))) > UNITS.brisk
     psi = log["psi"][np.isfinite(log["psi"])]
-    if psi.size < 3 or float(np.ptp(psi)) <= 1.05 * math.tau:  # one wrapped to half a turn is in rad
+    if psi.size < 3 or float(np.ptp(psi)) <= 1.05 * math.tau:  # a heading wrapped to +-pi is in rad
         return False
     every = max(1, round(UNITS.over / float(np.median(np.diff(log.time)))))
     way = float(np.abs(np.diff(psi[::every])).sum())
@@ -224,7 +228,7 @@ def _whirls(log: Log) -> bool:
 
 
 def _sums(log: Log, angle: str, rate: str) -> tuple[float, float]:
-    """Return how far an angle turns, and how far its rate says, over steps that noise hardly enters."""
+    """Return the total turn of an angle and of its integrated rate, over steps that suppress noise."""
     known = np.isfinite(log[angle]) & np.isfinite(log[rate])
     time, values, rates = log.time[known], np.unwrap(log[angle][known]), log[rate][known]
     if time.size < 3:
@@ -235,9 +239,11 @@ def _sums(log: Log, angle: str, rate: str) -> tuple[float, float]:
 
 
 def _ways(log: Log, factor: float) -> tuple[Array, Array] | None:
-    """Return what explains ways of the position, shape (n, 2), and those ways; the heading times a factor.
+    """Return regressors, shape (n, 2), of the position's displacements, and these; heading times a factor.
 
-    The first column is what the velocities say, the second what a point beside that of the pose would add.
+    Over each step the first column is the integral of ``(u cos psi - v sin psi, u sin psi + v cos psi)`` by
+    the trapezoidal rule. The second is the change of ``(cos psi, sin psi)``: it allows for a pose measured
+    ahead of the point whose velocities are measured.
     """
     if not log.has(*POSE, *VELOCITY):
         return None

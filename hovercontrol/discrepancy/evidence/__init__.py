@@ -1,1 +1,1 @@
-"""Evidence for a named effect, and what remains."""
+"""Evidence for named effects, and the remainder."""

@@ -1,4 +1,4 @@
-"""An effect's size on disjoint blocks of the logs: a real cause has the same size everywhere."""
+"""An effect's size estimated on disjoint blocks of the logs: a real cause has the same size in all."""
 
 from __future__ import annotations
 
@@ -20,25 +20,26 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Blocks:
-    """An effect's size, block by block, in parts of its size on all.
+    """An effect's size on each block, relative to its size on all blocks.
 
     Attributes
     ----------
     estimate, std : ndarray, shape (W,)
-        1 is the estimate from all blocks; infinite standard error where a block has no information.
+        Estimate of each block and its standard error; 1 is the estimate from all blocks. The standard error
+        is infinite where a block has no information.
     log : ndarray of int, shape (W,)
-        From which log each is.
+        Index of the log of each block.
     n : int
-        Blocks with information.
+        Number of blocks with information.
     same_sign : int
-        Those of them with the sign of all.
+        Number of these blocks whose estimate has the sign of the weighted mean.
     t : float
-        Size over its standard error from the scatter over blocks, weights shared by enough of them.
+        Size over its standard error from the scatter over blocks, with capped weights (:func:`capped`).
     dof : float
-        Blocks that count, less one: a few may carry all information.
+        Effective number of blocks minus one: a few blocks may carry all information.
     spread : float
-        Standard deviation from block to block beyond what noise explains, weighted as in `t`: blocks with
-        more information weigh more.
+        Standard deviation of the size from block to block, measurement noise removed, weighted as in `t`:
+        blocks with more information weigh more.
     """
 
     estimate: Array
@@ -54,23 +55,23 @@ class Blocks:
 
     @property
     def p_value(self) -> float:
-        """Of t, two-sided."""
+        """Two-sided p-value of t."""
         return float(2.0 * stats.t.sf(abs(self.t), max(self.dof, 1e-3)))
 
 
 @dataclass(frozen=True)
 class BlockCriteria:
-    """How blocks of logs are weighted.
+    """Weighting of the blocks of logs.
 
     No published source: set by hand, exercised by tests/discrepancy/test_blocks.py.
 
     Attributes
     ----------
     enough : int
-        Number of blocks that must share the weight: where fewer carry nearly all information, their
-        weight is capped.
+        Effective number of blocks that must share the weight. If fewer blocks carry nearly all information,
+        their weight is capped.
     part : float
-        The same of few blocks, in parts of them.
+        The same as a fraction of the informative blocks; the smaller of the two numbers applies.
     """
 
     enough: int = 8
@@ -82,7 +83,10 @@ BLOCKS = BlockCriteria()
 
 
 def capped(information: Array) -> Array:
-    """Return weights of blocks, no more than their information, that enough of them share (:data:`BLOCKS`).
+    """Return the weights of blocks: their information, capped so that enough blocks share the weight.
+
+    ``w = min(I, h)``, with h the largest cap for which the effective number of blocks,
+    ``(sum w)^2 / sum w^2``, is at least that of :data:`BLOCKS`.
 
     Examples
     --------
@@ -102,18 +106,28 @@ def capped(information: Array) -> Array:
 
 
 def _sharing(weights: Array) -> float:
-    """Return the number of blocks of equal weight that these are equivalent to."""
+    """Return the effective number of blocks, (sum w)^2 / sum w^2: that of as many equal weights."""
     squares = float((weights**2).sum())
     return float(weights.sum()) ** 2 / squares if squares > 0 else 0.0
 
 
 def scatter(score: Array, information: Array, log: NDArray[np.intp]) -> Blocks:
-    """Return estimates by block of one parameter whose size on all logs is 1.
+    """Return the estimates of each block of one parameter whose size on all logs is 1.
+
+    With the score u_w, information I_w and capped weight w_w of block w::
+
+        estimate   e_w = u_w / I_w,    standard error I_w^(-1/2)
+        size       e = sum w_w e_w / sum w_w
+        variance   s^2 = W/(W - 1) sum w_w^2 (e_w - e)^2 / (sum w_w)^2,
+                   at least that of measurement noise, sum (w_w^2 / I_w) / (sum w_w)^2
+        t          e / s
+        spread^2   [n/(n - 1) sum w_w^2 (e_w - e)^2 - sum w_w^2 / I_w] / (sum w_w^2 e^2),
+                   n = (sum w_w)^2 / sum w_w^2
 
     Parameters
     ----------
     score : ndarray, shape (W,)
-        Of each block, at zero.
+        Of each block, at size zero.
     information : ndarray, shape (W,)
     log : ndarray of int, shape (W,)
     """
@@ -131,7 +145,7 @@ def scatter(score: Array, information: Array, log: NDArray[np.intp]) -> Blocks:
     W = len(score)
     robust = np.sqrt(float(squares.sum()) * W / max(W - 1, 1)) / whole
     own = np.sqrt(float((weights[known] ** 2 / information[known]).sum())) / whole
-    t = size / max(robust, own, 1e-300)  # few that know little may be alike by chance
+    t = size / max(robust, own, 1e-300)  # a few uninformative blocks may agree by chance
     spread = 0.0
     if effective > 1.5:
         both = float((weights**2).sum())
@@ -143,13 +157,13 @@ def scatter(score: Array, information: Array, log: NDArray[np.intp]) -> Blocks:
 
 
 def of_effect(fit: Fit, name: str) -> Blocks:
-    """Return what each block says of a fitted effect's size, all other unknowns as all blocks have them.
+    """Return the estimates of a fitted effect's size on each block, other unknowns estimated on all blocks.
 
     Parameters
     ----------
     fit : Fit
     name : str
-        An effect of its model; of several numbers that scale it, along their direction.
+        An effect of its model. If several parameters scale it, the estimate is along their direction.
     """
     problem = fit.problem
     e = problem.model.effect(name)
@@ -165,12 +179,20 @@ def of_effect(fit: Fit, name: str) -> Blocks:
     away = np.array([fit.p[j] - neutral for j, neutral in scaling]) / problem.slope(fit.p)[mine]
     others = [j for j in fit.movable if j not in mine]
     information, u = _along(fit, mine, others, away)
+    # u_w is the score at the fitted size, 1; at size zero it is u_w + I_w
     found = scatter(u + information, information, log)
     return replace(found, spread=max(found.spread, _uneven(fit, name)))
 
 
 def _along(fit: Fit, mine: list[int], others: list[int], away: Array) -> tuple[Array, Array]:
-    """Return each block's information and score along some unknowns, the others as all blocks have them."""
+    """Return each block's information and score along a direction of some unknowns.
+
+    The other unknowns are re-estimated on all blocks together. With m the unknowns `mine`, o the others, a
+    the direction `away` and Lambda the precision of the prior::
+
+        B = (sum_w S_oo + Lambda)^-1 sum_w S_om
+        I_w = a'(S_mm - S_mo B - B'S_om + B'S_oo B) a,    u_w = a'(g_m - B'g_o)
+    """
     S, g = fit.S, fit.g
     J, u = S[:, mine][:, :, mine], g[:, mine]
     if others:
@@ -188,10 +210,11 @@ def _along(fit: Fit, mine: list[int], others: list[int], away: Array) -> tuple[A
 
 
 def _uneven(fit: Fit, name: str) -> float:
-    """Return how much what an effect modulates differs from block to block, in parts of the modulation.
+    """Return the spread over blocks of the effects that an effect modulates, relative to the modulation.
 
-    A jump of all drags is the same jump only if drags are one set before it and another behind it: blocks
-    that each want their own are those of a floor that differs from place to place.
+    A jump of all drags at one time implies one set of drags before it and another after it. If each block
+    needs a set of its own, the floor differs from place to place instead. The result is 0 for an effect that
+    modulates no others.
     """
     problem = fit.problem
     e = problem.model.effect(name)
@@ -207,15 +230,17 @@ def _uneven(fit: Fit, name: str) -> float:
     scaling = [(k, n.neutral) for k, n in e.numbers.items() if not np.isnan(n.neutral)]
     size = max(abs(e.values[k] - neutral) / max(abs(e.values[k]), abs(neutral)) for k, neutral in scaling)
     information = np.maximum(np.einsum("p,wpq,q->w", along, fit.S, along), 0.0)
+    # I_w = a'S_w a and u_w = a'g_w along a, the coefficients of the modulated effects
     own = scatter(fit.g @ along + information, information, problem.rows.block_log)
     return own.spread / max(size, 1e-9)
 
 
 def agreement(fit: Fit, less: Fit, name: str) -> Blocks:
-    """Return how blocks agree on a fitted effect: on its size, or, if no number scales it, on its gain.
+    """Return how blocks agree on a fitted effect: on its size or, if no parameter scales it, on its gain.
 
-    Of gains t is that of their signed roots (Barndorff-Nielsen, Biometrika 73 (1986)): a limit that is
-    reached more in some blocks than in others gains unevenly.
+    For gains d_w of W blocks, t is that of their signed roots, ``r_w = sgn(d_w) |d_w|^(1/2)`` and
+    ``t = mean(r) / (std(r) / W^(1/2))`` (Barndorff-Nielsen, Biometrika 73 (1986)). The gains themselves are
+    uneven: a limit, for instance, is reached more often in some blocks than in others.
 
     Parameters
     ----------
@@ -235,7 +260,7 @@ def agreement(fit: Fit, less: Fit, name: str) -> Blocks:
     total = float(gain.sum())
     counts = np.abs(gain) > 0.05 * abs(total) / max(gain.size, 1)
     effective = total**2 / max(float((gain**2).sum()), 1e-300)
-    root = np.sign(gain) * np.sqrt(np.abs(gain))  # about normal, as gains themselves are not
+    root = np.sign(gain) * np.sqrt(np.abs(gain))  # roots are about normal, gains are not
     t = float(root.mean() / max(root.std(ddof=1) / np.sqrt(gain.size), 1e-300)) if gain.size > 1 else 0.0
     share = gain * gain.size / max(abs(total), 1e-300)
     dof = max(gain.size - 1.0 if effective > 1 else 0.0, 0.0)
@@ -246,7 +271,7 @@ def agreement(fit: Fit, less: Fit, name: str) -> Blocks:
 
 
 def _uneven_shape(fit: Fit, name: str) -> float:
-    """Return how much the shape that makes an effect differs from block to block, in parts of it."""
+    """Return the spread over blocks of the shape parameter of an effect, relative to its value."""
     problem = fit.problem
     e = problem.model.effect(name)
     mine = [

@@ -1,4 +1,4 @@
-"""Compare a model with logs: short predictions, free simulation, and whether the residual is noise."""
+"""Comparison of a model with logs: short predictions, free simulation, and tests of the innovations."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class ComparisonCriteria:
-    """When a model and a log disagree.
+    """Settings that decide when a model and a log disagree.
 
     No published source: set by hand, exercised by tests/discrepancy/test_compare.py.
 
@@ -34,7 +34,7 @@ class ComparisonCriteria:
     chance : float
         Probability of a false alarm of all tests together.
     beyond : float
-        Standard errors of the noise level that the innovations may exceed it by.
+        Number of standard errors of the noise level by which the innovations may exceed it.
     """
 
     horizon: float = 1.0
@@ -48,22 +48,22 @@ COMPARISON = ComparisonCriteria()
 
 @dataclass(frozen=True)
 class Compared:
-    """One channel of one log.
+    """Comparison of one channel of one log.
 
     Attributes
     ----------
     log, channel, unit : str
     noise : float
-        Of the measurement, from the log itself, in that unit.
+        Measurement noise, estimated from the log itself, in `unit`.
     short, free : float
-        Root mean square error of simulations of a second, each from its own smoothed start; and of one over
-        the whole log, from its start alone. In that unit.
+        Root mean square error of short simulations, each from its own smoothed start; and of one simulation
+        of the whole log from its start. In `unit`.
     remains : float
-        Size of the innovation over that of noise: 1 if nothing is missing.
+        Root mean square of the innovations over the noise level: 1 if nothing is missing.
     largest : float
-        Of what noise may be taken for, its level being known no better.
+        Largest value of `remains` that noise explains, given the error of the noise level.
     white, independent : float
-        Chance of what remains being as correlated in time, and with past commands, were it noise.
+        p-values of the correlation of innovations in time, and with past commands.
     """
 
     log: str
@@ -80,7 +80,7 @@ class Compared:
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """A model beside logs.
+    """Comparison of a model with logs.
 
     Attributes
     ----------
@@ -89,7 +89,7 @@ class Comparison:
         Length of the short simulations [s].
     channels : tuple of Compared
     runs : tuple of Trace
-        Running free, one for each log.
+        Free simulations, one for each log.
     """
 
     model: str
@@ -98,7 +98,7 @@ class Comparison:
     runs: tuple[Trace, ...]
 
     def beyond(self, one: Compared) -> tuple[str, ...]:
-        """Return what is wrong with what remains of a channel, in words; empty if it is noise."""
+        """Return as text how the innovations of a channel differ from noise; empty if they do not."""
         level = COMPARISON.chance / max(2 * len(self.channels), 1)
         larger = (f"{one.remains:.3g} times the noise",) if one.remains > one.largest else ()
         in_time = ("correlated in time",) if one.white < level else ()
@@ -106,7 +106,7 @@ class Comparison:
 
     @property
     def disagreements(self) -> tuple[str, ...]:
-        """What is there beyond noise, in words; empty if the model agrees with all logs."""
+        """The differences beyond noise as text; empty if the model agrees with all logs."""
         found = ((c, self.beyond(c)) for c in self.channels)
         return tuple(f"{c.log}: what remains of {c.channel} is {', '.join(why)}" for c, why in found if why)
 
@@ -128,17 +128,17 @@ class Comparison:
 def compare(
     model: Subject, logs: Sequence[Log], *, horizon: float = COMPARISON.horizon, noise: Noise | None = None
 ) -> Comparison:
-    """Compare a model, its coefficients as they are, with logs.
+    """Compare a model, with fixed coefficients, with logs.
 
     Parameters
     ----------
     model : Model or BlockModel
     logs : sequence of Log
-        With the model's inputs, and some of what it computes.
+        Logs with the model's inputs and some of its outputs or states.
     horizon : float, optional
         Length of short simulations [s].
     noise : Noise, optional
-        Default: that of the measurements, from the logs; with process noise, gusts count as noise.
+        Default: measurement noise, estimated from the logs. With process noise, gusts count as noise.
 
     Returns
     -------
@@ -147,7 +147,7 @@ def compare(
     Raises
     ------
     InputError
-        If a log lacks an input, is too short, or shows nothing of the model.
+        If a log lacks an input, is too short, or has no channel of the model.
 
     Examples
     --------
@@ -169,17 +169,18 @@ def compared(fit: Fit, horizon: float = COMPARISON.horizon, noise: Noise | None 
     Parameters
     ----------
     fit : Fit
-        Its coefficients as they are judged; its path is where the craft was. Samples that it left out are not
-        compared.
+        Fit with the coefficients to compare; its path is taken as the true path. Samples left out of the fit
+        are not compared.
     horizon : float, optional
         Length of short simulations [s].
     noise : Noise, optional
-        Default: that of the measurements.
+        Default: measurement noise alone.
     """
     problem = fit.problem
     fit = replace(fit, noise=noise or replace(fit.noise, process=np.zeros_like(fit.noise.process)))
     short, free = simulated_traces(fit, horizon), simulated_traces(fit)
     z = innovations(fit)
+    # `largest` is 1 + k LEVEL / n^(1/2): LEVEL / n^(1/2) is the relative standard error of the noise level
     found = []
     for i, (log, ahead, run) in enumerate(zip(problem.logs, short, free, strict=True)):
         own = problem.rows.log == i

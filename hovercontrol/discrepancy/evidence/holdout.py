@@ -1,4 +1,4 @@
-"""Whether a model with an effect predicts held-out logs better."""
+"""Comparison of models on held-out logs, by likelihood and by predictions."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Ahead:
-    """The error of one channel some time ahead, without and with what was added.
+    """The prediction error of one channel at one horizon, without and with the added effects.
 
     Attributes
     ----------
@@ -30,7 +30,7 @@ class Ahead:
     before, after : float
         Root mean square.
     t : float
-        Fall of the squared error over its standard error over blocks; negative if it rises.
+        Reduction of the squared error over its standard error over blocks; negative if the error rises.
     """
 
     horizon: float
@@ -43,17 +43,17 @@ class Ahead:
 
 @dataclass(frozen=True)
 class Gap:
-    """Errors of a model on logs, predicted `horizon` seconds ahead.
+    """Errors of a model that predicts logs `horizon` seconds ahead.
 
     Attributes
     ----------
     horizon : float
     rms : dict of str to float
-        Of each channel, in its unit.
+        Root mean square error of each channel, in its unit.
     nrmse : dict of str to float
-        Over the channel's root mean square about its mean.
+        The same over the standard deviation of the channel.
     floor : dict of str to float
-        The measurement noise, likewise over the channel's: no model can do better.
+        The measurement noise over the standard deviation of the channel: no model can do better.
     """
 
     horizon: float
@@ -63,14 +63,14 @@ class Gap:
 
 
 def held_fit(model: Subject, data: Data, near: Fit | None = None) -> Fit:
-    """Return a model on held-out logs: the path and the noise are fitted, the coefficients are kept.
+    """Return the fit of a model to held-out logs: path and noise are fitted, coefficients are fixed.
 
     Parameters
     ----------
     model : Model or BlockModel
     data : Data
     near : Fit, optional
-        Of another model on the same data, from which levels of noise and path begin.
+        Fit of another model to the same data, from whose noise levels and path this fit starts.
     """
     problem = Problem(model, data)
     path = problem.path_of(near.problem.block, near.path, problem.start) if near else None
@@ -81,14 +81,15 @@ def held_fit(model: Subject, data: Data, near: Fit | None = None) -> Fit:
 
 @dataclass(frozen=True)
 class Gained:
-    """What an effect brings on a log that it was not fitted to.
+    """The gain of an effect on a log that it was not fitted to.
 
     Attributes
     ----------
     gain : float
-        Fall of twice the negative log likelihood, coefficients kept, noise at its likeliest on both sides.
+        Reduction of twice the negative log likelihood, with fixed coefficients and the likeliest noise on
+        both sides.
     scatter : float
-        Its standard error, from disjoint blocks; zero if they are fewer than three.
+        Standard error of the gain, from disjoint blocks; zero if there are fewer than three.
     """
 
     gain: float
@@ -96,17 +97,20 @@ class Gained:
 
     @property
     def t(self) -> float:
-        """The gain in its standard errors; zero without one."""
+        """The gain over its standard error; zero if that is not known."""
         return self.gain / self.scatter if self.scatter else 0.0
 
 
 def gained(less: Fit, more: Fit) -> Gained:
-    """Return what more effects bring on a held-out log, from the costs of its blocks.
+    """Return the gain of further effects on a held-out log, from the costs of its blocks.
+
+    With d_w the reduction of the cost of block w of W, the gain is ``sum d_w``, its standard error
+    ``W^(1/2) std(d_w)``.
 
     Parameters
     ----------
     less, more : Fit
-        On the same log (:func:`held_fit`), without and with them.
+        Fits to the same log (:func:`held_fit`), without and with these effects.
     """
     fall = less.block_costs - more.block_costs
     scatter = float(np.sqrt(fall.size) * fall.std(ddof=1)) if fall.size > 2 else 0.0
@@ -122,12 +126,12 @@ class Horizons:
     each : tuple of Ahead
         By horizon and channel.
     together : tuple of float
-        By horizon: mean fall of the squared errors of all channels, each in parts of its own, over its
-        standard error over blocks.
+        By horizon: mean reduction of the squared errors of all channels, relative to the mean square error of
+        each channel, over its standard error over blocks.
     taken : tuple of float
-        By horizon: part of the squared errors that the second model takes, all channels together, each in
-        parts of its own. Unlike `together` it does not depend on how many blocks share them: an event counts
-        as much among calm blocks as alone.
+        By horizon: fraction of the mean square error that the second model removes, averaged over channels.
+        Unlike `together` it does not depend on the number of blocks without an error: an event counts as much
+        among calm blocks as alone.
     """
 
     each: tuple[Ahead, ...] = ()
@@ -136,7 +140,13 @@ class Horizons:
 
 
 def ahead(before: Fit, after: Fit, wanted: Sequence[float] = (0.2, 0.5, 1.0, 2.0)) -> Horizons:
-    """Return the errors of two models on the same rows, at each horizon and channel."""
+    """Return the errors of two models on the same rows, at each horizon and channel.
+
+    With the errors e1, e2 of the two models, the means over rows of each channel c, and means over channels::
+
+        together   mean over c of (e1^2 - e2^2) / (mean of (e1^2 + e2^2) / 2), as a t statistic over blocks
+        taken      1 - mean over c of (mean e2^2 / mean e1^2)
+    """
     found, together, taken = [], [], []
     for horizon in horizons(before, wanted):
         one, two = predict(before, horizon), predict(after, horizon)
@@ -164,7 +174,7 @@ def ahead(before: Fit, after: Fit, wanted: Sequence[float] = (0.2, 0.5, 1.0, 2.0
 
 
 def _over_blocks(values: Array, block: NDArray[np.intp]) -> float:
-    """Return a mean over its standard error, blocks independent."""
+    """Return the mean of block means over its standard error, blocks taken as independent; 0 below three."""
     means = np.array([values[block == w].mean() for w in np.unique(block)])
     if means.size < 3:
         return 0.0
@@ -173,7 +183,7 @@ def _over_blocks(values: Array, block: NDArray[np.intp]) -> float:
 
 
 def gap(fit: Fit, horizon: float = 1.0) -> Gap:
-    """Return how far a fitted model's predictions are off."""
+    """Return the prediction errors of a fitted model at its longest horizon up to `horizon` [s]."""
     chosen = [h for h in horizons(fit) if h <= 1.001 * max(horizon, horizons(fit)[0])][-1]
     found = predict(fit, chosen)
     problem = fit.problem

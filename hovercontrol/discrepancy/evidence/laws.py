@@ -1,4 +1,4 @@
-"""What a missing force depends on: one velocity or command by a simple law, or else where it is."""
+"""Simple laws of a missing force in one velocity or command; without one, the conditions where it acts."""
 
 from __future__ import annotations
 
@@ -16,26 +16,26 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class LawCriteria:
-    """When a missing force follows a simple law, and where it is said to act.
+    """Settings that decide whether a missing force follows a simple law, and where it is reported to act.
 
     No published source: set by hand, exercised by tests/discrepancy/test_laws.py.
 
     Attributes
     ----------
     most : float
-        Smallest part of the force's mean square that a law must explain.
+        Minimum fraction of the force's mean square that a law must explain.
     simpler : float
-        Part that it must explain in addition to a simpler law.
+        Fraction that it must explain in addition to a simpler law.
     there : float
-        Part of the rows in which a force must lie outside its band.
+        Fraction of the rows in which a force must be significant.
     small : float
         Force relative to the spread of its velocity below which it is ignored [1/s].
     still : float
-        A quantity below this part of its root mean square is near zero.
+        A quantity below this fraction of its root mean square counts as near zero.
     step : float
-        A command that changes by more than this part of its root mean square makes a step.
+        A change of a command by more than this fraction of its root mean square is a step.
     fresh : float
-        Time for which rows count as just after a step [s].
+        Time after a step within which rows count as just after it [s].
     """
 
     most: float = 0.75
@@ -51,7 +51,7 @@ class LawCriteria:
 LAWS = LawCriteria()
 
 
-#: Laws, simplest first: words, power of the quantity's unit, shape over the quantity and its size.
+#: Laws, simplest first: text, power of the quantity's unit, function of the quantity x and its size (rms).
 _SHAPES: tuple[tuple[str, int, Callable[[Array, float], Array]], ...] = (
     ("constant: about {c}", 0, lambda x, size: np.ones_like(x)),
     ("in proportion to {x}: about {c} times {x}", 1, lambda x, size: x),
@@ -70,11 +70,11 @@ class Law:
     quantity : str
         A velocity or command: ``"r"``; empty for a constant.
     value : float
-        What the function is multiplied with.
+        Factor of the function.
     unit : str
-        Of the value.
+        Unit of the value.
     explained : float
-        Part of the force's mean square.
+        Fraction of the force's mean square that the law explains.
     text : str
         ``"in proportion to r: about -2.46 1/s times r"``.
     """
@@ -87,7 +87,7 @@ class Law:
 
 
 def law(forces: Sequence[Missing]) -> Law | None:
-    """Return the simple law that one equation's missing force follows, if there is one.
+    """Return the simple law that the missing force of one equation follows, if there is one.
 
     Parameters
     ----------
@@ -100,7 +100,11 @@ def law(forces: Sequence[Missing]) -> Law | None:
 
 
 def laws(forces: Sequence[Missing]) -> list[Law]:
-    """Return every simple law, fitted to one equation's missing force, the simplest first.
+    """Return every simple law, fitted to the missing force of one equation, the simplest first.
+
+    With the force f and its standard error s in each row, and the function phi of a law::
+
+        value = sum(phi f / s^2) / sum(phi^2 / s^2),    explained = value^2 sum(phi^2 / s^2) / sum(f^2 / s^2)
 
     Parameters
     ----------
@@ -136,24 +140,24 @@ def _quotient(above: str, below: str, power: int) -> str:
 
 
 def is_there(force: Missing) -> bool:
-    """Whether a force stands out of its band, and is large enough to look at."""
+    """Whether a force is significant in enough rows, and not negligible in size."""
     return force.share >= LAWS.there and force.rms >= small(force)
 
 
 def small(force: Missing) -> float:
-    """Return a force too small to care about: a part of how its velocity changes in a second."""
+    """Return the size below which a force is negligible: a fraction of its velocity's spread, per second."""
     own = next((q.values for q in force.over if f"{q.name}'" == force.equation), np.zeros(1))
     known = own[np.isfinite(own)]
     return LAWS.small * float(known.std()) if known.size else 0.0
 
 
 def worst(missing: Sequence[Missing]) -> Missing | None:
-    """Return the force that matters most: how large it is, and in how many rows it is there."""
+    """Return the force with the largest share of significant rows times size over acceleration."""
     return max(missing, key=lambda m: m.share * m.rms / m.seen, default=None)
 
 
 def regime(missing: Sequence[Missing]) -> str:
-    """Return in words where the missing force of the worst equation is, and what others depend on.
+    """Return as text where the missing force of the worst equation acts, and on what the others depend.
 
     Parameters
     ----------
@@ -175,7 +179,7 @@ def regime(missing: Sequence[Missing]) -> str:
 
 
 def regime_of(same: Sequence[Missing]) -> str:
-    """Return in words where one equation's force is, or what it depends on; empty where none is significant.
+    """Return as text where the force of one equation acts, or on what it depends; empty if not significant.
 
     Parameters
     ----------
@@ -186,7 +190,11 @@ def regime_of(same: Sequence[Missing]) -> str:
 
 
 def _where(same: Sequence[Missing]) -> str:
-    """Return the condition under which one equation's force is largest."""
+    """Return the condition that best separates large from small force of one equation, as text.
+
+    The criterion is the ratio of the mean square force in the rows where the condition holds to that in the
+    others; below 1.5 the force acts "all along".
+    """
     force = np.concatenate([m.force for m in same])
     best, words = 1.5, "all along"
     for text, rows in _conditions(same):
@@ -201,7 +209,7 @@ def _where(same: Sequence[Missing]) -> str:
 
 
 def _conditions(same: Sequence[Missing]) -> list[tuple[str, NDArray[np.bool_]]]:
-    """Return conditions on velocities and commands, with words for them."""
+    """Return conditions on velocities and commands, each with its text."""
     found = []
     for k, quantity in enumerate(same[0].over):
         name, values = quantity.name, np.concatenate([m.over[k].values for m in same])
@@ -221,7 +229,7 @@ def _conditions(same: Sequence[Missing]) -> list[tuple[str, NDArray[np.bool_]]]:
 
 
 def _fresh(time: Array, command: Array, step: float) -> NDArray[np.bool_]:
-    """Return in which rows a command stepped a moment ago."""
+    """Return the rows just after a step of a command, as a mask."""
     at = time[1:][np.abs(np.diff(command)) > step]
     ago = time - np.concatenate([[-np.inf], at])[np.searchsorted(at, time, side="right")]
     return np.asarray(ago < LAWS.fresh)

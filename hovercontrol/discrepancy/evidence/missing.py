@@ -27,7 +27,7 @@ class MissingCriteria:
     shortest : float
         Shortest interval that is listed [s].
     apart : float
-        Intervals closer than this are one: a force that changes sign is zero for a moment [s].
+        Intervals closer than this are joined [s]: a force that changes sign passes through zero.
     """
 
     seen: float = 3.0
@@ -41,7 +41,7 @@ MISSING = MissingCriteria()
 
 @dataclass(frozen=True, eq=False)
 class Quantity:
-    """What a missing force may depend on: a velocity or a command.
+    """A quantity on which a missing force may depend: a velocity or a command.
 
     Attributes
     ----------
@@ -61,7 +61,7 @@ class Quantity:
 
 @dataclass(frozen=True, eq=False)
 class Missing:
-    """What one log says is missing in one equation.
+    """The acceleration missing in one equation, along one log.
 
     Attributes
     ----------
@@ -70,11 +70,11 @@ class Missing:
     time : ndarray, shape (n,)
         On the log's clock [s].
     force, band : ndarray, shape (n,)
-        Per mass (inertia), and its standard error; NaN in rows outside all windows.
+        Missing force per mass (torque per inertia), and its standard error; NaN in rows outside all windows.
     over : tuple of Quantity
-        What it may depend on, in the same rows.
+        Quantities on which it may depend, in the same rows.
     seen : float
-        Root mean square of the whole acceleration in that equation, as seen: by it equations compare.
+        Root mean square of the observed acceleration in that equation; equations are compared relative to it.
     """
 
     log: str
@@ -90,7 +90,7 @@ class Missing:
 
     @property
     def segments(self) -> list[tuple[float, float]]:
-        """Stretches in which the force is there beyond its band [s], those close together as one."""
+        """Intervals in which the force is significant [s]; those close together are joined."""
         with np.errstate(invalid="ignore"):
             there = np.abs(self.force) > MISSING.seen * self.band
         edges = np.flatnonzero(np.diff(np.concatenate([[0], there.astype(int), [0]])))
@@ -104,7 +104,7 @@ class Missing:
 
     @property
     def share(self) -> float:
-        """Part of the rows in which the force is there."""
+        """Fraction of the rows in which the force is significant."""
         with np.errstate(invalid="ignore"):
             return float(np.nanmean(np.abs(self.force) > MISSING.seen * self.band))
 
@@ -126,7 +126,7 @@ def rate(unit: str) -> str:
 
 
 def running_mean(time: Array, values: Array, over: float) -> Array:
-    """Return the mean of rows about each row, over so many seconds; NaN where there is none."""
+    """Return the mean of the rows within half of `over` seconds of each row; NaN where a row has no value."""
     known = np.isfinite(values)
     total = np.concatenate([[0.0], np.cumsum(np.where(known, values, 0.0))])
     count = np.concatenate([[0], np.cumsum(known)])

@@ -1,4 +1,4 @@
-"""The three kinds of evidence for a name: likelihood, agreeing blocks, held-out predictions."""
+"""The three kinds of evidence for a named effect: likelihood, agreement of blocks, held-out predictions."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ class Evidence:
     Attributes
     ----------
     gain : float
-        Fall of twice the negative log likelihood, beside the other effects.
+        Reduction of twice the negative log likelihood, with the other effects in the model.
     blocks : Blocks
     holdout : Horizons
         Errors on the held-out log without and with the effect; empty without such a log.
     gained : Gained or None
-        What its likelihood gains; None without such a log.
+        Gain in likelihood on the held-out log; None without such a log.
     """
 
     gain: float
@@ -33,7 +33,7 @@ class Evidence:
     __repr__ = short_repr
 
     def result(self) -> dict[str, Any]:
-        """Return what ``result.json`` holds."""
+        """Return the entries of ``result.json``."""
         b = self.blocks
         return {
             "gain": self.gain,

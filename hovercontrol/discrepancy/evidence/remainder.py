@@ -1,4 +1,4 @@
-"""What remains in each equation once effects are named: the missing acceleration, its size, and where."""
+"""The acceleration still missing in each equation once effects are named: its size, and its course."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class RemainderCriteria:
-    """How a remainder is measured.
+    """Settings of the measurement of remainders.
 
     No published source: set by hand, exercised by tests/discrepancy/test_remainder.py.
 
     Attributes
     ----------
     large : float
-        Gain of process noise from which on no second fit confirms it.
+        Gain of process noise above which no second fit is needed to confirm it.
     """
 
     large: float = 2000.0
@@ -38,20 +38,21 @@ REMAINDER = RemainderCriteria()
 
 @dataclass(frozen=True)
 class Remainder:
-    """What remains in one equation.
+    """The acceleration that remains unexplained in one equation.
 
     Attributes
     ----------
     equation : str
         ``"u'"``
     rms : float
-        Root mean square of the missing acceleration, averaged over `over` seconds; zero where nothing remains
-        beyond its error.
+        Root mean square of the missing acceleration, averaged over `over` seconds; zero if it is not
+        significant.
     unit : str
     share_explained : float
-        Part of the mean square of what the given model lacks that the named effects took.
+        Fraction of the mean square of the acceleration missing in the given model that the named effects
+        explain.
     gain : float
-        Fall of twice the negative log likelihood that process noise in this equation brings.
+        Reduction of twice the negative log likelihood by process noise in this equation.
     over, seconds : float
         Averaging time, and correlation time [s].
     """
@@ -66,17 +67,17 @@ class Remainder:
 
     @property
     def there(self) -> bool:
-        """Whether anything remains."""
+        """Whether the remainder is significant."""
         return self.rms > 0.0
 
 
 def remainders(base: Fit, final: Fit, criteria: Criteria = CRITERIA) -> tuple[Remainder, ...]:
-    """Return what remains in each equation on which forces act.
+    """Return the remainder of each equation on which forces act.
 
     Parameters
     ----------
     base, final : Fit
-        Of the given and of the amended model; the same if nothing was added.
+        Fits of the given and of the amended model; the same fit if nothing was added.
     """
     problem = final.problem
     over = averaging_time(final.problem)
@@ -89,6 +90,7 @@ def remainders(base: Fit, final: Fit, criteria: Criteria = CRITERIA) -> tuple[Re
         there = gain > criteria.remains and criteria.left(final)[j]
         left = float(after[j]) if there else 0.0
         rms, lacks = lacked.get(state.name, (0.0, False))
+        # share explained: 1 - (rms of the amended model / rms of the given model)^2
         share = 1.0 - (left / rms) ** 2 if final is not base and lacks else 0.0
         unit = rate(state.unit)
         found.append(
@@ -100,7 +102,11 @@ def remainders(base: Fit, final: Fit, criteria: Criteria = CRITERIA) -> tuple[Re
 
 
 def _gain(fit: Fit, j: int, criteria: Criteria) -> float:
-    """Return what process noise in one equation brings; at most, where it is large beyond doubt."""
+    """Return the reduction of the cost by process noise in one equation.
+
+    The path and the unknowns are fitted again without this noise only where the gain is near the threshold.
+    Elsewhere the gain is that of the linear problem, an upper bound.
+    """
     problem = fit.problem
     if not criteria.left(fit)[j]:
         return 0.0
@@ -108,14 +114,19 @@ def _gain(fit: Fit, j: int, criteria: Criteria) -> float:
     process[j] = 0.0
     silent = replace(fit.noise, process=process)
     gain = _cost(fit, silent) - _cost(fit, fit.noise)
-    if gain < criteria.remains or gain > REMAINDER.large:  # path and unknowns would follow
+    if gain < criteria.remains or gain > REMAINDER.large:  # a refit would decide alike
         return gain
     without = refit(fit, problem, fit.prior, noise=silent, levels=False)
     return float(without.cost - fit.cost)
 
 
 def _cost(fit: Fit, noise: Noise) -> float:
-    """Return the cost of a fit's linear problem under a noise, path and unknowns at their likeliest."""
+    """Return the cost of a fit's linear problem under a noise, path and unknowns at their likeliest.
+
+    With the whitened residual w0 and columns W of the unknowns, and the prior of precision Lambda about z0::
+
+        cost = |w0|^2 + log det - s'(W'W + Lambda)^-1 s,    s = -W'w0 - Lambda (z - z0)
+    """
     filtered = run_filter(augment(fit.problem, fit.linear, noise))
     every = products(filtered.white).sum(axis=0)
     slope = -every[1:, 0] - fit.prior.slope(fit.problem.inside(fit.p))
@@ -126,8 +137,9 @@ def _cost(fit: Fit, noise: Noise) -> float:
 def missing_forces(fit: Fit) -> tuple[Missing, ...]:
     """Return the smoothed missing accelerations of a fit by log and equation, averaged, with their bands.
 
-    Averaged over the averaging time of remainders; the band of a mean is that of an error as
-    correlated in time as the acceleration itself.
+    They are averaged over the averaging time of remainders. The band of a mean assumes an error as correlated
+    in time as the acceleration itself, by exp(-t/tau): a mean over T has the standard deviation
+    ``sigma (2 (s - 1 + exp(-s)))^(1/2) / s``, with ``s = T/tau``.
     """
     problem = fit.problem
     n, over = len(problem.free), averaging_time(fit.problem)

@@ -1,4 +1,4 @@
-"""What remains in what sensors show: errors that last, which no random force explains."""
+"""Slow errors of sensors: residuals that last and that no random force explains."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from hovercontrol.discrepancy.criteria import Criteria
 from hovercontrol.estimation.fit import Fit
 from hovercontrol.estimation.noise import NOISE, averaging_time
 
-#: Variance of a median of normal samples, over that of their mean. One outlier that was missed moves a mean.
+#: Variance of the median of normal samples over that of their mean. A missed outlier would move a mean.
 MEDIAN = math.pi / 2
-#: Fewest stretches from which a channel is judged.
+#: Minimum number of stretches to judge a channel.
 FEWEST = 8
 
 
@@ -26,11 +26,11 @@ class SlowError:
     ----------
     channel : str
     rms : float
-        Root mean square of the residual's medians over `over` seconds, less what noise leaves of them.
+        Root mean square of the medians of the residual over `over` seconds, without the part due to noise.
     noise : float
         Standard deviation of the noise from sample to sample.
     unit : str
-        Of both.
+        Unit of `rms` and `noise`.
     over : float
         Length of such a stretch [s].
     """
@@ -41,20 +41,23 @@ class SlowError:
     unit: str
     over: float
 
-    #: Whether anything remains: else it is not listed.
+    #: Always significant: other errors are not listed.
     there = True
 
 
 def only_noise(fit: Fit, criteria: Criteria) -> bool:
-    """Return whether all that remains of a fit is noise of its measurements."""
+    """Return whether the fit leaves only measurement noise: no process noise and no slow errors."""
     return not np.any(criteria.left(fit)) and not slow_errors(fit)
 
 
 def slow_errors(fit: Fit) -> tuple[SlowError, ...]:
-    """Return the channels whose residual lasts, larger than their noise from sample to sample.
+    """Return the channels with a lasting residual that is larger than their noise from sample to sample.
 
-    Random forces move the path; where channels contradict each other (a gyro that drifts, a heading that a
-    magnet bends) no path follows them all, and the noise that is fitted takes the difference.
+    A random force moves the path. If channels contradict each other (a gyro that drifts, a heading disturbed
+    by a magnet), no path follows all of them, and the fitted noise absorbs the difference. With the medians m
+    of the residual over stretches of n samples, and the noise sigma from sample to sample::
+
+        rms^2 = mean(m^2 - (pi/2) sigma^2 / n)
 
     Parameters
     ----------

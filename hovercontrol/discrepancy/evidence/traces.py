@@ -1,4 +1,4 @@
-"""A fitted model's simulation beside the logs, some seconds at a time or all at once."""
+"""Simulations of a fitted model along the logs, in short runs or over whole logs."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Indices = NDArray[np.intp]
 
 @dataclass(frozen=True, eq=False)
 class Trace:
-    """One log beside a simulation.
+    """One log with a simulation.
 
     Attributes
     ----------
@@ -34,9 +34,9 @@ class Trace:
     units : mapping
         Of each channel.
     measured, simulated : ndarray, shape (C, n)
-        NaN where nothing was measured; `simulated` also in rows that no block holds.
+        NaN where nothing was measured; `simulated` also in rows outside all blocks.
     starts : tuple of float
-        Times at which the simulation starts afresh, from the smoothed path.
+        Times at which the simulation is restarted from the smoothed path [s].
     missing : tuple of Missing
         The smoothed missing force in the same rows, by equation.
     """
@@ -53,7 +53,7 @@ class Trace:
     __repr__ = short_repr
 
     def rms(self) -> dict[str, float]:
-        """Return the root mean square error of each channel in its unit; infinite where it runs away."""
+        """Return the root mean square error of each channel in its unit; infinite if it diverges."""
         found = {}
         for c, measured, simulated in zip(self.channels, self.measured, self.simulated, strict=True):
             both = ~np.isnan(measured) & ~np.isnan(simulated)
@@ -64,15 +64,15 @@ class Trace:
 
 
 def simulated_traces(fit: Fit, seconds: float = np.inf) -> tuple[Trace, ...]:
-    """Return a fitted model's simulation beside each log.
+    """Return the simulation of a fitted model along each log.
 
-    It starts from the smoothed path and then follows the log's commands alone.
+    It starts from the smoothed path and is driven by the commands of the log alone.
 
     Parameters
     ----------
     fit : Fit
     seconds : float, optional
-        After which it starts afresh; default: only where a log was interrupted.
+        Length of a run before a restart [s]; default: restart only where a log was interrupted.
     """
     missing = missing_forces(fit)
     return tuple(_trace(fit, k, seconds, missing) for k in range(len(fit.problem.logs)))
@@ -102,15 +102,15 @@ def _trace(fit: Fit, k: int, seconds: float, missing: tuple[Missing, ...]) -> Tr
 
 
 def runs_of(problem: Problem, k: int, seconds: float = np.inf) -> Iterator[tuple[Indices, Indices]]:
-    """Yield rows and blocks, one after the other, of each run over a log.
+    """Yield the rows and blocks of each run over a log, in order of time.
 
     Parameters
     ----------
     problem : Problem
     k : int
-        Which log.
+        Index of the log.
     seconds : float, optional
-        After which a run ends and another begins; a long gap ends one as well.
+        Length of a run [s]; a long gap also ends a run.
     """
     blocks = np.flatnonzero(problem.rows.log == k)
     time = problem.rows.time
@@ -130,7 +130,9 @@ def runs_of(problem: Problem, k: int, seconds: float = np.inf) -> Iterator[tuple
 def simulate_runs(
     problem: Problem, p: Array, path: Array, runs: Sequence[tuple[Indices, Indices]]
 ) -> list[tuple[Array, Array]]:
-    """Return states and channels along each run, shapes (n_states, n) and (C, n); all runs side by side.
+    """Return states and channels along each run, shapes (n_states, n) and (C, n).
+
+    All runs are simulated in parallel.
 
     Parameters
     ----------
@@ -138,9 +140,9 @@ def simulate_runs(
     p : ndarray, shape (P,)
         Unknowns.
     path : ndarray, shape (K, W, n_states)
-        From which each run starts.
+        Path from which each run starts.
     runs : sequence of (ndarray of int, ndarray of int)
-        By :func:`runs_of`.
+        Rows and blocks, from :func:`runs_of`.
     """
     parameters = problem.parameters(p)
     M, N = max(row.size for row, _ in runs), len(runs)

@@ -1,4 +1,7 @@
-"""Tests of the innovations: white, of variance one, independent of commands where nothing is missing."""
+"""Tests of the innovations of a fit.
+
+If nothing is missing they are white, have variance one and do not depend on commands.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +21,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class WhitenessCriteria:
-    """How innovations are tested for correlation.
+    """Settings of the tests of innovations for correlation.
 
     The tests are of Ljung and Box, Biometrika 65 (1978); no published source for these values, exercised
     by tests/discrepancy/test_compare.py.
@@ -30,7 +33,7 @@ class WhitenessCriteria:
     past : tuple
         Delays at which they are correlated with commands [s].
     far : float
-        Innovations are clipped at so many standard deviations.
+        Innovations are clipped at this many standard deviations.
     """
 
     lags: int = 10
@@ -45,7 +48,8 @@ WHITENESS = WhitenessCriteria()
 def innovations(fit: Fit) -> Array:
     """Return innovations (row minus prediction) in standard deviations, shape (K, W, C).
 
-    Where a model and its noise are right they are independent, with variance one.
+    If a model and its noise are right, they are independent with variance one: ``z = L^-1 (y - H x)``, with
+    ``L L' = H P H' + R`` and P the covariance of the predicted state x.
 
     Parameters
     ----------
@@ -54,7 +58,7 @@ def innovations(fit: Fit) -> Array:
     Returns
     -------
     ndarray, shape (K, W, C)
-        NaN where nothing was measured, and until as much was measured as there are states.
+        NaN where nothing was measured, and until a block has more than twice as many samples as free states.
     """
     problem = fit.problem
     white = run_filter(augment(problem, fit.linear, fit.noise, unknowns=False)).white[..., 0]
@@ -63,7 +67,13 @@ def innovations(fit: Fit) -> Array:
 
 
 def whiteness(z: Array) -> float:
-    """Return the chance of correlations in time as large as found, were there none (Ljung, Box 1978).
+    """Return the p-value of the autocorrelations of innovations (Ljung, Box 1978).
+
+    With n_k pairs at lag k, all of one block, and the mean square s^2::
+
+        r_k = sum z_t z_(t-k) / (n_k s^2),    Q = sum over k of n_k r_k^2
+
+    Q is chi-squared distributed with one degree of freedom per lag.
 
     Parameters
     ----------
@@ -90,13 +100,17 @@ def whiteness(z: Array) -> float:
 
 
 def independence(z: Array, past: Sequence[Array]) -> float:
-    """Return the chance of correlations with past commands as large as found, were there none.
+    """Return the p-value of the correlations of innovations with past commands.
+
+    With N innovations z and the standardised commands U, shape (N, m), of ``U'U / N = V S V'`` and rank r::
+
+        Q = |S^(-1/2) V'U'z|^2 / (N mean(z^2)),    chi-squared with r degrees of freedom
 
     Parameters
     ----------
     z : ndarray, shape (K, W)
     past : sequence of ndarray, shape (K, W)
-        Commands at rows and before (:func:`past_commands`).
+        Commands before each row (:func:`past_commands`).
     """
     z = _cut(z)
     there = np.isfinite(z)
@@ -116,7 +130,7 @@ def independence(z: Array, past: Sequence[Array]) -> float:
 
 
 def past_commands(fit: Fit, log: int) -> list[Array]:
-    """Return the commands of a log before each row of its blocks, by one row and more, each (K, W)."""
+    """Return the commands of a log one or more rows before each row of its blocks, each (K, W)."""
     problem = fit.problem
     m, at = problem.logs[log], problem.rows.at[:, problem.rows.log == log]
     step = float(np.median(np.diff(m.time)))
@@ -126,7 +140,7 @@ def past_commands(fit: Fit, log: int) -> list[Array]:
 
 
 def _cut(z: Array) -> Array:
-    """Return innovations with outliers cut off, so that a few of them do not decide."""
+    """Return innovations clipped at a multiple of the standard deviation, median(abs(z)) / 0.6745."""
     known = np.abs(z[np.isfinite(z)])
     scale = float(np.median(known)) / 0.6745 if known.size else 1.0
     return np.clip(z, -WHITENESS.far * scale, WHITENESS.far * scale)

@@ -1,4 +1,4 @@
-"""A family of manoeuvres within limits of the commands."""
+"""A family of manoeuvres within given limits of the commands."""
 
 from __future__ import annotations
 
@@ -45,12 +45,12 @@ MANOEUVRES = ManoeuvreLimits()
 
 @dataclass(frozen=True, eq=False)
 class Manoeuvre:
-    """Commands over time.
+    """A manoeuvre: commands over time.
 
     Attributes
     ----------
     name, text : str
-        ``"spin"``; what is done, in words that follow "Drive".
+        ``"spin"``; its description, as the object of "Drive".
     time : ndarray, shape (n,)
         [s].
     commands : dict of str to ndarray, shape (n,)
@@ -65,17 +65,18 @@ class Manoeuvre:
 
 
 def reach(signal: Signal, driven: Array) -> tuple[float, float]:
-    """Return the least and the largest command that a proposal may use.
+    """Return the smallest and the largest command that a proposal may use.
 
-    What was driven is safe. Where the model bounds the command on a side, so is more within the bound, up to
-    twice what was driven on that side; a side that was never driven is not tried.
+    Commands within the range of the logs are taken as safe. If the model bounds the command on a side, up to
+    twice the largest command of the logs on that side is allowed, within the bound. A direction that was
+    never driven is not used.
 
     Parameters
     ----------
     signal : Signal
         The input, with its bounds.
     driven : ndarray
-        Its commands in the logs.
+        Values of this command in the logs.
 
     Examples
     --------
@@ -93,16 +94,16 @@ def reach(signal: Signal, driven: Array) -> tuple[float, float]:
 
 
 def family(limits: Limits, step: float, seed: int = 0) -> list[Manoeuvre]:
-    """Return the manoeuvres that a craft with these commands can drive.
+    """Return the manoeuvres that a machine with these commands can drive.
 
     Parameters
     ----------
     limits : dict of str to (float, float)
-        Least and largest value of each command.
+        Smallest and largest value of each command.
     step : float
-        From row to row [s].
+        Time from row to row [s].
     seed : int, optional
-        Of those drawn at random.
+        Seed of the random manoeuvres.
 
     Examples
     --------
@@ -134,7 +135,11 @@ def family(limits: Limits, step: float, seed: int = 0) -> list[Manoeuvre]:
 
 
 def _steps(t: Array, limits: Limits, hold: float) -> dict[str, Array]:
-    """Return stairs that visit the range evenly, each command at times of its own (golden ratio)."""
+    """Return steps that cover the range evenly, each command at its own times.
+
+    Step k of command i is at the fraction ``(1/2 + phi (k + 3.7 i)) mod 1`` of its range, phi = 0.618 (golden
+    ratio).
+    """
     found = {}
     for i, (name, (low, high)) in enumerate(limits.items()):
         own = hold * (1.0 + 0.3 * i)
@@ -144,7 +149,7 @@ def _steps(t: Array, limits: Limits, hold: float) -> dict[str, Array]:
 
 
 def _drawn(t: Array, limits: Limits, rng: np.random.Generator) -> dict[str, Array]:
-    """Return stairs of random heights, held for random times: some are fast, some slow."""
+    """Return steps of random height, held for random times, uniform in their logarithm."""
     found = {}
     for name, (low, high) in limits.items():
         count = int(t[-1] / MANOEUVRES.held[0]) + 1
@@ -198,5 +203,5 @@ def _ramp(t: Array, limits: Limits) -> dict[str, Array]:
 
 
 def _rest(t: Array, limits: Limits) -> dict[str, Array]:
-    """Return commands of zero, or what is nearest to it."""
+    """Return commands of zero, or of the allowed value nearest to zero."""
     return {name: np.full_like(t, np.clip(0.0, low, high)) for name, (low, high) in limits.items()}

@@ -17,21 +17,21 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Experiment:
-    """A proposal.
+    """A proposed experiment.
 
     Attributes
     ----------
     name : str
-        Of the manoeuvre: ``"spin"``.
+        Name of the manoeuvre: ``"spin"``.
     text : str
-        One sentence: what to drive, and why.
+        The manoeuvre and its benefit in one sentence.
     time : ndarray, shape (n,)
         [s].
     commands : dict of str to ndarray, shape (n,)
-        By the plant's inputs, each held until the next row.
+        Values of the plant's inputs, each held until the next row.
     benefit : float
-        Expected fall of minus twice the log likelihood between the rivals; or the factor by which the
-        standard error of a badly known coefficient falls.
+        Expected difference of twice the log likelihood between the rivals; or the factor by which the
+        standard error of a poorly known coefficient is reduced.
     """
 
     name: str

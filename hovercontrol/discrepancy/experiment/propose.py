@@ -1,12 +1,12 @@
 """The next experiment: commands that distinguish rivals, or reduce a large standard error.
 
-Commands keep to what was driven in the logs; where the model bounds an input, to at most twice that within
-the bounds, and to no direction that was never driven.
+Commands stay within the range of the logs. If the model bounds an input, up to twice that range is used,
+within the bounds; a direction that was never driven is not used.
 
-Every manoeuvre of a family is simulated with one rival as the truth and the other fitted to it and to what
-the logs so far say of its coefficients, and the other way round: what that fit cannot take up is what the
-added log will say (the discrimination design of Atkinson and Fedorov, Biometrika 62, 1975, over a family
-instead of a continuum).
+Every manoeuvre of a family is simulated with one rival as the truth. The other rival is fitted to this
+simulation and to the information of the logs so far. The misfit that remains is the expected evidence of the
+added log; the smaller one of both directions counts. This is the discrimination design of Atkinson and
+Fedorov, Biometrika 62, 1975, over a family instead of a continuum.
 """
 
 from __future__ import annotations
@@ -39,15 +39,15 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class ProposalCriteria:
-    """When a next experiment is proposed.
+    """Settings that decide when a next experiment is proposed.
 
-    No published source: set by hand, exercised by tests/discrepancy/test_experiment.py. The gain asked
-    for is twice the `least` of the criteria of a name.
+    No published source: set by hand, exercised by tests/discrepancy/test_experiment.py. The required gain is
+    twice the `least` of :class:`.Criteria`.
 
     Attributes
     ----------
     settles : float
-        Expected fall of minus twice the log likelihood between rivals.
+        Required difference of twice the log likelihood between rivals.
     badly : float
         Relative standard error above which a coefficient is to be estimated better.
     sharper : float
@@ -69,13 +69,13 @@ PROPOSAL = ProposalCriteria()
 def next_experiment(
     selection: Selection, effects: Sequence[Found], seed: int = 0
 ) -> tuple[Experiment | None, str]:
-    """Return what to drive next, and a sentence on it; empty where nothing need be driven.
+    """Return the next experiment and a sentence on it; None and an empty text if none is needed.
 
     Parameters
     ----------
     selection : Selection
     effects : sequence of Found
-        The numbers of what is named.
+        Parameters of the named effects.
     seed : int, optional
         Of the manoeuvres drawn at random.
     """
@@ -105,9 +105,9 @@ def separate(one: Fit, other: Fit, names: tuple[str, str], *, seed: int = 0) -> 
     Parameters
     ----------
     one, other : Fit
-        Of the two models to the logs so far.
+        Fits of the two models to the logs so far.
     names : (str, str)
-        What is in the one and in the other.
+        Names of the effects in `one` and in `other`.
     seed : int, optional
         Of the manoeuvres drawn at random.
     """
@@ -148,12 +148,15 @@ def same_time(names: tuple[str, str]) -> str:
 def sharpen(final: Fit, parameter: str, *, seed: int = 0) -> Experiment | None:
     """Return the manoeuvre that most reduces a large standard error; None if none does.
 
+    With the information I of the logs so far and S of the manoeuvre, the standard error of parameter j is
+    reduced by the factor ``([I^-1]_jj / [(I + S)^-1]_jj)^(1/2)``.
+
     Parameters
     ----------
     final : Fit
-        Of the logs so far.
+        Fit of the logs so far.
     parameter : str
-        Of the fitted model.
+        Parameter of the fitted model.
     seed : int, optional
         Of the manoeuvres drawn at random.
     """
@@ -181,7 +184,7 @@ def sharpen(final: Fit, parameter: str, *, seed: int = 0) -> Experiment | None:
 
 
 def predicted(fit: Fit, manoeuvre: Manoeuvre) -> Data:
-    """Return what a fitted model would measure during a manoeuvre, from rest, without noise.
+    """Return the measurements that a fitted model predicts for a manoeuvre, from rest, without noise.
 
     Parameters
     ----------
@@ -203,7 +206,7 @@ def predicted(fit: Fit, manoeuvre: Manoeuvre) -> Data:
 
 
 def _data(like: Data, log: Measured, states: Sequence[str]) -> Data:
-    """Return one log as data."""
+    """Return data that consist of one log."""
     rows = arrange([log], [dict(zip(states, log.states, strict=True))], like.channels)
     return Data((log,), like.channels, like.noise, np.ones((1, len(like.channels))), rows)
 
@@ -216,12 +219,16 @@ def _family(fit: Fit, seed: int) -> Sequence[Manoeuvre]:
 
 
 def _information(fit: Fit) -> Array:
-    """Return what logs and prior say of a fit's unknowns, shape (P, P)."""
+    """Return the information of logs and prior on a fit's unknowns, sum_w S_w + Lambda, shape (P, P)."""
     return np.asarray(fit.S.sum(axis=0) + np.diag(fit.prior.precision))
 
 
 def _added(fit: Fit, seen: Data) -> tuple[float, Array, Array]:
-    """Return what a fitted model leaves of another log, its path fitted to it, with normal equations."""
+    """Return the misfit of a fitted model to another log, and the normal equations of its unknowns.
+
+    The path is fitted to the log. With the whitened residual w0 and columns W of the unknowns, the result is
+    ``|w0|^2``, ``S = W'W`` and ``g = -W'w0``.
+    """
     problem = Problem(fit.model, seen, fit.problem.names, pieces=fit.problem.usual_pieces)
     noise = replace(fit.noise, scale=np.ones((1, len(seen.channels))))
     try:
@@ -234,9 +241,10 @@ def _added(fit: Fit, seen: Data) -> tuple[float, Array, Array]:
 
 
 def _left(rival: Fit, seen: Data) -> float:
-    """Return the misfit of a rival to what it should not explain: no noise is in it.
+    """Return the misfit of a rival to the noise-free simulation of the other model.
 
-    Its coefficients follow as far as the logs so far let them.
+    Its coefficients are fitted to the simulation and to the logs so far, of information I:
+    ``|w0|^2 - g'(I + S)^-1 g`` (:func:`_added`).
     """
     rest, S, g = _added(rival, seen)
     if not np.isfinite(rest):

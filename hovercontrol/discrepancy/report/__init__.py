@@ -1,4 +1,4 @@
-"""``report.html``: a diagnosis for a reader who never saw the code."""
+"""``report.html``: a diagnosis for readers who do not know the code."""
 
 from __future__ import annotations
 
@@ -32,15 +32,15 @@ def write_report(diagnosis: Diagnosis, path: str | Path, *, command: str = "") -
     Parameters
     ----------
     diagnosis : Diagnosis
-        With a held-out log it is shown on that, else on the first training log.
+        Shown on the held-out log if there is one, else on the first training log.
     path : path
     command : str, optional
-        That makes the report again.
+        Command that reproduces the report.
 
     Returns
     -------
     Path
-        Of the page, which is written atomically.
+        Path of the page, which is written atomically.
 
     Examples
     --------

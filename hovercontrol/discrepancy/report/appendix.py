@@ -1,4 +1,4 @@
-"""What was left out of the logs, warnings, the method, and the command that makes the report."""
+"""Appendix: samples left out of the logs, warnings, the method, and the command that makes the report."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from hovercontrol.discrepancy.report.templates import Table, render, table
 from hovercontrol.estimation.fit import Fit
 from hovercontrol.estimation.outliers import OUTLIERS
 
-#: Rejected stretches of a log that are listed.
+#: Maximum number of rejected stretches of a log that are listed.
 SHOWN = 6
 
 
@@ -78,7 +78,7 @@ def _rows(count: int) -> str:
 
 
 def _logs(fit: Fit, note: str = "") -> list[tuple[str, ...]]:
-    """Return of each log what was not used."""
+    """Return the rows of the table of samples left out, one per log."""
     problem = fit.problem
     rows: list[tuple[str, ...]] = []
     for k, log in enumerate(problem.logs):

@@ -19,19 +19,19 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Context:
-    """A diagnosis, and the log on which its models are shown.
+    """A diagnosis, and the fits to the log on which its models are shown.
 
     Attributes
     ----------
     diagnosis : Diagnosis
     before, after : Fit
-        The given and the amended model on that log; the same where nothing was added.
+        Fits of the given and the amended model to that log; the same fit if nothing was added.
     held_out : bool
-        Whether that is the held-out log, or the training logs.
+        Whether the log is the held-out one; else the training logs are used.
     ahead : tuple of Ahead
         Errors of both at several horizons.
     command : str
-        That makes the report again; empty if a script made it.
+        Command that reproduces the report; empty if a script made it.
     """
 
     diagnosis: Diagnosis
@@ -43,34 +43,34 @@ class Context:
 
     @property
     def changed(self) -> bool:
-        """Whether there is an amended model beside the given one."""
+        """Whether an effect was added to the given model."""
         return bool(self.diagnosis.effects)
 
     @property
     def noise(self) -> dict[str, float]:
-        """The noise of each channel's measurement, in its unit."""
+        """The measurement noise of each channel, in its unit."""
         levels = self.before.noise.measured.tolist()
         return dict(zip(self.before.problem.rows.channels, levels, strict=True))
 
     @property
     def shown_on(self) -> str:
-        """On which logs errors are shown, in words."""
+        """The logs on which errors are shown, as text."""
         return held_out_words(self.diagnosis) if self.held_out else "training logs (none was held out)"
 
 
 def held_out_words(d: Diagnosis) -> str:
-    """Return what the logs that were held out are called: one or several."""
+    """Return "held-out log" or, for several, "held-out logs"."""
     several = d.held_before is not None and len(d.held_before.problem.logs) > 1
     return "held-out logs" if several else "held-out log"
 
 
 def numbers_by_effect(d: Diagnosis) -> dict[str, list[Found]]:
-    """Return the numbers of each named effect."""
+    """Return the parameters of each named effect."""
     return {e.effect: [n for n in d.effects if n.effect == e.effect] for e in d.effects}
 
 
 def collect(d: Diagnosis, command: str = "") -> Context:
-    """Return what a report shows."""
+    """Return the data of a report."""
     if d.held_before is not None and d.held_after is not None:
         return Context(d, d.held_before, d.held_after, True, d.ahead, command)
     base, final = d.selection.base, d.selection.final

@@ -1,4 +1,4 @@
-"""The amended equations, what is new in them marked, and their coefficients."""
+"""The amended equations, with new terms marked, and their coefficients."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from hovercontrol.notebook.mathml import MathPrinter, symbol_markup
 
 @dataclass(frozen=True)
 class CoefficientCriteria:
-    """When a coefficient fitted without the named effects is called biased.
+    """Settings that decide when a coefficient fitted without the named effects is called biased.
 
     No published source: set by hand.
 
@@ -43,12 +43,12 @@ class CoefficientCriteria:
 COEFFICIENTS = CoefficientCriteria()
 
 
-#: Equations that are shown before the rest is folded away, and places in which an effect is said to act.
+#: Number of equations shown before the rest is folded, and of places listed where an effect acts.
 SHOWN, PLACES = 4, 3
 
 
 def equations(m: Context) -> str:
-    """Return the section with the equations that change, or nothing where none does."""
+    """Return the section with the equations that change; empty if none does."""
     if not m.changed:
         return ""
     old, new = structure(m.diagnosis.refitted), structure(m.diagnosis.amended)
@@ -78,7 +78,7 @@ def equations(m: Context) -> str:
 
 
 def _added(m: Context) -> Table:
-    """Return the numbers of the named effects, with where they act and where the effect is from."""
+    """Return the parameters of the named effects, with where they act and the source of the effect."""
     rows = [
         (
             e.parameter,
@@ -93,7 +93,7 @@ def _added(m: Context) -> Table:
 
 
 def _places(acts_in: str) -> str:
-    """Return where an effect acts: the first equations, and how many more."""
+    """Return where an effect acts: the first equation and the number of others, or all if they are few."""
     places = acts_in.split()
     if "'" not in acts_in or len(places) <= PLACES:
         return prime(acts_in)
@@ -105,9 +105,9 @@ def _timing(m: Context) -> set[str]:
 
 
 def _line(name: str, e: sp.Expr, before: sp.Expr | None, owner: str, *, dot: bool = False) -> str:
-    """Return an equation as MathML with its new terms marked; nothing if it is as before.
+    """Return an equation as MathML with its new terms marked; empty if it has not changed.
 
-    A parameter is a c with its name below: a coefficient and a command may share a name.
+    A parameter is written as c with its name below, since a coefficient and a command may share a name.
     """
     if before is not None and e == before:
         return ""
@@ -127,7 +127,7 @@ def _line(name: str, e: sp.Expr, before: sp.Expr | None, owner: str, *, dot: boo
 
 
 def coefficients(m: Context) -> str:
-    """Return the table of all coefficients, as given and as found."""
+    """Return the table of all coefficients, given and fitted."""
     d = m.diagnosis
     found = d.selection.final
     problem, C = found.problem, found.covariance
@@ -160,5 +160,5 @@ def coefficients(m: Context) -> str:
 
 
 def _far(value: float, given: float) -> bool:
-    """Whether a coefficient is off by more than a factor."""
+    """Whether a coefficient differs from its given value by more than the factor `far`."""
     return given != 0.0 and not 1.0 / COEFFICIENTS.far < value / given < COEFFICIENTS.far

@@ -1,4 +1,4 @@
-"""Why an effect is named: likelihood, the same size on disjoint blocks, better predictions."""
+"""Evidence for named effects: likelihood, the same size on disjoint blocks, better predictions."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ MEASURES = (
 
 
 def evidence(m: Context) -> str:
-    """Return the section on the evidence for each named effect; empty without one."""
+    """Return the section on the evidence for each named effect; empty if none is named."""
     d = m.diagnosis
     if not m.changed:
         return ""
@@ -59,7 +59,7 @@ def _held(e: Evidence) -> str:
 
 
 def _blocks(m: Context) -> dict[str, object]:
-    """Return each effect's size block by block, the colours of the logs, and whether one has no size."""
+    """Return figures of each effect's size by block, the colours of logs, and whether one has no size."""
     d = m.diagnosis
     problem = d.selection.final.problem
     shown, logs = [], set[int]()
@@ -86,7 +86,7 @@ def _blocks(m: Context) -> dict[str, object]:
 
 
 def _key(effect: str, parameter: str) -> str:
-    """Return which of an effect's numbers a parameter is."""
+    """Return the name of a parameter within its effect."""
     return "value" if parameter == effect else parameter.removeprefix(f"{effect}_")
 
 

@@ -1,4 +1,4 @@
-"""How a report writes numbers, units and effects."""
+"""Formatting of numbers, units and effect names in a report."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _KINDS = {"coulomb": "dry friction", "stribeck": "Stribeck friction"}
 
 
 def unit(text: str) -> str:
-    """Return a unit as a person writes it; nothing for a plain number.
+    """Return a unit with superscript powers; empty for a dimensionless number.
 
     Examples
     --------
@@ -29,7 +29,7 @@ def unit(text: str) -> str:
 
 
 def prime(text: str) -> str:
-    """Return a plain sentence as print has it: ``u'`` as u′, powers raised, minus as wide as a plus.
+    """Return a sentence in typographic form: ``u'`` as u′, superscript powers, true minus signs.
 
     Examples
     --------
@@ -41,7 +41,7 @@ def prime(text: str) -> str:
 
 
 def effect_words(name: str) -> str:
-    """Return an effect's name in words.
+    """Return the name of an effect as plain text.
 
     Examples
     --------
@@ -56,12 +56,12 @@ def effect_words(name: str) -> str:
 
 
 def meaning(effect: Effect | type[Effect]) -> str:
-    """Return the sentence in which an effect explains itself."""
+    """Return the first paragraph of an effect's docstring."""
     return " ".join((effect.__doc__ or "").split("\n\n")[0].replace("``", "").split())
 
 
 def plus_minus(value: float, half: float) -> str:
-    """Return a value with its standard error, to two digits of that.
+    """Return a value with its standard error, to two digits of the standard error.
 
     Examples
     --------
@@ -75,7 +75,7 @@ def plus_minus(value: float, half: float) -> str:
 
 
 def minus(text: str) -> str:
-    """Return a number with the sign that is as wide as a plus.
+    """Return a number with a true minus sign (U+2212).
 
     Examples
     --------
@@ -86,12 +86,12 @@ def minus(text: str) -> str:
 
 
 def number_of(found: Found) -> str:
-    """Return an effect's number with its standard error and unit."""
+    """Return a parameter of an effect with its standard error and unit."""
     return f"{plus_minus(found.value, found.std)} {unit(found.unit)}".strip()
 
 
 def rounded(value: float) -> str:
-    """Return a large number to two digits, thousands apart.
+    """Return a large number to two digits, with separated thousands.
 
     Examples
     --------
@@ -105,7 +105,7 @@ def rounded(value: float) -> str:
 
 
 def small(value: float, digits: int = 2) -> str:
-    """Return a number to so many digits, without an exponent where it is no smaller than a millionth.
+    """Return a number to `digits` digits, without an exponent; "0" below a millionth, empty from a million.
 
     Examples
     --------
@@ -122,7 +122,7 @@ def small(value: float, digits: int = 2) -> str:
 
 
 def times(value: float) -> str:
-    """Return how many times, to three digits or so.
+    """Return a ratio to about three digits.
 
     Examples
     --------
@@ -133,7 +133,7 @@ def times(value: float) -> str:
 
 
 def listed(parts: Sequence[str], last: str = "and") -> str:
-    """Return parts as a list in a sentence.
+    """Return parts joined as a list in a sentence.
 
     Examples
     --------

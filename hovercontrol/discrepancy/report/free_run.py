@@ -1,4 +1,4 @@
-"""Free runs of a fitted model beside its logs: each some seconds long, driven by the commands alone."""
+"""Free runs of a fitted model along its logs: some seconds long, driven by the commands alone."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class FreeRun:
-    """One log beside the runs of a model.
+    """One log with the free runs of a model.
 
     Attributes
     ----------
     log : str
     channels : tuple of str
     units : mapping
-        Of each channel.
+        Unit of each channel.
     time, measured : ndarray, shapes (n,), (C, n)
-        As measured; NaN where a sample was left out.
+        Measured values; NaN where a sample was left out.
     at, simulated : ndarray, shapes (N,), (C, N)
         Times and channels of the runs, one after the other.
     starts : tuple of int
-        Where in `at` each begins.
+        Index in `at` at which each run begins.
     """
 
     log: str
@@ -46,25 +46,25 @@ class FreeRun:
 
     @property
     def error(self) -> Array:
-        """Simulated minus measured over how much each channel moves (standard deviation), shape (C, n)."""
+        """Simulated minus measured, over the standard deviation of each channel, shape (C, n)."""
         order = np.argsort(self.at, kind="stable")
         there = [np.interp(self.time, self.at[order], y[order]) for y in self.simulated]
         size = [float(np.std(y[np.isfinite(y)])) if np.isfinite(y).any() else 1.0 for y in self.measured]
         return np.asarray((np.array(there) - self.measured) / np.maximum(size, 1e-12)[:, None])
 
     def keeps_near(self) -> bool:
-        """Whether runs err in each channel by less than it moves."""
+        """Whether the rms error of the runs is below the standard deviation of each channel."""
         return all(np.mean(e[np.isfinite(e)] ** 2) < 1.0 for e in self.error if np.isfinite(e).any())
 
 
 def on_rows(fit: Fit, values: Array, log: int) -> tuple[Array, Array]:
-    """Return times and values, shape (n, ...), of all rows of one log in their order.
+    """Return times and values, shape (n, ...), of all rows of one log in order of time.
 
     Parameters
     ----------
     fit : Fit
     values : ndarray, shape (K, W, ...)
-        Row by row of the blocks.
+        Values by row and block.
     log : int
     """
     rows = fit.problem.rows
@@ -74,14 +74,14 @@ def on_rows(fit: Fit, values: Array, log: int) -> tuple[Array, Array]:
 
 
 def free_run(fit: Fit, log: int = 0, seconds: float = 5.0) -> FreeRun:
-    """Return a fitted model's runs beside a log, each from the smoothed path.
+    """Return the free runs of a fitted model along a log, each from the smoothed path.
 
     Parameters
     ----------
     fit : Fit
     log : int, optional
     seconds : float, optional
-        After which a run starts afresh.
+        Length of a run [s].
     """
     problem = fit.problem
     time, seen = on_rows(fit, np.where(problem.seen, problem.rows.values, np.nan), log)

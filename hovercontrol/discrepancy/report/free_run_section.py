@@ -1,4 +1,4 @@
-"""Simulation and measurement: runs of some seconds, driven by the commands alone."""
+"""Section on simulation and measurement: runs of some seconds, driven by the commands alone."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from hovercontrol.discrepancy.report.context import Context
 from hovercontrol.discrepancy.report.free_run import free_run
 from hovercontrol.discrepancy.report.templates import legend, render
 
-#: How long a run may be [s]: the longest that keeps near the log; and least rows of one.
+#: Lengths of a run [s], of which the longest that stays near the log is used; minimum rows of a run.
 SECONDS, ROWS = (10.0, 5.0, 2.0, 1.0), 10
 
 
 def free_runs(m: Context) -> str:
-    """Return the section that shows free runs beside a log."""
+    """Return the section that shows free runs along a log."""
     for seconds in SECONDS:
         after = free_run(m.after, 0, max(seconds, ROWS * m.after.problem.shortest))
         if after.keeps_near():

@@ -1,4 +1,4 @@
-"""Effects that are not named: rivals, the nearest candidates, and the experiment that would decide."""
+"""Section on effects that are not named: rivals, best candidates, and the experiment that would decide."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def _rivals(m: Context) -> Table | None:
 
 
 def _odds(behind: float) -> str:
-    """Return how many times less likely, from twice the difference of log likelihoods."""
+    """Return a likelihood ratio as text, from twice the difference of log likelihoods."""
     times = f"{rounded(math.exp(min(abs(behind), 700.0) / 2))} times"
     return "as likely" if abs(behind) < 0.1 else times if behind > 0.0 else f"it is {times} likelier"
 

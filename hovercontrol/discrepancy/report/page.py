@@ -1,4 +1,4 @@
-"""The page around a report: one file, no script, nothing from elsewhere; for screen, phone and A4."""
+"""The page of a report: one file without scripts or external resources, for screen, phone and A4."""
 
 from __future__ import annotations
 
@@ -14,6 +14,6 @@ def page(title: str, sections: Sequence[str]) -> str:
     ----------
     title : str
     sections : sequence of str
-        HTML (:class:`markupsafe.Markup`), one after the other.
+        HTML of the sections (:class:`markupsafe.Markup`), in order.
     """
     return str(render("page.html", title=title, sections=sections))

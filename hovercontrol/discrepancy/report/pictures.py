@@ -18,16 +18,16 @@ from hovercontrol.discrepancy.report.templates import render
 
 Array = NDArray[np.float64]
 
-#: How much of a log is shown beside runs of the model [s], and logs with a colour of their own.
+#: Length of the part of a log shown with runs of the model [s], and number of logs with their own colour.
 SPAN, COLOURS = 20.0, 4
 
-#: Cells across a map of the floor, rows that one must hold to be drawn, and part of the cells that lie within
-#: the colours.
+#: Number of cells across a map of the floor, minimum number of rows in a cell that is drawn, and fraction of
+#: the cells within the range of colours.
 CELLS, FEWEST, WITHIN = 16, 4, 0.97
 
 
 def error_bars(errors: Sequence[Ahead], changed: bool, noise: Mapping[str, float]) -> str:
-    """Return bars of each channel's error: before beside after, or else in multiples of the noise."""
+    """Return bars of each channel's error, before and after; without a change, in multiples of the noise."""
     rows = []
     multiples = {a.channel: a.before / max(noise[a.channel], 1e-300) for a in errors}
     most = max(multiples.values())
@@ -47,7 +47,7 @@ def _size(value: float, a: Ahead) -> str:
 
 
 def horizons(far: Sequence[Ahead], changed: bool, noise: Mapping[str, float]) -> list[str]:
-    """Return for each channel its error over how far ahead it is predicted, with the noise as a line."""
+    """Return a plot for each channel of its error over the prediction horizon, with the noise as a line."""
     found = []
     for channel in dict.fromkeys(a.channel for a in far):
         own = sorted((a for a in far if a.channel == channel), key=lambda a: a.horizon)
@@ -65,7 +65,7 @@ def horizons(far: Sequence[Ahead], changed: bool, noise: Mapping[str, float]) ->
 
 
 class Scale(NamedTuple):
-    """How sizes relative to the size on all logs become a coefficient: ``zero + part * size``."""
+    """Conversion of sizes relative to that on all logs into a coefficient: ``zero + part * size``."""
 
     zero: float
     size: float
@@ -73,9 +73,9 @@ class Scale(NamedTuple):
 
 
 def blocks_of(title: str, blocks: Blocks, scale: Scale) -> str:
-    """Return an effect's size block by block, with its standard errors, a colour for each log.
+    """Return a plot of an effect's size on each block, with standard errors and a colour for each log.
 
-    Blocks without information are left out; the line is the size on all logs.
+    Blocks without information are left out. The line is the size on all logs.
     """
     shown = np.flatnonzero(telling(blocks))
     at = np.arange(1.0, len(blocks.estimate) + 1.0)
@@ -94,7 +94,7 @@ def blocks_of(title: str, blocks: Blocks, scale: Scale) -> str:
 
 
 def telling(blocks: Blocks) -> NDArray[np.bool_]:
-    """Return which blocks have information on an effect's size: a twentieth of their share or more."""
+    """Return the blocks with more than 5 % of the mean information on an effect's size, as a mask."""
     std = blocks.std
     if not np.isfinite(std).any():
         return np.isfinite(blocks.estimate)
@@ -104,7 +104,7 @@ def telling(blocks: Blocks) -> NDArray[np.bool_]:
 
 
 def overlays(before: FreeRun, after: FreeRun, changed: bool) -> list[str]:
-    """Return for each channel measurement and free runs in the stretch where the given model errs most."""
+    """Return a plot for each channel of measurement and free runs, where the given model errs most."""
     begin, end = stretch(before)
     sides = {"before": before} | ({"after": after} if changed else {})
     found = []
@@ -124,14 +124,14 @@ def overlays(before: FreeRun, after: FreeRun, changed: bool) -> list[str]:
 
 
 def _part(run: FreeRun, begin: float, end: float) -> tuple[Array, Array, list[int]]:
-    """Return times, channels and starts of the runs within a stretch."""
+    """Return times, channels and starts of the runs within an interval."""
     rows = np.flatnonzero((run.at >= begin) & (run.at <= end))
     starts = np.flatnonzero(np.isin(rows, run.starts)).tolist()
     return run.at[rows], run.simulated[:, rows], starts
 
 
 def stretch(run: FreeRun) -> tuple[float, float]:
-    """Return the stretch in which runs err most, the whole of a short log [s]."""
+    """Return the interval in which runs err most, or the whole of a short log [s]."""
     first, last = float(run.time[0]), float(run.time[-1])
     if last - first <= 1.5 * SPAN:
         return first, last
@@ -146,9 +146,9 @@ def stretch(run: FreeRun) -> tuple[float, float]:
 def forces(
     before: Sequence[Missing], after: Sequence[Missing], least: Mapping[str, float], changed: bool
 ) -> list[str]:
-    """Return for each equation of a log the missing force over time, with band and segments.
+    """Return a plot for each equation of a log of the missing force over time, with band and segments.
 
-    `least` is, by equation, the force that the axes show at least.
+    `least` is the minimum half-range of the force axis, by equation.
     """
     found = []
     for was, now in zip(before, after, strict=True):
@@ -166,7 +166,7 @@ def forces(
 def floor_map(title: str, x: Array, y: Array, force: Array, label: str, kind: str) -> str:
     """Return a map of a force's root mean square over cells of the floor; empty with too few rows.
 
-    `x`, `y` and `force` are of all rows of all logs, `label` is the force's unit, `kind` its colour.
+    `x`, `y` and `force` hold all rows of all logs; `label` is the unit of the force, `kind` its colour.
     """
     known = np.isfinite(x) & np.isfinite(y) & np.isfinite(force)
     x, y, force = x[known], y[known], force[known]
@@ -201,7 +201,7 @@ def _bracketed(text: str) -> str:
 
 
 def _known(time: Array, row: Array) -> tuple[Array, Array]:
-    """Return the samples there are, with a break (NaN) in each longer hole: one left out cuts no line."""
+    """Return the finite samples, with a break (NaN) in each long gap; a single missing sample is no break."""
     known = np.flatnonzero(np.isfinite(row))
     steps = np.diff(known)
     holes = np.flatnonzero(steps > max(10.0, 3.0 * float(np.median(steps)) if steps.size else 0.0)) + 1

@@ -1,4 +1,4 @@
-"""The remainder: in which equation, how large, when and where on the floor."""
+"""Section on the remainder: its size by equation, its times, and its place on the floor."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from hovercontrol.io.percent import percent
 
 Array = NDArray[np.float64]
 
-#: Logs whose forces are drawn, and stretches that are named, at most.
+#: Maximum number of logs whose forces are drawn, and of intervals that are listed.
 LOGS, STRETCHES = 3, 3
 
 
 def remainder(m: Context) -> str:
-    """Return the section on what remains."""
+    """Return the section on the remainder."""
     d = m.diagnosis
     if not d.missing or not d.remainders:
         return ""
@@ -55,7 +55,7 @@ def _by_log(forces: Sequence[Missing]) -> list[list[Missing]]:
 
 
 def _sizes(m: Context, missing: Sequence[Missing]) -> Table:
-    """Return what remains in each equation, and which part of what was missing is explained."""
+    """Return the table of the remainder of each equation, with the fraction explained."""
     d = m.diagnosis
     rows = []
     for r in d.remainders:
@@ -71,7 +71,7 @@ def _sizes(m: Context, missing: Sequence[Missing]) -> Table:
 
 
 def _sensors(m: Context) -> Table | None:
-    """Return the channels whose errors last."""
+    """Return the table of channels with slow errors; None if there are none."""
     rows = [
         (s.channel, f"{digits(s.rms)} {unit(s.unit)}", f"{digits(s.noise)} {unit(s.unit)}")
         for s in m.diagnosis.slow_errors
@@ -107,7 +107,7 @@ def _maps(m: Context, missing: Sequence[Missing]) -> list[str]:
 
 
 def stretches(segments: Sequence[tuple[float, float]]) -> str:
-    """Return when a force is significant: the longest intervals, and how many more there are.
+    """Return as text when a force is significant: the longest intervals and the number of others.
 
     Examples
     --------

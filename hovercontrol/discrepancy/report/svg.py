@@ -1,4 +1,4 @@
-"""Small plots as inline SVG: colours come from the page's style, so that they follow light and dark."""
+"""Small plots as inline SVG. Colours come from the page's style, for light and dark mode."""
 
 from __future__ import annotations
 
@@ -13,30 +13,30 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-#: Points of a line at most; more cannot be seen at the width of a plot.
+#: Maximum number of points of a line; more are not visible at the width of a plot.
 MOST = 360
 
-#: Starts of a line at most that are marked.
+#: Maximum number of starts of a line that are marked.
 RINGS = 12
 
-#: Room around the axes: left at least, right, top, bottom.
+#: Margins around the axes [px]: left (minimum), right, top, bottom.
 LEFT, RIGHT, TOP, BOTTOM = 46.0, 8.0, 26.0, 22.0
 
-#: Width of a character of tick labels and of a title, in the widest of the fonts that a page may get.
+#: Width of a character of tick labels and of a title [px], in the widest font that a page may use.
 WIDE, WIDER = 7.0, 8.6
 
 
 class Plot:
-    """One pair of axes.
+    """A plot with one pair of axes.
 
     Parameters
     ----------
     x, y : (float, float)
         Ranges; widened a little if empty.
     title : str
-        Said above the axes, and to those who cannot see the picture.
+        Shown above the axes, and read by screen readers.
     size : (float, float), optional
-        Width and height in CSS pixels; the width is the most, a narrow column shrinks it.
+        Width and height in CSS pixels; a narrow column shrinks the plot.
     """
 
     def __init__(
@@ -53,7 +53,7 @@ class Plot:
         self._parts: list[str] = []
 
     def at(self, x: Array, y: Array) -> tuple[Array, Array]:
-        """Return places in pixels; values far outside the axes are kept near them."""
+        """Return positions in pixels; values of `y` outside the axes are clipped near them."""
         (x0, x1), (y0, y1) = self.x, self.y
         w, h = self.width - self.left - RIGHT, self.height - TOP - BOTTOM
         across = self.left + w * (np.asarray(x, float) - x0) / (x1 - x0)
@@ -61,7 +61,7 @@ class Plot:
         return across, up
 
     def line(self, x: Array, y: Array, kind: str, starts: Sequence[int] = ()) -> None:
-        """Draw a line, broken where `x` or `y` is no number; long ones keep their extremes.
+        """Draw a line, broken where `x` or `y` is not a number; long lines are thinned but keep extremes.
 
         Parameters
         ----------
@@ -69,7 +69,7 @@ class Plot:
         kind : str
             Its class in the style: ``"measured"``, ``"before"``, ``"after"``.
         starts : sequence of int, optional
-            Rows where the line starts afresh: no stroke leads there, and rings mark them if they are few.
+            Rows at which the line restarts without a connection; rings mark them if they are few.
         """
         fresh = []
         for part in _pieces(x + y, starts):
@@ -99,7 +99,7 @@ class Plot:
                 self._parts.append(f'<circle class="{kind}" cx="{a:.1f}" cy="{b:.1f}" r="2.6"/>')
 
     def cells(self, x: Array, y: Array, side: float, share: Array, kind: str) -> None:
-        """Fill squares of a side in the axes' units, the darker the larger their `share` of the most.
+        """Fill squares of width `side`, in the units of the axes; a larger `share` (0 to 1) is darker.
 
         Parameters
         ----------
@@ -117,7 +117,7 @@ class Plot:
             self._parts.append(f'<path class="cell {kind}" fill-opacity="{s:.2f}" d="{box}"/>')
 
     def spans(self, spans: Iterable[tuple[float, float]], kind: str) -> None:
-        """Mark stretches of the x axis at the foot of the axes."""
+        """Mark intervals of x at the bottom of the axes."""
         foot = self.height - BOTTOM
         path = ""
         for a, b in spans:
@@ -127,7 +127,7 @@ class Plot:
             self._parts.append(f'<path class="mark {kind}" d="{path}"/>')
 
     def svg(self, unit: str = "", x_label: str = "[s]") -> str:
-        """Return the picture; `unit` stands at the y axis, `x_label` at the end of the x axis."""
+        """Return the SVG, with `unit` as label of the y axis and `x_label` at the end of the x axis."""
         w, h, left = self.width, self.height, self.left
         axes = [f'<path class="axis" d="M{left:g} {TOP:g}V{h - BOTTOM:g}H{w - RIGHT:g}"/>']
         for value, text in self._up:
@@ -167,15 +167,15 @@ def ticks(low: float, high: float, most: int) -> list[float]:
 
 
 def labelled(low: float, high: float, most: int, room: float = math.inf) -> list[tuple[float, str]]:
-    """Return as many round values within a range as may be, each with a label that tells it from the others.
+    """Return the largest set of round values within a range that fits, each with a distinct label.
 
     Parameters
     ----------
     low, high : float
     most : int
-        Steps at most.
+        Maximum number of steps.
     room : float, optional
-        Width in which the labels stand side by side.
+        Width available for the labels side by side [px].
 
     Examples
     --------
@@ -198,17 +198,17 @@ def labelled(low: float, high: float, most: int, room: float = math.inf) -> list
 def bounds(
     rows: Sequence[Array], *, around_zero: bool = False, part: float = 1.0, least: float = 0.0
 ) -> tuple[float, float]:
-    """Return a range that holds rows of numbers with some room.
+    """Return a range that contains rows of numbers, with a margin.
 
     Parameters
     ----------
     rows : sequence of ndarray
     around_zero : bool, optional
-        Whether zero is in the middle.
+        Whether the range is symmetric about zero.
     part : float, optional
-        How much of the numbers it holds; the rest are extremes.
+        Fraction of the numbers that the range contains; the others are extremes.
     least : float, optional
-        Half its width at least, lest nothing look like something.
+        Minimum half-width, so that negligible values do not look large.
     """
     known = np.concatenate([row[np.isfinite(row)] for row in rows] or [np.zeros(1)])
     if not known.size:
@@ -224,7 +224,7 @@ def bounds(
 
 
 def _numbers(values: Sequence[float], digits: int) -> list[str]:
-    """Return multiples of a power of ten, as short as they can be told from each other."""
+    """Return labels of multiples of a power of ten, as short as they stay distinct."""
     plain = [f"{value:.{max(0, -digits)}f}" if value else "0" for value in values]
     if max((len(text.lstrip("-")) for text in plain), default=0) > 6:
         sizes = [math.floor(math.log10(abs(value)) + 1e-9) if value else digits for value in values]
@@ -241,7 +241,7 @@ def _widened(span: tuple[float, float]) -> tuple[float, float]:
 
 
 def _pieces(y: Array, starts: Sequence[int] = ()) -> list[slice]:
-    """Return the stretches of two or more rows that are numbers, cut where a new one starts."""
+    """Return the stretches of two or more finite rows, also cut at `starts`."""
     found = []
     for begin, end in pairwise(sorted({0, y.size, *starts})):
         known = np.concatenate([[0], np.isfinite(y[begin:end]).astype(int), [0]])
@@ -251,7 +251,7 @@ def _pieces(y: Array, starts: Sequence[int] = ()) -> list[slice]:
 
 
 def _thinned(y: Array, most: int) -> NDArray[np.intp]:
-    """Return rows that keep a line's look: of each stretch its ends and extremes."""
+    """Return the rows that keep the shape of a line: its ends, and the extremes of each section."""
     n = y.size
     if n <= most:
         return np.arange(n)

@@ -1,4 +1,4 @@
-"""The templates of the report (Jinja2), and what is put into them."""
+"""The Jinja2 templates of the report, and helpers to fill them."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import NamedTuple
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup, escape
 
-#: Characters from which on a name may break at its underscores.
+#: Names longer than this many characters may break at their underscores.
 LONG = 12
 
 LEGEND = {
@@ -23,7 +23,7 @@ LEGEND = {
 
 
 class Table(NamedTuple):
-    """A table of text: headings, rows, and first cells of rows that are marked as new."""
+    """A table of text: headings, rows, and the first cells of rows to be marked as new."""
 
     head: Sequence[str]
     rows: Sequence[Sequence[str]]
@@ -44,19 +44,19 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]], new: Sequence[str]
 
 
 def legend(*kinds: str, **others: str) -> dict[str, str]:
-    """Return which colour is what; `others` have words of their own."""
+    """Return the legend text of each colour; `others` are given with their text."""
     return {**{k: LEGEND[k] for k in kinds}, **others}
 
 
 def render(name: str, **values: object) -> Markup:
-    """Return a template filled in; text is escaped, what is marked as HTML is not.
+    """Return a rendered template; text is escaped unless it is marked as HTML.
 
     Parameters
     ----------
     name : str
-        Of a file in ``templates``.
+        Name of a file in ``templates``.
     **values : object
-        What the template names; one that is missing is an error.
+        Variables of the template; a missing one is an error.
 
     Examples
     --------
@@ -67,7 +67,7 @@ def render(name: str, **values: object) -> Markup:
 
 
 def figures(pictures: Iterable[str]) -> Markup:
-    """Return pictures side by side, as many as fit."""
+    """Return figures side by side, as many as fit in a row."""
     return Markup(_environment().get_template("parts.html").module.figures(list(pictures)))  # type: ignore[attr-defined]
 
 
@@ -91,5 +91,5 @@ def _breakable(cell: str) -> Markup:
 
 
 def _tied(cell: str) -> str:
-    """Return text in which no line breaks about ±, before a percent sign, or behind a sign."""
+    """Return text with no-break spaces around ±, before a percent sign and after "<"."""
     return re.sub(r" (?=[%±])|(?<=[<±]) ", "\u00a0", cell)

@@ -1,4 +1,4 @@
-"""The two halves of the answer as sentences: what is missing, and what remains."""
+"""The result as sentences: the missing effects, the held-out error and the remainder."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from hovercontrol.io.percent import percent
 if TYPE_CHECKING:
     from hovercontrol.discrepancy.diagnosis import Diagnosis, Found
 
-#: What each verdict means, beside its name.
+#: Explanation of each verdict.
 MEANS = {
     "none": "nothing is missing beyond noise",
     "effect": "named, and nothing remains beyond noise",
@@ -42,7 +42,7 @@ MEANS = {
 
 @dataclass(frozen=True)
 class Significance:
-    """What the headline counts as a change.
+    """Settings of what the headline reports as a change.
 
     Two standard errors are exceeded in one direction by chance in 2.3 % of normal samples.
 
@@ -51,7 +51,7 @@ class Significance:
     sure : float
         Standard errors by which a held-out error must fall to be reported as a fall.
     nearest : int
-        Nearest candidates named in the headline.
+        Maximum number of candidates mentioned in the headline.
     """
 
     sure: float = 2.0
@@ -64,7 +64,7 @@ SIGNIFICANCE = Significance()
 
 @checked
 def headline(d: Diagnosis) -> str:
-    """Return what is missing as one plain sentence.
+    """Return one sentence on the missing effects.
 
     Parameters
     ----------
@@ -92,7 +92,7 @@ def headline(d: Diagnosis) -> str:
 
 
 def _lead(lead: Lead) -> str:
-    """Return a candidate in words, and why it is not named, or what names one of no catalogue."""
+    """Return a candidate as text with the reason why it is not named, or the option that would include it."""
     if lead.reason == ASKED_FOR:
         return f"{effect_words(lead.name)} (named where it is asked for: --effects {lead.name})"
     return f"{effect_words(lead.name)} ({lead.reason})"
@@ -109,20 +109,20 @@ def _named(d: Diagnosis, name: str, numbers: Sequence[Found]) -> str:
 
 
 def numbers_of(numbers: Sequence[Found]) -> str:
-    """Return the numbers of one effect, each with its standard error and unit."""
+    """Return the parameters of one effect, each with its standard error and unit."""
     if len(numbers) == 1:
         return number_of(numbers[0])
     return listed([f"{key_of(n) or 'value'} {number_of(n)}" for n in numbers])
 
 
 def key_of(number: Found) -> str:
-    """Return what a number is called within its effect; empty for its coefficient."""
+    """Return the name of a parameter within its effect; empty for the coefficient."""
     return number.parameter.removeprefix(number.effect).lstrip("_").replace("_", " ")
 
 
 @checked
 def gap_sentence(d: Diagnosis) -> str:
-    """Return which part of the held-out error the named effects explain, that it rises, or how large it is.
+    """Return one sentence on the held-out error: the fraction explained, its rise, or its size.
 
     Parameters
     ----------
@@ -156,7 +156,7 @@ def gap_sentence(d: Diagnosis) -> str:
 
 
 def _risen(far: Sequence[Ahead], gains: Sequence[Gained]) -> str:
-    """Return that no error falls beyond chance, or which one rises most, and whether the log is likelier."""
+    """Return text on the error that rises most, and whether the log is likelier; or that none falls."""
     risen = [a for a in far if a.t <= -SIGNIFICANCE.sure and a.after > a.before]
     if not risen:
         return "no channel is predicted significantly better"
@@ -170,13 +170,13 @@ def _risen(far: Sequence[Ahead], gains: Sequence[Gained]) -> str:
 
 
 def most_fallen(far: Sequence[Ahead]) -> Ahead | None:
-    """Return the channel and horizon whose error falls most, of those that fall beyond chance."""
+    """Return the channel and horizon with the largest significant fall of the error."""
     fallen = [a for a in far if a.t >= SIGNIFICANCE.sure and a.after < a.before]
     return max(fallen, key=lambda a: 1.0 - a.after / a.before, default=None)
 
 
 def _error_of_noise(d: Diagnosis) -> str:
-    """Return the error that is the largest in multiples of its noise."""
+    """Return a sentence on the error that is largest in multiples of its noise."""
     gap = d.before or d.train_before
     ratios = {c: e / max(gap.floor[c], 1e-12) for c, e in gap.nrmse.items()}
     worst = max(ratios, key=lambda c: ratios[c])
@@ -190,7 +190,7 @@ def _error_of_noise(d: Diagnosis) -> str:
 
 @checked
 def remainder_sentence(d: Diagnosis) -> str:
-    """Return what remains, how much of it in which equation, and where.
+    """Return one sentence on the remainder: its size by equation, and where it acts.
 
     Parameters
     ----------
@@ -223,7 +223,7 @@ def remainder_sentence(d: Diagnosis) -> str:
 
 
 def verdict(m: Context) -> str:
-    """Return the first section of the page: the sentences, and bars of the error beside them."""
+    """Return the first section of the page: the sentences, with bars of the error."""
     d = m.diagnosis
     said = [_explained(d.amended.effect(n)) for n in numbers_by_effect(d)]
     said += [_explained(r.fit.model.effect(r.name)) for r in d.rivals if not r.same]
@@ -246,13 +246,13 @@ def verdict(m: Context) -> str:
 
 
 def _explained(e: Effect) -> str:
-    """Return an effect with the sentence in which it explains itself."""
+    """Return the name of an effect with its description."""
     name, text = effect_words(e.name).capitalize(), meaning(e)
     return text if text.startswith(f"{name}:") else f"{name}: {text}"
 
 
 def _bars(m: Context) -> dict[str, object]:
-    """Return bars of each channel's error some time ahead, with their title and legend."""
+    """Return bars of each channel's error at one horizon, with their title and legend."""
     kinds = legend("before", "after") if m.changed else legend("before")
     if not m.ahead:
         return {"bars": "", "bars_title": "", "kinds": kinds}

@@ -1,4 +1,4 @@
-"""The first fit of a model, and another start of it."""
+"""The first fit of a model, and its restart at the given coefficients."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def base_fit(
     names: Sequence[str] | None = None,
     trace: Callable[[str], None] | None = None,
 ) -> Fit:
-    """Return a model fitted to logs as it was given, less samples that stand out.
+    """Return the fit of the given model to logs, without outlying samples.
 
     Parameters
     ----------
@@ -36,22 +36,22 @@ def base_fit(
     Raises
     ------
     FloatingPointError
-        If the model runs away from the logs.
+        If the simulation diverges from the logs.
     """
     problem = Problem(model, data, names)
     return estimate(problem, prior_of(problem, model), first_noise(problem), gate=True, trace=trace)
 
 
 def likelier_start(first: Fit, trace: Callable[[str], None] | None = None) -> Fit:
-    """Return a fit, or the likelier one that begins at the given coefficients under little process noise.
+    """Return a fit, or a likelier one that starts at the given coefficients with little process noise.
 
-    A likelihood with process noise has optima in which noise stands in for the equations. So where noise
-    remains, the fit begins again under a tenth of it.
+    A likelihood with process noise has local optima in which noise replaces the equations. So if process
+    noise is left, the fit is restarted with a tenth of it.
 
     Parameters
     ----------
     first : Fit
-        Of a model as it was given.
+        Fit of the given model.
     trace : callable, optional
         Called with a line on each pass.
     """

@@ -1,4 +1,4 @@
-"""Trials of the effects that a model may lack: each effect at a few values of its shapes."""
+"""Trials of the effects that a model may lack: each effect at a few values of its shape parameters."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class CandidateCriteria:
-    """How candidates are tried.
+    """Settings of the trials of candidates.
 
     No published source: set by hand, exercised by tests/discrepancy/test_candidate_scores.py.
 
@@ -29,8 +29,8 @@ class CandidateCriteria:
     trial : float
         Trial value of a parameter that enters linearly, in its unit; the result does not depend on it.
     believed : tuple
-        Smallest and largest amplitude, relative to the trial's, for which its linear response holds for a
-        shape.
+        Smallest and largest amplitude of a shape parameter, relative to the trial's, for which the linear
+        response is used.
     """
 
     trial: float = 1e-2
@@ -43,15 +43,15 @@ CANDIDATES = CandidateCriteria()
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """An effect at trial values of its shapes.
+    """An effect at trial values of its shape parameters.
 
     Attributes
     ----------
     name : str
-        Of the effect.
+        Name of the effect.
     trial : Effect
     amplitudes : tuple of str
-        Its numbers that scale it; each has a column. Without any the trial as a whole has one.
+        The parameters that scale the effect; each has a column. Without any, the whole trial has one column.
     """
 
     name: str
@@ -59,20 +59,23 @@ class Candidate:
     amplitudes: tuple[str, ...]
 
     def at(self, parts: Sequence[float]) -> Effect:
-        """Return the effect with its amplitudes at parts of the trial's, within their bounds."""
+        """Return the effect with amplitudes given relative to the trial's, within their bounds.
+
+        An amplitude is the distance from the neutral value: ``value = neutral + part (trial - neutral)``.
+        """
         if not self.amplitudes:
             return self.trial
         cls, values = type(self.trial), dict(self.trial.values)
         for key, part in zip(self.amplitudes, parts, strict=True):
             number = cls.numbers[key]
-            if isinstance(number, Shape) and number.lower >= number.neutral:  # far off it says little
+            if isinstance(number, Shape) and number.lower >= number.neutral:  # not linear far away
                 part = float(np.clip(part, *CANDIDATES.believed))
             value = number.neutral + part * (values[key] - number.neutral)
             values[key] = value
         return cls.within_bounds(**values)
 
     def allowed(self, parts: Sequence[float]) -> bool:
-        """Return whether those amplitudes are within their bounds: a drag does not push."""
+        """Return whether these amplitudes are within their bounds: a drag, for instance, does not push."""
         if not self.amplitudes:
             return bool(0.3 < parts[0] < 3.0)
         for key, part in zip(self.amplitudes, parts, strict=True):
@@ -84,28 +87,28 @@ class Candidate:
 
 
 def catalogue(model: Subject, names: Sequence[str] | None = None) -> list[type[Effect]]:
-    """Return the classes of the effects that a model may lack: of the names given, or all that it accepts."""
+    """Return the classes of the effects that a model may lack: those named, or all that it accepts."""
     have = {e.name for e in model.effects}
-    shifted = any(e.shifts_time for e in model.effects)  # another one would be the same once more
+    shifted = any(e.shifts_time for e in model.effects)  # a second shift in time would be the same effect
     found = model.candidates() if names is None else [model.effect_class(name) for name in names]
     return [cls for cls in found if cls.name not in have and not (shifted and cls.shifts_time)]
 
 
 def beyond(model: Subject, names: Sequence[str] | None = None) -> list[str]:
-    """Return the effects of no catalogue that a model may lack, less those that a search is asked for."""
+    """Return the effects outside the catalogue that a model may lack, without those in `names`."""
     have = {*(e.name for e in model.effects), *(names or ())}
     known = (effect_class(n) for n in effect_names() if n not in have)
     return [cls.name for cls in known if cls.mistaken_for and model.accepts(cls)]
 
 
 def candidates(fit: Fit, names: Sequence[str] | None = None) -> list[Candidate]:
-    """Return trials of all effects that the model does not have.
+    """Return trials of all effects that the model does not contain.
 
     Parameters
     ----------
     fit : Fit
     names : sequence of str, optional
-        Effects to try; default: all that are known and fit the craft.
+        Effects to try; default: all that the model accepts.
     """
     scales = _scales(fit)
     found = []
@@ -122,7 +125,7 @@ def candidates(fit: Fit, names: Sequence[str] | None = None) -> list[Candidate]:
                 grid.append([(key, _width(fit, cls, default) if is_width else default)])
             else:
                 grid.append([(key, number.neutral + CANDIDATES.trial)])
-        # of a state that hardly moves all trial values may lie at one bound
+        # for a state that hardly moves, all trial values may lie at one bound
         trials = list(dict.fromkeys(cls.within_bounds(**dict(v)) for v in itertools.product(*grid)))
         if not _fault(fit.problem.model, trials[0]):
             found += [Candidate(cls.name, trial, amplitudes) for trial in trials]
@@ -130,7 +133,7 @@ def candidates(fit: Fit, names: Sequence[str] | None = None) -> list[Candidate]:
 
 
 def left_out(model: Subject, names: Sequence[str] | None = None) -> list[str]:
-    """Return a warning for each effect of the user's own that cannot act in a model, and so is not tried.
+    """Return a warning for each user-defined effect that cannot act in a model and so is not tried.
 
     Parameters
     ----------
@@ -141,7 +144,7 @@ def left_out(model: Subject, names: Sequence[str] | None = None) -> list[str]:
     Raises
     ------
     InputError
-        If one that is named cannot act in it.
+        If an effect in `names` cannot act in the model.
     """
     said = []
     for cls in catalogue(model, names):
@@ -156,7 +159,7 @@ def left_out(model: Subject, names: Sequence[str] | None = None) -> list[str]:
 
 
 def _fault(model: Subject, e: Effect) -> str:
-    """Return why an effect, somebody's own perhaps and meant for another machine, cannot act in a model."""
+    """Return why an effect (a user's own, perhaps for another machine) cannot act in a model; else empty."""
     try:
         structure(model.with_effects([e]))
     except (AttributeError, InputError) as error:
@@ -165,7 +168,7 @@ def _fault(model: Subject, e: Effect) -> str:
 
 
 def _scale(fit: Fit, cls: type[Effect], of: str, scales: Mapping[str, float]) -> float:
-    """Return what the trial values of a shape are parts of."""
+    """Return the scale of the trial values of a shape parameter."""
     if of == "input":
         problem = fit.problem
         names = [s.name for s in problem.block.inputs]
@@ -183,7 +186,7 @@ def _scale(fit: Fit, cls: type[Effect], of: str, scales: Mapping[str, float]) ->
 
 
 def _width(fit: Fit, cls: type[Effect], default: float) -> float:
-    """Return the width of friction along the effect's axis, as found for the model's own."""
+    """Return the fitted width of the model's own friction along the effect's axis, or the default."""
     problem = fit.problem
     for e in problem.model.effects:
         if e.axis and e.axis == cls.axis and e.friction_width():
@@ -195,7 +198,7 @@ def _width(fit: Fit, cls: type[Effect], default: float) -> float:
 def _scales(fit: Fit) -> dict[str, float]:
     problem = fit.problem
     names = [s.name for s in problem.block.states]
-    # of a craft that stands still most of the time the speed while it moves
+    # (mean v^4 / mean v^2)^(1/2): the speed while it moves, of a craft that mostly stands still
     squares = [fit.path[..., i] ** 2 for i in range(len(names))]
     speeds = [math.sqrt(float(np.mean(x**2)) / max(float(np.mean(x)), 1e-300)) for x in squares]
     found = {f"speed_{n}": v or 1.0 for n, v in zip(names, speeds, strict=True)}

@@ -1,4 +1,8 @@
-"""What each amplitude of each candidate adds to a fit's states and channels, along its path."""
+"""Columns of candidates: what each amplitude adds to the states and channels of a fit, along its path.
+
+For the states, a column is the difference in slope with and without the effect, in the middles of sub-steps
+along the fixed path of the fit, carried to the next row. For the channels, it is the difference in output.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +27,17 @@ Array = NDArray[np.float64]
 
 
 def columns(fit: Fit, tried: Sequence[Candidate]) -> tuple[Array, Array, list[tuple[int, ...]]]:
-    """Return what each amplitude of each candidate adds to states and channels, and each one's columns."""
+    """Return what each amplitude of each candidate adds to states and channels, and the columns of each.
+
+    Returns
+    -------
+    drive : ndarray, shape (K-1, W, n, M)
+        Added to the free states from row to row.
+    seen : ndarray, shape (K, W, C, M)
+        Added to the channels.
+    own : list of tuple of int
+        Columns of each candidate.
+    """
     problem = fit.problem
     K, W, C = fit.linear.residual.shape
     n = len(problem.free)
@@ -48,12 +62,12 @@ def columns(fit: Fit, tried: Sequence[Candidate]) -> tuple[Array, Array, list[tu
 
 
 def _finite(column: Array) -> Array:
-    """Return a column, or nothing at all where a trial runs away: it says nothing."""
+    """Return a column, or zeros if it is not finite: a trial that diverges carries no information."""
     return column if np.isfinite(column).all() else np.zeros_like(column)
 
 
 def _alone(candidate: Candidate, key: str) -> Effect:
-    """Return the trial with one amplitude, the others neutral."""
+    """Return the trial with one amplitude and the others at their neutral values."""
     numbers, values = type(candidate.trial).numbers, dict(candidate.trial.values)
     for other in candidate.amplitudes:
         if other != key:
@@ -62,7 +76,7 @@ def _alone(candidate: Candidate, key: str) -> Effect:
 
 
 class Along:
-    """Forces and measurements of models along a fit's path."""
+    """Forces and measurements of effects along a fit's path."""
 
     def __init__(self, fit: Fit) -> None:
         self.fit, self.problem = fit, fit.problem
@@ -77,7 +91,13 @@ class Along:
         self._lagged: dict[tuple[object, ...], list[Array]] = {}
 
     def forcing(self, e: Effect) -> Array:
-        """Return what an effect adds to the free states from row to row, (K-1, W, n)."""
+        """Return what an effect adds to the free states from row to row, (K-1, W, n).
+
+        With the slopes f in the middle of sub-step s of length h_s, and Phi_s the mean transition matrix from
+        within this sub-step to the next row::
+
+            drive = sum over s of h_s Phi_s (f with the effect - f without it)
+        """
         problem = self.problem
         model = problem.model.with_effects([e])
         own = {f"{problem.block.name}.{e.parameter(k)}": v for k, v in e.values.items()}
@@ -90,9 +110,9 @@ class Along:
         return self._within.become(added)
 
     def _difference(self, model: Subject, values: Mapping[str, float]) -> Array | None:
-        """Return what a model's slopes have beyond the fit's, (n, M, W), without computing what is in both.
+        """Return the slopes of a model minus those of the fit, (n, M, W), from the changed terms alone.
 
-        None where commands arrive otherwise, or where numbers that both have differ.
+        None if commands arrive at other times, or if parameters common to both differ.
         """
         problem, block = self.problem, structure(model)
         alike = timing(model) == timing(problem.model)
@@ -142,7 +162,7 @@ class Along:
         return x, u, every
 
     def _simulate(self, block: Block, new: list[int], x: Array, u: Array, every: list[float]) -> None:
-        """Run states that only a candidate has along the path, from rest in each stretch."""
+        """Simulate the states that only a candidate has, along the path, from zero in each stretch."""
         x[new] = follow(block, new, self._t, self._steps.h, x, u, every)[:, :-1]
 
     def _commands(self, model: Subject, block: Block, every: list[float]) -> tuple[Array, dict[int, Array]]:
@@ -179,7 +199,7 @@ class Along:
 
 @lru_cache(maxsize=256)
 def _changed(block: Block, base: Block, free: tuple[int, ...]) -> tuple[list[int], Function] | None:
-    """Return which free states of a Block change otherwise in another, and by what.
+    """Return the free states of a Block whose derivatives differ from those of another, and the differences.
 
     Parameters
     ----------
@@ -190,11 +210,11 @@ def _changed(block: Block, base: Block, free: tuple[int, ...]) -> tuple[list[int
     Returns
     -------
     list of int
-        Places among `free`.
+        Indices in `free`.
     callable
         ``(t, x, u, p) -> tuple`` of arrays; arguments are those of `block`.
 
-    None where a state that is not free changes otherwise, too.
+    None if the derivative of a state that is not free differs too.
     """
     rows, wanted = [], []
     for i, s in enumerate(base.states):

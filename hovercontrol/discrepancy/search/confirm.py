@@ -1,4 +1,4 @@
-"""What was added one by one, checked together: what is needed, what does as well, what is level."""
+"""Joint check of effects added one by one: which are needed, which are better, which are rivals."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from hovercontrol.discrepancy.search.trial import (
 from hovercontrol.estimation.fit import Fit
 from hovercontrol.io.short_repr import short_repr
 
-#: Times at most that a better effect takes the place of a named one; one that is better still is a rival.
+#: Maximum number of times that a better effect replaces a named one; a better one after that is a rival.
 ROUNDS = 2
 
 
@@ -43,13 +43,13 @@ class Rival:
     ----------
     name, instead_of : str
     behind : float
-        How much less likely it is, in twice the log likelihood, numbers penalised alike.
+        By how much its penalised cost (twice the negative log likelihood) exceeds that of the named effect.
     t : float
-        That over its standard error over blocks.
+        Difference in cost over its standard error over blocks.
     fit : Fit
-        With this effect in the other's place.
+        Fit with this effect in place of the other.
     same : bool
-        Whether every log must show both alike (a delay of commands, a clock that is late).
+        Whether the two are equivalent in every log (a delay of commands, a clock that is late).
     """
 
     name: str
@@ -62,29 +62,29 @@ class Rival:
 
 @dataclass(frozen=True, eq=False)
 class Selection:
-    """What a search found.
+    """The effects that a search selected, with their evidence.
 
     Attributes
     ----------
     base, final : Fit
-        The given model and the amended one, fitted alike.
+        Fits of the given and of the amended model, by the same method.
     effects : tuple of str
-        What was added, in order.
+        Effects added, in order.
     gains : dict of str to float
-        Fall of twice the negative log likelihood that each brings beside the others.
+        Reduction of twice the negative log likelihood by each effect, with the others in the model.
     blocks : dict of str to Blocks
     rivals : tuple of Rival
     leads : tuple of Lead
     steps : tuple of (str, float)
-        What was added in which order, with its score.
+        Effects in the order in which they were added, with the gain of each fit.
     candidates : int
-        How many effects were looked at.
+        Number of effects considered.
     without : dict of str to Fit
-        The amended model less each effect, fitted.
+        Fits of the amended model without each effect.
     dropped : tuple of Lead
-        What was added and is not needed beside the others, or not agreed on.
+        Effects added and dropped again: not needed with the others in the model, or blocks do not agree.
     alternatives : tuple of (str, Tried)
-        In place of which effect another might be named as well, were it likelier.
+        A named effect and another that passes all tests in its place.
     """
 
     base: Fit
@@ -106,17 +106,17 @@ class Selection:
 def confirmed(
     search: Search, selection: Selection, first: Sequence[Tried], safe: Selection | None = None
 ) -> Selection:
-    """Drop what is not needed, put better effects in, and say what is level with each.
+    """Return the selection without effects that are not needed, with better ones in place, and with rivals.
 
     Parameters
     ----------
     search : Search
     selection : Selection
-        As effects were added one by one.
+        Effects as they were added one by one.
     first : sequence of Tried
-        Fitted beside the model as given: they need not be again.
+        Effects already fitted to the given model, which need no second fit.
     safe : Selection, optional
-        Confirmed before; returned where no more than its effects are left.
+        A selection confirmed before; it is returned if no effects beyond its own are left.
     """
     criteria, base = search.criteria, selection.base
     penalised = criteria.penalised
@@ -139,7 +139,7 @@ def confirmed(
             final = without[least]
             continue
         asked_for = [n for n in effects if n in beyond(base.model, search.names)]
-        if asked_for:  # the others were judged beside it
+        if asked_for:  # the others were judged with it in the model
             dropped[:0] = [Lead(n, own[n].gain, own[n].blocks.t, ASKED_FOR) for n in asked_for]
             effects = [n for n in effects if n not in asked_for]
             final = search.fit(final, final.model.without_effects(asked_for)) if effects else base
@@ -183,7 +183,7 @@ def _rivals(
     without: Mapping[str, Fit],
     first: Mapping[str, Tried],
 ) -> tuple[list[Rival], list[tuple[str, Tried]]]:
-    """Return what is level with each named effect, and all that might be named in its place."""
+    """Return the rivals of each named effect, and all effects that pass the tests in its place."""
     criteria = search.criteria
     rivals: list[Rival] = []
     alternatives: list[tuple[str, Tried]] = []
@@ -200,14 +200,14 @@ def _rivals(
             share = criteria.share if drags or not explained(mine) else criteria.alike
             known = first.get(s.candidate.name) if len(own) == 1 else None
             worthy = s.gain > max(share * max(best, 0.0), criteria.least) and tries < criteria.tries
-            if not worthy and not (known and drags):  # a score does not do justice to drags near standstill
+            if not worthy and not (known and drags):  # scores underrate drags near standstill
                 continue
             tries += worthy
             if known is None:
                 search.report(f"trying {s.candidate.name} in place of {name}")
             t = known or try_effect(search, less, s.effect, s)
             if worthy and (t is None or falls_short(t, s)) and s.gain == best:
-                # the next best one is the measure
+                # compare with the next best score instead
                 best = max((o.gain for o in others[k + 1 :]), default=0.0)
                 tries -= 1
             if t is None or not passes(t, _looked_at(search, selection, t, mine), criteria):
@@ -224,9 +224,10 @@ def _rivals(
 
 
 def _looked_at(search: Search, selection: Selection, t: Tried, named: Tried) -> int:
-    """Return among how many candidates an effect is that might be named in another's place.
+    """Return the number of candidates among which an effect in place of another is chosen.
 
-    That something is missing along an axis is known once one of its drags is named: which, among these few.
+    Once a drag along an axis is named, something is known to be missing there. Another drag along that axis
+    is then chosen among these few, any other effect among all candidates.
     """
     own, other = (o.fit.problem.model.effect(o.name) for o in (t, named))
     if not same_axis_drag(own, other):
@@ -235,7 +236,10 @@ def _looked_at(search: Search, selection: Selection, t: Tried, named: Tried) -> 
 
 
 def _alike(search: Search, t: Tried, other: Tried) -> Tried:
-    """Return a fit under noise as good as the other's, if it is near: else the noise would decide."""
+    """Return a fit whose noise is as well fitted as the other's, so that the noise does not decide.
+
+    The other's correlation times are tried. If the costs are then near, the fit gets its own likeliest times.
+    """
     if not np.array_equal(t.fit.noise.seconds, other.fit.noise.seconds):
         again = search.fit(replace(t.fit, noise=other.fit.noise), t.fit.model)
         if again.cost < t.fit.cost:
@@ -247,9 +251,11 @@ def _alike(search: Search, t: Tried, other: Tried) -> Tried:
 
 
 def _only_imitates(t: Tried, simpler: Tried, chance: float) -> bool:
-    """Return whether an effect is the simpler one with more numbers, which gain no more than by chance.
+    """Return whether an effect contains a simpler one and its extra parameters are not significant.
 
-    Stribeck friction whose speed lies beyond all that were seen is Coulomb friction: it is always level.
+    With k extra parameters the reduction of the cost is compared with the upper `chance` quantile of
+    chi-squared with k degrees of freedom. Stribeck friction with a Stribeck speed above all observed speeds
+    is Coulomb friction, so it always fits as well.
     """
     rich, simple = (type(o.fit.problem.model.effect(o.name)) for o in (t, simpler))
     more = len(t.fit.p) - len(simpler.fit.p)

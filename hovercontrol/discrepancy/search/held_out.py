@@ -1,4 +1,4 @@
-"""What held-out logs say of a selection: they drop names, and decide between level ones."""
+"""Test of a selection on held-out logs: effects are dropped, and replaced by rivals that predict better."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ from hovercontrol.estimation.fit import Fit
 
 @dataclass(frozen=True, eq=False)
 class HeldOut:
-    """A selection after it was tried on the held-out logs.
+    """A selection after its test on the held-out logs.
 
     Attributes
     ----------
     selection : Selection
     evidence : dict of str to Evidence
     before, after : Fit or None
-        The given and the amended model on the held-out logs together; None without one.
+        Fits of the given and of the amended model to the held-out logs; None without such logs.
     far : Horizons
-        Their errors.
+        Prediction errors of the two.
     """
 
     selection: Selection
@@ -39,20 +39,23 @@ class HeldOut:
 
 
 def held_out(selection: Selection, data: Data | None, criteria: Criteria = CRITERIA) -> HeldOut:
-    """Return what remains of a selection on logs that it was not fitted to, all of them together.
+    """Return the part of a selection that stands on held-out logs, all of them judged together.
 
-    An effect with which they are surely predicted worse is dropped, unless its likelihood rises as surely:
-    errors seconds ahead are small, too, where other coefficients make up for what is missing. One with which
-    it is not surely predicted better gives way to another that blocks agree on as well and under which that
-    log is as likely, if it surely predicts better, than with the first and than with neither. Where something
-    remains, the model being wrong in other ways, too, an effect that the log could show and does not is
-    dropped; one that takes most of the error at a horizon is shown, by however few events.
+    - An effect is dropped if the logs are predicted significantly worse with it, unless their likelihood
+      rises as significantly: errors seconds ahead are also small if other coefficients compensate for what
+      is missing.
+    - An effect that does not predict significantly better is replaced by an alternative that passed the same
+      tests. The alternative must be at least as likely on these logs, and predict significantly better than
+      the first effect and than neither.
+    - If a remainder is left, so that the model is wrong in other ways too, an effect is dropped that the logs
+      could show and do not. An effect that removes most of the error at one horizon counts as shown, however
+      few events cause it.
 
     Parameters
     ----------
     selection : Selection
     data : Data, optional
-        The held-out logs; None: there are none.
+        The held-out logs; None if there are none.
     criteria : Criteria, optional
     """
     if data is None:
@@ -75,7 +78,7 @@ def held_out(selection: Selection, data: Data | None, criteria: Criteria = CRITE
         own = doubtful[least]
         said = f"{_held(data)} {_verb(data, 'does')} not confirm it"
         reason = f"{said} (gains {own.gain:.3g} there, t = {own.t:.1f})"
-        several = len(found.selection.effects) > 2  # without each of two: both fits are there
+        several = len(found.selection.effects) > 2  # with two effects, the fits without each exist
         found = _left(found, _less(found.selection, [least], reason))
         doubtful = {} if several else _unconfirmed(found, criteria)
     return found
@@ -90,7 +93,7 @@ def _verb(data: Data, one: str) -> str:
 
 
 def _left(found: HeldOut, left: Selection) -> HeldOut:
-    """Return what is left of a selection on the held-out logs; beside no other an effect is judged alone."""
+    """Return the test of the effects left of a selection; a single effect is tested again."""
     before = found.before
     assert before is not None
     if len(left.effects) == 1:
@@ -101,7 +104,7 @@ def _left(found: HeldOut, left: Selection) -> HeldOut:
 
 
 def _unconfirmed(found: HeldOut, criteria: Criteria) -> dict[str, Gained]:
-    """Return what the held-out logs could show and does not, where more is wrong than that."""
+    """Return the effects that the held-out logs could show and do not, if the final fit has a remainder."""
     if only_noise(found.selection.final, criteria):
         return {}
     return {
@@ -116,7 +119,7 @@ def _unconfirmed(found: HeldOut, criteria: Criteria) -> dict[str, Gained]:
 
 
 def _on(selection: Selection, before: Fit) -> HeldOut:
-    """Return how the held-out logs are predicted, by all effects and by all but each."""
+    """Return the fits and errors on the held-out logs, with all effects and without each."""
     kept = before.problem.data
     after = held_fit(selection.final.model, kept, before) if selection.effects else before
     far = ahead(before, after)
@@ -135,14 +138,14 @@ def _of_training(selection: Selection, name: str) -> Evidence:
 
 
 def _worse(own: Evidence, criteria: Criteria) -> bool:
-    """Whether held-out predictions are surely worse, at most horizons, and the log not as surely likelier."""
+    """Whether predictions are significantly worse at most horizons and the log not significantly likelier."""
     worse = [t < -criteria.worse for t in own.holdout.together]
     likelier = own.gained is not None and own.gained.t > criteria.worse
     return sum(worse) > len(worse) / 2 and not likelier
 
 
 def _better(found: HeldOut, criteria: Criteria) -> tuple[str, Tried] | None:
-    """Return an effect that does not surely predict better, and the other that does so best in its place."""
+    """Return an effect that does not predict significantly better, and the replacement that predicts best."""
     after = found.after
     assert after is not None
     gains: list[tuple[float, str, Tried]] = []
@@ -164,7 +167,7 @@ def _mean(far: Horizons) -> float:
 
 
 def _with_other(selection: Selection, name: str, other: Tried, held: str = "the held-out log") -> Selection:
-    """Return the selection with another effect in place of one."""
+    """Return the selection with one effect replaced by another."""
     reason = f"{other.name} predicts {held} better"
     lead = Lead(name, selection.gains[name], selection.blocks[name].t, reason)
     names = {n: other.name if n == name else n for n in selection.effects}
@@ -186,7 +189,7 @@ def _with_other(selection: Selection, name: str, other: Tried, held: str = "the 
 
 
 def _less(selection: Selection, worse: list[str], reason: str) -> Selection:
-    """Return the selection without names that the held-out logs contradict."""
+    """Return the selection without the effects that the held-out logs contradict."""
     blocks = selection.blocks
     leads = tuple(Lead(n, selection.gains[n], blocks[n].t, reason, blocks[n].n) for n in worse)
     alone = len(worse) == 1

@@ -1,4 +1,4 @@
-"""The nearest candidates that are not named, each with the reason why not."""
+"""The best candidates that are not named, each with the reason."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from hovercontrol.discrepancy.search.score import Scored
 from hovercontrol.discrepancy.search.trial import Tried, why_not
 from hovercontrol.estimation.fit import Fit
 
-#: Why an effect of no catalogue is not named.
+#: Reason why an effect outside the catalogue is not named.
 ASKED_FOR = "named only where it is asked for"
 
 
 @dataclass(frozen=True)
 class Lead:
-    """A candidate that came near and is not named.
+    """A candidate with evidence that is not named.
 
     Attributes
     ----------
@@ -28,7 +28,7 @@ class Lead:
     blocks_t : float
     reason : str
     blocks_n : int
-        Blocks with information on its size; 0 where it was not fitted.
+        Number of blocks with information on its size; 0 if it was not fitted.
     """
 
     name: str
@@ -46,24 +46,24 @@ def leads(
     final: Fit,
     criteria: Criteria,
 ) -> tuple[Lead, ...]:
-    """Return the candidates that came nearest beside what is named, with the reason why not.
+    """Return the best candidates besides the named effects, with the reason why they are not named.
 
     Parameters
     ----------
     seen : sequence of Scored
-        Beside all that was added.
+        Scores of candidates with all added effects in the model.
     tried : mapping of str to Tried
-        Those of them that were fitted.
+        The candidates that were fitted.
     named : sequence of str
     dropped : sequence of Lead
-        Added and dropped again.
+        Effects added and dropped again.
     final : Fit
-        Of the amended model.
+        Fit of the amended model.
     criteria : Criteria
     """
     found = list({lead.name: lead for lead in dropped if lead.name not in named}.values())
     listed = {*named, *(lead.name for lead in found)}
-    nearest = 0 if only_noise(final, criteria) else 3  # are listed however little they gain
+    nearest = 0 if only_noise(final, criteria) else 3  # this many are listed whatever their gain
     for s in seen:
         if s.candidate.name in listed or (s.gain < criteria.least and len(found) >= nearest):
             continue

@@ -1,4 +1,4 @@
-"""Names that may stand for an effect of no catalogue: another law of drag, a mass that grows."""
+"""Effects outside the catalogue that named ones may stand for: another law of drag, a mass that grows."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ from hovercontrol.estimation.fit import Fit
 
 @dataclass(frozen=True, eq=False)
 class Mistaken:
-    """Names that may stand for an effect of no catalogue.
+    """Named effects that may stand for one outside the catalogue.
 
     Attributes
     ----------
     names : tuple of str
-        The first is the one that it was tried in place of.
+        The named effects; the first is the one that `other` was tried in place of.
     other : str
     fit : Fit
-        With it, without them.
+        Fit with `other` and without `names`.
     gained : float
-        How much likelier it is, in twice the log likelihood, numbers penalised alike.
+        Reduction of the penalised cost (twice the negative log likelihood) by the replacement.
     t : float
-        The same in standard errors over blocks.
+        Reduction of the cost over its standard error over blocks.
     """
 
     names: tuple[str, ...]
@@ -38,15 +38,15 @@ class Mistaken:
 
 
 def all_mistaken(search: Search, own: Mapping[str, Tried], without: Mapping[str, Fit]) -> list[Mistaken]:
-    """Return the effects of no catalogue that are likelier in place of names, the likeliest first.
+    """Return effects outside the catalogue that are likelier than named ones, the likeliest first.
 
     Parameters
     ----------
     search : Search
     own : mapping of str to Tried
-        The names, each beside the others.
+        The named effects, each compared with the others in the model.
     without : mapping of str to Fit
-        The model less each of them.
+        Fits of the model without each of them.
     """
     found = []
     penalised = search.criteria.penalised
@@ -62,7 +62,7 @@ def all_mistaken(search: Search, own: Mapping[str, Tried], without: Mapping[str,
             if t is None:
                 continue
             names, fit = [name], t.fit
-            for also in (n for n in own if n in taken and n != name):  # two may stand for one
+            for also in (n for n in own if n in taken and n != name):  # two named effects may stand for one
                 fewer = search.fit(fit, fit.model.without_effects(also))
                 if penalised(fewer) < penalised(fit):
                     names, fit = [*names, also], fewer
@@ -74,6 +74,10 @@ def all_mistaken(search: Search, own: Mapping[str, Tried], without: Mapping[str,
 
 
 def surely(one: Fit, other: Fit) -> float:
-    """Return how much less likely one fit is than another, in standard errors over blocks [Vuong 1989]."""
+    """Return the excess cost of one fit over another, in standard errors over blocks.
+
+    The test is that of Vuong, Econometrica 57 (1989): with d_w the difference in cost of block w of W,
+    ``t = sum d_w / (W^(1/2) std(d_w))``.
+    """
     d = one.block_costs - other.block_costs
     return float(d.sum() / max(np.sqrt(d.size) * d.std(ddof=1), 1e-300)) if d.size > 1 else 0.0

@@ -1,7 +1,11 @@
-"""How much of the misfit each candidate takes, and whether all blocks of the logs agree on its size.
+"""Score tests of candidate effects: predicted gain in likelihood, and agreement of the blocks on the size.
 
-One filter run whitens a column for every unknown of the model and for every candidate; all that follows is
-algebra of their products, block by block: gains (a score test, Rao 1948), and a coefficient of each block.
+One filter run whitens the residual and a column for every unknown of the model and for every candidate. Gains
+(a score test, Rao 1948) and the estimates of each block follow from products of these columns::
+
+    w0     whitened residual, of one block
+    W      whitened columns: what a unit of each unknown and each amplitude adds to it
+    cost(theta) = |w0 + W theta|^2 + const = const - 2 f'theta + theta'G theta,    G = W'W,    f = -W'w0
 """
 
 from __future__ import annotations
@@ -25,29 +29,30 @@ from hovercontrol.io.short_repr import short_repr
 
 Array = NDArray[np.float64]
 
-#: A column of which less than this part is left, after the model's own unknowns, says nothing.
+#: A candidate is ignored if less than this fraction of its information is left after the model's unknowns.
 VANISHING = 1e-7
 
 
 @dataclass(frozen=True, eq=False)
 class Scored:
-    """What a candidate would gain, and how its size scatters.
+    """The predicted gain of a candidate, and the scatter of its size over blocks.
 
     Attributes
     ----------
     candidate : Candidate
     gain : float
-        Fall of minus twice the log likelihood, the model's unknowns moved along.
+        Predicted reduction of minus twice the log likelihood, with the model's unknowns re-estimated.
     parts : ndarray, shape (m,)
-        Amplitudes, in parts of the trial's.
+        Amplitudes relative to those of the trial.
     chi2 : float
-        Gain judged by how scores scatter from block to block (a Wald statistic with that covariance).
+        Wald statistic of the amplitudes, with their covariance from the scatter of scores over blocks.
     p_value : float
-        Of chi2, for as many blocks.
+        Of chi2, given the number of blocks.
     allowed : bool
         Whether the amplitudes are within bounds.
     blocks : ndarray, shape (W, 2)
-        Along the direction of `parts`: estimate of each block (1: as all together) and its standard error.
+        Along the direction of `parts`: estimate of each block (1 equals the estimate from all blocks) and its
+        standard error.
     """
 
     candidate: Candidate
@@ -62,12 +67,12 @@ class Scored:
 
     @property
     def effect(self) -> Effect:
-        """The effect at its linear best."""
+        """The effect at the amplitudes of the linear estimate."""
         return self.candidate.at(self.parts.tolist())
 
 
 class Scores:
-    """Products of whitened columns of a fit's residual, unknowns and candidates.
+    """Products of the whitened residual and columns of a fit's unknowns and of candidates.
 
     Parameters
     ----------
@@ -82,7 +87,9 @@ class Scores:
         every = fit.problem.rows.by_block(products(run_filter(system).white))
         self.G = every[:, 1:, 1:]  # W, P+M, P+M
         self.f = -every[:, 1:, 0]
-        # columns are minus what an unknown adds to a channel: signs of both cancel in G
+        # The whitened columns carry the sign with which an unknown changes the residual, so cost(theta) =
+        # |w0 + W theta|^2 and f is minus their product with w0. With the prior, of precision Lambda about z0,
+        # the slope is f - Lambda (z - z0). An unknown at a bound that it would leave is held.
         problem, P = fit.problem, len(fit.p)
         z = problem.inside(fit.p)
         slack = self.f[:, :P].sum(axis=0) - fit.prior.precision * (z - fit.prior.centre)
@@ -92,7 +99,7 @@ class Scores:
         self.P = P
 
     def of(self, i: int) -> Scored:
-        """Return how candidate i scores."""
+        """Return the score of candidate i."""
         cols = [self.P + c for c in self.own[i]]
         return self._scored(self.tried[i], cols)
 
@@ -101,8 +108,12 @@ class Scores:
         G, f = self.G, self.f
         own = G[:, mine][:, :, mine].sum(axis=0) + np.diag(self.fit.prior.precision[mine])
         cross = G[:, mine][:, :, cols].sum(axis=0)
-        back = inverse(own) @ cross  # P, m
-        # each block's score and information along the candidate, unknowns at what all blocks make of them
+        # p: unknowns that can move, c: amplitudes of the candidate, Lambda: precision of the prior.
+        # Re-estimated on all blocks, the unknowns move by -E per amplitude:
+        #   E = (sum_w G_pp + Lambda)^-1 sum_w G_pc
+        back = inverse(own) @ cross  # E: P, m
+        # Score and information of block w along the candidate:
+        #   u_w = f_c - E'f_p,    J_w = G_cc - G_cp E - E'G_pc + E'G_pp E
         u = f[:, cols] - f[:, mine] @ back
         J = (
             G[:, cols][:, :, cols]
@@ -110,26 +121,34 @@ class Scores:
             - np.swapaxes(np.swapaxes(G[:, mine][:, :, cols], 1, 2) @ back, 1, 2)
             + np.einsum("pm,wpq,qk->wmk", back, G[:, mine][:, :, mine], back)
         )
+        # J = sum_w J_w + E'Lambda E: the Schur complement G_cc - G_cp (G_pp + Lambda)^-1 G_pc of all blocks
+        # g = sum_w u_w + E'Lambda (z - z0)
         total = J.sum(axis=0) + back.T * self.fit.prior.precision[mine] @ back
         g = u.sum(axis=0) + self.pull[mine] @ back
         bare = np.diag(G[:, cols][:, :, cols].sum(axis=0))
         if (np.diag(total) <= VANISHING * np.maximum(bare, 1e-300)).any():
             return Scored(candidate, 0.0, np.zeros(len(cols)), 0.0, 1.0, True, np.zeros((len(G), 2)))
+        # estimate theta = C g, C = J^-1; reduction of the cost g'C g (score statistic)
         C = inverse(total)
         parts = C @ g
         gain = float(g @ parts)
+        # Sandwich covariance from B informative blocks with scores r_w = u_w - J_w theta:
+        #   V = C M C,    M = B/(B - 1) sum_w r_w r_w' (negative entries of M set to zero)
         left = u - np.einsum("wmk,k->wm", J, parts)
         B = int((np.einsum("wmm->w", J) > 1e-3 * np.trace(total) / len(G)).sum())
         meat = left.T @ left * B / max(B - 1, 1)
         covariance = C @ np.maximum(meat, 0.0) @ C + 0.0
         m = len(cols)
-        # where blocks scatter less than noise says they should, noise it is
+        # a ridge keeps V invertible where blocks hardly scatter; Wald statistic chi2 = theta'V^-1 theta, at
+        # most the gain where three blocks or fewer say too little about the scatter
         V = covariance + 1e-12 * np.eye(m) * np.trace(C)
         chi2 = float(min(parts @ np.linalg.solve(V, parts), 1e12)) if m else 0.0
         chi2 = min(chi2, gain) if B <= 3 else chi2
+        # as Hotelling's T^2: chi2 (B - m) / (m (B - 1)) has the distribution F(m, B - m)
         dof = max(B - m, 1)
         F = chi2 / m * dof / max(B - 1, 1)
         p_value = float(stats.f.sf(F, m, dof))
+        # along theta block w estimates u_w'theta / (theta'J_w theta), standard error (theta'J_w theta)^-1/2
         Jd = np.einsum("m,wmk,k->w", parts, J, parts)
         ud = u @ parts
         with np.errstate(all="ignore"):
@@ -137,14 +156,15 @@ class Scores:
         return Scored(candidate, gain, parts, chi2, p_value, candidate.allowed(parts.tolist()), each)
 
     def left_out_gain(self, i: int) -> float:
-        """Return the gain of candidate i on blocks that did not choose its size.
+        """Return the cross-validated gain of candidate i: each block is predicted from all others.
 
-        Each block is judged with the size, and the model's unknowns, that all other blocks make likeliest; so
-        what fits one block alone gains nothing::
+        The size of the candidate and the model's unknowns are estimated without the block on which they are
+        judged, so a candidate that fits one block alone gains nothing::
 
+            theta_(-b) = (G - G_b + Lambda)^-1 (f - f_b - Lambda (z - z0)),    G, f: sums over all blocks
             gain = sum over blocks b of (2 f_b' theta_(-b) - theta_(-b)' G_b theta_(-b)),
 
-        less the same of the unknowns alone.
+        minus the same sum for the unknowns alone; Lambda is the precision of the prior, z0 its centre.
         """
         mine = self.movable.tolist()
         return self._left_out([*mine, *(self.P + c for c in self.own[i])]) - self._left_out_alone
@@ -168,21 +188,21 @@ class Scores:
         return gain
 
     def each(self) -> list[Scored]:
-        """Return how every candidate scores."""
+        """Return the score of every candidate."""
         return [self.of(i) for i in range(len(self.tried))]
 
     def best(self) -> list[Scored]:
-        """Return each effect at its best trial, the largest gain first."""
+        """Return the best trial of each effect, the largest gain first."""
         found: dict[str, Scored] = {}
         for s in self.each():
             old = found.get(s.candidate.name)
             if old is None or (s.allowed, s.gain) > (old.allowed, old.gain):
                 found[s.candidate.name] = s
-        return sorted(found.values(), key=lambda s: -float(f"{s.gain:.9g}"))  # twins in the catalogue's order
+        return sorted(found.values(), key=lambda s: -float(f"{s.gain:.9g}"))  # ties in the catalogue's order
 
 
 def at_its_time(fit: Fit, scored: Scored) -> Scored:
-    """Return a candidate with the time of its jump, or its delay, where it scores best."""
+    """Return a candidate with the time of its jump, or its delay, at the value of the highest score."""
     trial = scored.candidate.trial
     times = [k for k, n in trial.numbers.items() if isinstance(n, Shape) and n.of == "time"]
     if times:
@@ -191,7 +211,7 @@ def at_its_time(fit: Fit, scored: Scored) -> Scored:
 
 
 def likelier_time(fit: Fit, name: str) -> Effect | None:
-    """Return a fitted effect that begins at a likelier time, up to four rows away; None if none does."""
+    """Return a fitted effect moved to a likelier start, up to four rows away; None if there is none."""
     e = fit.problem.model.effect(name)
     times = [k for k, n in e.numbers.items() if isinstance(n, Shape) and n.of == "time"]
     if not times:
@@ -205,7 +225,7 @@ def likelier_time(fit: Fit, name: str) -> Effect | None:
 
 
 def _jump(fit: Fit, scored: Scored, key: str) -> Scored:
-    """Return the candidate with the time of its jump found to half a row."""
+    """Return the candidate with the time of its jump, found to half a row on refined grids."""
     best, number = scored, type(scored.candidate.trial).numbers[key]
     longest = max(float(m.time[-1] - m.origin) for m in fit.problem.logs)
     reach = longest / max(len(number.search), 1)  # type: ignore[attr-defined]
@@ -217,10 +237,11 @@ def _jump(fit: Fit, scored: Scored, key: str) -> Scored:
 
 
 def _delay(fit: Fit, scored: Scored) -> Scored:
-    """Return the candidate with its delay found to 4 %, unless it is too small for its trial to say.
+    """Return the candidate with its delay found to 4 %, or unchanged if none of those tried gains.
 
-    Commands jump: the likelihood of a delay has many tops, and a linear answer from far off leads to any. A
-    push of which half is late and half is not, as behind a lag, is no delay.
+    Commands jump, so the likelihood has many local maxima over the delay, and a linear step from far away may
+    lead to any of them; hence the search on a grid. If half of a push is late and half is not, as behind a
+    lag, the effect is not a delay.
     """
     best, key = scored, next(iter(scored.candidate.trial.numbers))
     for octaves in (1.0, 0.25):
@@ -230,7 +251,7 @@ def _delay(fit: Fit, scored: Scored) -> Scored:
 
 
 def _best_of(fit: Fit, scored: Scored, key: str, places: Array, amplitudes: tuple[str, ...]) -> Scored:
-    """Return a candidate at the best of these values of one of its numbers."""
+    """Return a candidate with one parameter at the best of the given values."""
     trial = scored.candidate.trial
     tried = [
         Candidate(trial.name, trial.within_bounds(**{**trial.values, key: float(t)}), amplitudes)
@@ -241,9 +262,10 @@ def _best_of(fit: Fit, scored: Scored, key: str, places: Array, amplitudes: tupl
 
 
 def _as_it_is(scored: Scored) -> Scored:
-    """Return a candidate that is there or not with what it gains at its full size, not at a part of it.
+    """Return an all-or-nothing candidate with its gain at full size, not at the estimated fraction.
 
-    More than the full size is noise of the model without it, which takes part of what it does.
+    The estimate theta gains ``J theta^2``; the full size, 1, gains ``J (2 theta - 1)``. An estimate above 1
+    keeps its gain: it arises because the noise of the model without the effect absorbs part of the effect.
     """
     part = float(scored.parts[0])
     gain = scored.gain if part >= 1.0 else scored.gain * (2.0 * part - 1.0) / max(part, 1e-9) ** 2

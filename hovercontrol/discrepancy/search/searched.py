@@ -1,4 +1,4 @@
-"""A search, judged by held-out logs; where blocks are too few to agree, the held-out logs decide alone."""
+"""A search judged by held-out logs; with too few blocks to agree, the held-out logs decide alone."""
 
 from __future__ import annotations
 
@@ -26,28 +26,28 @@ def searched(
     criteria: Criteria = CRITERIA,
     report: Callable[[str], None] = lambda what: None,
 ) -> HeldOut:
-    """Return which effects a fitted model lacks, after the held-out logs judged them.
+    """Return the effects that a fitted model lacks, as judged by the held-out logs.
 
-    The training logs' blocks must agree on a name. Logs with few events have few informative blocks, and
-    fewer than `criteria.blocks` cannot judge: 5 of 5 may agree at t = 4 and still miss the level that is
-    asked for among sixty candidates. So where no name passes and blocks were too few to judge one that gains
-    enough, the search is repeated by likelihood alone, and the held-out logs, which chose nothing, must show
-    each name (:func:`shown`).
+    The blocks of the training logs must agree on an effect. Logs with few events have few informative
+    blocks, and fewer than `criteria.blocks` cannot decide: 5 of 5 may agree at t = 4 and still miss the level
+    required among sixty candidates. If no effect passes, and too few blocks inform on one that gains enough,
+    the search is repeated by likelihood alone. Each effect must then be shown by the held-out logs, on which
+    the choice did not depend (:func:`shown`).
 
     Parameters
     ----------
     base : Fit
-        Of the model as given.
+        Fit of the given model.
     model : Model or BlockModel
-        As given.
+        The given model.
     data : Data, optional
-        The held-out logs; None: there are none.
+        The held-out logs; None if there are none.
     names : sequence of str, optional
         Effects to consider; default: the whole catalogue.
     max_effects : int, optional
     criteria : Criteria, optional
     report : callable, optional
-        Called with what is being done.
+        Called with a message on each step.
     """
     selection = select(base, model, names=names, max_effects=max_effects, criteria=criteria, report=report)
     report("predicting the held-out logs")
@@ -69,8 +69,8 @@ def searched(
 def shown(own: Evidence, criteria: Criteria) -> bool:
     """Whether the held-out logs alone show an effect.
 
-    Their likelihood rises by what is asked of a fit, and surely so over their blocks (t above
-    `criteria.confirmed`) or with most of the squared error at a horizon gone.
+    Twice their log likelihood must rise by `criteria.least`. In addition, t over their blocks must exceed
+    `criteria.confirmed`, or a fraction above `criteria.most` of the squared error at one horizon must vanish.
     """
     if own.gained is None or own.gained.gain < criteria.least:
         return False

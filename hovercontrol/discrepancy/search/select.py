@@ -1,4 +1,4 @@
-"""Which effects a model lacks: by score, by fits, by what blocks agree on; and what is level with them."""
+"""Selection of the effects that a model lacks: by scores, fits and agreement of blocks."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from hovercontrol.effects.friction import LuGre
 from hovercontrol.estimation.fit import Fit
 from hovercontrol.estimation.subject import Subject
 
-#: Candidates that blocks agree on and that are fitted though they score too little, at most.
+#: Maximum number of low-scoring candidates fitted because blocks agree on them.
 UNDERRATED = 2
 
 
@@ -51,15 +51,15 @@ def select(
     Parameters
     ----------
     base : Fit
-        Of the model as given.
+        Fit of the given model.
     model : Model or BlockModel
-        As given: about its coefficients the prior lies.
+        The given model; the prior is centred on its coefficients.
     names : sequence of str, optional
         Effects to consider; default: the whole catalogue.
     max_effects : int, optional
     criteria : Criteria, optional
     report : callable, optional
-        Called with what is being tried.
+        Called with a message on each trial.
     """
     search = Search(model, names, criteria, report)
     current = base
@@ -86,7 +86,7 @@ def select(
         good = good or [t for t in hidden if passes(t, len(seen), criteria)]
         first = [*found, *hidden] if current is base else first
         tried = {t.name: t for t in (*found, *hidden)}
-        if not good and found and safe is None:  # beside another one it may be what it is alone not
+        if not good and found and safe is None:  # may pass together with another effect though it fails alone
             enough = [t for t in found if t.gain > criteria.least + criteria.each * t.numbers]
             good = [t for t in enough if not t.bristles]
             safe = so_far() if good else None
@@ -114,11 +114,12 @@ def select(
 
 
 def _underrated(search: Search, current: Fit, seen: Sequence[Scored], done: set[str]) -> list[Tried]:
-    """Return fits with what no score does justice to, in equations in which something remains.
+    """Return fits with effects whose score underrates them, in equations with process noise left.
 
-    Under process noise that took what an effect does, the effect scores little, though blocks agree on it: of
-    these the best are fitted. Frictions that fade with speed are far from linear near standstill. One with
-    bristles is not fitted: beside what remains it would not be named.
+    Process noise that absorbed an effect lowers the score of that effect, though blocks agree on it; the best
+    of these are fitted. Frictions that fade with speed are fitted too, since they are far from linear near
+    standstill. Agreement of blocks is no reason to fit friction with bristles, which is not named while a
+    remainder is left.
     """
     problem, criteria = current.problem, search.criteria
     axes = {
@@ -144,9 +145,10 @@ def _underrated(search: Search, current: Fit, seen: Sequence[Scored], done: set[
 
 
 def _likeliest(search: Search, good: Sequence[Tried]) -> Tried:
-    """Return the likeliest of effects that may be named, each with correlation times of its own.
+    """Return the likeliest of the effects that may be named, each fitted with its own correlation times.
 
-    Of level ones rounding must not choose: the one with fewer numbers is returned, then the first by name.
+    Ties must not depend on rounding: of effects with equal cost, the one with fewer parameters is returned,
+    then the first by name.
     """
     penalised = search.criteria.penalised
     good = [t for t in good if not any(bristles_bring_nothing(t, o, search.criteria) for o in good)]
@@ -158,9 +160,9 @@ def _likeliest(search: Search, good: Sequence[Tried]) -> Tried:
 
 
 def _add(search: Search, current: Fit, seen: Sequence[Scored]) -> list[Tried]:
-    """Return fits with the candidates that score best, and with drags along the same axis as the best.
+    """Return fits with the candidates of the highest scores, and with drags along the same axis as the best.
 
-    A score is a promise: what falls short of it when it is fitted does not keep others from being tried.
+    A score only predicts a gain. A candidate whose fit gains much less does not use up one of the trials.
     """
     criteria, model = search.criteria, current.problem.model
     asked = [TRIALS.promised * (criteria.least + criteria.each * len(s.parts)) for s in seen]
@@ -197,7 +199,7 @@ def _add(search: Search, current: Fit, seen: Sequence[Scored]) -> list[Tried]:
 
 
 def _nearly_as_good(s: Scored, top: Scored, fitted: Tried, criteria: Criteria) -> bool:
-    """Return whether a candidate may do as well as the best one, by its score."""
+    """Return whether a candidate may fit as well as the best one, judged by its score."""
     if same_axis_drag(s.candidate.trial, top.candidate.trial):
         return s.gain > criteria.share * top.gain
     return s.gain > (criteria.alike if explained(fitted) else criteria.share) * top.gain

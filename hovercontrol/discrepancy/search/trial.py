@@ -1,4 +1,4 @@
-"""An effect added to a model and fitted; what is asked of it before it is named."""
+"""An effect added to a model and fitted, and the tests that it must pass to be named."""
 
 from __future__ import annotations
 
@@ -20,24 +20,25 @@ from hovercontrol.io.short_repr import short_repr
 
 @dataclass(frozen=True)
 class TrialCriteria:
-    """When the fit of one more effect is repeated.
+    """Settings that decide when the fit of one more effect is repeated.
 
     No published source: set by hand, exercised by tests/discrepancy/test_select.py.
 
     Attributes
     ----------
     half : float
-        Part of the gain predicted by the score that a fit must reach; else it is started again, and does not
-        count as the best of its round.
+        Fraction of the predicted gain (the score) that a fit must reach. A fit below it is started again and
+        does not count as the best of its round.
     promised : float
-        Part of the gain asked for that a score must promise for a fit: a score is no more than near it.
+        Fraction of the required gain that a score must predict for a fit to be tried: a score is only
+        approximate.
     near : float
         Difference of cost below which both fits get correlation times of their own.
     level : float
-        Difference of cost that counts as none: fits stop within it.
+        Difference of cost that counts as zero, since fits stop within it.
     quiet : float
-        Part of its process noise with which a fit begins again at the given coefficients: its equations must
-        then explain what the noise took.
+        Fraction of the process noise with which a fit restarts at the given coefficients. The equations must
+        then explain what the noise absorbed.
     """
 
     half: float = 0.5
@@ -60,12 +61,12 @@ class Tried:
     name : str
     fit : Fit
     gain : float
-        Fall of twice the negative log likelihood, noise at its likeliest on both sides.
+        Reduction of twice the negative log likelihood, with the likeliest noise on both sides.
     blocks : Blocks
     numbers : int
-        How many unknowns it has.
+        Number of unknowns of the effect.
     bristles : bool
-        Whether it is a friction with bristles, whose five numbers fit a part of much else.
+        Whether it is a friction with bristles, whose five parameters also fit part of many other effects.
     """
 
     name: str
@@ -80,7 +81,7 @@ class Tried:
 
 @dataclass(frozen=True, eq=False)
 class Search:
-    """What every step of a search is given."""
+    """Arguments shared by all steps of a search."""
 
     model: Subject
     names: Sequence[str] | None
@@ -88,22 +89,22 @@ class Search:
     report: Callable[[str], None]
 
     def fit(self, near: Fit, model: Subject, times: bool = False) -> Fit:
-        """Fit a model from where another ended; correlation times of process noise stay unless asked."""
+        """Fit a model from the end of another fit; `times`: fit the noise's correlation times as well."""
         problem = near.problem.of(model)
         prior = prior_of(problem, self.model)
         try:
             return refit(near, problem, prior, times=times)
-        except FloatingPointError:  # what it lacks now it had used to stay on the logs: begin afresh
+        except FloatingPointError:  # the removed effect kept the path near the logs; restart
             return estimate(problem, prior, first_noise(problem), times=times)
 
 
 def passes(t: Tried, looked_at: int, criteria: Criteria) -> bool:
-    """Return whether an effect brings what is asked for: gain, agreement of blocks, one size everywhere."""
+    """Return whether an effect passes all tests: gain, agreement of blocks, the same size in all blocks."""
     return not why_not(t, looked_at, criteria)
 
 
 def why_not(t: Tried, looked_at: int, criteria: Criteria) -> str:
-    """Return why an effect is not named; empty if it may be."""
+    """Return the reason why an effect is not named; empty if it may be named."""
     asked = criteria.least + criteria.each * t.numbers
     if t.gain < asked:
         return f"gains {t.gain:.3g} in twice the log likelihood, {asked:g} are asked for"
@@ -121,17 +122,18 @@ def why_not(t: Tried, looked_at: int, criteria: Criteria) -> str:
 
 
 def falls_short(t: Tried, scored: Scored) -> bool:
-    """Return whether a fit gains less than half of what its score promised."""
+    """Return whether a fit gains less than half of the gain that its score predicted."""
     return t.gain < TRIALS.half * scored.gain
 
 
 def try_effect(search: Search, current: Fit, e: Effect, scored: Scored | None = None) -> Tried | None:
-    """Return the fit with an effect; None where that model runs away from the logs.
+    """Return the fit with an effect; None if the simulation of that model diverges from the logs.
 
-    A fit that gains less than half of what its score promised has lost its way: it begins again at the given
-    coefficients, with the effect at each of its trial values, until two fits end at the same cost. A sensor's
-    error begins again without any: the path was fitted to what the sensor shows. If blocks agree on it and
-    still it gains less, it gets correlation times of its own.
+    A fit that gains less than half of its predicted gain is taken to have ended in a poor local optimum. It
+    is started again at the given coefficients, with the effect at each of its trial values, until two fits
+    end at the same cost. A sensor error restarts at its neutral value, since the path was fitted to the
+    sensor's readings. If blocks agree on the effect and the gain is still short, the fit gets its own
+    correlation times.
     """
     first = _added(search, current, e)
     done = [first] if first else []
@@ -153,16 +155,16 @@ def try_effect(search: Search, current: Fit, e: Effect, scored: Scored | None = 
 
 
 def _tried(name: str, fit: Fit, current: Fit) -> Tried:
-    """Return what the fit with an effect brings over the one without it."""
+    """Return the comparison of the fit with an effect and the one without it."""
     numbers = len(fit.p) - len(current.p)
     bristles = len(fit.problem.bristles) > len(current.problem.bristles)
     return Tried(name, fit, current.cost - fit.cost, agreement(fit, current, name), numbers, bristles)
 
 
 def _in_other_noise(search: Search, current: Fit, t: Tried) -> Tried:
-    """Return a fit with its correlation times at their likeliest, beside the model without it under the same.
+    """Return a fit with its likeliest correlation times, compared with the model without it at these times.
 
-    Noise of the times that fit a model without an effect may do as well as the effect.
+    Process noise with the correlation times of the model without an effect may fit as well as the effect.
     """
     timed = with_times(search, t)
     if timed.fit.cost > t.fit.cost - CONVERGENCE.settled:
@@ -173,7 +175,7 @@ def _in_other_noise(search: Search, current: Fit, t: Tried) -> Tried:
 
 
 def _neutral(e: Effect) -> Effect:
-    """Return an effect with the numbers that scale it at their neutral values."""
+    """Return an effect with the parameters that scale it at their neutral values."""
     neutral = {k: n.neutral for k, n in type(e).numbers.items() if not np.isnan(n.neutral)}
     return e.within_bounds(**{**e.values, **neutral})
 
@@ -190,7 +192,7 @@ def _trials(scored: Scored) -> list[Effect]:
 def _added(
     search: Search, current: Fit, e: Effect, start: Subject | None = None, levels: bool = True
 ) -> Fit | None:
-    """Return the fit of a model with one more effect, from where another ended or from given coefficients."""
+    """Return the fit of a model with one more effect, from the end of another fit or from a given start."""
     model = (start or current.model).with_effects([e])
     problem = current.problem.of(model)
     p = problem.start if start else None
@@ -201,10 +203,11 @@ def _added(
 
 
 def begun_again(search: Search, current: Fit, t: Tried) -> Tried:
-    """Return a fit, or the likelier one that begins at the given coefficients.
+    """Return a fit, or a likelier one that starts at the given coefficients.
 
-    The model without an effect may have gone far to make up for it, and not come back: where process noise
-    took what an equation says, its coefficients are free to vanish. So there is little at first.
+    Without the effect, the coefficients may have moved far to compensate for it, and may not return: where
+    process noise explains an equation, its coefficients may vanish. So the restart begins with little process
+    noise.
     """
     given, e = as_given(search, current), t.fit.model.effect(t.name)
     if np.any(search.criteria.left(t.fit)):
@@ -220,7 +223,10 @@ def begun_again(search: Search, current: Fit, t: Tried) -> Tried:
 
 
 def at_likeliest_time(search: Search, current: Fit, t: Tried) -> Tried:
-    """Return a fit whose effect begins when it is likeliest: its score said so under the noise without it."""
+    """Return a fit whose effect begins at its likeliest time.
+
+    The score chose the time under the noise of the model without the effect, not under that of this fit.
+    """
     while (e := likelier_time(t.fit, t.name)) is not None:
         fit = _added(search, t.fit, e)
         if fit is None or fit.cost > t.fit.cost - 1.0:
@@ -230,14 +236,14 @@ def at_likeliest_time(search: Search, current: Fit, t: Tried) -> Tried:
 
 
 def without_it(search: Search, current: Fit, t: Tried) -> Fit | None:
-    """Return the model without an effect, fitted from where the fit with it ended, if most of the gain stays.
+    """Return the model without an effect, fitted from the end of the fit with it, if most of the gain stays.
 
-    Then the effect was no more than the way to a likelier optimum. It is asked where the effect's size does
-    not bear out its gain: the square of a size over its standard error is what it gains under the same noise,
-    and it cannot gain more beside a model whose noise is free.
+    Then the effect only led to a likelier optimum of the model without it. The fit is made only if the size
+    of the effect does not account for its gain: under fixed noise an effect of size theta and standard error
+    s gains (theta/s)^2, summed over blocks, and it cannot gain more against a model whose noise is free.
     """
     with np.errstate(divide="ignore"):
-        square = float((1.0 / t.blocks.std**2).sum())  # not known of an effect that no number scales
+        square = float((1.0 / t.blocks.std**2).sum())  # unknown for an effect that no parameter scales
     if square > TRIALS.half * t.gain:
         return None
     less = search.fit(t.fit, current.model)
@@ -245,13 +251,13 @@ def without_it(search: Search, current: Fit, t: Tried) -> Fit | None:
 
 
 def as_given(search: Search, current: Fit) -> Subject:
-    """Return the given model with the effects that were added to it so far."""
+    """Return the given model, at its given coefficients, with the effects added so far."""
     have = {o.name for o in search.model.effects}
     return search.model.with_effects([o for o in current.model.effects if o.name not in have])
 
 
 def with_times(search: Search, t: Tried) -> Tried:
-    """Return a fit with its correlation times at their likeliest, where process noise is left."""
+    """Return a fit with its likeliest correlation times; unchanged if no process noise is left."""
     if not np.any(search.criteria.left(t.fit)):
         return t
     fit = search.fit(t.fit, t.fit.model, times=True)
@@ -259,9 +265,9 @@ def with_times(search: Search, t: Tried) -> Tried:
 
 
 def sized(model: Subject, e: Effect) -> Effect:
-    """Return a drag as large as half of what the model has along its axis, if its score says less.
+    """Return a drag of at least half the size of the model's own along its axis, in the same unit.
 
-    Near standstill dry friction hides what a drag would score: the model's own takes its place.
+    Near standstill dry friction hides a drag from the score, so the model's own drag sets the size.
     """
     own = [o for o in model.effects if same_axis_drag(o, e) and "value" in o.numbers and "value" in e.numbers]
     alike = [o for o in own if o.numbers["value"].unit == e.numbers["value"].unit]
@@ -272,34 +278,34 @@ def sized(model: Subject, e: Effect) -> Effect:
 
 
 def explained(t: Tried) -> bool:
-    """Whether an effect leaves process noise a small part of what it was."""
+    """Whether an effect leaves process noise of at most 2 % of the acceleration in every equation."""
     return bool(np.all(t.fit.noise.process <= 0.02 * t.fit.problem.accelerations))
 
 
 def same_axis_drag(one: Effect, other: Effect) -> bool:
-    """Whether two effects are drags along the same axis, which widths of friction blend."""
+    """Whether two effects are drags along the same axis, which widths of friction make hard to tell apart."""
     return one.axis == other.axis != ""
 
 
 def bristles_bring_nothing(t: Tried, other: Tried, criteria: Criteria) -> bool:
-    """Whether friction has bristles where another one along its axis, without, leaves only noise."""
+    """Whether a friction has bristles although a simpler one along its axis leaves only noise."""
     own, simple = (o.fit.model.effect(o.name) for o in (t, other))
     contained = same_axis_drag(own, simple) and isinstance(simple, type(own).contains)
     return t.bristles and contained and only_noise(other.fit, criteria)
 
 
 def twins(one: Effect, other: Effect) -> bool:
-    """Whether two effects only say how late something is, which every log shows alike."""
+    """Whether two effects are both shifts in time, which no log can distinguish."""
     return one.name != other.name and one.shifts_time and other.shifts_time
 
 
 def beside(fit: Fit, less: Fit, name: str) -> Tried:
-    """Return what a fitted effect brings beside the others of its model.
+    """Return the contribution of a fitted effect, with the others in the model.
 
     Parameters
     ----------
     fit, less : Fit
-        With and without it.
+        Fits with and without the effect.
     name : str
     """
     e = fit.problem.model.effect(name)
