@@ -1,8 +1,8 @@
 """Simulation of a Block over time, with inputs held between samples.
 
 python-control interpolates inputs linearly, so a step on a coarse grid becomes a ramp. Here each input sample
-is held until the next one (or interpolated, with ``hold="linear"``), and the solver restarts wherever an input
-jumps.
+is held until the next one (or interpolated, with ``hold="linear"``), and the solver restarts wherever an
+input jumps.
 """
 
 from __future__ import annotations
