@@ -13,7 +13,7 @@ _PLACES: dict[str, tuple[str, str]] = {}
 
 
 def register(name: str, module: str, function: str) -> None:
-    """Register the module of a backend.
+    """Register the function of a backend.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Expressions by name: immutable, ordered, hashable."""
+"""Immutable, ordered and hashable mappings from names to expressions."""
 
 from __future__ import annotations
 

@@ -97,7 +97,11 @@ class NumpyFunctions:
         rows: Rows = "derivatives",
         columns: Columns = "states",
     ) -> Array:
-        """Return the exact Jacobian, shape (n_rows, n_columns, ...); arguments as in :meth:`derivatives`."""
+        """Return the exact Jacobian, shape (n_rows, n_columns, ...); arguments as in :meth:`derivatives`.
+
+        Entry (i, j) is the partial derivative of row i by column j: rows are the states' derivatives or the
+        outputs; columns are states, inputs or parameters.
+        """
         args = self._arguments(t, x, u)
         return self.jacobian_values(*args, self.block.parameter_values(params, bounded=False), rows, columns)
 

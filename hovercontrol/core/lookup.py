@@ -3,9 +3,9 @@
 A table of two axes is printed as an array, once for each corner of a cell. Measurements for K06's 14 x 161
 entries:
 
-| form | to Python | one call | 2000 points | C |
+| form | conversion to Python | one call | 2000 points | C |
 |---|---|---|---|---|
-| ``Piecewise``, a chain | not at all: NumPy's text nests too deep | | | |
+| ``Piecewise``, a chain | impossible: NumPy's code is nested too deeply | | | |
 | ``Piecewise``, a tree, one corner only | 1.8 s | 0.5 us | 8 ms | 390 kB in 2.8 s |
 | sum of hat functions | 4.9 s | 109 us | 9 ms | 40 kB in 3 s |
 | array (here), all four corners | 0.06 s | 4 us | 0.1 ms | 80 kB in 0.06 s |

@@ -137,7 +137,7 @@ def random_numbers(
 
 
 def _rest(product: sp.Expr, modulus: int, define: Definitions, name: str) -> sp.Expr:
-    """Return ``product`` mod `modulus`; a quotient that rounding made one too large is corrected."""
+    """Return x mod m = x - m floor(x/m), x the product; a quotient rounded up by one is corrected."""
     whole = define(f"{name}_product", product)
     rest = define(f"{name}_rest", whole - modulus * sp.floor(whole / modulus))
     return sp.Piecewise((rest + modulus, rest < 0), (rest, True))
@@ -145,8 +145,9 @@ def _rest(product: sp.Expr, modulus: int, define: Definitions, name: str) -> sp.
 
 def _seeded(states: Sequence[Signal], seed: sp.Symbol, salt: str, define: Definitions) -> list[sp.Symbol]:
     """Return the generator's six numbers; if all states are zero, they are computed from the seed."""
-    # Lehmer generator: s <- max(48271 s mod (2^31 - 1), 1) from s = seed + 1; step 1 also adds the salt's
-    # CRC-32 before the modulus. Of the 8 values the first 2 are discarded, so that neighbouring seeds differ.
+    # Lehmer generator: s_{k+1} = max(48271 s_k mod (2^31 - 1), 1) from s_0 = seed + 1; in the second step the
+    # salt's CRC-32 mod (2^31 - 2) is added to the product. The first 2 of 8 values are discarded, because
+    # they are similar for neighbouring seeds.
     number = define("seed", seed + 1)
     shift = zlib.crc32(salt.encode()) % (_PRIME - 1)
     found = []

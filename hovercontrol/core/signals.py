@@ -32,7 +32,8 @@ class Signal:
     Parameters
     ----------
     name : str
-        An identifier, dotted for a part of a larger Block: ``yaw_coulomb``, ``plant.u``, ``P[0,1]``.
+        An identifier, with dots for a signal of a part of a larger Block: ``yaw_coulomb``, ``plant.u``,
+        ``P[0,1]``.
     unit : str, optional
         SI unit as text, ``"1"`` for a dimensionless quantity.
     description : str, optional

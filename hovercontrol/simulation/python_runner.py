@@ -29,7 +29,7 @@ class PythonEngine:
     block : Block
         Without delays.
     time : float
-        [s]
+        Initial time [s].
     states, inputs, params : sequence of float
     rtol, atol : float
     """

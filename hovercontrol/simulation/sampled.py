@@ -60,7 +60,7 @@ class Ticking:
     block : Block
         Sampled, or without states.
     params : mapping, optional
-        Parameter values by key, over the defaults.
+        Parameter values by key; others have their defaults.
 
     Attributes
     ----------

@@ -96,6 +96,7 @@ class HeldSystem(SteppedSystem):
     _solver = _HELD
 
     def _derivative_matrices(self, t: float, x: Array, u: Array) -> list[Array]:
+        # A = dphi/dx, B = dphi/du over one step;  C = dg/dx, D = dg/du with the outputs g at its begin
         f = numpy_functions(self.block)
         outputs = [f.jacobian(t, x, u, self._current_params, "outputs", by) for by in ("states", "inputs")]
         return [*step_jacobians(self.block, t, t + self.dt, x, u, self._current_params), *outputs]

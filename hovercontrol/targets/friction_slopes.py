@@ -70,7 +70,9 @@ class Point(NamedTuple):
 def linear_matrices(
     block: Block, point: Point, friction: Slope = "smooth", amplitude: Mapping[str, float] | None = None
 ) -> list[Array]:
-    """Return A, B, C, D at a point, from exact Jacobians.
+    """Return A = df/dx, B = df/du, C = dg/dx, D = dg/du at a point, from exact Jacobians.
+
+    f are the states' derivatives and g the outputs.
 
     Parameters
     ----------
@@ -111,7 +113,8 @@ def linear_matrices(
 def warn_of_smoothing(block: Block, A: Array, point: Point) -> None:
     """Warn if a pole of a continuous linearisation is due to the slope of smoothed dry friction.
 
-    The eigenvalues with and without that slope are compared. The warning names pole, velocity and width.
+    The eigenvalues p with and q without that slope are compared: the warning is given if
+    abs(p - q) > 0.1 max(abs(p), abs(q)). It names pole, velocity and width.
 
     Parameters
     ----------

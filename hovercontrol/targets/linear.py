@@ -108,7 +108,7 @@ def state_space(matrices: Sequence[Array], dt: float | None, **kwargs: Any) -> c
 
 
 def point_values(given: Any, n: int, kind: str, name: str) -> Array:
-    """Return the n values of a point as python-control reads them.
+    """Return the n values of a point, interpreted as by python-control.
 
     Parameters
     ----------

@@ -17,7 +17,7 @@ from hovercontrol.core.expressions import Expressions
 
 @lru_cache(maxsize=64)
 def without_resting_states(block: Block) -> tuple[Block, tuple[int, ...]]:
-    """Return a Block without the states that rest at zero, and the places of the states it keeps.
+    """Return a Block without the states that rest at zero, and the indices of the kept states.
 
     The resting states are the largest set R of states that start at zero and whose derivatives vanish
     identically while the set is zero: f_i(t, x, u, p) = 0 for all i in R if x_j = 0 for all j in R, for all

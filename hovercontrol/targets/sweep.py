@@ -36,7 +36,7 @@ WORKER_FAILED = len(REASONS) - 1
 @checked
 @dataclass(frozen=True, eq=False)
 class Axis:
-    """One parameter that a sweep or a map varies.
+    """A parameter that a sweep or a map varies.
 
     Parameters
     ----------

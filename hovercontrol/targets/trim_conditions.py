@@ -262,7 +262,7 @@ class Conditions:
         return (self.found(z) - wanted) / np.array([c.nominal for c in self.each])
 
     def jacobian(self, z: Array) -> Array:
-        """Return the exact derivative of :meth:`missing`, shape (n_conditions, n_unknowns)."""
+        """Return the exact Jacobian dF/dz of :meth:`missing`, shape (n_conditions, n_unknowns)."""
         x, u = self.point(z)
         f = numpy_functions(self.rates_block)
 
