@@ -161,8 +161,7 @@ def _check_units(block: Block) -> None:
         derive.declare(signal.symbol, signal.dimension)
         described.append(signal)
     _set(block, "definition_signals", tuple(described))
-    # unit of a continuous state's derivative: unit of the state / s; of a sampled state's next value: the
-    # same
+    # [x'] = [x]/s for a continuous state x; [next x] = [x] for a sampled one
     per = DIMENSIONLESS if block.period else dimension("s")
     for state in block.states:
         e, label = block.derivatives[state.name], block.update_text(state.name)

@@ -176,8 +176,8 @@ def bilinear(name: str, values: ArrayLike, row: sp.Expr, column: sp.Expr) -> sp.
     entries = Entries(name, table.ravel().tolist())
     first = columns * i0 + j0
     at = {(a, b): entry(first + columns * a + b, entries) for a in (0, 1) for b in (0, 1)}
-    # T_a = T(i0 + a, j0) + (j - j0) (T(i0 + a, j0 + 1) - T(i0 + a, j0)), a = 0, 1;  T_0 + (i - i0) (T_1 -
-    # T_0)
+    # T_a = T[i0 + a, j0] + (j - j0) (T[i0 + a, j0 + 1] - T[i0 + a, j0]) for a = 0, 1;
+    # T(i, j) = T_0 + (i - i0) (T_1 - T_0)
     top, bottom = (at[a, 0] + (j - j0) * (at[a, 1] - at[a, 0]) for a in (0, 1))
     return top + (i - i0) * (bottom - top)
 

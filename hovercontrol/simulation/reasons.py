@@ -169,7 +169,7 @@ def _fastest(x: Array, slopes: Array, rtol: float, atol: float) -> int:
     if bad.size:
         return int(bad[0])
     # argmax over states i of  max_k |f_i(k+1) - f_i(k)| / (atol + rtol max_k |x_i(k)|);
-    # |f_i(0)| replaces the numerator where all differences are zero or one is not finite
+    # |f_i(0)| replaces the numerator if all differences are zero, one is not finite, or there is one point
     changes = np.abs(np.diff(slopes, axis=1)).max(axis=1) if slopes.shape[1] > 1 else np.abs(slopes[:, 0])
     if not np.isfinite(changes).all() or not changes.any():
         changes = np.abs(slopes[:, 0])

@@ -49,7 +49,8 @@ from hovercontrol.targets.sweep import (
 if TYPE_CHECKING:
     from hovercontrol.targets.compiled import CompiledBlock
 
-#: Approximate number of parts of a sweep. Each part holds a multiple of 16 runs (the vector width).
+#: Approximate number of parts of a sweep. Each part holds a multiple of 16 runs, so that the 8 lanes of the
+#: vector code are filled.
 PARTS, TOGETHER = 64, 16
 
 

@@ -242,8 +242,7 @@ def _amplitudes(
 
 def _moved_pole(A: Array, other: Array) -> tuple[complex, complex]:
     """Return the eigenvalue that moves most from one matrix to the other, before and after."""
-    # the assignment of eigenvalues p_i -> q_j minimises sum sqrt(|p_i - q_j|): it prefers one large move to
-    # many small ones
+    # the pairs (p_i, q_j) minimise sum sqrt(|p_i - q_j|), which prefers one large move to many small ones
     poles, others = np.linalg.eigvals(A), np.linalg.eigvals(other)
     distance = np.abs(poles[:, None] - others)
     rows, columns = linear_sum_assignment(np.sqrt(distance))

@@ -23,8 +23,7 @@ from hovercontrol.targets.library import Library, Point, check_point
 Array = NDArray[np.float64]
 
 _REAL = np.dtype(float)
-#: Bytes of executed Python bytecode (1 ns per byte) after which a library is loaded, and after which it is
-#: built.
+#: Executed Python bytecode [bytes, 1 ns each] after which a library is loaded, and after which it is built.
 LOAD_AFTER, BUILD_AFTER = 3e7, 1e9
 #: Size of the bytecode [bytes] below which an evaluation is faster in Python.
 SMALL = 3000

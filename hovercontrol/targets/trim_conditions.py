@@ -275,8 +275,7 @@ class Conditions:
             parts += [of(rows, "inputs")[:, list(self.free_inputs)]]
             return np.hstack(parts)[list(wanted)]
 
-        # dF_i/dz_j = (s_j / n_i) partial found_i / partial v_j, with v_j = s_j z_j and the nominal sizes s_j,
-        # n_i
+        # dF_i/dz_j = (s_j/n_i) dfound_i/dv_j, with v_j = s_j z_j and the nominal sizes s_j, n_i
         whole = of_unknowns("derivatives", list(self.rates))
         if self.outputs:
             whole = np.vstack([whole, of_unknowns("outputs", list(self.outputs))])
