@@ -139,7 +139,8 @@ def interconnect(
     Returns
     -------
     Block
-        Sampled if all Blocks that have states or tick have the same period; hybrid if periods differ.
+        Sampled if all Blocks that tick or have states tick with one period; hybrid if only some of them tick
+        or periods differ; else continuous.
 
     Raises
     ------

@@ -1,7 +1,7 @@
 """Lookup tables as SymPy expressions that every backend can print: entries by index, and interpolation.
 
-A table of two axes is printed as an array, once for each corner of a cell. Measurements for K06's 14 x 161
-entries:
+A table of two axes is printed as an array, once for each corner of a cell. Measured on K06's
+14 x 161 entries:
 
 | form | conversion to Python | one call | 2000 points | C |
 |---|---|---|---|---|

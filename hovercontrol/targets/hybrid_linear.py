@@ -1,6 +1,6 @@
 """The linear discrete-time system of a hybrid Block whose parts all have the same period h.
 
-At a tick the states z = (x, s), x continuous and s sampled, jump; until the next tick they flow with held
+At a tick the states z = (x, s), x continuous and s sampled, jump. Until the next tick they flow with held
 inputs w:
 
     s+ = T(z, w),                     x' = f(x, s+, w),    z(k + 1) = (x(t_k + h), s+).

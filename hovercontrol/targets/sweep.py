@@ -107,7 +107,7 @@ class SweepResult:
     states_final : ndarray (n_runs, n_states)
         States at the end of a run, or where it failed.
     status : ndarray of int (n_runs,)
-        0 for a run without an error, else an index into the reasons of a failure.
+        Index into :data:`hovercontrol.simulation.reasons.REASONS`; 0 for a run without an error.
     errors : dict of int to str
         Error message of each run that failed in its worker.
     """

@@ -4,8 +4,8 @@ With x, u the states and inputs, f the rates and g the outputs of the Block, a t
 
     f_i(t, x, u) = given rate (0 unless given),    g_j(t, x, u) = given output,
 
-and x and u within the bounds of their signals. The rate of a sampled state is its change per step, next x -
-x.
+and x and u within the bounds of their signals. The rate of a sampled state is its change per step,
+next x - x.
 """
 
 from __future__ import annotations
