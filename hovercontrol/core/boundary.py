@@ -52,8 +52,8 @@ def checked(thing: Thing, name: str = "") -> Thing:
         The checked function, or the same class with checked methods. An argument that does not match its
         annotation raises :class:`.InputError`; the one-line message names the function, the argument, the
         expected type and the value found. The same error replaces one of Python or NumPy if an argument is
-        not usable in calculations (NaN, infinite, or an empty array). Both apply to calls from outside the
-        package. A wrong argument from inside raises ``TypeError``, and other errors are not replaced.
+        not usable in calculations (NaN, infinite, above 1e150, or an empty array). Both apply to calls from
+        outside the package. A wrong argument from inside raises ``TypeError``; other errors are not replaced.
 
     Examples
     --------

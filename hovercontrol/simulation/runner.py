@@ -1,4 +1,4 @@
-"""Stepwise simulation: inputs in, outputs out; for hardware in the loop and reinforcement learning.
+"""Stepwise simulation: inputs in, outputs out; for hardware in the loop and learning.
 
 ``block.start()`` uses plain Python floats, ``block.compile().start()`` machine code, and
 :meth:`hovercontrol.fmi.importer.imported.FmuSystem.start` an FMU. All three runners have the same methods.
