@@ -1,1 +1,1 @@
-"""The Block and all that is said of it in symbols: knows no solver, no file format, no craft."""
+"""The Block and its symbolic processing; independent of solvers, file formats and vehicles."""

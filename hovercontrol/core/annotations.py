@@ -1,4 +1,4 @@
-"""What an annotation says of a value: whether it fits, which part does not, how error lines name it."""
+"""Compare values with type annotations: does a value match, which part does not, how messages name it."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ import numpy as np
 import numpy.typing as npt
 import sympy as sp
 
-#: Most elements of a sequence that are looked at; arrays are looked at as a whole.
+#: Maximum number of elements of a sequence that are checked; arrays are checked as a whole.
 LOOKED_AT = 1000
 
 _UNIONS = (Union, types.UnionType)
 
 
-#: ``ArrayLike`` is a named type in some versions of NumPy. In others it is a union, whose members join those
-#: of a union that it stands in. What the members are is private to NumPy.
+#: ``ArrayLike`` is a named type in some versions of NumPy and a union in others. In a larger union, the
+#: members of that union merge with the others. The members are private to NumPy.
 _MEMBERS = frozenset(typing.get_args(npt.ArrayLike))
-#: Types of which most values are, and every value is what an annotation with it says.
+#: The most frequent types; a value of one of these types always matches an annotation of the same type.
 _PLAIN = frozenset([float, str, int, bool])
 
 
 def _meant(hint: Any) -> Any:
-    """Return what a named annotation stands for; for NumPy's ``ArrayLike`` an array."""
+    """Resolve a named annotation; NumPy's ``ArrayLike`` becomes ``np.ndarray``."""
     if hint is npt.ArrayLike:
         return np.ndarray
     if inspect.isclass(hint):
@@ -40,7 +40,7 @@ def _meant(hint: Any) -> Any:
 
 
 def fits(value: Any, hint: Any) -> bool:
-    """Return whether a value is what an annotation says, or can be made so without a guess."""
+    """Return whether a value matches an annotation, or converts to it unambiguously."""
     if hint is type(value) and hint in _PLAIN:
         return True
     hint = _meant(hint)
@@ -108,7 +108,7 @@ def _fits_generic(value: Any, origin: Any, inner: tuple[Any, ...]) -> bool:
 
 
 def _parts(inner: tuple[Any, ...]) -> list[Any]:
-    """Return what a union is of; what NumPy calls like an array is one part."""
+    """Return the members of a union; those of ``ArrayLike`` together count as one, ``np.ndarray``."""
     flat: list[Any] = []
     if _MEMBERS and set(inner) >= _MEMBERS:
         flat, inner = [np.ndarray], tuple(one for one in inner if one not in _MEMBERS)
@@ -138,7 +138,7 @@ _WORDS = {float: "a number", int: "a whole number", bool: "true or false", str: 
 
 
 def described(hint: Any) -> str:
-    """Return the type of an annotation as error lines name it.
+    """Return the type of an annotation in the words of an error message.
 
     Examples
     --------
@@ -171,7 +171,7 @@ def described(hint: Any) -> str:
 
 
 def innermost(where: str, value: Any, hint: Any) -> tuple[str, Any, Any]:
-    """Return which part of an argument is not what its annotation says: its place, itself, what it must be.
+    """Return the part of an argument that does not match its annotation: place, value, expected annotation.
 
     Examples
     --------
@@ -200,7 +200,7 @@ def innermost(where: str, value: Any, hint: Any) -> tuple[str, Any, Any]:
 
 
 def usual_types(hint: Any) -> frozenset[type]:
-    """Return types of which every value is what an annotation says."""
+    """Return types whose values all match an annotation."""
     hint = _meant(hint)
     if hint in _USUAL:
         return _USUAL[hint]

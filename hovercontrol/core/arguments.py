@@ -1,4 +1,4 @@
-"""Checks of arguments that an annotation cannot say: how many, how long, which shapes go together."""
+"""Argument checks that an annotation cannot express: least values, lengths, shapes that broadcast."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ Array = NDArray[np.float64]
 
 
 def at_least(where: str, value: int, least: int = 0) -> int:
-    """Return a number of things, or the seed of random numbers.
+    """Return a count, or the seed of random numbers, if it is at least `least`.
 
     Raises
     ------
@@ -34,15 +34,15 @@ def as_row(where: str, value: ArrayLike, length: int | None = None) -> Array:
     Parameters
     ----------
     where : str
-        Of the error: function and argument.
+        Function and argument, for the error message.
     value : array_like, shape (n,)
     length : int, optional
-        What n must be.
+        Required n.
 
     Raises
     ------
     InputError
-        If they are of another shape.
+        If the shape is different.
 
     Examples
     --------
@@ -62,7 +62,7 @@ def together(function: str, **arrays: ArrayLike) -> list[Array]:
     Raises
     ------
     InputError
-        If they do not; all shapes are named.
+        If they do not broadcast; the message lists all shapes.
 
     Examples
     --------

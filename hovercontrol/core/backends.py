@@ -1,6 +1,6 @@
-"""Backends of a Block by name; a Block imports none of them.
+"""Backends of a Block by name, so that a Block need not import them.
 
-The package registers its backends when it is imported; each is imported when it is first asked for.
+The package registers its backends when it is imported. A backend's module is imported on its first use.
 """
 
 from __future__ import annotations
@@ -13,14 +13,14 @@ _PLACES: dict[str, tuple[str, str]] = {}
 
 
 def register(name: str, module: str, function: str) -> None:
-    """Register the module of a backend.
+    """Register the function of a backend.
 
     Parameters
     ----------
     name : str
-        By which :class:`~hovercontrol.core.block.Block` asks for it; one registered before is replaced.
+        Name that :class:`~hovercontrol.core.block.Block` uses; an earlier backend of this name is replaced.
     module, function : str
-        Of a function that takes a Block first.
+        Module and name of a function whose first argument is a Block.
 
     Examples
     --------
@@ -33,7 +33,7 @@ def register(name: str, module: str, function: str) -> None:
 
 
 def backend(name: str) -> Callable[..., Any]:
-    """Return the function of a backend; raises KeyError where none of that name is registered."""
+    """Return the function of a backend; raises KeyError if the name is not registered."""
     module, function = _PLACES[name]
     found: Callable[..., Any] = getattr(importlib.import_module(module), function)
     return found

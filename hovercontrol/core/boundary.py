@@ -1,11 +1,11 @@
-"""The gate of public functions: what a script gives is checked before anything is done with it.
+"""Argument checks of public functions: a script's arguments are checked before they are used.
 
-What an argument must be is said once, by its annotation. :func:`checked` compares each argument with it and
-refuses in one line that names the function, the argument, what was expected and what was found; a value of
-one of the usual types passes after one look into a set.
+The annotation of an argument declares its type. :func:`checked` compares each argument with its annotation.
+On a mismatch, a one-line message names the function, the argument, the expected type and the value found. A
+value of a usual type passes after one set lookup.
 
-Only who calls from outside the package gets an :class:`.InputError`. A wrong argument of the package's own
-calls is a fault of the package, a ``TypeError``, and any other error of the package passes as it is.
+Only calls from outside the package raise :class:`.InputError`. A wrong argument in a call from inside is a
+bug of the package and raises ``TypeError``; other errors of such calls are passed on unchanged.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from hovercontrol.errors import InputError, did_you_mean, shown
 
 Thing = TypeVar("Thing", bound=Callable[..., Any])
 
-#: What Python and NumPy raise where a number is not one to calculate with.
+#: Errors that Python and NumPy raise if a value cannot be used in a calculation.
 _STUMBLES = ValueError, ArithmeticError, IndexError, MemoryError
 
 _PACKAGE = str(Path(__file__).parents[1]) + os.sep
@@ -38,21 +38,22 @@ _LIBRARIES = tuple({sysconfig.get_path(name) + os.sep for name in ("stdlib", "pu
 
 
 def checked(thing: Thing, name: str = "") -> Thing:
-    """Make a public function, or a class's constructor and methods, refuse arguments of a wrong type.
+    """Make a public function, or a class's constructor and methods, check the types of its arguments.
 
     Parameters
     ----------
     thing : function or class
     name : str, optional
-        What error lines call a class; default: its own name.
+        Name of a class in error messages (default: its own name).
 
     Returns
     -------
     function or class
-        The same; an argument of another type than its annotation raises :class:`.InputError`: the function,
-        the argument, what was expected and what was found, in one line. So does a number with which it cannot
-        calculate (NaN, infinite, or an empty array) where it stumbles over it. Both are for calls from
-        outside the package: a wrong argument from inside raises ``TypeError``, and no error is explained.
+        The checked function, or the same class with checked methods. An argument that does not match its
+        annotation raises :class:`.InputError`; the one-line message names the function, the argument, the
+        expected type and the value found. The same error replaces one of Python or NumPy if an argument is
+        not usable in calculations (NaN, infinite, above 1e150, or an empty array). Both apply to calls from
+        outside the package. A wrong argument from inside raises ``TypeError``; other errors are not replaced.
 
     Examples
     --------
@@ -82,13 +83,13 @@ def checked(thing: Thing, name: str = "") -> Thing:
 
 
 def checks_itself(method: Thing) -> Thing:
-    """Leave a method's arguments to itself: inside the package, too, it is given what a user gave."""
+    """Mark a method that checks its own arguments: calls from inside the package also pass users' values."""
     method.__checked__ = True  # type: ignore[attr-defined]
     return method
 
 
 class _Gate:
-    """What the arguments of one function must be, read from its annotations when it is first called."""
+    """Checks the arguments of one function against its annotations, which are read at the first call."""
 
     def __init__(self, function: Callable[..., Any], name: str, bound: bool = False) -> None:
         self.inner, self.name = function, name
@@ -139,12 +140,12 @@ class _Gate:
         return [one.name for one in self._of(*kinds)]
 
     def _read(self) -> dict[str, Any]:
-        """Return the annotations of arguments."""
+        """Return the annotations of the arguments."""
         found, names = {}, inspect.unwrap(self.inner).__globals__
         for key, parameter in self.parameters.items():
             hint = parameter.annotation
             if parameter.kind is inspect.Parameter.VAR_KEYWORD or hint is inspect.Parameter.empty:
-                continue  # names that the function itself knows
+                continue  # without an annotation, or keyword arguments that the function checks itself
             try:
                 found[key] = eval(hint, names) if isinstance(hint, str) else hint
             except NameError:
@@ -157,18 +158,18 @@ class _Gate:
             nearest = ""
             if typing.get_origin(hint) is Literal and isinstance(part, str):
                 nearest = did_you_mean(part, typing.get_args(hint))
-                nearest = "" if nearest.startswith("; known") else nearest  # all are named already
+                nearest = "" if nearest.startswith("; known") else nearest  # the message lists them all
             expected = described(hint)
             text = f"{self.name}: {where}: expected {expected}, found {shown(part)}{nearest}"
             raise InputError(text) if called_by_user(caller) else TypeError(text)
 
     def _blame(self, error: Exception, args: tuple[Any, ...], kwargs: Mapping[str, Any]) -> None:
-        """Raise an error of one line where an argument holds no number, or one that is not finite."""
+        """Raise a one-line error if an argument is empty, or a number in it is not finite or too large."""
         given = dict(zip(self._positions(), args[self.skipped :], strict=False)) | dict(kwargs)
         try:
             inspect.signature(self.inner).bind(*args, **kwargs)
         except TypeError:
-            return  # Python says which argument is too much or missing
+            return  # Python's own error names the surplus or missing argument
         for one in self._of(inspect.Parameter.VAR_POSITIONAL):
             given[one.name] = args[self.skipped + len(self._positions()) :]
         given = {k: v for k, v in given.items() if k in self.hints and v is not self.parameters[k].default}
@@ -179,7 +180,7 @@ class _Gate:
 
 
 def as_user(function: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Any:
-    """Call a function with what a user gives elsewhere, in a file perhaps: its gate speaks to the user.
+    """Call a function with a user's values, such as from a file; errors are raised as for a user's call.
 
     Parameters
     ----------
@@ -198,7 +199,7 @@ def as_user(function: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Any:
 
 
 def called_by_user(frame: FrameType | None) -> bool:
-    """Return whether a call comes from code outside the package; what libraries call is their caller's."""
+    """Return whether a call comes from outside the package; a library's call counts as its caller's."""
     while frame is not None:
         if frame.f_code is as_user.__code__:
             return True
@@ -213,7 +214,7 @@ def called_by_user(frame: FrameType | None) -> bool:
 
 @functools.cache
 def names_for_checkers(module: str) -> dict[str, Any]:
-    """Return what a module imports ``if TYPE_CHECKING`` alone: annotations name it, running code does not.
+    """Return the names that a module imports only ``if TYPE_CHECKING``; its annotations use them.
 
     Examples
     --------
@@ -231,12 +232,12 @@ def names_for_checkers(module: str) -> dict[str, Any]:
     return names
 
 
-#: Largest number whose square is one.
+#: Largest magnitude of a usable number; larger values may overflow when squared.
 LARGEST = 1e150
 
 
 def fault_of(value: Any) -> str:
-    """Return what a value lacks to be calculated with, as an error line says it; else an empty text.
+    """Return what a calculation expects instead of this value, for an error message; "" if it is usable.
 
     Examples
     --------
@@ -245,7 +246,7 @@ def fault_of(value: Any) -> str:
     """
     if isinstance(value, Mapping):
         return next(filter(None, map(fault_of, list(value.values())[:LOOKED_AT])), "")
-    if isinstance(value, list | tuple) and value:  # of anything: it is not made an array
+    if isinstance(value, list | tuple) and value:  # may hold any objects, so it is not converted to an array
         found = next(filter(None, map(fault_of, value[:LOOKED_AT])), "")
         return "finite numbers" if found == "a finite number" else found
     if isinstance(value, np.ndarray | list | tuple) and np.size(value) == 0:

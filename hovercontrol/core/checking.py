@@ -1,6 +1,6 @@
-"""Checks of a Block: names, symbols, units; completed where the Block may leave something out.
+"""Check the names, symbols and units of a Block, and complete the parts that a Block may omit.
 
-Called once, when a Block is made; each function sets what it sorts or completes.
+Called once, when a Block is created. Each function sets the fields that it sorts or completes.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ def check(block: Block) -> None:
         If a name is used twice, a symbol is unknown, an expression is missing, definitions are circular, or
         a Block is both sampled and hybrid.
     UnitError
-        If an expression adds what cannot be added, or has another unit than its signal.
+        If an expression adds different units, or its unit differs from its signal's.
     """
     if not 0 <= block.period < math.inf:
         raise InputError(block.where(f"period must not be negative, found {block.period!r}"))
@@ -89,7 +89,7 @@ def _complete_outputs(block: Block) -> None:
 
 
 def _order(block: Block, kind: str, field: str, signals: Sequence[Signal]) -> None:
-    """Sort expressions as their signals are, each there once."""
+    """Put the expressions in the order of their signals; raise if one is missing or has no signal."""
     expressions: Mapping[str, sp.Expr] = getattr(block, field)
     names = [s.name for s in signals]
     for name in names:
@@ -161,6 +161,7 @@ def _check_units(block: Block) -> None:
         derive.declare(signal.symbol, signal.dimension)
         described.append(signal)
     _set(block, "definition_signals", tuple(described))
+    # [x'] = [x]/s for a continuous state x; [next x] = [x] for a sampled one
     per = DIMENSIONLESS if block.period else dimension("s")
     for state in block.states:
         e, label = block.derivatives[state.name], block.update_text(state.name)

@@ -1,4 +1,4 @@
-"""Delay lines: chains of unit delays, through which what comes in at a tick comes out some ticks later."""
+"""Delay lines: chains of unit delays that delay signals by a whole number of ticks."""
 
 from __future__ import annotations
 
@@ -24,31 +24,33 @@ def constant_delay(
     suffix: str = "_received",
     name: str = "link",
 ) -> Block:
-    """Return a chain of unit delays: what comes in at a tick comes out `delay` later.
+    """Return a chain of n = delay / period unit delays: y(k) = u(k - n).
 
     Parameters
     ----------
     signals : sequence of Signal
-        What passes through.
+        Signals to delay.
     delay : float
-        [s], a multiple of the period; 0 passes all through at once.
+        Delay [s], a multiple of the period; with 0 the outputs are the present inputs.
     period : float
-        [s]
+        Time between two ticks [s].
     suffix : str, optional
-        Of the outputs' names.
+        Suffix of the outputs' names.
     name : str, optional
+        Name of the Block.
 
     Returns
     -------
     Block
-        Sampled. Inputs `signals`; outputs the same with the suffix, and ``<name>_age`` [s], how old that is.
-        Until the first message is through, start values come out, as old as the run.
+        Sampled. The inputs are `signals`; the outputs are the same signals with the suffix, and their age
+        ``<name>_age`` [s]. Until the first input has passed, the outputs have their start values, and their
+        age is the time since the start.
 
     Raises
     ------
     InputError
-        If the delay is negative or no multiple of the period (the nearest ones are named), the period not
-        positive, or there are no signals or two of one name.
+        If the delay is negative or not a multiple of the period (the message gives the nearest ones), if the
+        period is not positive, or if there are no signals or two of the same name.
 
     Examples
     --------
@@ -68,6 +70,7 @@ def constant_delay(
         ]
         for s in signals
     ]
+    # stage_1(k+1) = u(k),  stage_j(k+1) = stage_{j-1}(k),  y(k) = stage_n(k);  age(k) = min(k, n) * period
     ticks = Signal(f"{name}_ticks", "1", "ticks so far, at most as many as there are stages")
     following, values = {ticks.name: sp.Min(ticks.symbol + 1, stages)}, {}
     for s, chain in zip(signals, chains, strict=True):
@@ -88,7 +91,7 @@ def constant_delay(
 
 
 def _stages(name: str, delay: float, period: float) -> int:
-    """Return how many periods a delay is."""
+    """Return a delay as a number of periods; raise if it is not a whole number."""
     ratio = Fraction(str(delay)) / Fraction(str(period))
     if ratio.denominator != 1:
         below, above = (float(n * Fraction(str(period))) for n in (math.floor(ratio), math.ceil(ratio)))
@@ -100,24 +103,24 @@ def _stages(name: str, delay: float, period: float) -> int:
 
 
 def not_negative(where: str, value: float) -> float:
-    """Return a number that must not be negative, and finite; raises :class:`InputError`."""
+    """Return a finite number of at least 0; else raise :class:`InputError`."""
     if not 0 <= number(where, value) < math.inf:
         raise InputError(f"{where} must not be negative, found {value!r}")
     return float(value)
 
 
 def fixed(name: str, value: float, description: str) -> Signal:
-    """Return a time [s] that a Block's structure stands on: a parameter that has no other value."""
+    """Return a parameter for a time [s] that determines a Block's structure and so has a fixed value."""
     return Signal(name, "s", f"{description}; fixed", start=value, lower=value, upper=value)
 
 
 def passed_through(name: str, signals: Sequence[Signal], suffix: str) -> tuple[Signal, ...]:
-    """Return the signals that a link is for.
+    """Return the signals of a link, checked.
 
     Raises
     ------
     InputError
-        If there are none, one is no Signal, two have one name, or there is no suffix.
+        If there are no signals, one is not a Signal, two have the same name, or the suffix is empty.
     """
     if isinstance(signals, str | Signal) or not all(isinstance(s, Signal) for s in signals):
         raise InputError(f"{name}: signals must be a sequence of Signal, found {signals!r}")

@@ -1,11 +1,12 @@
-"""Inputs that act late: what each backend makes of a Block's ``delays``.
+"""Delayed inputs: how the backends treat a Block's ``delays``.
 
-A pure delay remembers all that was sent within it, which no derivative can say. Where inputs are held
-samples it is exact all the same: a delayed step is a step, only later (:func:`arrivals`). So simulations do
-it, and so do exported FMUs, which keep what is under way. Elsewhere the Block is changed into one without
-delays: approximated (:func:`pade`), or with shift registers in front (:func:`registers`).
+The state of a pure delay is the whole input over the delay time, so that a finite number of derivatives
+cannot describe it. For held inputs a delay is still exact: a delayed step is a step at a later time
+(:func:`arrivals`). Simulations use this, and so do exported FMUs, which store the values in transit. For
+other backends the Block is changed into one without delays: by a Pade approximation (:func:`pade`), or with
+shift registers at its inputs (:func:`registers`).
 
-Until the first value arrives a late input has its start value; commands of a craft start at zero.
+A delayed input has its start value until the first value arrives; commands of a craft start at zero.
 """
 
 from __future__ import annotations
@@ -28,24 +29,24 @@ from hovercontrol.errors import InputError
 
 Array = NDArray[np.float64]
 
-#: Different delays that the runs of one sweep may have: each has inputs of its own.
+#: Maximum number of different delays in one sweep: each one needs its own input arrays.
 MAX_DIFFERENT = 1000
 
-#: Beyond this order the coefficients of Pade's fraction lose all digits.
+#: Maximum order: beyond it the coefficients of the Pade approximation lose all digits.
 MAX_ORDER = 10
 
 
 class Arrivals(NamedTuple):
-    """Held inputs as they arrive.
+    """Held inputs with their delays applied.
 
     Attributes
     ----------
     times : ndarray, shape (m,)
-        Those given, and those at which a late input jumps [s].
+        The given times and the times at which a delayed input jumps [s].
     inputs : ndarray, shape (n_inputs, m)
-        Held from each time to the next.
+        Inputs, held from each time to the next.
     given : ndarray of int, shape (n,)
-        Where among `times` those given are.
+        Indices of the given times in `times`.
     """
 
     times: Array
@@ -55,7 +56,7 @@ class Arrivals(NamedTuple):
 
 @lru_cache(maxsize=256)
 def undelayed(block: Block) -> Block:
-    """Return the Block with its inputs as they arrive: the same equations, without delays."""
+    """Return the Block without its delays: the same equations, with the delayed inputs as its inputs."""
     return block.unchecked(delays=Expressions()) if block.delays else block
 
 
@@ -68,18 +69,18 @@ def _delays_of(block: Block) -> Callable[..., list[ArrayLike]]:
 
 
 def delay_values(block: Block, values: Sequence[float] | Array) -> dict[str, float]:
-    """Return how late each late input acts [s].
+    """Return the delay of each delayed input [s].
 
     Parameters
     ----------
     block : Block
     values : sequence of float
-        Of all parameters, in the Block's order.
+        Values of all parameters, in the Block's order.
 
     Raises
     ------
     InputError
-        If a delay is negative: nothing acts before it is sent.
+        If a delay is negative or not finite.
     """
     seconds = np.array(_delays_of(block)(list(values)), dtype=float).tolist()
     found: dict[str, float] = dict(zip(block.delays, seconds, strict=True))
@@ -95,17 +96,17 @@ def delay_values(block: Block, values: Sequence[float] | Array) -> dict[str, flo
 
 
 def arrivals(block: Block, times: Array, u: Array, values: Sequence[float] | Array) -> Arrivals:
-    """Return the inputs of a Block as they arrive.
+    """Return the inputs of a Block with their delays applied: u_i(t - tau_i).
 
     Parameters
     ----------
     block : Block
     times : ndarray, shape (n,)
-        Increasing [s].
+        Increasing times [s].
     u : ndarray, shape (n_inputs, n)
-        What is sent; held from each time to the next.
+        Inputs before the delay, held from each time to the next.
     values : sequence of float
-        Of all parameters, in order.
+        Values of all parameters, in order.
 
     Raises
     ------
@@ -145,7 +146,7 @@ def arrivals(block: Block, times: Array, u: Array, values: Sequence[float] | Arr
 def arrivals_of_runs(
     block: Block, times: Array, u: Array, values: Array
 ) -> list[tuple[NDArray[np.intp], Arrivals]]:
-    """Return the inputs of many runs as they arrive, runs of the same delays together.
+    """Return the delayed inputs of many runs, grouped by runs of the same delays.
 
     Parameters
     ----------
@@ -156,12 +157,12 @@ def arrivals_of_runs(
     Returns
     -------
     list of (ndarray of int, Arrivals)
-        Which runs, and what arrives there.
+        Indices of the runs of a group, and their inputs.
 
     Raises
     ------
     InputError
-        If a delay is negative, or there are more than a thousand different ones.
+        If a delay is negative, or there are more than 1000 different delays.
     """
     if not block.delays or not len(values):
         return [(np.arange(len(values)), arrivals(block, times, u, ()))]
@@ -179,18 +180,18 @@ def arrivals_of_runs(
 
 
 class UnderWay:
-    """What was sent to late inputs and has not arrived, for runs that go step by step.
+    """Input values in transit: sent to delayed inputs but not yet arrived, for stepwise simulation.
 
     Parameters
     ----------
     block : Block
     late : mapping of str to float
-        How late each late input acts [s], as of :func:`delay_values`.
+        Delay of each delayed input [s], from :func:`delay_values`.
 
     Attributes
     ----------
     inputs : list of float
-        All inputs as they have arrived.
+        All inputs with the values that have arrived.
 
     Examples
     --------
@@ -209,7 +210,7 @@ class UnderWay:
         self._ahead: list[tuple[float, int, float]] = []
 
     def send(self, time: float, inputs: Sequence[float]) -> None:
-        """Send all inputs at a time [s]; those that are not late have arrived."""
+        """Send all inputs at a time [s]; inputs without a delay arrive at once."""
         for k, value in enumerate(inputs):
             if k not in self._late:
                 self.inputs[k] = value
@@ -219,12 +220,12 @@ class UnderWay:
         self._sent = list(inputs)
 
     def next(self, until: float) -> float:
-        """Return when something arrives next, at most `until` [s]."""
+        """Return the time of the next arrival [s], at most `until`."""
         room = ROOM * abs(until)
         return min((at for at, _, _ in self._ahead if at < until - room), default=until)
 
     def arrived(self, time: float) -> list[float]:
-        """Return all inputs as they have arrived by a time [s]."""
+        """Return all inputs with the values that have arrived by a time [s]."""
         room = ROOM * abs(time)
         for at, k, value in sorted(self._ahead):
             if at <= time + room:
@@ -233,42 +234,43 @@ class UnderWay:
         return list(self.inputs)
 
     def save(self) -> tuple[tuple[Any, ...], ...]:
-        """Return all that it knows, for :meth:`load`."""
+        """Return the complete state, for :meth:`load`."""
         return tuple(self.inputs), tuple(self._sent), tuple(self._ahead)
 
     def load(self, saved: tuple[tuple[Any, ...], ...]) -> None:
-        """Go on from what :meth:`save` returned."""
+        """Restore what :meth:`save` returned."""
         self.inputs, self._sent, self._ahead = map(list, saved)
 
 
 def _beside(grid: Array, at: Array) -> Array:
-    """Return times, those that are only rounding away from one of a grid put there."""
+    """Return times; a time that differs from a grid time only by rounding is replaced by the grid time."""
     after = np.clip(np.searchsorted(grid, at), 1, len(grid) - 1)
     nearest = np.where(at - grid[after - 1] < grid[after] - at, grid[after - 1], grid[after])
     return np.where(np.abs(at - nearest) <= ROOM * np.abs(at), nearest, at)
 
 
 def pade(block: Block, order: int = 4) -> Block:
-    """Return the Block with its delays approximated by Pade's fraction, whose states come after its own.
+    """Return the Block with each delay replaced by a Pade approximation.
 
-    The fraction has one zero less than poles, so that a step does not pass at once.
+    exp(-s tau) is approximated by a fraction with n poles and n - 1 zeros (n: `order`). It has no direct
+    feedthrough, so that a step of the input does not act at once.
 
     Parameters
     ----------
     block : Block
-        Each delay must stay above zero.
+        Each delay must be positive.
     order : int, optional
-        States for each late input, at most 10.
+        Number n of states per delayed input, at most 10.
 
     Returns
     -------
     Block
-        With the states ``thrust_late[0]``...
+        Its continuous states are followed by those of the approximation, ``thrust_late[0]``...
 
     Raises
     ------
     InputError
-        If the order is no whole number from 1 to 10.
+        If the order is not a whole number from 1 to 10.
 
     Examples
     --------
@@ -282,7 +284,8 @@ def pade(block: Block, order: int = 4) -> Block:
 
     if not isinstance(order, int) or not 1 <= order <= MAX_ORDER:
         raise InputError(f"pade: order must be a whole number from 1 to {MAX_ORDER}, found {order!r}")
-    unit = control.tf2ss(control.tf(*control.pade(1.0, order, order - 1)))  # a delay of 1 s; time is scaled
+    # tau x' = A x + B u(t),  u(t - tau) ~ C x;  at rest x = -A^-1 B u.  A, B, C belong to a delay of 1 s.
+    unit = control.tf2ss(control.tf(*control.pade(1.0, order, order - 1)))
     A, B, C = (sp.Matrix(m.tolist()) for m in (unit.A, unit.B, unit.C))
     rest = np.linalg.solve(unit.A, -unit.B)[:, 0]
     states: list[Signal] = []
@@ -317,25 +320,27 @@ def pade(block: Block, order: int = 4) -> Block:
 
 
 def registers(block: Block, step: float) -> Block:
-    """Return the Block behind shift registers, exact where inputs change at multiples of a step alone.
+    """Return the Block with a shift register at each delayed input.
 
-    The delays are what they are in the Block: their parameters are no parameters of the result.
+    The result is exact if inputs change only at multiples of the step. The delays have the default values of
+    the Block's parameters; parameters that only occur in delays are not parameters of the result.
 
     Parameters
     ----------
     block : Block
     step : float
-        [s]; each delay is a multiple of it.
+        Step of the registers [s]; each delay must be a multiple of it.
 
     Returns
     -------
     Block
-        Hybrid, its states named ``plant.u``, those of the registers ``delay_thrust.thrust_stage1``.
+        Hybrid. Its states are named ``plant.u``, those of the registers ``delay_thrust.thrust_stage1``.
 
     Raises
     ------
     InputError
-        If a delay is no multiple of the step; the nearest are named.
+        If a delay is not a multiple of the step (the message gives the nearest ones), or a delayed input is
+        also an output.
     """
     groups: dict[float, list[Signal]] = {}
     late = delay_values(block, block.parameter_values())

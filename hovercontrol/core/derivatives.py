@@ -1,7 +1,7 @@
 """Exact partial derivatives of a Block, by the chain rule through its definitions.
 
-Definitions are differentiated once each and reused, so that the cost does not grow with how often a
-definition is used: the fused C17 loop with its estimator has 83 states and still differentiates at once.
+Each definition is differentiated once and its derivatives are reused, so that the cost does not grow with the
+number of its uses: even the C17 loop with its estimator, with 83 states, is differentiated at once.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ def partial_derivatives(
     block : Block
     rows : {"derivatives", "outputs"}
     names : sequence of str
-        Signals to differentiate by: states, inputs or parameters.
+        Signals z_j with respect to which to differentiate: states, inputs or parameters.
 
     Returns
     -------
@@ -36,6 +36,8 @@ def partial_derivatives(
     columns = {sp.Symbol(name, real=True): j for j, name in enumerate(names)}
     through: dict[sp.Symbol, dict[int, sp.Expr]] = {}
 
+    # chain rule: de/dz_j = sum_s (partial e / partial s) ds/dz_j over the symbols s of e; ds/dz_j is 1 for
+    # s = z_j, known for a definition s, and 0 otherwise
     def gradient(expression: sp.Expr) -> dict[int, sp.Expr]:
         total: dict[int, sp.Expr] = {}
         for symbol in sorted(expression.free_symbols, key=str):
@@ -47,7 +49,7 @@ def partial_derivatives(
         return {j: value for j, value in total.items() if value != 0}
 
     expressions = block.derivatives if rows == "derivatives" else block.output_expressions
-    for name in needed_definitions(block, expressions.values()):  # others only ticks may use
+    for name in needed_definitions(block, expressions.values()):  # other definitions may occur only in ticks
         through[sp.Symbol(name, real=True)] = gradient(block.definitions[name])
     return {
         (i, j): value
@@ -57,7 +59,7 @@ def partial_derivatives(
 
 
 def needed_definitions(block: Block, wanted: Iterable[sp.Expr]) -> list[str]:
-    """Return the definitions that some expressions use, also through others, in their order."""
+    """Return the definitions that some expressions use, directly or through others, in their order."""
     symbols: set[sp.Symbol] = set().union(*(e.free_symbols for e in wanted))
     needed = []
     for name, e in reversed(list(block.definitions.items())):
@@ -68,7 +70,7 @@ def needed_definitions(block: Block, wanted: Iterable[sp.Expr]) -> list[str]:
 
 
 def _almost_everywhere(derivative: sp.Expr) -> sp.Expr:
-    """Drop the impulses at jumps (of sign, Heaviside, floor): between them the derivative is zero."""
+    """Remove the impulses at jumps (of sign, Heaviside, floor); between jumps the derivative is zero."""
     if derivative.has(sp.DiracDelta):
         derivative = derivative.replace(sp.DiracDelta, lambda *_: sp.S.Zero)
     if derivative.has(sp.Derivative):
@@ -80,9 +82,10 @@ def _almost_everywhere(derivative: sp.Expr) -> sp.Expr:
 
 @lru_cache(maxsize=256)
 def linear_parameters(block: Block) -> tuple[str, ...]:
-    """Return the largest leading set of parameters in which all derivatives are jointly linear."""
+    """Return parameters in which all derivatives are jointly linear, chosen greedily in their order."""
     names = [p.name for p in block.parameters]
     entries = {k: block.expand(e) for k, e in partial_derivatives(block, "derivatives", names).items()}
+    # jointly linear: partial^2 f / (partial p_i partial p_j) = 0 for all chosen p_i, p_j
     chosen: list[str] = []
     for j, name in enumerate(names):
         column = [e for (_, k), e in entries.items() if k == j]

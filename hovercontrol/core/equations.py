@@ -1,4 +1,4 @@
-"""A Block's equations for a reader: plain text or LaTeX."""
+"""Print a Block's equations as plain text or LaTeX."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def text_equations(block: Block) -> str:
-    """Return one line an equation: definitions, derivatives, outputs that are more than a name, delays."""
+    """Return one equation per line: definitions, derivatives, ticks, computed outputs, delays."""
 
     def _text(e: sp.Expr) -> str:
         return str(e.replace(sgn, lambda v, w: sp.Function("sgn")(v)))
@@ -29,7 +29,7 @@ def text_equations(block: Block) -> str:
 
 
 def latex_equations(block: Block) -> str:
-    """Return the same as one ``align*`` environment (sgn is written as the papers do)."""
+    """Return the same equations as one ``align*`` environment (sgn is written as in the papers)."""
     symbols = _latex_names(block)
 
     def latex(e: sp.Expr) -> str:

@@ -1,4 +1,4 @@
-"""Expressions by name: immutable, ordered, hashable."""
+"""Immutable, ordered and hashable mappings from names to expressions."""
 
 from __future__ import annotations
 
@@ -49,10 +49,10 @@ def _as_expression(name: str, value: Any) -> sp.Expr:
 
 
 def with_symbols(expression: sp.Expr, swap: Mapping[sp.Symbol, sp.Symbol]) -> sp.Expr:
-    """Return an expression with other symbols in the place of some.
+    """Return an expression with some symbols replaced by others.
 
-    As ``xreplace``, but for the order of minima and maxima: SymPy would compare their arguments anew, at
-    length.
+    Like ``xreplace``, but minima and maxima keep the order of their arguments, because SymPy would compare
+    the arguments again, which is slow.
 
     Parameters
     ----------
@@ -84,14 +84,14 @@ def with_symbols(expression: sp.Expr, swap: Mapping[sp.Symbol, sp.Symbol]) -> sp
 
 
 class Definitions(dict[str, sp.Expr]):
-    """The definitions of a Block while they are written: call it with a name and an expression.
+    """A mapping to collect the definitions of a Block: call it with a name and an expression.
 
     Parameters
     ----------
     given : mapping of str to sympy.Expr, optional
-        Definitions that are there already.
+        Initial definitions.
     prefix, suffix : str, optional
-        Of each further name.
+        Prefix and suffix of each further name.
 
     Examples
     --------
@@ -109,7 +109,7 @@ class Definitions(dict[str, sp.Expr]):
         self._prefix, self._suffix = prefix, suffix
 
     def __call__(self, name: str, e: sp.Expr) -> sp.Symbol:
-        """Give an expression a name and return the name's symbol."""
+        """Add a definition and return its symbol."""
         whole = f"{self._prefix}{name}{self._suffix}"
         self[whole] = e
         return sp.Symbol(whole, real=True)

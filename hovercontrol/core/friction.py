@@ -1,7 +1,7 @@
-"""Dry friction in a Block: found from its equations, and written out for a runtime with events.
+"""Dry friction in a Block: found in its equations and rewritten for a runtime with events.
 
-``sgn(v, w)`` in the derivative of the state v itself is dry friction: set-valued at v = 0, where the state
-can stick. A sgn anywhere else (a controller that cancels friction, a regressor) is a smooth function.
+``sgn(v, w)`` in the derivative of the state v itself is dry friction. It is set-valued at v = 0, where the
+state can stick. A sgn anywhere else (a controller that cancels friction, a regressor) is a smooth function.
 """
 
 from __future__ import annotations
@@ -18,30 +18,30 @@ from hovercontrol.errors import InputError
 
 #: How a backend computes dry friction, ``sgn(v, w)`` in the derivative of v itself.
 #:
-#: "smooth" is the Block as it is written, tanh(v/w): what NumPy, python-control, ``simulate``, ``compile``
-#: and FMUs compute, so that all agree, and what estimators, Jacobians and fits see. Below its width w the
-#: friction is viscous: a body at rest creeps and never holds still.
+#: "smooth" replaces sgn by tanh(v/w). NumPy, python-control, ``simulate``, ``compile`` and FMUs compute this
+#: form by default, so that all agree; estimators, Jacobians and fits use it too. For speeds below the width w
+#: the friction is viscous: under a force a body creeps and never sticks.
 #:
-#: "events" is Coulomb's law: at rest the friction balances the other forces, up to its level, and a body
-#: sticks until they exceed it. It is nearer to a craft that stands; but a controller that cancels friction by
-#: a smooth sgn does not cancel this one near rest: in the third phase of C17's Table I the craft then sticks
-#: and slips, centimetres from its reference. ``compile`` and ``to_fmu`` take it as an option: importers of
-#: such an FMU find its events.
+#: "events" is Coulomb's law: at rest the friction balances the other forces up to its level, and a body
+#: sticks until they exceed it. This is closer to a real craft at rest. However, a controller that cancels
+#: friction by a smooth sgn does not cancel this friction near rest: in the third phase of C17's Table I the
+#: craft then sticks and slips, centimetres from its reference. It is an option of ``compile`` and ``to_fmu``;
+#: importers of such an FMU find its events.
 Friction = Literal["events", "smooth"]
 
 
 @dataclass(frozen=True)
 class DryFriction:
-    """One dry friction: ``v' = a + b s`` with s in [-1, 1] in place of its sgn.
+    """One dry friction: ``v' = a + b s``, where s in [-1, 1] replaces its sgn.
 
     Parameters
     ----------
     state : str
-        The velocity v.
+        Name of the velocity v.
     symbol : sympy.Symbol
-        s.
+        The symbol s.
     a, b : sympy.Expr
-        May use the Block's definitions.
+        Expressions that may use the Block's definitions.
     """
 
     state: str
@@ -78,11 +78,12 @@ def dry_frictions(block: Block) -> tuple[DryFriction, ...]:
                 f"block {block.name!r}: {state.name}' is not linear in sgn({state.name}), '{e}': "
                 "dry friction must enter it linearly"
             )
+        # v' = a + b s:  a = v' at s = 0,  b = dv'/ds
         found.append(DryFriction(state.name, s, replaced.xreplace({s: sp.S.Zero}), b))
     return tuple(found)
 
 
 def with_modes(block: Block, frictions: tuple[DryFriction, ...]) -> Block:
-    """Return the Block with ``a + b s`` in place of each dry friction; s are free symbols, the modes."""
+    """Return the Block with ``v' = a + b s`` for each dry friction; the free symbols s are its modes."""
     changed = {f.state: f.a + f.b * f.symbol for f in frictions}
     return block.unchecked(derivatives=Expressions({**block.derivatives, **changed}))

@@ -1,6 +1,6 @@
-"""A Block as Python functions: plain floats for speed at one point, NumPy arrays for many points at once.
+"""A Block as Python functions: of plain floats, fast for one point, and of NumPy arrays, for many points.
 
-The source of both is printed by SymPy from the same expressions, common subexpressions computed once.
+SymPy prints the source of both from the same expressions; common subexpressions are computed once.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ Backend = Literal["math", "numpy"]
 
 
 class NumpyFunctions:
-    """The functions of one Block; made by ``block.to_numpy()``.
+    """The functions of one Block, from ``block.to_numpy()``.
 
     Parameters
     ----------
@@ -66,8 +66,8 @@ class NumpyFunctions:
             States; further axes are independent points.
         u : array_like, shape (n_inputs, ...)
         params : mapping, optional
-            Parameter values by key, over the defaults; here also out of their bounds, as finite
-            differences need it.
+            Parameter values by key; others have their defaults. Values out of bounds are allowed, because
+            finite differences need them.
 
         Returns
         -------
@@ -97,14 +97,18 @@ class NumpyFunctions:
         rows: Rows = "derivatives",
         columns: Columns = "states",
     ) -> Array:
-        """Return the exact Jacobian, shape (n_rows, n_columns, ...); arguments as in :meth:`derivatives`."""
+        """Return the exact Jacobian, shape (n_rows, n_columns, ...); arguments as in :meth:`derivatives`.
+
+        Entry (i, j) is the partial derivative of row i by column j: rows are the states' derivatives or the
+        outputs; columns are states, inputs or parameters.
+        """
         args = self._arguments(t, x, u)
         return self.jacobian_values(*args, self.block.parameter_values(params, bounded=False), rows, columns)
 
     def jacobian_values(
         self, t: Any, x: Array, u: Array, values: tuple[float, ...], rows: Rows, columns: Columns
     ) -> Array:
-        """Return the same unchecked, with all parameter values in order."""
+        """Return the same as :meth:`jacobian`, unchecked, with all parameter values in order."""
         function, entries, shape = self._jacobian_parts(rows, columns)
         found = function(t, x, u, values)
         points = (
@@ -118,14 +122,14 @@ class NumpyFunctions:
         return result
 
     def scalar_pair(self, rows: Rows) -> FunctionPair:
-        """Return the function ``(t, x, u, p) -> tuple`` for plain floats, and its form for arrays.
+        """Return the function ``(t, x, u, p) -> tuple`` for plain floats, and the same for arrays.
 
-        For tight loops, through :func:`call_scalar`; p are the parameter values in order.
+        Call the pair with :func:`call_scalar` in tight loops; p are the parameter values in order.
         """
         return self._pair(rows)
 
     def tick_pair(self, k: int) -> FunctionPair:
-        """Return the same of a hybrid Block's k-th tick: what it sets, in the order of its updates."""
+        """Return the pair for the k-th tick of a hybrid Block: new states, in the order of its updates."""
         return self._pair(k)
 
     @cached_property
@@ -140,10 +144,10 @@ class NumpyFunctions:
 
     @lru_cache(maxsize=2)  # noqa: B019  (the object lives as long as its Block)
     def array_partials(self, rows: Rows) -> tuple[Function, list[tuple[int, int]]]:
-        """Return the partial derivatives that are not identically zero, and the row and column of each.
+        """Return the nonzero partial derivatives, and the row and column of each.
 
-        The first is a function ``(t, x, u, p) -> tuple`` of arrays, without any checks; columns are the
-        states, then the parameters.
+        The first result is a function ``(t, x, u, p) -> tuple`` of arrays, without any checks. Columns are
+        the states, then the parameters. Derivatives that are identically zero are left out.
         """
         names = [s.name for s in (*self.block.states, *self.block.parameters)]
         return self._partials(rows, names)
@@ -173,7 +177,7 @@ class NumpyFunctions:
             self._compiled[rows, backend] = _compile(self._programs[rows], backend, self._groups)
         return self._compiled[rows, backend]
 
-    @lru_cache(maxsize=16)  # noqa: B019  (one entry a Jacobian; the object lives as long as its Block)
+    @lru_cache(maxsize=16)  # noqa: B019  (one entry per Jacobian; the object lives as long as its Block)
     def _jacobian_parts(
         self, rows: Rows, columns: Columns
     ) -> tuple[Function, list[tuple[int, int]], tuple[int, int]]:
@@ -211,7 +215,7 @@ class NumpyFunctions:
 def call_scalar(
     pair: FunctionPair, t: float, x: Sequence[float], u: Sequence[float], p: Sequence[float]
 ) -> tuple[float, ...]:
-    """Evaluate with plain floats; where Python's floats raise (1/0), let NumPy answer inf or nan."""
+    """Evaluate with plain floats; if Python raises (1/0), evaluate with NumPy, which returns inf or nan."""
     try:
         return pair[0](t, x, u, p)
     except (ZeroDivisionError, OverflowError, ValueError):
@@ -235,7 +239,7 @@ def array_function(block: Block, wanted: Sequence[sp.Expr]) -> Function:
 
 @lru_cache(maxsize=256)
 def numpy_functions(block: Block) -> NumpyFunctions:
-    """Return the functions of a Block, derived once for equal Blocks.
+    """Return the functions of a Block; equal Blocks share them.
 
     Examples
     --------
@@ -249,7 +253,7 @@ def numpy_functions(block: Block) -> NumpyFunctions:
 
 
 def _compile(program: Program, backend: Backend, groups: Sequence[list[sp.Symbol]]) -> Function:
-    """Compile ``f(t, x, u, p)`` returning a tuple."""
+    """Compile a program to a function ``f(t, x, u, p)`` that returns a tuple."""
     short: dict[sp.Symbol, sp.Symbol] = {time: sp.Symbol("t")}
     lines = ["def f(t, x, u, p):"]
     used = program.symbols
@@ -273,7 +277,7 @@ def _compile(program: Program, backend: Backend, groups: Sequence[list[sp.Symbol
 
 
 class _Floats(PythonCodePrinter):
-    """Plain Python on floats."""
+    """Prints Python code for floats."""
 
     def __init__(self) -> None:
         super().__init__({"fully_qualified_modules": True, "standard": "python3"})
@@ -289,7 +293,7 @@ class _Floats(PythonCodePrinter):
 
 
 class _Arrays(NumPyPrinter):
-    """NumPy on arrays that broadcast."""
+    """Prints NumPy code for arrays that broadcast."""
 
     def _print_Max(self, expr: sp.Max) -> str:
         return self._fold("numpy.maximum", expr.args)

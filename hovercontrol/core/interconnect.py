@@ -1,11 +1,12 @@
-"""Wiring: Blocks are joined by signal name into one (over 400 lines: the rules and their error lines).
+"""Join Blocks by signal name into one Block (over 400 lines: the wiring rules and their messages).
 
-An output drives every input of the same name; inputs that nothing drives are the whole's. Its states and
-parameters carry their Block's name in front (``plant.u``, ``plant.yaw_coulomb``); outputs and inputs do not.
+An output drives every input of the same name. Inputs without a source become inputs of the joined Block.
+States and parameters get their Block's name as a prefix (``plant.u``, ``plant.yaw_coulomb``); outputs and
+inputs do not.
 
-Continuous and sampled Blocks, or sampled ones of different periods, give a hybrid Block: each output of a
-sampled Block becomes a state that holds it (``pilot.held_rudder``), and what the Block does at its ticks one
-:class:`~hovercontrol.core.block.Tick`.
+Continuous and sampled Blocks, or sampled Blocks of different periods, give a hybrid Block. Each output of a
+sampled Block then becomes a state that holds it (``pilot.held_rudder``), and the updates of the sampled Block
+become a :class:`~hovercontrol.core.block.Tick`.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from hovercontrol.errors import InputError, did_you_mean
 
 @checked
 def rename(block: Block, signals: Mapping[str, str]) -> Block:
-    """Return the Block with other names for some of its inputs and outputs.
+    """Return the Block with some of its inputs and outputs renamed.
 
     Parameters
     ----------
@@ -77,8 +78,8 @@ def rename(block: Block, signals: Mapping[str, str]) -> Block:
 def prefix(block: Block, name: str) -> Block:
     """Return the Block renamed to `name`, with all its inputs and outputs prefixed ``name_``.
 
-    This is how two craft of one kind live in one system: wire each craft with its controller, then prefix
-    the whole (``prefix(interconnect([plant, controller]), "left")``). Parameter keys begin with ``name.``.
+    Use it for two craft of the same kind in one system: join each craft with its controller, then prefix the
+    result (``prefix(interconnect([plant, controller]), "left")``). Parameter keys begin with ``name.``.
 
     Parameters
     ----------
@@ -103,7 +104,7 @@ def prefix(block: Block, name: str) -> Block:
 
 @dataclass(frozen=True)
 class _Part:
-    """One Block in the whole: its symbols and what each becomes there; of one that ticks, what it holds."""
+    """One Block to be joined: the new symbol of each of its symbols and, if it ticks, its held outputs."""
 
     block: Block
     own: dict[sp.Symbol, sp.Symbol]
@@ -124,28 +125,29 @@ def interconnect(
     Parameters
     ----------
     blocks : sequence of Block
-        With different names; their order does not matter. Where sampled Blocks tick at one instant, each sees
-        the others' outputs at that instant.
+        Blocks with different names; their order does not matter. If sampled Blocks tick at the same instant,
+        each reads the others' outputs of that instant.
     name : str, optional
-        Name of the whole.
+        Name of the joined Block.
     inputs : sequence of str, optional
-        The inputs the whole must have, in this order (default: all that nothing drives).
+        Inputs of the joined Block, in this order (default: all inputs without a source).
     outputs : sequence of str, optional
-        Which outputs the whole shows (default: all).
+        Outputs of the joined Block (default: all).
     hybrid : bool, optional
-        Make a hybrid Block of sampled ones that tick together, too: it has backends in continuous time.
+        If true, sampled Blocks of one period also give a hybrid Block, which has continuous-time backends.
 
     Returns
     -------
     Block
-        Sampled if all Blocks that have states tick together, hybrid if some do.
+        Sampled if all Blocks that tick or have states tick with one period; hybrid if only some of them tick
+        or periods differ; else continuous.
 
     Raises
     ------
     InputError
-        If two outputs or two Blocks have one name, units differ along a wire, a wanted signal is not
-        there, an input stays open that `inputs` does not name, or an algebraic loop closes; the loop is
-        spelled out. Also if an output drives an input that acts late, or an open input does so differently in
+        If two outputs or two Blocks have the same name, the units of a connection differ, a requested signal
+        does not exist, an input without a source is missing in `inputs`, or there is an algebraic loop (the
+        message lists it). Also if an output drives a delayed input, or an open input has different delays in
         two Blocks.
 
     Examples
@@ -158,7 +160,7 @@ def interconnect(
     cart.v' = a
     v = cart.v
 
-    The same brake on a computer that ticks four times a second:
+    The same brake on a computer that ticks every 0.25 s:
 
     >>> sampled = Block("brake", [], [v], [a], [k], brake.derivatives, brake.output_expressions, period=0.25)
     >>> print(interconnect([cart, sampled], "loop").equations())
@@ -243,7 +245,7 @@ def _in_order(
     drivers: Mapping[str, tuple[Block, Signal]],
     ticks: Mapping[str, Sequence[Tick]],
 ) -> list[Tick]:
-    """Return all ticks in order; a Block's outputs and its next states are one tick where they can be."""
+    """Return all ticks in execution order; a Block's outputs and next states share one tick if possible."""
     first: list[Tick] = []
     last: list[Tick] = []
     for block, late in tick_order(blocks, {name: driver for name, (driver, _) in drivers.items()}):
@@ -260,7 +262,7 @@ def _in_order(
 
 
 def _common_period(blocks: Sequence[Block]) -> float | None:
-    """Return the period of the whole, None of a hybrid one; Blocks without states tick with the others."""
+    """Return the period of the joined Block [s], None if hybrid; static Blocks tick with the others."""
     periods = {block.period for block in blocks if block.period or block.states}
     if len(periods) > 1 or any(block.ticks for block in blocks):
         return None
@@ -268,7 +270,7 @@ def _common_period(blocks: Sequence[Block]) -> float | None:
 
 
 def _plain_outputs(parts: Sequence[_Part]) -> dict[str, sp.Expr]:
-    """Return the outputs that are just a state or a definition: they need no own line."""
+    """Return the outputs that equal a state or a definition; they need no equation of their own."""
     found = {}
     for part in parts:
         outputs = part.block.output_expressions
@@ -293,7 +295,7 @@ def _part(block: Block, hybrid: bool) -> _Part:
 
 
 def _is_local(block: Block, signal: Signal) -> bool:
-    """Return whether a signal gets the Block's name in front; a parameter that carries one keeps its key."""
+    """Return whether a signal gets the Block's name as a prefix; a parameter with a dotted name does not."""
     return not (signal in block.parameters and "." in signal.name)
 
 
@@ -337,7 +339,7 @@ def _open_inputs(blocks: Sequence[Block], drivers: Mapping[str, tuple[Block, Sig
 
 
 def _refuse_late_wires(blocks: Sequence[Block], drivers: Mapping[str, tuple[Block, Signal]]) -> None:
-    """Refuse an output that drives a late input: the whole would have to remember how it was."""
+    """Raise if an output drives a delayed input: the joined Block would have to store past values."""
     for block in blocks:
         for name in block.delays:
             if name in drivers:
@@ -351,7 +353,7 @@ def _refuse_late_wires(blocks: Sequence[Block], drivers: Mapping[str, tuple[Bloc
 
 
 def _open_delays(parts: Sequence[_Part]) -> Expressions:
-    """Return how late each open input acts; it must be as late in every Block that has it."""
+    """Return the delay of each open input; raise if it differs between two Blocks with that input."""
     found: dict[str, tuple[Block, sp.Expr]] = {}
     for part in parts:
         for signal in part.block.inputs:
@@ -370,7 +372,7 @@ def _late(delay: sp.Expr) -> str:
 
 
 def _refuse_loops(blocks: Sequence[Block], drivers: Mapping[str, tuple[Block, Signal]]) -> None:
-    """Follow each output to the inputs that act on it at once; a circle is an algebraic loop."""
+    """Follow the direct feedthrough of each output; raise if it closes an algebraic loop."""
     done: set[str] = set()
 
     def visit(output: str, path: list[str]) -> None:

@@ -1,18 +1,18 @@
-"""Lookup tables as SymPy expressions that every backend prints: an entry by its number, and interpolation.
+"""Lookup tables as SymPy expressions that every backend can print: entries by index, and interpolation.
 
 A table of two axes is printed as an array, once for each corner of a cell. Measured on K06's
 14 x 161 entries:
 
-| form | to Python | one call | 2000 points | C |
+| form | conversion to Python | one call | 2000 points | C |
 |---|---|---|---|---|
-| ``Piecewise``, a chain | not at all: NumPy's text nests too deep | | | |
+| ``Piecewise``, a chain | impossible: NumPy's code is nested too deeply | | | |
 | ``Piecewise``, a tree, one corner only | 1.8 s | 0.5 us | 8 ms | 390 kB in 2.8 s |
 | sum of hat functions | 4.9 s | 109 us | 9 ms | 40 kB in 3 s |
 | array (here), all four corners | 0.06 s | 4 us | 0.1 ms | 80 kB in 0.06 s |
 
-In C the table stands once in the file (inside an expression GCC would copy it at each call, 1.5 us). A table
-of one axis is short: it is a sum of hinges, which needs nothing new and takes knots at any distance, so that
-its inverse is one as well.
+In C the table is one constant of the file; inside an expression, GCC would copy it at each call (1.5 us). A
+table of one axis is short and is written as a sum of hinges. This needs no new function and allows any knot
+spacing, so that the inverse of a table has the same form.
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ from numpy.typing import ArrayLike
 
 
 class Entries(sp.AtomicExpr):
-    """The numbers of a table, in rows; a constant of an expression.
+    """The numbers of a table, row by row, as a constant in an expression.
 
     Parameters
     ----------
     name : str
-        How texts call the table.
+        Name of the table in printed expressions.
     values : sequence of float
 
     Examples
@@ -43,7 +43,7 @@ class Entries(sp.AtomicExpr):
     """
 
     __slots__ = ("name", "values")
-    # What checkers of units and assumptions ask of a constant.
+    # Properties that unit checks and SymPy's assumptions query of a constant.
     is_number = True
     is_real = True
     is_finite = True
@@ -54,7 +54,7 @@ class Entries(sp.AtomicExpr):
     values: tuple[float, ...]
 
     def __new__(cls, name: str, values: Sequence[float]) -> Entries:
-        """Make the constant; equal ones are one to SymPy."""
+        """Make the constant; SymPy treats constants of the same name and values as equal."""
         found: Entries = sp.AtomicExpr.__new__(cls)
         found.name, found.values = str(name), tuple(float(v) for v in values)
         return found
@@ -66,12 +66,12 @@ class Entries(sp.AtomicExpr):
         return self.name, self.values
 
     def sort_key(self, order: Any = None) -> Any:
-        """Return SymPy's key for sorting: tables stand in the order of their names."""
+        """Return SymPy's sorting key: tables are sorted by name."""
         return self.class_key(), (1, (self.name,)), sp.S.One.sort_key(), sp.S.One
 
     @property
     def identifier(self) -> str:
-        """A name that no other table has, for generated code."""
+        """An identifier for generated code, unique to the table's name and values."""
         digest = hashlib.sha256(repr(self.values).encode()).hexdigest()[:8]
         return f"table_{re.sub(r'[^0-9A-Za-z]+', '_', self.name)}_{digest}"
 
@@ -91,12 +91,12 @@ class Entries(sp.AtomicExpr):
 
 
 class entry(sp.Function):  # noqa: N801  (a function, as SymPy writes them)
-    """The entry of a table whose number is `index`, rounded down and kept within; its slope is zero.
+    """The table entry at `index`, rounded down and clipped to the table; its derivative is zero.
 
     Parameters
     ----------
     index : sympy.Expr
-        A plain number.
+        Dimensionless.
     entries : Entries
 
     Examples
@@ -111,13 +111,13 @@ class entry(sp.Function):  # noqa: N801  (a function, as SymPy writes them)
 
     @classmethod
     def eval(cls, index: Any, entries: Any) -> Any:
-        """Return the number where the index is one."""
+        """Return the value of the entry if the index is a number."""
         if index.is_Number and index.is_finite:
             return sp.Float(entries.values[min(max(int(sp.floor(index)), 0), len(entries.values) - 1)])
         return None
 
     def fdiff(self, argindex: int = 1) -> sp.Expr:
-        """Return the slope between the steps."""
+        """Return the derivative between two jumps, which is zero."""
         return sp.S.Zero
 
     def _eval_is_real(self) -> bool:
@@ -132,7 +132,7 @@ class entry(sp.Function):  # noqa: N801  (a function, as SymPy writes them)
 
     def _numpycode(self, printer: Any) -> str:
         index, values = self._parts(printer)
-        data = np.array(values, dtype="<f8").tobytes()  # read where it lies, not built at each call
+        data = np.array(values, dtype="<f8").tobytes()  # read in place, not built per call
         place = f"numpy.fmax(0, numpy.fmin({len(values) - 1}, {index}))"
         return f"numpy.frombuffer({data!r}, '<f8')[numpy.asarray({place}).astype(int)]"
 
@@ -151,16 +151,16 @@ class entry(sp.Function):  # noqa: N801  (a function, as SymPy writes them)
 
 
 def bilinear(name: str, values: ArrayLike, row: sp.Expr, column: sp.Expr) -> sp.Expr:
-    """Return the interpolation of a table between the four entries around a place.
+    """Return the bilinear interpolation of a table between the four entries around a point.
 
     Parameters
     ----------
     name : str
-        How texts call the table.
+        Name of the table in printed expressions.
     values : array_like, shape (rows, columns)
-        Of two rows and columns at least.
+        At least two rows and two columns.
     row, column : sympy.Expr
-        The place, counted in rows and columns from 0; plain numbers. Outside, the border continues.
+        Coordinates of the point in rows and columns from 0, dimensionless; clipped to the table.
 
     Examples
     --------
@@ -171,24 +171,26 @@ def bilinear(name: str, values: ArrayLike, row: sp.Expr, column: sp.Expr) -> sp.
     table = np.asarray(values, dtype=float)
     rows, columns = table.shape
     i, j = (sp.Max(0, sp.Min(at, n - 1)) for at, n in ((row, rows), (column, columns)))
-    # The last cell reaches to its far border, so that no entry beyond the table is needed there.
+    # On the far border the last cell is used, so that no entry beyond the table is needed.
     i0, j0 = sp.Min(sp.floor(i), rows - 2), sp.Min(sp.floor(j), columns - 2)
     entries = Entries(name, table.ravel().tolist())
     first = columns * i0 + j0
     at = {(a, b): entry(first + columns * a + b, entries) for a in (0, 1) for b in (0, 1)}
+    # T_a = T[i0 + a, j0] + (j - j0) (T[i0 + a, j0 + 1] - T[i0 + a, j0]) for a = 0, 1;
+    # T(i, j) = T_0 + (i - i0) (T_1 - T_0)
     top, bottom = (at[a, 0] + (j - j0) * (at[a, 1] - at[a, 0]) for a in (0, 1))
     return top + (i - i0) * (bottom - top)
 
 
 def linear(x: sp.Expr, knots: ArrayLike, values: ArrayLike) -> sp.Expr:
-    """Return the line through the knots as a sum of hinges; outside them it stays at the end's value.
+    """Return the piecewise linear interpolation of knots as a sum of hinges; constant outside the knots.
 
     Parameters
     ----------
     x : sympy.Expr
-        A plain number.
+        Dimensionless.
     knots, values : array_like, shape (n,)
-        Knots increase.
+        Increasing knots x_k and values y_k.
 
     Examples
     --------
@@ -196,6 +198,8 @@ def linear(x: sp.Expr, knots: ArrayLike, values: ArrayLike) -> sp.Expr:
     >>> [float(linear(x, [0, 1, 3], [0, 2, 4]).subs(x, at)) for at in (-1, 0.5, 2, 9)]
     [0.0, 1.0, 3.0, 4.0]
     """
+    # y = y_0 + sum_k (m_k - m_{k-1}) max(0, min(x, x_{n-1}) - x_k),  k = 0 ... n - 2,
+    # with the slopes m_k = (y_{k+1} - y_k) / (x_{k+1} - x_k) and m_{-1} = 0
     xs, ys = (np.asarray(a, dtype=float) for a in (knots, values))
     slopes = np.diff(ys) / np.diff(xs)
     bends = np.diff(slopes, prepend=0.0, append=0.0)

@@ -1,4 +1,4 @@
-"""Straight-line programs: a Block's expressions as assignments in order, common parts computed once.
+"""Straight-line programs: a Block's expressions as ordered assignments, common parts computed once.
 
 Every backend that prints code (plain Python, NumPy, C) prints the same program.
 """
@@ -20,24 +20,24 @@ if TYPE_CHECKING:
 
 
 class Program:
-    """Assignments that lead to a list of results.
+    """Assignments that compute a list of results.
 
     Parameters
     ----------
     block : Block
-        Whose definitions the expressions may use.
+        The expressions may use its definitions.
     wanted : sequence of sympy.Expr
         The results; ``sgn`` is computed in its smooth form.
 
     Raises
     ------
     InputError
-        If inputs of the Block act late, which no program at a point can say.
+        If the Block has delayed inputs: a program for one instant cannot compute a delay.
 
     Attributes
     ----------
     steps : list of (sympy.Symbol, sympy.Expr)
-        Assignments in order: the definitions that are needed, under their names, and common parts.
+        Ordered assignments: the definitions needed, under their names, and common subexpressions.
     results : list of sympy.Expr
     """
 
@@ -58,7 +58,7 @@ class Program:
         self.steps = _in_order(bodies, self.results)
 
     def without_branches(self) -> Program:
-        """Return the program with all that a condition chooses from, or compares, computed beforehand."""
+        """Return the program with all values that a condition selects or compares computed beforehand."""
         flat = copy(self)
         flat.steps = []
 
@@ -81,14 +81,14 @@ class Program:
             return sp.Piecewise(*pairs, evaluate=False)
 
         for symbol, e in self.steps:
-            lifted = lift(e)  # its parts come first
+            lifted = lift(e)  # appends the parts of e first
             flat.steps.append((symbol, lifted))
         flat.results = [lift(e) for e in self.results]
         return flat
 
     @property
     def symbols(self) -> set[sp.Symbol]:
-        """All symbols that occur."""
+        """All symbols in the program."""
         every = [*(e for _, e in self.steps), *self.results]
         return set().union(*(e.free_symbols for e in every))
 
@@ -96,7 +96,7 @@ class Program:
 def _in_order(
     bodies: Mapping[sp.Symbol, sp.Expr], results: Sequence[sp.Expr]
 ) -> list[tuple[sp.Symbol, sp.Expr]]:
-    """Return the assignments so that each symbol is set before it is used."""
+    """Return the assignments in an order in which each symbol is set before its use."""
     done: dict[sp.Symbol, sp.Expr] = {}
     stack: list[tuple[sp.Symbol | None, Iterable[sp.Symbol]]] = []
 

@@ -1,8 +1,12 @@
 """Random numbers as equations of a sampled Block, so that every backend draws the same ones from a seed.
 
 The generator is L'Ecuyer's MRG32k3a ("Good parameters and implementations for combined multiple recursive
-random number generators", Operations Research 47, 1999): two recurrences of three numbers below 2^32, all of
-whose products are whole numbers below 2^53, hence exact in double precision. Its period is about 2^191.
+random number generators", Operations Research 47, 1999). It has two recurrences of order 3 with values below
+2^32. All products are whole numbers below 2^53, hence exact in double precision. Its period is about 2^191::
+
+    p(n) = (1403580 p(n-2) - 810728 p(n-3)) mod m1,   m1 = 4294967087
+    q(n) = (527612 q(n-1) - 1370589 q(n-3)) mod m2,   m2 = 4294944443
+    u(n) = d/(m1 + 1),   d = p(n) - q(n) if p(n) > q(n), else p(n) - q(n) + m1
 """
 
 from __future__ import annotations
@@ -22,26 +26,26 @@ M1, M2 = 4294967087, 4294944443
 A12, A13 = 1403580, 810728
 A21, A23 = 527612, 1370589
 
-#: Largest seed: seeds run through a Lehmer generator, whose modulus is 2^31 - 1.
+#: Largest seed. Seeds are mixed by a Lehmer generator with the modulus 2^31 - 1.
 LARGEST_SEED = 2**31 - 3
 _LEHMER, _PRIME = 48271, 2**31 - 1
 
 
 @dataclass(frozen=True)
 class Noise:
-    """What a sampled Block takes over to draw random numbers.
+    """The parts of a sampled Block that draw random numbers.
 
     Attributes
     ----------
     states : tuple of Signal
-        Six; at zero the generator starts from the seed.
+        Six states; if all are zero, the generator starts from the seed.
     next_values : dict of str to sympy.Expr
-        For the Block's ``derivatives``.
+        Next values of the states, for the Block's ``derivatives``.
     definitions : dict of str to sympy.Expr
     parameters : tuple of Signal
         The seed.
     values : tuple of sympy.Symbol
-        The numbers drawn at this tick, independent of each other and from tick to tick.
+        The numbers drawn at this tick. They are independent of each other and of other ticks.
     """
 
     states: tuple[Signal, ...]
@@ -59,25 +63,26 @@ def random_numbers(
     seed: int = 1,
     prefix: str = "noise",
 ) -> Noise:
-    """Return what a sampled Block needs to draw `count` random numbers at each of its ticks.
+    """Return the parts of a sampled Block that draw `count` random numbers at each of its ticks.
 
     Parameters
     ----------
     count : int
         Numbers per tick.
     salt : str
-        Blocks of different salts draw different numbers from the same seed; the Block's name does.
+        Text that varies the numbers: Blocks with different salts draw different numbers from the same seed.
+        The Block's name is a good choice.
     kind : {"normal", "uniform"}, optional
-        Of mean 0 and variance 1 (Box and Muller's transform), or between 0 and 1, both excluded.
+        Normal with mean 0 and variance 1 (Box-Muller transform), or uniform in the open interval (0, 1).
     seed : int, optional
         Start value of the parameter ``seed``.
     prefix : str, optional
-        Of the names of states and definitions.
+        Prefix of the names of states and definitions.
 
     Raises
     ------
     InputError
-        If there is nothing to draw, or the seed is no whole number from 0 to 2^31 - 3.
+        If `count` is not positive, `kind` is unknown, or the seed is not a whole number from 0 to 2^31 - 3.
 
     Examples
     --------
@@ -105,6 +110,7 @@ def random_numbers(
     )
     define = Definitions(prefix=f"{prefix}_")
     now = _seeded(states, key.symbol, salt, define)
+    # now = [p(n-3), p(n-2), p(n-1), q(n-3), q(n-2), q(n-1)]
     uniform = []
     for k in range(count + count % 2 if kind == "normal" else count):
         p = define(f"p_next{k}", _rest(A12 * now[1] - A13 * now[0], M1, define, f"p{k}"))
@@ -114,6 +120,7 @@ def random_numbers(
         uniform.append(define(f"uniform{k}", apart / (M1 + 1)))
     values = uniform
     if kind == "normal":
+        # Box-Muller: z_k = sqrt(-2 ln u_k) cos(2 pi u_{k+1}),  z_{k+1} = sqrt(-2 ln u_k) sin(2 pi u_{k+1})
         values = []
         for k in range(0, count, 2):
             radius = define(f"radius{k}", sp.sqrt(-2 * sp.log(uniform[k])))
@@ -130,15 +137,17 @@ def random_numbers(
 
 
 def _rest(product: sp.Expr, modulus: int, define: Definitions, name: str) -> sp.Expr:
-    """Return the product modulo `modulus`; where the rounded quotient is one too large it is put right."""
+    """Return x mod m = x - m floor(x/m), x the product; a quotient rounded up by one is corrected."""
     whole = define(f"{name}_product", product)
     rest = define(f"{name}_rest", whole - modulus * sp.floor(whole / modulus))
     return sp.Piecewise((rest + modulus, rest < 0), (rest, True))
 
 
 def _seeded(states: Sequence[Signal], seed: sp.Symbol, salt: str, define: Definitions) -> list[sp.Symbol]:
-    """Return the generator's six numbers, those that follow from the seed where all are zero."""
-    # Lehmer's generator spreads seeds; the first steps undo the likeness of neighbours.
+    """Return the generator's six numbers; if all states are zero, they are computed from the seed."""
+    # Lehmer generator: s_{k+1} = max(48271 s_k mod (2^31 - 1), 1) from s_0 = seed + 1; in the second step the
+    # salt's CRC-32 mod (2^31 - 2) is added to the product. The first 2 of 8 values are discarded, because
+    # they are similar for neighbouring seeds.
     number = define("seed", seed + 1)
     shift = zlib.crc32(salt.encode()) % (_PRIME - 1)
     found = []

@@ -1,7 +1,8 @@
 """The sign of a velocity in dry friction, and its regularised form.
 
-``sgn(v, w)`` stays unevaluated in a Block's expressions, so that each backend may choose: the NumPy and
-python-control backends compute ``tanh(v/w)``, a runtime with events may treat it as set-valued at v = 0.
+``sgn(v, w)`` is kept unevaluated in a Block's expressions, so that each backend can choose its form. The
+NumPy and python-control backends compute ``tanh(v/w)``; a runtime with events can treat it as set-valued at v
+= 0.
 """
 
 from __future__ import annotations
@@ -19,9 +20,9 @@ class sgn(sp.Function):  # noqa: N801  (reads as in the papers)
     Parameters
     ----------
     v : sympy.Expr
-        A velocity, m/s or rad/s.
+        Velocity [m/s or rad/s].
     w : sympy.Expr
-        The width in the same unit; the smooth form reaches 0.76 at ``v = w``.
+        Width, in the unit of `v`; the smooth form is 0.76 at ``v = w``.
 
     Examples
     --------
@@ -42,8 +43,9 @@ class sgn(sp.Function):  # noqa: N801  (reads as in the papers)
         Parameters
         ----------
         argindex : int, optional
-            1, the velocity, or 2, the width.
+            Differentiate with respect to the velocity (1) or the width (2).
         """
+        # d/dv tanh(v/w) = (1 - tanh^2(v/w))/w,  d/dw tanh(v/w) = -(v/w) (1 - tanh^2(v/w))/w
         v, w = self.args
         slope = (1 - sgn(v, w) ** 2) / w
         return slope if argindex == 1 else -slope * v / w

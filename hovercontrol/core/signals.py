@@ -18,7 +18,7 @@ from hovercontrol.errors import InputError, did_you_mean
 #: The independent variable, in seconds. Expressions that depend on time use this symbol.
 time = sp.Symbol("t", real=True)
 
-#: Of a signal's nominal size: what lies outside its bounds by less is there by rounding.
+#: Tolerance at the bounds as a fraction of the nominal size; a smaller excess counts as rounding.
 ROUNDING = 1e-6
 
 _NAME = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*(\[\d+(,\d+)*\])?")
@@ -27,16 +27,17 @@ _NAME = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*(\[\d+(,\d+)*\])?")
 @checked
 @dataclass(frozen=True)
 class Signal:
-    """One named quantity.
+    """A named quantity with its unit and bounds.
 
     Parameters
     ----------
     name : str
-        An identifier, dotted for a part of a larger Block: ``yaw_coulomb``, ``plant.u``, ``P[0,1]``.
+        An identifier, with dots for a signal of a part of a larger Block: ``yaw_coulomb``, ``plant.u``,
+        ``P[0,1]``.
     unit : str, optional
-        SI unit as text, ``"1"`` for a plain number.
+        SI unit as text, ``"1"`` for a dimensionless quantity.
     description : str, optional
-        What it is, in a few words.
+        Short description.
     start : float, optional
         Initial value of a state, default value of a parameter or an unconnected input.
     nominal : float, optional
@@ -44,16 +45,16 @@ class Signal:
     lower, upper : float, optional
         Bounds.
     modes : sequence of str, optional
-        Names of the values 0, 1, 2... of a mode, a plain number; its bounds follow.
+        For a mode, the names of its values 0, 1, 2...; they determine its bounds. It has no unit.
     saturates : bool, optional
-        Of an input: the Block's equations clip it at its bounds, so that a value outside is no error
+        For an input: the Block's equations clip it to its bounds, so that a value outside is not an error
         (:func:`hovercontrol.models.actuated.actuated`).
 
     Raises
     ------
     InputError
-        If the name is no identifier, the unit unknown or not SI (deg, km), start outside the bounds, or a
-        mode has a unit or two modes one name.
+        If the name is not an identifier, the unit is unknown or not SI (deg, km), `start` is outside the
+        bounds, a mode has a unit, or two modes have the same name.
 
     Examples
     --------
@@ -69,7 +70,7 @@ class Signal:
     lower: float = -math.inf
     upper: float = math.inf
     modes: tuple[str, ...] = ()
-    saturates: bool = dataclasses.field(default=False, repr=False)  # hashes of Blocks are as before
+    saturates: bool = dataclasses.field(default=False, repr=False)  # keeps the hashes of Blocks
 
     def __post_init__(self) -> None:
         if self.modes:
@@ -110,7 +111,7 @@ class Signal:
         Raises
         ------
         InputError
-            If there is no such mode; the nearest is named.
+            If there is no such mode; the message suggests the nearest name.
 
         Examples
         --------
@@ -123,21 +124,21 @@ class Signal:
 
     @property
     def room(self) -> float:
-        """How far outside its bounds a value counts as rounding: 1e-6 of the nominal size, or of the range.
+        """Tolerance at the bounds for rounding: 1e-6 times the nominal size or the range, if that is smaller.
 
-        That is ten times the rounding of single precision, and of six printed digits.
+        This is ten times the rounding error of single precision, and of six printed digits.
         """
         return ROUNDING * min(self.nominal, self.upper - self.lower)
 
     def check(self, value: float, name: str = "") -> float:
         """Return a value of this signal if it lies within the bounds.
 
-        One that is outside by no more than :attr:`room` is set to the bound, with a warning once.
+        A value outside by at most :attr:`room` is set to the bound; a warning says so once for each name.
 
         Raises
         ------
         InputError
-            If it does not; the line names the signal (or `name`), its unit and its bounds.
+            If it is further outside; the message gives the signal (or `name`), its unit and its bounds.
 
         Examples
         --------
@@ -158,7 +159,7 @@ class Signal:
 
     @property
     def symbol(self) -> sp.Symbol:
-        """The SymPy symbol that stands for this signal in expressions."""
+        """The SymPy symbol of this signal in expressions."""
         return sp.Symbol(self.name, real=True)
 
     @property
@@ -185,7 +186,7 @@ class Signal:
         """
         return as_user(dataclasses.replace, self, **changes)
 
-    but = replace  # its former name, in scripts
+    but = replace  # former name, still used in scripts
 
 
 _TOLD: set[str] = set()

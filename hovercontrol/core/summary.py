@@ -1,4 +1,4 @@
-"""How a Block shows itself at the prompt: its name, counts, and the names of its signals with units."""
+"""Text representation of a Block: its name, signal counts, and the names of its signals with units."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def block_summary(block: Block) -> str:
-    """Return a Block in a few lines.
+    """Return a summary of a Block in a few lines.
 
     Examples
     --------
@@ -36,7 +36,7 @@ def block_summary(block: Block) -> str:
 
 
 def block_line(block: Block) -> str:
-    """Return a Block in one line: its name, how many signals of each kind it has, and when it ticks."""
+    """Return a summary of a Block in one line: name, number of signals of each kind, and periods."""
     counts = [
         _counted(len(getattr(block, f"{kind}s")), kind) for kind in ("state", "input", "output", "parameter")
     ]
@@ -48,15 +48,15 @@ def block_line(block: Block) -> str:
 
 
 def signals_line(signals: Sequence[Signal], width: int = WIDTH, prefix: str = "") -> str:
-    """Return signals' names with units on one line, as many as fit, and how many there are more.
+    """Return the names and units of signals in one line; if they do not all fit, the number of others.
 
     Parameters
     ----------
     signals : sequence of Signal
     width : int, optional
-        Longest line.
+        Maximum length of the line.
     prefix : str, optional
-        What is left out where a name begins with it.
+        Prefix that is removed from the names.
     """
     line = ""
     for k, s in enumerate(signals):

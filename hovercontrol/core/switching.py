@@ -1,6 +1,6 @@
-"""When a Block's equations switch by the clock: a waypoint passed, a pulse, a step at a set time.
+"""Times at which a Block's equations switch: a waypoint passed, a pulse, a step at a set time.
 
-A solver that finds nothing moving takes steps of seconds and can step over a whole manoeuvre unnoticed.
+A solver takes steps of seconds while nothing moves, and so can skip a whole manoeuvre.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from hovercontrol.core.signals import time
 def switching_times(block: Block, params: Mapping[str, float] | None = None) -> tuple[float, ...]:
     """Return the times [s] at which conditions on time change, sorted.
 
-    Conditions that are linear in time and depend on parameters only (``Piecewise``, ``Heaviside``) are seen;
-    what depends on states or inputs is not.
+    Only conditions (``Piecewise``, ``Heaviside``) that are linear in time and otherwise depend on parameters
+    are found, not those that depend on states or inputs.
 
     Parameters
     ----------
     block : Block
     params : mapping, optional
-        Parameter values by key, over the defaults.
+        Parameter values by key; others have their defaults.
 
     Examples
     --------
@@ -41,6 +41,7 @@ def switching_times(block: Block, params: Mapping[str, float] | None = None) -> 
         p.symbol: v
         for p, v in zip(block.parameters, block.parameter_values(params, bounded=False), strict=True)
     }
+    # condition c_0 + c_1 t changes at t = -c_0/c_1
     found = set()
     for offset, slope in switching_conditions(block):
         rate = float(slope.subs(values))
@@ -50,7 +51,7 @@ def switching_times(block: Block, params: Mapping[str, float] | None = None) -> 
 
 
 def longest_step(block: Block, params: Mapping[str, float] | None, begin: float, end: float) -> float:
-    """Return the longest solver step [s] that cannot miss what happens between two switching times."""
+    """Return the longest safe solver step [s]: half the shortest time between two switching times."""
     inside = [t for t in switching_times(block, params) if begin <= t <= end]
     gaps = [b - a for a, b in pairwise(inside)]
     return 0.5 * min(gaps, default=math.inf)
@@ -58,13 +59,13 @@ def longest_step(block: Block, params: Mapping[str, float] | None, begin: float,
 
 @lru_cache(maxsize=64)
 def switching_conditions(block: Block) -> tuple[tuple[sp.Expr, sp.Expr], ...]:
-    """Return value at t = 0 and slope of each condition on time; a condition changes where it is zero."""
+    """Return c_0 and c_1 of each condition on time; the condition changes where c_0 + c_1 t = 0."""
     known = {time, *(p.symbol for p in block.parameters)}
     expressions = [
         *block.definitions.values(),
         *block.derivatives.values(),
         *block.output_expressions.values(),
-    ]  # ticks look at time when they are due
+    ]  # a tick evaluates its conditions only when it is due
     curves = {r.lhs - r.rhs for e in expressions for r in e.atoms(Relational)}
     curves |= {h.args[0] for e in expressions for h in e.atoms(sp.Heaviside)}
     found = []

@@ -1,7 +1,8 @@
-"""In which order Blocks of a hybrid one do what they do at a common tick.
+"""Order of the updates of a hybrid Block's parts at a common tick.
 
-As everywhere in sampled control: first all outputs, each after those that it needs at once, then all next
-states. A Block whose inputs are all there when its turn comes does both at once, which saves computing twice.
+The order is the usual one of sampled control: first all outputs, each after the outputs that it depends on
+without delay; then all next states. If all inputs of a part are known at its turn, its outputs and next
+states are computed together, so that their common parts are computed once.
 """
 
 from __future__ import annotations
@@ -12,12 +13,12 @@ from hovercontrol.core.block import Block
 
 
 def tick_order(blocks: Sequence[Block], drivers: Mapping[str, Block]) -> list[tuple[Block, bool]]:
-    """Return the Blocks that tick, in order, and whether each must take its next states after all outputs.
+    """Return the Blocks that tick, in order, and whether each updates its states only after all outputs.
 
     Parameters
     ----------
     blocks : sequence of Block
-        All of the whole, without algebraic loop.
+        All Blocks to be joined, without an algebraic loop.
     drivers : mapping of str to Block
         The Block that drives each signal.
     """
@@ -40,7 +41,7 @@ def _direct_inputs(block: Block) -> list[str]:
 
 
 def _sources(block: Block, inputs: Sequence[str], drivers: Mapping[str, Block]) -> set[str]:
-    """Return the other Blocks that tick and act on some inputs at once, also through continuous ones."""
+    """Return the other ticking Blocks that act on some inputs without delay, also via continuous Blocks."""
     found: set[str] = set()
     seen: set[str] = set()
     stack = list(inputs)

@@ -1,4 +1,4 @@
-"""Exact times of ticks, as whole numbers of one fraction of a second: those that fall together are one."""
+"""Exact tick times as whole numbers of a fraction of a second, so that simultaneous ticks are equal."""
 
 from __future__ import annotations
 
@@ -11,26 +11,26 @@ from fractions import Fraction
 from hovercontrol.core.expressions import Expressions
 from hovercontrol.errors import InputError
 
-#: Finest fraction of a second: counts of it stay exact in double precision for two and a half hours.
+#: Maximum number of fractions per second: counts stay exact in double precision for 2.5 hours.
 FINEST = 10**12
 
-#: Relative; a tick this near to a time is at that time: grids are computed with rounding, ticks are exact.
+#: Relative tolerance between a tick and a time: ticks are exact, but time grids have rounding errors.
 ROOM = 8 * sys.float_info.epsilon
 
 
 @dataclass(frozen=True)
 class Tick:
-    """What happens at every multiple of a period in a hybrid Block.
+    """The updates of a hybrid Block at every multiple of a period.
 
     Parameters
     ----------
     name : str
-        Of the sampled Block that it was.
+        Name of the original sampled Block.
     period : float
-        [s]
+        Time between two ticks [s].
     updates : mapping of str to sympy.Expr
-        The states that it sets, each to its expression; all see the values before the tick, where an earlier
-        tick of the same instant has not set them.
+        New values of the states that the tick sets. The expressions use the values before the tick, except
+        those that an earlier tick of the same instant has set.
     """
 
     name: str
@@ -44,12 +44,12 @@ class Clock:
     Parameters
     ----------
     times : iterable of float
-        Periods and instants [s], each taken as the decimal number that it is written as.
+        Periods and instants [s], each interpreted exactly as its decimal representation.
 
     Attributes
     ----------
     parts : int
-        How many of them are a second.
+        Number of fractions per second.
 
     Examples
     --------
@@ -66,7 +66,7 @@ class Clock:
         self.parts = math.lcm(*(Fraction(str(t)).denominator for t in times))
 
     def count(self, time: float) -> int:
-        """Return a time as a count, rounded down."""
+        """Return a time [s] as a count, rounded down."""
         return math.floor(Fraction(str(time)) * self.parts)
 
     def seconds(self, count: int) -> float:
@@ -74,26 +74,26 @@ class Clock:
         return count / self.parts
 
     def instants(self, periods: Iterable[float], end: float, also: Iterable[float] = ()) -> list[int]:
-        """Return every multiple of every period up to the end, and other times, sorted, each once."""
+        """Return the counts of all multiples of the periods up to `end`, and of `also`, sorted, each once."""
         last = self.count(end)
         found = {n for period in periods for n in range(0, last + 1, self.count(period))}
         return sorted(found | {self.count(t) for t in also})
 
 
 class Schedule:
-    """Which ticks are due, and when the next one is; the same in the C runtime.
+    """Due ticks and the time of the next tick; the C runtime computes the same.
 
     Parameters
     ----------
     periods : sequence of float
-        [s]
+        Times between two ticks [s].
     start : float
-        The first ticks are at the first multiples from here on [s].
+        Each first tick is at the first multiple of its period at or after this time [s].
 
     Raises
     ------
     InputError
-        If the periods have no common fraction of a second that is a picosecond or more.
+        If the periods have no common fraction of a second of at least 1 ps.
 
     Examples
     --------
@@ -105,6 +105,7 @@ class Schedule:
     def __init__(self, periods: Sequence[float], start: float) -> None:
         self._parts = clock_of(periods).parts
         self._periods = [math.floor(Fraction(str(p)) * self._parts) for p in periods]
+        # first tick of period p at or after the start: p ceil(start/p), counted in fractions of a second
         early = start - ROOM * abs(start)
         self._next = [math.ceil(Fraction(early) * self._parts / p) * p for p in self._periods]
         self.time = self._first()
@@ -113,20 +114,20 @@ class Schedule:
         return min(self._next, default=math.inf) / self._parts
 
     def save(self) -> tuple[int, ...]:
-        """Return when each is due next, for :meth:`load`."""
+        """Return the count of each next tick, for :meth:`load`."""
         return tuple(self._next)
 
     def load(self, saved: Sequence[int]) -> None:
-        """Go on from what :meth:`save` returned."""
+        """Restore what :meth:`save` returned."""
         self._next = list(saved)
         self.time = self._first()
 
     def is_due(self, time: float) -> bool:
-        """Return whether a tick is due at a time, or was before."""
+        """Return whether a tick is due at or before a time [s]."""
         return self.time <= time + ROOM * abs(time)
 
     def take(self, time: float) -> list[int]:
-        """Return which ticks are due at the time of the next, and wait for those after it."""
+        """Return the indices of the ticks due next, and advance their next times by one period."""
         count = min(self._next)
         due = [k for k, n in enumerate(self._next) if n == count]
         for k in due:
@@ -136,12 +137,12 @@ class Schedule:
 
 
 def clock_of(periods: Sequence[float]) -> Clock:
-    """Return the clock that counts some periods; refuse what it cannot count exactly.
+    """Return the clock for some periods; raise if it cannot count them exactly.
 
     Raises
     ------
     InputError
-        Naming the period and the nearest that will do.
+        If a period is not a multiple of 1 ps; the message gives the period and the nearest valid one.
     """
     clock = Clock(periods)
     if clock.parts > FINEST:

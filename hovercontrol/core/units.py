@@ -1,4 +1,4 @@
-"""Physical dimensions: of unit strings (whose names Pint knows) and of SymPy expressions (derived here).
+"""Physical dimensions of unit strings (with Pint's unit names) and of SymPy expressions (derived here).
 
 Angles are dimensionless, as in the SI: ``rad/s`` and ``1/s`` agree, ``m/s`` and ``rad/s`` do not.
 """
@@ -23,12 +23,12 @@ from hovercontrol.errors import InputError, shown
 BASE = ("kg", "m", "s", "A", "K", "mol", "cd")  #: SI base units, in FMI's order (``rad`` apart)
 _PINT_NAMES = ("[mass]", "[length]", "[time]", "[current]", "[temperature]", "[substance]", "[luminosity]")
 
-#: Exponents of the seven base units; ``None`` is the dimension of zero, which fits every other.
+#: Exponents of the seven base units. Zero has the dimension ``None``, which matches every other.
 Dimension = tuple[sp.Rational, ...]
 DIMENSIONLESS: Dimension = (sp.Integer(0),) * len(BASE)
 
 
-#: Functions of plain numbers that every backend can compute.
+#: Functions of dimensionless arguments that every backend can compute.
 KNOWN_FUNCTIONS = (
     sp.sin, sp.cos, sp.tan, sp.asin, sp.acos, sp.atan, sp.sinh, sp.cosh, sp.tanh, sp.exp, sp.log,
     sp.floor, sp.ceiling, sp.Heaviside,
@@ -36,7 +36,7 @@ KNOWN_FUNCTIONS = (
 
 
 class UnitError(InputError):
-    """Two quantities of different dimension meet in one expression.
+    """An expression combines quantities of different dimensions.
 
     Examples
     --------
@@ -61,12 +61,12 @@ def dimension(unit: str) -> Dimension:
     Returns
     -------
     tuple of 7 sympy.Rational
-        Exponents of :data:`BASE`.
+        Exponents of the units in :data:`BASE`.
 
     Raises
     ------
     InputError
-        If Pint does not know the unit.
+        If Pint does not know the unit, or it has no SI base units.
 
     Examples
     --------
@@ -90,12 +90,12 @@ def _dimension(unit: str) -> Dimension:
 
 @checked
 def conversion_factor(unit: str, target: str) -> float:
-    """Return what a number in `unit` is multiplied with to be in `target`.
+    """Return the factor that converts a number from `unit` to `target`.
 
     Raises
     ------
     UnitError
-        If the two do not measure the same thing.
+        If the two units have different dimensions, or the factor is out of range.
 
     Examples
     --------
@@ -116,7 +116,7 @@ def conversion_factor(unit: str, target: str) -> float:
 
 @lru_cache(maxsize=4096)
 def is_plain_si(unit: str) -> bool:
-    """Return whether a unit is built from SI units without a factor: ``N`` is, ``deg`` and ``km`` are not.
+    """Return whether a unit is a product of SI units without a factor: true for ``N``, not ``deg`` or ``km``.
 
     Examples
     --------
@@ -134,7 +134,7 @@ def is_plain_si(unit: str) -> bool:
 
 
 def plain_si(unit: str) -> str:
-    """Return the unit built from SI units without a factor that measures the same.
+    """Return the SI unit without a factor that has the dimension of `unit`.
 
     Examples
     --------
@@ -171,7 +171,7 @@ class DimensionChecker:
     ----------
     symbols : mapping of sympy.Symbol to Dimension
     units : mapping of sympy.Symbol to str, optional
-        How error lines write the units of symbols (``rad/s`` rather than ``1/s``).
+        Units of symbols in error messages (``rad/s`` rather than ``1/s``).
     """
 
     def __init__(
@@ -186,14 +186,15 @@ class DimensionChecker:
         Raises
         ------
         UnitError
-            Where the expression adds, compares or takes a function of what does not fit.
+            If the expression adds or compares different dimensions, or a function has an argument of the
+            wrong dimension.
         """
         if expression not in self._known:
             self._known[expression] = self._derive(expression)
         return self._known[expression]
 
     def declare(self, symbol: sp.Symbol, dims: Dimension) -> None:
-        """Make the dimension of one more symbol known."""
+        """Add the dimension of another symbol."""
         self._known[symbol] = dims
 
     def _derive(self, e: sp.Basic) -> Dimension | None:

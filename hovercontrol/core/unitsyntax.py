@@ -1,6 +1,6 @@
-"""How a unit is written: names of units, ``*``, ``/`` and powers by small numbers, no arithmetic.
+"""Syntax of units: unit names, ``*``, ``/`` and powers with small exponents, but no arithmetic.
 
-Pint, which knows the names, would compute ``1/s*9**9**9``; only names reach it from here.
+Pint supplies the names but would evaluate ``1/s*9**9**9``; this parser passes only names to Pint.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import Any
 
 import pint
 
-#: Longest text of a unit, and how deep parentheses may be.
+#: Maximum length of a unit's text, and maximum depth of parentheses.
 LONGEST, DEEPEST = 120, 8
 
 _TOKEN = re.compile(r"\s*(\*\*|[*/^()·.]|-?\d+(?:\.\d+)?|[^\W\d]\w*|[°%µμΩ][^\W\d]*)|(\s+$)")
@@ -21,7 +21,7 @@ _WRITTEN = str.maketrans({"²": "^2", "³": "^3", "⁻": "-", "¹": "1"})
 
 @cache
 def registry() -> Any:
-    """Return the process-wide Pint registry (made on first use: it costs 0.1 s)."""
+    """Return the process-wide Pint registry, created on first use because that takes 0.1 s."""
     return pint.UnitRegistry()
 
 
@@ -32,12 +32,13 @@ def parse_unit(text: str) -> Any:
     Parameters
     ----------
     text : str
-        ``"m/s^2"``, ``"kg*m^2"``, ``"m^(1/2)"``, ``"deg/s**2/(rad/s)"``; ``"1"`` or nothing is no unit.
+        ``"m/s^2"``, ``"kg*m^2"``, ``"m^(1/2)"``, ``"deg/s**2/(rad/s)"``; ``"1"`` or an empty
+        text is dimensionless.
 
     Raises
     ------
     ValueError
-        If it is not written so, or a name is unknown.
+        If the syntax is wrong, or a name is unknown.
 
     Examples
     --------
@@ -66,13 +67,13 @@ def _tokens(text: str) -> list[str]:
 
 
 class _Reader:
-    """Reads tokens from the left."""
+    """Recursive-descent parser of the tokens of a unit."""
 
     def __init__(self, tokens: list[str]) -> None:
         self.rest = tokens
 
     def product(self, depth: int) -> Any:
-        """Read factors between ``*``, ``/`` or nothing, which multiplies as well."""
+        """Read factors separated by ``*``, ``/`` or nothing, which also means a product."""
         if depth > DEEPEST:
             raise ValueError("parentheses are too deep")
         found = self.power(depth)

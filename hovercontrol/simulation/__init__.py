@@ -9,7 +9,7 @@ __all__ = ["simulate"]
 
 
 def __getattr__(name: str) -> Any:
-    """Import what needs python-control and SciPy only when it is asked for."""
+    """Import :func:`simulate`, which needs python-control and SciPy, on first use."""
     if name == "simulate":
         from hovercontrol.simulation.trajectory import simulate
 

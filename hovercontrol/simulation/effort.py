@@ -1,4 +1,4 @@
-"""What a solver of SciPy spends on a simulation: a run that hardly moves says so, and ends."""
+"""Count the derivative evaluations of a SciPy solver; warn about a slow run and stop a stalled one."""
 
 from __future__ import annotations
 
@@ -8,27 +8,27 @@ from collections.abc import Sequence
 from hovercontrol.core.block import Block
 from hovercontrol.simulation.reasons import StoppedError, where_it_stops
 
-#: Evaluations of the derivatives after which the pace is looked at: seconds.
+#: Number of derivative evaluations between two checks of the pace; they take a few seconds.
 LOOKED_AFTER = 50_000
 
-#: Evaluations that a run may need at its pace: beyond the first number, minutes, the user is told; one that
-#: needs more than the second, hours, at so many looks in a row is stopped.
+#: Limits on the number of evaluations that the rest of a run needs at its present pace. Above TOLD (minutes)
+#: the user is warned. A run above STOPPED (hours) at LOOKS checks in a row is stopped.
 TOLD, STOPPED, LOOKS = 5_000_000, 100_000_000, 8
 
 
 class Effort:
-    """Counts the evaluations of a run, and looks at its pace now and then.
+    """Counts the derivative evaluations of a run and checks its pace every LOOKED_AFTER evaluations.
 
     Parameters
     ----------
     block : Block
-        As of :func:`hovercontrol.simulation.reasons.where_it_stops`.
+        As for :func:`hovercontrol.simulation.reasons.where_it_stops`.
     params : sequence of float
         Parameter values in order.
     begin, end : float
-        Of the run [s].
+        Begin and end of the run [s].
     rtol, atol : float
-        Of the solver.
+        Tolerances of the solver.
     """
 
     def __init__(
@@ -45,11 +45,12 @@ class Effort:
         Raises
         ------
         StoppedError
-            If the run hardly moves.
+            If the run would need more than STOPPED evaluations at LOOKS checks in a row.
         """
         self._calls += 1
         if self._calls % LOOKED_AFTER:
             return
+        # evaluations still needed = (end - t) / (time advanced since the last check) * LOOKED_AFTER
         moved, self._seen = t - self._seen, t
         needed = (self._end - t) / moved * LOOKED_AFTER if moved > 0.0 else float("inf")
         self._slow = self._slow + 1 if needed > STOPPED else 0
@@ -66,7 +67,7 @@ class Effort:
             )
 
     def where(self, t: float, x: Sequence[float], u: Sequence[float]) -> str:
-        """Return the state and the switch that hold the run up, as the end of a line."""
+        """Return the end of a message: the state and the switch that slow the run down."""
         return where_it_stops(self._block, t, x, u, self._params, span=self._span, **self._allowed)
 
     def stopped(self, t: float, x: Sequence[float], u: Sequence[float], reason: str) -> StoppedError:

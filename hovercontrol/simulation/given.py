@@ -1,4 +1,4 @@
-"""What a simulation is given: times, inputs and an initial state, checked and in the Block's order."""
+"""Check the times, inputs and initial state of a simulation and put them in the Block's order."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ Array = NDArray[np.float64]
 
 
 def checked_times(time: ArrayLike) -> Array:
-    """Return a time grid, shape (n,); refuse what does not increase."""
-    times = np.ascontiguousarray(time, dtype=float)  # C reads it
+    """Return a time grid, shape (n,); raise if it does not increase strictly."""
+    times = np.ascontiguousarray(time, dtype=float)  # C code reads this array
     if times.ndim != 1 or len(times) < 2 or not np.isfinite(times).all() or (np.diff(times) <= 0).any():
         raise InputError("time must be two or more finite, increasing numbers")
     return times
 
 
 def input_rows(block: Block, inputs: Any, times: Array) -> Array:
-    """Return all inputs at n times, shape (n_inputs, n), those given over the start values."""
+    """Return all inputs at n times, shape (n_inputs, n); inputs not given have their start values."""
     n = len(times)
     u = np.array([np.full(n, s.start) for s in block.inputs]).reshape(-1, n)
     if inputs is None:
@@ -61,7 +61,7 @@ def _row(name: str, values: ArrayLike, times: Array) -> Array:
 
 
 def initial_state(block: Block, x0: Any) -> Array:
-    """Return the initial state, shape (n_states,), what is given over the start values; it is finite."""
+    """Return the finite initial state, shape (n_states,); states not given have their start values."""
     start = _given_state(block, x0)
     for signal, value in zip(block.states, start.tolist(), strict=True):
         if not math.isfinite(value):

@@ -1,7 +1,7 @@
-"""Simulation of a hybrid Block: integration between ticks, which are exactly on time.
+"""Simulation of a hybrid Block: integration between ticks; each tick occurs exactly at its time.
 
-At a tick a sampled Block sees the continuous outputs as they are and the others' outputs at that instant,
-computes its own outputs, which are held until its next tick, and takes its states' next values.
+At a tick a sampled Block reads the continuous outputs and the other Blocks' outputs of that instant. It
+computes its own outputs, which are held until its next tick, and then updates its states.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from hovercontrol.simulation.trajectory import simulate, time_response
 if TYPE_CHECKING:
     import control
 
-#: Most rows that a simulation returns.
+#: Maximum number of rows in the result of a simulation.
 MAX_ROWS = 2_000_000
 
 
@@ -38,37 +38,37 @@ def simulate_hybrid(
 ) -> control.TimeResponseData:
     """Simulate a continuous Block with sampled Blocks in the loop, wired by signal name.
 
-    Short for :func:`~hovercontrol.core.interconnect.interconnect` and
-    :func:`~hovercontrol.simulation.trajectory.simulate`, with the plant's own names.
+    Equivalent to :func:`~hovercontrol.core.interconnect.interconnect` followed by
+    :func:`~hovercontrol.simulation.trajectory.simulate`, but the states keep the plant's own names.
 
     Parameters
     ----------
     plant : Block
-        Continuous; join several by :func:`~hovercontrol.core.interconnect.interconnect`.
+        Continuous; join several with :func:`~hovercontrol.core.interconnect.interconnect`.
     sampled : Block or sequence of Block
-        Each ticks at the multiples of its own period, from 0 on.
+        Each ticks at the multiples of its own period, from 0 s on.
     until : float
-        Length [s].
+        Length of the simulation [s].
     x0 : array_like or mapping by name, optional
-        Initial state of the plant over its start values.
+        Initial state of the plant; states not given have their start values.
     params : mapping, optional
-        Parameter values by key, of any of the Blocks.
+        Parameter values of any of the Blocks, by key.
     step : float, optional
-        Period of the rows of the result [s] (default: the shortest of the Blocks' periods).
+        Time between two rows of the result [s] (default: the shortest period of the sampled Blocks).
     progress : callable, optional
-        Called now and then with the time reached.
+        Called at each row after the first with its time [s].
 
     Returns
     -------
     control.TimeResponseData
-        Outputs are those of the plant, then those of the sampled Blocks as they hold after the ticks of that
-        time; states the plant's.
+        The outputs are those of the plant, then those of the sampled Blocks after the ticks of that time. The
+        states are those of the plant.
 
     Raises
     ------
     InputError
-        If a Block is not of its kind, an input is driven by nothing, a key is unknown, or there would be more
-        than two million rows.
+        If the plant is not continuous or another Block is not sampled, if an input has no source, if a key is
+        unknown, or if the result would have more than two million rows.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""A Block on plain Python floats, step by step."""
+"""Stepwise simulation of a Block with plain Python floats."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ Array = NDArray[np.float64]
 
 
 class PythonEngine:
-    """Steps a Block on plain floats, with dry friction smoothed over its width.
+    """Steps a Block with plain Python floats; dry friction is smoothed over its width.
 
     Parameters
     ----------
     block : Block
         Without delays.
     time : float
-        [s]
+        Initial time [s].
     states, inputs, params : sequence of float
     rtol, atol : float
     """
@@ -55,7 +55,7 @@ class PythonEngine:
         self._look()
 
     def step(self, until: float, sent: bytes) -> int:
-        """Let inputs jump and go to a time; see :class:`Engine`."""
+        """Set the inputs and integrate to the time `until` [s]; see :class:`Engine`."""
         inputs = self._unpack(sent)
         if not all(map(math.isfinite, inputs)):
             return INPUT_NOT_FINITE
@@ -73,7 +73,7 @@ class PythonEngine:
         return 0
 
     def jump(self, states: Mapping[int, float], params: Sequence[float]) -> int:
-        """Let states and parameters jump; see :class:`Engine`."""
+        """Set states and parameters now; see :class:`Engine`."""
         self._params = tuple(params)
         self._run.change(states, self._params)
         self._find_switches()
@@ -89,14 +89,14 @@ class PythonEngine:
         return np.array(self._run.state, dtype=float)
 
     def save(self) -> Any:
-        """Return all that it knows."""
+        """Return the complete state of the engine, for :meth:`load`."""
         return self._run.save()
 
     def load(self, saved: Any) -> None:
-        """Go on from what :meth:`save` returned."""
+        """Restore what :meth:`save` returned."""
         sizes = [
             len(part) for part in self._run.save()[3:7]
-        ]  # when ticks are due, states, inputs, parameters
+        ]  # times of the next ticks, states, inputs, parameters
         found = [len(part) for part in saved[3:7]]
         if found != sizes:
             raise ValueError(f"expected {sizes} numbers, found {found}")
@@ -124,7 +124,7 @@ def start_block(
     rtol: float = 1e-6,
     atol: float = 1e-9,
 ) -> BlockRunner:
-    """Start a Block on plain floats; arguments as of :meth:`hovercontrol.core.block.Block.start`."""
+    """Start a Block with plain floats; arguments as for :meth:`hovercontrol.core.block.Block.start`."""
     whole = block.in_continuous_time
     plain = undelayed(whole)
 

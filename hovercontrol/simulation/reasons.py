@@ -1,10 +1,9 @@
-"""Why a simulation does not go on: texts of a run's status, and the state and the switch that stop it.
+"""Why a simulation stops: the texts of a run's status, and the state and the switch that stop it.
 
-Where a solver stalls, its steps have become so short that it makes no progress. Either the equations are
-stiff (a coefficient is too large, a time constant too short), or a switch chatters: the motion drives an
-expression such as max, atan2 or a piecewise one across its kink or jump and back at once. Short steps of
-Euler's method from the point reached tell which: the switch that changes most often, and the state whose
-derivative changes most.
+A solver stalls when its steps become so short that it makes no progress. Either the equations are stiff (a
+coefficient is too large, a time constant too short), or a switch chatters: the motion drives an expression
+such as max, atan2 or a piecewise one across its kink or jump and back at once. Short Euler steps from the
+point reached show the cause: the switch that changes most often, and the state whose derivative changes most.
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ from hovercontrol.errors import InputError
 
 Array = NDArray[np.float64]
 
-#: In the order of hc_solver.h.
+#: Texts of the status codes, in the order of hc_solver.h.
 REASONS = (
     "done",
     "no memory",
@@ -36,28 +35,28 @@ REASONS = (
     "its worker failed",  # of :mod:`hovercontrol.targets.executors`
 )
 
-#: Steps that are looked at, their length as a share of the time that the run is to cover, and the share of
-#: steps in which a switch that chatters changes: one that is passed changes in one step.
+#: Number of Euler steps, length of a step as a fraction of the run's time span, and minimum fraction of the
+#: steps in which a chattering switch changes. (A switch that is merely crossed changes in one step.)
 STEPS, LENGTH, CHATTERS = 300, 1e-5, 0.05
 
-#: The steps end where a state becomes as large: Euler's method is unstable where the equations are stiff.
+#: The steps end where a state reaches this magnitude: Euler's method is unstable for stiff equations.
 LARGEST = 1e100
 
-#: Longest text of a switch.
+#: Maximum number of characters in a switch's text.
 WIDTH = 70
 
 
 class StoppedError(InputError):
-    """A simulation that cannot go on.
+    """A simulation that cannot continue.
 
     Parameters
     ----------
     text : str
-        The whole line.
+        The complete message.
     status : int, optional
-        Of :data:`REASONS`.
+        Index into :data:`REASONS`.
     where : str, optional
-        As of :func:`where_it_stops`.
+        Text from :func:`where_it_stops`.
     """
 
     def __init__(self, text: str, status: int = 4, where: str = "") -> None:
@@ -70,14 +69,14 @@ class StoppedError(InputError):
 
 @dataclass(frozen=True)
 class Switch:
-    """An expression that has a kink or a jump where another one passes through zero.
+    """An expression that has a kink or a jump where another expression, its `curve`, crosses zero.
 
     Parameters
     ----------
     text : str
-        The expression and the signal in whose equation it stands.
+        The expression and the signal whose equation contains it.
     curve : sympy.Expr
-        What passes through zero.
+        The expression whose zero crossing is the kink or jump.
     """
 
     text: str
@@ -95,25 +94,25 @@ def where_it_stops(
     rtol: float = 1e-6,
     atol: float = 1e-9,
 ) -> str:
-    """Return the state, and the switch if one chatters, at which a simulation stops, for the end of an error.
+    """Return the end of an error message: the state and any chattering switch that stop a simulation.
 
     Parameters
     ----------
     block : Block
-        Continuous, without delays; of a hybrid one what moves between its ticks.
+        Continuous, without delays; for a hybrid Block, its equations between ticks.
     t : float
         Time reached [s].
     x, u, p : sequence of float
-        States there, inputs, parameter values in order.
+        States at that time, inputs, and parameter values in order.
     span : float
-        Time that the run was to cover [s].
+        Time span of the run [s].
     rtol, atol : float, optional
-        Of the solver.
+        Tolerances of the solver.
 
     Returns
     -------
     str
-        Begins with a colon and a space; empty where nothing can be told.
+        Begins with a colon and a space; empty if the Block has no states or `span` is not positive.
 
     Examples
     --------
@@ -146,12 +145,13 @@ def where_it_stops(
 def _trace(
     rhs: FunctionPair, t: float, x: Sequence[float], u: Sequence[float], p: Sequence[float], length: float
 ) -> tuple[Array, Array]:
-    """Return times and states, shape (n_states, n_times), of short steps, as far as these are numbers."""
+    """Return times and states, shape (n_states, n_times), of short Euler steps, as far as they are finite."""
+    # explicit Euler: x(k+1) = x(k) + h f(t(k), x(k), u, p), h = length
     states, times = [list(x)], [t]
     for _ in range(STEPS):
         slope = call_scalar(rhs, times[-1], states[-1], u, p)
         now = [a + length * b for a, b in zip(states[-1], slope, strict=True)]
-        if not all(abs(v) < LARGEST for v in now):  # nor a NaN
+        if not all(abs(v) < LARGEST for v in now):  # also false for a NaN
             break
         states.append(now)
         times.append(times[-1] + length)
@@ -164,10 +164,12 @@ def _slopes(block: Block, t: Array, x: Array, u: Sequence[float], p: Sequence[fl
 
 
 def _fastest(x: Array, slopes: Array, rtol: float, atol: float) -> int:
-    """Return the state whose derivative is no number, or changes most from step to step, scaled."""
+    """Return the first state whose derivative is not a number, else the one whose derivative changes most."""
     bad = np.flatnonzero(~np.isfinite(slopes[:, 0]))
     if bad.size:
         return int(bad[0])
+    # argmax over states i of  max_k |f_i(k+1) - f_i(k)| / (atol + rtol max_k |x_i(k)|);
+    # |f_i(0)| replaces the numerator if all differences are zero, one is not finite, or there is one point
     changes = np.abs(np.diff(slopes, axis=1)).max(axis=1) if slopes.shape[1] > 1 else np.abs(slopes[:, 0])
     if not np.isfinite(changes).all() or not changes.any():
         changes = np.abs(slopes[:, 0])
@@ -175,7 +177,7 @@ def _fastest(x: Array, slopes: Array, rtol: float, atol: float) -> int:
 
 
 def _chattering(block: Block, t: Array, x: Array, u: Sequence[float], p: Sequence[float]) -> str:
-    """Return the switch that changes in most of the steps, or nothing if none chatters."""
+    """Return the text of the switch that changes in most steps, or "" if no switch chatters."""
     found = switches(block)
     if not found or len(t) < 10:
         return ""
@@ -208,7 +210,8 @@ def switches(block: Block) -> tuple[Switch, ...]:
 
 
 def _curves(expression: sp.Expr) -> Iterator[tuple[Any, sp.Expr]]:
-    """Yield what switches in an expression, and what passes through zero there."""
+    """Yield each switching part of an expression with the curve whose zero crossing switches it."""
+    # max(a, b), min(a, b): a - b;  a < b, a == b: a - b;  |a|, sgn a: a;  atan2(y, x): y where x < 0, else 1
     for e in sorted(expression.atoms(sp.Max, sp.Min), key=str):
         for k, first in enumerate(e.args):
             yield from ((e, first - other) for other in e.args[k + 1 :])

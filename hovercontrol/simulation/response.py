@@ -1,4 +1,4 @@
-"""The result of a simulation: python-control's response, whose plot has units on its axes."""
+"""The result of a simulation: python-control's response, with units on the axes of its plot."""
 
 from __future__ import annotations
 
@@ -10,22 +10,22 @@ from matplotlib.figure import Figure
 
 from hovercontrol.io.pyplot import in_front, open_in_pyplot
 
-#: Height of one pair of axes, and of title and time axis together [in].
+#: Height of one row of axes, and height of the title and the time axis together [in].
 ROW, REST = 1.0, 1.2
 
 
 class Response(control.TimeResponseData):
-    """A :class:`control.TimeResponseData` that knows the units of its signals.
+    """A :class:`control.TimeResponseData` with the units of its signals.
 
-    Made by :func:`hovercontrol.simulate`, ``block.compile().simulate`` and ``run_ins``; python-control takes
-    it wherever it takes its own.
+    Returned by :func:`hovercontrol.simulate`, ``block.compile().simulate`` and ``run_ins``. It can be used
+    wherever python-control accepts a time response.
 
     Attributes
     ----------
     units : dict of str to str
         Units of outputs, states and inputs by name.
     held : bool
-        Whether inputs hold from one sample to the next; the plot then draws them as steps.
+        Whether inputs are held from one sample to the next; the plot then draws them as steps.
 
     Examples
     --------
@@ -40,9 +40,9 @@ class Response(control.TimeResponseData):
     held: bool
 
     def plot(self, *args: Any, **kwargs: Any) -> control.ControlPlot:
-        """Draw outputs and inputs over time, as :func:`control.time_response_plot`, with units.
+        """Plot outputs and inputs over time, like :func:`control.time_response_plot`, with units on the axes.
 
-        Responses drawn after each other share a figure, as python-control's do.
+        Responses plotted one after another share a figure, as in python-control.
 
         Parameters
         ----------
@@ -58,7 +58,7 @@ class Response(control.TimeResponseData):
             self._open_figure(self._rows(kwargs))
         drawn = super().plot(*args, **kwargs)
         if "ax" not in kwargs:
-            drawn.figure.set_layout_engine("constrained")  # tight would set the title into tall axes
+            drawn.figure.set_layout_engine("constrained")  # "tight" would place the title inside tall axes
         for axes in np.ravel(drawn.axes):
             name = axes.get_ylabel()
             if name in self.units:
@@ -69,7 +69,7 @@ class Response(control.TimeResponseData):
         return drawn
 
     def _rows(self, kwargs: dict[str, Any]) -> int:
-        """Return how many pairs of axes stand above each other."""
+        """Return the number of rows of axes in the figure."""
         inputs = kwargs.get("plot_inputs")
         inputs = self.plot_inputs if inputs is None else inputs
         outputs = self.noutputs if kwargs.get("plot_outputs", True) else 0
@@ -80,12 +80,12 @@ class Response(control.TimeResponseData):
         return max(outputs, self.ninputs) if inputs == "overlay" else outputs + self.ninputs * bool(inputs)
 
     def _open_figure(self, rows: int) -> None:
-        """Open a figure of the right height, unless an empty one or one of responses alike is in front.
+        """Open a figure of the right height unless the front one is empty or has responses with as many rows.
 
-        python-control draws into whatever has as many axes, the picture of something else, too.
+        python-control draws into any open figure with the right number of axes, even an unrelated plot.
         """
         front = in_front()
         if front is not None and hasattr(front, "_output_offset") and rows in (1, len(front.axes)):
-            front.set_layout_engine("tight")  # that python-control expects
+            front.set_layout_engine("tight")  # python-control expects this layout engine
         elif front is None or front.axes:
             open_in_pyplot(Figure(figsize=(6.4, max(4.8, REST + ROW * rows))))

@@ -1,4 +1,4 @@
-"""Runge-Kutta methods: the classical one, on floats and on arrays, and Dormand and Prince's on floats."""
+"""Runge-Kutta methods: the classical one for floats and for arrays, and Dormand-Prince 5(4) for floats."""
 
 from __future__ import annotations
 
@@ -22,24 +22,26 @@ def rk4(
     until: float,
     steps: int,
 ) -> list[float]:
-    """Integrate with inputs held, by the classical Runge-Kutta method in equal steps.
+    """Integrate with held inputs by the classical Runge-Kutta method in equal steps.
 
     Parameters
     ----------
     rhs : pair of functions
-        As ``block.to_numpy().scalar_pair("derivatives")`` gives it.
+        Right-hand side f(t, x, u, p), from ``block.to_numpy().scalar_pair("derivatives")``.
     t, until : float
-        From and to [s].
+        Begin and end [s].
     x, u, p : sequence of float
-        State at t, inputs, parameter values in order.
+        State at `t`, inputs, parameter values in order.
     steps : int
-        How many equal steps.
+        Number of equal steps.
 
     Returns
     -------
     list of float
         State at `until`.
     """
+    # k1 = f(t, x),  k2 = f(t + h/2, x + h/2 k1),  k3 = f(t + h/2, x + h/2 k2),  k4 = f(t + h, x + h k3),
+    # x(t + h) = x + h/6 (k1 + 2 k2 + 2 k3 + k4)
     h = (until - t) / steps
     state = list(x)
     for k in range(steps):
@@ -56,18 +58,19 @@ def rk4(
 
 
 def rk4_step(slope: Callable[[Array, Array], Array], t: Array, x: Array, h: Array) -> Array:
-    """Return states one step later, by the classical Runge-Kutta method; many systems at once.
+    """Return the states after one step of the classical Runge-Kutta method, for many systems at once.
 
-    The same operations in the same order as :func:`rk4`, which is faster for one system: Python's lists of
-    floats need no arrays.
+    The formula is that of :func:`rk4`, which is faster for one system because it uses lists of floats:
+    x(t + h) = x + h/6 (k1 + 2 k2 + 2 k3 + k4).
 
     Parameters
     ----------
     slope : callable
-        Of time and state; each result is an array of its own.
+        Right-hand side f(t, x); each call must return a new array, because results are changed in place.
     t, h : ndarray
-        Begin and length of the step [s], of shapes that go with `x`.
+        Begin and length of the step [s]; shapes must broadcast with `x`.
     x : ndarray
+        States at `t`.
 
     Returns
     -------
@@ -83,14 +86,16 @@ def rk4_step(slope: Callable[[Array, Array], Array], t: Array, x: Array, h: Arra
     k2 = slope(t + 0.5 * h, x + (0.5 * h) * k1)
     k3 = slope(t + 0.5 * h, x + (0.5 * h) * k2)
     k4 = slope(t + h, x + h * k3)
-    k2 += k3  # in place: arrays of many windows are large
+    k2 += k3  # k2 becomes k1 + 2 (k2 + k3) + k4, in place because arrays of many windows are large
     k2 *= 2.0
     k2 += k1
     k2 += k4
     return x + (h / 6.0) * k2
 
 
-#: Coefficients of Dormand and Prince's pair (1980): nodes, stages, weights of the error.
+#: Coefficients of the Dormand-Prince 5(4) pair (1980). The first stage k_1 = f(t, x) has the node 0;
+#: _C[i] is the node c and _A[i] the row a of stage i + 2. The last row of _A holds the fifth-order weights b.
+#: _E = b - b^ holds the weights of the error, with the embedded fourth-order weights b^.
 _C = (0.2, 0.3, 0.8, 8 / 9, 1.0, 1.0)
 _A = (
     (1 / 5,),
@@ -104,16 +109,16 @@ _E = (71 / 57600, 0.0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1 / 4
 
 
 class NoProgressError(Exception):
-    """An integration that cannot go on.
+    """An integration that cannot continue.
 
     Parameters
     ----------
     status : int
-        Of :data:`hovercontrol.simulation.reasons.REASONS`.
+        Index into :data:`hovercontrol.simulation.reasons.REASONS`.
     time : float
-        The last good time [s].
+        Time of the last accepted step [s].
     state : list of float
-        The state there.
+        State at that time.
     """
 
     def __init__(self, status: int, time: float, state: list[float]) -> None:
@@ -134,32 +139,32 @@ def dormand_prince(
     longest: float,
     most: int = 500_000,
 ) -> tuple[list[float], float]:
-    """Integrate with inputs held, in steps as long as the error allows.
+    """Integrate with held inputs by the Dormand-Prince method with step-size control.
 
     Parameters
     ----------
     rhs, t, x, u, p, until
         As for :func:`rk4`.
     h : float
-        Step to begin with [s].
+        Initial step size [s].
     rtol, atol : float
         Relative and absolute tolerance.
     longest : float
-        Longest step [s].
+        Maximum step size [s].
     most : int, optional
-        Most steps.
+        Maximum number of steps, rejected ones included.
 
     Returns
     -------
     list of float
         State at `until`.
     float
-        Step to go on with [s].
+        Step size for the continuation [s].
 
     Raises
     ------
     NoProgressError
-        If the steps become too short or too many, or a derivative is not a number.
+        If a step becomes too short, the number of steps reaches `most`, or a derivative is not a number.
     """
     state, now, count = list(x), t, 0
     while now < until:
@@ -167,6 +172,7 @@ def dormand_prince(
             raise NoProgressError(4, now, state)
         count += 1
         step = min(h, longest, until - now)
+        # k_i = f(t + c_i h, x + h sum_j a_ij k_j),  x_new = x + h sum_i b_i k_i (the last stage's argument)
         slopes = [call_scalar(rhs, now, state, u, p)]
         for c, row in zip(_C, _A, strict=True):
             new = [
@@ -174,6 +180,8 @@ def dormand_prince(
                 for v, ks in zip(state, zip(*slopes, strict=True), strict=True)
             ]
             slopes.append(call_scalar(rhs, now + c * step, new, u, p))
+        # err = sqrt(1/n sum_states (h sum_i e_i k_i / (atol + rtol max(|x|, |x_new|)))^2), accepted if <= 1;
+        # next step size: h min(5, max(0.2, 0.9 err^(-1/5)))
         error = 0.0
         for before, after, ks in zip(state, new, zip(*slopes, strict=True), strict=True):
             off = step * sum(e * k for e, k in zip(_E, ks, strict=True))

@@ -1,7 +1,7 @@
-"""Stepwise simulation, inputs in and outputs out, for hardware in the loop and learning.
+"""Stepwise simulation: inputs in, outputs out; for hardware in the loop and learning.
 
-``block.start()`` runs on plain Python floats, ``block.compile().start()`` in machine code and
-:meth:`hovercontrol.fmi.importer.imported.FmuSystem.start` an FMU; the runner is used in the same way.
+``block.start()`` uses plain Python floats, ``block.compile().start()`` machine code, and
+:meth:`hovercontrol.fmi.importer.imported.FmuSystem.start` an FMU. All three runners have the same methods.
 """
 
 from __future__ import annotations
@@ -29,27 +29,27 @@ Array = NDArray[np.float64]
 Inputs = Sequence[float] | Mapping[str, float] | float | Array
 
 _REAL = np.dtype(float)
-#: Status of an engine's step where an input is no number; nothing has changed then.
+#: Status of an engine's step if an input is not finite; the engine is then unchanged.
 INPUT_NOT_FINITE = -1
 
 
 @dataclass(frozen=True)
 class Snapshot:
-    """The complete state of a runner; made by :meth:`Runner.save`. It may be pickled.
+    """The complete state of a runner, from :meth:`Runner.save`; can be pickled.
 
     Parameters
     ----------
     time : float
-        [s]
+        Time of the snapshot [s].
     of : tuple of str
-        What it is a state of.
+        Identifies the system that the state belongs to.
     data : tuple
-        For the runner.
+        The state, in the runner's own format.
 
     Attributes
     ----------
     checksum : str
-        SHA-256 of all that, by which damage is seen.
+        SHA-256 of the other fields; detects damage.
     """
 
     time: float
@@ -68,30 +68,30 @@ class Snapshot:
 
     @property
     def damaged(self) -> bool:
-        """Whether it is not what :meth:`Runner.save` made."""
+        """Whether the content no longer matches its checksum."""
         try:
             return self.checksum != self._computed()
-        except (AttributeError, TypeError, ValueError):  # what was pickled comes back as something else
+        except (AttributeError, TypeError, ValueError):  # a damaged pickle can contain other types
             return True
 
 
 class Runner(ABC):
-    """A system while it runs, step by step; made by a ``start(...)``. One runner belongs to one thread.
+    """A system simulated step by step, returned by ``start(...)``. Use a runner in one thread only.
 
     Attributes
     ----------
     input_labels, state_labels, output_labels : list of str
-        Names, in the order of the arrays.
+        Signal names, in the order of the arrays.
     time : float
-        Now [s].
+        Present time [s].
     """
 
     input_labels: list[str]
     state_labels: list[str]
     output_labels: list[str]
-    #: Let inputs jump, go to a time, and return a status, 0 if all is well.
+    #: Set the inputs, integrate to a time [s], and return a status (0: no error).
     _advance: Callable[[float, bytes], int]
-    #: The outputs now.
+    #: The present outputs.
     _y: Array
 
     def __init__(self, label: str, inputs: Sequence[float], time: float) -> None:
@@ -108,17 +108,18 @@ class Runner(ABC):
         return f"{type(self).__name__} of {self._label} at t = {self.time:.6g} s: {counts}"
 
     def step(self, inputs: Inputs | None, dt: float) -> Array:
-        """Hold inputs for a time and return the outputs at its end, shape (n_outputs,).
+        """Hold the inputs for a time `dt` and return the outputs at its end, shape (n_outputs,).
 
-        Ticks due at the end are taken; if inputs jump there, with the next step, they are taken again.
+        Ticks due at the end are executed. If the next step changes the inputs, these ticks are executed again
+        with the new inputs.
 
         Parameters
         ----------
         inputs : sequence of float, or mapping by name, or float for a single input
-            They act from now on; None leaves them, as does a mapping those that it does not name.
+            They act from now on. None keeps all inputs; a mapping keeps those that it does not name.
         dt : float
-            How long [s]; each step may have its own. Many equal steps reach the time that their product
-            tells, to rounding.
+            Step length [s]; may differ from step to step. After n equal steps the time is n `dt` to
+            rounding: rounding errors do not accumulate.
 
         Returns
         -------
@@ -127,8 +128,8 @@ class Runner(ABC):
         Raises
         ------
         InputError
-            If an input is unknown or no finite number, `dt` not positive, or the system cannot go on: the
-            runner then stands at the time it reached, which the line names.
+            If an input is unknown or not finite, if `dt` is not positive, or if the simulation cannot
+            continue. In the last case the runner stays at the time reached, which the message gives.
 
         Examples
         --------
@@ -147,7 +148,9 @@ class Runner(ABC):
                 self._sent = self._pack(*inputs)  # type: ignore[misc]
             except (TypeError, struct.error):
                 self._sent = self._packed(inputs)
-        length = dt - self._rest  # sums of many steps are compensated: ticks must not come a step late
+        # Kahan's compensated sum t + dt: without it rounding could delay a tick by one step.
+        # y = dt - c,  t_new = t + y,  c_new = (t_new - t) - y
+        length = dt - self._rest
         until = self.time + length
         self._asked = length
         status = self._advance(until, self._sent)
@@ -164,21 +167,21 @@ class Runner(ABC):
         params: Mapping[str, float] | None = None,
         state: Mapping[str, float] | ArrayLike | None = None,
     ) -> None:
-        """Let inputs, parameters or states jump now; what ticks at this instant is computed again.
+        """Set inputs, parameters or states now; ticks of this instant are executed again.
 
         Parameters
         ----------
         inputs
             As for :meth:`step`.
         params : mapping, optional
-            Values by key (``plant.yaw_coulomb``), over those that hold now.
+            Values by key (``plant.yaw_coulomb``); parameters not given keep their present values.
         state : mapping by name, or array_like of shape (n_states,), optional
-            What ticks set at this very instant is given as it was before them.
+            A state that a tick sets at this instant is given as its value before the tick.
 
         Raises
         ------
         InputError
-            If a name is unknown, a value out of its bounds, or the system cannot have it changed.
+            If a name is unknown, a value is out of bounds, or the system does not allow the change.
         """
         if params is not None or state is not None:
             self._jump(params or {}, state)
@@ -190,18 +193,18 @@ class Runner(ABC):
 
     @property
     def inputs(self) -> Array:
-        """The inputs that hold, shape (n_inputs,); of those that act late, what was sent last."""
+        """The present inputs, shape (n_inputs,); for a delayed input, the value sent last."""
         return np.frombuffer(self._sent).copy()
 
     @property
     def outputs(self) -> Array:
-        """The outputs now, shape (n_outputs,)."""
+        """The present outputs, shape (n_outputs,)."""
         return self._y.copy()
 
     @property
     @abstractmethod
     def state(self) -> Array:
-        """The states now, shape (n_states,)."""
+        """The present states, shape (n_states,)."""
 
     @property
     @abstractmethod
@@ -210,23 +213,23 @@ class Runner(ABC):
 
     @abstractmethod
     def save(self) -> Snapshot:
-        """Return all that the runner knows now, for :meth:`restore`."""
+        """Return the complete present state of the runner, for :meth:`restore`."""
 
     @abstractmethod
     def restore(self, snapshot: Snapshot) -> None:
-        """Go back, or on, to where a snapshot was taken; from there all goes as it did, to the bit.
+        """Set the runner to the time and state of a snapshot; a rerun gives bit-identical results.
 
         Raises
         ------
         InputError
-            If it was taken of something else, or is damaged; the runner is then as it was.
+            If the snapshot belongs to another system or is damaged; the runner is then unchanged.
         """
 
     # ---- inside --------------------------------------------------------------------------------------
 
     @abstractmethod
     def _jump(self, params: Mapping[str, float], state: Mapping[str, float] | ArrayLike | None) -> None:
-        """Let parameters and states jump."""
+        """Set parameters and states now."""
 
     def _fail(self, status: int) -> None:
         if status == INPUT_NOT_FINITE:
@@ -237,11 +240,11 @@ class Runner(ABC):
         raise StoppedError(text, status)
 
     def _where(self) -> str:
-        """Return the state at which the run stops, for the end of its error."""
+        """Return the end of the error message: the state that stops the run."""
         return ""
 
     def _packed(self, inputs: Any) -> bytes:
-        """Return inputs as bytes; say in one line what is wrong with them."""
+        """Return the inputs as bytes; raise if they are not one number for each input."""
         names = self.input_labels
         if isinstance(inputs, Mapping):
             values = np.frombuffer(self._sent).copy()
@@ -277,14 +280,14 @@ class Runner(ABC):
 
 
 class Engine(Protocol):
-    """What steps a Block without delays: :mod:`.python_runner`, or in machine code :mod:`.native_runner`."""
+    """Steps a Block without delays: :mod:`.python_runner`, or :mod:`.native_runner` in machine code."""
 
     kind: str
-    y: Array  # the outputs, kept up to date
+    y: Array  # the present outputs
     step: Any  # (until, sent) -> status
 
     def jump(self, states: Mapping[int, float], params: Sequence[float]) -> int:
-        """Let states by their places and all parameters jump; return the status."""
+        """Set states, by index, and all parameters now; return the status."""
 
     def time(self) -> float:
         """Return the time reached [s]."""
@@ -293,21 +296,21 @@ class Engine(Protocol):
         """Return the states."""
 
     def save(self) -> Any:
-        """Return all that it knows."""
+        """Return the complete state of the engine."""
 
     def load(self, saved: Any) -> None:
-        """Go on from what :meth:`save` returned; raise ValueError where it is of another size."""
+        """Restore what :meth:`save` returned; raise ValueError if its size is wrong."""
 
 
 class BlockRunner(Runner):
-    """A Block while it runs; see :class:`Runner`. Made by ``block.start()`` or ``block.compile().start()``.
+    """Steps a Block; see :class:`Runner`. Returned by ``block.start()`` and ``block.compile().start()``.
 
     Parameters
     ----------
     block : Block
-        Not sampled alone.
+        Continuous or hybrid, not purely sampled.
     make : callable
-        ``(time, states, inputs, parameters) -> Engine`` of the Block without its delays.
+        ``(time, states, inputs, parameters) -> Engine`` for the Block without its delays.
     x0, params, inputs, time
         As for :meth:`hovercontrol.core.block.Block.start`.
     """
@@ -337,7 +340,7 @@ class BlockRunner(Runner):
 
     @property
     def state(self) -> Array:
-        """The states now, shape (n_states,); after the ticks of this instant."""
+        """The present states, shape (n_states,), after the ticks of this instant."""
         return self._engine.states()
 
     @property
@@ -346,13 +349,13 @@ class BlockRunner(Runner):
         return dict(zip(self._block.default_parameters, self._values, strict=True))
 
     def save(self) -> Snapshot:
-        """Return all that the runner knows now, for :meth:`restore`."""
+        """Return the complete present state of the runner, for :meth:`restore`."""
         late = self._late.save() if self._late else None
         data = (self._rest, self._sent, self._values, late, self._engine.save())
         return Snapshot(self.time, self._of(), data)
 
     def restore(self, snapshot: Snapshot) -> None:
-        """Go back, or on, to where a snapshot was taken; see :meth:`Runner.restore`."""
+        """Set the runner to the time and state of a snapshot; see :meth:`Runner.restore`."""
         self._check(snapshot, self._of())
         before = self.save()
         try:

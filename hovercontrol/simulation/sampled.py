@@ -1,4 +1,4 @@
-"""A sampled Block alone, tick by tick: told what it sees, or run over given inputs, many runs at once."""
+"""Simulate a sampled Block alone: tick by tick, or over given inputs with many runs at once."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ Array = NDArray[np.float64]
 
 
 class RunningFilter(Protocol):
-    """Several runs of a sampled filter that no equations say, such as a cloud of particles."""
+    """Several runs of a sampled filter not written as equations, such as a particle filter."""
 
     def tick(self, inputs: Array, span: float, outputs: Sequence[str]) -> Array:
-        """Return the wanted outputs, shape (n_outputs, runs), at the inputs of a tick, (n_inputs, runs)."""
+        """Return the chosen outputs, shape (n_outputs, runs), for a tick's inputs, shape (n_inputs, runs)."""
 
 
 class SampledFilter(Protocol):
-    """A sampled filter that no equations say: signals like a Block's, and runs that it starts."""
+    """A sampled filter not written as equations; it has signals like a Block and starts its own runs."""
 
     @property
     def name(self) -> str:
@@ -34,38 +34,38 @@ class SampledFilter(Protocol):
 
     @property
     def period(self) -> float:
-        """Between two ticks [s]."""
+        """Time between two ticks [s]."""
 
     @property
     def inputs(self) -> tuple[Signal, ...]:
-        """What it reads at a tick."""
+        """Signals read at a tick."""
 
     @property
     def outputs(self) -> tuple[Signal, ...]:
-        """What it tells at a tick."""
+        """Signals computed at a tick."""
 
     @property
     def states(self) -> tuple[Signal, ...]:
-        """What its runs may start from."""
+        """States whose initial values can be set."""
 
     def start(self, runs: int = 1, start: Mapping[str, ArrayLike] | None = None) -> RunningFilter:
-        """Begin so many runs, from values of states over their start values."""
+        """Start `runs` runs; states not given in `start` have their start values."""
 
 
 class Ticking:
-    """A sampled Block while it runs.
+    """A sampled Block simulated tick by tick.
 
     Parameters
     ----------
     block : Block
         Sampled, or without states.
     params : mapping, optional
-        Parameter values by key, over the defaults.
+        Parameter values by key; others have their defaults.
 
     Attributes
     ----------
     state : tuple of float
-        In the Block's order.
+        The present states, in the Block's order.
 
     Examples
     --------
@@ -85,16 +85,16 @@ class Ticking:
         self._tick = one_tick(block, self._names)
 
     def set_parameters(self, params: Mapping[str, float]) -> None:
-        """Let other parameter values hold from now on, by key, over the defaults."""
+        """Use other parameter values, by key, from now on; parameters not given have their defaults."""
         self._values = self.block.parameter_values(params)
 
     def tick(self, time: float, signals: Mapping[str, float]) -> dict[str, float]:
-        """Return the outputs at a tick and take the next state.
+        """Return the outputs at a tick and update the state.
 
         Parameters
         ----------
         time : float
-            [s]
+            Time of the tick [s].
         signals : mapping
             At least the Block's inputs, by name.
         """
@@ -120,13 +120,13 @@ def simulate_runs(
     ----------
     block : Block or SampledFilter
     inputs : mapping of str to array_like, shape (ticks,) or (ticks, runs)
-        Every input of the Block.
+        Values of every input of the Block.
     outputs : sequence of str, optional
-        Which outputs are wanted (default: all).
+        Outputs to return (default: all).
     start : mapping of str to array_like, shape () or (runs,), optional
-        Of states, over their start values.
+        Initial states; states not given have their start values.
     params : mapping, optional
-        Parameter values by key; a particle filter takes its own where it is made.
+        Parameter values by key; not for a particle filter, whose values are set at its construction.
 
     Returns
     -------
@@ -135,7 +135,7 @@ def simulate_runs(
     Raises
     ------
     InputError
-        If the block is not sampled, an input is missing, unknown or of another shape, or a name is unknown.
+        If the Block is not sampled, an input is missing or its shape does not match, or a name is unknown.
 
     Examples
     --------
@@ -180,7 +180,7 @@ def simulate_runs(
     step = one_tick(block, wanted)[1]
     for k in range(ticks):
         told = step(k * block.period, state, given[k], values)
-        state = np.empty_like(state)  # what was told may be rows of the old one
+        state = np.empty_like(state)  # the results may be views of rows of the old state
         for j, value in enumerate(told):
             if j < len(wanted):
                 found[k, j] = value
@@ -190,9 +190,9 @@ def simulate_runs(
 
 
 def one_tick(block: Block, outputs: Sequence[str]) -> FunctionPair:
-    """Return the function of a tick: chosen outputs, then the states' next values, in one tuple.
+    """Return the function of one tick: the chosen outputs, then the states' next values, in one tuple.
 
-    They share most of their work in a filter.
+    One function computes both because in a filter they share most subexpressions.
     """
     told = [(name, block.output_expressions[name]) for name in outputs]
     taken = [(f"next {name}", e) for name, e in block.derivatives.items()]

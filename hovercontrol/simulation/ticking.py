@@ -1,4 +1,4 @@
-"""A Block on plain floats: integrated from tick to tick, where it ticks."""
+"""Simulate a continuous or hybrid Block with plain floats: integrate between ticks, then execute them."""
 
 from __future__ import annotations
 
@@ -19,28 +19,28 @@ from hovercontrol.simulation.runge_kutta import NoProgressError, dormand_prince
 
 Array = NDArray[np.float64]
 
-#: Step to begin with [s].
+#: Initial step size [s].
 FIRST = 1e-3
 
-#: Of :data:`hovercontrol.simulation.reasons.REASONS`.
+#: Index into :data:`hovercontrol.simulation.reasons.REASONS`: a derivative is not a number.
 STATUS_NOT_FINITE = 2
 
 
 class Running:
-    """A Block while it runs, on plain floats.
+    """The state of a Block during a simulation with plain floats.
 
     Parameters
     ----------
     block : Block
         Hybrid or continuous, without delays.
     time : float
-        To begin at [s].
+        Initial time [s].
     state, inputs, params : sequence of float
-        In the Block's order; the ticks due at `time` are taken.
+        In the Block's order; ticks due at `time` are executed at once.
     rtol, atol : float, optional
-        Tolerances between ticks.
+        Tolerances of the integration between ticks.
     longest : float, optional
-        Longest step [s].
+        Maximum step size [s].
     """
 
     def __init__(
@@ -72,7 +72,7 @@ class Running:
         self._tick()
 
     def set_inputs(self, inputs: Sequence[float]) -> None:
-        """Let inputs jump now; ticks of this instant see them."""
+        """Set the inputs now; ticks of this instant are executed again with them."""
         if list(inputs) != self.inputs:
             self.inputs = list(inputs)
             self.change()
@@ -80,9 +80,9 @@ class Running:
     def change(
         self, states: Mapping[int, float] | None = None, params: Sequence[float] | None = None
     ) -> None:
-        """Let states, by their places, and parameters jump now; ticks of this instant are taken again.
+        """Set states, by index, and parameters now; ticks of this instant are executed again.
 
-        What those ticks set is given as it was before them.
+        A state that one of these ticks sets is given as its value before the tick.
         """
         if self._taken:
             self.state = list(self._before)
@@ -95,24 +95,24 @@ class Running:
             self._act()
 
     def save(self) -> tuple[Any, ...]:
-        """Return all that it knows, for :meth:`load`."""
+        """Return the complete state of the simulation, for :meth:`load`."""
         lists = (tuple(values) for values in (self.state, self.inputs, self._params, self._before))
         return self.time, self._step, tuple(self._taken), self._schedule.save(), *lists
 
     def load(self, saved: tuple[Any, ...]) -> None:
-        """Go on from what :meth:`save` returned."""
+        """Restore what :meth:`save` returned."""
         self.time, self._step, taken, due, *lists = saved
         self._taken = list(taken)
         self._schedule.load(due)
         self.state, self.inputs, self._params, self._before = map(list, lists)
 
     def advance(self, until: float, *, open_end: bool = False) -> None:
-        """Go on to a time [s], and through the ticks that are due then, unless the end is open.
+        """Integrate to the time `until` [s] and execute the ticks due then, unless `open_end` is true.
 
         Raises
         ------
         StoppedError
-            If the integration cannot go on; time and states are then the last good ones.
+            If the integration cannot continue; time and states are then those of the last accepted step.
         """
         n, schedule = self._n, self._schedule
         while self.time < until:
@@ -137,7 +137,7 @@ class Running:
                 self._tick()
 
     def _stopped(self, status: int, held: Sequence[float], span: float) -> StoppedError:
-        """Return the error: the time, the reason, and where."""
+        """Return the error, with the time, the reason, and the state and switch that stop the simulation."""
         bad = [s for s, v in zip(self._block.states, self.state, strict=True) if not math.isfinite(v)]
         if bad:
             where = f": the state {bad[0].name} is not a number"
@@ -179,21 +179,22 @@ def run_hybrid(
     longest: float = math.inf,
     progress: Callable[[float], None] | None = None,
 ) -> Array:
-    """Return a hybrid Block's states at some times, shape (n_states, n_times), ticks of a time included.
+    """Return a hybrid Block's states at `times`, shape (n_states, n_times), after the ticks of each time.
 
     Parameters
     ----------
     block : Block
     times : ndarray, shape (n_times,)
     u : ndarray, shape (n_inputs, n_times)
-        Held from each time to the next.
+        Inputs, held from each time to the next.
     x : ndarray, shape (n_states,)
+        Initial state.
     p : sequence of float
         Parameter values in order.
     rtol, atol, longest
         As for :class:`Running`.
     progress : callable, optional
-        Called with the time reached.
+        Called at each time of `times` with that time [s].
     """
     grid = times.tolist()
     run = Running(block, grid[0], x.tolist(), u[:, 0].tolist(), p, rtol, atol, longest)
@@ -210,7 +211,7 @@ def run_hybrid(
 
 @lru_cache(maxsize=64)
 def between_ticks(block: Block) -> Block:
-    """Return what of a hybrid Block moves between ticks: what they set are inputs, after the Block's own."""
+    """Return a hybrid Block's continuous part; states that ticks set become inputs, after the Block's own."""
     n = block.n_continuous
     names = [s.name for s in block.states[:n]]
     return block.unchecked(

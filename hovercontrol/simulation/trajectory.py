@@ -1,7 +1,8 @@
-"""Simulation of a Block in time, with inputs that are held between samples.
+"""Simulation of a Block over time, with inputs held between samples.
 
-python-control interpolates inputs linearly, which makes a step on a coarse grid a ramp. Here an input sample
-holds until the next (or is interpolated, if asked for), and the solver restarts wherever an input jumps.
+python-control interpolates inputs linearly, so a step on a coarse grid becomes a ramp. Here each input sample
+is held until the next one (or interpolated, with ``hold="linear"``), and the solver restarts wherever an
+input jumps.
 """
 
 from __future__ import annotations
@@ -57,33 +58,33 @@ def simulate(
     ----------
     block : Block
     time : array_like, shape (n,)
-        Increasing times [s]; results are given at these.
+        Increasing times [s]; the results are given at these times.
     inputs : array_like of shape (n_inputs, n) or (n_inputs,), or mapping by name, optional
-        Values at those times; with one input a plain array of shape (n,) will do. Inputs that are not given
-        keep their start value. One that acts late has its start value until the first one arrives.
+        Values at those times; for a single input, an array of shape (n,) is enough. Inputs not given keep
+        their start values. A delayed input has its start value until the first sample arrives.
     x0 : array_like, shape (n_states,), or mapping by name, optional
-        Initial state over the states' start values.
+        Initial state; states not given have their start values.
     params : mapping, optional
         Parameter values by key.
     hold : {"zero", "linear"}, optional
-        Between samples an input holds its value (a step stays a step) or is interpolated.
+        "zero" holds each input between samples (a step stays a step); "linear" interpolates.
     method, rtol, atol, max_step
-        As for :func:`scipy.integrate.solve_ivp`. Where the Block switches by the clock (waypoints, pulses),
-        steps are at most half as long as the shortest time between two switches: none is stepped over.
-        A hybrid Block goes from tick to tick by Dormand and Prince's method, whatever `method` says.
+        As for :func:`scipy.integrate.solve_ivp`. If the Block has time-dependent switches (waypoints,
+        pulses), the step size is at most half the shortest time between two switches, so that no step skips
+        one. A hybrid Block ignores `method`: it is integrated between ticks by the Dormand-Prince method.
     progress : callable, optional
-        Called now and then with the time reached.
+        Called with the time reached [s], often during the run.
 
     Returns
     -------
     control.TimeResponseData
-        With the signals' names, their units in ``.units``, and ``.plot()`` (``.to_pandas()`` where pandas is
+        Has the signals' names, their units in ``.units``, and ``.plot()`` (``.to_pandas()`` if pandas is
         installed).
 
     Raises
     ------
     InputError
-        If times do not increase, shapes or names are wrong, or the solver fails (the time is named).
+        If times do not increase, a shape or name is wrong, or the solver fails (the message gives the time).
 
     Examples
     --------
@@ -168,8 +169,8 @@ def simulate(
 def time_response(
     block: Block, times: Array, outputs: Array, states: Array, u: Array, *, held: bool = True
 ) -> Response:
-    """Return a simulation's arrays, each of shape (signals, times), under their names, with their units."""
-    from hovercontrol.simulation.response import Response  # takes a second: only where its class is needed
+    """Return a simulation's arrays, each of shape (signals, times), as a response with names and units."""
+    from hovercontrol.simulation.response import Response  # the import takes a second; done only when needed
 
     response = Response(
         times,
@@ -190,9 +191,9 @@ def time_response(
 
 
 def _pieces(times: Array, u: Array, hold: str) -> list[tuple[int, int]]:
-    """Return the runs of samples between which no input jumps (held) or bends (interpolated)."""
+    """Return index pairs of the segments within which no input jumps (held) or bends (interpolated)."""
     change = np.diff(u, axis=1)
-    if hold == "linear":  # without a stop at each bend the solver can step over a short pulse
+    if hold == "linear":  # unless it restarts at each bend, the solver can skip a short pulse
         change = np.diff(change / np.diff(times), axis=1)
     jumps = (np.flatnonzero((change != 0).any(axis=0)) + 1).tolist()
     edges = [0, *(k for k in jumps if k < u.shape[1] - 1), u.shape[1] - 1]

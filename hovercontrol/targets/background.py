@@ -1,4 +1,4 @@
-"""Libraries that are loaded from the cache, or built behind the caller's back while NumPy does the work."""
+"""Load libraries from the cache, or build them in a background thread while NumPy does the work."""
 
 from __future__ import annotations
 
@@ -19,12 +19,13 @@ def _builder() -> ThreadPoolExecutor:
 
 
 def loaded(load: Callable[[bool], T]) -> Future[T]:
-    """Return what a call loads: at once where it is in the cache, else as soon as it is built.
+    """Return the future of a loaded library: complete if it is in the cache, else once it is built.
 
     Parameters
     ----------
     load : callable
-        Called with whether it may build; raises :class:`.compiler.NotCachedError` where it must.
+        Called with a bool: whether it may build the library. Raises :class:`.compiler.NotCachedError` if it
+        may not but must.
     """
     done: Future[T] = Future()
     try:
@@ -32,21 +33,21 @@ def loaded(load: Callable[[bool], T]) -> Future[T]:
         done.set_result(load(False))
     except NotCachedError:
         return _builder().submit(load, True)
-    except RuntimeError as error:  # no compiler, or it refuses
+    except RuntimeError as error:  # no compiler, or the compiler fails
         done.set_exception(error)
     return done
 
 
 def ready(building: Future[T], patience: float = 0.0) -> T | None:
-    """Return what was loaded; None while it is built, or where that cannot be.
+    """Return the loaded library; None while it is being built, or if that is impossible.
 
     Parameters
     ----------
     building : Future
     patience : float, optional
-        For how long to wait for it [s].
+        Maximum waiting time [s].
     """
     try:
         return building.result(patience)
-    except Exception:  # not yet, or never
+    except Exception:  # not built yet, or failed
         return None

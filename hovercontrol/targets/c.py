@@ -1,4 +1,4 @@
-"""A Block as one C99 file that a person can read: names kept, one comment per equation, no allocation.
+"""Write a Block as one readable C99 file: names kept, one comment per equation, no memory allocation.
 
 The file defines ``hc_model`` of ``fmu/hc_model.h``: derivatives, outputs, dry frictions, Jacobian, ticks.
 """
@@ -26,9 +26,10 @@ def c_source(block: Block, *, friction: Friction = "events", partials: bool = Tr
     ----------
     block : Block
     friction : {"events", "smooth"}, optional
-        Dry friction with modes, sticking at exactly zero velocity, or smoothed over its width.
+        "events": dry friction has modes and sticks at exactly zero velocity; "smooth": it is smoothed over
+        its width.
     partials : bool, optional
-        Whether to write the partial derivatives, which a simulation does not need.
+        Whether to write the partial derivatives; a simulation does not need them.
 
     Returns
     -------
@@ -38,7 +39,7 @@ def c_source(block: Block, *, friction: Friction = "events", partials: bool = Tr
     Raises
     ------
     InputError
-        If dry friction enters a derivative not linearly.
+        If a derivative is not linear in its dry friction.
 
     Examples
     --------
@@ -70,13 +71,13 @@ def c_source(block: Block, *, friction: Friction = "events", partials: bool = Tr
 
 
 def function_source(block: Block, name: str, results: Sequence[sp.Expr]) -> str:
-    """Return a C function that computes some expressions of a Block's signals into ``dx``.
+    """Return a C function that writes the values of expressions of a Block's signals to ``dx``.
 
     Parameters
     ----------
     block : Block
     name : str
-        Of the function; its arguments are those of a derivative of hc_model.h.
+        Name of the function; its arguments are those of the derivatives in hc_model.h.
     results : sequence of sympy.Expr
     """
     own = [Result(Element("dx", k), e) for k, e in enumerate(results)]
@@ -85,17 +86,17 @@ def function_source(block: Block, name: str, results: Sequence[sp.Expr]) -> str:
 
 
 def modelled(block: Block, friction: Friction) -> tuple[Block, tuple[DryFriction, ...]]:
-    """Return a Block as the C has it, and its dry frictions, whose modes are symbols there."""
+    """Return the Block that the C code computes, and its dry frictions, whose modes are symbols in it."""
     block = _without_round_trips(block)
     frictions = dry_frictions(block) if friction == "events" else ()
     return with_modes(block, frictions), frictions
 
 
 def _without_round_trips(block: Block) -> Block:
-    """Write cos(d) and sin(d) of an angle d = atan2(y, x) as x/h and y/h: three slow functions less.
+    """Replace cos(d) and sin(d) of an angle d = atan2(y, x) by x/h and y/h, h = sqrt(x^2 + y^2).
 
-    A controller that gives thrust and rudder angle of a force vector, and a plant that turns them back, is
-    the case. At h = 0 the angle is 0, as atan2 has it.
+    This saves three slow functions if a controller computes thrust and rudder angle from a force vector and
+    the plant computes the force vector from them. At h = 0 the angle is 0, as for atan2.
     """
     swap: dict[sp.Expr, sp.Expr] = {}
     for name, e in block.definitions.items():
@@ -110,7 +111,7 @@ def _without_round_trips(block: Block) -> Block:
 
 
 def tables_source(block: Block) -> str:
-    """Return the lookup tables of a Block, each once."""
+    """Return the C source of a Block's lookup tables, each once."""
     found = set().union(*(e.atoms(Entries) for _, e in block.all_expressions()))
     lines = []
     for table in sorted(found, key=lambda entries: entries.identifier):
@@ -122,13 +123,13 @@ def tables_source(block: Block) -> str:
 def derivatives(
     block: Block, frictions: Sequence[DryFriction], names: Names, *, branches: bool = True
 ) -> Function:
-    """Return the function of the derivatives; without `branches` no velocity may stick."""
+    """Return the function of the derivatives; without `branches` it has no sticking modes."""
     sticking = {f.state: Element("mode", k) for k, f in enumerate(frictions)} if branches else {}
     return Function(block, names, derivative_results(block, sticking), branches=branches)
 
 
 def derivative_results(block: Block, sticking: Mapping[str, Element] | None = None) -> list[Result]:
-    """Return the assignments of the derivatives; those of `sticking` states are 0 in that mode."""
+    """Return the assignments of the derivatives; the derivative of a `sticking` state is 0 in mode 0."""
     states = [s.name for s in block.states[: block.n_continuous]]
     return [
         Result(Element("dx", k), block.derivatives[name], f"{name}'", (sticking or {}).get(name))
@@ -137,7 +138,7 @@ def derivative_results(block: Block, sticking: Mapping[str, Element] | None = No
 
 
 def index_list(name: str, values: Sequence[int], kind: str = "unsigned short") -> str:
-    """Return a constant list of places as C."""
+    """Return a constant array of indices as C source."""
     text = f"static const {kind} {name}[] = {{{', '.join(map(str, values))}}};"
     return textwrap.fill(text, 110, subsequent_indent="    ")
 
@@ -168,8 +169,8 @@ def _partials(
 def partial_entries(block: Block) -> list[tuple[int, int, sp.Expr]]:
     """Return row, column and expression of each partial derivative that is not identically zero.
 
-    Rows are the derivatives, then the outputs; columns the states, then inputs, then parameters. Sorted by
-    row, then column.
+    Rows are the derivatives, then the outputs. Columns are the states, then the inputs, then the parameters.
+    The list is sorted by row, then column.
     """
     columns = [s.name for s in (*block.states, *block.inputs, *block.parameters)]
     found = []
@@ -187,7 +188,7 @@ def _tick(block: Block, names: Names, k: int) -> str:
 
 
 def _ticks(block: Block) -> str:
-    """Return the table of ticks and the function that takes one."""
+    """Return the table of tick periods and the function that executes one tick."""
     if not block.ticks:
         return ""
     clock = clock_of([tick.period for tick in block.ticks])
@@ -204,6 +205,7 @@ def _ticks(block: Block) -> str:
 
 
 def _next_switch(block: Block, names: Names) -> str:
+    # a condition c_0 + c_1 t changes at t = -c_0/c_1
     times = [-offset / slope for offset, slope in switching_conditions(block)]
     search = Function(block, names, [Result(Element("at", k), e) for k, e in enumerate(times)])
     body = [

@@ -1,4 +1,4 @@
-"""How late a Block's inputs act, as C99."""
+"""Write the delays of a Block's inputs as C99."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from hovercontrol.targets.c_function import Element, Function, Names, Result
 
 
 def delays_source(block: Block) -> str:
-    """Return how late inputs act as C99 source, ``hc_late`` of hc_delays.h.
+    """Return the delays of inputs as C99 source, ``hc_late`` of hc_delays.h.
 
     Parameters
     ----------
     block : Block
-        With inputs that act late.
+        With delayed inputs.
     """
     plain = undelayed(block)
     inputs = [s.name for s in block.inputs]

@@ -1,7 +1,7 @@
-"""One C function of a Block's signals: what it loads, computes and assigns, at one point or in lanes.
+"""Write a C function of a Block's signals: its loads, computations and assignments, at one or several points.
 
-A function is built from parts (elements of arrays, expressions), never from text, so that the same function
-is written for one point, ``state[3]``, and for HC_LANES points side by side, ``state[3 * HC_LANES + l]``.
+A function is built from array elements and expressions, not from text. So the same function can be written
+for one point, ``state[3]``, and for HC_LANES points computed in parallel, ``state[3 * HC_LANES + l]``.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from hovercontrol.core.program import Program
 from hovercontrol.core.signals import Signal, time
 from hovercontrol.targets.c_printer import CPrinter
 
-#: Names a local variable must not take: C99's words, our arrays, and what math.h may define.
+#: Names that a local variable must not have: C99's keywords, our arrays, and names of math.h.
 _TAKEN = frozenset(
     (  # noqa: SIM905
         "auto break case char const continue default do double else enum extern float for goto if inline int "
@@ -38,19 +38,19 @@ POINT = (
 
 @dataclass(frozen=True)
 class Element:
-    """Element of an array; in lanes there is one of each lane."""
+    """An array element; in functions for several points there is one per point (lane)."""
 
     array: str
     place: int
 
     def text(self, lanes: bool = False) -> str:
-        """Return it as C."""
+        """Return the element as C source."""
         return f"{self.array}[{self.place} * HC_LANES + l]" if lanes else f"{self.array}[{self.place}]"
 
 
 @dataclass(frozen=True)
 class Result:
-    """An assignment ``target = expression``; 0 where `mode` is given and is 0: that velocity sticks."""
+    """An assignment ``target = expression``; if `mode` is given and is 0, the velocity sticks: target = 0."""
 
     target: Element
     expression: sp.Expr
@@ -59,19 +59,19 @@ class Result:
 
 
 class Names:
-    """C identifiers of a Block's symbols, each once, and the elements that hold them.
+    """Unique C identifiers of a Block's symbols, and the array elements that hold the symbols.
 
     Parameters
     ----------
     block : Block
     frictions : sequence of DryFriction, optional
-        Whose modes are symbols, too.
+        Dry frictions; their modes are symbols, too.
 
     Attributes
     ----------
     of : dict of sympy.Symbol to str
     load : dict of sympy.Symbol to (Element, str)
-        Where a symbol comes from, and what it is.
+        Array element that holds a symbol, and the text of its comment.
     """
 
     def __init__(self, block: Block, frictions: Sequence[DryFriction] = ()) -> None:
@@ -110,13 +110,13 @@ class Names:
 
 
 def remark(signal: Signal) -> str:
-    """Return what a comment says of a signal."""
+    """Return the comment on a signal: name, unit and description."""
     text = f"{signal.name} [{signal.unit}] {signal.description}".strip()
     return text.replace("*/", "* /")
 
 
 class Function:
-    """A C function that assigns results.
+    """A C function that computes results and assigns them.
 
     Parameters
     ----------
@@ -124,12 +124,13 @@ class Function:
     names : Names
     results : sequence of Result
     branches : bool, optional
-        Without, all that a condition chooses from is computed beforehand, and no velocity may stick.
+        If false, all values that a condition selects are computed beforehand, and there are no sticking
+        modes.
 
     Attributes
     ----------
     uses : set of str
-        The arguments that it uses.
+        Names of the arguments that the function uses.
     """
 
     def __init__(
@@ -156,7 +157,7 @@ class Function:
         self.uses |= {r.mode.array for r in results if r.mode} | ({"t"} if time in used else set())
 
     def lines(self, lanes: bool = False) -> list[str]:
-        """Return its statements, for one point or for lane ``l``."""
+        """Return the statements of the function, for one point or for lane ``l``."""
         lines = [f"const double {name} = {at.text(lanes)}; /* {text} */" for name, at, text in self._loads]
         lines += [f"const double {name} = {text};{note}" for name, text, note in self._steps]
         for result, text in self._results:
@@ -166,19 +167,19 @@ class Function:
         return lines
 
     def unused(self, names: Iterable[str]) -> list[str]:
-        """Return statements that tell the compiler of arguments without use."""
+        """Return ``(void)`` statements for unused arguments, which avoid compiler warnings."""
         return [f"(void){name};" for name in names if name not in self.uses]
 
     def text(self, name: str, *targets: str, arguments: Sequence[tuple[str, str]] = POINT) -> str:
-        """Return the whole function for one point.
+        """Return the complete function for one point.
 
         Parameters
         ----------
         name : str
         *targets : str
-            The arrays that get the results, its last arguments.
+            Arrays for the results, the last arguments of the function.
         arguments : sequence of (str, str), optional
-            Types and names of those before.
+            Types and names of the other arguments.
         """
         head = f"static void {name}("
         signature = head + ", ".join(f"{kind}{argument}" for kind, argument in arguments)

@@ -1,4 +1,4 @@
-"""A Block's derivatives at several points at once as C99, for the processor's vectors."""
+"""Write a Block's derivatives at several points as C99 for the processor's vector instructions."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from hovercontrol.targets.c_function import Element, Function, Names, Result
 
 
 def lanes_source(block: Block, *, friction: Friction = "events") -> str:
-    """Return a Block's derivatives at several points at once as C99 source, ``hc_model_lanes`` of hc_lanes.h.
+    """Return a Block's derivatives at several points as C99 source, ``hc_model_lanes`` of hc_lanes.h.
 
     Parameters
     ----------
     block, friction
-        As for :func:`.c.c_source`; no velocity may stick.
+        As for :func:`.c.c_source`, but without sticking modes.
 
     Raises
     ------
     InputError
-        As there.
+        As for :func:`.c.c_source`.
 
     Examples
     --------
@@ -39,17 +39,17 @@ def lanes_source(block: Block, *, friction: Friction = "events") -> str:
 
 
 def slopes_source(block: Block, *, friction: Friction = "events") -> str:
-    """Return the same with all partial derivatives by states and parameters, ``hc_model_slopes``.
+    """Return the same with the partial derivatives by states and parameters, ``hc_model_slopes``.
 
     Parameters
     ----------
     block, friction
-        As for :func:`.c.c_source`; no velocity may stick.
+        As for :func:`.c.c_source`, but without sticking modes.
 
     Raises
     ------
     InputError
-        As there.
+        As for :func:`.c.c_source`.
     """
     moded, frictions = modelled(block, friction)
     columns = [s.name for s in (*moded.states, *moded.parameters)]
@@ -77,7 +77,7 @@ def _source(
     function: Function,
     symbol: tuple[str, str, str],
 ) -> str:
-    """Return a file with one function of lanes, and the symbol that leads to it or to none."""
+    """Return a C file with one function of lanes, and the symbol for it, which is empty without lanes."""
     arrays = ("state", "input", "param", "mode")
     statements = "\n        ".join([*function.unused([*arrays, *targets]), *function.lines(lanes=True)])
     arguments = ", ".join(f"const double *{n}" for n in ("at", *arrays))

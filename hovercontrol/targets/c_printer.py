@@ -1,4 +1,4 @@
-"""Expressions as C99: numbers in full, small powers as products, and the signs and jumps that Python has."""
+"""Print expressions as C99, with Python's conventions for the sign of remainders and for jumps."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from sympy.printing.c import C99CodePrinter
 
 
 class CPrinter(C99CodePrinter):
-    """C99 with numbers in full and small powers as products.
+    """C99 printer that writes numbers with 17 digits and small powers as products.
 
     Examples
     --------
@@ -23,7 +23,7 @@ class CPrinter(C99CodePrinter):
         return str(self._print(expr.evalf(17)))
 
     def _print_Mod(self, expr: sp.Mod) -> str:
-        """Give a remainder the sign of the divisor, as Python has it; fmod has the other."""
+        """Print a mod b = a - b floor(a/b), with the sign of b as in Python; fmod has the sign of a."""
         a, b = (f"({self._print(part)})" for part in expr.args)
         return f"({a} - {b}*floor({a}/{b}))"
 
@@ -33,7 +33,7 @@ class CPrinter(C99CodePrinter):
     def _print_BooleanFalse(self, expr: sp.Basic) -> str:
         return "0"
 
-    def _print_And(self, expr: sp.And) -> str:  # compilers warn of && within || without parentheses
+    def _print_And(self, expr: sp.And) -> str:  # compilers warn about && within || without parentheses
         return f"({super()._print_And(expr)})"
 
     def _print_entry(self, expr: sp.Expr) -> str:

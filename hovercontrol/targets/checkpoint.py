@@ -1,6 +1,6 @@
 """Checkpoints of a sweep: a folder of Parquet files from which the same sweep continues.
 
-A file's name ends in the digest of its bytes: one that was damaged is seen, and its runs are computed again.
+A file's name ends in the digest of its bytes, so that a damaged file is detected and its runs are repeated.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _NAME = re.compile(r"runs-\d{9}-\d{9}-([0-9a-f]{32})\.parquet")
 
 
 def fingerprint(ready: CompiledBlock, *rest: Any) -> str:
-    """Return what identifies a sweep: a digest of its Block, times, values and options."""
+    """Return the identifier of a sweep: a digest of its Block, times, values and options."""
     parts = [ready.block.content_hash, ready.friction, *rest]
     return hashlib.sha256(json.dumps(parts, default=_plain).encode()).hexdigest()
 
@@ -43,7 +43,7 @@ class Checkpoint:
     Parameters
     ----------
     folder : Path
-        Made if it is not there.
+        Created if it does not exist.
     digest : str
         The sweep's :func:`fingerprint`.
 
@@ -58,14 +58,14 @@ class Checkpoint:
         self.folder, self.digest = folder, digest
 
     def load(self, result: SweepResult) -> None:
-        """Put in place what the folder holds; other runs are left as they are.
+        """Copy the results in the folder into `result`; other runs are left unchanged.
 
-        A damaged file is removed, with a warning: its runs are to be computed again.
+        A damaged file is removed with a warning; its runs must be computed again.
 
         Raises
         ------
         InputError
-            If a file cannot be read, is none of a sweep, or belongs to another sweep.
+            If a file cannot be read, is not a file of a sweep, or belongs to another sweep.
         """
         import pyarrow.parquet
 
@@ -90,12 +90,12 @@ class Checkpoint:
                 result.states_final[runs, k] = table[f"{state}.end"].to_numpy()
 
     def add(self, result: SweepResult, part: slice) -> None:
-        """Write some runs of a result.
+        """Write one part of the runs of a result to the folder.
 
         Raises
         ------
         InputError
-            If they cannot be written.
+            If the file cannot be written.
         """
         import pyarrow.parquet
 
@@ -113,12 +113,12 @@ def _digest(content: bytes) -> str:
 
 
 def _checked(path: Path) -> bytes | None:
-    """Return the content of a file of a checkpoint, None if it is not what was written.
+    """Return the content of a checkpoint file, None if its digest does not match.
 
     Raises
     ------
     InputError
-        If its name is not that of such a file, or the system refuses it.
+        If its name is not that of a checkpoint file, or it cannot be read.
     """
     named = _NAME.fullmatch(path.name)
     if named is None:

@@ -1,8 +1,8 @@
 """A Block compiled to machine code: fast simulation, and sweeps over thousands of runs on all cores.
 
-The generated C (:mod:`.c`) and the runtime in ``fmu/`` become a shared library
-(:mod:`.library`). Without a C compiler the same calls run on NumPy (:mod:`.engines`), slowly, with smoothed
-friction.
+The generated C code (:mod:`.c`) and the runtime in ``fmu/`` are compiled to a shared library
+(:mod:`.library`). Without a C compiler the same calls use NumPy (:mod:`.engines`), which is slow and always
+smooths dry friction.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ def compile_block(block: Block, *, friction: Friction = "smooth") -> CompiledBlo
     Raises
     ------
     RuntimeError
-        If the C compiler fails; the line names its log. Without a compiler NumPy does the work, and a
+        If the C compiler fails; the message gives its log file. Without a compiler NumPy is used, and a
         warning says so once.
 
     Examples
@@ -83,7 +83,7 @@ def compile_block(block: Block, *, friction: Friction = "smooth") -> CompiledBlo
 
 
 class CompiledBlock:
-    """A Block ready for fast simulation; made by :func:`compile_block`. It may be used by many threads.
+    """A Block ready for fast simulation, from :func:`compile_block`. It is safe to use in several threads.
 
     Parameters
     ----------
@@ -110,11 +110,11 @@ class CompiledBlock:
 
     @property
     def native(self) -> bool:
-        """Whether it runs as machine code; without a compiler NumPy does the work."""
+        """Whether machine code is used; without a compiler it is NumPy."""
         return isinstance(self._engine, Library)
 
     def _engine_from(self, x: Array, lanes: bool = False) -> Engine:
-        """Return the engine for initial states: one that leaves out what rests at zero if it rests there."""
+        """Return the engine for initial states; it omits the resting states if they all start at zero."""
         whole = isinstance(self._engine, Library) and bool(x[..., self._engine.resting].any())
         return engine_of(self._plain, self.friction, whole, lanes) if whole or lanes else self._engine
 
@@ -124,7 +124,7 @@ class CompiledBlock:
     ) -> Array:
         """Return the states' time derivatives, shape (n_states,).
 
-        These are the numbers of ``block.to_numpy()``: whatever `friction`, it is smooth here.
+        The values are those of ``block.to_numpy()``: dry friction is smooth here for every `friction`.
 
         Parameters
         ----------
@@ -133,7 +133,7 @@ class CompiledBlock:
         x : array_like, shape (n_states,)
         u : array_like, shape (n_inputs,)
         params : mapping, optional
-            Parameter values by key, over the defaults.
+            Parameter values by key; others have their defaults.
         """
         return self.point_function("derivatives", params)(t, x, u)
 
@@ -146,12 +146,12 @@ class CompiledBlock:
 
     @checked
     def point_function(self, rows: Rows, params: Mapping[str, float] | None = None) -> Point:
-        """Return the function ``(t, x, u) -> array`` at fixed parameters, for the loops of other solvers."""
+        """Return the function ``(t, x, u) -> array`` at fixed parameters, for use in other solvers."""
         values = self.block.parameter_values(params, bounded=False) if params else self._defaults
         return self.point_values(rows, values)
 
     def point_values(self, rows: Rows, values: tuple[float, ...]) -> Point:
-        """Return the same function for all parameter values in order, unchecked."""
+        """Return the same function, unchecked, for all parameter values in order."""
         return self._point(rows, values)
 
     def _make_point(self, rows: Rows, values: tuple[float, ...]) -> Point:
@@ -170,16 +170,16 @@ class CompiledBlock:
         rtol: float = 1e-6,
         atol: float = 1e-9,
     ) -> Array:
-        """Return the states at a later time, for loops that go on in steps: an animation, a pilot.
+        """Return the states at a later time, for stepwise loops such as an animation or a pilot.
 
         Parameters
         ----------
         t, until : float
-            From and to [s]. A hybrid Block takes its ticks at `t` and not those at `until`: with `until` at
-            `t` the states after the ticks are returned.
+            Begin and end [s]. A hybrid Block executes its ticks at `t`, but not those at `until`. If `until`
+            equals `t`, the states after the ticks are returned.
         x : array_like, shape (n_states,)
         u : array_like, shape (n_inputs,)
-            Held.
+            Held inputs.
         params, rtol, atol
             As for :meth:`simulate`.
 
@@ -190,7 +190,7 @@ class CompiledBlock:
         Raises
         ------
         InputError
-            If a shape is wrong, time goes back, the solver fails, or inputs act late.
+            If a shape is wrong, `until` is before `t`, the solver fails, or inputs are delayed.
         """
         if not (fits(t, float) and fits(until, float) and t <= until < math.inf):
             raise InputError(f"expected a time from {shown(t)} s on, found {shown(until)}")
@@ -202,7 +202,7 @@ class CompiledBlock:
     def advance_values(
         self, t: float, until: float, x: ArrayLike, u: ArrayLike, values: Sequence[float], solver: Solver
     ) -> Array:
-        """Do the same unchecked, with all parameter values in order."""
+        """Do the same as :meth:`advance`, unchecked, with all parameter values in order."""
         self.block.need_prompt_inputs("a single step")
         engine = self._whole or self._look_for_whole()
         states, p = np.array(x, dtype=float), np.array(values)
@@ -227,7 +227,7 @@ class CompiledBlock:
         rtol: float = 1e-6,
         atol: float = 1e-9,
     ) -> BlockRunner:
-        """Start a run that goes step by step, in machine code.
+        """Start a stepwise simulation in machine code.
 
         Arguments, result and errors are those of :meth:`hovercontrol.core.block.Block.start`.
         """
@@ -261,20 +261,20 @@ class CompiledBlock:
         Parameters
         ----------
         time, inputs, x0, params
-            An input holds its value from one time to the next.
+            As for that function. An input is held from one time to the next.
         method : {"dormand-prince", "rk4"}, optional
-            Adaptive of order 5, or classical Runge-Kutta of order 4 in equal steps.
+            Dormand-Prince 5(4) with step-size control, or the classical Runge-Kutta method in equal steps.
         step : float, optional
-            Step of rk4, longest step of dormand-prince [s].
+            Step size of rk4, maximum step size of dormand-prince [s].
         rtol, atol : float, optional
             Relative and absolute tolerance of dormand-prince.
         hold : {"zero"}, optional
-            Inputs are not interpolated here.
+            Compiled simulations do not interpolate inputs.
 
         Raises
         ------
         InputError
-            As there; if the solver fails, the line names the time reached.
+            As for that function; if the solver fails, the message gives the time reached.
         """
         if hold != "zero":
             raise InputError(
@@ -296,7 +296,7 @@ class CompiledBlock:
         return time_response(self.block, times, outputs[late.given].T, states[late.given].T, u)
 
     def _where(self, t: float, x: Array, u: Array, p: Array, span: float, solver: Solver) -> str:
-        """Return the state at which a run stops, for the end of its error."""
+        """Return the end of the error message: the state that stops a run."""
         moves, n = between_ticks(self._plain), self._plain.n_continuous
         held = [*u.tolist(), *x[n:].tolist()]
         return where_it_stops(
@@ -326,40 +326,40 @@ class CompiledBlock:
         executor: Executor | None = None,
         checkpoint: str | Path | None = None,
     ) -> SweepResult:
-        """Simulate many times over one grid and keep each run's figures, not its trajectory.
+        """Simulate many runs over one time grid; return figures of each run, not its trajectory.
 
         Parameters
         ----------
         time : array_like, shape (n,)
-            Increasing times [s] at which the figures look.
+            Increasing times [s] at which the figures are evaluated.
         params : mapping of str to array_like, optional
-            By key, one value for all runs or one for each.
+            Parameter values by key: one value for all runs or one for each.
         x0 : mapping of str to array_like, or array_like of shape (n_runs, n_states), optional
-            Initial states, likewise.
+            Initial states: one value for all runs or one for each.
         inputs : optional
-            As for :meth:`simulate`; the same in all runs. Where they act late, the figures look at the
-            instants at which they arrive as well.
+            As for :meth:`simulate`; the same in all runs. If inputs are delayed, the figures are also
+            evaluated at the times at which they arrive.
         start : float, optional
-            Time from which the figures count [s].
+            Time from which on the figures are evaluated [s].
         band : float or mapping by output, optional
-            Settled is an output that stays this near to its final value, in its own unit.
+            An output has settled when it stays within this distance of its final value, in its own unit.
         threads : int, optional
-            Default: one for each core. The results do not depend on it.
+            Number of threads (default: one per core). The results do not depend on it.
         method, step, rtol, atol
-            As for :meth:`simulate`. With rk4 eight runs go side by side in the processor's vectors where gcc
-            and glibc 2.35 on x86_64 offer them: sines and the like are then right to 4 units in the last
-            place, and results are those of :meth:`simulate` to rounding.
+            As for :meth:`simulate`. With rk4, eight runs are computed in parallel by vector instructions if
+            gcc and glibc 2.35 on x86_64 offer them. Functions such as sine are then accurate to 4 units in
+            the last place, and the results agree with those of :meth:`simulate` to rounding.
         progress : callable, optional
-            Called now and then with the number of runs done.
+            Called repeatedly with the number of runs done.
         executor : concurrent.futures.Executor, optional
-            Have it done there, on processes or a cluster; see :mod:`.executors`.
+            Executor of the sweep, such as processes or a cluster; see :mod:`.executors`.
         checkpoint : path, optional
-            Folder from which the same sweep resumes, likewise.
+            Folder from which the same sweep resumes; see :mod:`.executors`.
 
         Returns
         -------
         SweepResult
-            A run that fails is marked there, and the others go on.
+            A run that fails is marked in it; the other runs continue.
 
         Raises
         ------

@@ -1,8 +1,8 @@
-"""The C compiler and the libraries it makes: found, built, kept in the user's cache.
+"""Find the C compiler, build libraries with it, and keep them in the user's cache.
 
-Libraries are cached by the content of all that goes into them. A file's name holds the digest of its bytes,
-so that a truncated one is seen before it is loaded; files are written atomically, and two processes may build
-at once.
+The cache key of a library is a digest of everything that it is built from. A file's name contains the digest
+of its bytes, so that a truncated file is detected before it is loaded. Files are written atomically, and two
+processes can build at the same time.
 """
 
 from __future__ import annotations
@@ -32,22 +32,22 @@ from hovercontrol.errors import InputError
 from hovercontrol.io.files import write_quietly
 from hovercontrol.io.trusted import distrust, private_folder_made, trusted_bytes
 
-#: The same numbers on every machine: no fast-math, no fused multiply-add, nothing of this processor alone.
-#: (Measured: -flto and -march=native gain less than 10 %.)
+#: Flags for the same numerical results on every machine: no fast-math, no fused multiply-add, no instructions
+#: of a particular processor. (Measured: -flto and -march=native gain less than 10 %.)
 FLAGS = (
     "-O3 -std=c99 -fno-math-errno -ffp-contract=off -fPIC -shared -fvisibility=hidden".split()  # noqa: SIM905
 )
-#: What lets a compiler use vectors for several lanes; nobody asks for the processor's exception flags.
+#: Flags that allow vector instructions for several lanes; the processor's exception flags are not used.
 _LANES = ("-fno-trapping-math", "-fopenmp-simd", "-DHC_SIMD")
-#: Seconds after which a compiler that says nothing counts as broken: asked for its version, and at work. Zig
-#: first builds the C library of each machine it compiles for: on a busy computer that took two minutes.
+#: Time limits [s] after which a compiler counts as broken: for printing its version, and for compiling. Zig
+#: first builds the C library of each target machine, which took two minutes on a busy computer.
 VERSION_SECONDS, COMPILE_SECONDS = 20.0, 300.0
 
 _stalled: dict[tuple[str, ...], str] = {}
 _MACH = (b"\xcf\xfa\xed\xfe", b"\xca\xfe\xba\xbe")
-#: Packages whose code decides what a Block's generated text says; the text itself holds the Block.
+#: Packages whose code determines the text generated from a Block.
 _GENERATORS = ("core", "targets")
-_MAGIC = {  # how libraries and objects begin
+_MAGIC = {  # first bytes of libraries and object files
     ".so": (b"\x7fELF", *_MACH),
     ".dll": (b"MZ",),
     ".dylib": _MACH,
@@ -57,15 +57,15 @@ _SUFFIX = ".dll" if os.name == "nt" else ".so"
 
 
 class NoCompilerError(RuntimeError):
-    """There is no C compiler; the text says what was looked for."""
+    """No C compiler was found; the message lists the ones tried."""
 
 
 class CompilerFailedError(NoCompilerError):
-    """There is a C compiler, but it does not do its work: as good as none; the text says how it fails."""
+    """A C compiler was found but does not work; the message gives the reason."""
 
 
 class NotCachedError(LookupError):
-    """What was looked for in the cache only is not there."""
+    """The library is not in the cache and was not to be built."""
 
 
 def find_compiler() -> tuple[str, ...]:
@@ -74,7 +74,7 @@ def find_compiler() -> tuple[str, ...]:
     Raises
     ------
     NoCompilerError
-        If there is none that answers.
+        If no working compiler is found.
     """
     try:
         chosen = shlex.split(os.environ.get("CC", ""))
@@ -97,7 +97,7 @@ def _candidates() -> Iterator[tuple[str, ...]]:
 
 @cache
 def version(command: tuple[str, ...]) -> str:
-    """Return what a compiler says of its version, empty if it does not run (Apple's stub, a broken link)."""
+    """Return a compiler's version text, empty if it does not run (Apple's stub, a broken link)."""
     try:
         status, out, _ = _answer([*command, "--version"], None, VERSION_SECONDS)
     except (OSError, ValueError, subprocess.SubprocessError):
@@ -106,12 +106,12 @@ def version(command: tuple[str, ...]) -> str:
 
 
 def _answer(call: Sequence[str], folder: str | None, seconds: float) -> tuple[int, str, str]:
-    """Run a compiler and all that it starts; return its status, output and errors.
+    """Run a compiler; return its exit status, output and error output.
 
     Raises
     ------
     subprocess.TimeoutExpired
-        If it has not ended by then; it is ended.
+        If it takes longer than `seconds`; the compiler and its child processes are then killed.
     """
     with subprocess.Popen(
         call, cwd=folder, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
@@ -119,7 +119,7 @@ def _answer(call: Sequence[str], folder: str | None, seconds: float) -> tuple[in
     ) as process:  # fmt: skip
         try:
             out, said = process.communicate(timeout=seconds)
-        except BaseException:  # the time is up, or Ctrl-C
+        except BaseException:  # timeout or Ctrl-C
             with contextlib.suppress(OSError, AttributeError):
                 os.killpg(process.pid, signal.SIGKILL)
             process.kill()
@@ -130,15 +130,15 @@ def _answer(call: Sequence[str], folder: str | None, seconds: float) -> tuple[in
 def cache_folder() -> Path:
     """Return the folder of cached libraries: ``$HOVERCONTROL_CACHE``, else the user's cache directory.
 
-    Where that cannot be written, or where others may put a library, a private temporary folder that ends with
-    this process; of others a warning tells.
+    If that folder is not writable, or if other users could put a library there, a temporary folder is used
+    that is deleted at the end of this process. In the second case a warning says so.
     """
     own = os.environ.get("HOVERCONTROL_CACHE")
     base = os.environ.get("XDG_CACHE_HOME") or os.environ.get("LOCALAPPDATA") or "~/.cache"
     try:
         place = Path(own or os.path.join(base, "hovercontrol")).expanduser()
         private_folder_made(place)
-        folder = place.resolve() / "compiled"  # the user may have links, below them there are none
+        folder = place.resolve() / "compiled"  # links are allowed above this folder, not below
         folder.mkdir(mode=0o700, exist_ok=True)
         reason = distrust(folder)
         if reason:
@@ -152,7 +152,7 @@ def cache_folder() -> Path:
 
 @cache
 def _tell_distrust(folder: str, reason: str) -> None:
-    """Tell once that a cache is not used."""
+    """Warn once that a cache folder is not used."""
     text = (
         f"compiled code is not kept in {folder}: {reason}; chmod go-w, or another $HOVERCONTROL_CACHE, helps"
     )
@@ -168,10 +168,10 @@ def _private_folder() -> Path:
 
 @cache
 def local_flags() -> tuple[str, ...]:
-    """Return the flags for a library that stays on this machine, with the vectors of its processor.
+    """Return the flags for a library used only on this machine, with vector instructions of its processor.
 
-    These change the last digits of Runge-Kutta sweeps and nothing else. They are in the names of the cached
-    libraries, so that another machine with the same home directory does not load what it cannot run.
+    These flags only change the last digits of Runge-Kutta sweeps. They are part of the cache key, so that
+    another machine with the same home directory does not load a library that it cannot run.
     """
     info = Path("/proc/cpuinfo")
     with contextlib.suppress(OSError):
@@ -181,12 +181,12 @@ def local_flags() -> tuple[str, ...]:
 
 
 def load_library(name: str, files: Mapping[str, str], *, build: bool = True) -> ctypes.CDLL:
-    """Return a shared library of C sources, from the cache or built now.
+    """Return a shared library of C sources, from the cache or newly built.
 
     Parameters
     ----------
     name : str
-        Begins the file's name; an identifier.
+        Start of the file's name; an identifier.
     files : mapping of str to str
         Sources (``.c``) and headers by file name.
     build : bool, optional
@@ -195,9 +195,9 @@ def load_library(name: str, files: Mapping[str, str], *, build: bool = True) -> 
     Raises
     ------
     NoCompilerError
-        If there is no C compiler, or it fails, or does not end in time.
+        If there is no C compiler, or it fails or takes too long.
     NotCachedError
-        Without `build`, if there is none.
+        If the library is not in the cache and `build` is false.
     """
     command = find_compiler()
     for place in (cache_folder, _private_folder):
@@ -206,7 +206,7 @@ def load_library(name: str, files: Mapping[str, str], *, build: bool = True) -> 
             raise NotCachedError
         try:
             return ctypes.CDLL(str(with_runtime(folder, name, files, command, flags, _SUFFIX)))
-        except OSError as error:  # of another system that shares this home; no exec there; a full disk
+        except OSError as error:  # a foreign system's file, noexec, or a full disk
             reason = error
     raise CompilerFailedError(f"a compiled library cannot be used: {reason}")
 
@@ -219,9 +219,9 @@ def with_runtime(
     flags: Sequence[str],
     suffix: str,
 ) -> Path:
-    """Return a library from the cache or built now; its C runtime is an object that all libraries share.
+    """Return a library, cached or newly built; all libraries share the object file of their C runtime.
 
-    The runtime's sources (``hc_*.c``) are the same for every Block and take most of the compiler's time.
+    The sources of the runtime (``hc_*.c``) are the same for every Block and take most of the compile time.
     Arguments and errors are those of :func:`built_file`.
     """
     stem = f"{name}-{_key(command, flags, files)}"
@@ -231,7 +231,7 @@ def with_runtime(
     runtime = {file: text for file, text in files.items() if file.startswith("hc_")}
     if any(file.endswith(".c") for file in runtime):
         compiling = [flag for flag in flags if flag not in ("-shared", "-s") and not flag.startswith("-Wl,")]
-        with contextlib.suppress(CompilerFailedError):  # one that cannot join objects compiles all at once
+        with contextlib.suppress(CompilerFailedError):  # if it cannot join objects, compile all at once
             joined = built_file(folder, "runtime", runtime, command, (*compiling, "-r", "-nostdlib"), ".o")
             own = {file: text for file, text in files.items() if file not in runtime or file.endswith(".h")}
             return _build(folder, stem, own, command, (*flags, str(joined)), suffix)
@@ -246,7 +246,7 @@ def built_file(
     flags: Sequence[str],
     suffix: str,
 ) -> Path:
-    """Return the binary that a compiler makes of C sources, from a cache folder or built now.
+    """Return the binary of C sources, from a cache folder or newly built.
 
     Parameters
     ----------
@@ -255,15 +255,15 @@ def built_file(
     name, files
         As for :func:`load_library`.
     command : tuple of str
-        The compiler; its version counts, too.
+        The compiler; its version is part of the cache key.
     flags : sequence of str
     suffix : str
-        Of the binary's file name, with the dot.
+        Suffix of the binary's file name, with the dot.
 
     Raises
     ------
     CompilerFailedError
-        If the compiler refuses the sources (the line names its log) or does not end in time.
+        If the compiler fails (the message gives its log file) or takes too long.
     """
     stem = f"{name}-{_key(command, flags, files)}"
     return _cached(folder, stem, suffix) or _build(folder, stem, files, command, flags, suffix)
@@ -277,9 +277,9 @@ def _key(command: tuple[str, ...], flags: Sequence[str], files: Mapping[str, str
 
 
 def _cached(folder: Path, stem: str, suffix: str) -> Path | None:
-    """Return the library of that name whose bytes are those its name promises; remove any other.
+    """Return the library of that name whose bytes match the digest in its name; remove any other.
 
-    It is the user's own, and others cannot have written it; the same holds for the folders that it lies in.
+    The file and its folders must belong to the user and must not be writable by others.
     """
     shelf = _shelf(folder, stem)
     if not shelf.exists() or distrust(shelf, within=folder):
@@ -294,12 +294,12 @@ def _cached(folder: Path, stem: str, suffix: str) -> Path | None:
 
 
 def _shelf(folder: Path, stem: str) -> Path:
-    """Return the part of a cache folder for names that end in a key: to look through all takes time."""
+    """Return the subfolder of a cache folder for a key; subfolders keep the search short."""
     return folder / stem[-2:]
 
 
 def _made_shelf(folder: Path, stem: str) -> Path:
-    """Return a part of a cache folder, made for the user alone; earlier versions followed the umask."""
+    """Return the subfolder for a key, created for this user only; earlier versions followed the umask."""
     shelf = _shelf(folder, stem)
     shelf.mkdir(mode=0o700, exist_ok=True)
     if shelf.is_symlink():
@@ -310,15 +310,16 @@ def _made_shelf(folder: Path, stem: str) -> Path:
 
 
 def cached_text(stem: str, suffix: str, make: Callable[[], str]) -> str:
-    """Return a generated text that is slow to make, from the cache or made now.
+    """Return a generated text that takes long to generate, from the cache or newly generated.
 
     Parameters
     ----------
     stem : str
-        Begins the file's name; ends in a hexadecimal key of all that the text depends on.
+        Start of the file's name; ends in a hexadecimal key of everything that the text depends on.
     suffix : str
-        Of the file, with the dot.
+        Suffix of the file, with the dot.
     make : callable
+        Generates the text.
     """
     folder = cache_folder()
     found = _cached(folder, stem, suffix)
@@ -327,21 +328,22 @@ def cached_text(stem: str, suffix: str, make: Callable[[], str]) -> str:
             return found.read_text(encoding="utf-8")
     text = make()
     digest = _digest(text.encode())
-    with contextlib.suppress(InputError, OSError):  # a full disk: it is made again next time
+    with contextlib.suppress(InputError, OSError):  # full disk: the text is generated again next time
         target = _made_shelf(folder, stem) / f"{stem}-{digest}{suffix}"
         write_quietly(target, lambda path: path.write_bytes(text.encode()), mode=0o600)
     return text
 
 
 def generated(block: Block, kind: str, make: Callable[[], str]) -> str:
-    """Return a text that is generated from a Block, made once for each version of the code that makes it.
+    """Return a text generated from a Block, generated once for each version of the generating code.
 
     Parameters
     ----------
     block : Block
     kind : str
-        Which text, with all options.
+        Kind of the text, with all options.
     make : callable
+        Generates the text.
     """
     parts = (block.content_hash, kind, _generator())
     key = hashlib.sha256("\0".join(parts).encode()).hexdigest()[:24]
@@ -350,7 +352,7 @@ def generated(block: Block, kind: str, make: Callable[[], str]) -> str:
 
 @cache
 def _generator() -> str:
-    """Return a digest of all code that a generated text depends on: that of Blocks, and that of backends."""
+    """Return a digest of all code that a generated text depends on: that of Blocks and of backends."""
     digest = hashlib.sha256(f"{sp.__version__} {sys.version}".encode())
     package = Path(__file__).parents[1]
     for folder in _GENERATORS:
@@ -398,7 +400,7 @@ def _build(
         made.chmod(0o700)
         try:
             os.replace(made, target)
-        except OSError:  # Windows: the same file, built by another process, is in use
+        except OSError:  # Windows: another process built the same file and uses it
             if not target.exists():
                 raise
         return target

@@ -1,6 +1,6 @@
-"""The python-control system of a Block, with its names and order, and parameters that are checked.
+"""The python-control system of a Block, with the Block's names and order and with checked parameters.
 
-:mod:`.to_control` makes it; discrete-time systems of Blocks that are integrated lie in :mod:`.discrete`.
+:mod:`.to_control` creates it. Discrete-time systems of integrated Blocks are in :mod:`.discrete`.
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ Array = NDArray[np.float64]
 
 
 class _Params(dict[str, float]):
-    """A parameter dict that knows it came from a system, not from a user's hand.
+    """A parameter dict of a system; its type distinguishes it from a user's dict.
 
-    ``control.interconnect`` copies each subsystem's ``params`` and adds those of all others; a key of another
-    system is then no mistake. The type survives that copy, so the two cases can be distinguished.
+    ``control.interconnect`` copies each subsystem's ``params`` and adds those of all others, so a key of
+    another system is not an error there. The type survives that copy, so the two cases can be distinguished.
     """
 
     def copy(self) -> _Params:
@@ -35,14 +35,14 @@ class _Params(dict[str, float]):
 
 
 class BlockSystem(control.NonlinearIOSystem):
-    """The python-control system of a Block; made by ``block.to_control()``.
+    """The python-control system of a Block, from ``block.to_control()``.
 
-    Where a large Block is evaluated often, machine code takes over from Python, with the same numbers to
-    rounding (:mod:`.points` says when); without a C compiler Python goes on.
+    If a large Block is evaluated often, machine code replaces Python (:mod:`.points` describes when); results
+    agree to rounding. Without a C compiler Python continues.
 
-    Parameter keys are those of the Block (``plant.yaw_coulomb``). An unknown key is refused; inside a
-    ``control.interconnect``, where every subsystem is handed the keys of all, a key that begins with this
-    Block's name must be one of its own.
+    Parameter keys are those of the Block (``plant.yaw_coulomb``). An unknown key raises an error. Inside a
+    ``control.interconnect``, where every subsystem gets the keys of all others, only a key that begins with
+    this Block's name must be one of its own.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ class BlockSystem(control.NonlinearIOSystem):
         self._prepare()
 
     def _outputs_are_states(self) -> bool:
-        """Whether outputs are the states in order; python-control's state feedback looks for that."""
+        """Whether the outputs are the states in order, which python-control's state feedback checks."""
         given = self.block.output_expressions.values()
         return bool(self.block.outputs) and list(given) == [s.symbol for s in self.block.states]
 
@@ -74,7 +74,7 @@ class BlockSystem(control.NonlinearIOSystem):
         self._points = points(self.block)
         self._native: tuple[Point, Point] | None = None
         self._values = self.block.parameter_values()
-        # What was checked last: own parameters, those given, and whether an interconnection gave them.
+        # The parameters checked last: own, given, and whether an interconnection gave them.
         self._seen: tuple[dict[str, float], dict[str, float], bool] | None = None
         self._direct: tuple[dict[str, float], tuple[float, ...]] | None = None
 
@@ -89,12 +89,12 @@ class BlockSystem(control.NonlinearIOSystem):
         self._values = values
 
     def _update_params(self, params: Mapping[str, float] | None) -> None:
-        # Called with every `dynamics` and `output`: to compare takes 0.3 us, to check 5 us a parameter.
+        # Called by every `dynamics` and `output`: a comparison takes 0.3 us, a check 5 us per parameter.
         own, given, pushed = self.params, params or {}, isinstance(params, _Params)
         try:
             if self._seen == (own, given, pushed):
                 return
-        except ValueError:  # an array among the values: the check below refuses it
+        except ValueError:  # an array among the values; the check below raises
             pass
         foreign = [key for key in given if key not in own]
         for key in foreign:
@@ -107,7 +107,7 @@ class BlockSystem(control.NonlinearIOSystem):
         self._native = None
         self._seen = dict(own), dict(given), pushed
 
-    # The system's `updfcn` and `outfcn`, which python-control calls with all parameters (phase planes do).
+    # The system's `updfcn` and `outfcn`, called with all parameters (by phase planes, for example).
     def _updates(self, t: float, x: Any, u: Any, params: Mapping[str, float]) -> Array:
         return self._points.python("derivatives", t, x, self._commanded(u), self._own(params))
 
@@ -120,7 +120,7 @@ class BlockSystem(control.NonlinearIOSystem):
             self._direct = dict(params), self.block.parameter_values(own, bounded=False)
         return self._direct[1]
 
-    # What python-control calls at every point; the two methods above, without looking up parameters again.
+    # Called by python-control at every point; like the two methods above, without looking up parameters.
     def _rhs(self, t: float, x: Any, u: Any) -> Array:
         native, u = self._native or self._look_for_native(), self._commanded(u)
         if native:
@@ -129,12 +129,12 @@ class BlockSystem(control.NonlinearIOSystem):
 
     def _out(self, t: float, x: Any, u: Any) -> Array:
         native, u = self._native or self._look_for_native(), self._commanded(u)
-        if native:  # python-control gives a static system one number as its states
+        if native:  # python-control passes one number as the states of a static system
             return native[1](t, x if self.nstates else (), u)
         return self._points.python("outputs", t, x, u, self._values)
 
     def _commanded(self, u: Any) -> Any:
-        """Return inputs; ``control.find_operating_point`` hands on None where its user gives none."""
+        """Return the inputs, 0 for None, which ``control.find_operating_point`` passes if none are given."""
         return np.zeros(self.ninputs) if u is None else u
 
     def _look_for_native(self) -> tuple[Point, Point] | None:
@@ -157,7 +157,7 @@ class BlockSystem(control.NonlinearIOSystem):
         copy_names: bool = True,
         **kwargs: Any,
     ) -> control.StateSpace:
-        """Return the linearisation at a point, from the exact Jacobians.
+        """Return the linearisation at a point, from exact Jacobians.
 
         Parameters
         ----------
@@ -168,25 +168,25 @@ class BlockSystem(control.NonlinearIOSystem):
         params : mapping, optional
             Parameter values by key.
         copy_names : bool, optional
-            Whether the names of signals and the system are kept; if not, python-control numbers them.
+            Whether the signals and the system keep their names; if not, python-control numbers them.
         **kwargs
             As for :func:`control.linearize`: ``name``, ``inputs``, ``outputs``, ``states``.
 
         Raises
         ------
         InputError
-            If a number of values or a key is wrong, or a value is not finite.
+            If the number of values is wrong, a key is unknown, or a value is not finite.
 
         Warns
         -----
         SmoothedFrictionWarning
-            If a pole is the slope of smoothed dry friction.
+            If a pole is due to the slope of smoothed dry friction.
         """
         if isinstance(x0, control.OperatingPoint):
             x0, u0 = x0.states, x0.inputs if u0 is None else u0
         x = point_values(x0, self.nstates, "state", self.block.name)
         u = point_values(u0, self.ninputs, "input", self.block.name)
-        kwargs.pop("eps", None)  # a step for finite differences: nothing is left to choose
+        kwargs.pop("eps", None)  # step for finite differences, not needed here
         self._update_params(params)
         matrices = self._derivative_matrices(t, x, u)
         if copy_names:
@@ -204,29 +204,29 @@ class BlockSystem(control.NonlinearIOSystem):
         copy_names: bool = True,
         **kwargs: Any,
     ) -> BlockSystem:
-        """Return the discrete-time system whose inputs hold from step to step; ``control.c2d`` calls this.
+        """Return the discrete-time system with inputs held over each step; ``control.c2d`` calls this.
 
-        That of ``block.to_control(step=Ts)``, with this system's parameters.
+        It is the system of ``block.to_control(step=Ts)`` with this system's parameters.
 
         Parameters
         ----------
         Ts : float
-            Step [s].
+            Sampling period [s].
         method : {"zoh"}, optional
-            Other methods (``"tustin"``) are for linear systems.
+            Other methods (``"tustin"``) apply to linear systems only.
         alpha, prewarp_frequency : None
-            Of other methods.
+            Parameters of other methods.
         name : str, optional
-            Of the system (default: this one's with ``$sampled``).
+            Name of the system (default: this system's name with ``$sampled``).
         copy_names : bool, optional
-            Whether the names of signals and the system are kept; if not, python-control numbers them.
+            Whether the signals and the system keep their names; if not, python-control numbers them.
         **kwargs
             As for :func:`control.sample_system`: ``inputs``, ``outputs``, ``states``.
 
         Raises
         ------
         InputError
-            If the step is not positive, the method is another, or the system is discrete already.
+            If the period is not positive, the method is not "zoh", or the system is already discrete.
         """
         if method != "zoh" or alpha is not None or prewarp_frequency is not None:
             raise InputError(

@@ -1,7 +1,7 @@
-"""Discrete-time python-control systems of Blocks that are integrated from step to step, inputs held.
+"""Discrete-time python-control systems of Blocks, integrated over each step with held inputs.
 
-:class:`HeldSystem` is that of a continuous Block, exact for inputs that hold (zero-order hold), with exact
-Jacobians; :class:`HybridSystem` that of a Block with parts that tick.
+:class:`HeldSystem` is the system of a continuous Block. It is exact for held inputs (zero-order hold) and has
+exact Jacobians. :class:`HybridSystem` is the system of a Block with sampled parts.
 """
 
 from __future__ import annotations
@@ -26,24 +26,24 @@ from hovercontrol.targets.library import Solver, Step
 
 Array = NDArray[np.float64]
 
-#: How a continuous Block is integrated: python-control takes differences of these numbers in steps of 1e-6,
-#: SciPy's optimisers in steps of 1e-8.
+#: Solver for continuous Blocks. The tolerance is tight because python-control takes finite differences of the
+#: results with steps of 1e-6, and SciPy's optimisers with steps of 1e-8.
 _HELD = Solver("dormand-prince", 0.0, 1e-10, 1e-12)
-#: How a hybrid Block is integrated.
+#: Solver for hybrid Blocks.
 _HYBRID = Solver("dormand-prince", 0.0, 1e-6, 1e-9)
 #: Relative and absolute tolerance of the variational equations.
 _RTOL, _ATOL = 1e-12, 1e-13
 
 
 class SteppedSystem(BlockSystem):
-    """A Block from step to step; the base of both kinds.
+    """A discrete-time system whose steps are integrated; the base class of both kinds.
 
     Parameters
     ----------
     block : Block
     name : str or None
     step : float
-        [s]
+        Sampling period [s].
     """
 
     _solver: Solver
@@ -87,31 +87,32 @@ class SteppedSystem(BlockSystem):
 
 
 class HeldSystem(SteppedSystem):
-    """The discrete-time system of a continuous Block, exact for inputs that hold from step to step.
+    """The discrete-time system of a continuous Block, exact for inputs held over each step.
 
-    Its states are the Block's, ``x[k+1] = phi(x[k], u[k])`` with the flow phi of the Block over one step. The
-    flow is computed to a relative error of 1e-10, by machine code where there is a C compiler.
+    Its states are those of the Block: ``x[k+1] = phi(x[k], u[k])`` with the flow phi of the Block over one
+    step. The flow is computed with a relative tolerance of 1e-10, in machine code if there is a C compiler.
     """
 
     _solver = _HELD
 
     def _derivative_matrices(self, t: float, x: Array, u: Array) -> list[Array]:
+        # A = dphi/dx, B = dphi/du over one step;  C = dg/dx, D = dg/du with the outputs g at its begin
         f = numpy_functions(self.block)
         outputs = [f.jacobian(t, x, u, self._current_params, "outputs", by) for by in ("states", "inputs")]
         return [*step_jacobians(self.block, t, t + self.dt, x, u, self._current_params), *outputs]
 
 
 class HybridSystem(SteppedSystem):
-    """The discrete-time system of a hybrid Block, exact between its steps.
+    """The discrete-time system of a hybrid Block, exact also between its steps.
 
-    From one step to the next the Block is integrated, and its ticks are taken when they are due, also those
-    between two steps. Inputs hold from step to step.
+    Over each step the Block is integrated with held inputs. Its ticks are executed when they are due, also
+    between two steps.
     """
 
     _solver = _HYBRID
 
     def _outputs_are_states(self) -> bool:
-        return False  # ticks are taken first
+        return False  # ticks are executed first
 
     def _out(self, t: float, x: Any, u: Any) -> Array:
         return super()._out(t, self._advanced(t, t, x, u), self._commanded(u))
@@ -121,7 +122,7 @@ class HybridSystem(SteppedSystem):
         return super()._outputs(t, states, u, params)
 
     def linearize(self, *args: Any, **kwargs: Any) -> Any:
-        """Refuse: what ticks has no derivative; raises :class:`InputError`."""
+        """Raise :class:`InputError`: a step with ticks is not differentiated."""
         self.block.need_continuous("linearisation", hybrid=False)
         raise AssertionError
 
@@ -129,24 +130,26 @@ class HybridSystem(SteppedSystem):
 def step_jacobians(
     block: Block, t: float, until: float, x: Array, u: Array, params: Mapping[str, float] | None = None
 ) -> tuple[Array, Array]:
-    """Return the derivatives of the states after a step by those before it, and by the inputs held over it.
+    """Return the Jacobians of the states after a step by the states before it and by the held inputs.
 
     Parameters
     ----------
     block : Block
         Continuous.
     t, until : float
-        From and to [s].
+        Begin and end of the step [s].
     x : ndarray, shape (n_states,)
-        At `t`.
+        States at `t`.
     u : ndarray, shape (n_inputs,)
     params : mapping, optional
-        Parameter values by key, over the defaults.
+        Parameter values by key; others have their defaults.
 
     Returns
     -------
     ndarray, shape (n_states, n_states)
+        Phi(until).
     ndarray, shape (n_states, n_inputs)
+        Gamma(until).
 
     Raises
     ------
@@ -155,7 +158,7 @@ def step_jacobians(
 
     Notes
     -----
-    The variational equations, along the solution of x' = f(t, x, u)::
+    The variational equations along the solution of x' = f(t, x, u)::
 
         Phi' = A Phi,        Phi(t) = I,      A = df/dx
         Gamma' = A Gamma + B, Gamma(t) = 0,   B = df/du
@@ -177,6 +180,7 @@ def step_jacobians(
     f, values = numpy_functions(block), block.parameter_values(params, bounded=False)
     pair, held = f.scalar_pair("derivatives"), u.tolist()
 
+    # z = (x, [Phi Gamma]),  [Phi Gamma]' = A [Phi Gamma] + [0 B],  [Phi Gamma](t) = [I 0]
     def rates(t: float, z: Array) -> Array:
         at, slopes = z[:n], z[n:].reshape(n, n + m)
         change = f.jacobian_values(t, at, u, values, "derivatives", "states") @ slopes

@@ -1,4 +1,4 @@
-"""What computes a compiled Block: its shared library, or NumPy where there is no compiler."""
+"""The engine that computes a compiled Block: its shared library, or NumPy without a compiler."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Results = tuple[Array, Array, NDArray[np.intc]]
 
 
 class NumpyEngine:
-    """What :class:`.library.Library` does, without a compiler; methods and arguments are the same."""
+    """Does the work of :class:`.library.Library` without a compiler; methods and arguments are the same."""
 
     def __init__(self, block: Block) -> None:
         self.block = block
@@ -43,7 +43,7 @@ class NumpyEngine:
         return function
 
     def advance(self, solver: Solver, t: float, until: float, x: Array, u: Array, p: Array) -> int:
-        """Change states x at t to those at `until`; return the status."""
+        """Change the states x at `t` to those at `until`, in place; return the status."""
         if self.block.ticks:
             run = Running(self.block, t, x.tolist(), u.tolist(), p.tolist())
             run.advance(until, open_end=True)
@@ -71,7 +71,7 @@ class NumpyEngine:
     def simulate(
         self, solver: Solver, times: Array, u: Array, x: Array, p: Array
     ) -> tuple[int, float, Array, Array, Array]:
-        """Return status, time reached, states, outputs and the last states."""
+        """Return the status, the time reached, the states, the outputs and the last states."""
         params = dict(zip(self.block.default_parameters, p.tolist(), strict=True))
         if solver.method == "dormand-prince" or self.block.ticks:
             longest, rtol, atol = solver.step or math.inf, solver.rtol, solver.atol
@@ -101,7 +101,7 @@ class NumpyEngine:
         band: Array,
         results: Results,
     ) -> None:
-        """Fill the results of some runs: figures, last states, status."""
+        """Write the results of some runs: figures, last states, status."""
         figures, last, statuses = results
         counted = times >= times[0] + since
         t = times[counted]
@@ -112,6 +112,8 @@ class NumpyEngine:
                 statuses[k] = 2 if "not a number" in str(error) else 3
             if statuses[k]:
                 continue
+            # settling: the first time after the last one with |y(t) - y(t_end)| > band;
+            # rms: sqrt(1/(t_end - t_0) integral of y^2 dt) by the trapezoidal rule
             y = outputs[counted]
             away = np.abs(y - y[-1]) > band
             settled = [t[np.flatnonzero(a)[-1] + 1] if a.any() else t[0] for a in away.T]
@@ -124,7 +126,7 @@ Engine = Library | NumpyEngine
 
 @lru_cache(maxsize=64)
 def engine_of(block: Block, friction: Friction, whole: bool = True, lanes: bool = False) -> Engine:
-    """Return the engine of a Block, made once; arguments are those of :class:`.library.Library`."""
+    """Return the cached engine of a Block; arguments are those of :class:`.library.Library`."""
     try:
         return Library(block, friction, whole=whole, lanes=lanes)
     except NoCompilerError as error:
@@ -142,12 +144,12 @@ def _warn_once(reason: str) -> None:
 
 
 def checked_solver(method: str, step: float | None, rtol: float, atol: float) -> Solver:
-    """Return how to integrate.
+    """Return the solver settings, checked.
 
     Raises
     ------
     InputError
-        If there is no such method, or a number is not positive.
+        If the method is unknown, rk4 has no step, or a number is not positive.
     """
     if method not in METHODS:
         raise InputError(f"unknown method {method!r}{did_you_mean(str(method), METHODS)}")

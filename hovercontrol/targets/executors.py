@@ -1,8 +1,8 @@
-"""Sweeps on any ``concurrent.futures.Executor``: threads, processes, a Dask cluster; and where they resume.
+"""Sweeps on any ``concurrent.futures.Executor`` (threads, processes, a Dask cluster), with checkpoints.
 
-A sweep is cut into parts of some runs each, whatever the executor, so that results cannot depend on it. A
-part is simulated by :meth:`~hovercontrol.targets.compiled.CompiledBlock.sweep` where the executor has it
-done; what comes back is put in place here and, if wanted, kept in a folder of Parquet files.
+A sweep is divided into parts independently of the executor, so that results cannot depend on it. Each worker
+simulates a part with :meth:`~hovercontrol.targets.compiled.CompiledBlock.sweep`. The results are collected
+here and, on request, stored in a folder of Parquet files.
 """
 
 from __future__ import annotations
@@ -49,7 +49,8 @@ from hovercontrol.targets.sweep import (
 if TYPE_CHECKING:
     from hovercontrol.targets.compiled import CompiledBlock
 
-#: A sweep is cut into about as many parts; a part has a multiple of so many runs, as many as go side by side.
+#: Approximate number of parts of a sweep. Each part holds a multiple of 16 runs, so that the 8 lanes of the
+#: vector code are filled.
 PARTS, TOGETHER = 64, 16
 
 
@@ -64,38 +65,39 @@ def sweep_on(
     progress: Callable[[int], None] | None = None,
     **options: Any,
 ) -> SweepResult:
-    """Simulate many times, as ``ready.sweep`` does and with its results to the last bit, on an executor.
+    """Simulate many runs on an executor; results are bit-identical to those of ``ready.sweep``.
 
     Parameters
     ----------
     executor : concurrent.futures.Executor
-        Threads, processes, or a cluster's (see :func:`cluster`). It is not shut down.
+        Threads, processes, or a cluster (see :func:`cluster`). It is not shut down.
     ready : CompiledBlock
         Each worker loads its library from its own cache, or builds it.
     time, params, x0
         As for :meth:`~hovercontrol.targets.compiled.CompiledBlock.sweep`.
     checkpoint : path, optional
-        Folder that keeps the results as they come, one Parquet file for each part; together they are
-        :meth:`~hovercontrol.targets.sweep.SweepResult.to_table`. The same sweep with the same folder goes on
-        where it was interrupted; runs that failed in a worker are tried again.
+        Folder for the results, one Parquet file for each finished part; together they hold the table of
+        :meth:`~hovercontrol.targets.sweep.SweepResult.to_table`. The same sweep with the same folder
+        continues an interrupted one; runs that failed in a worker are repeated.
     progress : callable, optional
-        Called now and then with the number of runs done.
+        Called repeatedly with the number of runs done.
     **options
-        ``inputs``, ``start``, ``band``, ``method``, ``step``, ``rtol``, ``atol`` of that sweep.
+        ``inputs``, ``start``, ``band``, ``method``, ``step``, ``rtol``, ``atol``, as for ``ready.sweep``.
 
     Returns
     -------
     SweepResult
-        A run that fails is marked there, and the others go on: also one that takes its worker with it, once
-        it has failed alone. Results are the same to the bit where processors and compilers are.
+        A run that fails is marked in it; the other runs continue. If a part fails in its worker, each of its
+        runs is repeated alone, and those that fail again are marked. Results are bit-identical for the same
+        processors and compilers.
 
     Raises
     ------
     InputError
-        As by ``ready.sweep``, and if the folder is that of another sweep.
+        As for ``ready.sweep``, and if the folder belongs to another sweep.
     RuntimeError
-        If all parts fail, or the executor breaks: a process pool does when a process is killed, a Dask
-        cluster gives its tasks to others. What the checkpoint holds is kept.
+        If all parts fail, or the executor breaks. A process pool breaks if a process is killed; a Dask
+        cluster gives the tasks to other workers. The checkpoint keeps its results.
 
     Examples
     --------
@@ -130,19 +132,19 @@ def sweep_on(
 
 @contextmanager
 def cluster(address: str, timeout: float = 10.0) -> Iterator[Executor]:
-    """Give a Dask cluster as an executor; needs ``pip install 'hovercontrol[cluster]'``.
+    """Connect to a Dask cluster as an executor; needs ``pip install 'hovercontrol[cluster]'``.
 
     Parameters
     ----------
     address : str
-        Of its scheduler, such as ``tcp://127.0.0.1:8786``.
+        Address of its scheduler, such as ``tcp://127.0.0.1:8786``.
     timeout : float, optional
-        How long the scheduler, and then a worker, may take to answer [s].
+        Time limit for the answer of the scheduler, and then of a worker [s].
 
     Raises
     ------
     InputError
-        If they do not answer in time, the address is none, or Dask is not installed.
+        If they do not answer in time, the address is invalid, or Dask is not installed.
     """
     positive("cluster: timeout", timeout)
     try:
@@ -160,7 +162,7 @@ def cluster(address: str, timeout: float = 10.0) -> Iterator[Executor]:
 
 
 async def _answers(distributed: Any, address: str, timeout: float) -> None:
-    """Refuse an address where no scheduler answers: Dask itself waits for ever for a greeting."""
+    """Raise if no scheduler answers at the address: Dask itself would wait without a limit."""
     try:
         greeting = distributed.comm.connect(address, timeout=timeout)
         (await asyncio.wait_for(greeting, timeout)).abort()
@@ -171,7 +173,7 @@ async def _answers(distributed: Any, address: str, timeout: float) -> None:
 
 
 class _Work(NamedTuple):
-    """What all runs share, as a worker gets it, and what each has: its initial state, its parameters."""
+    """Input of the workers: the data shared by all runs, and initial states and parameters of each run."""
 
     ready: bytes
     times: Array
@@ -211,14 +213,14 @@ def _work(
     x, given = values_of_runs(block, {s.name: s for s in block.states}, x0, runs, "state")
     resting = np.delete(np.arange(len(block.states)), without_resting_states(block)[1])
     moved = np.flatnonzero(x[:, resting].any(axis=1))
-    if moved.size:  # one run computes all states, so that all do, in whichever part they are
+    if moved.size:  # if one run needs all states, all runs compute them, in every part
         start = {block.states[k].name: float(x[moved[0], k]) for k in resting}
         ready = block.with_values(start).compile(friction=ready.friction)
     return _Work(pickle.dumps(ready), times, dict(options), x, p, given)
 
 
 def _empty(work: _Work) -> SweepResult:
-    """Return a result in which no run is done."""
+    """Return a result in which no run is finished."""
     block, runs = _load(work.ready).block, len(work.x)
     outputs, states = (tuple(s.name for s in group) for group in (block.outputs, block.states))
     figures: dict[str, Any] = {name: np.full((runs, len(outputs)), np.nan) for name in FIGURES}
@@ -235,7 +237,7 @@ def _run(
     kept: Checkpoint | None,
     counter: _Counter,
 ) -> list[tuple[slice, str]]:
-    """Do the parts; return those that failed in their worker, with the reason."""
+    """Simulate the parts; return those that failed in their worker, with the reason."""
     failed: list[tuple[slice, str]] = []
     futures: dict[Future[dict[str, Any]], slice] = {}
     try:
@@ -263,7 +265,7 @@ def _run(
         raise RuntimeError(
             f"the executor broke after {counter.done} of {len(work.x)} runs: {reason}{where}"
         ) from error
-    finally:  # Ctrl-C as well: what has not begun is not begun any more
+    finally:  # also after Ctrl-C: parts that have not started are cancelled
         for future in futures:
             future.cancel()
     return failed
@@ -272,7 +274,7 @@ def _run(
 def _simulate(
     ready: bytes, times: Array, params: dict[str, Array], x: Array, options: dict[str, Any]
 ) -> dict[str, Any]:
-    """Simulate a part, in whatever process this is."""
+    """Simulate a part in the worker's process."""
     result = as_user(_load(ready).sweep, times, params=params, x0=x, threads=1, **options)
     return {name: getattr(result, name) for name in (*FIGURES, "states_final", "status")}
 

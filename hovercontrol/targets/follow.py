@@ -1,6 +1,9 @@
 """States of a Block that follow from given signals: a motor's lag, a gear's play, a friction's bristles.
 
-NumPy steps them until a library is built, where there is a compiler; the two agree but for rounding.
+NumPy computes them until a compiled library is available; the two agree to rounding, except that NumPy takes
+the slope from finite differences. Each state x is stepped by the exponential Euler method (Rosenbrock)::
+
+    x(k+1) = x(k) + h f(x(k)) phi(h a),    a = df/dx,    phi(z) = (exp(z) - 1)/z
 """
 
 from __future__ import annotations
@@ -23,7 +26,7 @@ from hovercontrol.targets.runtime import FOLLOWING, runtime_files
 
 Array = NDArray[np.float64]
 
-#: Time that NumPy takes for a step [s]: a library in the making is waited for as long as NumPy would take.
+#: Time of a NumPy step [s]: a library being built is awaited for the time that NumPy would need.
 NUMPY_STEP = 2e-4
 
 _EXPORTS = """
@@ -59,7 +62,7 @@ def follow(
     inputs: Array,
     parameters: Sequence[float],
 ) -> Array:
-    """Return states that follow from given signals, from zero on.
+    """Return states that follow from given signals, with zero initial values.
 
     Parameters
     ----------
@@ -67,17 +70,17 @@ def follow(
     followers : sequence of int
         Their indices among the states.
     time, step : ndarray, shape (M, W)
-        At which the signals are given, and for how long each holds [s], in W windows.
+        Times at which the signals are given, and durations for which they are held [s], in W windows.
     states : ndarray, shape (n_states, M, W)
-        Those of the followers are not read.
+        Given states; the values of the followers are ignored.
     inputs : ndarray, shape (n_inputs, M, W)
     parameters : sequence of float
-        All of the Block's.
+        Values of all parameters of the Block.
 
     Returns
     -------
     ndarray, shape (n_followers, M + 1, W)
-        Infinite or NaN where they run away.
+        Infinite or NaN where a state diverges.
     """
     M, W = time.shape
     values = np.zeros((len(followers), M + 1, W))
@@ -116,6 +119,7 @@ def _step(
                 moved[i] += tip
                 rate = np.broadcast_to(now[i], W)
                 own = (rates(time[k], moved, inputs[:, k], parameters)[i] - rate) / tip
+                # z = h a within [-700, 50] against overflow;  phi(z) = expm1(z)/z, 1 for |z| <= 1e-8
                 a = np.clip(own * h, -700.0, 50.0)
                 grown = np.where(np.abs(a) > 1e-8, np.expm1(a) / np.where(a == 0, 1.0, a), 1.0)
                 values[j, k + 1] = values[j, k] + h * rate * grown

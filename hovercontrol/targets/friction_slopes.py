@@ -1,12 +1,12 @@
-"""The slope of dry friction in a linear system: as smoothed, left out, or by its describing function.
+"""The slope of dry friction in a linear system: smoothed, omitted, or given by a describing function.
 
-A Block writes dry friction as ``F sgn(v, w)``, smoothed to F tanh(v/w). Its slope at v = 0 is F/w: a pole
-that tells the width of the smoothing and nothing of the craft. The slope of sgn is one of three:
+A Block contains dry friction as ``F sgn(v, w)``, smoothed to F tanh(v/w). Its slope at v = 0 is F/w. The
+resulting pole depends on the width of the smoothing, not on the craft. Three slopes of sgn can be chosen:
 
 smooth
-    d/dv tanh(v/w) = (1 - tanh^2(v/w))/w, the derivative of the equations as they are written.
+    d/dv tanh(v/w) = (1 - tanh^2(v/w))/w, the derivative of the smoothed equations.
 none
-    0, the derivative where v keeps its sign: a craft under way.
+    0, the derivative while v keeps its sign: a moving craft.
 describing
     N(A, v) = 4/(pi A) sqrt(1 - (v/A)^2), and 0 for abs(v) > A: the describing function of a relay whose input
     is v + A sin(w t) [Gelb and Vander Velde, Multiple-Input Describing Functions, 1968, section 6.2]. At
@@ -38,7 +38,7 @@ from hovercontrol.io.tables import positive
 Array = NDArray[np.float64]
 Slope = Literal["smooth", "none", "describing"]
 
-#: A pole comes from the smoothing if it moves by this part of its size when the friction's slope is left out.
+#: A pole is due to the smoothing if it moves by this fraction of its magnitude without the friction's slope.
 MOVED = 0.1
 
 _MATRICES: tuple[tuple[Rows, Columns], ...] = (
@@ -50,15 +50,15 @@ _MATRICES: tuple[tuple[Rows, Columns], ...] = (
 
 
 class Point(NamedTuple):
-    """Where a Block is linearised.
+    """The point at which a Block is linearised.
 
     Attributes
     ----------
     t : float
-        [s]
+        Time [s].
     x, u : ndarray, shapes (n_states,) and (n_inputs,)
     params : mapping of str to float
-        Over the defaults.
+        Parameter values by key; others have their defaults.
     """
 
     t: float
@@ -70,7 +70,9 @@ class Point(NamedTuple):
 def linear_matrices(
     block: Block, point: Point, friction: Slope = "smooth", amplitude: Mapping[str, float] | None = None
 ) -> list[Array]:
-    """Return A, B, C, D at a point, from the exact Jacobians.
+    """Return A = df/dx, B = df/du, C = dg/dx, D = dg/du at a point, from exact Jacobians.
+
+    f are the states' derivatives and g the outputs.
 
     Parameters
     ----------
@@ -82,7 +84,7 @@ def linear_matrices(
     Raises
     ------
     InputError
-        If an amplitude is missing, not positive or of a state without dry friction.
+        If an amplitude is missing, not positive, or for a state without dry friction.
 
     Examples
     --------
@@ -109,15 +111,16 @@ def linear_matrices(
 
 
 def warn_of_smoothing(block: Block, A: Array, point: Point) -> None:
-    """Warn if a pole of a continuous linearisation is the slope of smoothed dry friction.
+    """Warn if a pole of a continuous linearisation is due to the slope of smoothed dry friction.
 
-    That is judged by the eigenvalues with and without that slope. A warning names pole, velocity and width.
+    The eigenvalues p with and q without that slope are compared: the warning is given if
+    abs(p - q) > 0.1 max(abs(p), abs(q)). It names pole, velocity and width.
 
     Parameters
     ----------
     block : Block
     A : ndarray, shape (n_states, n_states)
-        Of the equations as they are written.
+        System matrix of the smoothed equations.
     point : Point
     """
     rubbing = _lines_for(block)
@@ -149,9 +152,9 @@ def warn_of_smoothing(block: Block, A: Array, point: Point) -> None:
 
 
 def creeping(block: Block, point: Point) -> set[str]:
-    """Return the velocities at a point that creep: not 0, and within the width of their smoothed friction.
+    """Return the velocities v at a point that creep: 1e-6 w < abs(v) < 2 w, w the width of their friction.
 
-    Coulomb's friction would hold them at rest.
+    Coulomb friction would hold them at rest.
 
     Examples
     --------
@@ -171,7 +174,7 @@ def creeping(block: Block, point: Point) -> set[str]:
 
 
 class _Lines(NamedTuple):
-    """A Block with ``s + k (v - v0)`` for each ``sgn(v, w)``; s, k and v0 are parameters of it."""
+    """A Block in which ``s + k (v - v0)`` replaces each ``sgn(v, w)``, with the parameters s, k and v0."""
 
     block: Block
     names: tuple[str, ...]
@@ -179,13 +182,13 @@ class _Lines(NamedTuple):
     original: Block
 
     def at(self, point: Point) -> tuple[Array, Array]:
-        """Return each v and w at a point."""
+        """Return v and w of each sgn at a point."""
         p = self.original.parameter_values(point.params, bounded=False)
         found = np.array(self.evaluate(point.t, point.x, point.u, p), dtype=float)
         return found[: len(self.names)], found[len(self.names) :]
 
     def line(self, values: Array, slopes: Array, at: Array) -> dict[str, float]:
-        """Return the parameters s, k and v0."""
+        """Return the parameters s, k and v0 of each sgn, by key."""
         return {
             self.block.parameter_key(f"sgn_{k}_{word}"): float(numbers[k])
             for word, numbers in (("value", values), ("slope", slopes), ("at", at))
@@ -195,7 +198,7 @@ class _Lines(NamedTuple):
 
 @lru_cache(maxsize=64)
 def _lines_for(block: Block) -> _Lines | None:
-    """Return a Block with a line for each sgn; None where it has none."""
+    """Return the Block with each sgn replaced by a line; None if it has no sgn."""
     atoms: set[sp.Expr] = set().union(*(e.atoms(sgn) for _, e in block.all_expressions()))
     found = sorted(atoms, key=str)
     if not found:
@@ -238,10 +241,11 @@ def _amplitudes(
 
 
 def _moved_pole(A: Array, other: Array) -> tuple[complex, complex]:
-    """Return the pole that moves most from one matrix to another, and where it goes."""
+    """Return the eigenvalue that moves most from one matrix to the other, before and after."""
+    # the pairs (p_i, q_j) minimise sum sqrt(|p_i - q_j|), which prefers one large move to many small ones
     poles, others = np.linalg.eigvals(A), np.linalg.eigvals(other)
     distance = np.abs(poles[:, None] - others)
-    rows, columns = linear_sum_assignment(np.sqrt(distance))  # one that goes far, rather than all a little
+    rows, columns = linear_sum_assignment(np.sqrt(distance))
     most = int(np.argmax(distance[rows, columns]))
     return complex(poles[rows[most]]), complex(others[columns[most]])
 

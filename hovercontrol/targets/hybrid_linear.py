@@ -1,14 +1,15 @@
-"""The linear discrete-time system of a hybrid Block whose parts all tick with one period h.
+"""The linear discrete-time system of a hybrid Block whose parts all have the same period h.
 
-At a tick the states z = (x, s), x continuous and s sampled, jump; until the next they flow, inputs w held:
+At a tick the states z = (x, s), x continuous and s sampled, jump. Until the next tick they flow with held
+inputs w:
 
     s+ = T(z, w),                     x' = f(x, s+, w),    z(k + 1) = (x(t_k + h), s+).
 
-With A, B the derivatives of f, and Z those of z after the tick by (z, w) before it,
+With A, B the Jacobians of f, and Z the Jacobian of z after the tick by (z, w) before it,
 
     z(k + 1) = exp(h [A B; 0 0]) (Z (z, w); w),    y(k) = C Z (z, w) + D w,
 
-as the outputs of a tick are those after it [Astrom and Wittenmark, Computer-Controlled Systems, 3rd ed.,
+because the outputs of a tick are those after it [Astrom and Wittenmark, Computer-Controlled Systems, 3rd ed.,
 section 2.3].
 """
 
@@ -29,12 +30,12 @@ Array = NDArray[np.float64]
 
 
 def common_period(block: Block) -> float:
-    """Return the period of all parts of a hybrid Block that tick [s].
+    """Return the common period of the sampled parts of a hybrid Block [s].
 
     Raises
     ------
     InputError
-        If they have more than one.
+        If their periods differ.
     """
     periods = sorted({tick.period for tick in block.ticks})
     if len(periods) > 1:
@@ -44,28 +45,28 @@ def common_period(block: Block) -> float:
 
 
 def without_ticks(block: Block) -> Block:
-    """Return what a hybrid Block does between its ticks, where its sampled states hold."""
+    """Return a hybrid Block between its ticks, with constant sampled states."""
     return block.unchecked(ticks=())
 
 
 def hybrid_matrices(
     block: Block, point: Point, friction: Slope = "smooth", amplitude: Mapping[str, float] | None = None
 ) -> list[Array]:
-    """Return A, B, C, D of a hybrid Block from tick to tick, the states being those before a tick.
+    """Return A, B, C, D of a hybrid Block from tick to tick; the states are those before a tick.
 
     Parameters
     ----------
     block : Block
-        Its parts tick with one period.
+        Hybrid, with one common period.
     point : Point
-        Before a tick.
+        State before a tick.
     friction, amplitude
         As for :meth:`hovercontrol.Block.linearize`.
 
     Raises
     ------
     InputError
-        If the parts have different periods, or as by :func:`.linear_matrices`.
+        If the parts have different periods, or as for :func:`.linear_matrices`.
 
     Examples
     --------
@@ -84,7 +85,8 @@ def hybrid_matrices(
     A, B, C, D = linear_matrices(plain, point, friction, amplitude)
     inputs = np.eye(n + m)[n:]
     after = np.eye(n, n + m)  # Z
-    for tick in block.ticks:  # each sees what those before it have set
+    # rows of Z for the states that a tick sets: dT/dz Z + dT/dw [0 I], with the Z that earlier ticks left
+    for tick in block.ticks:
         told = plain.unchecked(
             outputs=tuple(block.signal(name) for name in tick.updates),
             output_expressions=Expressions(tick.updates),

@@ -1,4 +1,4 @@
-"""The shared library of one Block: its C sources put together, and the calls into it."""
+"""The shared library of one Block: its C sources and the calls into it."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 Point = Callable[[float, ArrayLike, ArrayLike], Array]
 Step = Callable[[float, float, ArrayLike, ArrayLike], tuple[int, Array]]
 
-#: Steps between two times of the grid after which the solver gives up, some seconds.
+#: Maximum number of solver steps between two grid times; they take some seconds.
 MAX_STEPS = 10_000_000
 NO_MEMORY = 1  # of hc_solver.h
 METHODS = ("dormand-prince", "rk4")  # in the order of hc_solver.h
@@ -33,7 +33,7 @@ _NO_LANES = '#include "hc_lanes.h"\nconst hc_lanes_function hc_model_lanes = NUL
 
 
 class Solver(NamedTuple):
-    """How to integrate; ``step`` 0 means no limit."""
+    """Solver settings; ``step`` 0 means no maximum step size."""
 
     method: str
     step: float
@@ -61,7 +61,7 @@ class _Part(ctypes.Structure):
 
 
 class _Buffers(threading.local):
-    """Arrays for one call at a point, each thread its own."""
+    """Arrays for one call at a point, separate for each thread."""
 
     def __init__(self, n_inputs: int, p: Array, n_states: int, n_outputs: int, rows: Rows) -> None:
         self.x, self.u = np.zeros(n_states), np.zeros(n_inputs)
@@ -72,7 +72,7 @@ class _Buffers(threading.local):
 
 
 def check_point(block: Block, x: ArrayLike, u: ArrayLike) -> None:
-    """Refuse states or inputs of another number than the Block's.
+    """Raise if the number of states or inputs is not that of the Block.
 
     Raises
     ------
@@ -92,7 +92,7 @@ def states_and_inputs(block: Block, x: ArrayLike, u: ArrayLike) -> tuple[Array, 
     Raises
     ------
     InputError
-        If they are no numbers, or of another number than the Block's.
+        If they are not numbers, or their count is not that of the Block.
     """
     try:
         states, inputs = np.asarray(x, dtype=float), np.asarray(u, dtype=float)
@@ -112,28 +112,28 @@ class Library:
     block : Block
     friction : {"events", "smooth"}
     whole : bool, optional
-        Whether to compute the states that rest at zero, too (see :mod:`.resting`). Without them it is faster,
-        and simulations must start with zeros there; derivatives and outputs at a point need all.
+        Whether to compute also the states that rest at zero (see :mod:`.resting`). Without them the library
+        is faster, but these states must start at zero. Derivatives and outputs at a point need all states.
     lanes : bool, optional
-        Whether Runge-Kutta sweeps go side by side in the processor's vectors; twice the time to build.
+        Whether Runge-Kutta sweeps use the processor's vector instructions; this doubles the build time.
     build : bool, optional
-        Whether to build what is not in the cache.
+        Whether to build a library that is not in the cache.
 
     Raises
     ------
     NoCompilerError, RuntimeError
         As for :func:`load_library`.
     NotCachedError
-        Without `build`.
+        If the library is not in the cache and `build` is false.
 
     Attributes
     ----------
     resting : ndarray of int
-        Places of the states that are left out.
+        Indices of the omitted states.
     lanes : int
-        How many runs of such a sweep go side by side.
+        Number of runs that a Runge-Kutta sweep computes in parallel.
     short : ctypes.PyDLL
-        The library for calls too short to let go of the interpreter's lock.
+        The library for calls too short to release the interpreter's lock.
     """
 
     def __init__(
@@ -167,7 +167,7 @@ class Library:
         self._sweep.argtypes = [*[pointer] * 3, count, count, *[pointer] * 3, real, *[pointer] * 4]
         self._advance = library.block_advance
         self._advance.argtypes = [pointer] * 5
-        # A right-hand side takes less time than to let go of the interpreter's lock and to take it again.
+        # A right-hand side takes less time than releasing and taking the interpreter's lock.
         self.short = short = ctypes.PyDLL(library._name)
         self._rows = {"derivatives": short.block_derivatives, "outputs": short.block_outputs}
         for function in self._rows.values():
@@ -187,15 +187,16 @@ class Library:
         return function
 
     def advance(self, solver: Solver, t: float, until: float, x: Array, u: Array, p: Array) -> int:
-        """Change states x at t to those at `until`; return the status.
+        """Change the states x at `t` to those at `until`, in place; return the status.
 
-        Ticks at t are taken, those at `until` not. Where `until` is t, nothing but those ticks happens.
+        Ticks at `t` are executed, those at `until` are not. If `until` equals `t`, only these ticks are
+        executed.
         """
         options, times = solver_options(solver), np.array([t, until], dtype=float)
         return self._advance(ctypes.byref(options), *(a.ctypes.data for a in (times, x, u, p)))
 
     def stepper(self, solver: Solver, values: tuple[float, ...]) -> Step:
-        """Return the function ``(t, until, x, u) -> (status, array)`` of this at fixed parameters."""
+        """Return :meth:`advance` at fixed parameters as ``(t, until, x, u) -> (status, array)``."""
         p, options = np.array(values), solver_options(solver)
         ready = _Buffers(len(self._block.inputs), p, *self._sizes, "derivatives")
         how = ctypes.byref(options)
@@ -212,7 +213,7 @@ class Library:
     def simulate(
         self, solver: Solver, times: Array, u: Array, x: Array, p: Array
     ) -> tuple[int, float, Array, Array, Array]:
-        """Return status, time reached, states and outputs, (n_times, signals) each, and the last states."""
+        """Return status, time reached, states and outputs, shape (n_times, signals), and the last states."""
         n_states, n_outputs = self._sizes
         states, outputs = np.empty((len(times), n_states)), np.empty((len(times), n_outputs))
         reached, last, rows = np.array([times[0]]), x.copy(), np.ascontiguousarray(u.T)
@@ -235,7 +236,7 @@ class Library:
         band: Array,
         results: tuple[Array, Array, NDArray[np.intc]],
     ) -> None:
-        """Fill the results of some runs: figures, last states, status."""
+        """Write the results of some runs: figures, last states, status."""
         options, rows = solver_options(solver), np.ascontiguousarray(u.T)
         before = (a.ctypes.data for a in (x, rows, p))
         after = (a.ctypes.data for a in (band, *results))
@@ -245,7 +246,7 @@ class Library:
 
 
 def solver_options(solver: Solver) -> _Options:
-    """Return how to integrate as the C runtime has it."""
+    """Return solver settings as the structure of the C runtime."""
     method = METHODS.index(solver.method)
     steps = MAX_STEPS if method == 0 else 0
     return _Options(method, solver.rtol, solver.atol, solver.step, steps, None)

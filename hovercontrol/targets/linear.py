@@ -1,4 +1,4 @@
-"""Linear systems as python-control holds them, and the points about which it linearises."""
+"""Linear systems of python-control, and the points about which it linearises."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ Array = NDArray[np.float64]
 
 
 class StateSpaceWithoutInputs(control.StateSpace):
-    """A linear system without inputs; made by :func:`state_space`.
+    """A linear system without inputs, from :func:`state_space`.
 
-    ``control.StateSpace`` takes a matrix of shape (1, 0) for one of shape (0, 0) (python-control #1176) and
-    then refuses the system: so this one is made with an input, which is then taken away. Linearising and
-    sampling, which python-control does by making another system, are done here in the same way.
+    ``control.StateSpace`` mistakes a matrix of shape (1, 0) for one of shape (0, 0) (python-control #1176)
+    and then raises an error. So this system is created with one input, which is then removed. Linearisation
+    and sampling, for which python-control creates another system, are done here in the same way.
     """
 
     def __init__(self, matrices: Sequence[Array], dt: float | None, **kwargs: Any) -> None:
@@ -48,7 +48,7 @@ class StateSpaceWithoutInputs(control.StateSpace):
         prewarp_frequency: float | None = None, name: str | None = None, copy_names: bool = True,
         **kwargs: Any,
     ) -> control.StateSpace:  # fmt: skip
-        """Return the discrete-time system; arguments as of :meth:`control.StateSpace.sample`."""
+        """Return the discrete-time system; arguments as for :meth:`control.StateSpace.sample`."""
         if not self.isctime():
             raise ValueError("System must be continuous-time system")
         with_one = (self.A, np.zeros((self.nstates, 1)), self.C, np.zeros((self.noutputs, 1)))
@@ -69,9 +69,9 @@ def sampled_names(
         Continuous.
     name : str or None
     copy_names : bool
-        Whether those of `system` are kept.
+        Whether to keep the names of `system`.
     given : mapping
-        ``inputs``, ``outputs``, ``states`` over these.
+        ``inputs``, ``outputs``, ``states`` that replace these names.
     """
     if copy_names:
         default = control.config.defaults
@@ -84,7 +84,7 @@ def sampled_names(
 
 
 def state_space(matrices: Sequence[Array], dt: float | None, **kwargs: Any) -> control.StateSpace:
-    """Return the system ``A, B, C, D`` with all its states, also where it has no inputs.
+    """Return the system ``A, B, C, D`` with all its states, also if it has no inputs.
 
     Parameters
     ----------
@@ -92,7 +92,7 @@ def state_space(matrices: Sequence[Array], dt: float | None, **kwargs: Any) -> c
     dt : float or None
         As for :class:`control.StateSpace`.
     **kwargs
-        Names, as there.
+        Names, as for :class:`control.StateSpace`.
 
     Examples
     --------
@@ -108,20 +108,20 @@ def state_space(matrices: Sequence[Array], dt: float | None, **kwargs: Any) -> c
 
 
 def point_values(given: Any, n: int, kind: str, name: str) -> Array:
-    """Return the n values of a point as python-control reads them.
+    """Return the n values of a point, interpreted as by python-control.
 
     Parameters
     ----------
     given : array_like or sequence of array_like or None
-        None is 0, a scalar is every value, parts of a sequence are joined.
+        None means 0; a scalar is used for every value; the parts of a sequence are joined.
     n : int
     kind, name : str
-        What the values are, and of which block: for errors.
+        Kind of the values and name of the Block, for error messages.
 
     Raises
     ------
     InputError
-        If the number of values is another, or one is not a finite number.
+        If the number of values is not n, or one is not a finite number.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""The linear system of a Block about a point, given in one of the ways in which users have it."""
+"""The linear system of a Block about a point, which can be given in several forms."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def linearize(
     friction: Slope = "smooth",
     amplitude: Mapping[str, float] | None = None,
 ) -> control.StateSpace:
-    """Return a Block's linear system; arguments and errors as of :meth:`hovercontrol.Block.linearize`.
+    """Return a Block's linear system; arguments and errors as for :meth:`hovercontrol.Block.linearize`.
 
     Examples
     --------
@@ -45,7 +45,7 @@ def linearize(
     if friction == "smooth" and amplitude is None and not block.ticks:
         return block.to_control().linearize(point.x, point.u, t=point.t, params=point.params)
     if block.delays:
-        block.to_control()  # says what can be done about inputs that act late
+        block.to_control()  # raises an error that says how to treat delayed inputs
     labels = {kind: [s.name for s in getattr(block, kind)] for kind in ("inputs", "outputs", "states")}
     matrices, period = matrices_at(block, point, friction, amplitude)
     return state_space(matrices, period, name=f"{block.name}$linearized", **labels)
@@ -59,7 +59,7 @@ def matrices_at(
     *,
     warn: bool = True,
 ) -> tuple[list[Array], float]:
-    """Return A, B, C, D and the period [s] of a Block's linear system, 0 of a continuous one.
+    """Return A, B, C, D and the period [s] of a Block's linear system; 0 if it is continuous.
 
     Parameters
     ----------
@@ -68,7 +68,7 @@ def matrices_at(
     friction, amplitude
         As for :meth:`hovercontrol.Block.linearize`.
     warn : bool, optional
-        Whether to warn of a pole that comes from smoothed dry friction.
+        Whether to warn about a pole that is due to smoothed dry friction.
 
     Examples
     --------
@@ -93,12 +93,12 @@ def given_point(
     params: Mapping[str, float] | None = None,
     t: float | None = None,
 ) -> Point:
-    """Return the point that a user gives; arguments as of :meth:`hovercontrol.Block.linearize`.
+    """Return the point that a user gives; arguments as for :meth:`hovercontrol.Block.linearize`.
 
     Raises
     ------
     InputError
-        If a name or a number of values is wrong, a value is not finite, or a Trim is of other signals.
+        If a name or the number of values is wrong, a value is not finite, or a Trim has other signals.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""A Block in machine code, step by step: the calls into hc_runner.h of its library."""
+"""Stepwise simulation of a Block in machine code: the calls of hc_runner.h in its library."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ class NativeEngine:
     Parameters
     ----------
     library : Library
-        Of the whole Block.
+        Library with all states of the Block.
     solver : Solver
     time : float
-        [s]
+        Initial time [s].
     states, inputs, params : sequence of float
     n_outputs : int
     """
@@ -42,7 +42,7 @@ class NativeEngine:
         params: Sequence[float],
         n_outputs: int,
     ) -> None:
-        self._library, self._n = library, len(states)  # the library must stay loaded
+        self._library, self._n = library, len(states)  # keeps the library loaded
         self._calls = calls = _calls(library.short)
         self.y = np.zeros(n_outputs)
         options = solver_options(solver)
@@ -52,14 +52,14 @@ class NativeEngine:
         weakref.finalize(self, calls.runner_free, at)
         arrays = [np.array(values, dtype=float) for values in (states, inputs, params)]
         self._begun = calls.runner_begin(at, time, *(a.ctypes.data for a in arrays))
-        # The step itself, which must cost little more than the C function: bytes go in as a pointer.
+        # A step must cost little more than its C function, so the inputs are bytes, passed as a pointer.
         self.step: Any = partial(calls.runner_step, at) if not self._begun else self._refuse
 
     def _refuse(self, _until: float, _sent: bytes) -> int:
         return int(self._begun)
 
     def jump(self, states: Mapping[int, float], params: Sequence[float]) -> int:
-        """Let states by their places and all parameters jump; return the status."""
+        """Set states, by index, and all parameters now; return the status."""
         x, given = np.zeros(self._n), np.zeros(self._n, dtype=np.intc)
         for place, value in states.items():
             x[place], given[place] = value, 1
@@ -77,13 +77,13 @@ class NativeEngine:
         return x
 
     def save(self) -> bytes:
-        """Return all that it knows."""
+        """Return the complete state of the engine."""
         numbers = np.empty(self._calls.runner_size(self._at))
         self._calls.runner_save(self._at, numbers.ctypes.data)
         return numbers.tobytes()
 
     def load(self, saved: bytes) -> None:
-        """Go on from what :meth:`save` returned."""
+        """Restore what :meth:`save` returned."""
         size = self._calls.runner_size(self._at) * np.dtype(float).itemsize
         if len(saved) != size:
             raise ValueError(f"expected {size} bytes, found {len(saved)}")
@@ -92,7 +92,7 @@ class NativeEngine:
 
 
 def _calls(library: ctypes.PyDLL) -> Any:
-    """Return a library, its runner's functions declared."""
+    """Declare the functions of the runner in a library, and return the library."""
     real, pointer = ctypes.c_double, ctypes.c_void_p
     for name, result, arguments in (
         ("new", pointer, [pointer, pointer]),

@@ -1,9 +1,9 @@
-"""A Block's derivatives and outputs at single points, for the loops of other solvers: Python until C pays.
+"""A Block's derivatives and outputs at single points, for other solvers: in Python, later in machine code.
 
-Machine code answers in 2 us whatever the Block; Python needs that for a plant and 10 us for a loop with its
-estimator. Its library must be loaded, or built first: so a Block counts what it has spent in Python, and
-changes over when that is what the change costs. A short script then waits for no compiler, and a long one
-loses no more than it has already used.
+Machine code takes 2 us for every Block; Python takes 2 us for a plant and 10 us for a loop with its
+estimator. But the library must be loaded, or first built. So the time spent in Python is counted, and machine
+code replaces Python when that time equals the cost of the change. A short script then does not wait for a
+compiler, and a long one at most doubles the time that it has already used.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ from hovercontrol.targets.library import Library, Point, check_point
 Array = NDArray[np.float64]
 
 _REAL = np.dtype(float)
-#: Python's bytecode (1 ns a byte) above which a library is loaded, and above which it is built.
+#: Executed Python bytecode [bytes, 1 ns each] after which a library is loaded, and after which it is built.
 LOAD_AFTER, BUILD_AFTER = 3e7, 1e9
-#: Less than this an evaluation is faster in Python.
+#: Size of the bytecode [bytes] below which an evaluation is faster in Python.
 SMALL = 3000
 
 
 class Points:
-    """The functions of one Block at points, shared by all its systems; see :func:`points`.
+    """The functions of one Block at single points, shared by all its systems; see :func:`points`.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ class Points:
         self._at = lru_cache(maxsize=16)(self._functions)
 
     def python(self, rows: Rows, t: float, x: Any, u: Any, values: tuple[float, ...]) -> Array:
-        """Evaluate in Python, with numbers or arrays of any shape that has as many."""
+        """Evaluate in Python; states and inputs may be scalars or arrays of any shape with the right size."""
         self._spent += self._size[rows]
         states, inputs = _list(x), _list(u)
         try:
@@ -58,7 +58,7 @@ class Points:
             raise
 
     def native(self, values: tuple[float, ...]) -> tuple[Point, Point] | None:
-        """Return derivatives and outputs in machine code at fixed parameters, None before it pays."""
+        """Return derivatives and outputs in machine code at fixed parameters, None while Python is used."""
         if self._library is None and self._spent >= self._next:
             self._change_over()
         return self._at(values) if self._library else None
@@ -72,13 +72,13 @@ class Points:
         self._next = math.inf if build else BUILD_AFTER
         try:
             self._library = Library(self.block, "smooth", build=build)
-        except (NotCachedError, RuntimeError):  # not built; no compiler, or one that fails: Python goes on
+        except (NotCachedError, RuntimeError):  # not built, no compiler, or it fails: Python continues
             return
 
 
 @lru_cache(maxsize=256)
 def points(block: Block) -> Points:
-    """Return the functions of a Block at points, the same for equal Blocks."""
+    """Return the functions of a Block at single points; equal Blocks share them."""
     return Points(block)
 
 

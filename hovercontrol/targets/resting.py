@@ -1,7 +1,7 @@
-"""States that start at zero and stay there whatever happens, and a Block without them.
+"""Find the states that start at zero and always stay there, and return a Block without them.
 
-A Kalman-Bucy estimator of coefficients that do not act on one another is the case: of the 66 covariances of
-C17's estimator 28 stay exactly zero when they start there. Nothing is lost by not computing them.
+Such states occur in a Kalman-Bucy estimator of independent coefficients: of the 66 covariances of C17's
+estimator, 28 stay exactly zero if they start at zero. They need not be computed.
 """
 
 from __future__ import annotations
@@ -17,10 +17,11 @@ from hovercontrol.core.expressions import Expressions
 
 @lru_cache(maxsize=64)
 def without_resting_states(block: Block) -> tuple[Block, tuple[int, ...]]:
-    """Return a Block without the states that rest at zero, and the places of the states it keeps.
+    """Return a Block without the states that rest at zero, and the indices of the kept states.
 
-    The states that rest are the largest set that starts at zero and whose derivatives vanish identically when
-    all of the set is zero: whatever the other states, inputs, parameters and time.
+    The resting states are the largest set R of states that start at zero and whose derivatives vanish
+    identically while the set is zero: f_i(t, x, u, p) = 0 for all i in R if x_j = 0 for all j in R, for all
+    other states, inputs, parameters and times.
 
     Parameters
     ----------
@@ -29,9 +30,10 @@ def without_resting_states(block: Block) -> tuple[Block, tuple[int, ...]]:
     Returns
     -------
     Block
-        The Block itself where no state rests. Its other states move as before, to rounding.
+        The Block without the resting states, or the Block itself if there are none. The other states are
+        unchanged to rounding.
     tuple of int
-        Places of the kept states among the Block's.
+        Indices of the kept states among the Block's states.
 
     Examples
     --------
@@ -41,7 +43,7 @@ def without_resting_states(block: Block) -> tuple[Block, tuple[int, ...]]:
     >>> without_resting_states(Block("two", [x, y], [], [x], [k], f))[1]
     (0,)
     """
-    if block.ticks:  # what ticks set is not looked at
+    if block.ticks:  # states that ticks set are not examined
         return block, tuple(range(len(block.states)))
     rest = {s.symbol for s in block.states if s.start == 0.0}
     while True:

@@ -1,4 +1,4 @@
-"""The C runtime of compiled Blocks and FMUs: where it lies, and which of its files a program needs."""
+"""The C runtime of compiled Blocks and FMUs: its folder, and the files that each program needs."""
 
 from __future__ import annotations
 
@@ -12,25 +12,25 @@ _SOLVER = (
     *("hc_friction.h", "hc_friction.c", "hc_ticks.h", "hc_ticks.c"),
 )
 _LANES = ("hc_lanes.h", "hc_lanes_math.h")
-#: Simulations and sweeps of a compiled Block, and its runs step by step.
+#: Simulations, sweeps and stepwise simulations of a compiled Block.
 SIMULATION = (
     *_SOLVER, *_LANES, "hc_lanes.c", "hc_runs.h",
     *("hc_simulate.h", "hc_simulate.c", "hc_runner.h", "hc_runner.c"),
 )  # fmt: skip
-#: Windows of logs, many at once.
+#: Simulation of many windows of logs.
 SHOOTING = (
     *("hc_names.h", "hc_options.h", "hc_model.h", "hc_rk4.h"), *_LANES,
     *("hc_slopes.h", "hc_shoot.h", "hc_shoot.c"),
 )  # fmt: skip
 #: States that follow from given signals.
 FOLLOWING = ("hc_follow.h", "hc_follow.c")
-#: An instance of an FMU, whichever the version of FMI.
+#: An instance of an FMU, for every version of FMI.
 INSTANCE = (
     *_SOLVER, "hc_description.h", "hc_delays.h", "hc_instance.h", "hc_instance_internal.h",
     *(f"hc_{job}.c" for job in ("instance", "messages", "values", "partials", "saved_state")),
     *(f"hc_{job}.c" for job in ("event_mode", "model_exchange", "co_simulation")),
 )  # fmt: skip
-#: Inputs of an FMU that act late.
+#: Delayed inputs of an FMU.
 DELAYS = ("hc_delays.c",)
 #: The functions of each version of FMI.
 FMI = {
@@ -39,7 +39,7 @@ FMI = {
 }
 
 _PACKAGE = Path(__file__).parents[1]
-#: In an installed wheel it lies inside the package; in a checkout, installed as editable or not, beside it.
+#: The runtime is inside the package in an installed wheel, and next to it in a checkout.
 _PLACES = (_PACKAGE / "fmu", _PACKAGE.parent / "fmu")
 
 
@@ -57,7 +57,7 @@ def runtime_folder() -> Path:
     True
     """
     for place in _PLACES:
-        if (place / "hc_model.h").is_file():  # no other package's folder of this name has that
+        if (place / "hc_model.h").is_file():  # other folders of this name do not have it
             return place
     raise FileNotFoundError(f"the C runtime of hovercontrol is neither in {_PLACES[0]} nor in {_PLACES[1]}")
 
@@ -68,7 +68,7 @@ def runtime_files(names: Iterable[str]) -> dict[str, str]:
     Parameters
     ----------
     names : iterable of str
-        Of its sources and headers.
+        Names of sources and headers.
 
     Raises
     ------

@@ -1,7 +1,8 @@
-"""Windows of logs simulated, many at once, and what their ends change with.
+"""Simulate many windows of logs at once, with the sensitivities of their final states.
 
-Classical Runge-Kutta in equal pieces from row to row, dry friction smooth. NumPy does it until a library is
-built, where there is a compiler whose vectors gain something; the two agree but for rounding.
+The classical Runge-Kutta method is used with equal steps between two rows, and with smooth dry friction.
+NumPy does the work until a library is built; that needs a compiler with useful vector instructions. The two
+agree to rounding.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ from hovercontrol.targets.runtime import SHOOTING, runtime_files
 
 Array = NDArray[np.float64]
 
-#: Fewest windows for a thread.
+#: Minimum number of windows per thread.
 SHARE = 32
 
 _EXPORTS = """#include "hc_shoot.h"
@@ -57,14 +58,14 @@ class _Shoot(ctypes.Structure):
 
 @dataclass(frozen=True)
 class Columns:
-    """What slopes are asked for by: what some states begin with, and some parameters.
+    """The variables of the sensitivities: initial values of some states, and some parameters.
 
     Attributes
     ----------
     of_state : sequence of int
-        The column of what each state begins with, or -1.
+        Column of the initial value of each state, or -1.
     of_parameter : sequence of int
-        The column of each parameter, or -1; some may share one.
+        Column of each parameter, or -1; parameters may share a column.
     """
 
     of_state: Sequence[int]
@@ -72,7 +73,7 @@ class Columns:
 
     @property
     def count(self) -> int:
-        """How many columns there are."""
+        """Number of columns."""
         return max((*self.of_state, *self.of_parameter), default=-1) + 1
 
 
@@ -85,26 +86,28 @@ def shoot(
     parameters: Sequence[float],
     start: Array,
 ) -> Array:
-    """Simulate windows.
+    """Simulate windows of logs.
 
     Parameters
     ----------
     block : Block
     time : ndarray, shape (S, K-1, W)
-        Begin of each of the S pieces of a step from row to row [s].
+        Begin of each of the S steps between two rows [s], for K rows and W windows.
     step : ndarray, broadcast to shape (S, K-1, W)
-        Length of each piece [s].
+        Length of each step [s].
     inputs : ndarray, shape (n_inputs, S, K-1, W)
-        Held over a piece.
+        Inputs, held over each step.
     known : dict of int to ndarray, shape (S, K-1, W)
-        States that are given.
+        Given values of states, by index; they are not integrated.
     parameters : sequence of float
+        Values of all parameters, in order.
     start : ndarray, shape (n_states, W)
+        Initial states.
 
     Returns
     -------
     ndarray, shape (K, n_states, W)
-        Infinite or NaN where the simulation runs away.
+        States at the rows; infinite or NaN where the simulation diverges.
     """
     return _shoot(block, time, step, inputs, known, parameters, start, None)[0]
 
@@ -119,11 +122,16 @@ def shoot_with_slopes(
     start: Array,
     columns: Columns,
 ) -> tuple[Array, Array]:
-    """Simulate windows, and what their ends change with.
+    """Simulate windows, with the sensitivities S = dx/dtheta of their final states.
 
-    The slopes are those of these very steps (the variational equation in the same Runge-Kutta; Hairer,
-    Norsett and Wanner, Solving Ordinary Differential Equations I, I.14). A partial derivative that is not
-    finite, as that of a speed at rest, counts as zero; inputs and given states count as fixed.
+    theta are the initial values and parameters in `columns`. The variational equation is integrated by the
+    same Runge-Kutta steps, so that S is the exact derivative of the computed states (Hairer, Norsett and
+    Wanner, Solving Ordinary Differential Equations I, I.14)::
+
+        x' = f(t, x, u, p),    S' = (df/dx) S + df/dtheta,    S(0) = dx(0)/dtheta (entries 0 and 1)
+
+    A partial derivative that is not finite, such as that of a speed at rest, counts as zero. Inputs and given
+    states count as fixed.
 
     Parameters
     ----------
@@ -134,8 +142,9 @@ def shoot_with_slopes(
     Returns
     -------
     ndarray, shape (K, n_states, W)
+        States at the rows.
     ndarray, shape (n_states, n_columns, W)
-        Of the states of the last row.
+        Sensitivities of the states of the last row.
     """
     return _shoot(block, time, step, inputs, known, parameters, start, columns)
 
@@ -162,7 +171,7 @@ def _shoot(
 
 
 class _Numpy:
-    """The same without a compiler."""
+    """Does the work of :class:`_Compiled` without a compiler."""
 
     def __init__(self, block: Block) -> None:
         self._functions = block.to_numpy()
@@ -180,7 +189,7 @@ class _Numpy:
         slopes: Array,
     ) -> None:
         n, p = self._count, parameters
-        x = np.zeros((n, 1 + slopes.shape[1], *states.shape[2:]))  # states, then their slopes by column
+        x = np.zeros((n, 1 + slopes.shape[1], *states.shape[2:]))  # states, then sensitivities by column
         x[:, 0] = states[0]
         for i, column in enumerate(columns.of_state if columns else ()):
             if column >= 0:
@@ -206,6 +215,7 @@ class _Numpy:
         slopes[:] = x[:, 1:]
 
     def _vary(self, t: Array, x: Array, u: Array, p: Sequence[float], columns: Columns, k: Array) -> None:
+        # S' = (df/dx) S + df/dtheta, added to k[:, 1:] entry by entry of the nonzero partial derivatives
         function, entries = self._functions.array_partials("derivatives")
         for (i, j), value in zip(entries, function(t, x[:, 0], u, p), strict=True):
             value = np.where(np.isfinite(value), value, 0.0)
@@ -216,7 +226,7 @@ class _Numpy:
 
 
 class _Compiled:
-    """The library of one Block."""
+    """Simulates windows with the compiled library of one Block."""
 
     def __init__(self, block: Block, files: Mapping[str, str], *, build: bool = True) -> None:
         self._sizes = len(block.states), len(block.inputs), len(block.parameters)
@@ -258,20 +268,20 @@ class _Compiled:
             raise MemoryError("no memory for the windows' simulation")
 
     def _job(self, job: tuple[_Shoot, list[Array], int, int]) -> int:
-        """Simulate some windows; the job holds the arrays, which a caller that is interrupted lets go."""
+        """Simulate some windows; the job keeps the arrays alive if the caller is interrupted."""
         shoot, _, first, end = job
         return int(self._call(ctypes.byref(shoot), first, end))
 
 
 def threads() -> int:
-    """Return how many threads simulate windows: all cores, or what ``OMP_NUM_THREADS`` says."""
+    """Return the number of threads for windows: ``OMP_NUM_THREADS``, or one per core."""
     said = os.environ.get("OMP_NUM_THREADS", "")
     return max(int(said), 1) if said.isdigit() else os.cpu_count() or 1
 
 
 @cache
 def pool() -> ThreadPoolExecutor:
-    """Return the threads in which windows are simulated."""
+    """Return the pool of threads that simulate windows."""
     return ThreadPoolExecutor(threads(), thread_name_prefix=OWN_THREADS)
 
 
@@ -289,5 +299,5 @@ def _build(block: Block) -> Future[_Compiled]:
 
 
 def _compiled(block: Block) -> _Compiled | None:
-    """Return the compiled runs of a Block; None while they are built, or where that cannot be."""
+    """Return the compiled library of a Block; None while it is being built, or if that is impossible."""
     return ready(_build(block))

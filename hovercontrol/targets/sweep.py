@@ -1,4 +1,4 @@
-"""Sweeps: definition, results and parallel execution of many runs."""
+"""Sweeps: inputs, results and parallel execution of many runs."""
 
 from __future__ import annotations
 
@@ -36,15 +36,15 @@ WORKER_FAILED = len(REASONS) - 1
 @checked
 @dataclass(frozen=True, eq=False)
 class Axis:
-    """One parameter that a sweep or a map varies.
+    """A parameter that a sweep or a map varies.
 
     Parameters
     ----------
     name, unit : str
     values : ndarray, shape (n,)
-        Increasing.
+        Increasing values.
     label : str, optional
-        What pictures call it; default the name.
+        Name in figures (default: `name`).
 
     Examples
     --------
@@ -65,7 +65,7 @@ class Axis:
 
 @dataclass(frozen=True)
 class Failure:
-    """A run of a sweep that did not reach its end, with the values it was given."""
+    """A run of a sweep that did not reach its end, with its given values."""
 
     run: int
     reason: str
@@ -91,25 +91,25 @@ class Figures:
 
 @dataclass(frozen=True, eq=False)
 class SweepResult:
-    """What a sweep leaves: figures of each run; ``result["error_x"].rms`` are those of one output.
+    """The result of a sweep: figures of each run; ``result["error_x"].rms`` selects one output.
 
     Attributes
     ----------
     outputs, states : tuple of str
         Names, in the order of the columns below.
     parameters, x0 : mapping of str to ndarray (n_runs,)
-        The values that were given.
+        The given values.
     units : mapping of str to str
-        Of outputs by name, and of what is in ``given``.
+        Units of outputs by name, and of the values in ``given``.
     final, maximum, minimum, rms, settling : ndarray (n_runs, n_outputs)
-        At the end; over the times that count; from when on the output stays within its band [s].
-        NaN in a run that failed.
+        Value of each output at the end; largest, smallest and root-mean-square value over the evaluated
+        times; time from which on the output stays within its band [s]. NaN in a failed run.
     states_final : ndarray (n_runs, n_states)
-        Where a run ended, or failed.
+        States at the end of a run, or where it failed.
     status : ndarray of int (n_runs,)
-        0 where all went well.
+        Index into :data:`hovercontrol.simulation.reasons.REASONS`; 0 for a run without an error.
     errors : dict of int to str
-        What was wrong with a run that failed in its worker.
+        Error message of each run that failed in its worker.
     """
 
     outputs: tuple[str, ...]
@@ -145,7 +145,7 @@ class SweepResult:
 
     @property
     def failures(self) -> tuple[Failure, ...]:
-        """The runs that failed, with the reason and the values they were given."""
+        """The failed runs, with the reason and the given values."""
         given = self.given
         return tuple(
             Failure(
@@ -156,7 +156,7 @@ class SweepResult:
 
     @property
     def given(self) -> dict[str, Array]:
-        """What was given to the runs: parameters by key, and ``STATE.start``."""
+        """The given values: parameters by key, and initial states as ``STATE.start``."""
         return {**self.parameters, **{f"{name}.start": v for name, v in self.x0.items()}}
 
     def _repr_html_(self) -> str:
@@ -165,14 +165,15 @@ class SweepResult:
         return sweep_html(self)
 
     def plot(self, of: str | None = None, figure: str = "final") -> Figure:
-        """Draw a figure (final, maximum, minimum, rms, settling) of an output over what was varied.
+        """Plot a figure (final, maximum, minimum, rms, settling) of an output over the varied values.
 
-        One number gives a curve, a grid of two a map; anything else is drawn over the number of the run.
+        One varied value gives a curve, a grid of two a map. Otherwise the figure is plotted over the run
+        number.
 
         Parameters
         ----------
         of, figure : str, optional
-            The output, default the first; and its figure.
+            The output (default: the first) and its figure.
 
         Raises
         ------
@@ -186,12 +187,12 @@ class SweepResult:
         return open_in_pyplot(sweep_figure(self, of, figure))
 
     def to_table(self, runs: slice = slice(None)) -> pyarrow.Table:
-        """Return one row for each run: what was given, its status, ``OUTPUT.FIGURE``, ``STATE.end``.
+        """Return one row for each run: given values, status, ``OUTPUT.FIGURE``, ``STATE.end``.
 
         Parameters
         ----------
         runs : slice, optional
-            Default all.
+            Runs to include (default: all).
         """
         import pyarrow
 
@@ -203,7 +204,7 @@ class SweepResult:
         return pyarrow.table({name: values[runs] for name, values in columns.items()})
 
     def save(self, path: str | Path) -> Path:
-        """Write the table as CSV or Parquet by the suffix; the file is written atomically."""
+        """Write the table as CSV or Parquet, by the suffix; the file is written atomically."""
         import pyarrow.csv
         import pyarrow.parquet
 
@@ -215,7 +216,7 @@ class SweepResult:
 
 
 def rows_by_state(block: Block, x0: ArrayLike) -> Many:
-    """Return initial states given as rows, by the states' names."""
+    """Convert initial states in rows to a mapping by the states' names."""
     given, names = np.asarray(x0, dtype=float), [s.name for s in block.states]
     if given.ndim not in (1, 2) or given.shape[-1] != len(names):
         raise InputError(
@@ -226,7 +227,7 @@ def rows_by_state(block: Block, x0: ArrayLike) -> Many:
 
 
 def number_of_runs(given: Many) -> int:
-    """Return the number of runs: the one length of all arrays."""
+    """Return the number of runs: the common length of all arrays, 1 if there are none."""
     shapes = {name: np.shape(values) for name, values in given.items() if np.shape(values)}
     for name, shape in shapes.items():
         first = next(iter(shapes))
@@ -241,7 +242,7 @@ def number_of_runs(given: Many) -> int:
 def values_of_runs(
     block: Block, signals: Mapping[str, Signal], given: Many | None, runs: int, kind: str
 ) -> tuple[Array, dict[str, Array]]:
-    """Return the values of all signals, shape (runs, n_signals), and those that were given."""
+    """Return the values of all signals, shape (runs, n_signals), and the given ones by name."""
     every = np.tile([s.start for s in signals.values()], (runs, 1))
     columns = dict(zip(signals, every.T, strict=True))
     for name, values in (given or {}).items():
@@ -264,14 +265,14 @@ def values_of_runs(
 
 
 def units_of_runs(block: Block) -> dict[str, str]:
-    """Return the units of a Block's outputs, parameters and initial states, by the names that sweeps use."""
+    """Return the units of a Block's outputs, parameters and initial states, by their names in sweeps."""
     starts = {f"{s.name}.start": s.unit for s in block.states}
     given = starts | {block.parameter_key(s.name): s.unit for s in block.parameters}
     return given | {s.name: s.unit for s in block.outputs}
 
 
 def settling_bands(block: Block, band: float | Mapping[str, float]) -> Array:
-    """Return the settling band of each output."""
+    """Return the settling band of each output, in its unit; 0.02 if not given."""
     names = [s.name for s in block.outputs]
     bands = dict.fromkeys(names, 0.02)
     for name, value in (band if isinstance(band, Mapping) else dict.fromkeys(names, band)).items():
@@ -297,7 +298,7 @@ def in_threads(
     threads: int | None,
     progress: Callable[[int], None] | None,
 ) -> None:
-    """Do the work from each of `firsts` on, in threads; an error or Ctrl-C stops what has not begun."""
+    """Call `work` for each of `firsts` in threads; an error or Ctrl-C cancels the calls not yet started."""
     with ThreadPoolExecutor(number_of_threads(threads)) as pool:
         futures = [pool.submit(work, first) for first in firsts]
         try:
@@ -306,6 +307,6 @@ def in_threads(
                 done += future.result()
                 if progress is not None:
                     progress(done)
-        except BaseException:  # Ctrl-C as well: what has not begun is not begun any more
+        except BaseException:  # also after Ctrl-C: calls that have not started are cancelled
             pool.shutdown(wait=False, cancel_futures=True)
             raise

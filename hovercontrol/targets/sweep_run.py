@@ -1,4 +1,4 @@
-"""One sweep: the runs of a Block over one grid, in parts on several threads."""
+"""Run a sweep: many runs of a Block over one time grid, in parts on several threads."""
 
 from __future__ import annotations
 
@@ -47,9 +47,9 @@ def run_sweep(
     ----------
     block : Block
     engine_from : callable
-        Gives the engine for initial states.
+        Returns the engine for initial states.
     times : ndarray, shape (n,)
-        [s].
+        Increasing times [s].
     solver : Solver
     params, x0, inputs, start, band, threads, progress
         As for :meth:`.compiled.CompiledBlock.sweep`.
@@ -57,7 +57,7 @@ def run_sweep(
     Raises
     ------
     InputError
-        As there.
+        As for :meth:`.compiled.CompiledBlock.sweep`.
     """
     u = input_rows(block, inputs, times)
     if x0 is not None and not isinstance(x0, Mapping):
@@ -73,6 +73,7 @@ def run_sweep(
     counted = int(np.searchsorted(times, start))
     if counted == len(times):
         raise InputError(f"start = {start:g} s is after the last time, {times[-1]:g} s")
+    # relative to times[0] [s]: midpoint between the last time before `start` and the first evaluated one
     since = (times[counted - 1] + times[counted]) / 2 - times[0] if counted else 0.0
     figures, last, status = (
         np.full((runs, len(block.outputs), len(FIGURES)), np.nan),
@@ -81,7 +82,7 @@ def run_sweep(
     )
 
     groups = arrivals_of_runs(block, times, u, p)
-    order = np.concatenate([which for which, _ in groups])  # runs with the same delays side by side
+    order = np.concatenate([which for which, _ in groups])  # groups runs with the same delays
     if len(groups) > 1:
         x, p = x[order], p[order]
 
@@ -92,7 +93,7 @@ def run_sweep(
         return part.stop - part.start
 
     engine = engine_from(x)
-    size = max(1, runs // 256)  # not of the number of threads, so that results cannot depend on it
+    size = max(1, runs // 256)  # independent of the number of threads, so that results are, too
     if isinstance(engine, Library):
         size = engine.lanes * math.ceil(size / engine.lanes)
     ends = np.cumsum([len(which) for which, _ in groups]).tolist()

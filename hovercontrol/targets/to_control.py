@@ -1,4 +1,4 @@
-"""A Block as one python-control system: continuous, sampled, or integrated from step to step."""
+"""Convert a Block to one python-control system: continuous, sampled, or integrated over each step."""
 
 from __future__ import annotations
 
@@ -22,19 +22,19 @@ def to_control(
     name : str, optional
         System name (default: the Block's).
     step : float, optional
-        Of the discrete-time system that a Block becomes [s]; inputs hold from step to step. Of a continuous
-        Block (default: it stays continuous): exact for such inputs, and so is its linearisation. Of a hybrid
-        one (default: the shortest of its periods): its ticks are on time whatever the step. Of a Block whose
-        inputs act late, without `pade`: with shift registers of that step, of which each delay is a multiple.
+        Sampling period of a discrete-time system with held inputs [s]. For a continuous Block (default: the
+        system is continuous) the system and its linearisation are exact for held inputs. For a hybrid Block
+        (default: its shortest period) ticks occur exactly at their times for every step. For a Block with
+        delayed inputs and without `pade`, the system has shift registers with this step; each delay must be a
+        multiple of it.
     pade : int, optional
-        Order of Pade's fraction for the delays of inputs that act late
-        (:func:`hovercontrol.core.delays.pade`).
+        Order of the Pade approximation of delayed inputs (:func:`hovercontrol.core.delays.pade`).
 
     Raises
     ------
     InputError
-        If the step is not positive, or another than that of a sampled Block; if inputs act late and neither
-        `step` nor `pade` says what to make of it, or none does and `pade` is given.
+        If the step is not positive, or differs from the period of a sampled Block. Also if inputs are delayed
+        but neither `step` nor `pade` is given, or if `pade` is given but no input is delayed.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Operating points of a Block, by name: what is given, what follows, and how the Block then moves."""
+"""Operating points of a Block, by name: given values, solved values, and rates of the states."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ Values = Mapping[str, float]
 @checked
 @dataclass(frozen=True, eq=False)
 class Trim:
-    """An operating point of a Block; made by ``block.trim(...)``.
+    """An operating point of a Block, from ``block.trim(...)``.
 
     Parameters
     ----------
@@ -46,15 +46,16 @@ class Trim:
     states, inputs, outputs : mapping of str to float
         Values in their units, in the Block's order.
     rates : mapping of str to float
-        The states' derivatives, unit of the state per second; of sampled states what a step adds.
+        The states' derivatives, in the unit of the state per second; for sampled states, the change per step.
     params : mapping of str to float
-        Parameter values that were given, by key, in their units.
+        Given parameter values by key, in their units.
     time : float
-        [s]
+        Time of the operating point [s].
     how : mapping of str to str
-        How each state and input got its value: "given", "solved", "at its lower bound", "at its upper bound",
-        "nearest to its start" (the conditions leave a choice), "at its start" (no condition depends on it).
-        A velocity within the width of its smoothed dry friction is "solved, creeping": it would be at rest.
+        Origin of the value of each state and input: "given", "solved", "at its lower bound", "at its upper
+        bound", "nearest to its start" (the conditions leave a choice), "at its start" (no condition depends
+        on it). A velocity within the width of its smoothed dry friction is "solved, creeping": Coulomb
+        friction would hold it at rest.
 
     Examples
     --------
@@ -91,12 +92,12 @@ class Trim:
 
     @property
     def free(self) -> tuple[str, ...]:
-        """States and inputs among which the conditions left a choice; they are nearest to their start."""
+        """States and inputs that the conditions leave undetermined; they are nearest to their start."""
         return tuple(name for name, how in self.how.items() if how == "nearest to its start")
 
     @property
     def operating_point(self) -> control.OperatingPoint:
-        """The same as python-control's operating point."""
+        """The same point as a :class:`control.OperatingPoint`."""
         import control
 
         return control.OperatingPoint(self.x, self.u, self.y)
@@ -126,7 +127,7 @@ class Trim:
         return card("Trim", self.block.name, "", table(("name", "value", "unit", ""), self._rows()))
 
     def _rows(self) -> list[tuple[str, float, str, str]]:
-        """Return name, value, unit and how it got it; the rates that are not zero come last."""
+        """Return rows of name, value, unit and origin; rates that are not zero come last."""
         own = {**self.states, **self.inputs}
         rows = [(name, value, self.block.signal(name).unit, self.how[name]) for name, value in own.items()]
         rows += [(key, value, self.block.parameter(key).unit, "given") for key, value in self.params.items()]
@@ -155,7 +156,7 @@ def trim(
     time: float = 0.0,
     guess: Values | Trim | None = None,
 ) -> Trim:
-    """Return an operating point of a Block; arguments and errors as of :meth:`hovercontrol.Block.trim`.
+    """Return an operating point of a Block; arguments and errors as for :meth:`hovercontrol.Block.trim`.
 
     Examples
     --------
@@ -195,7 +196,7 @@ def trim(
 
 
 def _fixed(signal: Any) -> bool:
-    """Return whether a signal is a mode, or its bounds leave it one value."""
+    """Return whether a signal is a mode, or its bounds are equal."""
     return bool(signal.modes) or signal.lower == signal.upper
 
 
@@ -223,7 +224,7 @@ def _check_guess(block: Block, guess: Values, groups: Mapping[str, list[str]]) -
 
 
 def _values(block: Block, kind: str, given: Values, guess: Values | None) -> Array:
-    """Return the values given, else guessed (put within bounds), else of the start."""
+    """Return the given values, else the guess (clipped to the bounds), else the start values."""
     guessed = guess or {}
     return np.array(
         [

@@ -1,10 +1,11 @@
-"""What a trim asks of a Block: which rates and outputs have given values, and how far a point is from them.
+"""The conditions of a trim: the rates and outputs with given values, and the residuals at a point.
 
 With x, u the states and inputs, f the rates and g the outputs of the Block, a trim is a point with
 
     f_i(t, x, u) = given rate (0 unless given),    g_j(t, x, u) = given output,
 
-x and u within the bounds of their signals. Of a sampled state the rate is what a step adds, next x - x.
+and x and u within the bounds of their signals. The rate of a sampled state is its change per step,
+next x - x.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ _VELOCITIES = (dimension("m/s"), dimension("rad/s"), dimension("1/s"))
 
 
 def with_rates(block: Block) -> Block:
-    """Return a Block with what a step adds, next x - x, as the derivative of each sampled state.
+    """Return a Block in which the derivative of each sampled state is its change per step, next x - x.
 
     Examples
     --------
@@ -57,12 +58,12 @@ def _next_values(block: Block) -> Mapping[str, sp.Expr]:
 
 
 def rate_name(block: Block, state: str) -> str:
-    """Return what lines call a state's rate: ``u'``, or ``mode per step`` where it is sampled."""
+    """Return the name of a state's rate in messages: ``u'``, or ``mode per step`` if it is sampled."""
     return f"{state} per step" if state in _next_values(block) else f"{state}'"
 
 
 def rate_unit(block: Block, state: str) -> str:
-    """Return the unit of a state's rate; of a sampled one that of the state.
+    """Return the unit of a state's rate; for a sampled state it is that of the state.
 
     Examples
     --------
@@ -81,19 +82,20 @@ def rate_unit(block: Block, state: str) -> str:
 
 
 def ignorable_states(block: Block, asked: Collection[str] = ()) -> tuple[str, ...]:
-    """Return the states that may move while all others rest: a craft's position and heading.
+    """Return the states that may change while all others are constant: a craft's position and heading.
 
-    A state is ignorable if its own rate depends neither on itself nor on an input, it is no velocity, and the
-    rates that depend on it belong to ignorable states and have the period 2 pi in it, as an angle's have. So
-    a motion at constant u, v and r is steady, whereas one at a constant acceleration is not.
+    A state is ignorable if three conditions hold: its rate depends neither on the state itself nor on an
+    input; it is neither a velocity nor a mode; and every rate that depends on it belongs to an ignorable
+    state and has the period 2 pi in it, as for an angle. So a motion with constant u, v and r is steady, but
+    a motion with a constant acceleration is not.
 
     Parameters
     ----------
     block : Block
-        As of :func:`with_rates`.
+        From :func:`with_rates`.
     asked : collection of str, optional
-        States whose rates are given. They are steady only if the states that they depend on rest: a craft
-        that is to go north keeps its heading.
+        States with given rates. Their rates are constant only if the states that they depend on are constant:
+        a craft that goes north keeps its heading.
 
     Examples
     --------
@@ -128,7 +130,7 @@ def ignorable_states(block: Block, asked: Collection[str] = ()) -> tuple[str, ..
 
 
 def names_that_count(block: Block, rates: Collection[int], outputs: Collection[int]) -> set[str]:
-    """Return the states and inputs on which any of some rates (outputs), by row, depends."""
+    """Return the states and inputs on which some rates and outputs, given by row, depend."""
     names = [s.name for s in (*block.states, *block.inputs)]
     found = {names[j] for i, j in partial_derivatives(block, "derivatives", names) if i in rates}
     return found | {names[j] for i, j in partial_derivatives(block, "outputs", names) if i in outputs}
@@ -146,13 +148,13 @@ class Condition:
     Parameters
     ----------
     name : str
-        As lines have it: ``u'``, or an output.
+        Name in messages: ``u'``, or an output.
     unit : str
     wanted : float
     nominal : float
-        Size by which what is missing is divided.
+        Nominal size, by which the residual is divided.
     state : str, optional
-        Of a rate.
+        Name of the state, if the condition is on a rate.
     """
 
     name: str
@@ -162,29 +164,30 @@ class Condition:
     state: str = ""
 
     def line(self, found: float) -> str:
-        """Return how a point falls short: ``u' = -0.35 m/s^2, wanted 0``."""
+        """Return the deviation of a point as text: ``u' = -0.35 m/s^2, wanted 0``."""
         unit = "" if self.unit == "1" else f" {self.unit}"
         return f"{self.name} = {found:.4g}{unit}, wanted {self.wanted:.4g}"
 
 
 @dataclass(frozen=True)
 class Conditions:
-    """The equations of a trim as functions of the unknown states and inputs, each in its nominal size.
+    """The equations of a trim as functions of the unknown states and inputs, scaled by nominal sizes.
 
     Parameters
     ----------
     block : Block
     rates_block : Block
-        The same without delays, as of :func:`with_rates`.
+        The same Block without delays, from :func:`with_rates`.
     x, u : ndarray, shapes (n_states,) and (n_inputs,)
-        Given values, and where the search for the others begins.
+        Given values, and initial values of the search for the others.
     free_states, free_inputs : sequence of int
-        The unknowns.
+        Indices of the unknowns.
     rates, outputs : mapping of int to float
         Wanted values by row.
     params : mapping, optional
+        Parameter values by key.
     time : float
-        [s]
+        Time [s].
     """
 
     block: Block
@@ -228,7 +231,7 @@ class Conditions:
 
     @property
     def start(self) -> Array:
-        """Where the search begins, in nominal sizes."""
+        """Initial values of the search, in nominal sizes."""
         return np.concatenate([self.x[list(self.free_states)], self.u[list(self.free_inputs)]]) / self.sizes
 
     @property
@@ -238,14 +241,14 @@ class Conditions:
         return lower / self.sizes, np.array([s.upper for s in self.unknowns]) / self.sizes
 
     def point(self, z: Array) -> tuple[Array, Array]:
-        """Return states and inputs of the unknowns z."""
+        """Return the states and inputs for the unknowns z (in nominal sizes)."""
         x, u, values = self.x.copy(), self.u.copy(), z * self.sizes
         n = len(self.free_states)
         x[list(self.free_states)], u[list(self.free_inputs)] = values[:n], values[n:]
         return x, u
 
     def found(self, z: Array) -> Array:
-        """Return rates and outputs, in the order of the conditions, in their units."""
+        """Return the rates and outputs at z, in the order of the conditions, in their units."""
         x, u = self.point(z)
         f = numpy_functions(self.rates_block)
         with np.errstate(all="ignore"):
@@ -254,12 +257,12 @@ class Conditions:
         return np.concatenate([rates[list(self.rates)], outputs[list(self.outputs)]])
 
     def missing(self, z: Array) -> Array:
-        """Return found less wanted, in nominal sizes."""
+        """Return the residuals F_i(z) = (found_i - wanted_i)/n_i, with the nominal sizes n_i."""
         wanted = np.array([c.wanted for c in self.each])
         return (self.found(z) - wanted) / np.array([c.nominal for c in self.each])
 
     def jacobian(self, z: Array) -> Array:
-        """Return the exact derivative of :meth:`missing`, shape (n_conditions, n_unknowns)."""
+        """Return the exact Jacobian dF/dz of :meth:`missing`, shape (n_conditions, n_unknowns)."""
         x, u = self.point(z)
         f = numpy_functions(self.rates_block)
 
@@ -272,6 +275,7 @@ class Conditions:
             parts += [of(rows, "inputs")[:, list(self.free_inputs)]]
             return np.hstack(parts)[list(wanted)]
 
+        # dF_i/dz_j = (s_j/n_i) dfound_i/dv_j, with v_j = s_j z_j and the nominal sizes s_j, n_i
         whole = of_unknowns("derivatives", list(self.rates))
         if self.outputs:
             whole = np.vstack([whole, of_unknowns("outputs", list(self.outputs))])
@@ -279,7 +283,7 @@ class Conditions:
 
 
 def closest_names(name: str, groups: Mapping[str, Sequence[str]], wanted: str) -> str:
-    """Return the end of an error line on a name that is not of the wanted kind.
+    """Return the end of an error message about a name that is not of the expected kind.
 
     Parameters
     ----------
@@ -287,7 +291,7 @@ def closest_names(name: str, groups: Mapping[str, Sequence[str]], wanted: str) -
     groups : mapping of str to sequence of str
         Names by kind.
     wanted : str
-        The kind.
+        The expected kind.
 
     Examples
     --------

@@ -1,4 +1,10 @@
-"""The search for a trim: least squares within bounds, then the solution nearest to where it began."""
+"""Solve for a trim: bounded least squares, then the solution nearest to the initial values.
+
+With F(z) the residuals of :class:`.Conditions`, z the unknowns in nominal sizes and z_0 their initial
+values::
+
+    min |F(z)|^2 for z within its bounds;    then min |z - z_0|^2 with F(z) = 0
+"""
 
 from __future__ import annotations
 
@@ -14,21 +20,22 @@ from hovercontrol.targets.trim_conditions import Conditions
 
 Array = NDArray[np.float64]
 
-#: A trim holds where each condition is met to this part of its nominal size.
+#: Maximum residual of a trim, as a fraction of the nominal size of each condition.
 TOLERANCE = 1e-8
-#: Further points from which the search begins where the first fails: a Halton sequence, the same each time.
+#: Number of further initial points: a Halton sequence, the same in each search.
 STARTS = 8
-#: A solution whose unknowns are all within this many nominal sizes of the start is taken at once; of those
-#: farther away the nearest among so many starts, as angles and signs have more than one.
+#: A solution with all unknowns within NEAR nominal sizes of the start is accepted at once. Otherwise the
+#: nearest solution from the first COMPARED further starts is chosen, because angles and signs can have
+#: several solutions.
 NEAR, COMPARED = 4.0, 6
-#: How far about the first they lie, in nominal sizes.
+#: Maximum distance of the further initial points from the first, in nominal sizes.
 SPREAD = 3.0
-#: A singular value of the Jacobian below this part of the largest is 0.
+#: A pivot or singular value of the Jacobian below this fraction of the largest counts as 0.
 RANK = 1e-9
 
 
 def solve(conditions: Conditions) -> tuple[Array, bool]:
-    """Return the unknowns in nominal sizes, and whether they meet the conditions or are the nearest miss."""
+    """Return the unknowns in nominal sizes, and whether they meet the conditions; else the best attempt."""
     start = conditions.start
     best, least = start, np.inf
     solutions: list[Array] = []
@@ -52,10 +59,11 @@ def solve(conditions: Conditions) -> tuple[Array, bool]:
 
 
 def nearest(conditions: Conditions, z: Array) -> Array:
-    """Return the solution nearest to the start, from one that is found: min |z - start|^2, missing(z) = 0.
+    """Return the solution nearest to the start: min |z - z_0|^2 with F(z) = 0, starting from a solution z.
 
-    Where the conditions determine the unknowns that is the one that is found.
+    If the conditions determine all unknowns, z is returned.
     """
+    # pivoted QR of J' gives the rank of J and its independent rows, the constraints of the minimisation
     J, start = conditions.jacobian(z), conditions.start
     _, R, order = scipy.linalg.qr(J.T, mode="economic", pivoting=True)
     rank = int(np.sum(np.abs(np.diag(R)) > RANK * max(1.0, np.abs(R).max(initial=0.0))))
@@ -82,9 +90,9 @@ def nearest(conditions: Conditions, z: Array) -> Array:
 
 
 def undetermined(conditions: Conditions, z: Array) -> list[int]:
-    """Return the unknowns that could change together while the conditions still hold.
+    """Return the unknowns that can change together while the conditions still hold: J dz = 0, dz_k != 0.
 
-    Those on which no condition depends are not among them.
+    Unknowns on which no condition depends are not included.
     """
     J = conditions.jacobian(z)
     asked = np.flatnonzero(np.abs(J).max(axis=0, initial=0.0) > 0)
@@ -95,7 +103,7 @@ def undetermined(conditions: Conditions, z: Array) -> list[int]:
 
 
 def bound_at(conditions: Conditions, k: int, value: float) -> str:
-    """Return the bound at which an unknown is, or nothing; value in nominal sizes."""
+    """Return "lower" or "upper" if an unknown is at that bound, else ""; `value` is in nominal sizes."""
     lower, upper = (b[k] for b in conditions.bounds)
     if abs(value - lower) < 1e-6:
         return "lower"
@@ -103,7 +111,7 @@ def bound_at(conditions: Conditions, k: int, value: float) -> str:
 
 
 def failure(conditions: Conditions, z: Array) -> str:
-    """Return what the nearest miss lacks, the worst first, and which bounds it meets."""
+    """Return the message for the best attempt: its largest deviations first, and the bounds reached."""
     found, missing = conditions.found(z), np.abs(conditions.missing(z))
     worst = [int(k) for k in np.argsort(-missing) if not missing[k] <= 1e-6][:4]
     lines = [conditions.each[k].line(float(found[k])) for k in worst]
@@ -120,7 +128,7 @@ def failure(conditions: Conditions, z: Array) -> str:
 
 
 def _from(conditions: Conditions, start: Array) -> Array | None:
-    """Return where least squares ends; None where the Block has no finite values."""
+    """Return the least-squares solution from a start; None if the Block has no finite values there."""
     if not len(start):
         return start
     lower, upper = conditions.bounds
@@ -139,14 +147,14 @@ def _from(conditions: Conditions, start: Array) -> Array | None:
         return None
     z = np.asarray(found.x)
     onto = np.clip(z, lower, upper)
-    for bound in (lower, upper):  # the search stays inside; a solution on a bound is put there
+    for bound in (lower, upper):  # the search stays inside; close solutions are set to the bound
         onto = np.where(np.abs(onto - bound) < 1e-7, bound, onto)
     size = [float(np.max(np.abs(conditions.missing(p)), initial=0.0)) for p in (z, onto)]
     return onto if size[1] <= max(size[0], TOLERANCE) else z
 
 
 def _tidy(conditions: Conditions, z: Array) -> Array:
-    """Put unknowns that are within rounding of 0 or of their start there, if the conditions still hold."""
+    """Set unknowns within rounding of 0 or of their start to that value, if the conditions still hold."""
     tidy = np.where(np.abs(z) < TOLERANCE, 0.0, z)
     tidy = np.where(np.abs(z - conditions.start) < TOLERANCE, conditions.start, tidy)
     size = [float(np.max(np.abs(conditions.missing(p)), initial=0.0)) for p in (z, tidy)]
