@@ -125,7 +125,7 @@ def sampled_estimator(
     }
     hats = {
         f"{short}_hat": sp.Symbol(f"now_{short}", real=True) for short in model.names
-    }  # told and remembered
+    }  # both outputs and next states
     for short, s in zip(model.names, memory.values[n:], strict=True):
         write.definitions[f"now_{short}"] = next_values[s.name]
         next_values[s.name] = sp.Symbol(f"now_{short}", real=True)

@@ -223,6 +223,7 @@ def _identified(
         units={c: problem.block.signal(c).unit for c in channels},
         residual=dict(zip(channels, fit.noise.measured.tolist(), strict=True)),
         noise=dict(zip(channels, data.noise.tolist(), strict=True)),
+        # sum over the channels c of n_c (residual_c / noise_c)^2 / sum of n_c, n_c samples used
         chi2_per_dof=float(used @ (fit.noise.measured / data.noise) ** 2 / used.sum()),
         rows=int(problem.seen.any(axis=2).sum()),
         rows_total=sum(m.rows_total for m in logs),

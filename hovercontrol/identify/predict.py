@@ -379,6 +379,7 @@ def _simulate(fit: Fit, block: Block, x0: Array, t: Array, h: Array, log: NDArra
 def _errors(
     names: Sequence[str], simulated: Array, reference: Array
 ) -> tuple[dict[str, float], dict[str, float]]:
+    # rms = sqrt(mean (y - z)^2),  nrmse = rms / std(z), with y simulated and z measured.
     rms, nrmse = {}, {}
     for name, y, z in zip(names, simulated, reference, strict=True):
         seen = np.isfinite(z)

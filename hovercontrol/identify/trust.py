@@ -220,6 +220,7 @@ def _over_longer_times(fit: Fit, std: Array) -> list[tuple[str, Reading]]:
         if (read := _read_over(fit, horizon)) is None:
             continue
         step, own, difference, dof = read
+        # Two-sided t test at the level `level` / `tests` (Bonferroni), in units of the standard error.
         asked = float(stats.t.isf(0.5 * TRUST.level / tests, dof))
         for j, name in enumerate(fit.problem.names):
             moved = abs(step[j]) * slope[j] > TRUST.moved * std[j]

@@ -2,7 +2,7 @@
 
 A log with the pose is processed in this order::
 
-    read_log -> join_logs (if commands are a file of their own) -> BenchTable.apply -> smooth_pose
+    read_log -> join_logs (if commands are in a separate file) -> BenchTable.apply -> smooth_pose
 
 A log with ``u, v, r`` needs only the first step.
 """

@@ -326,6 +326,8 @@ def _regression(x: Floats, y: Floats) -> Floats:
 
 def _line(arrival: Floats, frame: Floats, period: float) -> Floats:
     """Return the times of frames on the line through the undelayed arrivals."""
+    # Regression of arrival - period frame = start + slope frame, three times with the arrivals within
+    # 0.1 period of the last line.
     offset = arrival - period * frame
     slope, start = 0.0, float(np.median(offset))
     for _ in range(3):

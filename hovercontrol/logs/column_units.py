@@ -101,7 +101,7 @@ def factors_of_file(
         except ValueError as error:  # an InputError, or a text that is too long for a unit
             if ours in wanted or ours in ("time", *UNITS):
                 raise InputError(f"{file}: {error}; another unit: --columns {ours}={theirs}:UNIT") from None
-            continue  # nobody asks for it
+            continue  # the column is not used
         if factor != 1.0:
             factors[ours] = factor
     return factors

@@ -127,8 +127,8 @@ def gather(
     ArgumentError
         If a name or a unit of `columns`, or the condition, does not fit the files.
     InputError
-        As :func:`read_log` and :func:`join_logs`; or if an input is missing, nothing is left, or the gaps
-        are longer than what is left.
+        As :func:`read_log` and :func:`join_logs`; or if an input is missing, no row is left, or the gaps
+        are longer in total than the rest of the log.
 
     Examples
     --------

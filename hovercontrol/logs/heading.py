@@ -99,7 +99,8 @@ class Heading:
             )
         axis, sign = self.up
         # Rotation matrix R of q, x_i = R_ik b_k. For z up: psi = atan2(R_10, R_00),
-        # R_10 = 2 (q_x q_y + q_w q_z),  R_00 = q_w^2 + q_x^2 - q_y^2 - q_z^2; for other axes cyclically.
+        # R_10 = 2 (q_x q_y + q_w q_z),  R_00 = q_w^2 + q_x^2 - q_y^2 - q_z^2; other axes likewise, with the
+        # sign `turn`.
         first = 1 if axis == 0 else 0
         x, y, w = q[first], q[3 - first - axis], q[3]
         z = q[axis]

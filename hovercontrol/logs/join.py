@@ -55,7 +55,7 @@ def join_logs(
     Parameters
     ----------
     pose, commands : Log
-        On the same clock [s]; no column in both.
+        Logs on the same clock [s], without a common column.
     before : mapping or float, optional
         The idle value of each command (or of all) before the first command row. Without it, samples of the
         pose before that row are left out.

@@ -132,8 +132,8 @@ class SensorErrors:
 def noise_from_sensors(sensors: SensorErrors | None = None, *, period: float = IMU_PERIOD) -> InsNoise:
     """Return covariances that agree with the errors of the sensors.
 
-    A sample with standard deviation s adds ``s * period`` to the standard deviation of its integral at each
-    tick. A bias with a random walk of s in one second moves by ``s * sqrt(period)`` per tick.
+    At each tick a sample of standard deviation s adds an error of standard deviation ``s * period`` to its
+    integral. A bias with a random walk of s in one second changes by ``s * sqrt(period)`` per tick.
 
     Parameters
     ----------

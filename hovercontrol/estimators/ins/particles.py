@@ -57,7 +57,7 @@ class ParticleFilter:
     ----------
     name : str
     period : float
-        [s]
+        Time from tick to tick [s].
     inputs, outputs, states : tuple of Signal
         Those of the Kalman filter with the same arguments, and the output ``effective``, the effective sample
         size. The states are the means about which the initial particles are drawn.
