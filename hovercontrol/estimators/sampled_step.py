@@ -94,7 +94,7 @@ def corrected(x: Values, P: Values, y: Values, R: Values, names: Names) -> tuple
 
 
 def begun(x: Values, P: Values, y: Values, R: Values) -> tuple[Values, Values]:
-    """Initialise the states from a first sample; arguments and result as for :func:`corrected`."""
+    """Return the values initialised from a first sample; arguments and result as for :func:`corrected`."""
     # x = y,  P_xx = diag R,  P_xc = 0; the coefficients and P_cc do not change.
     n = len(y)
     x, P = x.copy(), P.copy()

@@ -66,7 +66,7 @@ class BenchTable:
 
     @classmethod
     def from_csv(cls, path: str | Path, *, fans: int = 2, idle: float = 1000.0) -> BenchTable:
-        """Read a table: the command in the first column, then one column per trial in gram-force.
+        """Read a table: the command in the first column, then one column per trial in the unit gram-force.
 
         Parameters
         ----------

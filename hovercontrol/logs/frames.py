@@ -158,7 +158,7 @@ def _times(parts: Sequence[Log], window: float) -> Floats:
 
 
 def _alignment(log: Log, push: Complex, times: Floats, window: float) -> tuple[complex, complex]:
-    """Return the correlation of acceleration and commanded force, in the log's and in mirrored axes."""
+    """Return the correlation of acceleration and commanded force `push`, in the log's and mirrored axes."""
     # With z = x + i y:  z'' is correlated with F e^{i psi} of the commands (mirrored: its conjugate, or
     # F e^{-i psi}), given z', a constant and the term (i r' - r^2) e^{i psi} of a marker off the centre.
     z = _mean(log, log["x"], times, window) + 1j * _mean(log, log["y"], times, window)

@@ -93,7 +93,7 @@ def is_comment(line: str) -> bool:
 
 
 def recognise(head: bytes, file: str) -> Dialect:
-    r"""Recognise the dialect of a text table from its first bytes.
+    r"""Return the dialect of a text table, recognised from its first bytes.
 
     Parameters
     ----------
