@@ -1,9 +1,9 @@
-"""K06's autopilot with all that stands between a law and the craft (section 6.1.1): the real loop.
+"""K06's autopilot with all components between the control law and the craft (section 6.1.1): the real loop.
 
-:func:`autopilot` builds it as one hybrid Block; :class:`Imperfections` names what may be switched off;
-:func:`seeds` gives the runs of a sweep their random numbers; :func:`beside_ideal` sets it beside the ideal
-loop. :func:`error_model` is K06's model of its
-navigation's errors, :func:`nearest_heading` what guidance needs where the craft turns more than once.
+:func:`autopilot` builds it as one hybrid Block. :class:`Imperfections` lists the imperfections that can be
+switched off. :func:`seeds` gives the runs of a sweep their random numbers. :func:`beside_ideal` runs the real
+and the ideal loop in parallel. :func:`error_model` is K06's model of the navigation's errors.
+:func:`nearest_heading` adapts guidance to a craft that turns more than once.
 """
 
 from hovercontrol.autopilot.error_model import error_model

@@ -1,4 +1,4 @@
-"""K06's model of what is wrong with its navigation [K06 fig 6.2], in place of sensors and filters."""
+"""K06's model of its navigation's errors [K06 fig 6.2], in place of sensors and filters."""
 
 from __future__ import annotations
 
@@ -30,22 +30,24 @@ def error_model(
 ) -> Block:
     """Return K06's INS block: true motion plus errors that grow from fix to fix (section 6.1.1, figure 6.2).
 
-    Biases that the filters have not found are integrated to errors of velocity and heading; a pulse every
-    second, the rate of K06's fixes, sets those back. K06 says that the biases vary in time, not how fast:
-    here they are drawn anew at each pulse. The position, which K06 leaves out, errs by their second integral.
+    The biases that remain after the filters are integrated to errors of velocity and heading. A pulse every
+    second, the rate of K06's fixes, resets these errors. K06 says that the biases vary in time, but not how
+    fast; here new values are drawn at each pulse. The error of the position, which K06 omits, is the second
+    integral of the accelerometers' biases.
 
     Parameters
     ----------
     acceleration_bias : float, optional
-        Standard deviation of what is left of the accelerometers' biases [m/s^2]. K06 prints "variances given
+        Standard deviation of the accelerometers' remaining biases [m/s^2]. K06 prints "variances given
         by 2.5 cm/s^2 ... and 1 deg/s", whose units are those of standard deviations.
     gyro_bias, gyro_noise : float, optional
-        The same of the gyro's bias, and of its white noise [rad/s].
+        Standard deviation of the gyro's remaining bias, and of its white noise [rad/s].
     interval : float, optional
-        From pulse to pulse [s]; at the first tick of the Block that is no earlier.
+        Time from pulse to pulse [s]; a pulse comes at the first tick that is not earlier.
     period : float, optional
-        [s]
+        Time from tick to tick [s].
     seed : int, optional
+        Seed of the random numbers.
     name : str, optional
 
     Returns
@@ -56,7 +58,7 @@ def error_model(
     Raises
     ------
     InputError
-        If a size is negative or a time not positive.
+        If a standard deviation is negative or a time is not positive.
 
     Examples
     --------
@@ -92,6 +94,9 @@ def error_model(
     )
     for b, old, spread, drawn in zip(biases, last, spreads, noise.values, strict=False):
         definitions[b.name] = sp.Piecewise((old.symbol, since.symbol > 0), (spread.symbol * drawn, True))
+    # A time t after the pulse, with B(psi) the rotation to earth axes and b the biases:
+    # p_hat = p + t^2/2 B(psi) [b_x, b_y],  psi_hat = psi + t b_g,  [u, v]_hat = [u, v] + t [b_x, b_y],
+    # r_hat = r + b_g + white noise.
     x, y, psi, u, v, r = (s.symbol for s in MOTION)
     b_x, b_y, b_g = (b.symbol for b in biases)
     t, cos, sin = since.symbol, sp.cos(psi), sp.sin(psi)

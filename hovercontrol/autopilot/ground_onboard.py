@@ -1,6 +1,6 @@
-"""The two ends of the radio link: what ticks with the law, and what ticks on board.
+"""The two ends of the radio link: the components that run with the law, and those on board.
 
-Both have K06's tables and ideal ones, with a choice between them.
+Both contain K06's tables and ideal ones, with a selector between them.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from hovercontrol.models.model import MOTION, RUDDER, THRUST
 
 
 def sent_commands(thruster: Thruster) -> tuple[Signal, Signal]:
-    """Return what goes over the link to the craft."""
+    """Return the commands that are sent over the link to the craft."""
     return SERVO_COMMAND, thruster.command
 
 
@@ -38,7 +38,7 @@ def pilot_side(
     thruster: Thruster,
     servo: ServoTable,
 ) -> Block:
-    """Return all that ticks with the law: guidance, law, dead zone, saturation, lookup tables.
+    """Return the ground side of the loop: guidance, law, dead zone, saturation, lookup tables.
 
     Parameters
     ----------
@@ -50,8 +50,8 @@ def pilot_side(
     Returns
     -------
     Block
-        Inputs the motion as the law sees it, ``u_seen`` ...; outputs those of guidance and law, the commands,
-        and how often these were clipped.
+        Inputs: the motion as received by the law, ``u_seen`` .... Outputs: those of guidance and law, the
+        commands, and the number of ticks at which these were clipped.
     """
     own = [law] if guidance is None else [guidance, law]
     reference = setpoints(own, references)
@@ -85,20 +85,21 @@ def pilot_side(
 
 
 def board_side(period: float, thruster: Thruster, servo: ServoTable) -> Block:
-    """Return all that ticks on board: the servo, the thruster's drive, and the force that they make.
+    """Return the onboard side of the loop: the servo, the thruster's drive, and the resulting force.
 
     Parameters
     ----------
     period : float
-        [s]
+        Base tick [s].
     thruster : Thruster
     servo : ServoTable
 
     Returns
     -------
     Block
-        Inputs the commands as sent and as held for 20 ms; outputs ``thrust`` [N], ``rudder`` [rad], and those
-        of the drive: of the fan ``fan_speed_set`` [rad/s] and ``drive_mode``, else ``blade_pitch`` [rad].
+        Inputs: the commands as sent, and as held for 20 ms. Outputs: ``thrust`` [N], ``rudder`` [rad], and
+        those of the drive: ``fan_speed_set`` [rad/s] and ``drive_mode`` for the fan, else ``blade_pitch``
+        [rad].
     """
     servos = []
     forces = []
@@ -144,7 +145,7 @@ def board_side(period: float, thruster: Thruster, servo: ServoTable) -> Block:
 
 
 def held_side(period: float, commands: Sequence[Signal]) -> Block:
-    """Return what takes the commands that have come over the link every 20 ms."""
+    """Return a Block that samples the received commands every `period` (20 ms) and holds them."""
     return Block(
         "update",
         inputs=tuple(after(s, "sent") for s in commands),
@@ -155,12 +156,12 @@ def held_side(period: float, commands: Sequence[Signal]) -> Block:
 
 
 def _servos(servo: ServoTable) -> tuple[tuple[str, ServoTable, dict[str, float]], ...]:
-    """Return K06's and an ideal servo: suffix, table, and slope and offset of (4.3)."""
+    """Return the given and an ideal servo: suffix, table, and slope and offset of (4.3)."""
     return ("", servo, {}), ("_ideal", ideal_servo(), STRAIGHT)
 
 
 def after(signal: Signal, end: str) -> Signal:
-    """Return a signal as it is called behind a part of the loop."""
+    """Return a signal renamed with the suffix of its stage in the loop."""
     return signal.replace(name=f"{signal.name}_{end}")
 
 

@@ -1,4 +1,4 @@
-"""Headings less whole turns: thrown in at 6.4 rad/s, the craft turns several times before it stops."""
+"""Wrapped headings for guidance: released at 6.4 rad/s, the craft turns several times before it stops."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from hovercontrol.models.model import MOTION
 
 @checked
 def nearest_heading(guidance: Block) -> Block:
-    """Return guidance that takes the heading nearest to its goal, whole turns apart, for the craft's heading.
+    """Return guidance whose heading input is shifted by whole turns to within pi of the goal.
 
-    K06 draws the headings of figure 6.11 within 0 ... 7 rad, though the craft turns several times: whole
-    turns do not count. Goals of 5 and -1.28 rad are then one.
+    K06 draws the headings of figure 6.11 within 0 ... 7 rad although the craft turns several times, so whole
+    turns are ignored. Goals of 5 and -1.28 rad are then the same.
 
     Parameters
     ----------
     guidance : Block
-        Sampled, with inputs ``psi`` and ``heading_ref``; other guidance is returned as it is.
+        Sampled, with inputs ``psi`` and ``heading_ref``; other guidance is returned unchanged.
 
     Examples
     --------
@@ -33,6 +33,7 @@ def nearest_heading(guidance: Block) -> Block:
     """
     if HEADING_REF.name not in {s.name for s in guidance.inputs}:
         return guidance
+    # psi_nearest = psi_ref + atan2(sin(psi - psi_ref), cos(psi - psi_ref)).
     psi = MOTION[2]
     off = psi.symbol - HEADING_REF.symbol
     told = psi.replace(name="psi_nearest", description="heading less whole turns")

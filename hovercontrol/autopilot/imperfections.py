@@ -1,4 +1,4 @@
-"""What the real loop has that the ideal one has not: each imperfection by name, with its switch."""
+"""The imperfections that distinguish the real loop from the ideal one, by name, with their switches."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError, did_you_mean
 
-#: Of each imperfection the parameters of the loop that are zero without it; those that a loop has not do not
-#: matter.
+#: For each imperfection the parameters of the loop that are zero without it. Parameters that a loop lacks are
+#: ignored.
 SWITCHES: dict[str, tuple[str, ...]] = {
     "gyro_dynamics": ("gyro_dynamics.dynamics",),
     "ins_bias": (
@@ -46,32 +46,32 @@ class Imperfections:
     Parameters
     ----------
     gyro_dynamics : bool, optional
-        The gyro's lag (6.2), uncompensated. K06's simulation has none, its autopilot compensates it.
+        The gyro's lag (6.2), uncompensated. K06's simulation has none, because its autopilot compensates it.
     ins_bias : bool, optional
-        What is left of the inertial sensors' biases.
+        The remaining biases of the inertial sensors.
     ins_noise : bool, optional
-        Noise of the gyro and of what aids the navigation.
+        Noise of the inertial sensors and of the navigation's aids.
     gyro_range : bool, optional
         The inertial sensors' full scale: 300 deg/s, less than the 6.4 rad/s of the stop trial's start.
     ins_update : bool, optional
-        Navigation tells the motion at the IMU's ticks; without it the law sees the motion of its own ticks,
-        plus the errors of the navigation.
+        The navigation outputs the motion at the IMU's ticks. Without it the law receives the motion at its
+        own ticks, plus the errors of the navigation.
     downlink_delay : bool, optional
-        6 times 6 ms from the craft to the law.
+        Delay of 6 times 6 ms from the craft to the law.
     dead_zone : bool, optional
         Forces of 0.05 N or less count as zero.
     saturation : bool, optional
-        Force and its angle end where fan and rudder do.
+        The force and its angle are limited to the ranges of fan and rudder.
     tables : bool, optional
-        Commands come from lookup tables and act by them; they end where they end, whether or not there is
-        the saturation.
+        Lookup tables convert forces to commands and commands to forces. They are limited to their own range
+        even without the saturation.
     uplink_delay : bool, optional
-        2 times 20 ms from the law to the craft; without it one base tick remains.
+        Delay of 2 times 20 ms from the law to the craft; without it a delay of one base tick remains.
     update_20ms : bool, optional
-        Servo and speed controller take commands every 20 ms.
+        Servo and speed controller read their commands every 20 ms.
     brake : bool, optional
-        The speed controller brakes for 150 ms from reverse to forward; of a variable-pitch propeller, the lag
-        of its pitch.
+        The speed controller brakes for 150 ms on a change from reverse to forward; for a variable-pitch
+        propeller, the lag of its pitch.
 
     Examples
     --------
@@ -94,45 +94,45 @@ class Imperfections:
 
     @classmethod
     def only(cls, *names: str) -> Imperfections:
-        """Return those named and no other; without a name none.
+        """Return only the named imperfections; none without a name.
 
         Parameters
         ----------
         *names : str
-            Of :data:`SWITCHES`.
+            Keys of :data:`SWITCHES`.
 
         Raises
         ------
         InputError
-            If there is none of a name; the nearest is in the text.
+            If a name is unknown; the message names the nearest.
         """
         _check(names)
         return cls(**{name: name in names for name in SWITCHES})
 
     def without(self, *names: str) -> Imperfections:
-        """Return the same without those named; errors as for :meth:`only`.
+        """Return these imperfections without the named ones; errors as for :meth:`only`.
 
         Parameters
         ----------
         *names : str
-            Of :data:`SWITCHES`.
+            Keys of :data:`SWITCHES`.
         """
         _check(names)
         return Imperfections.only(*(name for name in self.names if name not in names))
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of those that are there, in the order of the loop."""
+        """Names of the imperfections that are switched on, in the order of the loop."""
         return tuple(f.name for f in fields(self) if getattr(self, f.name))
 
     def parameters(self, loop: Block) -> dict[str, float]:
-        """Return the values of a loop's parameters that make it so, by key, for runs of one built loop.
+        """Return the parameter values, by key, that give a loop these imperfections without a rebuild.
 
         Parameters
         ----------
         loop : Block
-            By :func:`~hovercontrol.autopilot.autopilot`. An imperfection that is there has the size that the
-            loop was built with, none if it was built without.
+            Result of :func:`~hovercontrol.autopilot.autopilot`. An imperfection that is switched on has the
+            size that the loop was built with, which is zero if the loop was built without it.
         """
         known, values = loop.default_parameters, {}
         for name, keys in SWITCHES.items():

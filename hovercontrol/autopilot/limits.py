@@ -1,4 +1,4 @@
-"""How large a force fan and rudder can make: a limit of what is commanded, and tables that lose more."""
+"""Limits of the force of fan and rudder: saturation of the commands, and tables with rudder losses."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from hovercontrol.hardware.actuators import (
 )
 from hovercontrol.hardware.actuators.signals import DEGREE, FORCE_ANGLE_COMMAND, THRUST_COMMAND
 
-#: What a law asks for, before it is limited.
+#: The force and its angle requested by a law, before saturation.
 WANTED = tuple(
     s.replace(name=s.name.replace("_command", "_wanted")) for s in (THRUST_COMMAND, FORCE_ANGLE_COMMAND)
 )
-#: 1 where the table of fan or servo is left.
+#: 1 if the request is outside the table of fan or servo.
 OUTSIDE = tuple(Signal(f"{key}_outside", "1", "1 where the table is left") for key in ("thrust", "rudder"))
 
 
 def fan_ends(tables: tuple[FanTable, FanTable]) -> tuple[float, float]:
-    """Return the least and the largest force [N] of a fan with the rudder straight, by its tables.
+    """Return the smallest and the largest force [N] of a fan with the rudder straight, from its tables.
 
     Examples
     --------
@@ -45,15 +45,16 @@ def actuator_limits(
     servo: ServoTable | None = None,
     name: str = "saturation",
 ) -> Block:
-    """Return what clips thrust and angle of a force to what the calibration has, with the rudder straight.
+    """Return a Block that clips thrust and force angle to the calibrated range, with the rudder straight.
 
     K06: "Commands that exceed the predefined actuator limits are clipped to their maximum values" (6.1.1).
-    The sizes are those at the ends of the tables, which clip by themselves: this is for loops without them.
+    The limits are the ends of the tables. The tables also clip by themselves; this Block is for loops
+    without tables.
 
     Parameters
     ----------
     ends : tuple of 2 float, optional
-        Least and largest force [N]. Default: those of K06's fan, by :func:`fan_ends`.
+        Smallest and largest force [N]. Default: those of K06's fan, by :func:`fan_ends`.
     servo : ServoTable, optional
         Default: K06's stand-in.
     name : str, optional
@@ -62,7 +63,7 @@ def actuator_limits(
     -------
     Block
         Inputs ``thrust_wanted`` [N] and ``force_angle_wanted`` [rad]; outputs ``thrust_command`` and
-        ``force_angle_command``; the parameter ``on`` switches it off.
+        ``force_angle_command``. With the parameter ``on`` at 0 it passes its inputs unchanged.
 
     Examples
     --------
@@ -95,21 +96,21 @@ def actuator_limits(
 
 
 def clip_counters(period: float, *, name: str = "clipping") -> Block:
-    """Return what counts the ticks at which a law asks for more than fan or rudder can do.
+    """Return a Block that counts the ticks at which a law requests more than fan or rudder can do.
 
     Parameters
     ----------
     period : float
-        [s]
+        Time from tick to tick [s].
     name : str, optional
 
     Returns
     -------
     Block
-        Inputs what is wanted, what :func:`actuator_limits` leaves of it, and whether a table is left,
-        ``thrust_outside`` and ``rudder_outside``; outputs ``thrust_clipped`` and ``rudder_clipped``: the
-        ticks so far at which the limits clipped, or the table's border was taken (the fan's has ends in
-        force and in rudder angle).
+        Inputs: the requests, the outputs of :func:`actuator_limits`, and ``thrust_outside`` and
+        ``rudder_outside``, which are 1 outside a table. Outputs: ``thrust_clipped`` and ``rudder_clipped``,
+        the number of ticks so far at which the limits clipped a request or a table was left (the fan's table
+        has ends in force and in rudder angle).
     """
     commands = (THRUST_COMMAND, FORCE_ANGLE_COMMAND)
     counts, last, definitions = [], [], {}
@@ -132,12 +133,14 @@ def clip_counters(period: float, *, name: str = "clipping") -> Block:
 
 
 def lossy_tables(loss: float) -> tuple[FanTable, FanTable]:
-    """Return K06's stand-in tables with less thrust the more the rudder is turned.
+    """Return K06's stand-in tables with a thrust loss that grows with the rudder angle.
+
+    The thrust is multiplied by ``1 - loss (rudder / 35 deg)^2``.
 
     Parameters
     ----------
     loss : float
-        Share lost at 35 degrees, growing with the square of the angle.
+        Share of the thrust lost at 35 degrees.
 
     Raises
     ------

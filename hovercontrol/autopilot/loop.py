@@ -1,6 +1,6 @@
-"""K06's whole autopilot around a law as one hybrid Block [K06 fig 5.1, 6.1].
+"""K06's complete autopilot with a control law as one hybrid Block [K06 fig 5.1, 6.1].
 
-Sensors, links, actuators, craft.
+It contains sensors, links, actuators and the craft.
 """
 
 from __future__ import annotations
@@ -52,44 +52,46 @@ def autopilot(
 ) -> Block:
     """Return K06's real loop as one hybrid Block (section 6.1.1, figure 6.1).
 
-    Each imperfection is a parameter, so that one built Block runs with any set of them
-    (:meth:`Imperfections.parameters`), and :func:`seeds` gives runs their random numbers. With all switched
-    off it is the ideal loop, its commands one base tick late.
+    Each imperfection is a parameter, so that one Block runs with any set of them
+    (:meth:`Imperfections.parameters`). :func:`seeds` gives runs their random numbers. With all imperfections
+    switched off it is the ideal loop with a command delay of one base tick.
 
     Parameters
     ----------
     law : Block
-        One of :mod:`hovercontrol.controllers.k06`: tells ``force_x, force_y`` [N].
+        One of :mod:`hovercontrol.controllers.k06`, with outputs ``force_x, force_y`` [N].
     guidance : Block, optional
-        Sampled at `period`: tells the law its references. A heading wants
+        Sampled at `period`; it computes the references of the law. For heading guidance use
         :func:`~hovercontrol.autopilot.nearest_heading`.
     references : mapping, optional
-        What law and guidance are told to hold, by input (``surge_ref``); parameters ``reference.surge_ref``.
+        Constant references of law and guidance, by input (``surge_ref``); they become parameters
+        ``reference.surge_ref``.
     plant : Block, optional
         A craft with inputs ``thrust`` [N] and ``rudder`` [rad]; default: K06's.
     start : mapping, optional
-        Initial motion by state, which the filters know.
+        Initial motion by state; the filters start from the same values.
     navigation : {"error_model", "magnetometer", "cricket"}, optional
         K06's model of its navigation's errors (figure 6.2); or inertial sensors and K06's filters, aided by a
         magnetometer and fixes of the position, or by Cricket for both.
     noise : InsNoise, optional
-        What the filters take for noise.
+        Noise covariances assumed by the filters.
     beacons : Beacons, optional
-        Of Cricket; default: :func:`~hovercontrol.hardware.sensors.k06_beacons`, a stand-in. Of two beacons
-        the craft is taken to stay on the side of their line where it starts.
+        Beacons of Cricket; default: :func:`~hovercontrol.hardware.sensors.k06_beacons`, a stand-in. With two
+        beacons the craft is assumed to stay on the side of their line on which it starts.
     tables : FanTable or two of them, optional
-        Of the fan, as measured: see :func:`~hovercontrol.hardware.actuators.read_fan_table`; of one the other
-        is made (:func:`~hovercontrol.hardware.actuators.table_pair`). Default: K06's stand-ins.
+        Measured tables of the fan: see :func:`~hovercontrol.hardware.actuators.read_fan_table`. From one
+        table the other is computed (:func:`~hovercontrol.hardware.actuators.table_pair`). Default: K06's
+        stand-ins.
     servo : ServoTable, optional
-        Of the rudder, as measured: see :func:`~hovercontrol.hardware.actuators.read_servo_table`. Default:
+        Measured table of the rudder: see :func:`~hovercontrol.hardware.actuators.read_servo_table`. Default:
         K06's stand-in.
     propeller : VariablePitch, optional
-        A variable-pitch propeller in place of the fan; its ``rudder_loss`` is the one given here.
+        A variable-pitch propeller in place of the fan. Its ``rudder_loss`` is replaced by `rudder_loss`.
     rudder_loss : float, optional
-        Share of the thrust that the stand-ins lose with the rudder at 35 degrees, beyond their cosine; it
-        grows with the square of the angle. K06 says that the thrust falls, not how far.
+        Share of the thrust that the stand-ins lose with the rudder at 35 degrees, in addition to the cosine;
+        it grows with the square of the angle. K06 says that the thrust decreases, but not how much.
     imperfections : Imperfections, optional
-        Start values of the switches; default: K06's simulation.
+        Initial values of the switches; default: K06's simulation.
     seed : int, optional
     period : float, optional
         Base tick [s].
@@ -98,17 +100,18 @@ def autopilot(
     Returns
     -------
     Block
-        Hybrid. Outputs the true motion ``x ... r``, the navigation's ``x_hat ... r_hat``, what the law is
-        told ``u_seen`` ..., ``force_x, force_y``, the servo's and the fan's commands; ``thrust_clipped`` and
-        ``rudder_clipped``, the ticks so far at which the law wanted more than they can do; ``drive_mode``
-        or ``blade_pitch``,
-        and what acts: ``thrust`` [N], ``rudder`` [rad]; with guidance its outputs.
+        Hybrid. Outputs: the true motion ``x ... r``; the navigation's estimates ``x_hat ... r_hat``; the
+        motion received by the law, ``u_seen`` ...; ``force_x, force_y``; the commands of servo and fan;
+        ``thrust_clipped`` and ``rudder_clipped``, the number of ticks so far at which the law requested more
+        than they can do; ``drive_mode`` or ``blade_pitch``; the actuator outputs ``thrust`` [N] and
+        ``rudder`` [rad]; and with guidance its outputs.
 
     Raises
     ------
     InputError
-        If the navigation is unknown (the nearest is named), the loss not between 0 and 1, the period not
-        positive, tables or beacons are of the wrong kind or of no use, or the parts do not fit together.
+        If the navigation is unknown (the message names the nearest), the loss is not between 0 and 1, the
+        period is not positive, tables or beacons are of the wrong type or not used, or the parts do not fit
+        together.
 
     Examples
     --------
@@ -159,7 +162,9 @@ def autopilot_parts(
     seed: int = 1,
     period: float = TICK,
 ) -> list[Block]:
-    """Return the Blocks that :func:`autopilot` joins, craft and sensors to actuators; arguments as there.
+    """Return the Blocks that :func:`autopilot` connects, from craft and sensors to actuators.
+
+    Arguments and errors are those of :func:`autopilot`.
 
     Examples
     --------
@@ -220,7 +225,7 @@ def autopilot_parts(
 def _tables(
     tables: FanTable | Sequence[FanTable] | None, servo: ServoTable | None, rudder_loss: float
 ) -> tuple[tuple[FanTable, FanTable], ServoTable]:
-    """Return those of the fan, speeds over forces and forces over speeds, and that of the servo."""
+    """Return the tables of the fan (speeds over forces, forces over speeds) and the table of the servo."""
     if servo is not None and not isinstance(servo, ServoTable):
         raise InputError(f"autopilot: servo: expected a ServoTable, found {servo!r}")
     servo = servo_table() if servo is None else servo
@@ -240,9 +245,9 @@ def seeds(loop: Block, values: Iterable[int] | int) -> dict[str, list[float]]:
     Parameters
     ----------
     loop : Block
-        By :func:`autopilot`.
+        Result of :func:`autopilot`.
     values : iterable of int, or int
-        One for each run; a number stands for 1 up to it.
+        One seed per run; a single number n stands for 1 ... n.
 
     Examples
     --------
@@ -255,7 +260,8 @@ def seeds(loop: Block, values: Iterable[int] | int) -> dict[str, list[float]]:
 
 
 def _ins_update(seen: list[Signal]) -> Block:
-    """Return the selector between the navigation's own ticks and its errors on the motion of any instant."""
+    """Return the selector between the navigation's output and the current motion plus its errors."""
+    # on: x_hat;  off: x + (x_hat - x_sampled), the navigation's error added to the motion of this instant.
     ways = {}
     for s in seen:
         hat, sampled = (s.replace(name=f"{s.name}_{end}").symbol for end in ("hat", "sampled"))

@@ -1,4 +1,4 @@
-"""The navigation of a loop: K06's error model, or its sensors and filters in full."""
+"""The navigation of a loop: K06's error model, or the full sensors and filters."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from hovercontrol.hardware.sensors import (
 from hovercontrol.io.tables import positive
 from hovercontrol.models.model import MOTION
 
-#: Names of the motion as the navigation tells it.
+#: Names of the navigation's estimates of the motion.
 HATS = tuple(f"{s.name}_hat" for s in MOTION)
 
 
@@ -37,20 +37,21 @@ def position_fix(
     seed: int = 1,
     name: str = "position_fix",
 ) -> Block:
-    """Return fixes of the position once a second anywhere, as noisy as K06's filter takes them (R2, 5.4.5).
+    """Return position fixes once a second, at any place, with the noise assumed by K06's filter (R2, 5.4.5).
 
-    It stands for Cricket where a trial leaves the room in which its beacons are heard: forward at 1.1 m/s the
-    craft is 15 m away after K06's plots.
+    It replaces Cricket in trials that leave the room in which the beacons are heard. Forward at 1.1 m/s the
+    craft is 15 m away at the end of K06's plots.
 
     Parameters
     ----------
     noise : float, optional
         Standard deviation of each coordinate [m].
     interval : float, optional
-        From fix to fix [s], as the nearest whole number of ticks.
+        Time from fix to fix [s], rounded to a whole number of ticks.
     period : float, optional
-        [s]
+        Time from tick to tick [s].
     seed : int, optional
+        Seed of the random numbers.
     name : str, optional
 
     Returns
@@ -130,7 +131,8 @@ def _by_cricket(
 
 
 def _side(start: Mapping[str, float], beacons: Beacons | None) -> float:
-    """Return on which side of the line from the first beacon to the second the craft starts: 1 left, -1."""
+    """Return the side of the line from the first to the second beacon where the craft starts: 1 left, -1."""
+    # Sign of the cross product (p_2 - p_1) x (p - p_1).
     if beacons is None:
         return 1.0
     (x1, y1), (x2, y2) = beacons.positions[:2]
@@ -145,11 +147,11 @@ def _filters(start: Mapping[str, float], noise: InsNoise) -> Block:
     filters = aided_ins(
         noise=noise, pose=pose, velocity=(cos * u - sin * v, sin * u + cos * v), name="filters"
     )
-    # What is not shown is not held from tick to tick.
+    # Only outputs are held from tick to tick, so unneeded ones are left out.
     return interconnect([filters], "ins", outputs=[*HATS, "v_x_hat", "v_y_hat"])
 
 
-#: By name: the Blocks, and the period at which they tell the motion.
+#: By name: a function that makes the Blocks, and the period at which they output the motion.
 NAVIGATION: dict[
     str, tuple[Callable[[Mapping[str, float], InsNoise, int, Beacons | None], list[Block]], float]
 ] = {
@@ -159,12 +161,12 @@ NAVIGATION: dict[
 }
 
 
-#: Those that hear beacons.
+#: The kinds of navigation that use beacons.
 BY_BEACONS = ("cricket",)
 
 
 def check_beacons(where: str, beacons: Beacons, navigation: str) -> None:
-    """Refuse beacons that are none, or that the navigation does not hear."""
+    """Raise if `beacons` are not Beacons, or if the navigation does not use them."""
     if not isinstance(beacons, Beacons):
         raise InputError(f"{where}: beacons: expected Beacons, found {beacons!r}")
     if navigation not in BY_BEACONS:
@@ -175,7 +177,7 @@ def check_beacons(where: str, beacons: Beacons, navigation: str) -> None:
 
 
 def sampled_motion(period: float, name: str = "ins_sampling") -> Block:
-    """Return the true motion as it was at the last tick of the navigation: ``x_sampled`` ..."""
+    """Return a Block that samples the true motion at the navigation's ticks: ``x_sampled`` ..."""
     told = tuple(s.replace(name=f"{s.name}_sampled") for s in MOTION)
     return Block(
         name,

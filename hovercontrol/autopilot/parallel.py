@@ -13,7 +13,7 @@ from hovercontrol.models.vehicles import HOVERDEMON_BODY, Body
 
 _MOVING = MOTION[3:]
 
-#: How far the real craft is from the ideal one, in each velocity and in all.
+#: Differences between the real and the ideal craft: in each velocity, and in all together.
 GAPS = (
     *(Signal(f"gap_{s.name}", s.unit, f"{s.description}, real less ideal") for s in _MOVING),
     Signal("gap", "m/s", "speed with the kinetic energy of the difference in motion"),
@@ -29,15 +29,15 @@ def beside_ideal(real: Block, ideal: Block, *, body: Body = HOVERDEMON_BODY, nam
     real, ideal : Block
         Loops without inputs, with outputs ``x ... r``.
     body : Body, optional
-        Its inertia and mass weigh turning against moving.
+        Its inertia J and mass m weight the yaw rate against the velocities.
     name : str, optional
 
     Returns
     -------
     Block
-        Outputs those of the real loop, of the ideal one with ``ideal_`` in front, ``gap_u, gap_v`` [m/s],
-        ``gap_r`` [rad/s] and ``gap`` [m/s]: ``sqrt(gap_u^2 + gap_v^2 + J/m gap_r^2)``. Parameters of the
-        ideal loop have ``ideal.`` in front.
+        Outputs: those of the real loop, those of the ideal one with the prefix ``ideal_``, ``gap_u, gap_v``
+        [m/s], ``gap_r`` [rad/s] and ``gap`` [m/s]: ``sqrt(gap_u^2 + gap_v^2 + J/m gap_r^2)``. Parameters of
+        the ideal loop have the prefix ``ideal.``.
 
     Examples
     --------

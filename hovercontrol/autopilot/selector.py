@@ -1,4 +1,4 @@
-"""Switches between two ways a signal may go, as a parameter of the loop: nothing is built anew for it."""
+"""Switches between two sources of a signal, as a parameter of the loop: switching needs no rebuild."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ def selector(
     ----------
     name : str
     description : str
-        Of what is switched.
+        Description of the switched function.
     ways : mapping of Signal to two str or sympy.Expr
-        For each output what it is while the parameter ``on`` is 1 and while it is 0: the name of an input of
-        the same unit, or an expression of such.
+        For each output its source while the parameter ``on`` is 1, and while it is 0: the name of an input
+        with the same unit, or an expression of such inputs.
 
     Returns
     -------
     Block
-        Without states and period: its outputs change with its inputs. Parameter ``on``, 1 at first.
+        Without states and period: its outputs follow its inputs directly. Parameter ``on``, initially 1.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""What makes the thrust of the real loop: K06's reversing fan, or a variable-pitch propeller in its place."""
+"""Thrusters of the real loop: K06's reversing fan, or a variable-pitch propeller in its place."""
 
 from __future__ import annotations
 
@@ -17,26 +17,26 @@ from hovercontrol.hardware.actuators.pitch import (
 )
 from hovercontrol.hardware.actuators.signals import FAN_SPEED_COMMAND
 
-#: Slope and offset of (4.3) of an ideal rudder.
+#: Slope and offset of (4.3) for an ideal rudder.
 STRAIGHT = {"slope": -1.0, "offset": 0.0}
 
 
 @dataclass(frozen=True)
 class Thruster:
-    """A thruster by its parts, each of the two sides of the link with an ideal one beside it.
+    """The parts of a thruster on both sides of the link, each map in a real and an ideal version.
 
     Attributes
     ----------
     command : Signal
-        What goes over the link.
+        The command sent over the link.
     ends : tuple of 2 float
-        Least and largest force that it is asked for [N].
+        Smallest and largest force that may be requested [N].
     lookups : tuple of 2 Block
-        The command for a force, as it is and ideal; without states.
+        Maps from force to command, real and ideal; without states.
     drive : Block
-        What follows the command on board; sampled.
+        The onboard drive, which follows the command; sampled.
     forces : tuple of 2 Block
-        The force it makes then, as it is and ideal; without states.
+        Maps from the drive's output to the force, real and ideal; without states.
     """
 
     command: Signal
@@ -47,7 +47,7 @@ class Thruster:
 
 
 def reversing_fan(tables: tuple[FanTable, FanTable], period: float) -> Thruster:
-    """Return K06's: tables of the fan, and the speed controller that brakes.
+    """Return K06's reversing fan: its tables, and the speed controller with its brake.
 
     Parameters
     ----------

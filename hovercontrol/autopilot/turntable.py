@@ -1,7 +1,7 @@
-"""K06's rotating bench (section 6.2.1.1): a platform under control with the craft's sensors on a beam.
+"""K06's rotating bench (section 6.2.1.1): a motor-driven platform with the craft's sensors on a beam.
 
-The sensors' x axis is tangential and their y axis points to the spin axis (section 6.2.1.4), so a positive
-rate moves them forward.
+The sensors' x axis is tangential and their y axis points to the spin axis (section 6.2.1.4), so that a
+positive rate moves them forward.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from hovercontrol.errors import InputError
 from hovercontrol.io.tables import number, positive
 from hovercontrol.models.model import MOTION
 
-#: From the spin axis to the inertial sensors [m]: 12 in.
+#: Distance from the spin axis to the inertial sensors [m]: 12 in.
 ARM = 12 * 0.0254
-#: What the platform may be told to do.
+#: Motions that can be commanded.
 MOTIONS = ("constant", "square", "sine")
 
 _COMMAND = Signal("rate_command", "rad/s", "commanded rate of the platform")
@@ -40,15 +40,15 @@ def bench_command(
     Parameters
     ----------
     motion : {"constant", "square", "sine"}, optional
-        A parameter of the Block, as all that follow.
+        A parameter of the Block, like all of the following.
     rate : float, optional
-        The rate, or its amplitude [rad/s]; K06's constant ones are -57, -115, -166 and -230 deg/s.
+        The rate, or its amplitude [rad/s]; K06's constant rates are -57, -115, -166 and -230 deg/s.
     half_period : float, optional
-        Of the square wave: how long it spins one way [s]; K06's is 3 s (section 6.2.1.3).
+        Time for which the square wave spins in one direction [s]; K06's is 3 s (section 6.2.1.3).
     rest : float, optional
-        Of the square wave: how long it stands before it spins the other way [s].
+        Time for which the square wave rests before the direction changes [s].
     frequency : float, optional
-        Of the sine [1/s].
+        Frequency of the sine [1/s].
     name : str, optional
 
     Returns
@@ -59,7 +59,8 @@ def bench_command(
     Raises
     ------
     InputError
-        If the motion is unknown, a time is negative or zero, or a number is none.
+        If the motion is unknown, `half_period` or `frequency` is not positive, `rest` is negative, or a value
+        is not a number.
 
     Examples
     --------
@@ -112,29 +113,29 @@ def turntable(
     Parameters
     ----------
     arm : float, optional
-        From the spin axis to the sensors [m]; 0 is in line with it. A parameter, as all but `rate`.
+        Distance from the spin axis to the sensors [m]; 0 is on the axis. A parameter, like all except `rate`.
     lag : float, optional
-        Time constant with which the motor follows its command [s].
+        Time constant of the motor's response to its command [s].
     tilt : float, optional
-        Of the spin axis out of the vertical, about the earth's y [rad]: the accelerometers then feel
+        Tilt of the spin axis from the vertical, about the earth's y [rad]: the accelerometers then measure
         ``g sin(tilt)`` along the earth's x.
     centre : (float, float), optional
-        Of the spin axis, earth frame [m].
+        Position of the spin axis, earth frame [m].
     rate : float, optional
-        At the start [rad/s].
+        Initial rate [rad/s].
     name : str, optional
 
     Returns
     -------
     Block
-        Continuous. Input ``rate_command`` [rad/s]; states ``psi`` [rad] and ``r`` [rad/s]; outputs of the
-        sensors' place: ``x, y`` [m], ``psi``, ``u, v`` [m/s], ``r``, and ``specific_force_x``,
+        Continuous. Input ``rate_command`` [rad/s]; states ``psi`` [rad] and ``r`` [rad/s]; outputs at the
+        sensors' position: ``x, y`` [m], ``psi``, ``u, v`` [m/s], ``r``, and ``specific_force_x``,
         ``specific_force_y`` [m/s^2], forward and left.
 
     Raises
     ------
     InputError
-        If the lag is not positive, the arm is negative, or a number is none.
+        If the lag is not positive, the arm is negative, or a value is not a number.
 
     Examples
     --------
@@ -154,6 +155,8 @@ def turntable(
         Signal(f"centre_{axis}", "m", "of the spin axis", start=number(f"{name}: centre", value))
         for axis, value in zip("xy", centre, strict=True)
     ]
+    # r' = (r_command - r) / lag;  x = x_c + R sin psi, y = y_c - R cos psi, u = R r, v = 0;
+    # f_x = R r' + g sin(tilt) cos psi,  f_y = R r^2 - g sin(tilt) sin psi.
     psi, r = MOTION[2], MOTION[5]
     R, cos, sin = radius.symbol, sp.cos(psi.symbol), sp.sin(psi.symbol)
     turning = (_COMMAND.symbol - r.symbol) / slow.symbol

@@ -1,4 +1,4 @@
-"""Estimators of coefficients (C17 section III) and observers of the states of any Block."""
+"""Estimators of coefficients (C17 section III) and state observers for any Block."""
 
 from hovercontrol.estimators.disturbance import disturbance_observer, with_disturbances
 from hovercontrol.estimators.extended import extended_kalman

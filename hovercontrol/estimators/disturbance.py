@@ -1,12 +1,12 @@
-"""Disturbance observers: a plant with unknown accelerations, estimated with its state.
+"""Disturbance observers: unknown accelerations of a plant, estimated together with its state.
 
-To the derivative of each chosen state s an unknown d_s is added,
+An unknown disturbance d_s is added to the derivative of each chosen state s,
 
-    s' = f_s(x, u) + d_s,   d_s' = -d_s/tau + w,
+    s' = f_s(x, u) + d_s,   d_s' = -d_s/tau + w.
 
-With a correlation time tau it is an Ornstein-Uhlenbeck process (gusts), without one it is constant but for
-the noise w (a slope, a trim error, a wrong coefficient). The extended Kalman filter of the larger plant
-estimates d together with x.
+With a correlation time tau the disturbance is an Ornstein-Uhlenbeck process (gusts). Without one it is a
+random walk driven by the noise w: constant apart from w (a slope, a trim error, a wrong coefficient). The
+extended Kalman filter of the augmented plant estimates d together with x.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from hovercontrol.models.interface import AnyModel
 def with_disturbances(
     plant: AnyModel, on: Sequence[str] = ("u", "v", "r"), *, correlation_time: float | None = None
 ) -> Block:
-    """Return a plant with unknown disturbances added to derivatives, as further states.
+    """Return a plant augmented with disturbance states that are added to its derivatives.
 
     Parameters
     ----------
@@ -39,13 +39,13 @@ def with_disturbances(
     on : sequence of str, optional
         States whose derivatives are disturbed.
     correlation_time : float, optional
-        tau, after which a disturbance has decayed to 1/e [s]; None: it stays as it is.
+        tau, the time in which a disturbance decays to 1/e [s]; None: it does not decay.
 
     Returns
     -------
     Block
-        With states and outputs ``disturbance_NAME`` [unit of the state / s], starting at 0, after the plant's
-        own; with `correlation_time` a parameter of that name.
+        The plant with additional states and outputs ``disturbance_NAME`` [unit of the state / s], starting at
+        0, after the plant's own. With `correlation_time` it has a parameter of that name.
 
     Raises
     ------
@@ -105,7 +105,7 @@ def disturbance_observer(
     substeps: int | None = None,
     name: str = "observer",
 ) -> Block:
-    """Return an observer of a plant's state and of the disturbances that act on it.
+    """Return an observer of a plant's state and of the disturbances acting on it.
 
     Parameters
     ----------
@@ -114,20 +114,21 @@ def disturbance_observer(
     measured : sequence of str, optional
         Outputs, or states, of the plant.
     disturbance_noise : mapping of str to float
-        Which states' derivatives are disturbed, and how fast each disturbance may wander: the root of the
-        spectral density of its derivative, [unit of the state / s / s^(1/2)]. ``{"u": 0.1}``: in 1 s the
-        disturbance of u' wanders 0.1 m/s^2. Larger is a higher bandwidth, and more noise in the estimate.
+        By the names of the states whose derivatives are disturbed: the square root of the spectral density of
+        the disturbance's derivative [unit of the state / s / s^(1/2)]. With ``{"u": 0.1}`` the disturbance of
+        u' changes by 0.1 m/s^2 in 1 s (standard deviation). A larger value gives a higher bandwidth and more
+        noise in the estimate.
     measurement_noise, process_noise, start_std : mapping of str to float
         As for :func:`~hovercontrol.estimators.extended.extended_kalman` [unit or unit s^(1/2), unit/s^(1/2),
         unit]; `start_std` may name ``disturbance_NAME`` [unit/s], 1 by default.
     correlation_time : float, optional
-        Of the disturbances [s]; None: they are constant but for their noise.
+        Correlation time of the disturbances [s]; None: they are constant apart from their noise.
     period : float, optional
-        Of the samples [s]. None: the observer is continuous.
+        Sampling period [s]. None: the observer is continuous.
     lost_samples : bool or sequence of str, optional
-        Add an input ``fresh``, or ``fresh_NAME`` of these measured outputs: where it is 0 there is no sample.
+        Add an input ``fresh``, or ``fresh_NAME`` for these measured outputs: 0 means that there is no sample.
     substeps : int, optional
-        Runge-Kutta steps from tick to tick (default: by the plant's fastest mode).
+        Runge-Kutta steps per period (default: chosen from the plant's fastest mode).
     name : str, optional
 
     Returns
@@ -148,12 +149,12 @@ def disturbance_observer(
 
     Notes
     -----
-    If a position is measured with a standard deviation s every h seconds, and the disturbance of the
-    velocity's derivative has the root spectral density q, the observer's poles are those of a Butterworth
-    filter of bandwidth ``(q/(s h**0.5))**(1/3)`` [rad/s], where drag is slower than that.
+    Suppose that a position is measured with a standard deviation s every h seconds, and that the disturbance
+    of the velocity's derivative has the root spectral density q. The observer's poles are then those of a
+    Butterworth filter of bandwidth ``(q/(s h**0.5))**(1/3)`` [rad/s], if drag is slower than that.
 
-    A craft that dry friction holds at rest does not show a disturbance. The filter's smooth friction lets it
-    creep, so that the estimate goes to 0 there. Estimates are valid while the craft moves.
+    While dry friction holds the craft at rest, a disturbance is not observable. The filter's smooth friction
+    lets the model creep, so the estimate goes to 0. Estimates are valid while the craft moves.
 
     Examples
     --------

@@ -1,7 +1,7 @@
-"""The extended Kalman filter of any Block, with its exact Jacobians, as a Block.
+"""The extended Kalman filter of any Block, with exact Jacobians, as a Block.
 
-Continuous-discrete: from tick to tick the estimate and its covariance follow the plant
-(:mod:`.propagation`), at a tick the measurements correct them, one by one and in Joseph's form
+Continuous-discrete: between ticks the plant's equations propagate the estimate and its covariance
+(:mod:`.propagation`). At a tick the measurements correct them one after the other, in Joseph's form
 (:class:`.Equations`). Continuous-continuous: the extended Kalman-Bucy filter,
 
     xhat' = f(xhat, u) + K (y - h(xhat, u)),  K = P H' R^-1,  P' = F P + P F' + Q - K R K',
@@ -57,23 +57,26 @@ def extended_kalman(
     plant : Model, BlockModel or Block
         Continuous. Its start values are the first estimate.
     measured : sequence of str, optional
-        Outputs, or states, of the plant. The innovation of one in rad is wrapped to -pi ... pi.
+        Outputs, or states, of the plant. Innovations in rad are wrapped to -pi ... pi.
     process_noise : mapping of str to float
-        White noise in the derivatives of states, by the states' names: the root of its spectral density,
-        [unit of the state / s^(1/2)]. ``{"u": 0.1}`` [m/s^(3/2)] alone makes u wander 0.1 m/s in 1 s.
+        White noise in the derivatives of states, by the states' names: the square root of its spectral
+        density [unit of the state / s^(1/2)]. ``{"u": 0.1}`` [m/s^(3/2)] alone gives u a random walk with a
+        standard deviation of 0.1 m/s after 1 s.
     measurement_noise : mapping of str to float
-        For each measured output. With `period`: standard deviation of a sample [unit]. Without: root of the
-        spectral density [unit s^(1/2)]; samples of standard deviation s every h seconds have ``s h**0.5``.
+        For each measured output. With `period`: standard deviation of a sample [unit]. Without: square root
+        of the spectral density [unit s^(1/2)], ``s h**0.5`` for samples of standard deviation s every h
+        seconds.
     period : float, optional
-        Of the samples [s]. None: the filter is continuous.
+        Sampling period [s]. None: the filter is continuous.
     start_std : mapping of str to float, optional
         Standard deviation of the first estimate's error, by the states' names [unit] (default: the state's
         nominal size).
     lost_samples : bool or sequence of str, optional
-        Add an input ``fresh``: where it is 0 the measurements are not used, and the filter predicts. Names of
-        measured outputs: an input ``fresh_NAME`` for each, for sensors of different rates.
+        True adds an input ``fresh``: where it is 0 the measurements are not used and the filter only
+        predicts. Names of measured outputs add an input ``fresh_NAME`` for each, for sensors of different
+        rates.
     substeps : int, optional
-        Runge-Kutta steps from tick to tick (default: by the plant's fastest mode at its start values
+        Runge-Kutta steps per period (default: chosen from the plant's fastest mode at its start values
         and at rest, where dry friction is stiffest).
     name : str, optional
 
@@ -81,8 +84,9 @@ def extended_kalman(
     -------
     Block
         Sampled with `period`, else continuous. Inputs: the measured outputs and the plant's inputs, under
-        their names. Outputs: ``NAME_hat`` and ``NAME_std`` [unit] for each state of the plant; the samples of
-        a tick count at that tick. States: ``xhat[i]``, ``P[i,j]``, i <= j, predicted for the next tick.
+        their names. Outputs: ``NAME_hat`` and ``NAME_std`` [unit] for each state of the plant; at a tick they
+        include the samples of that tick. States: ``xhat[i]``, ``P[i,j]``, i <= j, predicted for the next
+        tick.
         Parameters: the plant's, ``process_noise_NAME`` and ``measurement_noise_NAME``.
 
     Raises
@@ -99,9 +103,9 @@ def extended_kalman(
 
     Notes
     -----
-    Dry friction counts in its smooth form, tanh(v/w). Where the velocity's error is larger than the width w
-    the filter takes friction at rest for a stiff drag; a wider one (the parameter ``..._width``) or
-    :func:`~hovercontrol.estimators.unscented.unscented_kalman` are more cautious there.
+    Dry friction is modelled in its smooth form, tanh(v/w). Where the error of the velocity is larger than the
+    width w, the linearisation takes friction at rest for a stiff linear drag. A larger width (the parameter
+    ``..._width``) or :func:`~hovercontrol.estimators.unscented.unscented_kalman` is more cautious there.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Equations that the Kalman filters of any Block share: states, the measurement update, the Block itself."""
+"""Equations shared by the Kalman filters: their states, the measurement update and the resulting Block."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from hovercontrol.estimators.propagation import written_at
 
 
 def filter_states(model: Observed) -> tuple[Signal, ...]:
-    """Return the states in which a filter keeps the estimate and the upper triangle of its covariance."""
+    """Return a filter's states: the estimate and the upper triangle of its covariance."""
     plant, variances = model.plant.states, [v**2 for v in model.start_std]
     n = len(plant)
     values = tuple(
@@ -36,14 +36,14 @@ def filter_states(model: Observed) -> tuple[Signal, ...]:
 
 
 def estimate_of(states: Sequence[Signal], n: int) -> Estimate:
-    """Return the n estimates and their covariance that a filter's states hold."""
+    """Return the n estimates and their covariance, in the symbols of a filter's states."""
     upper = {s.name: s.symbol for s in states[n:]}
     P = sp.Matrix(n, n, lambda i, j: upper[f"P[{min(i, j)},{max(i, j)}]"])
     return Estimate(sp.Matrix([s.symbol for s in states[:n]]), P)
 
 
 def expected(model: Observed, write: Equations, x: sp.Matrix) -> tuple[list[sp.Expr], sp.Matrix]:
-    """Return what the measurements are expected to be, h, and H = dh/dx, both at the estimate."""
+    """Return the expected measurements h and H = dh/dx, both at the estimate x."""
     plant = measured_expressions(model.plant, model.measured)
     entries = partial_derivatives(plant, "outputs", [s.name for s in plant.states])
     values = list(plant.output_expressions.values())
@@ -54,7 +54,7 @@ def expected(model: Observed, write: Equations, x: sp.Matrix) -> tuple[list[sp.E
 
 
 def innovations(model: Observed, write: Equations, h: Sequence[sp.Expr]) -> list[sp.Expr]:
-    """Return measured less expected outputs; angles less whole turns, 0 without a sample."""
+    """Return the innovations y - h; angles are wrapped to -pi ... pi, and 0 stands for no sample."""
     every = []
     for i, (s, expected) in enumerate(zip(model.measured, h, strict=True)):
         difference = s.symbol - expected
@@ -65,15 +65,16 @@ def innovations(model: Observed, write: Equations, h: Sequence[sp.Expr]) -> list
 
 
 def shares(model: Observed) -> list[sp.Expr]:
-    """Return of each measurement 1 where it is fresh, else 0."""
+    """Return a factor for each measurement: 1 with a sample, else 0."""
     return [sp.Piecewise((1, fresh > sp.S.Half), (0, True)) for fresh in model.fresh]
 
 
 def corrected(model: Observed, write: Equations, prior: Estimate) -> Estimate:
-    """Write the measurement update.
+    """Add the measurement update.
 
-    Measurements are taken one by one. All are linearised at the prediction x0, so that the result is that of
-    the update with all at once: the k-th has the innovation ``y - h(x0) - H (x - x0)`` after k - 1 others.
+    Scalar measurements are processed one after the other. All are linearised at the prediction x0, so the
+    result equals that of one update with the whole vector. With x the estimate after the first k - 1
+    measurements, the innovation of the k-th is ``y_k - h_k(x0) - H_k (x - x0)``.
     """
     h, H = expected(model, write, prior.x)
     estimate = prior
@@ -93,7 +94,7 @@ def sampled_block(
     then: Estimate,
     step: Signal,
 ) -> Block:
-    """Return the sampled Block that shows `now` and keeps `then`."""
+    """Return the sampled Block whose outputs are the estimate `now` and whose next states are `then`."""
     n = then.P.rows
     upper = [then.P[i, j] for i in range(n) for j in range(i, n)]
     return Block(

@@ -32,7 +32,7 @@ class CoefficientHistory:
     Attributes
     ----------
     time : ndarray, shape (n,)
-        Seconds.
+        Times [s].
     coefficients, std : dict of str to ndarray, shape (n,)
         Estimate and its standard deviation, by name.
     units : dict of str to str
@@ -54,11 +54,11 @@ class CoefficientHistory:
 
     @property
     def values(self) -> Array:
-        """The estimates side by side, shape (n, m)."""
+        """The estimates as columns, shape (n, m)."""
         return np.column_stack(list(self.coefficients.values()))
 
     def table(self) -> str:
-        """Return the last estimates as text, one line a coefficient."""
+        """Return the last estimates as text, one line per coefficient."""
         wide = max(len(name) for name in self.coefficients)
         return "\n".join(
             f"{name:{wide}}  {values[-1]:10.4g} +- {self.std[name][-1]:<8.2g} {self.units[name]}"
@@ -103,12 +103,12 @@ def estimate_from_log(
     ----------
     block : Block
     time : array_like, shape (n,)
-        Increasing times [s]; steps may differ, the median is the nominal sample time. Behind a gap
-        (as :class:`~hovercontrol.logs.Log` has them) the states are taken afresh.
+        Increasing times [s]. Steps may differ; the median is the nominal sample time. After a gap
+        (as defined by :class:`~hovercontrol.logs.Log`) the states are initialised again from the sample.
     signals : mapping of str to array_like, shape (n,)
-        The states and inputs that h and G need, by name; more are ignored.
+        The states and inputs that h and G need, by name; other signals are ignored.
     hold : {"zero", "linear"}, optional
-        An input holds from its row to the next, or goes there in a line.
+        How an input runs from its row to the next: constant or linear.
     estimate, R, Q, P0, x0
         As for :class:`SampledEstimator`.
 
@@ -137,6 +137,7 @@ def estimate_from_log(
     e = SampledEstimator(block, estimate, dt=float(np.median(np.diff(t))), R=R, Q=Q, P0=P0, x0=x0)
     k, m = len(e.measured), len(e.names)
     values, variances = np.empty((len(t), m)), np.empty((len(t), m))
+    # Input of the step from k - 1 to k: u_{k-1} ("zero"), or the mean (u_{k-1} + u_k)/2 ("linear").
     steps, gaps = np.diff(t, prepend=t[0] - e.dt), set(gap_rows(t).tolist())
     before = np.roll(rows[k:], 1, axis=1)
     inputs = before if hold == "zero" else 0.5 * (before + rows[k:])

@@ -1,9 +1,10 @@
 """The Kalman-Bucy estimator of C17 (sections III and V) as a Block, for any Block linear in its coefficients.
 
-The coefficients are appended to the measured states, ``xi = [x, c]``; ``xi' = [[0, G], [0, 0]] xi + [h, 0]``
-is linear and time-varying because G and h use the measured signals [C17 eq 2, 3, 4, 5]; its Kalman filter is
-the estimator. Of the hovercraft it has the matrices of [C17 eq 13].
-Signals follow python-control's own estimators: ``xhat[i]``, ``P[i,j]`` (here the upper triangle).
+The coefficients are appended to the measured states, ``xi = [x, c]``. The system
+``xi' = A xi + [h, 0], A = [[0, G], [0, 0]]`` is linear and time-varying because G and h use the measured
+signals [C17 eq 2, 3, 4, 5]. The estimator is its Kalman-Bucy filter; for the hovercraft it has the matrices
+of [C17 eq 13]. Signal names follow python-control's estimators: ``xhat[i]``, ``P[i,j]`` (here the upper
+triangle).
 """
 
 from __future__ import annotations
@@ -38,8 +39,8 @@ def kalman_bucy(
     block : Block
         Its states are measured, under their own names.
     estimate : sequence of str, optional
-        Which coefficients are estimated (default: all in which the Block is linear); the others stay
-        parameters of the estimator.
+        Coefficients to estimate (default: all in which the Block is linear); the others remain parameters of
+        the estimator.
     R : array_like, scalar or shape (n,), optional
         Intensities of the measurement noise of the n states that the coefficients act on.
     Q : array_like, scalar or shape (n + m,), optional
@@ -57,8 +58,8 @@ def kalman_bucy(
     Raises
     ------
     InputError
-        If the Block is not linear in a coefficient (the line says where), or R, Q, P0 have the wrong
-        length or are not positive.
+        If the Block is not linear in a coefficient (the message says where), R, Q or P0 have the wrong
+        length, R is not positive, or Q or P0 is negative.
 
     Examples
     --------
@@ -67,8 +68,8 @@ def kalman_bucy(
     >>> len(e.states), e.outputs[4].name
     (77, 'yaw_coulomb_hat')
     """
-    regression(block, estimate)  # refuses under the Block's own name
-    block = block.named(name)  # what stays a parameter is the estimator's own
+    regression(block, estimate)  # errors name the Block, not the estimator
+    block = block.named(name)  # the remaining parameters belong to the estimator
     model = regression(block, estimate)
     n, m = len(model.states), len(model.coefficients)
     size = n + m
@@ -107,7 +108,9 @@ def kalman_bucy(
     ]
 
     cov = sp.Matrix(size, size, lambda i, j: P[min(i, j), max(i, j)].symbol)
-    # Regressors that are more than a plain signal are computed once, under a name of their own.
+    # xihat' = [h + G chat, 0] + K (x - xhat),  K = P C' R^-1,  P' = A P + P A' + Q - K C P
+    # with C = [I, 0], so that P C' is the first n columns of P.
+    # A regressor that is more than a single signal is computed once, as a definition.
     G, definitions = _named_regressors(model.G)
     innovation = [sp.Symbol(f"innovation[{i}]", real=True) for i in range(n)]
     for i, s in enumerate(model.states):
@@ -155,7 +158,7 @@ def _named_regressors(G: sp.Matrix) -> tuple[sp.Matrix, dict[str, sp.Expr]]:
 
 
 def diagonal(name: str, value: ArrayLike, size: int, positive: bool = False) -> list[float]:
-    """Return the diagonal of a covariance given as one number or `size` of them."""
+    """Return the diagonal of a covariance, given as one number or as `size` numbers."""
     try:
         array = np.asarray(value, dtype=float)
     except (TypeError, ValueError):

@@ -1,11 +1,11 @@
 """Moving-horizon estimation of any Block, by python-control's optimal estimation.
 
-Over the last N samples the states x_k and the process noise w_k are those that minimise
+The states x_k and the process noise w_k over the last N samples minimise
 
     (x_0 - xbar)' P0^-1 (x_0 - xbar) + sum w_k' Q_k^-1 w_k + sum (y_k - h(x_k))' R^-1 (y_k - h(x_k))
 
-subject to ``x_k+1 = F(x_k, u_k, w_k)`` and to bounds of w (Rao, Rawlings and Mayne, IEEE TAC 48 (2003)). F is
-the plant over one step by Runge-Kutta's method, with u and w held; its Jacobians are exact.
+subject to ``x_k+1 = F(x_k, u_k, w_k)`` and to bounds on w (Rao, Rawlings and Mayne, IEEE TAC 48 (2003)). F
+integrates the plant over one step by the Runge-Kutta method, with u and w held; its Jacobians are exact.
 """
 
 from __future__ import annotations
@@ -39,13 +39,13 @@ class MovingHorizon(control.optimal.OptimalEstimationProblem):
     Parameters
     ----------
     model : Observed
-        The plant, what is measured, and the noise.
+        The plant, its measured outputs and the noise.
     sampled : Block
         The plant over one step; its last inputs are the process noise.
     horizon : int
         Number of samples, N.
     bounds : ndarray, shape (n_noise,)
-        Largest size of each noise; infinite where there is none.
+        Maximum absolute value of each noise; infinite for no bound.
 
     Attributes
     ----------
@@ -61,7 +61,7 @@ class MovingHorizon(control.optimal.OptimalEstimationProblem):
         self.sampled, self.start = sampled, np.array([s.start for s in sampled.states])
         self._functions = numpy_functions(sampled)
         q = np.array([s.start for s in model.process.values()])
-        # Noise of root spectral density q, held over a step of h: variance q^2/h.
+        # White noise of root spectral density q, held over a step h, has the variance Q_k = q^2/h.
         self._noise = sampled.period / q**2
         self._accuracy = np.array([s.start for s in model.noise]) ** -2.0
         self._prior = np.array(model.start_std) ** -2.0
@@ -96,26 +96,26 @@ class MovingHorizon(control.optimal.OptimalEstimationProblem):
         print_summary: bool = False,
         **kwargs: Any,
     ) -> control.optimal.OptimalEstimationResult:
-        """Return the estimate over the horizon; as python-control's, with defaults of the plant.
+        """Return the estimate over the horizon, as python-control does, with defaults from the plant.
 
         Parameters
         ----------
         outputs : array_like, shape (n_measured, N)
             Samples [unit]; NaN where there is none.
         inputs : array_like, shape (n_inputs, N)
-            The plant's inputs, each from its sample to the next.
+            The plant's inputs, each held from its sample to the next.
         initial_state : array_like, shape (n_states,), optional
-            Expected at the first sample (default: the plant's start values).
+            Expected state at the first sample, xbar (default: the plant's start values).
         initial_guess : tuple of ndarray, optional
-            States, shape (n_states, N), and noise, shape (n_noise, N), to begin with (default: the plant's
-            motion without noise).
+            Initial guess of the optimisation: states, shape (n_states, N), and noise, shape (n_noise, N)
+            (default: the plant's motion without noise).
         squeeze, print_summary, **kwargs
             As for :meth:`control.optimal.OptimalEstimationProblem.compute_estimate`.
 
         Returns
         -------
         control.optimal.OptimalEstimationResult
-            ``states``, shape (n_states, N), ``inputs`` (the noise) and ``outputs`` (measured less expected).
+            ``states``, shape (n_states, N), ``inputs`` (the noise) and ``outputs`` (measured minus expected).
         """
         expected = self.start if initial_state is None else np.asarray(initial_state, dtype=float)
         if initial_guess is None and inputs is not None:
@@ -135,11 +135,11 @@ class MovingHorizon(control.optimal.OptimalEstimationProblem):
         return float(self._noise @ v**2 + self._accuracy @ self._seen(w) ** 2)
 
     def _seen(self, w: Array) -> Array:
-        """Return residuals: angles less whole turns, 0 without a sample."""
+        """Return the residuals: angles wrapped to -pi ... pi, and 0 without a sample."""
         turned = np.where(self._angles, (w + np.pi) % (2 * np.pi) - np.pi, w)
         return np.where(np.isnan(turned), 0.0, turned)
 
-    # ---- exact derivatives; the unknowns are states, then noise, each signal's values over time together
+    # ---- exact derivatives; the unknowns are the states, then the noise, stored signal by signal over time
 
     def _given(self, unknowns: Array) -> tuple[Array, Array, Array]:
         n, N = self.start.size, self.timepts.size
@@ -147,6 +147,8 @@ class MovingHorizon(control.optimal.OptimalEstimationProblem):
         return x, v, np.vstack([np.reshape(self.u, (-1, N)), v])
 
     def _gradient(self, unknowns: Array) -> Array:
+        # dJ/dx_k = -2 C' R^-1 e_k (+ 2 P0^-1 (x_0 - xbar) for k = 0),  dJ/dw_k = 2 Q_k^-1 w_k - 2 D' R^-1 e_k
+        # with e_k = y_k - h(x_k), C = dh/dx and D = dh/dw; v stands for w here, and w for the residuals.
         x, v, inputs = self._given(unknowns)
         t, first = self.timepts, len(inputs) - len(v)
         w = self.y - self._functions.outputs(t, x, inputs)
@@ -159,7 +161,7 @@ class MovingHorizon(control.optimal.OptimalEstimationProblem):
         return np.concatenate([by_x.ravel(), by_v.ravel()])
 
     def _step_slopes(self, unknowns: Array) -> Array:
-        """Return the derivative of ``x_k+1 - F(x_k, u_k, w_k)``."""
+        """Return the derivative of ``x_k+1 - F(x_k, u_k, w_k)``: I by x_k+1, -dF/dx by x_k, -dF/dw by w_k."""
         x, v, inputs = self._given(unknowns)
         n, N, m = len(x), self.timepts.size, len(v)
         at = self.timepts[:-1], x[:, :-1], inputs[:, :-1]
@@ -174,7 +176,7 @@ class MovingHorizon(control.optimal.OptimalEstimationProblem):
         return slopes.reshape(n * (N - 1), -1)
 
     def _bound_slopes(self, unknowns: Array) -> Array:
-        """Return the derivative of the bounded noises at each time."""
+        """Return the derivative of the bounded noises with respect to the unknowns, at each time."""
         N, first = self.timepts.size, self.start.size * self.timepts.size
         slopes = np.zeros((N, self._bounded.size, unknowns.size))
         for row, j in enumerate(self._bounded):
@@ -196,15 +198,15 @@ def moving_horizon(
     substeps: int | None = None,
     name: str = "estimator",
 ) -> MovingHorizon:
-    """Return the moving-horizon estimator of a plant, as a problem of python-control.
+    """Return the moving-horizon estimator of a plant, as an estimation problem of python-control.
 
-    Its estimates are those of an optimisation at every sample; it is no Block. ``compute_estimate(Y, U)``
-    estimates over one horizon; ``create_mhe_iosystem()`` makes a discrete-time system for a loop.
+    It solves an optimisation problem at every sample and is therefore not a Block. ``compute_estimate(Y, U)``
+    estimates over one horizon; ``create_mhe_iosystem()`` makes a discrete-time system for use in a loop.
 
     Parameters
     ----------
     plant : Model, BlockModel or Block
-        Continuous. Its start values are the state expected at the first sample.
+        Continuous. Its start values are the expected state at the first sample.
     measured : sequence of str, optional
         Outputs, or states, of the plant. Residuals in rad are wrapped to -pi ... pi.
     step : float
@@ -215,9 +217,9 @@ def moving_horizon(
         As for :func:`~hovercontrol.estimators.extended.extended_kalman` with a period [unit/s^(1/2), unit,
         unit]; the process noise has at least one positive entry and is held over a step.
     noise_bounds : mapping of str to float, optional
-        Largest size of the process noise, by the states' names [unit/s].
+        Maximum absolute value of the process noise, by the states' names [unit/s].
     substeps : int, optional
-        Runge-Kutta steps from sample to sample (default: by the plant's fastest mode).
+        Runge-Kutta steps per sample (default: chosen from the plant's fastest mode).
     name : str, optional
 
     Returns

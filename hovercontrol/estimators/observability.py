@@ -1,13 +1,13 @@
-"""Which states of a Block its measured outputs determine, at an operating point.
+"""Observability of a Block's states from its measured outputs, at an operating point.
 
-Of the exact linearisation ``dx' = A dx, dy = C dx`` the unobservable subspace is the largest one in the null
-space of C that A leaves invariant; it is found in orthonormal bases, so that no power of A is formed. The
-observability Gramian over a window T measures how well the rest is seen,
+For the exact linearisation ``dx' = A dx, dy = C dx`` the unobservable subspace is the largest A-invariant
+subspace of the null space of C. It is computed with orthonormal bases, so no power of A is formed. The
+observability Gramian over a window T measures how well the other directions are observable,
 
     W(T) = integral from 0 to T of exp(A' t) C' C exp(A t) dt,
 
-with states and outputs in their nominal sizes. The pair is detectable if A decays within the unobservable
-subspace.
+with states and outputs scaled by their nominal sizes. The pair is detectable if all eigenvalues of A on the
+unobservable subspace have negative real parts.
 """
 
 from __future__ import annotations
@@ -33,14 +33,14 @@ from hovercontrol.models.interface import AnyModel
 
 Array = NDArray[np.float64]
 
-#: Components below this share of a direction's largest are left out of its text.
+#: Components below this share of a direction's largest component are omitted from its text.
 MINOR = 2e-2
 
 
 @checked
 @dataclass(frozen=True, eq=False)
 class Observability:
-    """What measured outputs say of the states at an operating point; made by :func:`observability`.
+    """Observability of the states at an operating point; made by :func:`observability`.
 
     Attributes
     ----------
@@ -49,21 +49,21 @@ class Observability:
     states, measured : tuple of str
         Names.
     units : dict of str to str
-        Of the states.
+        Units of the states.
     rank : int
-        Dimension of the observable subspace; all states are seen where it is their number.
+        Dimension of the observable subspace; if it equals the number of states, all are observable.
     gramian : ndarray, shape (n, n)
-        W over the window, states and outputs in their nominal sizes [s].
+        W over the window, with states and outputs scaled by their nominal sizes [s].
     singular_values : ndarray, shape (n,)
-        Of the Gramian, falling [s].
+        Singular values of the Gramian, in descending order [s].
     weakest : dict of str to float
-        The change of the states that the outputs show least, or not at all, in the units of the states, with
-        a largest component of 1.
+        The least observable (or an unobservable) direction in state space, in the units of the states, with
+        its largest component scaled to 1.
     window : float
         T [s].
     hidden : tuple of dict of str to float
-        Changes of the states that the outputs do not show: a basis of the unobservable subspace, in the units
-        of the states, each with a largest component of 1.
+        A basis of the unobservable subspace, in the units of the states, each direction with its largest
+        component scaled to 1.
     hidden_modes : tuple of complex
         Eigenvalues of A in that subspace [1/s].
 
@@ -90,12 +90,12 @@ class Observability:
 
     @property
     def observable(self) -> bool:
-        """Whether the outputs determine all states."""
+        """Whether all states are observable from the outputs."""
         return self.rank == len(self.states)
 
     @property
     def detectable(self) -> bool:
-        """Whether what the outputs do not show decays by itself."""
+        """Whether all unobservable modes decay."""
         return all(mode.real < 0 for mode in self.hidden_modes)
 
     def sentence(self) -> str:
@@ -129,21 +129,21 @@ def observability(
     window: float = 1.0,
     params: Mapping[str, float] | None = None,
 ) -> Observability:
-    """Return which states the measured outputs determine at an operating point.
+    """Return which states are observable from the measured outputs at an operating point.
 
     Parameters
     ----------
     block : Model, BlockModel or Block
         Continuous.
     at : Trim, control.OperatingPoint, array_like of shape (n_states,), or mapping by name, optional
-        The operating point: states, or states and inputs by name, over the start values. A Trim brings its
-        parameters and time, too.
+        The operating point: states, or states and inputs by name; the others keep their start values. A Trim
+        also supplies its parameters and its time.
     measured : sequence of str, optional
         Outputs, or states, of the Block.
     window : float, optional
-        T of the Gramian [s].
+        Window T of the Gramian [s].
     params : mapping, optional
-        Parameter values by key, over the defaults.
+        Parameter values by key, in place of the defaults.
 
     Returns
     -------
@@ -152,11 +152,12 @@ def observability(
     Raises
     ------
     InputError
-        If the Block is sampled or has late inputs, a name is unknown, or the point is not one of the Block's.
+        If the Block is sampled or has late inputs, a name is unknown, or the operating point does not fit the
+        Block.
 
     Examples
     --------
-    At rest a position alone does not show the heading; under way it does.
+    From the position alone the heading is not observable at rest; under way it is.
 
     >>> import hovercontrol as hc
     >>> craft = hc.vehicle("c17_simulation")
@@ -177,6 +178,7 @@ def observability(
     C = f.jacobian(t, x, u, values, "outputs")
     if not (np.isfinite(A).all() and np.isfinite(C).all()):
         raise InputError(f"observability: block {plant.name!r}: the Jacobian is not finite at this point")
+    # Scaled by the nominal sizes S_x, S_y:  A <- S_x^-1 A S_x,  C <- S_y^-1 C S_x.
     size, wide = (np.array([s.nominal for s in group]) for group in (plant.states, channels))
     A, C = A * size / size[:, None], C * size / wide[:, None]
     basis = unobservable(A, C)
@@ -209,7 +211,7 @@ def operating_point(block: Block, at: Any) -> tuple[Array, Array]:
     Raises
     ------
     InputError
-        If a name is unknown, a number of values is wrong, or one is not finite.
+        If a name is unknown, the number of values is wrong, or a value is not finite.
     """
     start = {s.name: s.start for s in (*block.states, *block.inputs)}
     n = len(block.states)
@@ -244,9 +246,9 @@ def _finite(kind: str, values: ArrayLike, size: int) -> Array:
 
 
 def warn_if_undetectable(plant: Block, measured: Sequence[str], name: str) -> None:
-    """Warn if the measured outputs do not determine the state at the plant's start values.
+    """Warn if the pair of plant and measured outputs is not detectable at the plant's start values.
 
-    What decays by itself needs no measurement.
+    Unobservable modes that decay need no measurement and cause no warning.
     """
     try:
         found = observability(plant, None, measured)

@@ -10,17 +10,18 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-#: Relative size below which a singular value counts as zero: Jacobians are exact to rounding, 1e-16, and
+#: Relative size below which a singular value counts as zero. Jacobians are exact to rounding, 1e-16, but the
 #: bases of subspaces lose some digits.
 ZERO = 1e-9
 
 
 def unobservable(A: Array, C: Array) -> Array:
     """Return an orthonormal basis of the unobservable subspace as columns, shape (n, n - rank)."""
+    # V <- null(C), then V <- {v in V : A v in V} until the dimension no longer changes.
     basis = _null_space(C)
     scale = max(float(np.linalg.norm(A, 2)), np.finfo(float).tiny)
     while basis.shape[1]:
-        # A leaves the subspace of the basis by these parts; keep what it does not move out.
+        # (I - V V') A V: the part of A V outside the subspace; keep the directions for which it is zero.
         out = (A @ basis - basis @ (basis.T @ (A @ basis))) / scale
         kept = _null_space(out, 1.0)
         if kept.shape[1] == basis.shape[1]:
@@ -36,11 +37,14 @@ def _null_space(matrix: Array, size: float | None = None) -> Array:
 
 
 def gramian_over(A: Array, C: Array, window: float) -> Array:
-    """Return W(window): a short one by Van Loan's exponential, doubled by W(2T) = W(T) + Phi(T)' W(T) Phi(T).
+    """Return the observability Gramian W(window) of the pair (A, C).
 
-    Van Loan, Computing integrals involving the matrix exponential, IEEE TAC 23 (1978); over a long window
-    his matrix would hold exp(-A T), which overflows for fast modes.
+    W of a short window follows from Van Loan's matrix exponential, and W of the whole window from the
+    doubling W(2T) = W(T) + Phi(T)' W(T) Phi(T). Van Loan, Computing integrals involving the matrix
+    exponential, IEEE TAC 23 (1978). Over a long window Van Loan's matrix would contain exp(-A T), which
+    overflows for fast modes.
     """
+    # exp([[-A', C'C], [0, A]] T) = [[., M], [0, Phi]]:  W(T) = Phi' M.
     n = len(A)
     doublings = max(0, math.ceil(math.log2(max(float(np.linalg.norm(A, 2)) * window, 1.0))))
     short = window / 2**doublings
@@ -53,7 +57,10 @@ def gramian_over(A: Array, C: Array, window: float) -> Array:
 
 
 def readable(rows: Array) -> Array:
-    """Return another basis of the rows' space: each row has one column to itself."""
+    """Return an equivalent basis of the row space, by Gauss-Jordan elimination.
+
+    Each row has a pivot column in which it is 1 and all other rows are 0.
+    """
     rows = rows.copy()
     for k in range(len(rows)):
         size = np.abs(rows[k:]).max(axis=0)

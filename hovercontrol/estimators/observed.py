@@ -1,4 +1,4 @@
-"""A plant as its estimators see it: which outputs are measured, and the noise of states and measurements."""
+"""The estimation model of a plant: its measured outputs, its process noise and its measurement noise."""
 
 from __future__ import annotations
 
@@ -17,24 +17,25 @@ from hovercontrol.models.interface import AnyModel
 
 @dataclass(frozen=True)
 class Observed:
-    """A plant, what is measured of it, and the noise; made by :func:`observed`.
+    """A plant with its measured outputs and noise; made by :func:`observed`.
 
     Attributes
     ----------
     name : str
-        Of the estimator.
+        Name of the estimator.
     plant : Block
-        Its parameters carry the estimator's name.
+        The plant; its parameter names are prefixed with the estimator's name.
     measured : tuple of Signal
         The measured outputs, as inputs of the estimator.
     process : dict of int to Signal
-        Parameters: root of the noise's spectral density, by the index of the state.
+        Parameters: root spectral density of the process noise, by the index of the state.
     noise : tuple of Signal
-        Parameters: of each measurement.
+        Parameters: noise of each measurement.
     start_std : tuple of float
-        Of each state.
+        Initial standard deviation of each state's error.
     lost : tuple of Signal or None
-        Of each measurement the input that is 1 with a sample and 0 without, where there is one.
+        For each measurement the input that is 1 with a sample and 0 without, or None if samples are never
+        missing.
     """
 
     name: str
@@ -47,7 +48,7 @@ class Observed:
 
     @property
     def fresh(self) -> list[sp.Expr]:
-        """1 for each measurement that is always there, else the symbol of its input."""
+        """1 for each measurement that is never missing, else the symbol of its input ``fresh``."""
         return [s.symbol if s else sp.S.One for s in self.lost]
 
     @property
@@ -57,12 +58,12 @@ class Observed:
 
     @property
     def inputs(self) -> tuple[Signal, ...]:
-        """Measured outputs, the plant's inputs, then what says which measurements are there."""
+        """Measured outputs, the plant's inputs, then the inputs that mark samples as present."""
         return (*self.measured, *self.plant.inputs, *dict.fromkeys(s for s in self.lost if s))
 
     @property
     def parameters(self) -> tuple[Signal, ...]:
-        """Noise, then the plant's parameters."""
+        """Process noise, measurement noise, then the plant's parameters."""
         return (*self.process.values(), *self.noise, *self.plant.parameters)
 
     @property
@@ -84,13 +85,13 @@ class Observed:
         )
 
     def output_values(self, x: Sequence[sp.Expr], P: sp.Matrix) -> dict[str, sp.Expr]:
-        """Return what the outputs are, given estimates and their covariance."""
+        """Return the output expressions, given the estimates and their covariance."""
         hats = {s.name: e for s, e in zip(self.estimates, x, strict=True)}
         return hats | {s.name: sp.sqrt(sp.Max(P[i, i], 0)) for i, s in enumerate(self.deviations)}
 
 
 def suffixed(name: str, suffix: str) -> str:
-    """Return ``NAME_suffix``; an index stays at the end.
+    """Return ``NAME_suffix``, with an index kept at the end.
 
     Examples
     --------
@@ -107,7 +108,7 @@ def plant_of(plant: AnyModel, name: str, what: str) -> Block:
     Raises
     ------
     InputError
-        If it is sampled or hybrid, its inputs act late, or it has no states.
+        If it is sampled or hybrid, its inputs are delayed, or it has no states.
     """
     block = plant if isinstance(plant, Block) else plant.plant()
     block.need_continuous(what, hybrid=False)
@@ -128,7 +129,7 @@ def observed(
     continuous: bool,
     lost_samples: bool | Sequence[str] = False,
 ) -> Observed:
-    """Return a plant as an estimator sees it.
+    """Return the estimation model of a plant.
 
     Parameters
     ----------
@@ -138,16 +139,16 @@ def observed(
     process_noise, measurement_noise, start_std
         As for :func:`~hovercontrol.estimators.extended.extended_kalman`.
     name : str
-        Of the estimator.
+        Name of the estimator.
     continuous : bool
-        Whether measurements are continuous: their noise has a spectral density then.
+        Whether measurements are continuous; their noise is then given as a root spectral density.
     lost_samples : bool or sequence of str, optional
-        Whether samples may be missing, of all measurements together or of some by name.
+        Whether samples may be missing, of all measurements together or of those named.
 
     Raises
     ------
     InputError
-        If a name is unknown or missing, or a number is out of its range.
+        If a name is unknown or missing, or a number is out of range.
     """
     own = owned(plant, name)
     channels = measured_signals(plant, measured, name)
@@ -190,7 +191,7 @@ def observed(
 
 
 def _lost(channels: Sequence[Signal], lost: bool | Sequence[str], name: str) -> tuple[Signal | None, ...]:
-    """Return the input of each measurement that says whether it is there."""
+    """Return for each measurement the input that says whether a sample is present, or None."""
     if isinstance(lost, bool):
         fresh = Signal("fresh", "1", "1 with samples, 0 without", start=1.0, lower=0.0, upper=1.0)
         return (fresh if lost else None,) * len(channels)
@@ -208,7 +209,7 @@ def _lost(channels: Sequence[Signal], lost: bool | Sequence[str], name: str) -> 
 
 
 def owned(plant: Block, name: str) -> Block:
-    """Return a plant whose parameters carry the estimator's name in front, also those of its parts."""
+    """Return a plant whose parameter names, including those of its parts, start with the estimator's name."""
     before = f"{plant.name}."
     parts = {p.name: f"{name}.{p.name}" for p in plant.parameters if "." in p.name}
     parts |= {
@@ -220,12 +221,12 @@ def owned(plant: Block, name: str) -> Block:
 
 
 def measured_signals(plant: Block, measured: Sequence[str], name: str) -> tuple[Signal, ...]:
-    """Return the measured outputs; a state that is no output may be measured, too.
+    """Return the measured outputs; a state that is not an output may be measured, too.
 
     Raises
     ------
     InputError
-        If there are none, one is named twice or unknown (the nearest name is told).
+        If there are none, or one is named twice or unknown (the message suggests the nearest name).
     """
     if isinstance(measured, str) or not len(measured) or len(set(measured)) < len(measured):
         raise InputError(f"{name}: measured: expected different names of outputs, found {shown(measured)}")
@@ -241,7 +242,7 @@ def measured_signals(plant: Block, measured: Sequence[str], name: str) -> tuple[
 
 
 def measured_expressions(plant: Block, measured: Sequence[Signal]) -> Block:
-    """Return the plant with the measured signals as its outputs, in their order."""
+    """Return the plant with the measured signals as its outputs, in the given order."""
     known = {s.name: s.symbol for s in plant.states} | dict(plant.output_expressions)
     return plant.unchecked(
         outputs=tuple(measured),
@@ -250,7 +251,7 @@ def measured_expressions(plant: Block, measured: Sequence[Signal]) -> Block:
 
 
 def _numbers(where: str, given: Mapping[str, float], known: Sequence[str]) -> dict[str, float]:
-    """Return numbers by name, none negative; refuse a name that is not known."""
+    """Return the numbers by name; raise InputError for an unknown name or a negative number."""
     for key, value in given.items():
         if key not in known:
             raise InputError(f"{where}: unknown name {shown(key)}{did_you_mean(key, known)}")

@@ -14,15 +14,17 @@ from hovercontrol.estimators.propagation import Dynamics, runge_kutta
 
 
 def over_one_step(model: Observed, step: float, substeps: int) -> Block:
-    """Return the plant over one step as a sampled Block: inputs and process noise are held, w adds to x'.
+    """Return the plant over one step as a sampled Block.
+
+    It integrates ``x' = f(x, u, t) + w`` with the inputs u and the process noise w held.
 
     Parameters
     ----------
     model : Observed
     step : float
-        [s]
+        Length of the step [s].
     substeps : int
-        Runge-Kutta steps.
+        Number of Runge-Kutta steps.
     """
     plant = measured_expressions(model.plant, model.measured)
     noise = {

@@ -1,16 +1,16 @@
-"""One step of a Block in time as equations: its state, its transition matrix and the noise that it collects.
+"""One time step of a Block as equations: its state, its transition matrix and the accumulated noise.
 
-Written for estimators that predict inside a tick: a classical Runge-Kutta step of
+Estimators use it to predict from tick to tick. A classical Runge-Kutta step integrates the state,
 
     x' = f(x, u, t) + w,    E[w(t) w(s)'] = Q delta(t - s),    u held,
 
-of the transition matrix ``Phi' = F Phi``, with the exact Jacobian ``F = df/dx`` at the same four stages, and
-Simpson's rule for the covariance of the noise,
+and the transition matrix, ``Phi' = F Phi``, with the exact Jacobian ``F = df/dx`` at the same four stages.
+Simpson's rule gives the covariance of the noise,
 
     P(t + h) = Phi (P + h/6 Q) Phi' + 4 h/6 Phi_2 Q Phi_2' + h/6 Q,
 
-where Phi is the transition from t and Phi_2 that from t + h/2, both to t + h. Each term is positive
-semidefinite, whatever h is.
+where Phi is the transition matrix from t to t + h, and Phi_2 that from t + h/2 to t + h. Each term is
+positive semidefinite for every h.
 """
 
 from __future__ import annotations
@@ -29,17 +29,17 @@ from hovercontrol.core.signals import time
 from hovercontrol.errors import InputError, shown
 from hovercontrol.estimators.ins.kalman import Equations, Estimate
 
-#: A step is at most this long in units of the plant's shortest time constant: Runge-Kutta's is stable up to
-#: 2.78. At 2 it leaves a third of what decays within it, where exp(-2) is 0.14.
+#: Maximum length of a step in units of the plant's shortest time constant. The Runge-Kutta method is stable
+#: up to 2.78. At 2, a third of a decaying mode remains after the step; the exact value is exp(-2) = 0.14.
 LONGEST = 2.0
 
-#: Most steps from tick to tick: each adds some two thousand operations to the filter of a craft.
+#: Maximum number of steps per tick; each adds some two thousand operations to the filter of a craft.
 MOST_STEPS = 32
 
 
 @dataclass(frozen=True)
 class Dynamics:
-    """The derivatives of a continuous Block and their exact Jacobian, to be written at any point.
+    """The derivatives of a continuous Block and their exact Jacobian, as equations at any point.
 
     Parameters
     ----------
@@ -60,14 +60,14 @@ class Dynamics:
         Parameters
         ----------
         write : Equations
-            Where intermediate quantities are defined, under names that begin with `name`.
+            Receives the intermediate quantities as definitions, with names that begin with `name`.
         name : str
         x : sequence of sympy.Expr
             The states.
         when : sympy.Expr
             Time [s].
         jacobian : bool, optional
-            Whether F is wanted; it is empty otherwise.
+            Whether to return F; it is empty otherwise.
         """
         rates = list(self.block.derivatives.values())
         entries = self._jacobian if jacobian else {}
@@ -86,19 +86,20 @@ def written_at(
     when: sp.Expr,
     wanted: Sequence[sp.Expr],
 ) -> dict[sp.Expr, sp.Expr]:
-    """Define what some expressions of a Block need at a point; return what to put for its symbols.
+    """Write a Block's definitions at a point; return the substitutions for its symbols.
 
     Parameters
     ----------
     block : Block
     write : Equations
     name : str
-        First part of the definitions' names.
+        Prefix of the definitions' names.
     x : sequence of sympy.Expr
         The states.
     when : sympy.Expr
         Time [s].
     wanted : sequence of sympy.Expr
+        The expressions to evaluate; only the definitions that they need are written.
     """
     swap: dict[sp.Expr, sp.Expr] = {s.symbol: e for s, e in zip(block.states, x, strict=True)}
     swap[time] = when
@@ -109,7 +110,7 @@ def written_at(
 
 @dataclass(frozen=True)
 class Step:
-    """A Runge-Kutta step of the state: where it leads and the Jacobians at its four stages."""
+    """Result of a Runge-Kutta step: the new state and the Jacobians at the four stages."""
 
     x: sp.Matrix
     F: tuple[sp.Matrix, ...]
@@ -132,13 +133,15 @@ def runge_kutta(
     dynamics : Dynamics
     write : Equations
     name : str
-        First part of the definitions' names.
+        Prefix of the definitions' names.
     x : sympy.Matrix, shape (n, 1)
     when, h : sympy.Expr
-        Where it begins and how long it is [s].
+        Start time and length of the step [s].
     jacobian : bool, optional
-        Whether the Jacobians at the stages are wanted.
+        Whether to return the Jacobians at the stages.
     """
+    # k1 = f(x, t),  k2 = f(x + h/2 k1, t + h/2),  k3 = f(x + h/2 k2, t + h/2),  k4 = f(x + h k3, t + h),
+    # x(t + h) = x + h/6 (k1 + 2 k2 + 2 k3 + k4);  F_i = df/dx at stage i.
     rates: list[sp.Matrix] = []
     matrices: list[sp.Matrix] = []
     for k, part in enumerate((sp.S.Zero, sp.S.Half, sp.S.Half, sp.S.One)):
@@ -154,6 +157,8 @@ def runge_kutta(
 
 def transition(write: Equations, name: str, F: Sequence[sp.Matrix], h: sp.Expr) -> sp.Matrix:
     """Write the transition matrix of a step from the Jacobians at its stages: ``Phi' = F Phi``."""
+    # k1 = F1,  k2 = F2 (I + h/2 k1),  k3 = F3 (I + h/2 k2),  k4 = F4 (I + h k3),
+    # Phi = I + h/6 (k1 + 2 k2 + 2 k3 + k4).
     one = sp.eye(F[0].rows)
     slopes: list[sp.Matrix] = []
     for k, part in enumerate((sp.S.Zero, sp.S.Half, sp.S.Half, sp.S.One)):
@@ -166,9 +171,9 @@ def transition(write: Equations, name: str, F: Sequence[sp.Matrix], h: sp.Expr) 
 def middle_columns(
     write: Equations, name: str, F: Sequence[sp.Matrix], h: sp.Expr, wanted: Sequence[int]
 ) -> dict[int, sp.Matrix]:
-    """Write some columns of the transition matrix from the middle of a step to its end.
+    """Write columns of Phi_2, the transition matrix from the middle of a step to its end.
 
-    A Runge-Kutta step of h/2; between its ends F is the mean of both.
+    They follow from a Runge-Kutta step of length h/2. Its two inner stages use the mean of F at both ends.
     """
     middle, end = F[2], F[3]
     mean = write.matrix(f"{name}_mean_F", (middle + end) / 2) if middle != end else end
@@ -179,7 +184,7 @@ def middle_columns(
         slopes: list[sp.Matrix] = []
         for k, part in enumerate((sp.S.Zero, sp.S.Half, sp.S.Half, sp.S.One)):
             inner = start + part * half * slopes[-1] if k else start
-            # Entries keep their column in the name: units differ from column to column.
+            # The names contain the column, because units differ between columns.
             slopes.append(write.matrix(f"{name}_middle_{j}_{k + 1}", stages[k] * inner))
         k1, k2, k3, k4 = slopes
         columns[j] = write.matrix(f"{name}_middle_{j}", start + half / 6 * (k1 + 2 * k2 + 2 * k3 + k4))
@@ -189,7 +194,7 @@ def middle_columns(
 def collected(
     P: sp.Matrix, columns: Mapping[int, sp.Matrix], Q: Mapping[int, sp.Expr], h: sp.Expr
 ) -> sp.Matrix:
-    """Return a covariance with the noise of the middle and the end of a step [Simpson's rule]."""
+    """Return ``P + 4 h/6 Phi_2 Q Phi_2' + h/6 Q``: Simpson's terms of the middle and the end of a step."""
 
     def entry(i: int, j: int) -> sp.Expr:
         middle = sum(q * columns[k][i] * columns[k][j] for k, q in Q.items())
@@ -214,13 +219,14 @@ def predict(
     dynamics : Dynamics
     write : Equations
     name : str
-        First part of the definitions' names, for this step alone.
+        Prefix of the definitions' names, unique to this step.
     estimate : Estimate
     Q : mapping of int to sympy.Expr
-        Intensity of the noise of each state that has some.
+        Noise intensity by the index of the state; states without noise are omitted.
     when, h : sympy.Expr
-        Where the step begins and how long it is [s].
+        Start time and length of the step [s].
     """
+    # P(t + h) = Phi (P + h/6 Q) Phi' + 4 h/6 Phi_2 Q Phi_2' + h/6 Q.
     n = estimate.P.rows
     step = runge_kutta(dynamics, write, name, estimate.x, when, h)
     Phi = transition(write, name, step.F, h)
@@ -241,23 +247,23 @@ def predict(
 
 
 def steps_between(plant: Block, period: float, name: str, given: int | None = None) -> int:
-    """Return how many Runge-Kutta steps go from tick to tick.
+    """Return the number of Runge-Kutta steps from tick to tick.
 
     Parameters
     ----------
     plant : Block
     period : float
-        [s]
+        Length of a tick [s].
     name : str
-        Of the estimator: for the error.
+        Name of the estimator, for the error message.
     given : int, optional
-        What the user asks for; otherwise the fastest mode decides, at the plant's start values or with all
-        states at zero, where dry friction is stiffest.
+        The number that the user asked for. By default it follows from the largest magnitude of the plant's
+        eigenvalues, at its start values or with all states at zero, where dry friction is stiffest.
 
     Raises
     ------
     InputError
-        If the user asks for less than one or too many, or the plant is too fast for the period.
+        If `given` is less than 1 or too large, or the plant is too fast for the period.
     """
     if given is not None:
         if not 1 <= given <= MOST_STEPS:

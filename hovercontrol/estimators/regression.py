@@ -1,6 +1,6 @@
-"""A Block as a linear regression: ``x' = h + G c`` [C17 eq 1], for the coefficients chosen.
+"""A Block as a linear regression: ``x' = h + G c`` [C17 eq 1], for chosen coefficients c.
 
-G is the derivative of the Block by its coefficients, never written by hand.
+G is the symbolic derivative of x' with respect to the coefficients, and h is x' with c = 0.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ class Regression:
     Parameters
     ----------
     block : Block
-        Where it comes from.
+        The Block of the regression.
     states : tuple of Signal
         The states x, length n: those whose derivative depends on a coefficient.
     coefficients : tuple of Signal
@@ -65,13 +65,13 @@ def regression(block: Block, coefficients: Sequence[str] | None = None) -> Regre
     block : Block
     coefficients : sequence of str, optional
         Names of parameters; default: every parameter in which the Block is linear when all of them
-        are free at once (widths and the like stay parameters).
+        vary together (parameters such as widths stay fixed).
 
     Raises
     ------
     InputError
-        If a name is unknown, a coefficient is used twice or acts on no state, the Block is not linear in
-        them (the line names the equation and the expression), or its inputs act late.
+        If a name is unknown, a coefficient is given twice or acts on no state, the Block is not linear in
+        them (the message names the equation and the expression), or its inputs are delayed.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""h and G of a regression as compiled functions: what estimators and excitation checks evaluate."""
+"""h and G of a regression as compiled functions, for estimators and excitation checks."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ class Regressors:
     ----------
     model : Regression
     drift : bool, optional
-        False leaves h out (it is returned as zero) and asks only for the signals that G needs.
+        False omits h (it is returned as zero), so that only the signals in G are needed.
 
     Attributes
     ----------
     measured, inputs : tuple of str
-        The Block's states and inputs that are needed, in its order; with drift also the states x.
+        The Block's states and inputs that are needed, in the Block's order; with drift also the states x.
 
     Examples
     --------
@@ -107,8 +107,8 @@ class Regressors:
         Raises
         ------
         InputError
-            If time does not increase or signals are missing, of another length or not finite; all
-            missing ones are named.
+            If time does not increase, or signals are missing (the message names all of them), of another
+            length or not finite.
         """
         t = as_row("time", t)
         if len(t) < 2 or not np.isfinite(t).all() or not (np.diff(t) > 0).all():

@@ -1,7 +1,7 @@
-"""The estimator of C17 (sections III, V) for samples: a discrete Kalman filter on its regressors.
+"""The estimator of C17 (sections III, V) for sampled data: a discrete Kalman filter on the regressors.
 
-Its step is that of :mod:`.sampled_step`. Intensities mean what they mean in
-:func:`~hovercontrol.estimators.kalman_bucy.kalman_bucy`, to which this filter tends as dt goes to zero.
+Its step is that of :mod:`.sampled_step`. Intensities are defined as in
+:func:`~hovercontrol.estimators.kalman_bucy.kalman_bucy`, to which this filter converges as dt goes to zero.
 """
 
 from __future__ import annotations
@@ -26,35 +26,35 @@ _PLAIN = Plain()
 
 @checked
 class SampledEstimator:
-    """A discrete Kalman filter for chosen coefficients of a Block, to be stepped sample by sample.
+    """A discrete Kalman filter for chosen coefficients of a Block, advanced sample by sample.
 
     Parameters
     ----------
     block : Block
-        Its start values of the coefficients are the first estimate (``with_values`` changes them).
+        Its values of the coefficients are the first estimate (``with_values`` changes them).
     estimate : sequence of str, optional
-        Which coefficients are estimated (default: all in which the Block is linear); the others
-        keep the Block's values.
+        Coefficients to estimate (default: all in which the Block is linear); the others keep the
+        Block's values.
     dt : float
         Nominal sample time [s].
     R : array_like, scalar or shape (n,), optional
-        Intensities of the measurement noise of the n states that the coefficients act on; a sample
-        has covariance R/dt.
+        Intensities of the measurement noise of the n states that the coefficients act on; the noise of a
+        sample has covariance R/dt.
     Q : array_like, scalar or shape (n + m,), optional
         Intensities of the disturbances of those states and of the m coefficients; an interval of
         length d adds covariance Q d.
     P0 : array_like, scalar or shape (n + m,), optional
         Initial variances.
     x0 : sequence of float, shape (n,), optional
-        States expected at the first sample, with variances P0[:n]. By default they are taken from
-        that sample, with its covariance R/dt.
+        Expected states at the first sample, with variances P0[:n]. By default the first sample gives the
+        states, with covariance R/dt.
 
     Attributes
     ----------
     names, measured, inputs : tuple of str
-        Coefficients, and the signals that :meth:`step` takes, in order.
+        The coefficients, and the measured signals and inputs of :meth:`step`, in order.
     covariance : ndarray, shape (n + m, n + m)
-        Of the error of states and coefficients.
+        Covariance of the errors of states and coefficients.
 
     Raises
     ------
@@ -126,19 +126,19 @@ class SampledEstimator:
     def step(
         self, t: float, measured: Sequence[float], inputs: Sequence[float], dt: float | None = None
     ) -> Array:
-        """Take in one sample.
+        """Update the estimate with one sample.
 
         Parameters
         ----------
         t : float
             Time of the sample [s].
         measured : sequence of float
-            What is measured at t, in the order of ``measured``.
+            Values measured at t, in the order of ``measured``.
         inputs : sequence of float
-            What was held **since the sample before**, in the order of ``inputs`` (at the first one
-            they do not matter). So a controller may step the estimator first and use its answer.
+            Inputs held **since the previous sample**, in the order of ``inputs`` (ignored at the first
+            sample). A controller can therefore step the estimator first and use its result.
         dt : float, optional
-            Time since the sample before [s] (default: the nominal sample time).
+            Time since the previous sample [s] (default: the nominal sample time).
 
         Returns
         -------
@@ -148,8 +148,8 @@ class SampledEstimator:
         Raises
         ------
         InputError
-            If a number of values is wrong, a value is not finite or dt is not positive; the
-            estimate is then as before.
+            If the number of values is wrong, a value is not finite or dt is not positive. The
+            estimate is then unchanged.
         """
         y, u = [float(v) for v in measured], [float(v) for v in inputs]
         step = self.dt if dt is None else dt
@@ -168,7 +168,10 @@ class SampledEstimator:
         return self._xi[n:].copy()
 
     def pause(self, seconds: float) -> None:
-        """Bridge a gap [s]: the states are forgotten, the coefficients' variance grows.
+        """Bridge a gap in the samples.
+
+        The states are initialised again from the next sample, and the covariance of the coefficients grows:
+        ``P_xc = 0``, ``P_cc`` increases by ``Q_cc`` times the length of the gap.
 
         Parameters
         ----------

@@ -1,12 +1,12 @@
-"""One step of C17's estimator (sections III, V) for samples, written once for numbers and for symbols.
+"""One step of C17's estimator (sections III, V) for sampled data, for both numbers and symbols.
 
-Between two samples ``x[k+1] = x[k] + dt (h + G c)``, with h and G the mean of their values at both ends (the
-states are measured there, the inputs are held), and ``c[k+1] = c[k]``. Arrays hold floats, where
-:class:`~hovercontrol.estimators.sampled.SampledEstimator` steps, or SymPy's expressions, where
-:func:`~hovercontrol.estimators.ticking.sampled_estimator` writes a Block; symbols are named as they arise.
+Between two samples ``x[k+1] = x[k] + dt (h + G c)`` and ``c[k+1] = c[k]``. Here h and G are the means of
+their values at both ends: the states are measured there, and the inputs are held. Arrays contain floats in
+:class:`~hovercontrol.estimators.sampled.SampledEstimator`, or SymPy expressions in
+:func:`~hovercontrol.estimators.ticking.sampled_estimator`, which names intermediate results as definitions.
 
-Measurements are taken one by one, so that nothing is inverted, in Joseph's form, which keeps the covariance
-positive.
+Scalar measurements are processed one after the other, so no matrix is inverted. Joseph's form keeps the
+covariance positive.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ Values = NDArray[Any]
 
 
 class Names(Protocol):
-    """What gives intermediate results their names; numbers need none."""
+    """Protocol for naming intermediate results; numbers need no names."""
 
     def matrix(self, name: str, values: Values) -> Values:
         """Name the entries ``name[i]`` or ``name[i,j]``."""
@@ -30,7 +30,7 @@ class Names(Protocol):
 
 
 class Plain:
-    """Numbers stay as they are."""
+    """Names for numbers: the values are returned unchanged."""
 
     def matrix(self, name: str, values: Values) -> Values:
         """Return the values."""
@@ -44,7 +44,7 @@ class Plain:
 def predicted(
     x: Values, P: Values, before: Values, now: Values, Q: Values, dt: Any, names: Names
 ) -> tuple[Values, Values]:
-    """Return states with coefficients, and their covariance, a step later.
+    """Return states and coefficients, and their covariance, one step later.
 
     Parameters
     ----------
@@ -58,6 +58,7 @@ def predicted(
         Length of the step [s].
     names : Names
     """
+    # x+ = x + dt (h + G c),  P+ = A P A' + Q dt,  A = [[I, dt G], [0, I]].
     n = len(before)
     table = names.matrix("table", (before + now) * (dt / 2))
     h, G = table[:, 0], table[:, 1:]
@@ -71,7 +72,7 @@ def predicted(
 
 
 def corrected(x: Values, P: Values, y: Values, R: Values, names: Names) -> tuple[Values, Values]:
-    """Return them with the first n, the states, measured.
+    """Return states and coefficients, and their covariance, after a measurement of the n states.
 
     Parameters
     ----------
@@ -81,6 +82,8 @@ def corrected(x: Values, P: Values, y: Values, R: Values, names: Names) -> tuple
         The sample, and the variances of its noise.
     names : Names
     """
+    # For each measured state i, H = e_i':  K = P e_i / (P_ii + R_i),  x+ = x + K (y_i - x_i),
+    # P+ = (I - K H) P (I - K H)' + K R_i K' = kept + (K R_i - kept e_i) K',  kept = (I - K H) P.
     for i in range(len(y)):
         gain = names.matrix(f"gain_{i}", P[:, i] / (P[i, i] + R[i]))
         kept = P - np.multiply.outer(gain, P[i])
@@ -91,7 +94,8 @@ def corrected(x: Values, P: Values, y: Values, R: Values, names: Names) -> tuple
 
 
 def begun(x: Values, P: Values, y: Values, R: Values) -> tuple[Values, Values]:
-    """Return them after a first sample, from which the states are taken; arguments as :func:`corrected`."""
+    """Return the values initialised from a first sample; arguments and result as for :func:`corrected`."""
+    # x = y,  P_xx = diag R,  P_xc = 0; the coefficients and P_cc do not change.
     n = len(y)
     x, P = x.copy(), P.copy()
     x[:n] = y

@@ -1,6 +1,7 @@
-"""The sampled estimator as a Block: C17's estimator as it runs beside a controller, switched on at some time.
+"""The sampled estimator as a Block: C17's estimator for use in a loop, switched on at a given time.
 
-Its step is that of :mod:`.sampled_step`, as equations, so that it compiles, exports and sweeps with the loop.
+It writes the step of :mod:`.sampled_step` as equations, so that it compiles and exports with the loop and can
+be used in parameter sweeps.
 """
 
 from __future__ import annotations
@@ -39,32 +40,31 @@ def sampled_estimator(
     Parameters
     ----------
     block : Block
-        Its states are measured, under their own names; its start values of the coefficients are the first
-        estimate.
+        Its states are measured, under their own names. Its values of the coefficients are the first estimate.
     estimate : sequence of str, optional
-        Which coefficients are estimated (default: all in which the Block is linear); the others stay
-        parameters of the estimator.
+        Coefficients to estimate (default: all in which the Block is linear); the others remain parameters of
+        the estimator.
     period : float, optional
-        Of the samples [s].
+        Sampling period [s].
     R, Q, P0 : array_like, optional
-        As for :class:`~hovercontrol.estimators.sampled.SampledEstimator`; of P0 the part of the states is not
-        used: they are taken from the first sample, with its covariance R/period.
+        As for :class:`~hovercontrol.estimators.sampled.SampledEstimator`. The first n entries of P0 are not
+        used: the first sample gives the states, with covariance R/period.
     start : float, optional
-        When it is switched on [s]; until then the estimates stay as they are.
+        Time at which it is switched on [s]; until then the estimates are constant.
     name : str, optional
 
     Returns
     -------
     Block
-        Sampled. Inputs: the measured states, and the Block's inputs, of which those of a tick act until the
-        next. Outputs: ``NAME_hat`` for each coefficient, with the sample of the tick taken in. States
+        Sampled. Inputs: the measured states, and the Block's inputs, each held from its tick to the next.
+        Outputs: ``NAME_hat`` for each coefficient, including the sample of the tick. States:
         ``last_xhat[i]``, ``last_P[i,j]``, i <= j, and the last sample.
 
     Raises
     ------
     InputError
-        As :func:`~hovercontrol.estimators.kalman_bucy`; or if the period is not positive or the start no
-        number.
+        As :func:`~hovercontrol.estimators.kalman_bucy`; or if the period is not positive or the start is not
+        a finite number.
 
     Examples
     --------
@@ -77,7 +77,7 @@ def sampled_estimator(
     >>> found[99], round(found[399], 3)
     (0.5, 0.385)
     """
-    regression(block, estimate)  # refuses under the Block's own name
+    regression(block, estimate)  # errors name the Block, not the estimator
     model = regression(block.named(name), estimate)
     n, m = model.G.shape
     tick = positive(f"{name}: period", period)
@@ -125,7 +125,7 @@ def sampled_estimator(
     }
     hats = {
         f"{short}_hat": sp.Symbol(f"now_{short}", real=True) for short in model.names
-    }  # told and remembered
+    }  # both outputs and next states
     for short, s in zip(model.names, memory.values[n:], strict=True):
         write.definitions[f"now_{short}"] = next_values[s.name]
         next_values[s.name] = sp.Symbol(f"now_{short}", real=True)
@@ -151,7 +151,7 @@ def sampled_estimator(
 
 
 class _Named:
-    """Gives the entries of arrays names among a Block's definitions."""
+    """Names the entries of arrays as definitions of a Block."""
 
     def __init__(self, write: Equations) -> None:
         self._define = write.define
@@ -174,7 +174,7 @@ class _Named:
 def _ends(
     model: Regression, names: _Named, before: dict[sp.Symbol, Signal], step: sp.Symbol
 ) -> tuple[Values, Values]:
-    """Return ``[h G]`` at the last sample and now, both with the inputs that held in between."""
+    """Return ``[h G]`` at the last sample and now, both with the inputs held in between."""
     inputs = {s.symbol for s in model.block.inputs}
     early = {now: old.symbol for now, old in before.items()}
     late = {now: old for now, old in early.items() if now in inputs} | {time: time}
@@ -185,5 +185,5 @@ def _ends(
 
 
 def _objects(matrix: sp.Matrix) -> Values:
-    """Return a matrix as an array of expressions, a column as one of a single axis."""
+    """Return a matrix as an array of expressions; a column becomes one-dimensional."""
     return np.array(matrix.tolist() if matrix.cols > 1 else list(matrix), dtype=object)

@@ -1,12 +1,13 @@
 """The unscented Kalman filter of any Block, as a Block.
 
-A set of 2 n points with the mean x and the covariance P, and x itself,
+The filter replaces linearisation by sigma points: 2 n points with mean x and covariance P, and x itself,
 
-    x +- sqrt(n + kappa) L_i,  L L' = P,  weights 1/(2 (n + kappa)), of x itself kappa/(n + kappa),
+    x +- sqrt(n + kappa) L_i,  L L' = P,  weights 1/(2 (n + kappa)), and kappa/(n + kappa) for x itself,
 
-goes through the equations in place of their linearisation (Julier and Uhlmann, Proc. IEEE 92 (2004);
-kappa = 0 are the cubature points of Arasaratnam and Haykin, IEEE TAC 54 (2009)). Weights are not negative, so
-that covariances stay positive. The process noise of a step is that of :mod:`.propagation`, along the mean.
+which are propagated through the nonlinear equations (Julier and Uhlmann, Proc. IEEE 92 (2004)). With
+kappa = 0 they are the cubature points of Arasaratnam and Haykin, IEEE TAC 54 (2009). No weight is negative,
+so covariances stay positive. The process noise of a step is computed as in :mod:`.propagation`, along the
+path of the point x.
 """
 
 from __future__ import annotations
@@ -44,7 +45,8 @@ from hovercontrol.estimators.propagation import (
 from hovercontrol.io.tables import positive
 from hovercontrol.models.interface import AnyModel
 
-#: Least pivot of a Cholesky factor, as a share of the variance: rounding does not make its root imaginary.
+#: Minimum pivot of a Cholesky factor, as a share of the variance, so that rounding cannot make its square
+#: root imaginary.
 PIVOT = sp.Float(1e-14)
 
 
@@ -64,27 +66,27 @@ def unscented_kalman(
 ) -> Block:
     """Return the unscented Kalman filter of a plant.
 
-    It has two to three times the equations of :func:`~hovercontrol.estimators.extended.extended_kalman`. Use
-    it where the estimate's error is larger than the range in which the equations are nearly linear: a speed
-    uncertain by more than the width of dry friction, a heading uncertain by some tenths of a radian.
+    It has two to three times as many equations as :func:`~hovercontrol.estimators.extended.extended_kalman`.
+    Use it where the error of the estimate exceeds the range in which the equations are nearly linear: a speed
+    uncertain by more than the width of dry friction, or a heading uncertain by some tenths of a radian.
 
     Parameters
     ----------
     plant : Model, BlockModel or Block
         Continuous. Its start values are the first estimate.
     measured : sequence of str, optional
-        Outputs, or states, of the plant. The innovation of one in rad is wrapped to -pi ... pi.
+        Outputs, or states, of the plant. Innovations in rad are wrapped to -pi ... pi.
     process_noise, measurement_noise, start_std : mapping of str to float
         As for :func:`~hovercontrol.estimators.extended.extended_kalman` with a period [unit/s^(1/2), unit,
-        unit]; none of `start_std` is 0.
+        unit]; every entry of `start_std` must be positive.
     period : float
-        Of the samples [s].
+        Sampling period [s].
     lost_samples : bool or sequence of str, optional
-        Add an input ``fresh``, or ``fresh_NAME`` of these measured outputs: where it is 0 there is no sample.
+        Add an input ``fresh``, or ``fresh_NAME`` for these measured outputs: 0 means that there is no sample.
     kappa : float, optional
         Spread of the points, not negative (dimensionless).
     substeps : int, optional
-        Runge-Kutta steps from tick to tick, with new points for each (default: as for the extended filter).
+        Runge-Kutta steps per period, with new points for each (default: as for the extended filter).
     name : str, optional
 
     Returns
@@ -95,8 +97,8 @@ def unscented_kalman(
     Raises
     ------
     InputError
-        As :func:`~hovercontrol.estimators.extended.extended_kalman`; or if kappa is negative, or a standard
-        deviation at the start is 0.
+        As :func:`~hovercontrol.estimators.extended.extended_kalman`; or if kappa is negative, or an initial
+        standard deviation is 0.
 
     Warns
     -----
@@ -143,7 +145,8 @@ def unscented_kalman(
 
 
 def cholesky(write: Equations, name: str, P: sp.Matrix) -> sp.Matrix:
-    """Write the lower Cholesky factor of a covariance."""
+    """Write the lower Cholesky factor L of a covariance, P = L L'."""
+    # L_jj = sqrt(P_jj - sum_k<j L_jk^2),  L_ij = (P_ij - sum_k<j L_ik L_jk) / L_jj.
     n = P.rows
     L = sp.zeros(n, n)
     for j in range(n):
@@ -159,7 +162,7 @@ def cholesky(write: Equations, name: str, P: sp.Matrix) -> sp.Matrix:
 def _points(
     write: Equations, name: str, x: sp.Matrix, P: sp.Matrix, kappa: float
 ) -> tuple[list[sp.Matrix], list[Any]]:
-    """Return the points and their weights; x itself is first, and has no weight if kappa is 0."""
+    """Return the sigma points and their weights; x itself comes first, with weight 0 if kappa is 0."""
     n = P.rows
     L = cholesky(write, f"{name}_L", P)
     root = sp.sqrt(sp.nsimplify(n + kappa))
@@ -183,7 +186,7 @@ def _deviations(write: Equations, name: str, points: Sequence[sp.Matrix], mean: 
 
 
 def _product(a: Sequence[sp.Matrix], b: Sequence[sp.Matrix], weights: Sequence[Any], i: int, j: int) -> Any:
-    """Return an entry of the covariance of two sets of deviations."""
+    """Return an entry of the cross-covariance of two sets of deviations: ``sum_k w_k a_k[i] b_k[j]``."""
     return sum(w * p[i] * q[j] for w, p, q in zip(weights, a, b, strict=True) if w)
 
 
@@ -198,6 +201,8 @@ def _predicted(
     kappa: float,
 ) -> Estimate:
     """Write the estimate one step later; arguments as for :func:`.propagation.predict`."""
+    # Points x_k of P + h/6 Q move by a Runge-Kutta step:  x+ = sum w_k x_k+,
+    # P+ = sum w_k (x_k+ - x+) (x_k+ - x+)' + 4 h/6 Phi_2 Q Phi_2' + h/6 Q.
     n = estimate.P.rows
     begin = sp.Matrix(estimate.P)
     for i, q in Q.items():
@@ -218,7 +223,9 @@ def _predicted(
 
 
 def _measured(model: Observed, write: Equations, prior: Estimate, kappa: float) -> Estimate:
-    """Write the measurement update; where outputs are linear in the states it is that of a Kalman filter."""
+    """Write the measurement update; if the outputs are linear in the states, use the Kalman filter's."""
+    # dy_k = h(x_k) - h(x) - mean,  S = sum w_k dy_k dy_k' + R,  C = sum w_k dx_k dy_k',  e = y - h(x) - mean,
+    # where mean = sum w_k (h(x_k) - h(x)) and dx_k = x_k - x.
     plant = measured_expressions(model.plant, model.measured)
     states = {s.symbol for s in plant.states}
     slopes = plant.jacobian("outputs", "states")
@@ -231,12 +238,12 @@ def _measured(model: Observed, write: Equations, prior: Estimate, kappa: float) 
     values = list(plant.output_expressions.values())
     for k, point in enumerate(points[1:]):
         swap = written_at(plant, write, f"sigma_{k}", list(point), time, values)
-        # Outputs less those at the mean: an angle jumps by a whole turn between two points.
+        # Outputs relative to those at the mean, wrapped: an angle may jump by a whole turn between points.
         off = [e.xreplace(swap) - e0 for e, e0 in zip(values, h, strict=True)]
         turned = [wrapped(e) if s.unit == "rad" else e for e, s in zip(off, model.measured, strict=True)]
         outputs.append(write.matrix(f"sigma_{k}_output", sp.Matrix(turned)))
     mean = _mean(write, "sigma_mean", outputs, weights)
-    # Without a sample an output neither deviates nor differs, and so corrects nothing.
+    # Without a sample the deviations and the innovation of an output are zero, so it corrects nothing.
     used = sp.diag(*shares(model))
     dy = [used * d for d in _deviations(write, "sigma_dy", outputs, mean)]
     dx = _deviations(write, "sigma_dx", points, prior.x)

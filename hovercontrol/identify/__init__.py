@@ -1,4 +1,4 @@
-"""Identification of a model's coefficients from logs, and how well the model then predicts them."""
+"""Identification of a model's coefficients from logs, and validation of the model's predictions."""
 
 from hovercontrol.estimation.measure import Measured, measure
 from hovercontrol.identify.fit import identify

@@ -1,8 +1,8 @@
 """Identification: the coefficients of a model from logs, by maximum likelihood under process noise.
 
-A thin layer on :mod:`hovercontrol.estimation`. What no equation says is process noise, a missing acceleration
-of unknown size in each equation; its size says how much the model lacks. How far the coefficients can be
-trusted where it does lack something, :mod:`hovercontrol.identify.trust` asks.
+A thin layer on :mod:`hovercontrol.estimation`. Effects that the equations lack are modelled as process noise:
+an unknown acceleration in each equation, whose estimated size shows how incomplete the model is.
+:mod:`hovercontrol.identify.trust` checks how far the coefficients of an incomplete model can be trusted.
 """
 
 from __future__ import annotations
@@ -60,18 +60,19 @@ def identify(
     Parameters
     ----------
     model : Model, BlockModel or Block
-        Its present values start the fit. A Block is fitted as a BlockModel without effects.
+        Its current values are the initial values of the fit. A Block is fitted as a BlockModel without
+        effects.
     logs : sequence of Log
         One or several, each with the model's inputs and pose (``x, y, psi``), body velocities
-        (``u, v, r``), both, or any other states or outputs of the Block. Already measured ones
-        (:func:`~hovercontrol.estimation.measure.measure`) are taken as they are.
+        (``u, v, r``), both, or any other states or outputs of the Block. Logs that were already prepared by
+        :func:`~hovercontrol.estimation.measure.measure` are used unchanged.
     coefficients : sequence of str, optional
-        Names of parameters, shapes included (``yaw_coulomb_width``); by default all linear
+        Names of parameters, including shape parameters (``yaw_coulomb_width``); by default all linear
         coefficients.
     most_rows : int, optional
-        Most rows used of all logs together; longer ones are thinned to stretches, spread evenly.
+        Maximum number of rows of all logs together. Longer logs are reduced to evenly spaced stretches.
     progress : callable, optional
-        Called with the part done (0 to 1) and a word on what is being done.
+        Called with the finished fraction (0 to 1) and a text on the current step.
 
     Returns
     -------
@@ -80,8 +81,8 @@ def identify(
     Raises
     ------
     InputError
-        If there is no log, a coefficient or an input is unknown, nothing moves in a log, it has too few
-        rows or too slow ones, or the model runs away.
+        If there is no log, a coefficient or an input is unknown, a log contains no motion, has too few rows
+        or too large time steps, or the model's simulation diverges.
 
     Examples
     --------
@@ -101,7 +102,7 @@ def identify(
         refuse_other_units(logs)
     report(0.0, "reading what was measured")
     measured = measure_shared(model, logs, most_rows)
-    with threadpool_limits(1, "blas"):  # its threads would wait for each other at many small matrices
+    with threadpool_limits(1, "blas"):  # with many small matrices BLAS threads would wait for each other
         data = gather(as_model(model), measured)
         fit = _fitted(model, data, names, report)
         found = _identified(model, names, data, fit, report)
@@ -111,7 +112,7 @@ def identify(
 
 @checked
 def measure_shared(model: AnyModel, logs: Sequence[Log | Measured], most_rows: int) -> list[Measured]:
-    """Return what each log says, all together no more than `most_rows` rows; those measured already are kept.
+    """Return the measurements of each log, at most `most_rows` rows in total; prepared ones are unchanged.
 
     Raises
     ------
@@ -136,7 +137,7 @@ def measure_shared(model: AnyModel, logs: Sequence[Log | Measured], most_rows: i
 
 
 def _told(block: Block, log: Log) -> Log:
-    """Return a log as a fit reads it, with a warning of each change; refuse numbers for missing values."""
+    """Return a log prepared for a fit, warning of each change; raise if it has codes for missing values."""
     inputs = [s.name for s in block.inputs if log.has(s.name)]
     seen = dict.fromkeys(s.name for s in (*block.outputs, *block.states) if log.has(s.name))
     channels = [name for name in seen if name not in inputs]
@@ -153,12 +154,12 @@ def _share(log: Log, total: int, most_rows: int) -> int:
 
 
 def refuse_other_units(logs: Sequence[Log | Measured]) -> None:
-    """Refuse logs of a craft that are not in SI units: rows too far apart, motion faster than any craft's.
+    """Raise if logs of a craft are not in SI units: time steps too large, or motion too fast for a craft.
 
     Raises
     ------
     InputError
-        The line names the log.
+        The message names the log.
     """
     for log in logs:
         for fault in scale_faults(log if isinstance(log, Log) else Log(log.name, log.time, {})):
@@ -222,6 +223,7 @@ def _identified(
         units={c: problem.block.signal(c).unit for c in channels},
         residual=dict(zip(channels, fit.noise.measured.tolist(), strict=True)),
         noise=dict(zip(channels, data.noise.tolist(), strict=True)),
+        # sum over the channels c of n_c (residual_c / noise_c)^2 / sum of n_c, n_c samples used
         chi2_per_dof=float(used @ (fit.noise.measured / data.noise) ** 2 / used.sum()),
         rows=int(problem.seen.any(axis=2).sum()),
         rows_total=sum(m.rows_total for m in logs),
@@ -255,5 +257,6 @@ def _coefficient(
     idle = idle_inputs(problem.block, signal.name, moving)
     why = reason(label, std, size[j], alone[j], directions, signal.unit, idle)
     std = std if std < EXCITATION.no_information * size[j] else np.inf
+    # Standard error: sqrt(noise_std^2 + max over the readings of (reading - value)^2).
     wide = math.hypot(std, max((abs(r.value - value) for r in readings), default=0.0))
     return Fitted(label, value, wide, signal.unit, start, bound, why, std, readings)

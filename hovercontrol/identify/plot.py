@@ -1,4 +1,4 @@
-"""Pictures of what was measured and what was simulated."""
+"""Figures of measurement and simulation."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ MEASURED, SIMULATED, SHADE = "0.7", "tab:blue", "tab:red"
 
 @checked
 def plot_free_run(run: FreeRun, *, held_out: bool = False) -> Figure:
-    """Draw the free-running simulation over the measurement, one axis for each channel.
+    """Plot the free-running simulation over the measurement, one axis for each channel.
 
-    Pose stands to the left and velocities to the right. The measurement is a broad grey line, so
-    that both show where they agree. Spans that the smoother rejected are shaded, the error is above
-    each axis.
+    The pose is on the left and the velocities are on the right. The measurement is a broad grey line, so
+    that both curves are visible where they agree. Spans that the smoother rejected are shaded, and the error
+    is printed above each axis.
 
     Parameters
     ----------
     run : FreeRun
     held_out : bool, optional
-        Say in the title that the log was held out of the fit.
+        Whether the title says that the log was held out of the fit.
 
     Returns
     -------
@@ -53,7 +53,7 @@ def plot_free_run(run: FreeRun, *, held_out: bool = False) -> Figure:
 
 
 def free_run_figure(run: FreeRun, *, held_out: bool = False) -> Figure:
-    """Return the figure of :func:`plot_free_run`, unknown to pyplot."""
+    """Return the figure of :func:`plot_free_run` without registering it in pyplot."""
     known = [c for pair in zip(POSE, VELOCITY, strict=True) for c in pair]
     planar = set(known) <= set(run.channels)
     left_over = [c for c in run.channels if c not in known]
@@ -79,7 +79,7 @@ def free_run_figure(run: FreeRun, *, held_out: bool = False) -> Figure:
 
 def _draw(axis: Axes, run: FreeRun, channel: str) -> None:
     i = run.channels.index(channel)
-    sampled = np.isfinite(run.measured[i])  # not so in rows that are there for a command only
+    sampled = np.isfinite(run.measured[i])  # false in rows that contain only a command
     axis.plot(run.time[sampled], run.measured[i, sampled], color=MEASURED, lw=4.0, label="measured")
     axis.plot(run.time, run.simulated[i], color=SIMULATED, lw=0.9, label="simulated")
     for k, span in enumerate(run.rejected):

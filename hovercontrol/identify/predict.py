@@ -1,4 +1,4 @@
-"""How well a model predicts a log: running free over all of it, and some seconds ahead."""
+"""Prediction errors of a model on a log: free-running over the whole log, and over a fixed horizon."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ from hovercontrol.targets.shoot import shoot
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-#: Starts of predictions at most.
+#: Maximum number of starts of predictions.
 MOST_STARTS = 2000
 
 
 @checked
 @dataclass(frozen=True, eq=False)
 class FreeRun:
-    """A log beside the model's simulation from the log's inputs alone.
+    """A log and the model's free-running simulation, which uses only the log's inputs.
 
     Attributes
     ----------
@@ -44,19 +44,19 @@ class FreeRun:
         Names.
     time : ndarray, shape (n,)
     channels : tuple of str
-        What was measured, and states that the smoother saw.
+        Measured channels, and states that the smoother estimated.
     units : mapping
-        Of each channel.
+        Unit of each channel.
     measured, simulated : ndarray, shape (n_channels, n)
-        NaN where nothing was measured, or not simulated.
+        NaN where nothing was measured, or nothing was simulated.
     starts : tuple of float
-        Times [s] at which the simulation was set to the measurement.
+        Times [s] at which the simulation was initialised from the smoothed state.
     rejected : tuple of Span
-        Samples that are no motion.
+        Samples rejected as not being motion.
     rms, nrmse : mapping
-        Root mean square error of each channel in its unit, and over the root mean square of the
-        channel about its mean (which says something of velocities, nothing of a heading that
-        winds up); infinite where the simulation runs away.
+        Root mean square error of each channel in its unit, and divided by the channel's standard
+        deviation. The latter is meaningful for velocities, but not for a heading that winds up. Both are
+        infinite if the simulation diverges.
 
     Examples
     --------
@@ -84,7 +84,7 @@ class FreeRun:
     __repr__ = short_repr
 
     def plot(self) -> Figure:
-        """Return the simulation over the measurement as a picture."""
+        """Return a figure of the simulation over the measurement."""
         from hovercontrol.identify.plot import free_run_figure
 
         return open_in_pyplot(free_run_figure(self))
@@ -93,20 +93,20 @@ class FreeRun:
 @checked
 @dataclass(frozen=True)
 class Prediction:
-    """The error of a model some seconds ahead.
+    """The prediction error of a model over a horizon.
 
     Attributes
     ----------
     horizon : float
-        How far ahead [s].
+        Prediction horizon [s].
     starts : int
-        From how many rows.
+        Number of rows from which predictions start.
     units, rms, nrmse : mapping
-        Of each channel: its unit; root mean square of predicted minus measured; that over the root
-        mean square of the channel about its mean.
+        For each channel: its unit; the root mean square of predicted minus measured; and this divided by the
+        channel's standard deviation.
     trivial, share : mapping
-        Of each channel: the error, likewise, of the trivial prediction from the same starts, that
-        velocities stay as they are and the pose moves on with them; the model's error over it.
+        For each channel: the root mean square error of the trivial prediction from the same starts, which
+        keeps the velocities constant and moves the pose with them; and the model's error divided by it.
 
     Examples
     --------
@@ -128,21 +128,21 @@ class Prediction:
 
     @property
     def share(self) -> Mapping[str, float]:
-        """Error of each channel over that of the trivial prediction: above 1 it is worse."""
+        """Error of each channel divided by that of the trivial prediction; above 1 the model is worse."""
         return {c: e / self.trivial[c] if self.trivial[c] > 0 else np.inf for c, e in self.rms.items()}
 
 
 @checked
 def free_run(model: AnyModel, log: Log | Measured, *, restart: bool = False) -> FreeRun:
-    """Simulate a model over a log on its inputs alone, from the smoothed state at the first row known.
+    """Simulate a model over a log with the log's inputs, from the smoothed state at the first known row.
 
     Parameters
     ----------
     model : Model, BlockModel or Block
     log : Log
     restart : bool, optional
-        Start again behind every break (a gap, a loss of sight). Without it
-        only behind the cuts of a log too long to be taken whole.
+        Restart after every break (a gap or a loss of sight). By default the simulation restarts only
+        after the cuts of a log that is too long to be used as a whole.
 
     Returns
     -------
@@ -151,7 +151,7 @@ def free_run(model: AnyModel, log: Log | Measured, *, restart: bool = False) -> 
     Raises
     ------
     InputError
-        As :func:`~hovercontrol.estimation.measure.measure`, or if nothing in the log is known.
+        As :func:`~hovercontrol.estimation.measure.measure`, or if the log has no known state to start from.
 
     Examples
     --------
@@ -166,7 +166,7 @@ def free_run(model: AnyModel, log: Log | Measured, *, restart: bool = False) -> 
 
 
 def run_of(name: str, fit: Fit, k: int = 0, *, restart: bool = False) -> FreeRun:
-    """Return the free run of a fitted model, called `name`, over the k-th of the logs it was fitted to."""
+    """Return the free run, named `name`, of a fitted model over the k-th of the logs it was fitted to."""
     problem, data = fit.problem, fit.problem.logs[k]
     states = _path(fit, k)
     known = np.asarray(np.isfinite(states).all(axis=0))
@@ -199,17 +199,17 @@ def run_of(name: str, fit: Fit, k: int = 0, *, restart: bool = False) -> FreeRun
 
 @checked
 def window_prediction(model: AnyModel, log: Log | Measured, horizon: float = 1.0) -> Prediction:
-    """Return the error of a model `horizon` seconds ahead of the smoothed state.
+    """Return the error of predictions over `horizon` seconds from the smoothed state.
 
-    Every row of the log is a start (of a long log, 2000 rows spread evenly) from which `horizon`
-    seconds follow without a break.
+    Predictions start from every row that is followed by `horizon` seconds without a break; in a long log,
+    from 2000 evenly spaced rows.
 
     Parameters
     ----------
     model : Model, BlockModel or Block
     log : Log
     horizon : float, optional
-        How far ahead [s].
+        Prediction horizon [s].
 
     Returns
     -------
@@ -234,7 +234,7 @@ def window_prediction(model: AnyModel, log: Log | Measured, horizon: float = 1.0
 
 
 def prediction(fit: Fit, horizon: float, k: int | None = None) -> Prediction:
-    """Return the error of a fitted model `horizon` seconds ahead on the k-th of its logs, or on all."""
+    """Return the prediction error of a fitted model over `horizon` seconds on its k-th log, or on all."""
     problem = fit.problem
     which = range(len(problem.logs)) if k is None else (k,)
     begin, states, t0, t1, reference = [], [], [], [], []
@@ -275,12 +275,13 @@ def prediction(fit: Fit, horizon: float, k: int | None = None) -> Prediction:
 
 
 def smoothed(model: AnyModel, log: Log | Measured) -> Fit:
-    """Return a model on a log that its coefficients do not follow: path and levels of noise are fitted.
+    """Return the fit of a model with fixed coefficients to a log: only path and noise levels are fitted.
 
     Raises
     ------
     InputError
-        As :func:`~hovercontrol.estimation.measure.measure`, if rows are too few, or the model runs away.
+        As :func:`~hovercontrol.estimation.measure.measure`, or if there are too few rows or the model
+        diverges.
     """
     subject = as_model(model)
     block = subject.plant()
@@ -290,7 +291,7 @@ def smoothed(model: AnyModel, log: Log | Measured) -> Fit:
         try:
             prior = prior_of(problem, subject)
             return estimate(problem, prior, first_noise(problem), frozen=True, gate=True)
-        except FloatingPointError:  # the model runs away: its states are those of any motion
+        except FloatingPointError:  # the model diverges: smooth with constant velocities instead
             plain = copy(problem)
             plain.block = coasting(problem.block)
             found = estimate(plain, prior_of(plain, subject), first_noise(plain), frozen=True, gate=True)
@@ -310,7 +311,7 @@ def _path(fit: Fit, k: int) -> Array:
 
 
 def _starts(data: Measured, path: Array, horizon: float) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Return rows with a smoothed state that `horizon` follows without a break, and those it leads to."""
+    """Return the rows from which predictions over `horizon` can start, and the rows at which they end."""
     first, last = [], []
     for a, b in data.segments:
         time = data.time[a:b]
@@ -324,7 +325,7 @@ def _starts(data: Measured, path: Array, horizon: float) -> tuple[NDArray[np.int
 
 
 def _reference(fit: Fit, k: int) -> tuple[tuple[str, ...], Array]:
-    """Return what predictions are held against: measured channels less outliers, then smoothed states."""
+    """Return the reference for predictions: measured channels without outliers, then smoothed states."""
     problem, data = fit.problem, fit.problem.logs[k]
     values = data.values.copy()
     for w in np.flatnonzero(problem.rows.log == k):
@@ -344,7 +345,7 @@ def _reference(fit: Fit, k: int) -> tuple[tuple[str, ...], Array]:
 
 
 def _channels(fit: Fit, k: int, names: Sequence[str], x: Array, t: Array) -> Array:
-    """Return channels and states by name at states of a log, shape (len(names), N)."""
+    """Return channels and states by name, computed from states of a log, shape (len(names), N)."""
     problem = fit.problem
     log = np.full(t.size, k)
     found = dict(zip([s.name for s in problem.block.states], x, strict=True))
@@ -354,16 +355,17 @@ def _channels(fit: Fit, k: int, names: Sequence[str], x: Array, t: Array) -> Arr
 
 
 def _simulate(fit: Fit, block: Block, x0: Array, t: Array, h: Array, log: NDArray[np.intp]) -> Array:
-    """Return the states before and behind each sub-step, shape (S + 1, n_states, N).
+    """Return the states at the start and after each sub-step, shape (S + 1, n_states, N).
 
     Parameters
     ----------
     fit : Fit
-        Of whose coefficients and logs.
+        Source of the coefficients and the logs' inputs.
     block : Block
     x0 : ndarray, shape (n_states, N)
+        Initial states.
     t, h : ndarray, shape (S, N)
-        Begin and length of each sub-step [s].
+        Start time and length of each sub-step [s].
     log : ndarray of int, shape (N,)
     """
     problem, shape = fit.problem, (1, *t.shape)
@@ -377,6 +379,7 @@ def _simulate(fit: Fit, block: Block, x0: Array, t: Array, h: Array, log: NDArra
 def _errors(
     names: Sequence[str], simulated: Array, reference: Array
 ) -> tuple[dict[str, float], dict[str, float]]:
+    # rms = sqrt(mean (y - z)^2),  nrmse = rms / std(z), with y simulated and z measured.
     rms, nrmse = {}, {}
     for name, y, z in zip(names, simulated, reference, strict=True):
         seen = np.isfinite(z)

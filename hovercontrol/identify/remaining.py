@@ -1,4 +1,4 @@
-"""What a fitted model leaves unexplained, held against the accelerations seen."""
+"""Accelerations that a fitted model leaves unexplained, compared with the observed accelerations."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def remaining(fit: Fit) -> tuple[Remaining, ...]:
 
 
 def _forceless(fit: Fit) -> Array:
-    """Return slopes of states without forces: of a body that turns; shape (n_states, K, W)."""
+    """Return derivatives of the states without forces (rotation of the body only), shape (n_states, K, W)."""
     problem = fit.problem
     own = {problem.block.parameter(name).name for name in problem.model.linear_coefficients()}
     values = problem.parameters(fit.p)
@@ -38,7 +38,8 @@ def _forceless(fit: Fit) -> Array:
 
 
 def _seen(fit: Fit, i: int, free: Array, over: float) -> float:
-    """Return the root mean square of a state's mean slope over some time, less that without forces."""
+    """Return the root mean square of a state's mean slope over some time, minus the slope without forces."""
+    # RMS over t of (x(t + T) - x(t) - integral of f_0 from t to t + T) / T, with f_0 = free and T = over.
     time, x = fit.problem.rows.time, fit.path[..., i]
     gone = np.concatenate(
         [np.zeros((1, time.shape[1])), np.cumsum(np.diff(time, axis=0) * free[:-1], axis=0)]

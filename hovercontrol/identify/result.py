@@ -1,4 +1,4 @@
-"""What an identification found: to print, save, and simulate on."""
+"""Results of an identification: to print, to save, and to simulate with."""
 
 from __future__ import annotations
 
@@ -29,20 +29,21 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class MisfitCriteria:
-    """When a fitted model explains its logs badly.
+    """Thresholds for a fitted model that explains its logs poorly.
 
-    No published source: set by hand, exercised by tests/identify/test_fit.py.
+    No published source: set by hand, tested in tests/identify/test_fit.py.
 
     Attributes
     ----------
     little : float
-        Process noise relative to the acceleration from which on the model explains little.
+        Ratio of process noise to acceleration above which the model explains little.
     nothing : float
-        The same from which on it does not predict the motion.
+        The same ratio above which the model does not predict the motion.
     better : float
-        Prediction error relative to that of constant velocities from which on it is no better.
+        Ratio of the prediction error to that of constant velocities above which the model is no better.
     apart : float
-        Standard errors of their difference by which two readings of a coefficient contradict each other.
+        Difference of two readings of a coefficient above which they contradict each other, in standard errors
+        of the difference.
     """
 
     little: float = 0.3
@@ -58,7 +59,7 @@ MISFIT = MisfitCriteria()
 @checked
 @dataclass(frozen=True)
 class Reading:
-    """Another estimate of a coefficient: beside a missing effect, or over a longer time.
+    """Another estimate of a coefficient: with a missing effect added, or over a longer time.
 
     Attributes
     ----------
@@ -90,20 +91,20 @@ class Fitted:
     ----------
     name : str
     value, std : float
-        Estimate and standard error; infinite where the log says nothing. The standard error covers the
-        other `readings`: the root of the sum of `noise_std` squared and the largest difference squared.
+        Estimate and standard error; the latter is infinite if the log has no information. It covers the
+        other `readings`: the square root of `noise_std` squared plus the largest difference squared.
     unit : str
     start : float
-        Value before.
+        Value before the fit.
     bound : str
-        ``"lower"`` or ``"upper"`` where the estimate sits at that bound, else empty. Its standard
-        error is then that without the bound: how far inside the truth may well lie.
+        ``"lower"`` or ``"upper"`` if the estimate is at that bound, else empty. The standard error at a
+        bound is that without the bound: it shows how far inside the true value may be.
     reason : str
-        Why the log does not excite it; empty if it does.
+        Why the log does not excite the coefficient; empty if it does.
     noise_std : float
-        Standard error if the model is complete: what noise leaves open. 0: not known apart from `std`.
+        Standard error due to noise, valid if the model is complete. 0: not known separately from `std`.
     readings : tuple of Reading
-        Estimates that differ by more than `noise_std`: beside a missing effect, over a longer time.
+        Estimates that differ by more than `noise_std`: with a missing effect, or over a longer time.
 
     Examples
     --------
@@ -124,7 +125,7 @@ class Fitted:
 
     @property
     def excited(self) -> bool:
-        """Whether the log excites it."""
+        """Whether the log excites the coefficient."""
         return not self.reason
 
     @property
@@ -139,19 +140,19 @@ class Fitted:
 @checked
 @dataclass(frozen=True)
 class Remaining:
-    """What one equation leaves unexplained: the process noise, averaged over some time.
+    """The unexplained part of one equation: its process noise, averaged over some time.
 
     Attributes
     ----------
     equation : str
         ``"u'"``
     rms, seen : float
-        Root mean square of the missing acceleration, and of that seen less what moves without forces (a body
-        that turns); both of means over `over`.
+        Root mean square of the missing acceleration, and of the observed acceleration minus the part that
+        needs no force (rotation of the body); both are means over the time `over`.
     over : float
-        [s]
+        Averaging time [s].
     unit : str
-        Of both.
+        Unit of `rms` and `seen`.
 
     Examples
     --------
@@ -167,12 +168,12 @@ class Remaining:
 
     @property
     def share(self) -> float:
-        """What remains over what was seen."""
+        """Ratio of the missing to the observed acceleration."""
         return self.rms / self.seen if self.seen > 0 else 0.0
 
     @property
     def state(self) -> str:
-        """The state that the equation is of."""
+        """The state of the equation."""
         return self.equation.removesuffix("'")
 
 
@@ -184,43 +185,44 @@ class Identified:
     Attributes
     ----------
     model : Model or BlockModel
-        The model with the new coefficients; of a Block the BlockModel that it makes.
+        The model with the new coefficients; for a Block the corresponding BlockModel.
     block : Block
-        Its plant: of a Block without effects, that Block with the new values.
+        The plant of the model; for a Block without effects, that Block with the new values.
     coefficients : tuple of Fitted
     covariance : ndarray, shape (P, P)
-        Of the coefficients if the model is complete: the roots of its diagonal are their ``noise_std``.
+        Covariance of the coefficients if the model is complete: the square roots of its diagonal are their
+        ``noise_std``.
     unexcited : tuple of mapping
-        Directions without excitation: steps of coefficients that together change nothing measured.
-        Along them the start values are kept.
+        Directions without excitation: steps of coefficients that together do not change any measured channel.
+        Along them the initial values are kept.
     remaining : tuple of Remaining
-        What each equation on which forces act leaves unexplained.
+        The unexplained part of each equation on which forces act.
     ahead : mapping
-        Of each channel, how far off the model predicts the logs as soon as accelerations are averaged
-        (``remaining[0].over``), over how far off it would be if velocities stayed as they are.
+        For each channel, the prediction error over the averaging time of the accelerations
+        (``remaining[0].over``), divided by that of constant velocities.
     units : mapping
-        Of each channel.
+        Unit of each channel.
     residual, noise : mapping
-        Measurement noise of each channel: as fitted beside the process noise, and as third differences
-        show it.
+        Measurement noise of each channel: as fitted together with the process noise, and as estimated from
+        third differences.
     chi2_per_dof : float
-        Mean square of the former over the latter: it judges the measurement noise alone and is about 1 also
-        where process noise bridges what the model lacks; how much that is, :attr:`remaining` says.
+        Mean square of `residual` over `noise`. It tests only the measurement noise, and is about 1 even if
+        process noise compensates an incomplete model; :attr:`remaining` gives the size of that noise.
     rows, rows_total : int
-        Rows with a measurement that was used, rows of the logs.
+        Rows with a measurement that was used, and rows of the logs.
     outliers, rejected : int
-        Rows of which a sample was left out since it stands alone, and rows left out since no craft moves so.
+        Rows with a sample left out as an isolated outlier, and rows left out because no craft moves that way.
     down_weighted : int
-        Rows of which a sample counts less, since it stands alone, though not far enough to be left out.
+        Rows with an isolated sample of reduced weight, not far enough off to be left out.
     logs : tuple of str
         Their names.
     converged : bool
     fit : Fit
-        Path, levels of noise and information behind the coefficients.
+        Path, noise levels and information of the fit.
     missing : tuple of Effect
-        Effects of the catalogue beside which the logs are likelier, the likeliest first, as fitted.
+        Effects of the catalogue that increase the likelihood of the logs, the best first, as fitted.
     gain : float
-        By how much the first readings' model lowers twice the negative log likelihood.
+        Reduction of twice the negative log likelihood by the best model with missing effects.
 
     Examples
     --------
@@ -267,7 +269,7 @@ class Identified:
 
     @property
     def misfit(self) -> str:
-        """What to make of a fit that leaves much unexplained; empty if it does not."""
+        """Message on a fit that leaves much unexplained; empty if it does not."""
         poor = [r for r in self.remaining if r.share > MISFIT.little]
         if not poor:
             return ""
@@ -285,13 +287,13 @@ class Identified:
 
     @property
     def not_converged(self) -> str:
-        """What is said of a fit that did not converge; empty if it did."""
+        """Message on a fit that did not converge; empty if it did."""
         said = "not converged: the logs determine these coefficients to no better than their standard errors"
         return "" if self.converged else said
 
     @property
     def bent(self) -> str:
-        """What is said of coefficients that other readings contradict; empty if there are none."""
+        """Message on coefficients that other readings contradict; empty if there are none."""
         doubtful = [f.name for f in self.coefficients if not f.trusted]
         if not doubtful:
             return ""
@@ -302,7 +304,7 @@ class Identified:
         return said + more
 
     def _ahead(self, remaining: Remaining) -> float:
-        """Return how far off an equation's state is predicted; where it is not seen, the best channel."""
+        """Return the relative prediction error of an equation's state; if unmeasured, of the best channel."""
         best = min(self.ahead.values(), default=1.0)
         return self.ahead.get(remaining.state, best)
 
@@ -318,7 +320,7 @@ class Identified:
         return table
 
     def table(self) -> str:
-        """Return the result as text: coefficients, channels, what remains in each equation, what was used."""
+        """Return the result as text: coefficients, channels, unexplained accelerations, rows used."""
         lines = aligned([("coefficient", "value", "std", "unit", ""), *self.rows_of_table()])
         channels = [(c, f"{self.residual[c]:.3g}", f"{self.noise[c]:.3g}", u) for c, u in self.units.items()]
         equations = [
@@ -347,18 +349,18 @@ class Identified:
         return identified_html(self)
 
     def plot(self) -> Figure:
-        """Return the coefficients and their errors, beside what they were before, as a picture."""
+        """Return a figure of the coefficients and their errors, with their values before the fit."""
         from hovercontrol.notebook.plots import identified_figure
 
         return open_in_pyplot(identified_figure(self))
 
     def save_csv(self, path: str | Path) -> Path:
-        """Write the coefficients, one row each, all numbers in full.
+        """Write the coefficients, one row each, with all digits.
 
         Parameters
         ----------
         path : path
-            Of the CSV file.
+            Path of the CSV file.
         """
 
         def write(temporary: Path) -> None:
@@ -377,12 +379,12 @@ def _row(f: Fitted) -> dict[str, object]:
 
 
 def _numbers(e: Effect) -> str:
-    """Return an effect's numbers as text, with units."""
+    """Return an effect's parameters as text, with units."""
     numbers = type(e).numbers
     return ", ".join(f"{k} = {v:.3g} {numbers[k].unit}".rstrip(" 1") for k, v in e.values.items())
 
 
 def aligned(rows: Sequence[tuple[str, ...]]) -> list[str]:
-    """Return rows of cells as lines whose columns stand one below the other."""
+    """Return rows of cells as lines with aligned columns."""
     widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
     return ["  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip() for row in rows]

@@ -1,4 +1,4 @@
-"""One identification from start to end: fit, predict, write, draw; what ``hovercontrol identify`` does."""
+"""A complete identification, as in ``hovercontrol identify``: fit, predict, write and plot."""
 
 from __future__ import annotations
 
@@ -31,16 +31,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class StudyCriteria:
-    """How predictions are judged.
+    """Settings for the evaluation of predictions.
 
-    No published source: set by hand, exercised by tests/identify/test_study.py.
+    No published source: set by hand, tested in tests/identify/test_study.py.
 
     Attributes
     ----------
     horizon : float
-        Prediction horizon [s]; one row of a slower log.
+        Prediction horizon [s]; one time step if a log is slower.
     part : float
-        Its largest part of the longest stretch of a log without a break.
+        Maximum horizon as a fraction of the longest stretch of a log without a break.
     """
 
     horizon: float = 1.0
@@ -51,13 +51,13 @@ class StudyCriteria:
 JUDGEMENT = StudyCriteria()
 
 
-#: Largest number of rejected spans listed for a log; the file has them all.
+#: Maximum number of rejected spans listed for a log; the file contains all of them.
 SHOWN = 6
 
 
 @dataclass(frozen=True)
 class Judged:
-    """How the identified model does on one log.
+    """The identified model's predictions on one log.
 
     Attributes
     ----------
@@ -67,7 +67,7 @@ class Judged:
     prediction : Prediction
     run : FreeRun
     channels : tuple of str
-        What is judged: the body velocities of a craft, all channels of any other machine.
+        The evaluated channels: the body velocities of a craft, or all channels of any other system.
     """
 
     label: str
@@ -78,20 +78,20 @@ class Judged:
 
     @property
     def worse(self) -> tuple[str, ...]:
-        """The channels that are predicted worse than if velocities stayed as they are."""
+        """The channels that are predicted worse than by constant velocities."""
         share = self.prediction.share
         return tuple(c for c in self.channels if c in share and not share[c] <= 1.0)
 
 
 @dataclass(frozen=True)
 class Study:
-    """What was found, and how well it predicts each log.
+    """The result of an identification and its predictions of each log.
 
     Parameters
     ----------
     found : Identified
     judged : tuple of Judged
-        Training logs first, then those held out.
+        Training logs first, then held-out logs.
     """
 
     found: Identified
@@ -116,12 +116,12 @@ class Study:
         coefficients : sequence of str, optional
             As for :func:`~hovercontrol.identify.fit.identify`.
         progress : callable, optional
-            Called with the part done (0 to 1) and a word on what is being done.
+            Called with the finished fraction (0 to 1) and a text on the current step.
 
         Raises
         ------
         InputError
-            As :func:`~hovercontrol.identify.fit.identify`, or if a name is taken twice.
+            As :func:`~hovercontrol.identify.fit.identify`, or if a name is used twice.
         """
         report = progress or (lambda part, what: None)
         model = as_model(model)
@@ -155,7 +155,7 @@ class Study:
 
     @property
     def negative(self) -> bool:
-        """Whether a coefficient is not excited or not trusted, or a log not explained or badly predicted."""
+        """Whether a coefficient is not excited or trusted, or a log is not explained or poorly predicted."""
         found = self.found
         unexcited = not all(c.excited and c.trusted for c in found.coefficients)
         return unexcited or bool(found.misfit) or any(j.worse for j in self.judged if j.holdout)
@@ -170,12 +170,12 @@ class Study:
         return study_html(self)
 
     def plot(self, log: str = "") -> Figure:
-        """Return the free run over a log, by its label; the first held out, or else the first.
+        """Return a figure of the free run over a log, by label (default: the first held-out log, or first).
 
         Raises
         ------
         InputError
-            If there is no such log; the nearest is named.
+            If there is no such log; the message names the nearest.
         """
         runs = {j.label: j for j in sorted(self.judged, key=lambda j: not j.holdout)}
         if log and log not in runs:
@@ -184,7 +184,7 @@ class Study:
         return open_in_pyplot(free_run_figure(chosen.run, held_out=chosen.holdout))
 
     def text(self) -> str:
-        """Return the findings as plain text: coefficients, predictions, rejected spans."""
+        """Return the results as plain text: coefficients, predictions, rejected spans."""
         rows = [("log", "channel", "error", "trivial", "unit", "share")]
         for j in self.judged:
             p, label = j.prediction, f"{j.label}{' (held out)' if j.holdout else ''}"
@@ -216,8 +216,8 @@ class Study:
     def save(self, folder: str | Path) -> list[Path]:
         """Write model.toml, coefficients.csv, prediction.csv, rejected.csv and free_run_LOG.png.
 
-        Of a Block of one's own, parameters.toml takes the place of model.toml
-        (:func:`~hovercontrol.models.parameters.load_parameters`). The files are written atomically; pictures
+        For a user's own Block, parameters.toml replaces model.toml
+        (:func:`~hovercontrol.models.parameters.load_parameters`). The files are written atomically; figures
         of an earlier run's logs are removed. Returns the files.
         """
 
@@ -244,7 +244,7 @@ class Study:
 
 
 def _refuse_copies(model: AnyModel, training: Sequence[Log], holdout: Sequence[Log]) -> None:
-    """Refuse a held-out log that holds rows of a training log, and training logs that share rows."""
+    """Raise if a held-out log contains rows of a training log, or if training logs share rows."""
     block = as_model(model).plant()
     inputs = [s.name for s in block.inputs]
     seen = dict.fromkeys(s.name for s in (*block.outputs, *block.states))
@@ -260,14 +260,14 @@ def _table(path: Path, heading: list[str], rows: Sequence[Sequence[object]]) -> 
 
 
 def _horizon(log: Measured) -> float:
-    """Return how far ahead a model is judged on a log [s]."""
+    """Return the prediction horizon for a log [s]."""
     step = float(np.median(np.diff(log.time)))
     longest = max((float(log.time[b - 1] - log.time[a]) for a, b in log.segments), default=0.0)
     return max(min(JUDGEMENT.horizon, JUDGEMENT.part * longest), step)
 
 
 def _labels(names: Sequence[str]) -> list[str]:
-    """Return file names without suffix, numbered where two logs share one."""
+    """Return file names without suffix, numbered if two logs share one."""
     stems = [Path(name).stem for name in names]
     labels = [f"{s}_{stems[:k].count(s) + 1}" if stems.count(s) > 1 else s for k, s in enumerate(stems)]
     shared = sorted({s for s in labels if labels.count(s) > 1})

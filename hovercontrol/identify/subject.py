@@ -1,4 +1,4 @@
-"""Which coefficients of a model are sought."""
+"""Selection of the coefficients to estimate."""
 
 from __future__ import annotations
 
@@ -9,18 +9,19 @@ from hovercontrol.models.interface import AnyModel, as_model
 
 
 def chosen(model: AnyModel, names: Sequence[str] | None) -> tuple[str, ...]:
-    """Return which coefficients are sought, as the model names them.
+    """Return the names of the coefficients to estimate, as the model names them.
 
     Parameters
     ----------
     model : Model, BlockModel or Block
     names : sequence of str or None
-        With or without the Block's name in front; default: all linear coefficients.
+        Names with or without the Block's name as prefix; default: all linear coefficients.
 
     Raises
     ------
     InputError
-        If a name is unknown (the nearest is named) or listed twice, or the model has no coefficients.
+        If a name is unknown (the message names the nearest) or listed twice, or the model has no
+        coefficients.
     """
     subject = as_model(model)
     known = subject.coefficients()

@@ -1,14 +1,14 @@
-"""How far to trust fitted coefficients: a missing effect and a longer time scale each give another reading.
+"""Trust in fitted coefficients, tested by other estimates: with a missing effect, and over a longer time.
 
-Standard errors hold if the model is complete. The coefficients of an incomplete model make up for what it
-lacks. Two further estimates show that, and each is another reading of a coefficient:
+Standard errors are valid if the model is complete. The coefficients of an incomplete model compensate for the
+missing effects and are biased. Two further estimates ("readings") of a coefficient show this:
 
-- The coefficients beside a missing effect. One filter run scores the catalogue; the effect that gains most on
-  blocks that did not choose its size is added and fitted.
-- The coefficients over longer times. A fit with random forces depends mostly on changes from row to row; a
-  small delay bends these. One Gauss-Newton step on rows that lie 0.5 or 2 s apart depends on changes over
-  that time. Both estimate the same coefficients if the model is complete; their difference is judged by its
-  own scatter over blocks (Hausman, Econometrica 46 (1978)).
+- The coefficients with a missing effect. One filter run scores the catalogue. The effect with the largest
+  gain on left-out blocks, which did not determine its size, is added and fitted.
+- The coefficients over longer times. A fit with random forces depends mostly on changes from row to row,
+  which a small delay biases. One Gauss-Newton step on rows that are 0.5 or 2 s apart depends on changes over
+  that time. If the model is complete, both estimate the same coefficients. Their difference is compared with
+  its own scatter over blocks (Hausman, Econometrica 46 (1978)).
 """
 
 from __future__ import annotations
@@ -39,25 +39,27 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class TrustCriteria:
-    """When another reading of a coefficient counts.
+    """Thresholds for other readings of a coefficient.
 
     Attributes
     ----------
     fitted : int
-        Candidates that are added and fitted, each to the model as it was given.
+        Number of candidates that are added and fitted, each to the given model.
     together : int
-        Effects that are added one after the other to the best of these.
+        Number of effects that are then added one after the other to the best of these.
     numbers : int
-        Most numbers of an effect that is tried: LuGre friction, of five, fits a part of much else.
+        Maximum number of parameters of a candidate effect: LuGre friction, with five, also fits parts of many
+        other effects.
     horizons : tuple of float
-        Times [s] over which the coefficients are read again. They span what a lag of an actuator and slow
-        drifts leave alone.
+        Times [s] over which the coefficients are estimated again: longer than the lag of an actuator and
+        shorter than slow drifts.
     level : float
-        Chance of one wrong word about a horizon, in all coefficients and horizons together.
+        Probability of one or more false detections in all coefficients and horizons together.
     moved : float
-        Standard errors by which a reading must differ for a coefficient to be called bent.
+        Number of standard errors by which a reading must differ for a coefficient to be called biased.
     surely : float
-        Standard errors by which a number that was kept must move, once it is free, to be called off.
+        Number of standard errors by which a fixed parameter must change when it is estimated, to be called
+        wrong.
     """
 
     fitted: int = 2
@@ -80,11 +82,11 @@ class Trust:
     Attributes
     ----------
     readings : mapping of str to tuple of Reading
-        By coefficient; those that differ by more than its standard error.
+        Readings by coefficient; only those that differ by more than its standard error.
     effects : tuple of Effect
-        Missing effects that were fitted, the likeliest first, as fitted.
+        Missing effects that were fitted, the most likely first, as fitted.
     gain : float
-        By how much the likeliest lowers twice the negative log likelihood.
+        Reduction of twice the negative log likelihood by the most likely one.
     """
 
     readings: Mapping[str, tuple[Reading, ...]]
@@ -101,7 +103,7 @@ def trust(fit: Fit, std: Array, report: Callable[[str], None] = lambda what: Non
     std : ndarray, shape (P,)
         Standard errors of the coefficients.
     report : callable, optional
-        Called with what is being done.
+        Called with a text on the current step.
     """
     search = Search(fit.problem.model, None, CRITERIA, report)
     found = _fitted(search, fit)
@@ -124,10 +126,10 @@ def trust(fit: Fit, std: Array, report: Callable[[str], None] = lambda what: Non
 
 
 def _fitted(search: Search, fit: Fit) -> list[tuple[tuple[str, ...], Fit]]:
-    """Return fits of fuller models, the likeliest first, with what each has more.
+    """Return fits of extended models, the most likely first, with the names of their additions.
 
-    First the model's numbers that were kept are fitted too, such as the width of dry friction. Then effects
-    of the catalogue are added.
+    First the model's fixed parameters, such as the width of dry friction, are fitted too. Then effects of the
+    catalogue are added.
     """
     free = _with_all_numbers(search, fit)
     kept, fit = free if free else ((), fit)
@@ -147,7 +149,7 @@ def _fitted(search: Search, fit: Fit) -> list[tuple[tuple[str, ...], Fit]]:
 
 
 def _with_all_numbers(search: Search, fit: Fit) -> tuple[tuple[str, ...], Fit] | None:
-    """Return which numbers that were kept move once all are free, and that fit; None if it gains little."""
+    """Return the fixed parameters that change when all are fitted, and that fit; None if it gains little."""
     model = fit.problem.model
     kept = [name for name in unknowns(model) if name not in fit.problem.names]
     if not kept:
@@ -166,7 +168,7 @@ def _with_all_numbers(search: Search, fit: Fit) -> tuple[tuple[str, ...], Fit] |
 
 
 def _tried(search: Search, fit: Fit, count: int) -> list[Tried]:
-    """Return fits with the candidates that gain most on blocks that did not choose their size."""
+    """Return fits with the candidates that gain most on left-out blocks, which did not set their size."""
     found: list[Tried] = []
     missed = 0
     for s in _worthy(fit):
@@ -184,7 +186,7 @@ def _tried(search: Search, fit: Fit, count: int) -> list[Tried]:
 
 
 def _worthy(fit: Fit) -> list[Scored]:
-    """Return candidates that gain enough on left-out blocks, each at its best trial, the best first."""
+    """Return the candidates with sufficient gain on left-out blocks, each at its best trial, best first."""
     known = [c for c in candidates(fit) if _is_candidate(fit.problem, type(c.trial))]
     scores = Scores(fit, known)
     best: dict[str, tuple[float, Scored]] = {}
@@ -199,17 +201,17 @@ def _worthy(fit: Fit) -> list[Scored]:
 
 
 def _is_candidate(problem: Problem, cls: type[Effect]) -> bool:
-    """Whether an effect is tried.
+    """Return whether an effect is a candidate.
 
-    One of many numbers is not (:data:`TRUST`), nor is the scale of the only measured channel, which no log
-    tells from the model's gains.
+    An effect with many parameters (:data:`TRUST`) is not. The scale of the only measured channel is not
+    either, because no log can distinguish it from the model's gains.
     """
     gauge = len(problem.rows.channels) == 1 and cls.name == f"{problem.rows.channels[0]}_scale"
     return len(cls.numbers) <= TRUST.numbers and not gauge
 
 
 def _over_longer_times(fit: Fit, std: Array) -> list[tuple[str, Reading]]:
-    """Return readings on rows that lie further apart, where random forces remain and they differ for sure."""
+    """Return readings on rows further apart that differ significantly, if the fit has random forces."""
     if not np.any(CRITERIA.left(fit)) or not len(fit.p):
         return []
     found: dict[str, Reading] = {}
@@ -218,6 +220,7 @@ def _over_longer_times(fit: Fit, std: Array) -> list[tuple[str, Reading]]:
         if (read := _read_over(fit, horizon)) is None:
             continue
         step, own, difference, dof = read
+        # Two-sided t test at the level `level` / `tests` (Bonferroni), in units of the standard error.
         asked = float(stats.t.isf(0.5 * TRUST.level / tests, dof))
         for j, name in enumerate(fit.problem.names):
             moved = abs(step[j]) * slope[j] > TRUST.moved * std[j]
@@ -228,15 +231,17 @@ def _over_longer_times(fit: Fit, std: Array) -> list[tuple[str, Reading]]:
 
 
 def _read_over(fit: Fit, horizon: float) -> tuple[Array, Array, Array, int] | None:
-    """Return the step of the unknowns on rows a time apart, its standard error, that of the difference.
+    """Return the step of the unknowns on rows a time apart, its standard error, and that of the difference.
 
-    With f_b and G_b the score and the information of block b, in the fit and on the rows further apart (')::
+    With f_b and G_b the score and the information of block b, in the fit and (primed) on the rows further
+    apart, f and G their sums, with the prior's gradient and precision included, and B the number of blocks::
 
         step       = G'^-1 f',
         psi_b      = G'^-1 (f'_b - G'_b step) - G^-1 f_b,
         difference = sqrt(B / (B - 1) sum psi_b psi_b^T).
 
-    The last number is the degrees of freedom: B - 1, of the blocks with rows left. None of fewer than two.
+    The last value is the number of degrees of freedom, B - 1, where B counts the blocks with rows left.
+    Returns None for fewer than two blocks.
     """
     problem, prior = fit.problem, fit.prior
     pull = prior.slope(problem.inside(fit.p))
@@ -258,7 +263,7 @@ def _read_over(fit: Fit, horizon: float) -> tuple[Array, Array, Array, int] | No
 
 
 def _apart(problem: Problem, horizon: float) -> NDArray[np.bool_]:
-    """Return which measured rows are kept so that they lie a time apart, shape (K, W)."""
+    """Return the measured rows to keep so that they are at least `horizon` apart, shape (K, W)."""
     time, measured = problem.rows.time, np.asarray(problem.seen.any(axis=2))
     kept = np.zeros(time.shape, dtype=bool)
     for w in range(time.shape[1]):

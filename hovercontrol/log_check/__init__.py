@@ -1,4 +1,4 @@
-"""Quality of a log before a fit: timing, noise, outliers, units, excitation."""
+"""Quality checks of a log before a fit: timing, noise, outliers, units, excitation."""
 
 from hovercontrol.log_check.check import Checked, check
 from hovercontrol.log_check.facts import Column, LogFacts, Timing, facts

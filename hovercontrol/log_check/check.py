@@ -29,31 +29,31 @@ from hovercontrol.models.interface import AnyModel, as_model
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-#: Largest number of rows of the trial fit, which needs no high accuracy.
+#: Maximum number of rows in the trial fit, which does not need high accuracy.
 MOST_ROWS = 12_000
 
-#: Other columns that are named.
+#: Maximum number of other columns that are listed.
 LISTED = 8
 
-#: Outliers and rejected spans of a column that are listed as text.
+#: Maximum number of outliers and rejected spans of a column that are listed as text.
 SHOWN = 5
 
 
 @checked
 @dataclass(frozen=True, eq=False)
 class Checked:
-    """What a check of logs found.
+    """Result of a check of logs.
 
     Attributes
     ----------
     logs : tuple of LogFacts
         Timing and columns of each log.
     errors, warnings : tuple of str
-        One line each: what must be corrected before a fit, and what should be looked at.
+        One line each: faults that must be corrected before a fit, and points that should be reviewed.
     model : str
-        Name of the model; empty without one.
+        Name of the model; empty without a model.
     coefficients : tuple of Fitted
-        What a trial fit says of each; empty without a model, or where an error forbids one.
+        Results of a trial fit; empty without a model, or if an error prevents the fit.
 
     Examples
     --------
@@ -77,11 +77,11 @@ class Checked:
 
     @property
     def negative(self) -> bool:
-        """Whether something must be corrected, or a coefficient cannot be estimated or trusted."""
+        """Whether there is an error, or a coefficient that cannot be estimated or trusted."""
         return bool(self.errors) or not all(c.excited and c.trusted for c in self.coefficients)
 
     def text(self) -> str:
-        """Return the findings as plain text."""
+        """Return the results as plain text."""
         lines: list[str] = []
         for f in self.logs:
             timing = [line for t in f.timing for line in _timing_text(t, len(f.timing) > 1)]
@@ -101,7 +101,7 @@ class Checked:
         return "\n".join(lines).strip("\n").replace("\n\n\n", "\n\n")
 
     def to_json(self) -> dict[str, Any]:
-        """Return the findings as plain numbers, texts and lists; what is infinite or no number is None."""
+        """Return the results as numbers, texts and lists for JSON; infinite values and NaN become None."""
         found: dict[str, Any] = plain(
             {
                 "model": self.model or None,
@@ -129,7 +129,7 @@ class Checked:
         return found
 
     def plot(self) -> Figure:
-        """Return a picture: every log's columns over time, its gaps and outliers, and the coefficients."""
+        """Return a figure: every log's columns over time, its gaps and outliers, and the coefficients."""
         from hovercontrol.log_check.picture import draw
 
         return open_in_pyplot(draw(self))
@@ -140,12 +140,12 @@ class Checked:
         return checked_html(self)
 
     def save(self, folder: str | Path) -> list[Path]:
-        """Write check.txt, check.json and, of logs that can be read, check.png and check.svg.
+        """Write check.txt, check.json and, if logs could be read, check.png and check.svg.
 
         Parameters
         ----------
         folder : path
-            Made if it is not there.
+            Created if it does not exist.
         """
         from hovercontrol.log_check.picture import draw
 
@@ -175,18 +175,18 @@ def check(
     ----------
     logs : sequence of Log
     model : Model, BlockModel or Block, optional
-        Of the machine; without one only what the logs say of themselves is checked.
+        Model of the logged system; without a model only checks that need none are made.
     files : sequence of mapping of str to ndarray, shape (n,), optional
         For each log the stamps [s] of the files it was joined from, by their names.
     unread : sequence of str, optional
-        Why further logs could not be read, one line each; they count among the errors.
+        Why further logs could not be read, one line each; these lines are added to the errors.
     progress : callable, optional
-        Called with the part done (0 to 1) and a word on what is being done.
+        Called with the finished fraction (0 to 1) and a text on the current step.
 
     Returns
     -------
     Checked
-        What is wrong with a log is a finding there and no exception.
+        Faults of a log are listed there; they do not raise an exception.
 
     Raises
     ------
@@ -229,7 +229,7 @@ def check(
 
 
 def _roles(block: Block | None) -> tuple[list[str], dict[str, str]]:
-    """Return which columns are commands, and the units that a model knows."""
+    """Return the names of the command columns, and the units given by the model."""
     if block is None:
         return [], {}
     every = (*block.inputs, *block.states, *block.outputs)
@@ -251,7 +251,7 @@ def _shown(
     report: Callable[[float, str], None],
 ) -> tuple[Fitted, ...]:
     try:
-        with catch_warnings(action="ignore", category=UserWarning):  # the checks before have told
+        with catch_warnings(action="ignore", category=UserWarning):  # already reported by earlier checks
             trial = identify(
                 model, logs, most_rows=MOST_ROWS, progress=lambda part, what: report(0.5 + 0.5 * part, what)
             )
@@ -260,7 +260,7 @@ def _shown(
         return ()
     known: list[str] = []
     _collect(lambda: check_fitted(trial.fit), errors, known)
-    warnings += [line for line in known if "are not excited" not in line]  # the table says so
+    warnings += [line for line in known if "are not excited" not in line]  # already in the table
     if trial.outliers:
         warnings.append(
             f"{trial.outliers} of {trial.rows} rows are outliers of the fitted model: left out of a fit"

@@ -25,7 +25,7 @@ from hovercontrol.logs.scales import scale_faults
 
 Array = NDArray[np.float64]
 
-#: Rows in which spikes are looked for at a time, and rows to either side that tell (three, of three at most).
+#: Number of rows searched for outliers at a time, and of rows added on either side as neighbours.
 PIECE, BESIDE = 1_000_000, 12
 
 
@@ -37,25 +37,25 @@ class Timing:
     Attributes
     ----------
     of : str
-        The file.
+        Name of the file.
     rows : int
     start, stop : float
         Times of the first and the last row [s].
     rate : float
-        Measurements per second, by the clock behind the stamps or else their median.
+        Measurements per second, from the steady clock or else from the median time step.
     steady : bool
         Whether a steady clock explains the stamps.
     jitter : float
-        Root mean square of the stamps about that clock, or of their steps about the median [s].
+        Standard deviation of the stamps about that clock, or else of the time steps [s].
     worst_delay : float
         Longest time from sampling to stamp [s].
     lost : int
-        Samples of the steady clock that are not there.
+        Samples of the steady clock that are missing.
     gaps : tuple of (float, float)
-        Spans [s] without rows, longer than 0.25 s and five usual steps.
+        Spans [s] without rows, longer than 0.25 s and longer than five median time steps.
     trials : int
     seconds : float
-        Length of all trials together [s].
+        Total duration of all trials [s].
 
     Examples
     --------
@@ -82,12 +82,12 @@ class Timing:
 @checked
 @dataclass(frozen=True)
 class Column:
-    """What is in one column of a log.
+    """Facts of one column of a log.
 
     Attributes
     ----------
     name, unit : str
-        The unit is empty where neither the model nor the name has it.
+        The unit is empty if neither the model nor the name determines it.
     kind : str
         ``"measured"``, ``"command"`` or ``"other"``.
     missing : int
@@ -95,14 +95,14 @@ class Column:
     low, high : float
         Smallest and largest value.
     noise : float or None
-        Standard deviation of the measurement noise, by third differences; None of what is not measured, or
-        constant.
+        Standard deviation of the measurement noise, from third differences; None for a column that is not
+        measured or is constant.
     resolution : float or None
-        Smallest change from row to row; None where nothing changes.
+        Smallest change from row to row; None if the column is constant.
     outliers : tuple of float
         Times of outliers [s].
     change_every : float or None
-        Usual time from one change of a command to the next [s].
+        Median time from one change of a command to the next [s].
 
     Examples
     --------
@@ -133,10 +133,10 @@ class LogFacts:
     ----------
     log : Log
     timing : tuple of Timing
-        Of the file with the measurements, then of that with the commands, where there is one.
+        Timing of the file with the measurements, then of the file with the commands if there is one.
     columns : tuple of Column
     rejected : tuple of Span
-        Poses that no craft can reach: flips and jumps of a marker body.
+        Poses that a craft cannot reach: flips and jumps of a marker body.
     remarks : tuple of str
         Warnings that need no model, one line each.
 
@@ -172,9 +172,9 @@ def facts(
     inputs : sequence of str, optional
         Columns that are commands.
     units : mapping, optional
-        Units of columns, over those of pose and body velocities.
+        Units of columns, in addition to those of pose and body velocities.
     files : mapping of str to ndarray, shape (n,), optional
-        Stamps [s] of the files that the log was joined from, as they are written there.
+        Original stamps [s] of the files that the log was joined from.
 
     Returns
     -------
@@ -197,7 +197,7 @@ def facts(
     ]
     corrected = corrections(log)
     navigated = NAVIGATION.least <= corrected.size <= NAVIGATION.most * len(log)
-    craft = any(log.has(name) for name in (*POSE, *VELOCITY))  # other machines may be slow, or fast
+    craft = any(log.has(name) for name in (*POSE, *VELOCITY))  # other systems may be slow or fast
     remarks = code_faults(log, measured)
     blank = {name: log.missing(name) for name in kinds}
     log, notes = _read(log, measured, inputs)
@@ -223,7 +223,7 @@ def facts(
 
 
 def _read(log: Log, measured: Sequence[str], inputs: Sequence[str]) -> tuple[Log, list[str]]:
-    """Return a log as a fit reads it, with one line on each change, or on why a fit refuses it."""
+    """Return a log prepared for a fit, with one line on each change, or on why it cannot be fitted."""
     try:
         return prepared(log, measured, inputs)
     except InputError as error:
@@ -245,7 +245,7 @@ def _timing(name: str, log: Log, measured: Sequence[str]) -> Timing:
 
 
 def _off(stamps: Array, clock: Clock) -> Array:
-    """Return how far stamps are off their clock, or without one their usual steps [s]."""
+    """Return the deviations of stamps from their clock, or without a clock their time steps but gaps [s]."""
     steps_ = np.diff(stamps)
     return stamps - clock.time if clock.steady else steps_[steps_ < 5 * np.median(steps_)]
 
@@ -260,7 +260,7 @@ def _column(
     noise: float | None = None
     outliers: tuple[float, ...] = ()
     if measured and seen.size > 3 and resolution < np.inf:
-        right = known & ~_within(log.time, rejected)  # wrong samples are no measure of noise
+        right = known & ~_within(log.time, rejected)  # rejected samples must not affect the noise
         alone = replace(log, columns={name: row})
         noise, outliers = _noise(alone if right.all() else alone.select(right), name)
     every = None
@@ -275,12 +275,12 @@ def _column(
 
 
 def _rows(column: Array, wanted: NDArray[np.bool_]) -> Array:
-    """Return some rows of a column: itself if that is all, since a copy of a long one takes memory."""
+    """Return some rows of a column, or the column itself if all are wanted, to avoid a copy in memory."""
     return column if wanted.all() else column[wanted]
 
 
 def _within(time: Array, spans: Sequence[Span]) -> NDArray[np.bool_]:
-    """Return which times lie in any of some spans, ends included."""
+    """Return a mask of the times that lie in one of the spans, ends included."""
     found = np.zeros(time.size, dtype=bool)
     begin = np.searchsorted(time, [s.start for s in spans], side="left")
     end = np.searchsorted(time, [s.stop for s in spans], side="right")

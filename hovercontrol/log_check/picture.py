@@ -1,4 +1,4 @@
-"""The picture of a log check: columns over time with what is wrong in them, stamps, coefficients."""
+"""The figure of a log check: columns over time with their faults, time steps and coefficients."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ from hovercontrol.log_check.facts import Column, LogFacts
 if TYPE_CHECKING:
     from hovercontrol.log_check.check import Checked
 
-#: Colours for the colour-blind (Okabe and Ito); shapes and hatching say the same.
+#: Colours for colour-blind readers (Okabe and Ito); shapes and hatching carry the same information.
 MEASURED, COMMAND, WRONG, GAP = "#0072B2", "#009E73", "#D55E00", "0.85"
 
 COLOURS = {"measured": MEASURED, "command": COMMAND, "other": "0.4"}
 
-#: Columns that are drawn of one log.
+#: Maximum number of columns drawn for one log.
 MOST_COLUMNS = 12
 
 
 def draw(checked: Checked) -> Figure:
-    """Return the picture of a check; one column of axes for each log, the coefficients below."""
+    """Return the figure of a check, with one column of axes per log and the coefficients below."""
     shown = [_drawn(f.columns) for f in checked.logs]
     rows = 1 + max(len(columns) for columns in shown)
     wide, many = len(checked.logs), len(checked.coefficients)
@@ -65,7 +65,7 @@ def draw(checked: Checked) -> Figure:
 
 
 def _drawn(columns: Sequence[Column]) -> list[Column]:
-    """Return the columns to draw: what was measured and commanded; others only where there is neither."""
+    """Return the columns to draw: measured and commanded columns, or the others if there are none."""
     known = [c for c in columns if c.kind != "other"]
     return (known or list(columns))[:MOST_COLUMNS]
 
@@ -97,14 +97,14 @@ def _column(axis: Axes, facts: LogFacts, column: Column) -> None:
 
 
 def _spans(axis: Axes, spans: Sequence[tuple[float, float]], **style: Any) -> None:
-    """Shade spans of time [s] from bottom to top, all as one: a log may have thousands."""
+    """Shade spans of time [s] over the full height, as a single artist because there may be thousands."""
     if spans:
         wide = [(a, b - a) for a, b in spans]
         axis.broken_barh(wide, (0.0, 1.0), transform=axis.get_xaxis_transform(), **style)
 
 
 def _stamps(axis: Axes, facts: LogFacts) -> None:
-    """Draw how far rows are apart: jitter, losses and gaps at a glance."""
+    """Draw the time steps between rows, which show jitter, lost samples and gaps."""
     time = facts.log.time
     steps = 1e3 * np.diff(time)
     drawn = envelope(steps)
@@ -121,7 +121,7 @@ def _stamps(axis: Axes, facts: LogFacts) -> None:
 
 
 def _coefficients(axis: Axes, coefficients: tuple[Fitted, ...]) -> None:
-    """Draw how well each coefficient would be known: standard error in per cent of the estimate."""
+    """Draw the standard error of each coefficient in per cent of the estimate."""
     parts = [100 * c.std / abs(c.value) if c.value and np.isfinite(c.std) else np.inf for c in coefficients]
     finite = [p for p in parts if np.isfinite(p) and p > 0]
     largest, least = max([200.0, *(2 * p for p in finite)]), 0.3 * min([10.0, *finite])

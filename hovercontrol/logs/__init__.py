@@ -1,10 +1,10 @@
-"""Logs: reading them, joining them, and velocities from tracked positions.
+"""Logs: reading and joining them, and velocities from tracked positions.
 
-A log with pose goes through, in this order::
+A log with the pose is processed in this order::
 
-    read_log -> join_logs (if commands are a file of their own) -> BenchTable.apply -> smooth_pose
+    read_log -> join_logs (if commands are in a separate file) -> BenchTable.apply -> smooth_pose
 
-A log that holds ``u, v, r`` needs only the first.
+A log with ``u, v, r`` needs only the first step.
 """
 
 from hovercontrol.logs.bench import BenchTable

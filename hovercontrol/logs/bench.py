@@ -1,4 +1,4 @@
-"""Thrust of a fan on the test bench: pulse width to newton."""
+"""Thrust of a fan from a test bench: thrust [N] as a function of pulse width."""
 
 from __future__ import annotations
 
@@ -30,18 +30,18 @@ STANDARD_GRAVITY = 9.80665
 @checked
 @dataclass(frozen=True, eq=False)
 class BenchTable:
-    """Steady thrust of one fan against its command.
+    """Steady thrust of one fan as a function of its command.
 
     Attributes
     ----------
     name : str
-        What error lines call the table.
+        Name of the table in error messages.
     command : ndarray (n,)
         Commands of the bench rows (pulse width [us]), increasing and above ``idle``.
     thrust : ndarray (n,)
         Thrust of one fan [N], mean of the trials.
     idle : float
-        Command at and below which the fan stands still.
+        Command at and below which the fan does not turn.
 
     Examples
     --------
@@ -58,7 +58,7 @@ class BenchTable:
     __repr__ = short_repr
 
     def plot(self) -> Figure:
-        """Return thrust over command."""
+        """Return a figure of thrust over command."""
         from hovercontrol.notebook.data_plots import curve_figure
 
         labels = "command [us]", "thrust of one fan [N]"
@@ -66,23 +66,24 @@ class BenchTable:
 
     @classmethod
     def from_csv(cls, path: str | Path, *, fans: int = 2, idle: float = 1000.0) -> BenchTable:
-        """Read a table whose first column is the command and whose others are trials in gram-force.
+        """Read a table: the command in the first column, then one column per trial in the unit gram-force.
 
         Parameters
         ----------
         path : str or Path
             CSV with header.
         fans : int
-            How many fans pushed together on the bench; thrust is shared equally.
+            Number of fans that pushed together on the bench; thrust is divided equally among them.
         idle : float
-            Command at and below which a fan stands still.
+            Command at and below which a fan does not turn.
 
         Raises
         ------
         InputError
-            Text or a missing number (line and column), a command that does not increase or is not
-            above ``idle``, fewer than two rows, no trial, or a negative mean thrust.
+            If a cell is text or blank (the message names line and column), a command does not increase or is
+            not above ``idle``, there are fewer than two rows or no trial, or a mean thrust is negative.
         """
+        # Thrust of one fan [N] = 9.80665 m/s^2 * 1e-3 * (mean of the trials [gf]) / fans.
         file = Path(path)
         source = open_source(file)
         if len(source.header) < 2:
@@ -114,8 +115,8 @@ class BenchTable:
     def force(self, command: ArrayLike) -> Floats:
         """Return the thrust of one fan [N] at each command, same shape.
 
-        Monotone cubic (PCHIP) interpolation through zero at ``idle``; the last bench thrust above
-        the table.
+        Monotone cubic (PCHIP) interpolation with zero thrust at ``idle``. Above the table the last bench
+        thrust is used.
         """
         curve = PchipInterpolator(
             np.concatenate([[self.idle], self.command]), np.concatenate([[0.0], self.thrust])
@@ -124,7 +125,7 @@ class BenchTable:
         return np.asarray(curve(inside))
 
     def apply(self, log: Log, forces: Mapping[str, str]) -> Log:
-        """Add to a log the force [N] of each fan.
+        """Add the force [N] of each fan to a log.
 
         Parameters
         ----------
@@ -136,12 +137,12 @@ class BenchTable:
         Warns
         -----
         UserWarning
-            Commands above the table: how many, in which column.
+            If commands are above the table; the message gives their number and the column.
 
         Raises
         ------
         InputError
-            No such command column.
+            If a command column does not exist.
         """
         added = {}
         for source, target in forces.items():

@@ -1,4 +1,4 @@
-"""Checks of a log before anything is computed from it; each names the line or the interval."""
+"""Checks of a log before it is used; each error names the line or the interval."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from hovercontrol.logs.source import Source
 
 @dataclass(frozen=True)
 class PlausibleLimits:
-    """Values that no log of a hovercraft has.
+    """Limits of plausible values in the log of a hovercraft.
 
-    No published source: set by hand, exercised by tests/logs/test_read.py.
+    No published source: set by hand, tested in tests/logs/test_read.py.
 
     Attributes
     ----------
     turn : float
         Largest mean turn rate [rad/s]; a heading in degrees exceeds it easily.
     value : float
-        Largest size of any value.
+        Largest absolute value in any column.
     """
 
     turn: float = 60.0
@@ -52,7 +52,7 @@ def check_size(file: str, source: Source, column: str, values: Floats) -> None:
 
 
 def _refuse(file: str, source: Source, column: str, values: Floats, wrong: Mask) -> None:
-    """Raise if any value is wrong: the line tells the first."""
+    """Raise if any value is wrong; the message names the first."""
     bad = np.flatnonzero(wrong)
     if not bad.size:
         return
@@ -63,7 +63,7 @@ def _refuse(file: str, source: Source, column: str, values: Floats, wrong: Mask)
 
 
 def check_codes(file: str, source: Source, column: str, values: Floats, *, any_number: bool) -> None:
-    """Raise if a number stands for missing values; ``column`` is its name in the file."""
+    """Raise if a number is used as a code for missing values; ``column`` is its name in the file."""
     code = gap_code(values, any_number=any_number)
     if code is not None:
         at = np.flatnonzero(values == code)
@@ -90,7 +90,7 @@ def check_time(file: str, source: Source, column: str, time: Floats, firsts: Row
 
 
 def check_gaps(log: Log) -> None:
-    """Say how many gaps a log has, and raise if they are longer than what is left."""
+    """Warn of the gaps of a log, and raise if they are longer in total than the rest of the log."""
     gaps = [stop - start for start, stop in log.gaps]
     if not gaps:
         return
@@ -108,10 +108,11 @@ def check_gaps(log: Log) -> None:
 def check_heading(file: str, column: str, time: Floats, psi: Floats, r: Floats | None) -> None:
     """Raise if a heading is clearly in degrees; ``column`` is its name in the file.
 
-    Clearly means: it jumps by a full circle of 360, or turns at ``PLAUSIBLE.turn`` on average, or
-    turns some 57 times as fast as the yaw rate ``r`` [rad/s] of the same log says. Where it turns
-    as fast as that says, both are in degrees.
+    The heading counts as being in degrees if it jumps by a full circle of 360, turns faster than
+    ``PLAUSIBLE.turn`` on average, or turns about 57 times (180/pi) as fast as the yaw rate ``r`` [rad/s] of
+    the same log. If it agrees with the yaw rate in the first two cases, both are in degrees.
     """
+    # Ratio of both turns over the log: sum |psi_k+1 - psi_k| / sum (|r_k+1 + r_k|/2) (t_k+1 - t_k).
     known = np.isfinite(psi) if r is None else np.isfinite(psi) & np.isfinite(r)
     time, psi, r = time[known], psi[known], r[known] if r is not None else None
     steps = np.abs(np.diff(psi))

@@ -2,10 +2,10 @@
 
 A motion-capture system samples at a fixed rate, but a log written over a network stamps each
 sample when it arrives: several at once, then none for 0.2 s. Velocities from such stamps are
-nonsense (a 0.3 rad turn within 0.1 ms). Each stamp is ``start + frame * period + delay``. Where all
-delays lie within half a period of each other's mean, the stamps' phase tells the frame of each, however
-many are missing; else a delay is near zero most of the time, and the lower envelope of the delays shows
-the frames that were lost on the way.
+meaningless (a 0.3 rad turn within 0.1 ms). The model of a stamp is ``start + frame * period + delay``.
+If all delays are within half a period of their mean, the phase of each stamp gives its frame number, however
+many frames are missing. Otherwise most delays are assumed to be near zero, and the lower envelope of the
+delays shows the lost frames.
 """
 
 from __future__ import annotations
@@ -24,28 +24,28 @@ from hovercontrol.logs.log import POSE, VELOCITY, Floats, Log, gap_rows
 
 @dataclass(frozen=True)
 class ClockCriteria:
-    """When the stamps of a log are late copies of a steady clock.
+    """Thresholds for replacing the stamps of a log by a steady clock.
 
-    No published source: set by hand on recorded logs, exercised by tests/logs/test_smooth.py and
+    No published source: set by hand on recorded logs, tested in tests/logs/test_smooth.py and
     tests/logs/test_real.py.
 
     Attributes
     ----------
     window : int
-        Samples of which at least one arrives without delay.
+        Number of consecutive samples of which at least one is assumed to arrive without delay.
     punctual : float
-        Part of the stamps within a quarter period of the clock below which there is none (by chance:
-        0.5).
+        Minimum fraction of the stamps within a quarter period of the clock (uniformly distributed stamps
+        give 0.5).
     exact : float
-        Stamps this close to the clock are kept, in periods.
+        Largest distance from the clock, in periods, at which the stamps are kept as they are.
     fewest : int
-        Smallest number of stamps for a clock.
+        Minimum number of stamps for a clock.
     rougher : float
-        Largest roughness of the samples on the clock, relative to that on the stamps.
+        Maximum roughness of the samples on the clock, relative to that on the stamps.
     one_sided : float
-        Upper tail of the delays, relative to the lower one, from which on they are delays of arrival.
+        Ratio of the upper to the lower tail of the delays above which they are taken as arrival delays.
     in_phase : float
-        Part of the stamps that must lie within half a period of the clock for the phase to count frames.
+        Minimum fraction of the stamps within half a period of the clock if frames are counted by phase.
     """
 
     window: int = 50
@@ -87,7 +87,7 @@ class Clock:
     lost : int
         Frames that never arrived.
     worst_delay : float
-        Longest time from sampling to stamp [s], beyond the constant part.
+        Longest time from sampling to stamp [s], not counting the constant part.
 
     Examples
     --------
@@ -109,20 +109,21 @@ class Clock:
 def fit_clock(arrival: Floats, samples: Floats | None = None) -> Clock:
     """Fit a steady sampling clock to the time stamps of a log.
 
-    The stamps are kept where they are exact, and where they are truly irregular: fewer than ``CLOCK.fewest``
-    of them, too few ``CLOCK.punctual``, or samples that are smoother on the stamps than on the clock.
+    The stamps are kept if they are exact. They are also kept if they are truly irregular: fewer than
+    ``CLOCK.fewest`` stamps, a punctual fraction below ``CLOCK.punctual``, or samples that are smoother on the
+    stamps than on the clock.
 
-    The clock's zero is the mean of the stamps where these scatter alike to both sides, as a jittering
-    time stamp does, and their lower envelope (the fiftieth part that comes first) where their scatter
-    has one long tail, as delays on a network have: the shape of the scatter decides. What all stamps
-    are late by alike cannot be seen and stays.
+    The offset of the clock depends on the distribution of the delays. If it is symmetric, as for jittering
+    stamps, the clock passes through the mean of the stamps. If it has one long upper tail, as for network
+    delays, the clock follows their lower envelope (the 2 % quantile). A delay common to all stamps is not
+    observable and remains.
 
     Parameters
     ----------
     arrival : ndarray (n,)
         Time stamps [s], strictly increasing.
     samples : ndarray (n, k), optional
-        What was sampled; NaN where nothing was.
+        The sampled values; NaN where there is none.
 
     Returns
     -------
@@ -131,7 +132,7 @@ def fit_clock(arrival: Floats, samples: Floats | None = None) -> Clock:
     Raises
     ------
     InputError
-        If `arrival` is not a row of numbers.
+        If `arrival` is not a one-dimensional array of numbers.
 
     Examples
     --------
@@ -162,16 +163,17 @@ def fit_clock(arrival: Floats, samples: Floats | None = None) -> Clock:
 
 @checked
 def steady(log: Log, columns: Sequence[str] | None = None) -> Log:
-    """Return the log with its stamps replaced by the steady clock behind them, if any.
+    """Return the log with its stamps replaced by a steady clock, if one fits.
 
-    Commands in the same rows move with them: each row stays one. Each trial has a clock of its own.
+    Commands in the same rows move with the stamps, and the number of rows does not change. Each trial has
+    its own clock.
 
     Parameters
     ----------
     log : Log
     columns : sequence of str, optional
-        What was measured, else pose and body velocities. The clock is that of the rows in which any of
-        these is finite; the times of the others are moved as much as those around them.
+        Measured columns (default: pose and body velocities). The clock is fitted to the rows in which any of
+        these is finite. The times of the other rows are shifted as much as the rows around them.
 
     Examples
     --------
@@ -194,7 +196,7 @@ def steady(log: Log, columns: Sequence[str] | None = None) -> Log:
 
 
 def measured(log: Log) -> list[str]:
-    """Return which of pose and body velocities a log has.
+    """Return the names of the pose and body velocity columns that a log has.
 
     Examples
     --------
@@ -205,7 +207,7 @@ def measured(log: Log) -> list[str]:
 
 
 def moved(time: Floats, stamps: Floats, clock: Floats) -> Floats:
-    """Return times among stamps, each moved as much as the stamps around it are by a clock.
+    """Return times shifted by the interpolated difference between a clock and its stamps.
 
     Examples
     --------
@@ -217,7 +219,9 @@ def moved(time: Floats, stamps: Floats, clock: Floats) -> Floats:
 
 
 def _in_phase(arrival: Floats, period: float) -> tuple[Floats, float, int] | None:
-    """Return times, period and lost frames where all stamps scatter by less than half a period, else None."""
+    """Return times, period and lost frames if the stamps are within half a period of a clock, else None."""
+    # Offset of the clock: period/(2 pi) arg sum_k exp(2 pi i t_k / period); frame_k = round of the stamp on
+    # the clock; then start and period by linear regression of the stamps on the frames.
     period = _refined(arrival, period)
     phase = 2 * np.pi / period * (arrival - arrival[0])
     late = float(np.arctan2(np.sin(phase).sum(), np.cos(phase).sum())) / (2 * np.pi)
@@ -225,7 +229,7 @@ def _in_phase(arrival: Floats, period: float) -> tuple[Floats, float, int] | Non
     order = np.arange(arrival.size)
     for _ in range(2):
         frame = np.rint((arrival - line[1]) / line[0]) - order
-        frame = np.minimum.accumulate(frame[::-1])[::-1] + order  # a late stamp is before the next
+        frame = np.minimum.accumulate(frame[::-1])[::-1] + order  # frame numbers increase strictly
         near = np.abs(arrival - np.polyval(line, frame)) < 0.5 * line[0]
         if near.mean() < CLOCK.in_phase:
             return None
@@ -234,10 +238,10 @@ def _in_phase(arrival: Floats, period: float) -> tuple[Floats, float, int] | Non
 
 
 def _refined(arrival: Floats, period: float) -> float:
-    """Return the period at which the stamps' phases agree best, first over short spans, then over long ones.
+    """Return the period at which the stamps' phases agree best, first over short and then over longer spans.
 
-    Within spans of so many samples the phases are added up as directions; between them only the lengths
-    of the sums.
+    The period maximises ``sum over spans |sum_k exp(2 pi i t_k / period)|``, with times t_k from the start of
+    each span: phases must agree within a span, but not between spans.
     """
     turns = np.arange(-FINER, FINER + 1)
     span = min(SPAN, arrival.size)
@@ -255,7 +259,7 @@ def _refined(arrival: Floats, period: float) -> float:
 
 
 def _in_envelope(arrival: Floats, period: float) -> tuple[Floats, float, int]:
-    """Return times, period and lost frames by the lower envelope of the delays."""
+    """Return times, period and lost frames from the lower envelope of the delays."""
     for span in (10, 100):
         if arrival.size > 2 * span:
             strides = arrival[span:] - arrival[:-span]
@@ -272,7 +276,7 @@ def _in_envelope(arrival: Floats, period: float) -> tuple[Floats, float, int]:
 
 
 def _zero(delay: Floats) -> float:
-    """Return the delay that counts as none: the mean of a scatter alike to both sides, else its lower end."""
+    """Return the clock's offset: the mean of the delays if they are symmetric, else their 2 % quantile."""
     low, middle, high = np.quantile(delay, [0.05, 0.5, 0.95])
     if high - middle > CLOCK.one_sided * (middle - low):
         return float(np.quantile(delay, 0.02))
@@ -280,7 +284,7 @@ def _zero(delay: Floats) -> float:
 
 
 def _rougher(time: Floats, stamps: Floats, samples: Floats) -> bool:
-    """Return whether samples are rougher on a clock than on the stamps, over all channels that move."""
+    """Return whether samples are rougher on the clock than on the stamps (geometric mean over channels)."""
     ratios = []
     for row in samples.T:
         seen = np.isfinite(row)
@@ -292,7 +296,9 @@ def _rougher(time: Floats, stamps: Floats, samples: Floats) -> bool:
 
 
 def _roughness(time: Floats, row: Floats) -> float:
-    """Return how far samples usually are from the line between their neighbours, noise alike everywhere."""
+    """Return the median distance of samples from the line between their neighbours, scaled to equal noise."""
+    # s = (t_k - t_k-1)/(t_k+1 - t_k-1),  d_k = y_k - (1 - s) y_k-1 - s y_k+1 has the variance
+    # (1 + s^2 + (1 - s)^2) times that of the noise.
     share = (time[1:-1] - time[:-2]) / (time[2:] - time[:-2])
     off = row[1:-1] - (1 - share) * row[:-2] - share * row[2:]
     return float(np.median(np.abs(off) / np.sqrt(1 + share**2 + (1 - share) ** 2)))
@@ -301,18 +307,18 @@ def _roughness(time: Floats, row: Floats) -> float:
 def _frames(arrival: Floats, period: float) -> Floats:
     """Return the frame number of each arrival, counting the lost frames."""
     late = arrival - arrival[0] - period * np.arange(arrival.size)
-    # Least delay among a sample and the next CLOCK.window: steps up by whole periods where frames were
-    # lost.
+    # The minimum delay of a sample and the next CLOCK.window samples steps up by whole periods where frames
+    # were lost.
     padded = np.append(late, np.full(CLOCK.window, np.inf))
     floor = minimum_filter1d(padded, CLOCK.window + 1, origin=-(CLOCK.window // 2))[: late.size]
     lost = np.concatenate([[0.0], np.cumsum(np.rint(np.diff(floor) / period))])
-    lost = np.minimum.accumulate(lost[::-1])[::-1]  # a frame number never falls behind
+    lost = np.minimum.accumulate(lost[::-1])[::-1]  # frame numbers increase strictly
     frames: Floats = np.arange(arrival.size) + lost - lost[0]
     return frames
 
 
 def _regression(x: Floats, y: Floats) -> Floats:
-    """Return slope and intercept of a straight line; :func:`numpy.polyfit` takes ten times the memory."""
+    """Return slope and intercept of a least-squares line; `numpy.polyfit` takes ten times the memory."""
     away = x - x.mean()
     slope = (away @ y) / (away @ away)
     return np.array([slope, y.mean() - slope * x.mean()])
@@ -320,6 +326,8 @@ def _regression(x: Floats, y: Floats) -> Floats:
 
 def _line(arrival: Floats, frame: Floats, period: float) -> Floats:
     """Return the times of frames on the line through the undelayed arrivals."""
+    # Regression of arrival - period frame = start + slope frame, three times with the arrivals within
+    # 0.1 period of the last line.
     offset = arrival - period * frame
     slope, start = 0.0, float(np.median(offset))
     for _ in range(3):

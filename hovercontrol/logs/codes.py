@@ -1,4 +1,4 @@
-"""Numbers that stand for a missing value: -999, -1e30 ..., or any that repeats far outside the others."""
+"""Codes for missing values: -999, -1e30 ..., or any repeated number far outside the range of the others."""
 
 from __future__ import annotations
 
@@ -11,26 +11,26 @@ from hovercontrol.logs.log import POSE, VELOCITY, Floats, Log
 
 POWERS = (1e20, 1e30, 1e37, 1e38)
 
-#: Sizes of the codes in use: nines, the largest of whole numbers in 16 and 32 bits, and powers of ten.
+#: Absolute values of common codes: nines, the largest 16-bit and 32-bit integers, and powers of ten.
 CODES = (999.0, 9999.0, 99999.0, 999999.0, 32767.0, 32768.0, 2147483647.0, 2147483648.0, *POWERS)
 
 
 @dataclass(frozen=True)
 class CodeCriteria:
-    """When a number stands for a missing value.
+    """Thresholds for numbers that are codes for missing values.
 
-    No published source: set by hand, exercised by tests/logs/test_codes.py.
+    No published source: set by hand, tested in tests/logs/test_codes.py.
 
     Attributes
     ----------
     outside : float
-        Distance of one of :data:`CODES` from all other values, relative to the range of these.
+        Minimum distance of one of :data:`CODES` from all other values, relative to their range.
     far : float
         The same for any other number.
     rows : int
-        Rows in which any other number must stand.
+        Minimum number of rows that contain the number, if it is not one of :data:`CODES`.
     distinct : int
-        Different values that the others must have: a switch has two.
+        Minimum number of different other values in that case; a switch has only two.
     """
 
     outside: float = 0.1
@@ -44,13 +44,14 @@ CODE = CodeCriteria()
 
 
 def gap_code(values: Floats, *, any_number: bool = True) -> float | None:
-    """Return the number that stands for a missing value in a column, None if there is none.
+    """Return the number that is a code for missing values in a column, or None.
 
     Parameters
     ----------
     values : ndarray, shape (n,)
     any_number : bool, optional
-        Whether it may be a number that is not one of :data:`CODES`: an idle command may be far from others.
+        Whether it may be a number that is not one of :data:`CODES`. Use False for commands: an idle command
+        may be far from the other values.
 
     Examples
     --------
@@ -70,7 +71,7 @@ def gap_code(values: Floats, *, any_number: bool = True) -> float | None:
 
 
 def _stands_out(values: Floats, code: float, known: bool) -> bool:
-    """Return whether an extreme value is far outside all others; those may hold further codes."""
+    """Return whether an extreme value is far outside all others, apart from further codes among these."""
     same = values == code
     if not known and np.count_nonzero(same) < CODE.rows:
         return False
@@ -81,24 +82,24 @@ def _stands_out(values: Floats, code: float, known: bool) -> bool:
     if low > high or not away > (CODE.outside if known else CODE.far) * (high - low):
         return False
     if known:
-        return code < 0.0 or low < high  # a command may be switched between 0 and 999
+        return code < 0.0 or low < high  # a command may switch between 0 and 999
     return bool(np.unique(values[others]).size >= CODE.distinct)
 
 
 def code_text(column: str, code: float, rows: int, first: str) -> str:
-    """Return the line on a column with such numbers, less the name of its log."""
+    """Return the message on a column with a code, without the name of the log."""
     where = f"in {rows} rows, the first {first}," if rows > 1 else first
     return f"column {column!r}: {code:g} {where} seems to mean a missing value: --missing {code:g}"
 
 
 def code_faults(log: Log, names: Sequence[str]) -> list[str]:
-    """Return one line for each column in which a number stands for a missing value.
+    """Return one line for each column in which a number is a code for missing values.
 
     Parameters
     ----------
     log : Log
     names : sequence of str
-        Columns to look at; of what is neither pose nor body velocity only :data:`CODES` are taken for such.
+        Columns to check. In columns other than pose and body velocities only :data:`CODES` are recognised.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Columns of files under names and in units of their own: ``psi`` is ``yaw_deg:deg``."""
+"""Column specifications with the file's own name and unit: ``psi`` is ``yaw_deg:deg``."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ def column_of(said: str, header: Container[str]) -> tuple[str, str]:
     Parameters
     ----------
     said : str
-        A name in the header as it stands is a name, colons and all.
+        The specification. A name in the header is taken as a whole, even if it contains colons.
     header : container of str
         The file's column names.
 
     Returns
     -------
     tuple of str
-        The name; the unit, empty where none is given.
+        The name, and the unit (empty if none is given).
 
     Examples
     --------
@@ -34,21 +34,21 @@ def column_of(said: str, header: Container[str]) -> tuple[str, str]:
 
 
 def factor_to_si(name: str, unit: str, wanted: str = "") -> float:
-    """Return what the numbers of a column in some unit are multiplied with.
+    """Return the factor that converts the numbers of a column to the log's unit.
 
     Parameters
     ----------
     name : str
-        Of the column in a log: ``time``, ``psi``, an input.
+        Name of the column in a log: ``time``, ``psi``, an input.
     unit : str
-        Of the numbers in the file; behind a minus they also have the other sign.
+        Unit of the numbers in the file; a leading minus also flips the sign.
     wanted : str, optional
-        Unit of the column in the log (default: of what is measured as known, else SI).
+        Unit of the column in the log (default: that of time, pose and velocity where known, else SI).
 
     Raises
     ------
     ArgumentError
-        If there is no such unit, or it does not measure what the column holds.
+        If there is no such unit, or its dimension does not fit the column.
 
     Examples
     --------
@@ -72,25 +72,25 @@ def factors_of_file(
     said: Container[str],
     wanted: Mapping[str, str],
 ) -> dict[str, float]:
-    """Return what columns are multiplied with whose units the file itself states.
+    """Return the conversion factors of the columns whose units the file itself states.
 
     Parameters
     ----------
     file : str
-        For error lines.
+        For error messages.
     units : mapping of str to str
-        By the file's names.
+        Units by the file's column names.
     names : mapping of str to str
-        The file's column under each of ours.
+        The file's column name for each signal name.
     said : container of str
-        Our names of columns whose unit the user gave.
+        Signal names of the columns whose unit the user gave.
     wanted : mapping of str to str
-        Units that inputs are to have.
+        Units to which inputs are converted.
 
     Raises
     ------
     InputError
-        If a column of time, pose, velocity or an input has a unit of something else.
+        If the unit of time, pose, velocity or an input has the wrong dimension.
     """
     factors = {}
     for ours, theirs in names.items():
@@ -101,7 +101,7 @@ def factors_of_file(
         except ValueError as error:  # an InputError, or a text that is too long for a unit
             if ours in wanted or ours in ("time", *UNITS):
                 raise InputError(f"{file}: {error}; another unit: --columns {ours}={theirs}:UNIT") from None
-            continue  # nobody asks for it
+            continue  # the column is not used
         if factor != 1.0:
             factors[ours] = factor
     return factors

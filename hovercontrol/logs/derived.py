@@ -1,7 +1,7 @@
-"""Columns made of others while a file is read: time of stamps, heading of a rotation.
+"""Columns derived from others while a file is read: time from stamps, heading from a rotation.
 
-``time=sec+nanosec`` adds columns of integers; dates and stamps of an epoch become seconds since the first
-row; ``psi=qx,qy,qz,qw:z-up`` and ``psi=rx,ry,rz`` make a heading of a quaternion or a rotation vector.
+``time=sec+nanosec`` adds integer columns. Dates and stamps since an epoch become seconds since the first
+row. ``psi=qx,qy,qz,qw:z-up`` and ``psi=rx,ry,rz`` compute a heading from a quaternion or a rotation vector.
 """
 
 from __future__ import annotations
@@ -22,20 +22,20 @@ from hovercontrol.logs.stamps import Stamps, needs_stamps
 
 _UP = re.compile(r":\s*(-?[xyz]-(?:up|down))\s*$")
 
-#: Makes values of the parts of a column, piece by piece and in order.
+#: Computes the values of a column from its parts, piece by piece and in order.
 Make = Callable[[list[pa.Array], int], Any]
 
 
 @dataclass(frozen=True)
 class Recipe:
-    """How a column is made.
+    """How a derived column is computed.
 
     Attributes
     ----------
     parts : tuple of str
-        Columns of the file.
+        Columns of the file that it is computed from.
     begin : callable
-        Returns what makes the values of one pass through the file.
+        Returns a new :data:`Make` function for one pass through the file.
     exact : bool
         Whether the parts are read in their own types.
     """
@@ -47,15 +47,15 @@ class Recipe:
 
 @dataclass
 class Derived:
-    """A source with columns that are made of its own.
+    """A source with derived columns.
 
     Attributes
     ----------
     source : Source
     recipes : mapping of str to Recipe
-        By the name of the column that is made; one of the file may be replaced.
+        By the name of the derived column, which may replace a column of the file.
     stamps : Stamps, optional
-        The clock, where time counts from the first row.
+        The clock, if time counts from the first row.
     """
 
     source: Source
@@ -70,7 +70,7 @@ class Derived:
 
     @property
     def units(self) -> Mapping[str, str]:
-        """The units of columns that are read as they stand."""
+        """The units of the columns that are not derived."""
         return {k: v for k, v in self.source.units.items() if k not in self.recipes}
 
     @property
@@ -88,11 +88,11 @@ class Derived:
         return self.source.numeric() | set(self.recipes)
 
     def rows_expected(self) -> int:
-        """Return about how many rows there are."""
+        """Return the approximate number of rows."""
         return self.source.rows_expected()
 
     def batches(self, names: list[str], exact: Collection[str] = ()) -> Iterator[pa.RecordBatch]:
-        """Read columns, and make those that are made."""
+        """Read columns and compute the derived ones."""
         made = {name: self.recipes[name] for name in names if name in self.recipes}
         plain = [name for name in names if name not in made]
         parts = [part for recipe in made.values() for part in recipe.parts]
@@ -112,7 +112,7 @@ class Derived:
             yield pa.RecordBatch.from_arrays(arrays, names=names)
 
     def place(self, row: int, column: str) -> tuple[str, str]:
-        """Return where a row stands, and what its column is made of."""
+        """Return the place of a row, and the text of the cells from which its column is derived."""
         if column not in self.recipes:
             return self.source.place(row, column)
         found = [self.source.place(row, part) for part in self.recipes[column].parts]
@@ -120,20 +120,20 @@ class Derived:
 
 
 def with_derived(file: Path, source: Source, columns: Mapping[str, str]) -> Source:
-    """Return a source with the columns that ``--columns`` makes of others, and time from stamps.
+    """Return a source with the columns that ``--columns`` derives from others, and time from stamps.
 
     Parameters
     ----------
     file : Path
-        For error lines.
+        For error messages.
     source : Source
     columns : mapping
-        Our column name to what is said of the file's.
+        Signal name to the specification of the file's column, as for :func:`.read.read_log`.
 
     Raises
     ------
     ArgumentError
-        If a part is no column of the file.
+        If a part is not a column of the file.
     """
     recipes: dict[str, Recipe] = {}
     for ours, said in columns.items():
@@ -151,7 +151,7 @@ def with_derived(file: Path, source: Source, columns: Mapping[str, str]) -> Sour
 
 
 def parts_of(said: str, header: Collection[str]) -> list[str]:
-    """Return the columns, with units, of which ``--columns`` makes one; a column of the file stays as it is.
+    """Return the columns, with units, from which ``--columns`` derives one; a column of the file is kept.
 
     Examples
     --------
@@ -168,7 +168,7 @@ def parts_of(said: str, header: Collection[str]) -> list[str]:
 
 
 def _clock_parts(file: Path, source: Source, said: str) -> list[tuple[str, str]]:
-    """Return the columns, with units, of which time is made; none where it is read as it stands."""
+    """Return the columns, with units, from which time is computed; none if time is read unchanged."""
     name, unit = column_of(said, source.header)
     if name in source.header:
         unit = unit or source.units.get(name, "")
@@ -179,7 +179,7 @@ def _clock_parts(file: Path, source: Source, said: str) -> list[tuple[str, str]]
 
 
 def _heading(file: Path, source: Source, ours: str, said: str) -> Recipe | None:
-    """Return how a heading is made of a rotation, None where no rotation is meant."""
+    """Return how the heading is computed from a rotation, or None if no rotation is given."""
     names = parts_of(said, source.header)
     if len(names) not in (3, 4) or "+" in said:
         return None
@@ -193,7 +193,7 @@ def _heading(file: Path, source: Source, ours: str, said: str) -> Recipe | None:
 
 
 def _known(file: Path, source: Source, ours: str, said: str) -> list[str]:
-    """Return the parts of a column, all of which the file has."""
+    """Return the parts of a column; raise ArgumentError if the file lacks one."""
     parts = parts_of(said, source.header)
     for part in parts:
         name = column_of(part, source.header)[0]

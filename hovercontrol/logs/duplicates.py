@@ -1,4 +1,4 @@
-"""Logs that are copies of each other, whole or in part, even if shifted in time or rounded."""
+"""Detection of logs that are full or partial copies of each other, even if shifted in time or rounded."""
 
 from __future__ import annotations
 
@@ -19,31 +19,31 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class DuplicateCriteria:
-    """When two logs hold the same recording.
+    """Thresholds for two logs that contain the same recording.
 
-    No published source: set by hand, exercised by tests/discrepancy/test_checks.py. Noise of two runs
-    differs by sqrt(2) standard deviations in each channel, copies by rounding alone.
+    No published source: set by hand, tested in tests/discrepancy/test_checks.py. Two runs differ by their
+    noise, sqrt(2) standard deviations in each channel; copies differ by rounding only.
 
     Attributes
     ----------
     alike : float
-        Rows are equal if no column differs by more than this part of its range: about four digits.
+        Rows are equal if no column differs by more than this fraction of its range: about four digits.
     run : int
-        Smallest number of consecutive equal rows.
+        Minimum number of consecutive equal rows.
     shared : float
-        Smallest part of a log's rows that must be equal.
+        Minimum fraction of a log's rows that must be equal.
     most : float
-        Smallest part of the rows recorded at the same time that must be equal.
+        Minimum fraction of the rows recorded at the same time that must be equal.
     same : float
-        A channel is equal if it differs by less than this part of its noise.
+        A channel is equal if it differs by less than this fraction of its noise.
     sought : int
-        Largest number of rows that are looked for in the other log.
+        Maximum number of rows that are searched for in the other log.
     partners : int
-        Most likely partners tried for each of those rows.
+        Number of nearest rows tried for each of those rows.
     shifts : int
-        Time shifts that are tried.
+        Number of time shifts that are tried.
     aside : float
-        Largest difference of the times of two equal rows, relative to the time step.
+        Maximum difference of the times of two equal rows, relative to the time step.
     """
 
     alike: float = 1e-3
@@ -64,20 +64,21 @@ DUPLICATES = DuplicateCriteria()
 def refuse_duplicates(
     logs: Sequence[Log], holdout: Sequence[Log], channels: Sequence[str], inputs: Sequence[str]
 ) -> None:
-    """Refuse logs that overlap each other, for training or held out.
+    """Raise if training or held-out logs overlap each other.
 
     Parameters
     ----------
     logs : sequence of Log
-        For training.
+        Training logs.
     holdout : sequence of Log
+        Held-out logs.
     channels, inputs : sequence of str
-        Columns that are measured and commanded, where a log has them.
+        Names of measured and commanded columns; those that a log lacks are ignored.
 
     Raises
     ------
     InputError
-        The line names both logs.
+        The message names both logs.
     """
     for one, other in combinations(logs, 2):
         what, why = f"{other.name}: it", "its rows would be used twice"
@@ -101,10 +102,10 @@ def _refuse(
 
 
 def shared(one: Log, other: Log, channels: Sequence[str], inputs: Sequence[str]) -> float:
-    """Return how many rows of a log are rows of another, infinity for all of both, 0 for a few.
+    """Return the number of rows common to two logs; infinity if the logs are equal, 0 for only a few rows.
 
-    Noise tells: what differs between two runs, however alike, is their noise; between copies it is rounding.
-    So no log at rest, and no other run with the same commands, is taken for a copy.
+    Noise decides: two similar runs differ by their noise, copies only by rounding. A log at rest, or another
+    run with the same commands, is therefore not taken for a copy.
 
     Parameters
     ----------
@@ -136,7 +137,7 @@ def shared(one: Log, other: Log, channels: Sequence[str], inputs: Sequence[str])
 
 @dataclass(frozen=True, eq=False)
 class _Moving:
-    """The rows of a log in which something measured changed: at rest any two logs are alike.
+    """The rows of a log in which a measured column changed, because at rest any two logs are alike.
 
     Attributes
     ----------
@@ -146,7 +147,7 @@ class _Moving:
     third : ndarray, shape (n, n_measured)
         Third differences.
     changed : ndarray of bool, shape (n, n_measured)
-        From the row before.
+        Whether the value differs from the previous row.
     """
 
     time: Array
@@ -169,12 +170,12 @@ class _Moving:
 
     @property
     def step(self) -> float:
-        """Usual time from row to row."""
+        """Median time step [s]."""
         return float(np.median(np.diff(self.time)))
 
 
 def _shifts(ours: _Moving, rows: _Moving, size: Array) -> list[float]:
-    """Return by how much later the rows of a log may be those of another [s], the likeliest shift first."""
+    """Return possible time shifts of `rows` after `ours` [s], the most likely first."""
     some = np.unique(np.linspace(0, rows.time.size - 1, DUPLICATES.sought).astype(int))
     tree = cKDTree(ours.values / size)
     near, at = tree.query(
@@ -189,7 +190,7 @@ def _shifts(ours: _Moving, rows: _Moving, size: Array) -> list[float]:
 
 
 def _copied(ours: _Moving, rows: _Moving, shift: float, size: Array) -> int:
-    """Return how many rows are copies of those that were measured a time earlier."""
+    """Return the number of `rows` that are copies of rows of `ours` a time `shift` [s] earlier."""
     time = rows.time - shift
     after = np.clip(np.searchsorted(ours.time, time), 1, ours.time.size - 1)
     at = np.where(time - ours.time[after - 1] < ours.time[after] - time, after - 1, after)
@@ -202,6 +203,7 @@ def _copied(ours: _Moving, rows: _Moving, shift: float, size: Array) -> int:
         alike[a:b] = False
     if alike.sum() < DUPLICATES.most * there.size:
         return 0
+    # White noise of standard deviation s has third differences of standard deviation sqrt(1 + 9 + 9 + 1) s.
     same = other = 0
     for c in range(rows.third.shape[1]):
         changed = alike & (rows.changed[there, c] | ours.changed[at, c])
@@ -209,7 +211,7 @@ def _copied(ours: _Moving, rows: _Moving, shift: float, size: Array) -> int:
             continue
         third = np.abs(rows.third[there[changed], c])
         usual = np.minimum(third, 6.0 * float(np.median(third)))  # a heading may jump by a full turn
-        noise = float(usual.mean()) / math.sqrt(20.0)  # of third differences over that of rows
+        noise = float(usual.mean()) / math.sqrt(20.0)
         if float(apart[changed, c].mean()) <= DUPLICATES.same * noise:
             same += 1
         else:

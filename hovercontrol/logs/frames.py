@@ -1,11 +1,11 @@
 """Axes of a log: conversion from other frames, and checks against the commands.
 
-Here x, y and psi are right-handed with z up: psi turns from x to y, v points to the left, r is positive to
-the left. Trackers also write north-east-down (NED): x north, y east, psi clockwise from north, v to the
-right, r to the right; and a log may be mirrored (one of x, y and psi with the wrong sign).
+The package uses right-handed axes with z up: psi turns from x to y, v is positive to the left, and r is
+positive to the left. Some trackers use north-east-down (NED): x north, y east, psi clockwise from north, v
+and r positive to the right. A log may also be mirrored (one of x, y and psi with the wrong sign).
 
-A mirrored log moves consistently in itself until it is asked about forces: a craft accelerates where its
-fans push it, and turns the way their torque does.
+The motion in a mirrored log is consistent in itself. Only the forces show the error: a craft accelerates in
+the direction in which its fans push it, and turns in the direction of their torque.
 """
 
 from __future__ import annotations
@@ -26,38 +26,38 @@ if TYPE_CHECKING:
 
 Complex = NDArray[np.complex128]
 
-#: Frames that a log may be in. ENU (x east, y north, psi from x to y) is as here.
+#: Possible frames of a log. ENU (x east, y north, psi from x to y) equals the package's own.
 FRAMES = ("z-up", "enu", "ned")
 
-#: Windows [s] over which motion is looked at, and delays [s] at which it may follow commands.
+#: Windows [s] over which motion is averaged, and delays [s] from command to motion that are tried.
 WINDOWS, LAGS = (0.2, 0.6), np.arange(0.0, 0.65, 0.05)
 
-#: Rows of a log that are looked at, at most.
+#: Maximum number of rows of a log that are used.
 MOST_ROWS = 60_000
 
 
 @dataclass(frozen=True)
 class FrameCriteria:
-    """When the axes or the sign of a log's columns are wrong.
+    """Thresholds for wrong axes or a wrong sign of a log's columns.
 
-    No published source: set by hand, exercised by tests/logs/test_frames.py.
+    No published source: set by hand, tested in tests/logs/test_frames.py.
 
     Attributes
     ----------
     least : float
         Smallest correlation that is significant.
     errors : float
-        Standard errors that it must exceed.
+        Number of standard errors that it must exceed.
     clearly : float
-        Its ratio to the rival's.
+        Minimum ratio of the larger to the smaller of the two correlations, as logged and mirrored.
     least_torque : float
-        Smallest correlation of a torque.
+        Smallest significant correlation of a torque.
     other_sign : float
-        Largest part of it that the other sign may reach at another delay.
+        Largest correlation of the opposite sign at another delay, as a fraction of that correlation.
     independent : float
-        Time after which motion counts as independent of itself [s].
+        Time after which samples of the motion count as independent [s].
     fewest : int
-        Smallest number of independent samples.
+        Minimum number of independent samples.
     """
 
     least: float = 0.25
@@ -75,19 +75,19 @@ FRAME = FrameCriteria()
 
 @checked
 def in_z_up(log: Log, frame: str) -> Log:
-    """Return a log with its axes turned from a frame to x, y, psi with z up.
+    """Return a log converted from a frame to x, y, psi with z up.
 
     Parameters
     ----------
     log : Log
     frame : str
-        One of :data:`FRAMES`; of NED, x becomes y and y becomes x, psi becomes pi/2 - psi, and v and r change
-        their sign. The log then counts as checked.
+        One of :data:`FRAMES`. For NED x and y are exchanged, psi becomes pi/2 - psi, and v and r change
+        sign. :func:`check_frame` does not check the returned log again.
 
     Raises
     ------
     InputError
-        If there is no such frame.
+        If the frame is unknown.
 
     Examples
     --------
@@ -109,20 +109,20 @@ def in_z_up(log: Log, frame: str) -> Log:
 
 @checked
 def check_frame(model: EffectModel, log: Log) -> None:
-    """Refuse a log of a craft that is mirrored, in north-east-down axes, or whose heading is turned round.
+    """Raise if a craft's log is mirrored, in north-east-down axes, or has its heading reversed.
 
     Parameters
     ----------
     model : Model or BlockModel
-        Its effects say where commands push; their sizes do not matter. The log of what is no craft has no
-        such frame and passes.
+        Its effects give the direction of the forces of the commands; their magnitudes do not matter. A log
+        of anything but a craft has no such frame and passes.
     log : Log
-        With the model's inputs; where its frame was stated it is not looked at.
+        With the model's inputs. A log with a stated frame is not checked.
 
     Raises
     ------
     InputError
-        If forces and motion agree clearly in other axes, and not in these.
+        If forces and motion agree clearly in other axes, but not in those of the log.
     """
     from hovercontrol.models.base import EffectModel
 
@@ -158,13 +158,15 @@ def _times(parts: Sequence[Log], window: float) -> Floats:
 
 
 def _alignment(log: Log, push: Complex, times: Floats, window: float) -> tuple[complex, complex]:
-    """Return how acceleration goes with the commands' push: in these axes, in mirrored ones."""
+    """Return the correlation of acceleration and commanded force `push`, in the log's and mirrored axes."""
+    # With z = x + i y:  z'' is correlated with F e^{i psi} of the commands (mirrored: its conjugate, or
+    # F e^{-i psi}), given z', a constant and the term (i r' - r^2) e^{i psi} of a marker off the centre.
     z = _mean(log, log["x"], times, window) + 1j * _mean(log, log["y"], times, window)
     angle = _mean(log, log["psi"], times, window)
     heading = np.exp(1j * angle)
     velocity, acceleration = _differences(z, window)
     rate, change = _differences(angle, window)
-    arm = (1j * change - rate**2) * heading  # what a marker away from the centre of gravity sees
+    arm = (1j * change - rate**2) * heading  # acceleration of a marker off the centre of gravity
     sound = mirrored = 0j
     for lag in LAGS:
         force = _held(log, push.real, times - lag, window) + 1j * _held(log, push.imag, times - lag, window)
@@ -175,7 +177,7 @@ def _alignment(log: Log, push: Complex, times: Floats, window: float) -> tuple[c
 
 
 def _enough(log: Log, least: float) -> float:
-    """Return the smallest correlation that says something of a log so long."""
+    """Return the smallest significant correlation, ``max(least, errors / sqrt(independent samples))``."""
     seconds = float(np.minimum(np.diff(log.time), WINDOWS[-1]).sum())
     return max(least, FRAME.errors / float(np.sqrt(seconds / FRAME.independent)))
 
@@ -207,7 +209,7 @@ def _check_torque(log: Log, torque: Floats, times: Floats, window: float) -> Non
     else:
         rate = _differences(_mean(log, log["psi"], times, window), window)[0].real
     change = _differences(rate, window)[0].real
-    # drags, and what a hull that drifts does: its Munk moment may outdo the torque of the commands
+    # drag, and the Munk moment (proportional to u v), which may exceed the torque of the commands
     others = (rate, np.sign(rate), *_drifting(log, times, window))
     found = [float(_along(_held(log, torque, times - lag, window), change, *others).real) for lag in LAGS]
     if -min(found) > _enough(log, FRAME.least_torque) and max(found) < -FRAME.other_sign * min(found):
@@ -220,7 +222,7 @@ def _check_torque(log: Log, torque: Floats, times: Floats, window: float) -> Non
 
 
 def _drifting(log: Log, times: Floats, window: float) -> tuple[Floats, ...]:
-    """Return the product of surge and sway velocity, where the log tells both."""
+    """Return the product of surge and sway velocity, if the log contains or implies both."""
     if log.has("u", "v"):
         return (_mean(log, log["u"] * log["v"], times, window),)
     if not log.has(*POSE):
@@ -231,7 +233,7 @@ def _drifting(log: Log, times: Floats, window: float) -> tuple[Floats, ...]:
 
 
 def _push(model: EffectModel, log: Log) -> tuple[Complex, Floats]:
-    """Return where the commands push in the body frame, and their torque, of a craft at rest."""
+    """Return the acceleration by the commands in the body frame, u' + i v', and r', for a craft at rest."""
     from hovercontrol.core.functions import numpy_functions
 
     others = (e.name for e in model.effects if e.kind() != "force")
@@ -247,7 +249,7 @@ def _push(model: EffectModel, log: Log) -> tuple[Complex, Floats]:
 
 
 def _mean(log: Log, values: Floats, times: Floats, window: float) -> Floats:
-    """Return a measured signal's mean over a window about each time; NaN where nothing was measured."""
+    """Return a measured signal's mean over half a window about each time; NaN where nothing was measured."""
     known = np.isfinite(values)
     t, y = log.time[known], values[known]
     if t.size < 2:
@@ -261,14 +263,14 @@ def _mean(log: Log, values: Floats, times: Floats, window: float) -> Floats:
 
 
 def _held(log: Log, values: Floats, times: Floats, window: float) -> Floats:
-    """Return a command's mean over a window about each time; it holds from row to row."""
+    """Return a command's mean over half a window about each time; it is held from row to row."""
     area = np.concatenate([[0.0], np.cumsum(np.diff(log.time) * values[:-1])])
     early, late = (np.interp(times + side * window / 4, log.time, area) for side in (-1, 1))
     return (late - early) / (window / 2)
 
 
 def _differences(values: NDArray[np.inexact], window: float) -> tuple[Complex, Complex]:
-    """Return first and second derivatives of what is known every half window."""
+    """Return first and second derivatives, by central differences of values every half window."""
     first, second = (np.full(values.size, np.nan + 0j) for _ in range(2))
     first[1:-1] = (values[2:] - values[:-2]) / window
     second[1:-1] = (values[2:] - 2 * values[1:-1] + values[:-2]) / (window / 2) ** 2
@@ -276,7 +278,8 @@ def _differences(values: NDArray[np.inexact], window: float) -> tuple[Complex, C
 
 
 def _along(cause: NDArray[np.inexact], effect: NDArray[np.inexact], *others: NDArray[np.inexact]) -> complex:
-    """Return the correlation of cause and effect, less what others and a constant explain, with its angle."""
+    """Return the complex partial correlation of cause and effect, given the others and a constant."""
+    # c = a^H b / (|a| |b|) with the least-squares residuals a of the cause and b of the effect.
     known = np.isfinite(cause) & np.isfinite(effect) & np.all(np.isfinite(others), axis=0)
     if known.sum() < FRAME.fewest:
         return 0j

@@ -1,4 +1,4 @@
-"""One run of a craft from its files: poses, commands, bench table, rows to use."""
+"""One run of a craft from its files: poses, commands, a bench table and the selection of rows."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from hovercontrol.logs.wanted import Wanted
 if TYPE_CHECKING:
     from hovercontrol.models.interface import AnyModel
 
-#: What a bench table turns into the force of a fan carries the fan's name behind this.
+#: Prefix of a command column that a bench table converts to the force of a fan: ``pwm_`` and the fan's name.
 PULSE = "pwm_"
 
 _COMPARE = {">": operator.gt, ">=": operator.ge, "<": operator.lt, "<=": operator.le}
@@ -35,7 +35,7 @@ _COMPARE = {">": operator.gt, ">=": operator.ge, "<": operator.lt, "<=": operato
 @checked
 @dataclass(frozen=True)
 class Condition:
-    """A comparison of one column with a number, as a user writes it: ``pwm_lift > 1000``.
+    """A comparison of a column with a number, in the user's notation: ``pwm_lift > 1000``.
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ class Condition:
 
     @classmethod
     def parse(cls, text: str) -> Condition:
-        """Read a condition.
+        """Parse a condition.
 
         Parameters
         ----------
@@ -61,7 +61,7 @@ class Condition:
         Raises
         ------
         ArgumentError
-            If it is not COLUMN, one of > >= < <=, NUMBER.
+            If it does not consist of COLUMN, one of > >= < <=, and NUMBER.
 
         Examples
         --------
@@ -91,32 +91,32 @@ def gather(
 ) -> Log:
     r"""Return one run as one log.
 
-    Rows may be missing: a warning counts the gaps.
+    If rows are missing, a warning gives the number of gaps.
 
     Parameters
     ----------
     files : str
-        A log's path, or ``POSE.csv+COMMANDS.csv`` for a run whose commands are a file of their own
-        on the same clock; they are held between their rows.
+        A log's path, or ``POSE.csv+COMMANDS.csv`` for a run whose commands are in a separate file
+        on the same clock. Commands are held between their rows.
     inputs : sequence of str, or mapping of str to str, optional
-        The plant's inputs, which the log must have; with their units.
+        The plant's inputs, which the log must have; a mapping also gives their units.
     columns : mapping, optional
-        Our column name to the files', ``{"time": "stamp", "psi": "yaw:deg"}``; each is looked up in the
-        file that has it. ``{"u": "torque.csv:xyz[2]"}`` says which file, where both have the column.
+        Signal name to the files' column name, ``{"time": "stamp", "psi": "yaw:deg"}``; each is looked up in
+        the file that has it. If both files have the column, ``{"u": "torque.csv:xyz[2]"}`` selects one.
     bench : BenchTable, optional
-        Makes an input ``rear_left`` [N] of a column ``pwm_rear_left``.
+        Converts a column ``pwm_rear_left`` to an input ``rear_left`` [N].
     only_while : Condition, optional
         Keep the longest stretch in which it holds.
     settle : float, optional
-        Seconds left out at the beginning of that stretch.
+        Time left out at the beginning of that stretch [s].
     model : Model, BlockModel or Block, optional
-        What the run is of, as for :func:`read_log`: its inputs count among `inputs`.
+        Model of the system, as for :func:`read_log`; its inputs are added to `inputs`.
     motion : bool, optional
         As for :func:`read_log`.
     missing : sequence of float, optional
         Numbers in the files that mean a missing value.
     trial : str, optional
-        Column that tells trials apart, in the file with the measurements.
+        Column with the number of the trial, in the file with the measurements.
 
     Returns
     -------
@@ -127,8 +127,8 @@ def gather(
     ArgumentError
         If a name or a unit of `columns`, or the condition, does not fit the files.
     InputError
-        As :func:`read_log` and :func:`join_logs`; or if an input is missing, nothing is left, or the gaps
-        are longer than what is left.
+        As :func:`read_log` and :func:`join_logs`; or if an input is missing, no row is left, or the gaps
+        are longer in total than the rest of the log.
 
     Examples
     --------
@@ -189,14 +189,14 @@ def _check_columns(file: Path, columns: Mapping[str, str], conditions: Iterable[
 
 
 def columns_by_file(paths: Sequence[Path], columns: Mapping[str, str]) -> list[dict[str, str]]:
-    """Return for each file of a run its part of the renamed columns, less the file's name in front.
+    """Return the renamed columns of each file of a run, without the file name as prefix.
 
-    A column that no file has is looked for in the first.
+    A column that no file has is assigned to the first file.
 
     Raises
     ------
     ArgumentError
-        If both files have a column and it is not said which one is meant.
+        If both files have a column and neither is selected.
     """
     headers = [header_of(path, {}) for path in paths]
     found: list[dict[str, str]] = [{} for _ in paths]
@@ -217,12 +217,12 @@ def columns_by_file(paths: Sequence[Path], columns: Mapping[str, str]) -> list[d
 
 
 def _has(said: str, header: Sequence[str]) -> bool:
-    """Whether a file has all columns of what is said: one, those of a rotation, or the parts of a stamp."""
+    """Return whether a file has all columns of a specification: one, those of a rotation or of a stamp."""
     return all(column_of(part, header)[0] in header for part in parts_of(said, header))
 
 
 def _in_file(said: str, path: Path, header: Sequence[str]) -> str:
-    """Return what is said of a column of a file behind the file's name; empty if that is not named."""
+    """Return a column specification without its file name; empty if it does not name this file."""
     if _has(said, header):
         return ""
     for name in (str(path), path.name):
@@ -234,12 +234,12 @@ def _in_file(said: str, path: Path, header: Sequence[str]) -> str:
 def _each_once(
     measured: Log, sent: Log, own: Sequence[Mapping[str, str]], inputs: Iterable[str]
 ) -> tuple[Log, Log]:
-    """Return the logs of two files, each column in one: measurements are of the first, unless it is said.
+    """Return the logs of two files without common columns; the first file's column is kept by default.
 
     Raises
     ------
     ArgumentError
-        If both have a column of commands.
+        If both have a command column and neither is selected.
     """
     for name in sorted(measured.columns.keys() & sent.columns.keys()):
         if name in own[1] and name not in own[0]:

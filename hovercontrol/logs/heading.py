@@ -1,9 +1,9 @@
 """The heading of a body from its rotation: a quaternion or a rotation vector.
 
-The heading is the angle about the axis that is up, from a horizontal axis of the frame to the same axis of
-the body, projected on the floor: the x axis where y or z is up (for z: the yaw of roll, pitch and yaw), the y
-axis where x is. It is positive by the right-hand rule about that axis: for ``z-up`` from x to y, for ``y-up``
-from x to -z.
+The heading is the angle about the vertical axis from a horizontal axis of the frame to the same axis of the
+body, projected on the floor. This is the x axis if y or z is up (for z it is the yaw angle of roll, pitch and
+yaw), and the y axis if x is up. The heading is positive by the right-hand rule about the axis that points up:
+for ``z-up`` from x to y, for ``y-up`` from x to -z.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ from hovercontrol.logs.log import Floats
 
 @dataclass(frozen=True)
 class QuaternionLimits:
-    """When four columns are not a quaternion.
+    """Threshold for four columns that are not a quaternion.
 
-    No published source: logs round components to three decimals at worst, which moves the length by 0.002.
+    No published source. Logs round components to three decimals at worst, which changes the length by 0.002.
 
     Attributes
     ----------
     length : float
-        Largest distance of the length of a quaternion from 1; a length of 0 is a lost sample.
+        Largest difference of the length of a quaternion from 1; a length of 0 is a lost sample.
     """
 
     length: float = 0.1
@@ -39,7 +39,7 @@ QUATERNION = QuaternionLimits()
 
 
 def parse_up(text: str) -> tuple[int, float]:
-    """Return which axis is up (0, 1, 2) and the sign of the heading about it.
+    """Return the index of the vertical axis (0, 1, 2) and the sign of the heading about it.
 
     Examples
     --------
@@ -53,18 +53,18 @@ def parse_up(text: str) -> tuple[int, float]:
 
 @dataclass
 class Heading:
-    """Makes a heading of rotations, piece by piece; it is continuous over full turns.
+    """Computes the heading from rotations, piece by piece; it is continuous over full turns.
 
     Attributes
     ----------
     file : str
-        For error lines.
+        For error messages.
     names : tuple of str
         Four columns: qx, qy, qz, qw, the scalar last. Three: a rotation vector [rad].
     up : tuple of int and float
         See :func:`parse_up`.
     units : sequence of str
-        Of the columns.
+        Units of the columns.
     """
 
     file: str
@@ -79,10 +79,11 @@ class Heading:
         Raises
         ------
         InputError
-            If the components are no quaternion.
+            If the components are not a quaternion.
         """
         raw = [p.cast(pa.float64(), safe=False).to_numpy(zero_copy_only=False) for p in parts]
         scales = [conversion_factor(unit, "rad") if unit and len(raw) == 3 else 1.0 for unit in self.units]
+        # A rotation vector rho of angle a = |rho| is the quaternion [rho sin(a/2) / a, cos(a/2)].
         q = np.array([values * scale for values, scale in zip(raw, scales, strict=True)], dtype=float)
         if len(q) == 3:
             angle = np.linalg.norm(q, axis=0)
@@ -97,7 +98,9 @@ class Heading:
                 f"quaternion of length 1, found length {length[off[0]]:.4g}"
             )
         axis, sign = self.up
-        # element (i, k) of the rotation matrix of q: x_i = R_ik b_k; for z up R_10 and R_00
+        # Rotation matrix R of q, x_i = R_ik b_k. For z up: psi = atan2(R_10, R_00),
+        # R_10 = 2 (q_x q_y + q_w q_z),  R_00 = q_w^2 + q_x^2 - q_y^2 - q_z^2; other axes likewise, with the
+        # sign `turn`.
         first = 1 if axis == 0 else 0
         x, y, w = q[first], q[3 - first - axis], q[3]
         z = q[axis]

@@ -1,8 +1,8 @@
-"""Measurements slower than the rows of a log, held between: rows that repeat the last one.
+"""Measurements slower than the rows of a log: rows that only repeat the last measurement.
 
-A logger that writes a 29 Hz pose on a grid of 50 Hz writes some poses twice, equal to the last digit. As
-samples they would say that the craft stood still and then jumped. A craft at rest, or slower than the
-resolution of its sensor, repeats its pose as well, but it comes to rest and leaves it by small steps.
+A logger that writes a 29 Hz pose on a 50 Hz grid writes some poses twice, equal to the last digit. Used as
+samples, they would mean that the craft stopped and then jumped. A craft that is at rest, or slower than the
+resolution of its sensor, also repeats its pose, but there the repeats begin and end with small steps.
 """
 
 from __future__ import annotations
@@ -17,22 +17,23 @@ from hovercontrol.logs.log import POSE, VELOCITY, Floats, Log, Mask
 
 @dataclass(frozen=True)
 class HeldCriteria:
-    """When rows that repeat hold no measurement of their own.
+    """Thresholds for repeated rows that are not measurements.
 
-    No published source: set by hand, exercised by tests/logs/test_held.py.
+    No published source: set by hand, tested in tests/logs/test_held.py.
 
     Attributes
     ----------
     jump : float
-        Change of a column, over its smallest, that shows motion: both before and after the equal rows.
+        Change of a column that shows motion, relative to its smallest change; required both before and after
+        the equal rows.
     fewest : int
-        Smallest number of different values that are repeated amid motion.
+        Minimum number of different values that are repeated during motion.
     by_chance : float
-        Equal rows amid motion over those that differ by the resolution alone: samples of a coarse sensor
-        repeat about as often as they change by a single step.
+        Minimum ratio, during motion, of runs of equal rows to runs that change by a single step of the
+        resolution. Samples of a coarse sensor repeat about as often as they change by a single step.
     longer : float
-        Rows that repeat for longer than this times the usual (the 95 % quantile) are a craft at rest: of
-        these one in each such period is kept.
+        Repeats that last longer than this factor times their 95 % quantile count as a craft at rest; of
+        these, one row per such period is kept.
     """
 
     jump: float = 3.0
@@ -46,10 +47,10 @@ HELD = HeldCriteria()
 
 
 def without_repeats(log: Log, names: Sequence[str]) -> tuple[Log, list[str]]:
-    """Return a log without the measurements that only repeat the last one, and a line on each.
+    """Return a log without the measurements that only repeat the last one, and a line on each group.
 
-    They become NaN; commands in the same rows stay. The pose counts as one measurement, the body velocities
-    as another; other columns count as one where they repeat together, else each by itself.
+    Repeats become NaN; commands in the same rows are kept. The pose is one group of columns, the body
+    velocities are another. The other columns are one group if they repeat together, else separate groups.
 
     Parameters
     ----------
@@ -138,7 +139,7 @@ def repeats(log: Log, names: Sequence[str]) -> Mask:
 
 
 def _runs(wanted: Mask) -> np.ndarray[tuple[int, int], np.dtype[np.intp]]:
-    """Return the first place and that behind the last of each run, shape (m, 2)."""
+    """Return the first index and the index after the last of each run, shape (m, 2)."""
     edges = np.diff(np.concatenate([[0], wanted.astype(np.int8), [0]]))
     return np.flatnonzero(edges).reshape(-1, 2)
 
@@ -151,6 +152,6 @@ def _amid(wanted: Mask, large: Mask) -> np.ndarray[tuple[int, int], np.dtype[np.
 
 
 def _rate(log: Log, kept: Mask) -> float:
-    """Return how often a measurement came [Hz], gaps and pauses left out."""
+    """Return the rate of measurements [Hz], without gaps and pauses."""
     steps = np.diff(log.time[kept])
     return 1.0 / float(steps[steps <= 5.0 * np.median(steps)].mean())

@@ -18,14 +18,14 @@ from hovercontrol.logs.trials import in_sequence
 
 @dataclass(frozen=True)
 class JoinCriteria:
-    """When a command belongs to a sample.
+    """Threshold for a command at the time of a sample.
 
-    No published source: set by hand, exercised by tests/logs/test_gather.py.
+    No published source: set by hand, tested in tests/logs/test_gather.py.
 
     Attributes
     ----------
     same : float
-        Largest distance of a command from a sample, in sampling periods.
+        Largest time between a command and a sample that count as simultaneous, in sampling periods.
     """
 
     same: float = 0.01
@@ -45,34 +45,34 @@ def join_logs(
 ) -> Log:
     """Add to a pose log the commands in force at each of its samples, and rows where a command changes.
 
-    A command holds until the next one, also over blank cells. Where one changes between two samples there is
-    a row more, at the command's own time and with NaN for all that was not measured then: rounded to the
-    next sample, every command would come half a sampling period late. Arrival times of the pose are first
-    replaced by the steady sampling clock behind them (:func:`~hovercontrol.logs.clock.steady`), so that a
-    late stamp does not pick a later command. Trials are those of the pose; where their time begins again,
-    both files need equally many, which are joined one by one.
+    A command is held until the next one, also over blank cells. A command change between two samples adds a
+    row at the time of the change, with NaN in the measured columns. If commands were moved to the next
+    sample instead, they would be late by half a sampling period on average. Arrival times of the pose are
+    first replaced by a steady sampling clock (:func:`~hovercontrol.logs.clock.steady`), so that a late stamp
+    does not select a later command. The trials are those of the pose. If their time restarts, both files
+    must have the same number of trials, which are joined one by one.
 
     Parameters
     ----------
     pose, commands : Log
-        On the same clock [s]; no column in both.
+        Logs on the same clock [s], without a common column.
     before : mapping or float, optional
-        The idle value of each command (or of all) before the first command row; without it the
-        pose is cut there.
+        The idle value of each command (or of all) before the first command row. Without it, samples of the
+        pose before that row are left out.
     hold : float
-        How long [s] the last command row holds; the pose is cut behind.
+        Time [s] for which the last command row is held; later samples of the pose are left out.
 
     Returns
     -------
     Log
-        The samples of ``pose`` that have a command, and the changes of commands between them, with the
-        columns of both, named after ``pose``.
+        The samples of ``pose`` that have a command, and rows for the command changes between them, with the
+        columns of both logs, named after ``pose``.
 
     Raises
     ------
     InputError
-        A column in both logs, an idle value missing or misnamed, no time in common, or trials whose time
-        begins again and that are not as many in both.
+        If a column is in both logs, an idle value is missing or has an unknown name, the logs have no time in
+        common, or the time of the trials restarts and their numbers differ.
 
     Examples
     --------
@@ -131,7 +131,7 @@ def join_logs(
 
 
 def measured_rows(log: Log) -> Mask:
-    """Return in which rows something was measured; in the others a command changes.
+    """Return the rows with a measurement; in the other rows a command changes.
 
     Examples
     --------
@@ -145,7 +145,7 @@ def measured_rows(log: Log) -> Mask:
 
 
 def _join_each(pose: Log, commands: Log, before: Mapping[str, float] | float | None, hold: float) -> Log:
-    """Join trials whose time begins again one by one, each on its own clock."""
+    """Join trials whose time restarts one by one, each on its own clock."""
     if len(pose.trials) != len(commands.trials):
         raise InputError(
             f"{pose.name}: time begins again: expected as many trials as in {commands.name}, found "

@@ -1,10 +1,9 @@
 """Kalman filter and Rauch-Tung-Striebel smoother of independent channels driven by white jerk.
 
 Each channel has its own process ``p''' = w`` with ``E[w(t) w(s)] = jerk * delta(t - s)`` and is
-seen as ``z = p + e`` with ``E[e^2] = noise``. All channels share the times and the choice of
-samples used, and run through the recursions together as the leading axis of the arrays. Where rows
-follow each other evenly the covariances soon stand still; from then on only the means are
-computed, block by block.
+measured as ``z = p + e`` with ``E[e^2] = noise``. All channels share the times and the selection of
+samples, and are computed together along the leading axis of the arrays. On evenly spaced rows the
+covariances soon become constant; from then on only the means are computed, in blocks.
 
 Source: Bar-Shalom, Li, Kirubarajan, "Estimation with Applications to Tracking and Navigation"
 (2001), 6.2.3 (white-jerk model) and 8.6 (fixed-interval smoother); Rauch, Tung, Striebel, AIAA J.
@@ -52,7 +51,7 @@ class Estimate:
 
 @dataclass(frozen=True, eq=False)
 class Filtered(Estimate):
-    """The filter's estimates, its predictions, and what the samples said about them.
+    """The filter's estimates, its predictions and its innovations.
 
     Attributes
     ----------
@@ -60,7 +59,7 @@ class Filtered(Estimate):
     innovation, innovation_variance : ndarray (n, c)
         Sample minus prediction, and its variance.
     transition : ndarray (n, 3, 3)
-        From the row before; zero where the filter started afresh.
+        Transition matrix from the previous row; zero where the filter restarted.
     """
 
     predicted_mean: Floats
@@ -81,15 +80,18 @@ def run_filter(
     ----------
     time : ndarray (n,)
     z : ndarray (n, c)
-        Samples; those not ``used`` do not matter.
+        Samples; those not ``used`` are ignored.
     used, restart : ndarray (n,) of bool
-        Which samples update the estimate, and at which rows (the first among them) the past is
-        forgotten.
+        The samples that update the estimate, and the rows (including the first) at which the filter
+        restarts from the prior.
     jerk, noise : ndarray (c,)
         Jerk density and measurement variance of each channel.
     prior : ndarray (c, 3)
         Variances of position (about the sample), velocity and acceleration at a restart.
     """
+    # With h = [1, 0, 0]:  x <- F x,  P <- F P F' + jerk Q;  S = h P h' + noise,  K = P h' / S,
+    # x <- x + K (z - h x),  P <- P - K h P.  In steady state the predictions obey
+    # x[k+1] = F (I - K h) x[k] + F K z[k] with constant K.
     n, c = z.shape
     transition, process = _model(time, restart)
     fresh = np.einsum("ci,ij->cij", prior, np.eye(3))
@@ -133,7 +135,9 @@ def run_filter(
 
 
 def run_smoother(filtered: Filtered) -> Estimate:
-    """Run the smoother backward over a filter's result."""
+    """Run the Rauch-Tung-Striebel smoother backward over a filter's result."""
+    # G = P F' P_next^-1 with the filtered P and the predicted P_next of the next row:
+    # x_s = x + G (x_s,next - x_next),  P_s = P + G (P_s,next - P_next) G'.
     F, P_next = filtered.transition[1:, None], filtered.predicted_covariance[1:]
     G = _gains(P_next, F @ filtered.covariance[:-1])
     mean, covariance = filtered.mean.copy(), filtered.covariance.copy()
@@ -161,8 +165,8 @@ def run_smoother(filtered: Filtered) -> Estimate:
 def _gains(P_next: Floats, FP: Floats) -> Floats:
     """Return the smoother's gains P F' P_next^-1, solved for all rows at once.
 
-    Without noise a sample leaves nothing of its variance, and rounding decides whether P_next can be
-    inverted: where it cannot, it is raised by what rounding may have taken.
+    Without measurement noise a sample reduces the variance to zero, and rounding may make P_next singular.
+    In that case its diagonal is increased by the relative size of rounding errors, ``ROUNDING``.
     """
     try:
         G = np.linalg.solve(P_next, FP)
@@ -173,7 +177,7 @@ def _gains(P_next: Floats, FP: Floats) -> Floats:
 
 
 def _recursion(A: Floats, b: Floats, x: Floats) -> Floats:
-    """Return x of x[k] = A x[k-1] + b[k], shape (n, c, 3), from the x before the first.
+    """Return the solution of x[k] = A x[k-1] + b[k], shape (n, c, 3), from the x before the first.
 
     Parameters
     ----------
@@ -181,13 +185,14 @@ def _recursion(A: Floats, b: Floats, x: Floats) -> Floats:
     b : ndarray (n, c, 3)
     x : ndarray (c, 3)
     """
+    # In a block that follows x0:  x[k] = A^k x0 + o[k],  o[k] = A o[k-1] + b[k],  o[0] = 0,  k = 1 ... BLOCK.
     n, c, size = b.shape
     powers = [np.broadcast_to(np.eye(size), A.shape)]
     for _ in range(BLOCK):
         powers.append(A @ powers[-1])
     blocks = -(-n // BLOCK)
     padded = np.concatenate([b, np.zeros((blocks * BLOCK - n, c, size))]).reshape(blocks, BLOCK, c, size)
-    own = padded.copy()  # of a block that begins at zero
+    own = padded.copy()  # o[k], the response of a block to b from zero
     for k in range(1, BLOCK):
         own[:, k] += (A @ own[:, k - 1, ..., None])[..., 0]
     starts = np.empty((blocks, c, size))
@@ -204,7 +209,7 @@ def _same(one: Floats, other: Floats) -> bool:
 
 
 def _even_until(time: Floats, plain: Mask) -> list[int]:
-    """Return for each row the end of the run of plain rows, a step apart, that it is in; itself if none."""
+    """Return for each row the end of its run of evenly spaced plain rows, or the row itself if in none."""
     step = np.diff(time, prepend=time[0] - 1.0)
     joined = plain & (np.abs(step - np.roll(step, 1)) <= 1e-9 * np.abs(step))
     ends = np.flatnonzero(~joined)
@@ -215,7 +220,7 @@ def _even_until(time: Floats, plain: Mask) -> list[int]:
 
 
 def _alike_from(G: Floats, ahead: Floats, covariance: Floats) -> list[int]:
-    """Return for each row the first of the run of rows whose gains and covariances are those of this row."""
+    """Return for each row the first row of the run with the same gains and covariances."""
     same = np.zeros(len(G), dtype=bool)
     same[1:] = (
         (G[1:] == G[:-1]).all(axis=(1, 2, 3))
@@ -230,10 +235,10 @@ def _alike_from(G: Floats, ahead: Floats, covariance: Floats) -> list[int]:
 def fit_noise(
     time: Floats, z: Floats, used: Mask, restart: Mask, groups: tuple[tuple[int, ...], ...]
 ) -> tuple[Floats, Floats]:
-    """Return the most likely jerk density and measurement variance of each channel, shapes (c,).
+    """Return the maximum-likelihood jerk density and measurement variance of each channel, shapes (c,).
 
-    Maximum likelihood of the innovations; the variance is solved for in closed form, the ratio
-    jerk/noise found on a logarithmic grid, twice refined. Channels of one group share both.
+    The likelihood is that of the innovations. The variance follows in closed form; the ratio jerk/noise
+    is found on a logarithmic grid that is then refined. Channels of one group share both.
 
     Parameters
     ----------
@@ -247,6 +252,9 @@ def fit_noise(
     InputError
         If no samples follow each other closely.
     """
+    # With R = noise and the innovation variances R S_k, where S_k depends on the ratio jerk/noise alone,
+    # -2 ln L = sum (ln S_k + ln R + nu_k^2 / (R S_k)) + const. is least at R = mean nu_k^2 / S_k,
+    # which leaves mean ln S_k + ln R to minimise over the ratio.
     step = float(np.median(np.diff(time)))
     c = z.shape[1]
     centre, reach = np.full(c, -1.0), 6.0
@@ -283,7 +291,9 @@ def _warm_up(used: Mask, restart: Mask) -> Mask:
 
 
 def _model(time: Floats, restart: Mask) -> tuple[Floats, Floats]:
-    """Return transition and unit process covariance from the row before, both (n, 3, 3)."""
+    """Return transition matrix and unit process covariance from the previous row, both (n, 3, 3)."""
+    # F = exp(A d) of p''' = w,  Q = integral from 0 to d of exp(A s) b b' exp(A' s) ds,  b = [0, 0, 1]'
+    # (Bar-Shalom et al., 6.2.3).
     d = np.diff(time, prepend=time[0])
     one, zero = np.ones_like(d), np.zeros_like(d)
     F = np.array([[one, d, d**2 / 2], [zero, one, d], [zero, zero, one]])

@@ -1,7 +1,7 @@
 """The log: named columns of numbers over strictly increasing time.
 
-Everything that works on measurements takes and returns a :class:`Log`; :mod:`.read` makes one from
-a file, :meth:`Log.save` makes a file from one.
+All functions on measurements take and return a :class:`Log`. :mod:`.read` reads one from a file, and
+:meth:`Log.save` writes one to a file.
 """
 
 from __future__ import annotations
@@ -31,10 +31,10 @@ POSE = ("x", "y", "psi")
 VELOCITY = ("u", "v", "r")
 PARQUET = (".parquet", ".pq")
 
-#: Into how many stretches a very long log is cut.
+#: Number of stretches that represent a very long log.
 STRETCHES = 10
 
-#: SI units of what a log of a craft may hold.
+#: SI units of the pose and the body velocities.
 UNITS = dict(zip((*POSE, *VELOCITY), ("m", "m", "rad", "m/s", "m/s", "rad/s"), strict=True))
 
 Floats = NDArray[np.float64]
@@ -50,7 +50,8 @@ class Trial:
     first : int
         Its first row.
     shift : float
-        Seconds added to the file's time: trials whose time begins again follow each other in a log.
+        Offset added to the file's time [s]. Trials whose time restarts in the file are placed one after
+        the other in a log.
     """
 
     first: int
@@ -65,25 +66,25 @@ class Log:
     Attributes
     ----------
     name : str
-        What error lines and reports call this log, usually its file name.
+        Name of the log in error messages and reports, usually its file name.
     time : ndarray (n,)
-        Seconds, strictly increasing.
+        Times [s], strictly increasing.
     columns : mapping of str to ndarray (n,)
         Signals by name in SI units: any of ``x, y, psi`` (pose), ``u, v, r`` (body velocities) and
-        the inputs. NaN where a row holds no measurement, only inputs.
+        the inputs. NaN in rows without a measurement, with inputs only.
     frame : str
-        The frame that its axes were said to be in before they became x, y, psi with z up; empty where nobody
-        said so, and :func:`.frames.check_frame` looks.
+        The stated frame of the log's axes before conversion to x, y, psi with z up. If it is empty,
+        :func:`.frames.check_frame` checks the axes.
     origin : int
-        The stamp [ns] from which ``time`` counts, where the file counts from an epoch; else 0.
+        Time stamp [ns] at which ``time`` is zero, if the file counts time from an epoch; else 0.
     trials : tuple of Trial
-        The trials of which the log consists, in order; empty if it is one. Nothing is predicted from one to
+        The trials of the log, in order; empty for a single trial. Predictions do not cross from one trial to
         the next.
     notes : tuple of str
-        What the reader did to the rows, one line each.
+        Changes that the reader made to the rows, one line each.
     blank : mapping of str to int, optional
-        Samples missing in each column of the files; by default the number of NaN. A joined log has NaN in its
-        rows for a command alone, too.
+        Number of samples missing in each column of the files; by default the number of NaN. In a joined log
+        the rows added for a command also have NaN, which are not counted here.
 
     Raises
     ------
@@ -149,7 +150,7 @@ class Log:
         return self.columns[name]
 
     def has(self, *names: str) -> bool:
-        """Return whether every one of these columns is there.
+        """Return whether the log has all of these columns.
 
         Parameters
         ----------
@@ -158,7 +159,7 @@ class Log:
         return all(name in self.columns for name in names)
 
     def stack(self, *names: str) -> Floats:
-        """Return the named columns side by side, shape (n, number of names).
+        """Return the named columns as a matrix, shape (n, number of names).
 
         Raises
         ------
@@ -174,7 +175,7 @@ class Log:
         return np.column_stack([self[name] for name in names])
 
     def select(self, rows: Mask | NDArray[np.intp] | slice) -> Log:
-        """Return the log of some rows (a mask, indices or a slice).
+        """Return the log reduced to some rows (a mask, indices or a slice).
 
         Parameters
         ----------
@@ -183,7 +184,7 @@ class Log:
         Raises
         ------
         InputError
-            If there are no such rows.
+            If the rows do not exist.
 
         Examples
         --------
@@ -209,7 +210,7 @@ class Log:
         return tuple(found) if len(found) > 1 else ()
 
     def each_trial(self) -> list[Log]:
-        """Return one log for each trial; the log itself if it is one.
+        """Return one log per trial, or the log itself if it is a single trial.
 
         Examples
         --------
@@ -230,7 +231,7 @@ class Log:
         Raises
         ------
         InputError
-            It is not a column.
+            If there is no such column.
 
         Examples
         --------
@@ -251,7 +252,7 @@ class Log:
         return self.select((self.time >= start) & (self.time <= stop))
 
     def spread(self, most: int) -> list[Log]:
-        """Return the log itself, or ten stretches of a log of more rows than `most`, spread evenly over it.
+        """Return the log itself, or ten evenly spaced stretches if it has more than `most` rows.
 
         Examples
         --------
@@ -266,7 +267,7 @@ class Log:
         return [self.select(slice(int(first), int(first) + size)) for first in firsts]
 
     def with_columns(self, columns: Mapping[str, ArrayLike]) -> Log:
-        """Return a log with these columns added or replaced, each of shape (n,).
+        """Return the log with these columns added or replaced, each of shape (n,).
 
         Examples
         --------
@@ -277,7 +278,7 @@ class Log:
         return replace(self, columns={**self.columns, **added})
 
     def on_clock_of(self, other: Log) -> Log:
-        """Return the log with its time counted from where that of another log is.
+        """Return the log with its time counted from the origin of another log.
 
         Parameters
         ----------
@@ -295,10 +296,10 @@ class Log:
 
     @property
     def gaps(self) -> tuple[tuple[float, float], ...]:
-        """Spans [s] without samples, longer than 0.25 s and than five usual steps.
+        """Spans [s] without samples, longer than 0.25 s and longer than five median time steps.
 
-        A gap is no error: smoothing and identification start afresh behind it. Pauses between trials are not
-        counted.
+        A gap is not an error: smoothing and identification restart after it. Pauses between trials do not
+        count as gaps.
         """
         firsts = [trial.first for trial in self.trials]
         rows = np.setdiff1d(gap_rows(self.time), firsts) - 1
@@ -310,13 +311,13 @@ class Log:
         return log_html(self)
 
     def plot(self) -> Figure:
-        """Return the columns over time as a picture."""
+        """Return a figure of the columns over time."""
         from hovercontrol.notebook.plots import log_figure
 
         return open_in_pyplot(log_figure(self, UNITS))
 
     def save(self, path: str | Path) -> None:
-        """Write CSV, or Parquet where the suffix says so; the file is written atomically.
+        """Write the log as CSV or Parquet, chosen by the suffix; the file is written atomically.
 
         Parameters
         ----------
@@ -347,7 +348,7 @@ class Log:
 
 
 def gap_rows(time: Floats) -> NDArray[np.intp]:
-    """Return the rows (first behind each gap) whose step is over 0.25 s and five usual steps.
+    """Return the first row after each gap: a time step over 0.25 s and over five median steps.
 
     Examples
     --------

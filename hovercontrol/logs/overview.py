@@ -1,4 +1,4 @@
-"""The topics of a log file: their rates and columns, and a proposal of what to name in ``--columns``."""
+"""The topics of a log file with their rates and columns, and a proposal for ``--columns``."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from hovercontrol.logs.log import POSE, VELOCITY
 from hovercontrol.logs.readers.tables import Table, Tables
 from hovercontrol.logs.source import Source, format_of, open_log
 
-#: Topics of what is wanted, not measured, and of what a simulator knows.
+#: Topics with setpoints instead of measurements, and with a simulator's ground truth.
 _WANTED = re.compile(r"set_?point|desired|target|reference|groundtruth|_sp\b", re.IGNORECASE)
 _COMMAND = re.compile(
     r"cmd|command|actuator|motor|servo|rc_?ou|throttle|thrust|rudder|pwm|fan|esc", re.IGNORECASE
@@ -25,7 +25,7 @@ _NO_POSITION = re.compile(
     r"vel|acc|gyr|angular|linear|orient|quat|twist|mag|rot|del|\bv[xy]$|var|ref_", re.IGNORECASE
 )
 
-#: Ends of the names of x and y of a position, of a heading, of a yaw rate, and of body velocities.
+#: Suffixes of the names of x and y of a position, of a heading, of a yaw rate, and of body velocities.
 _POSITIONS = ((r"x", "y"), (r"\bPN", "PE"), (r"pos\[0\]", "pos[1]"), (r"position\[0\]", "position[1]"))
 _HEADING = re.compile(r"(^|[./_])(heading|yaw|psi)$", re.IGNORECASE)
 _RATE = re.compile(
@@ -39,7 +39,7 @@ _QUATERNIONS = (
     (".rx", ".ry", ".rz"),
 )
 
-#: Commands that are proposed where no model says how many it has.
+#: Maximum number of proposed commands if no model gives the number of its inputs.
 MOST_COMMANDS = 4
 
 #: Formats whose frame is north-east-down.
@@ -48,7 +48,7 @@ _NED = ("PX4 ULog", "ArduPilot log")
 
 @dataclass(frozen=True)
 class Topic:
-    """A table of a file, as the overview lists it."""
+    """A table of a file, as listed in the overview."""
 
     name: str
     header: list[str]
@@ -67,7 +67,7 @@ class Topic:
 
     @property
     def rate(self) -> float:
-        """The usual rate [Hz]; NaN where there is no clock."""
+        """The usual rate [Hz]; NaN if there is no clock."""
         recorded = f"{self.name}/time"
         clock = recorded if recorded in self.header else self.clock
         if not clock or self.rows < 2:
@@ -78,7 +78,7 @@ class Topic:
 
 
 def overview(file: Path, inputs: Sequence[str] = (), options: str = "") -> str | None:
-    """Return a list of a file's topics and a proposal of ``--columns``, None where its columns need no names.
+    """Return a list of a file's topics and a proposal for ``--columns``, or None if none is needed.
 
     Parameters
     ----------
@@ -136,7 +136,7 @@ def _topics(file: Path) -> list[Topic]:
 
 
 def _wrapped(names: Sequence[str], width: int = 100) -> list[str]:
-    """Return names in lines, elements of arrays as ``q[0..3]``."""
+    """Return the names wrapped into lines, with array elements as ``q[0..3]``."""
     last: dict[str, int] = {}
     for name in names:
         stem, bracket, rest = name.partition("[")
@@ -154,19 +154,19 @@ def _wrapped(names: Sequence[str], width: int = 100) -> list[str]:
 
 
 def proposal(topics: Sequence[Topic], inputs: Sequence[str] = ()) -> dict[str, str]:
-    """Return columns by our names, as far as the file's names suggest them.
+    """Return columns by signal name, as far as the file's names suggest them.
 
     Parameters
     ----------
     topics : sequence of Topic
     inputs : sequence of str, optional
-        The model's inputs; without them up to four commands that change are proposed.
+        The model's inputs; without them up to four changing commands are proposed.
     """
     measured = [topic for topic in topics if not _WANTED.search(topic.name)]
     found: dict[str, str] = {}
     poses = [pose for topic in measured if (pose := _pose(topic))]
     if poses:
-        # a pose whose heading is of the same topic, then the one with most rows
+        # prefer a pose with the heading in the same topic, then the pose with most rows
         found = max(poses, key=lambda pair: ("psi" in pair[0], pair[1].rows))[0]
         if "psi" not in found:
             headings = [psi for topic in measured if (psi := _heading(topic.header))]
@@ -203,7 +203,7 @@ def _pose(topic: Topic) -> tuple[dict[str, str], Topic] | None:
 
 
 def _heading(header: Sequence[str]) -> str:
-    """Return what gives a heading: a column, or the columns of a rotation; empty where nothing does."""
+    """Return the column of the heading, or the columns of a rotation; empty if there are none."""
     there = set(header)
     for name in header:
         if _HEADING.search(name):
@@ -218,7 +218,7 @@ def _heading(header: Sequence[str]) -> str:
 
 
 def _commands(topics: Sequence[Topic], inputs: Sequence[str], taken: set[str]) -> dict[str, str]:
-    """Return commands: by the names of the model's inputs, then those that change, in order."""
+    """Return the commands: first by the names of the model's inputs, then changing columns in order."""
     found: dict[str, str] = {}
     names = [name for topic in topics for name in topic.header if name not in taken]
     for ours in inputs:

@@ -1,4 +1,4 @@
-"""What the rows of a log mean to a Block: samples that are missing, commands that hold, repeated samples."""
+"""Preparation of a log for estimation: missing samples, held commands and repeated samples."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from hovercontrol.logs.log import Floats, Log
 
 
 def prepared(log: Log, channels: Sequence[str], inputs: Sequence[str]) -> tuple[Log, list[str]]:
-    r"""Return a log as an estimate reads it, and one line on each change.
+    r"""Return a log prepared for estimation, and one line on each change.
 
-    NaN in a measured column is a sample that is missing. NaN in a command means that the last value holds;
-    rows before the first command are left out. Rows that only repeat a measurement hold none
-    (:func:`.held.without_repeats`). A log that was prepared already stays as it is.
+    NaN in a measured column is a missing sample. NaN in a command means that the last value is held; rows
+    before the first command are left out. Rows that only repeat the previous measurement count as missing
+    samples (:func:`.held.without_repeats`). Preparing a log twice changes nothing more.
 
     Parameters
     ----------
     log : Log
     channels, inputs : sequence of str
-        Columns that are measured and commanded, where the log has them.
+        Names of measured and commanded columns; those that the log lacks are ignored.
 
     Returns
     -------
@@ -57,7 +57,7 @@ def prepared(log: Log, channels: Sequence[str], inputs: Sequence[str]) -> tuple[
 
 
 def held_on(values: Floats) -> Floats:
-    """Return values in which NaN is the last number before it; NaN before the first.
+    """Return the values with each NaN replaced by the last number before it; leading NaN remain.
 
     Examples
     --------
@@ -70,7 +70,7 @@ def held_on(values: Floats) -> Floats:
 
 
 def _missing(log: Log, names: Sequence[str]) -> list[str]:
-    """Return a line for columns that lack as many samples each."""
+    """Return one line for each group of columns with the same number of missing samples."""
     by_count: dict[tuple[int, int], list[str]] = {}
     for name in names:
         missing = log.missing(name)
@@ -84,7 +84,7 @@ def _missing(log: Log, names: Sequence[str]) -> list[str]:
 
 
 def _commanded(log: Log, names: Sequence[str]) -> tuple[Log, list[str]]:
-    """Return a log whose commands hold over blank cells, from the first row of each trial that has all."""
+    """Return a log with commands held over blank cells, from each trial's first row with all commands."""
     if not any(np.isnan(log[name]).any() for name in names):
         return log, []
     parts = log.each_trial()

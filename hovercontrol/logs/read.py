@@ -1,6 +1,6 @@
-"""Reading a log from a file, with errors of one line.
+"""Reading a log from a file, with one-line error messages.
 
-Files are read in pieces, so memory stays near the size of the numbers that are kept.
+Files are read in pieces, so that memory use stays near the size of the columns that are kept.
 """
 
 from __future__ import annotations
@@ -47,52 +47,52 @@ def read_log(
 ) -> Log:
     r"""Read a log from CSV, Parquet or another of the formats in :data:`~hovercontrol.logs.source.FORMATS`.
 
-    Time, pose, body velocities, the columns of the model, the wanted inputs and every column named by
-    the caller are checked: plausible numbers, time increasing, heading not in degrees. A blank or NaN cell
-    is a missing sample, but for time. Other columns are kept unchecked if they hold numbers, and left out if
-    they hold text.
+    Time, pose, body velocities, the columns of the model, the required inputs and every column named by
+    the caller are checked: values must be plausible, time must increase, and the heading must not be in
+    degrees. A blank or NaN cell is a missing sample, except in the time column, where it is an error. Other
+    columns are kept unchecked if they contain numbers, and left out if they contain text.
 
-    A file may hold several trials: one begins where time begins again, where it pauses for more than 30 s and
-    100 time steps, or where the column `trial` changes. ``Log.trials`` tells where, ``Log.notes`` what was
-    found.
+    A file may contain several trials. A new one begins where time restarts, where time pauses for more than
+    30 s and more than 100 time steps, or where the column `trial` changes. ``Log.trials`` gives their first
+    rows, and ``Log.notes`` describes them.
 
     Parameters
     ----------
     path : str or Path
-        Its format is known by its content, else by its suffix; everything else is CSV.
+        The format is recognised by the content, else by the suffix; any other file is read as CSV.
     columns : mapping, optional
-        Our column name to the file's, ``{"time": "stamp"}``; with a unit where it is not SI,
-        ``{"psi": "yaw:deg"}``; a minus before it turns the sign, ``{"rudder": "servo:-deg"}``. ``{"time":
-        "sec+nanosec"}`` adds stamps, ``{"psi": "qx,qy,qz,qw:z-up"}`` makes a heading of a quaternion
-        (:mod:`.heading`). Columns of a file with topics are called ``topic/field``.
+        Signal name to the file's column name, ``{"time": "stamp"}``. A unit follows if it is not SI,
+        ``{"psi": "yaw:deg"}``; a minus before the unit flips the sign, ``{"rudder": "servo:-deg"}``.
+        ``{"time": "sec+nanosec"}`` adds two time columns, and ``{"psi": "qx,qy,qz,qw:z-up"}`` computes the
+        heading from a quaternion (:mod:`.heading`). In a file with topics columns are named ``topic/field``.
     inputs : sequence of str, or mapping of str to str
-        Columns that must be there besides ``time``; with the units that they are to have.
+        Columns required besides ``time``; a mapping also gives the units that they are converted to.
     model : Model, BlockModel or Block, optional
-        What the log is of: its inputs must be there, and of a craft all of ``x, y, psi`` or all of
-        ``u, v, r``, of any other machine at least one output or state. Default: no column but ``time`` is
-        needed.
+        Model of the logged system. Its inputs are required; for a craft also all of ``x, y, psi`` or all of
+        ``u, v, r``, and for any other system at least one output or state. Default: only ``time`` is
+        required.
     motion : bool, optional
-        Whether all of ``x, y, psi`` or all of ``u, v, r`` must be there without a model, too.
+        Whether all of ``x, y, psi`` or all of ``u, v, r`` are required even without a model.
     usecols : sequence of str, optional
-        The only columns to keep besides ``time`` and ``inputs`` (our names).
+        The only columns to keep besides ``time`` and ``inputs`` (by signal name).
     missing : sequence of float, optional
-        Numbers in the file that mean a missing value, in any column but ``time``: ``[-999]``.
+        Numbers in the file that mean a missing value, in any column except ``time``: ``[-999]``.
     trial : str, optional
-        A column of numbers, one for each trial; rows in which it is blank belong to none and are left out.
+        A column with a number for each trial. Rows in which it is blank belong to no trial and are left out.
 
     Returns
     -------
     Log
-        Named after the file; in SI units, which the file must have where `columns` says no other. Rows
-        may be missing: ``Log.gaps`` tells where.
+        Named after the file, in SI units. Columns of the file must be in SI units unless `columns` or the
+        file itself states another unit. Rows may be missing: see ``Log.gaps``.
 
     Raises
     ------
     ArgumentError
         If `columns` or `trial` names a column that the file does not have, or one twice, or an unknown unit.
     InputError
-        Anything wrong with the file: which line (the header is line 1; in Parquet which row, from
-        1), which column, what was expected and what was found. Over 1 GiB of numbers is refused.
+        If the file is invalid. The message names the line (the header is line 1; in Parquet the row, from
+        1), the column, and the expected and the found value. More than 1 GiB of numbers is an error.
 
     Examples
     --------
@@ -116,7 +116,7 @@ def read_wanted(
     missing: Sequence[float] = (),
     trial: str = "",
 ) -> Log:
-    """Return a log as :func:`read_log`, with the columns that are wanted."""
+    """Return a log as :func:`read_log` does, with the required columns given by `wanted`."""
     file, given = Path(path), columns or {}
     opened = open_log(file)
     if not isinstance(opened, Tables):
@@ -137,7 +137,7 @@ def _read_source(
     missing: Sequence[float] = (),
     trial: str = "",
 ) -> Log:
-    """Read a log from one table, as :func:`read_log` says."""
+    """Read a log from one table, as described in :func:`read_log`."""
     source = with_derived(file, opened, columns)
     said = {ours: column_of(theirs, source.header) for ours, theirs in columns.items()}
     renamed = {ours: theirs for ours, (theirs, _) in said.items()}
@@ -183,7 +183,7 @@ def _read_source(
 
 
 def _log(name: str, data: dict[str, Floats], firsts: NDArray[np.intp], trial: str) -> Log:
-    """Return the log of some trials; rows that belong to none are left out."""
+    """Return a log with its trials; rows that belong to no trial are left out."""
     if not firsts.size:
         return Log(name, data.pop("time"), data)
     time, trials = in_sequence(data.pop("time"), firsts)
@@ -197,7 +197,7 @@ def _log(name: str, data: dict[str, Floats], firsts: NDArray[np.intp], trial: st
 
 
 def names_in(path: Path, columns: Mapping[str, str]) -> dict[str, str]:
-    """Return a file's column name under each of ours; its numbers are not read.
+    """Return the file's column name for each signal name, without reading the numbers.
 
     Raises
     ------
@@ -209,7 +209,7 @@ def names_in(path: Path, columns: Mapping[str, str]) -> dict[str, str]:
 
 
 def header_of(path: Path, columns: Mapping[str, str]) -> list[str]:
-    """Return a file's column names, and those that ``--columns`` makes of them.
+    """Return a file's column names, and the names of columns that ``--columns`` derives from them.
 
     Raises
     ------
@@ -223,7 +223,7 @@ def header_of(path: Path, columns: Mapping[str, str]) -> list[str]:
 
 
 def _our_names(file: str, header: list[str], renamed: Mapping[str, str]) -> dict[str, str]:
-    """Return the file's column name under each of ours, in the file's order."""
+    """Return the file's column name for each signal name, in the file's order."""
     ours_of: dict[str, str] = {}
     for ours, theirs in renamed.items():
         if theirs not in header:
@@ -240,7 +240,7 @@ def _our_names(file: str, header: list[str], renamed: Mapping[str, str]) -> dict
 
 
 def _gather(file: str, source: Source, names: Mapping[str, str]) -> dict[str, Floats]:
-    """Read columns piece by piece into one array each."""
+    """Read columns in pieces into one array each."""
     expected = source.rows_expected()
     _check_size(file, expected, len(names))
     data = {ours: np.empty(expected + expected // 50 + 1) for ours in names}
@@ -249,7 +249,7 @@ def _gather(file: str, source: Source, names: Mapping[str, str]) -> dict[str, Fl
         start, rows = rows, rows + batch.num_rows
         _check_size(file, rows, len(names))
         for ours, theirs in names.items():
-            if rows > data[ours].size:  # the estimate was short
+            if rows > data[ours].size:  # the estimate was too small
                 data[ours].resize(rows + rows // 4, refcheck=False)
             values = batch.column(theirs).cast(pa.float64(), safe=False)
             data[ours][start:rows] = values.to_numpy(zero_copy_only=False)

@@ -1,12 +1,12 @@
-"""Rejection of samples that are no motion: the best chain of pieces that one craft could follow.
+"""Rejection of samples that are not motion: the best chain of pieces that one craft could follow.
 
-The pose is cut into pieces at every step that the neighbouring steps do not explain. A piece follows
-another at a cost: how far constant speed misses the other's start, over what pushes, impacts and noise
-explain. Only between two samples in a row it may miss by more than that. How much they explain is taken
-from the log itself (:class:`Limits`). Dynamic programming picks the chain with the most samples less the
-costs: a heading that was turned over for a while is left out although it is as smooth as the truth,
-because the steps there and back cost more than its samples, and a small shift that stays is kept, because
-leaving out the rest of the log would cost more.
+The pose is cut into pieces at every step that the neighbouring steps do not explain. A link from one piece to
+another has a cost: the deviation of the second piece's start from a motion at constant speed, relative to the
+deviation that forces, impacts and noise explain (estimated from the log itself, :class:`Limits`). Only a link
+between two consecutive samples may deviate by more than that. Dynamic programming finds the chain with the
+highest score, its number of samples minus the cost of its links. A heading that is flipped for a while is
+rejected although it is as smooth as the truth, because the steps there and back cost more than its samples.
+A small permanent shift is kept, because rejecting the rest of the log would cost more.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ from hovercontrol.logs.log import Floats, Mask
 
 @dataclass(frozen=True)
 class RejectionCriteria:
-    """When samples of a pose are no motion of a craft.
+    """Thresholds for samples of a pose that are not motion of the craft.
 
-    No published source: set by hand on recorded logs, exercised by tests/logs/test_smooth.py and
+    No published source: set by hand on recorded logs, tested in tests/logs/test_smooth.py and
     tests/logs/test_real.py.
 
     Attributes
@@ -32,15 +32,15 @@ class RejectionCriteria:
     usual : float
         Largest deviation of a step from its neighbours, in median deviations: twelve standard deviations.
     spare : int
-        Steps of whose median the speed is taken: two wrong samples in a row spoil three.
+        Number of steps in the median that gives the speed; two wrong samples in a row affect three steps.
     uneven : float
-        Factor by which steps of fast motion may scatter more than usual in the log.
+        Factor by which the scatter of steps in fast motion may exceed that of the log.
     neighbours : int
-        Samples from which the local scatter of steps is estimated.
+        Number of samples from which the local scatter of steps is estimated.
     pushed : float
-        Largest sustained acceleration relative to the 90 % quantile of the log.
+        Largest sustained acceleration, relative to the 90 % quantile of the log.
     stops : float
-        Time in which a craft that lands loses the log's highest speed [s].
+        Time in which a landing craft loses the log's highest speed [s].
     bump : float
         Largest change of speed between two samples, in a collision, relative to the log's highest speed.
     farthest_turn : float
@@ -51,15 +51,17 @@ class RejectionCriteria:
     forget : float
         Loss of sight after which the craft may be anywhere [s].
     speed_span : float
-        Time over which the speed at the end of a piece is taken, or four steps [s].
+        Time over which the speed at the end of a piece is averaged [s], at least four steps.
     longest : float
-        Longest piece, so that part of a wrong one can be rejected [s].
+        Maximum length of a piece [s], so that part of a wrong one can be rejected.
     look_back : int
-        Earlier pieces tried as predecessors.
+        Number of earlier pieces tried as predecessors.
     at_once : float
-        Steps within which a link may be rougher than that: a shift between two samples.
+        Maximum length, in steps, of a link that may exceed the explained deviation: a shift between two
+        samples.
     roughness : float
-        Cost, in samples, of a link at the largest deviation that is explained; it grows with the square.
+        Cost, in samples, of a link at the largest explained deviation; the cost is quadratic in the
+        deviation.
     """
 
     usual: float = 12.0 * 1.4826
@@ -85,22 +87,22 @@ REJECTION = RejectionCriteria()
 
 @dataclass(frozen=True, eq=False)
 class Limits:
-    """What a log explains, for x, y, psi.
+    """Largest deviations that a log explains, for x, y, psi.
 
-    All are quantiles that a few samples in a hundred, wherever they lie, hardly move.
+    All follow from quantiles, so that a few per cent of wrong samples hardly change them.
 
     Attributes
     ----------
     noise : ndarray (3,)
-        What a step may miss its neighbours by where nothing happens [m, rad].
+        Largest deviation of a step from its neighbours in undisturbed motion [m, rad].
     local : ndarray (n - 1, 3)
-        The same for each step, by the scatter around it.
+        The same for each step, from the scatter around it.
     push : ndarray (3,)
         Sustained acceleration [m/s^2, rad/s^2].
     impact : ndarray (3,)
         Change of speed between two samples [m/s, rad/s].
     farthest : ndarray (3,)
-        Departure from constant speed over a loss of sight [m, rad].
+        Deviation from constant speed over a loss of sight [m, rad].
     """
 
     noise: Floats
@@ -119,16 +121,16 @@ class Limits:
         ----------
         time : ndarray (n,)
         speed : ndarray (n - 1, 3)
-            Of each step, without single ones that stand out.
+            Speed at each step, by a median without single outliers.
         surprise : ndarray (n - 1, 3)
-            How far each step is from what that speed says.
+            Absolute difference of each step from speed times its duration.
         """
         step = float(np.median(np.diff(time)))
         reach = min(_reach(step), len(speed) - 1)
         change = np.abs(speed[reach:] - speed[:-reach]) / (reach * step)
         usual, fastest = np.quantile(change, 0.9, axis=0), np.quantile(np.abs(speed), 0.99, axis=0)
         for row in (usual, fastest):
-            row[:2] = row[:2].max()  # the craft turns
+            row[:2] = row[:2].max()  # x and y alike, because the craft turns
         noise = REJECTION.usual * np.median(surprise, axis=0) + 1e-6
         around = REJECTION.usual * median_filter(surprise, size=(REJECTION.neighbours, 1), mode="nearest")
         return cls(
@@ -142,7 +144,7 @@ class Limits:
 
 @dataclass(frozen=True, eq=False)
 class Pieces:
-    """Runs of smooth samples, rows ``first`` to ``last``, and the speeds (m, 3) at both ends."""
+    """Runs of smooth samples, rows ``first`` to ``last``, with the speeds (m, 3) at both ends."""
 
     first: np.ndarray[tuple[int], np.dtype[np.intp]]
     last: np.ndarray[tuple[int], np.dtype[np.intp]]
@@ -154,7 +156,7 @@ class Pieces:
 
 
 def wrap(angle: Floats) -> Floats:
-    """Return angles moved by whole turns into [-pi, pi).
+    """Return angles wrapped to [-pi, pi).
 
     Examples
     --------
@@ -166,7 +168,7 @@ def wrap(angle: Floats) -> Floats:
 
 
 def follow(time: Floats, pose: Floats) -> tuple[Mask, Floats]:
-    """Pick the samples that one craft could have passed, and count the turns of its heading.
+    """Select the samples that one craft could have followed, and unwrap its heading.
 
     Parameters
     ----------
@@ -213,7 +215,7 @@ def follow(time: Floats, pose: Floats) -> tuple[Mask, Floats]:
 
 
 def _cut(time: Floats, rates: Floats, smooth: Mask) -> Pieces:
-    """Cut into pieces at steps that are not smooth and at whole multiples of ``REJECTION.longest``."""
+    """Cut into pieces at steps that are not smooth and at multiples of ``REJECTION.longest``."""
     block = np.floor((time - time[0]) / REJECTION.longest)
     cut = ~smooth | (np.diff(block) > 0)
     first = np.concatenate([[0], np.flatnonzero(cut) + 1])
@@ -227,12 +229,15 @@ def _cut(time: Floats, rates: Floats, smooth: Mask) -> Pieces:
 
 
 def _reach(step: float) -> int:
-    """Return over how many steps the speed at the end of a piece is taken."""
+    """Return the number of steps over which the speed at the end of a piece is averaged."""
     return max(4, int(np.rint(REJECTION.speed_span / step)))
 
 
 def _best_chain(time: Floats, pose: Floats, pieces: Pieces, limits: Limits) -> list[int]:
-    """Return the chain of pieces with the most samples, less what its rough links cost."""
+    """Return the chain of pieces with the highest score: its samples minus the cost of its links."""
+    # A link over the time T from piece j to k deviates by  d = p_k - p_j - (v_j + v_k)/2 T.  Allowed is
+    # a = min(impact T + push T^2/4, farthest) + noise (1 + T/speed_span);  rho = max |d|/a over x, y, psi.
+    # Dynamic programming:  score_k = samples_k + max over j of (score_j - roughness rho^2).
     noise = np.vstack([limits.noise, limits.local])[pieces.first]  # of the step into each piece
     step = float(np.median(np.diff(time)))
     start, end = time[pieces.first], time[pieces.last]

@@ -1,4 +1,4 @@
-"""Columns in other units than SI, as far as the log alone shows them: no craft moves like that."""
+"""Detection of columns that are not in SI units, from motion that is impossible for a craft."""
 
 from __future__ import annotations
 
@@ -11,21 +11,21 @@ from hovercontrol.logs.log import Floats, Log
 
 @dataclass(frozen=True)
 class ScaleCriteria:
-    """When motion shows another unit.
+    """Thresholds for motion that indicates another unit.
 
-    No published source: set by hand, exercised by tests/logs/test_scales.py.
+    No published source: set by hand, tested in tests/logs/test_scales.py.
 
     Attributes
     ----------
     slowest : float
-        Largest time step of a craft's log [s]; a larger one means another unit of time.
+        Largest median time step of a craft's log [s]; a larger one means another unit of time.
     fastest : float
-        Speed that no hovercraft of this kind reaches [m/s]; positions in millimetres exceed it at once.
+        Speed that no hovercraft of this kind reaches [m/s]; positions in millimetres soon exceed it.
     turning : float
-        Yaw rate that no craft keeps up for half of a log [rad/s]; a heading in degrees exceeds it where the
-        craft turns by 30 degrees a second.
+        Yaw rate that no craft sustains for half of a log [rad/s]; a heading in degrees exceeds it if the
+        craft turns faster than 30 degrees per second.
     over : float
-        Time over which a speed is taken [s].
+        Time over which speeds are computed [s].
     """
 
     slowest: float = 1.0
@@ -39,7 +39,7 @@ SCALES = ScaleCriteria()
 
 
 def scale_faults(log: Log) -> list[str]:
-    """Return what shows that time, position, velocity or heading are not in s, m, m/s and rad.
+    """Return the evidence that time, position, velocity or heading are not in s, m, m/s and rad.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ def scale_faults(log: Log) -> list[str]:
     Returns
     -------
     list of str
-        One line each; those after a wrong unit of time would follow from it.
+        One line each. A wrong unit of time is reported alone, because it would cause the others.
 
     Examples
     --------
@@ -88,9 +88,10 @@ def scale_faults(log: Log) -> list[str]:
 
 
 def _rates(log: Log, *names: str, each: bool = False) -> Floats:
-    """Return how fast columns change [1/s], shape (m, number of names); zeros where there is too little.
+    """Return the rates of change of columns [1/s], shape (m, number of names); one row of zeros if too short.
 
-    Over a while, or from each row to the next. A heading counts however it is wrapped.
+    Rates are over ``SCALES.over``, or with `each` from each row to the next. Over the longer time a wrapped
+    heading is unwrapped first.
     """
     values = log.stack(*names)
     known = np.isfinite(values).all(axis=1)

@@ -1,8 +1,8 @@
-"""Velocities from tracked positions: a Kalman smoother that rejects samples that are no motion.
+"""Velocities from tracked positions: a Kalman smoother with outlier rejection.
 
-Order of work: the steady clock behind the time stamps (:mod:`.clock`), the pieces of the pose that
-one craft could have passed (:mod:`.reject`), noise by maximum likelihood and smoothing
-(:mod:`.kalman`), and then again without the single samples that stand out from the smoothed pose.
+The steps are: (1) fit a steady clock to the time stamps (:mod:`.clock`); (2) select the pieces of the pose
+that one craft could have followed (:mod:`.reject`); (3) estimate the noise by maximum likelihood and smooth
+(:mod:`.kalman`); (4) remove single outliers from the smoothed pose and repeat step 3.
 """
 
 from __future__ import annotations
@@ -28,19 +28,20 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class SmoothingCriteria:
-    """When the smoother takes a sample as an outlier, and a velocity as measured.
+    """Thresholds for outliers and for measured velocities in the smoother.
 
-    Of samples of clean recorded runs one in ten thousand reaches 90, as the noise of a moving marker body
-    is uneven; other values: no published source, exercised by tests/logs/test_smooth.py.
+    In clean recorded runs one sample in ten thousand reaches a relative squared distance of 90, because the
+    noise of a moving marker body is uneven. The other values have no published source; they are tested in
+    tests/logs/test_smooth.py.
 
     Attributes
     ----------
     coasting : float
         Longest time without an accepted sample over which velocities count as measured [s].
     stands_out : float
-        Squared distance of an outlier relative to the usual one about it.
+        Squared distance above which a sample is an outlier, relative to the usual distance around it.
     around : int
-        Samples about one from which the usual distance is estimated.
+        Number of surrounding samples from which the usual distance is estimated.
     """
 
     coasting: float = 0.3
@@ -68,14 +69,14 @@ WIDEST = np.array([[1.0, 25.0, 1e4], [1.0, 25.0, 1e4], [1.0, 1e3, 1e6]])
 @checked
 @dataclass(frozen=True)
 class Span:
-    """Consecutive samples that were left out.
+    """Consecutive samples that were rejected.
 
     Attributes
     ----------
     start, stop : float
         Times of the first and the last of them [s].
     rows : int
-        How many.
+        Their number.
     reason : str
         "heading flip", "heading jump", "position jump" or "outlier".
 
@@ -99,8 +100,8 @@ class Smoothed:
     Attributes
     ----------
     log : Log
-        All rows: steady times, smoothed ``x, y, psi``, body velocities ``u, v`` [m/s], ``r``
-        [rad/s] and the other columns as they were.
+        All rows, with steady times, smoothed ``x, y, psi``, body velocities ``u, v`` [m/s], ``r``
+        [rad/s] and the other columns unchanged.
     pose, velocity, acceleration : ndarray (n, 3)
         x, y, psi in the earth frame and their derivatives.
     pose_std, velocity_std, acceleration_std : ndarray (n, 3)
@@ -108,15 +109,16 @@ class Smoothed:
     accepted : ndarray (n,) of bool
         Samples that were used; false in rows without a pose.
     valid : ndarray (n,) of bool
-        Rows less than ``SMOOTHING.coasting`` away from sight; elsewhere the motion is only guessed.
+        Rows that are accepted or lie between accepted samples at most ``SMOOTHING.coasting`` apart. In other
+        rows the motion is extrapolated.
     rejected : tuple of Span
-        Samples that were not used; rows without a pose do not count.
+        Samples that were not used; rows without a pose are not included.
     noise_std : tuple of float
         Measurement noise of x, y [m] and psi [rad].
     jerk_density : tuple of float
         Process noise of x, y [m^2/s^5] and psi [rad^2/s^5].
     clock : Clock
-        What was found about the time stamps.
+        The clock fitted to the time stamps.
 
     Examples
     --------
@@ -143,17 +145,18 @@ class Smoothed:
     __repr__ = short_repr
 
     def plot(self) -> Figure:
-        """Return pose and body velocities over time; what was not used, and where the motion is guessed."""
+        """Return a figure of pose and body velocities, with rejected samples and rows that are not valid."""
         from hovercontrol.notebook.data_plots import smoothed_figure
 
         return open_in_pyplot(smoothed_figure(self))
 
     def usable(self) -> Log:
-        """Return the log without the rows that are only guessed (they become gaps)."""
+        """Return the log without the rows that are not valid (they become gaps)."""
         return self.log.select(self.valid)
 
     def body_acceleration(self) -> Floats:
-        """Return u', v' [m/s^2], r' [rad/s^2], shape (n, 3): rates of the body velocities."""
+        """Return u', v' [m/s^2], r' [rad/s^2], shape (n, 3): derivatives of the body velocities."""
+        # u' = x'' cos psi + y'' sin psi + r v,  v' = -x'' sin psi + y'' cos psi - r u.
         ahead, left = _turn(self.acceleration, self.log["psi"])
         u, v, r = (self.log[name] for name in VELOCITY)
         return np.column_stack([ahead + r * v, left - r * u, self.acceleration[:, 2]])
@@ -163,10 +166,10 @@ class Smoothed:
 def smooth_pose(log: Log) -> Smoothed:
     """Estimate velocities from the pose ``x, y, psi`` of a log.
 
-    Process and measurement noise are those of maximum likelihood for the accepted samples. The
+    Process and measurement noise are estimated by maximum likelihood from the accepted samples. The
     three channels are accepted or rejected together, as one marker body. Velocities ``u, v, r``
-    that the log has already are kept. Rows without a pose (NaN: a command came between two samples) get
-    the smoothed motion at their time.
+    that the log already has are kept. Rows without a pose (NaN, because a command changed between two
+    samples) get the smoothed motion at their time.
 
     Parameters
     ----------
@@ -180,7 +183,7 @@ def smooth_pose(log: Log) -> Smoothed:
     Raises
     ------
     InputError
-        A pose column is missing, or too few or too many rows.
+        If a pose column is missing, or there are too few or too many rows.
 
     Examples
     --------
@@ -238,13 +241,13 @@ def smooth_pose(log: Log) -> Smoothed:
 
 
 def _turn(earth: Floats, psi: Floats) -> tuple[Floats, Floats]:
-    """Return the components ahead and to the left of an earth vector (n, 2 or more)."""
+    """Return the body components (forward, left) of earth vectors, shape (n, 2 or more)."""
     c, s = np.cos(psi), np.sin(psi)
     return c * earth[:, 0] + s * earth[:, 1], c * earth[:, 1] - s * earth[:, 0]
 
 
 def _restarts(time: Floats, accepted: Mask) -> Mask:
-    """Return the rows that start afresh: the first, and the first after a long loss of sight."""
+    """Return the rows at which the filter restarts: the first, and the first after a long loss of sight."""
     rows = np.flatnonzero(accepted)
     restart = np.zeros(time.size, dtype=bool)
     restart[rows[1:][np.diff(time[rows]) > REJECTION.forget]] = True
@@ -272,18 +275,20 @@ def _fit(time: Floats, z: Floats, accepted: Mask) -> tuple[Floats, Floats]:
 def _drop_outliers(
     time: Floats, z: Floats, accepted: Mask, jerk: Floats, noise: Floats
 ) -> tuple[Mask, Estimate]:
-    """Take out the samples that stand out from what their neighbours on both sides say.
+    """Remove the samples that are far from the smoothed motion, compared with nearby samples.
 
-    The estimate returned is that of all samples if none stands out.
+    The returned estimate covers all samples if none is removed.
     """
+    # d = sum over x, y, psi of (z - p_s)^2 / (R - P_s), p_s and P_s smoothed. A sample is an outlier where d
+    # is a local maximum and d > stands_out max(median(d)/2.37, q90(d)/6.25, 1), quantiles of nearby samples.
     kept = accepted.copy()
     rows = np.arange(time.size)
     for _ in range(10):
         estimate = _smooth(time[rows], z[rows], kept[rows], jerk, noise)
-        # variance of sample minus smoothed position
+        # variance of sample minus smoothed position, R - P_s
         variance = np.maximum(noise - estimate.covariance[:, :, 0, 0], 1e-3 * noise)
         distance = ((z[rows] - estimate.mean[:, :, 0]) ** 2 / variance).sum(axis=1) * kept[rows]
-        # 2.37, 6.25: median and nine tenths of chi squared with three channels
+        # 2.37, 6.25: median and 90 % quantile of chi squared with three degrees of freedom
         middle = median_filter(distance, size=SMOOTHING.around) / 2.37
         usual = np.maximum(
             np.maximum(middle, percentile_filter(distance, 90, size=SMOOTHING.around) / 6.25), 1.0
@@ -293,7 +298,7 @@ def _drop_outliers(
         if not out.size:
             break
         kept[out] = False
-        # only their surroundings change
+        # removing them changes only the samples around them
         near = np.zeros(time.size, dtype=bool)
         near[out] = True
         rows = np.flatnonzero(maximum_filter1d(near, 101))
@@ -301,7 +306,7 @@ def _drop_outliers(
 
 
 def _seen(time: Floats, accepted: Mask) -> Mask:
-    """Return the rows that are accepted or in a loss of sight no longer than ``SMOOTHING.coasting``."""
+    """Return the rows that are accepted or within a loss of sight of at most ``SMOOTHING.coasting``."""
     rows = np.flatnonzero(accepted)
     after = np.minimum(np.searchsorted(rows, np.arange(time.size)), rows.size - 1)
     before = np.maximum(np.searchsorted(rows, np.arange(time.size), side="right") - 1, 0)

@@ -1,4 +1,4 @@
-"""A file of columns, read in pieces: its header, its numbers, and the place of a value in it."""
+"""The interface of a log file: its header, its numbers in pieces, and the position of a value in the file."""
 
 from __future__ import annotations
 
@@ -20,35 +20,35 @@ START = 64
 
 
 class Source(Protocol):
-    """What the reader asks of a file."""
+    """Interface between the reader and a file."""
 
     header: list[str]
 
     @property
     def units(self) -> Mapping[str, str]:
-        """The units of columns where the file states them."""
+        """The units of the columns for which the file states one."""
 
     @property
     def said(self) -> str:
-        """How the file is read, where that is not plain."""
+        """How the file is read, if that is not obvious; else empty."""
 
     def kind(self, name: str) -> pa.DataType:
-        """Return the type of a column as :meth:`batches` gives it exactly."""
+        """Return the type in which :meth:`batches` gives a column that is listed in `exact`."""
 
     def numeric(self) -> set[str]:
         """Return the names of the columns that look like numbers at the start of the file."""
 
     def rows_expected(self) -> int:
-        """Return about how many rows there are."""
+        """Return the approximate number of rows."""
 
     def batches(self, names: list[str], exact: Collection[str] = ()) -> Iterator[pa.RecordBatch]:
-        """Read columns of numbers as float64, missing ones null; text in them is an error.
+        """Read columns of numbers as float64, with null for missing values; text in them is an error.
 
-        Columns in `exact` come as :meth:`kind` says: text, times, and numbers that a float would round.
+        Columns in `exact` have the type of :meth:`kind`: text, times, and numbers that a float would round.
         """
 
     def place(self, row: int, column: str) -> tuple[str, str]:
-        """Return where data row ``row`` (from 0) stands for the user, and what is written there."""
+        """Return the user's name for the place of data row ``row`` (from 0), and the text of the cell."""
 
 
 @dataclass(frozen=True)
@@ -58,18 +58,18 @@ class Format:
     Attributes
     ----------
     name : str
-        What users call it.
+        Name for users.
     suffixes : tuple of str
-        Names that end so are of this format, unless the content is of another.
+        File suffixes of this format, unless the content shows another format.
     reader : str
         ``module:function`` in :mod:`hovercontrol.logs.readers`; takes the path and returns a
         :class:`Source` or :class:`~hovercontrol.logs.readers.tables.Tables`.
     columns : str
-        How columns are called, for the documentation.
+        How columns are named, for the documentation.
     starts : tuple of bytes
-        How such a file begins.
+        First bytes of such a file.
     library : str
-        Package that reads it, where that comes with the extra ``logs``.
+        Package that reads it, if it is one of the extra ``logs``.
     """
 
     name: str
@@ -80,7 +80,7 @@ class Format:
     library: str = ""
 
 
-#: How the exports of Vicon begin, with and without a byte order mark.
+#: First bytes of Vicon's exports, with and without a byte order mark.
 _VICON = tuple(
     mark + name + end
     for mark in (b"", b"\xef\xbb\xbf")
@@ -88,7 +88,7 @@ _VICON = tuple(
     for end in (b"\n", b"\r\n", b",")
 )
 
-#: All formats; CSV is what is none of the others.
+#: All formats; a file of none of the others is read as CSV.
 FORMATS = (
     Format("Parquet", PARQUET, "parquet:ParquetSource", "as in the file", (b"PAR1",)),
     Format("Motive (OptiTrack) CSV", (), "motive:motive", "`Body.x`, `Body.qx` ... `Body.qw` or `Body.rx`; m, rad; y is up",  # noqa: E501
@@ -113,7 +113,8 @@ def open_log(file: Path) -> Source | Tables:
     Raises
     ------
     InputError
-        No such file, not of its format, no header, a name twice in the header, or a library is missing.
+        If there is no such file, it is not valid in its format, it has no header or a name twice in it, or a
+        library is missing.
     """
     found = format_of(file)
     module, _, name = found.reader.partition(":")
@@ -130,12 +131,12 @@ def open_log(file: Path) -> Source | Tables:
 
 
 def open_source(file: Path) -> Source:
-    """Open a file that holds one table.
+    """Open a file that contains one table.
 
     Raises
     ------
     InputError
-        As :func:`open_log`; or if it holds several.
+        As :func:`open_log`; or if it contains several tables.
     """
     found = open_log(file)
     if isinstance(found, Tables):
@@ -153,7 +154,7 @@ def format_of(file: Path) -> Format:
     Raises
     ------
     InputError
-        If there is no such file, or it is known not to be a log.
+        If there is no such file, or its suffix shows that it is not a log.
     """
     bag = next(f for f in FORMATS if f.library == "rosbags")
     if file.is_dir() and (file / "metadata.yaml").is_file():  # ROS 2 records into a folder

@@ -1,6 +1,7 @@
 """Time from stamps: seconds and nanoseconds in two columns, dates, and counts since an epoch.
 
-A float of 1.7e9 s resolves 0.2 us, so stamps are integers of nanoseconds until the first is subtracted.
+A float of 1.7e9 s has a resolution of 0.2 us. Stamps are therefore integers [ns] until the first stamp has
+been subtracted.
 """
 
 from __future__ import annotations
@@ -22,16 +23,16 @@ from hovercontrol.logs.source import Source
 
 @dataclass(frozen=True)
 class StampCriteria:
-    """When a time counts from an epoch.
+    """Thresholds for a time that counts from an epoch.
 
-    Set by hand, exercised by tests/logs/test_stamps.py.
+    Set by hand, tested in tests/logs/test_stamps.py.
 
     Attributes
     ----------
     epoch : float
-        Smallest time [s] that does: 3 years, longer than any log.
+        Smallest time [s] that counts from an epoch: 3 years, longer than any log.
     earliest, latest : float
-        Times [s] since 1970 that stamps may mean where no unit is given: 2001 to 2100.
+        Range of times [s] since 1970, 2001 to 2100, from which the unit is inferred if none is given.
     """
 
     epoch: float = 1e8
@@ -42,10 +43,10 @@ class StampCriteria:
 #: The values in use.
 STAMPS = StampCriteria()
 
-#: Decimal places of a second for each unit in which stamps are counted.
+#: Power of ten from each unit of a stamp to nanoseconds.
 PLACES = {"s": 9, "ms": 6, "us": 3, "ns": 0}
 
-#: Ends of names that say the unit of a part of a stamp.
+#: Suffixes of column names that give the unit of a part of a stamp.
 _NAMED = (
     ("ns", r"(nsecs?|nanosecs?|nanoseconds?|ns)"),
     ("us", r"(usecs?|microsec(ond)?s?|us)"),
@@ -62,7 +63,7 @@ def needs_stamps(source: Source, name: str, unit: str) -> bool:
     ----------
     source : Source
     name, unit : str
-        Of the column; an empty unit where none is given.
+        Name and unit of the column; the unit is empty if none is given.
     """
     kind = source.kind(name)
     if pa.types.is_string(kind) or pa.types.is_large_string(kind) or pa.types.is_timestamp(kind):
@@ -76,7 +77,7 @@ def needs_stamps(source: Source, name: str, unit: str) -> bool:
 
 
 def _first(source: Source, name: str) -> Any:
-    """Return the first value of a column of numbers, None where there is none."""
+    """Return the first value of a column of numbers, or None if there is none."""
     for batch in source.batches([name], [name]):
         for value in batch.column(0).drop_null()[:1]:
             return value.as_py()
@@ -85,17 +86,17 @@ def _first(source: Source, name: str) -> Any:
 
 @dataclass
 class Stamps:
-    """Makes seconds since the first row of a log of its stamps.
+    """Converts the stamps of a log to seconds since its first row.
 
     Attributes
     ----------
     file : Path
-        For error lines.
+        For error messages.
     source : Source
     parts : list of tuple of str
-        Columns and units whose sum is the stamp; an empty unit where none is given.
+        Columns and units whose sum is the stamp; the unit is empty if none is given.
     origin : int
-        The stamp of the first row [ns], known once rows were read.
+        The stamp of the first row [ns]; None until rows have been read.
     """
 
     file: Path
@@ -121,7 +122,7 @@ class Stamps:
         return np.asarray(time)
 
     def _unit(self, name: str, unit: str) -> str:
-        """Return the unit of a part; where none is given by its name, or by the year that it would mean."""
+        """Return the unit of a part; if none is given, infer it from its name or from the resulting year."""
         if unit and unit not in PLACES:
             if len(self.parts) > 1:
                 raise ArgumentError(
@@ -163,7 +164,7 @@ class Stamps:
         return whole.astype(np.int64) * 10**places + np.rint((values - whole) * 10**places).astype(np.int64)
 
     def _dates(self, name: str, column: pa.Array, row: int) -> Any:
-        """Return the nanoseconds since 1970 of dates as ISO 8601 writes them, or of times of a day."""
+        """Return dates in ISO 8601 format, or times of day, as nanoseconds since 1970."""
         text = pc.replace_substring(pc.utf8_trim_whitespace(column), ",", ".")
         first = next((v.as_py() for v in text.drop_null()[:1]), "")
         if not _DAY.match(first):

@@ -1,4 +1,4 @@
-"""One log of a file that holds several tables, each on its own clock: the topics of a flight log."""
+"""One log from a file with several tables, each on its own clock, such as the topics of a flight log."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from hovercontrol.logs.join import join_logs
 from hovercontrol.logs.log import POSE, VELOCITY, Log, gap_rows
 from hovercontrol.logs.readers.tables import Table, Tables
 
-#: Reads columns of one table into a log, as :func:`.read.read_log` reads a file.
+#: Reads columns of one table into a log, like :func:`.read.read_log` for a file.
 ReadTable = Callable[..., Log]
 
 
@@ -22,24 +22,25 @@ def join_tables(
 ) -> Log:
     """Return the named columns of several tables as one log.
 
-    Rows are those of the table that has most of the measured columns; measured columns of other tables are
-    interpolated linearly, commands are held (:func:`~hovercontrol.logs.join.join_logs`).
+    The rows are those of the table with most of the measured columns. Measured columns of other tables are
+    interpolated linearly, and commands are held (:func:`~hovercontrol.logs.join.join_logs`).
 
     Parameters
     ----------
     file : Tables
     columns : mapping
-        Our column name to the file's.
+        Signal name to the file's column name.
     inputs : mapping of str to str
         Commands that the log must have, and their units.
     read : callable
+        See :data:`ReadTable`.
     motion : bool
-        Whether pose or body velocities are wanted.
+        Whether pose or body velocities are required.
 
     Raises
     ------
     ArgumentError
-        If a column is in no table.
+        If no table has a column.
     InputError
         If no column is named, or two tables have no time in common.
     """
@@ -76,7 +77,7 @@ def join_tables(
 
 
 def _named(file: Tables, said: str) -> str:
-    """Return what is said of a column with the file's own names in it."""
+    """Return a column specification with the file's own names."""
     for part in parts_of(said, file.header):
         name = column_of(part, file.header)[0]
         said = said.replace(name, file.named(name))
@@ -84,7 +85,7 @@ def _named(file: Tables, said: str) -> str:
 
 
 def _table(file: Tables, ours: str, said: str) -> Table:
-    """Return the table that has a column, or all parts of one that is made of several."""
+    """Return the table that has a column, or all parts of a derived column."""
     found = file.table_of(column_of(parts_of(said, file.header)[0], file.header)[0])
     if found:
         return found
@@ -93,7 +94,7 @@ def _table(file: Tables, ours: str, said: str) -> Table:
 
 
 def _joined(name: str, logs: Sequence[Log], commands: set[str]) -> Log:
-    """Return measured columns at the times of the log that has most of them, and the commands in force."""
+    """Return measured columns at the times of the log with most of them, and the commands held there."""
     measured = [(log, [k for k in log.columns if k not in commands]) for log in logs]
     base, own = max(measured, key=lambda pair: len(pair[1]))
     kept = Log(name, base.time, {k: base[k] for k in own}, origin=base.origin)
@@ -114,7 +115,7 @@ def _joined(name: str, logs: Sequence[Log], commands: set[str]) -> Log:
 
 
 def _interpolated(log: Log, other: Log, names: Sequence[str]) -> Log:
-    """Add columns of another log, linear between its rows; rows outside it or in its gaps are left out."""
+    """Add columns of another log, interpolated linearly; rows outside it or in its gaps are left out."""
     inside = (log.time >= other.time[0]) & (log.time <= other.time[-1])
     for row in gap_rows(other.time):
         inside &= (log.time <= other.time[row - 1]) | (log.time >= other.time[row])
@@ -129,7 +130,7 @@ def _interpolated(log: Log, other: Log, names: Sequence[str]) -> Log:
 
 
 def _held(logs: Sequence[Log]) -> Log:
-    """Return commands of several logs as one, from when all are known; each holds until its next row."""
+    """Return commands of several logs as one log, from the time at which all are known; each is held."""
     if len(logs) == 1:
         return logs[0]
     time = np.unique(np.concatenate([log.time for log in logs]))

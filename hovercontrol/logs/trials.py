@@ -13,20 +13,21 @@ from hovercontrol.logs.log import Floats, Trial
 
 @dataclass(frozen=True)
 class TrialCriteria:
-    """When a new trial begins in a file.
+    """Thresholds for the start of a new trial in a file.
 
-    No published source: set by hand, exercised by tests/logs/test_trials.py.
+    No published source: set by hand, tested in tests/logs/test_trials.py.
 
     Attributes
     ----------
     rows : int
-        Smallest number of rows of a trial whose time begins again: a single row out of order is an error.
+        Minimum number of rows of a trial whose time restarts; a single row out of order is an error.
     back : float
-        Part of the trial before by which time then jumps back at least.
+        Minimum jump back in time, as a fraction of the previous trial.
     on : float
-        Mean step in so many rows behind the jump, in usual time steps: time then goes on as before.
+        Maximum mean time step in the first `rows` rows after the jump, in usual time steps: time must
+        continue as before.
     pause : float
-        Pause [s] from which on a new trial begins: other gaps are bridged by the model.
+        Minimum pause [s] between two trials; shorter gaps are bridged by the model.
     steps : float
         The same in usual time steps; both must be exceeded.
     """
@@ -48,9 +49,9 @@ def trial_rows(time: Floats, label: Floats | None = None) -> NDArray[np.intp]:
     Parameters
     ----------
     time : ndarray, shape (n,)
-        As in the file [s].
+        Times as in the file [s].
     label : ndarray, shape (n,), optional
-        The trial of each row; without it trials begin where time begins again or pauses for long.
+        The trial of each row. Without it, a trial begins where time restarts or after a long pause.
 
     Examples
     --------
@@ -71,7 +72,7 @@ def trial_rows(time: Floats, label: Floats | None = None) -> NDArray[np.intp]:
 
 
 def _restarts(time: Floats) -> NDArray[np.intp]:
-    """Return the rows at which time begins again; empty where it runs backwards in any other way."""
+    """Return the rows at which time restarts; empty if time runs backwards in any other way."""
     back = np.flatnonzero(np.diff(time) < 0.0) + 1
     edges = [0, *back.tolist(), time.size]
     longest = TRIALS.on * TRIALS.rows * float(np.median(np.abs(np.diff(time)))) if back.size else 0.0
@@ -88,10 +89,11 @@ def _restarts(time: Floats) -> NDArray[np.intp]:
 
 
 def in_sequence(time: Floats, firsts: NDArray[np.intp]) -> tuple[Floats, tuple[Trial, ...]]:
-    """Return times of trials one after the other [s], and the trials.
+    """Return the times [s] of trials placed one after the other, and the trials.
 
-    Times stay as they are where each trial begins after the end of the last. Else each trial is shifted by a
-    round number of seconds more than the last, twice as much as the time of all trials spans or more.
+    The times do not change if each trial begins after the end of the previous one. Otherwise each trial is
+    shifted by a fixed round number of seconds more than the previous one. This number is at least twice the
+    time span of all trials.
 
     Parameters
     ----------
@@ -116,7 +118,7 @@ def in_sequence(time: Floats, firsts: NDArray[np.intp]) -> tuple[Floats, tuple[T
 
 
 def trials_text(file: str, trials: tuple[Trial, ...], column: str = "") -> str:
-    """Return the line on the trials of a file.
+    """Return the one-line note on the trials of a file.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Which columns a log needs, by what it is a log of."""
+"""The columns that a log must have, depending on its model."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Wanted:
-    """The columns that a log needs besides ``time``.
+    """The columns that a log must have besides ``time``.
 
     Attributes
     ----------
     inputs : mapping of str to str
-        All of these, with their units.
+        Columns that are all required, with their units.
     outputs : mapping of str to str
-        At least one of these, where there are any, with their units.
+        Columns of which at least one is required, with their units; may be empty.
     motion : bool
-        All of ``x, y, psi`` or all of ``u, v, r``: it is of a craft.
+        Whether all of ``x, y, psi`` or all of ``u, v, r`` are required (the log of a craft).
     """
 
     inputs: Mapping[str, str] = field(default_factory=dict)
@@ -38,15 +38,15 @@ class Wanted:
         inputs: Sequence[str] | Mapping[str, str] = (),
         motion: bool = False,
     ) -> Wanted:
-        """Return what a log of a model needs: its inputs, and a craft's motion or any output of a Block.
+        """Return the requirements of a model: its inputs, and a craft's motion or any output of a Block.
 
         Parameters
         ----------
         model : Model, BlockModel or Block, or None
         inputs : sequence of str, or mapping of str to str, optional
-            Further inputs; with their units.
+            Further inputs; a mapping also gives their units.
         motion : bool, optional
-            Whether motion is wanted without a model, too.
+            Whether motion is required even without a model.
         """
         from hovercontrol.models.interface import as_model
 
@@ -65,14 +65,14 @@ class Wanted:
         Parameters
         ----------
         file : str
-            For the error line.
+            Name of the file for the error message.
         names : sequence of str
-            Of its columns, as a log names them.
+            Its columns, by signal name.
 
         Raises
         ------
         InputError
-            The line names the column, the nearest one, and the option that maps it.
+            The message names the column, the nearest one, and the option that maps it.
         """
         for name in self.inputs:
             if name not in names:

@@ -1,10 +1,11 @@
-"""Aided inertial navigation: K06's (chapter 3, section 5.4.5) and the extensions that it proposes.
+"""Aided inertial navigation: K06's filters (chapter 3, section 5.4.5) and the extensions that K06 proposes.
 
 :func:`ins_mechanisation` integrates the IMU. :func:`heading_filter` and :func:`velocity_position_filter`
-estimate its errors; :func:`aided_ins` is the three joined. :func:`coupled_filter` needs no heading aid,
-:func:`range_filter` takes raw ranges. All are sampled Blocks; :func:`range_particles`, the particle filter on
-raw ranges, has the same ports. :func:`run_ins` runs one over a log, :func:`simulate_runs` many at once, and
-:func:`consistency` tells whether its covariance is honest.
+estimate the errors of that integration; :func:`aided_ins` connects the three. :func:`coupled_filter` needs no
+heading aid, and :func:`range_filter` uses raw ranges. All of these are sampled Blocks.
+:func:`range_particles`, the particle filter on raw ranges, has the same inputs and outputs.
+:func:`run_ins` runs one filter over a log, :func:`simulate_runs` runs many simulations at once, and
+:func:`consistency` checks whether a filter's errors agree with its covariance.
 """
 
 from hovercontrol.estimators.ins.aided import aided_ins

@@ -1,4 +1,4 @@
-"""K06's aided inertial navigation: the integration and its two filters as one Block."""
+"""K06's aided inertial navigation: the IMU integration and the two error filters as one Block."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ def aided_ins(
     ----------
     noise : InsNoise, optional
     pose : sequence of 3 float, optional
-        x, y [m], psi [rad] at the start.
+        Initial x, y [m] and psi [rad].
     velocity : sequence of 2 float, optional
-        Along x and y at the start [m/s].
+        Initial velocity along x and y [m/s].
     period : float, optional
-        Of the IMU [s].
+        Period of the IMU [s].
     name : str, optional
 
     Returns

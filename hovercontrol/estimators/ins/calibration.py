@@ -1,4 +1,4 @@
-"""Calibration at rest: the platform's misalignment and the gyro's bias, and a navigation that starts anew."""
+"""Calibration at rest: the platform's misalignment, the gyro's bias, and a restart of the navigation."""
 
 from __future__ import annotations
 
@@ -24,28 +24,28 @@ _GRAVITY = Signal("gravity", "m/s^2", "standard gravity", start=9.80665, nominal
 def rest_calibration(
     *, seconds: float = 2.0, period: float = IMU_PERIOD, name: str = "rest_calibration"
 ) -> Block:
-    """Return what finds, while the craft rests, what the sensors say too much, and takes it off from then on.
+    """Return a Block that measures the IMU's offsets at rest and subtracts them from then on.
 
-    The means over some seconds are stored: that of the accelerometers as roll and pitch of the platform,
-    K06's "Store Misalignment", that of the gyro as its bias, which K06's IMU has "resampled" at rest, "a
-    process that takes several seconds" (section 5.4.1). What the accelerometers' own biases add cannot be
-    told from a tilt. A craft that moves meanwhile spoils it.
+    It averages the samples over some seconds. The accelerometers' means are stored as roll and pitch of the
+    platform, K06's "Store Misalignment". The gyro's mean is stored as its bias, which K06's IMU has
+    "resampled" at rest, "a process that takes several seconds" (section 5.4.1). Accelerometer biases cannot
+    be distinguished from a tilt. The craft must not move during a calibration.
 
     Parameters
     ----------
     seconds : float, optional
-        How long it averages [s].
+        Averaging time [s].
     period : float, optional
-        Of the IMU [s].
+        Period of the IMU [s].
     name : str, optional
 
     Returns
     -------
     Block
         Sampled. Inputs ``acceleration_x_raw``, ``acceleration_y_raw`` [m/s^2], ``yaw_rate_raw`` [rad/s] and
-        ``calibrate``; outputs the same three without ``_raw`` less what is stored, ``platform_roll,
+        ``calibrate``; outputs the same three without ``_raw`` and less the stored offsets, ``platform_roll,
         platform_pitch`` [rad], ``gyro_offset`` [rad/s], ``calibrating`` (1 while it averages) and
-        ``calibrated``, 1 at the tick at which it has ended.
+        ``calibrated``, 1 at the tick at which a calibration ends.
 
     Raises
     ------
@@ -79,6 +79,8 @@ def rest_calibration(
     totals = [
         s.replace(name=f"{s.name}_total", description=f"{s.description}, sum with this tick") for s in raw
     ]
+    # At rest f_x = g sin theta, f_y = g sin phi cos theta, r = b_g, so the means give
+    # theta = asin(f_x / g),  phi = asin(f_y / (g cos theta)).
     g = _GRAVITY.symbol
     means = [t.symbol / ticks for t in totals]
     pitch = sp.asin(sp.Max(-1, sp.Min(1, means[0] / g)))
@@ -115,20 +117,23 @@ def rest_calibration(
 
 
 def restartable(block: Block, restart: Signal, kept: Mapping[str, sp.Expr] | None = None) -> Block:
-    """Return a sampled Block that begins anew, from its start values, at a tick where an input is positive.
+    """Return a sampled Block that restarts from its start values at a tick where an input is positive.
 
     Parameters
     ----------
     block : Block
         Sampled.
     restart : Signal
+        The input that triggers a restart.
     kept : mapping of str to sympy.Expr, optional
-        What states begin with instead of their start values, in terms of the states before.
+        Restart values of some states, as expressions in the states before the restart. The other states
+        restart from their start values.
 
     Returns
     -------
     Block
-        With the further input `restart`; start values other than zero are parameters, ``first_<state>``.
+        The Block with the additional input `restart`. Start values other than zero become parameters,
+        ``first_<state>``.
 
     Raises
     ------
@@ -173,6 +178,6 @@ def restartable(block: Block, restart: Signal, kept: Mapping[str, sp.Expr] | Non
 
 
 def _beside(name: str, word: str) -> str:
-    """Return the name of something that belongs to a state, in the same Block."""
+    """Return a prefixed signal name in the same Block: ``part.x`` becomes ``part.word_x``."""
     block, dot, own = name.rpartition(".")
     return f"{block}{dot}{word}_{own}"

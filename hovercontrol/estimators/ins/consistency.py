@@ -26,24 +26,24 @@ Array = NDArray[np.float64]
 @checked
 @dataclass(frozen=True)
 class Consistency:
-    """What :func:`consistency` found.
+    """Result of :func:`consistency`.
 
     Attributes
     ----------
     level : float
-        Probability of the bands, of a filter whose noise is as assumed.
+        Probability that a value lies in its band if the noise is as the filter assumes.
     nees : ndarray, shape (ticks, runs)
-        Squared errors over the covariance, ``e^T P^-1 e``: chi-square with n degrees of freedom.
+        Normalised squared error, ``e^T P^-1 e``: chi-square with n degrees of freedom.
     nees_band : tuple of 2 float
-        Of one value of it.
+        Band of a single value of `nees`.
     mean_nees : ndarray, shape (ticks,)
-        Mean over the runs.
+        Mean of `nees` over the runs.
     mean_nees_band : tuple of 2 float
-        Of that mean.
+        Band of that mean.
     nis : ndarray, shape (runs,)
-        Sum over a run of ``innovation^2 / variance``, divided by how many there were; empty if none given.
+        Mean over a run of ``innovation^2 / variance``; empty without innovations.
     nis_band : ndarray, shape (2, runs)
-        Of each.
+        Band of the NIS of each run.
 
     Examples
     --------
@@ -65,12 +65,12 @@ class Consistency:
 
     @property
     def nees_inside(self) -> float:
-        """Part of all ticks and runs with NEES in its band; `level` is expected."""
+        """Fraction of all ticks and runs with NEES in its band; its expected value is `level`."""
         return float(np.mean((self.nees >= self.nees_band[0]) & (self.nees <= self.nees_band[1])))
 
     @property
     def nis_inside(self) -> float:
-        """Part of the runs with NIS in its band; `level` is expected."""
+        """Fraction of the runs with NIS in its band; its expected value is `level`."""
         return float(np.mean((self.nis >= self.nis_band[0]) & (self.nis <= self.nis_band[1])))
 
     def plot(self, time: ArrayLike | None = None) -> Figure:
@@ -79,12 +79,12 @@ class Consistency:
         Parameters
         ----------
         time : array_like, shape (ticks,), optional
-            [s]; default: the number of the tick.
+            Times [s]; default: the index of the tick.
 
         Returns
         -------
         matplotlib.figure.Figure
-            With one axes, or two if there is a NIS.
+            One axes, or two if there is a NIS.
         """
         from matplotlib.figure import Figure
 
@@ -124,17 +124,18 @@ def consistency(
     measured: ArrayLike = True,
     level: float = 0.95,
 ) -> Consistency:
-    """Compare a filter's errors with its covariance, and its innovations with theirs.
+    """Compare a filter's errors with its covariance, and its innovations with their variances.
 
     Parameters
     ----------
     error : array_like, shape (n, ticks, runs)
-        Estimated less true.
+        Estimated minus true values.
     covariance : array_like, shape (n, n, ticks, runs)
+        Covariance of the error.
     innovation, innovation_variance : array_like, shape (m, ticks, runs), optional
-        Of the measured numbers.
+        Innovations of m scalar measurements and their variances.
     measured : array_like of bool, broadcast to the shape of the innovation, optional
-        Where there was a measurement.
+        True where there was a measurement.
     level : float, optional
         Probability of the bands.
 
@@ -163,6 +164,8 @@ def consistency(
             "consistency: expected error of shape (n, ticks, runs) and covariance of (n, n, ticks, runs), "
             f"found {e.shape} and {P.shape}"
         )
+    # NEES = e^T P^-1 e = |L^-1 e|^2 with P = L L^T.  One value is chi2(n), the mean of N runs chi2(n N) / N;
+    # the band lies between the quantiles (1 - level)/2 and (1 + level)/2.
     n, _, runs = e.shape
     matrices, vectors = np.moveaxis(P, (0, 1), (-2, -1)), np.moveaxis(e, 0, -1)
     try:
@@ -201,5 +204,6 @@ def _nis(
         raise InputError(f"consistency: nothing was measured in run {int(np.argmin(count))}")
     if not (S[there] > 0).all():
         raise InputError("consistency: a variance of an innovation is not positive")
+    # NIS = (1/M) sum nu^2 / S over the M measurements of a run: chi2(M) / M.
     total = np.where(there, v**2 / np.where(there, S, 1.0), 0.0).sum(axis=(0, 1))
     return total / count, chdtri(count, 1.0 - tails[:, None]) / count

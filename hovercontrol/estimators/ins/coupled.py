@@ -1,4 +1,4 @@
-"""The single filter for fixes, with or without a heading aid."""
+"""One extended Kalman filter on position fixes, with or without a heading aid."""
 
 from __future__ import annotations
 
@@ -29,37 +29,39 @@ def coupled_filter(
     period: float = IMU_PERIOD,
     name: str = "ins",
 ) -> Block:
-    """Return the filter for heading, velocity, position and all biases in one (K06 section 3.3.3.6).
+    """Return one filter for heading, velocity, position and all biases (K06 section 3.3.3.6).
 
-    Without a heading aid the heading shows itself while the craft accelerates.
+    Without a heading aid the heading is observable only while the craft accelerates.
 
     Parameters
     ----------
     heading : bool, optional
-        Whether there is a heading aid too.
+        Whether a heading aid is available too.
     arm : sequence of 2 float, optional
-        Where on the craft the fix is measured, forward and sideways of the IMU [m].
+        Position on the craft at which the fix is measured, forward and sideways of the IMU [m].
     noise : InsNoise, optional
         Default: :func:`noise_from_sensors`.
     pose : sequence of 3 float, optional
-        x, y [m], psi [rad] at the start.
+        Initial x, y [m] and psi [rad].
     velocity : sequence of 2 float, optional
-        Along x and y at the start [m/s].
+        Initial velocity along x and y [m/s].
     excitation : float, optional
-        While the specific force, averaged over about a second, is smaller [m/s^2], fixes do not correct the
-        heading and the gyro bias, whose uncertainty still counts in all else; 0: they always do, as in the
-        plain extended Kalman filter, which then takes the accelerometers' noise for motion and believes to
-        learn the heading at rest.
+        Threshold [m/s^2] on the specific force, averaged over about one second. Below it, fixes do not
+        correct the heading and the gyro bias; the uncertainty of these two still enters all other updates.
+        With 0, fixes always correct them, as in the plain extended Kalman filter. That filter takes the
+        accelerometers' noise for motion and reduces its heading variance at rest although nothing was
+        learned.
     period : float, optional
-        Of the IMU [s].
+        Period of the IMU [s].
     name : str, optional
 
     Returns
     -------
     Block
         Sampled. Inputs ``acceleration_x``, ``acceleration_y``, ``yaw_rate``, ``fix_x``, ``fix_y``,
-        ``fix_valid`` (and ``heading_aid``, ``heading_aid_valid``); outputs as of :func:`aided_ins` where it
-        has them, and ``P[i,j]``, i <= j, of psi, v_x, v_y, x, y and the biases of gyro and accelerometers.
+        ``fix_valid`` (and ``heading_aid``, ``heading_aid_valid``). Outputs as those of :func:`aided_ins`
+        where it has them, and ``P[i,j]``, i <= j: the covariance of psi, v_x, v_y, x, y and the biases of
+        gyro and accelerometers.
 
     Raises
     ------
@@ -85,7 +87,7 @@ def coupled_filter(
 
 
 def arm_signals(name: str, arm: Sequence[float]) -> tuple[Signal, Signal]:
-    """Return a sensor's place on the craft as two parameters."""
+    """Return a sensor's position on the craft as two parameters."""
     forward, sideways = (
         Signal(f"{name}_{axis}", "m", "of the sensor's place on the craft", start=v)
         for axis, v in zip("xy", arm, strict=True)
@@ -94,5 +96,5 @@ def arm_signals(name: str, arm: Sequence[float]) -> tuple[Signal, Signal]:
 
 
 def placed(arm: Sequence[sp.Symbol]) -> sp.Matrix:
-    """Return where a sensor with a lever arm is."""
+    """Return the position of a sensor with a lever arm: ``p + B(psi) arm``."""
     return POSITION + to_navigation(PSI, sp.Matrix(arm))

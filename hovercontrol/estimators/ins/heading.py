@@ -19,14 +19,16 @@ _ERRORS = (Signal("dpsi", "rad", "heading error"), Signal("b_g", "rad/s", "gyro 
 def heading_filter(
     *, noise: InsNoise = K06_NOISE, period: float = IMU_PERIOD, name: str = "heading_filter"
 ) -> Block:
-    """Return K06's heading filter, x1 = [dpsi, b_g] (section 5.4.5), fed forward [K06 fig 3.2].
+    """Return K06's heading filter, x1 = [dpsi, b_g] (section 5.4.5), in feedforward form [K06 fig 3.2].
+
+    Feedforward: the estimated errors are subtracted from the outputs and not fed back into the integration.
 
     Parameters
     ----------
     noise : InsNoise, optional
-        Of which Q1, R1, P1 count.
+        Only Q1, R1 and P1 are used.
     period : float, optional
-        Of the IMU [s].
+        Period of the IMU [s].
     name : str, optional
 
     Returns
@@ -35,7 +37,7 @@ def heading_filter(
         Sampled. Inputs ``psi_ins``, ``yaw_rate``, ``heading_aid``, ``heading_aid_valid``; outputs
         ``psi_hat``, ``r_hat``, ``gyro_bias_hat``, ``heading_aid_innovation`` [rad] (0 without a measurement),
         its variance ``heading_aid_innovation_variance``, and ``P1[i,j]``, i <= j: the covariance of
-        ``psi_hat - psi`` and of ``b_g - gyro_bias_hat`` (in this sense). Parameters ``Q1[i,i]``,
+        ``psi_hat - psi`` and ``b_g - gyro_bias_hat`` (with these signs). Parameters ``Q1[i,i]``,
         ``R1[0,0]``, ``dt``.
 
     Raises
@@ -55,12 +57,13 @@ def heading_filter(
     Q = variance_parameters("Q1", [s.unit for s in _ERRORS], noise.Q1)
     (R,) = variance_parameters("R1", ["rad"], [noise.R1])
 
+    # dpsi+ = dpsi + b_g dt + w_1,  b_g+ = b_g + w_2,  cov w = diag Q1 [K06 section 5.4.5].
     dpsi, b_g = memory.estimate.x
     error = sp.Matrix([dpsi + b_g * elapsed, b_g])
     process = STARTED.symbol * sp.diag(*(q.symbol for q in Q))
     expected = equations.predict("expected", error, error.jacobian([dpsi, b_g]), memory.estimate.P, process)
-    # The heading error is what the integrated heading has more than the measured one
-    # [K06 eq 3.20, 3.21, 3.33, 3.34].
+    # z = psi_ins - psi_aid measures the heading error: H = [1, 0] [K06 eq 3.20, 3.21, 3.33, 3.34].
+    # The outputs are psi_hat = psi_ins - dpsi and r_hat = r - b_g.
     seen = wrapped(psi_ins.symbol - HEADING_AID.symbol - expected.x[0])
     H = sp.Matrix([dpsi]).jacobian([dpsi, b_g])
     new = equations.correct("heading_aid", expected, H, seen, R.symbol, use.symbol)

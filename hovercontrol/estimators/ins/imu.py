@@ -1,4 +1,4 @@
-"""What inertial navigation reads: the signals of the IMU and of the aids, under their agreed names."""
+"""The input signals of inertial navigation: IMU and aids, under the names that all filters share."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ FIX_Y = Signal("fix_y", "m", "y measured by an aid")
 
 
 def valid(aid: str) -> Signal:
-    """Return the signal that is 1 where an aid has a measurement at this tick."""
+    """Return the signal that is 1 at a tick at which an aid has a new measurement."""
     return Signal(f"{aid}_valid", "1", "1 at a tick with a new measurement, else 0", lower=0.0, upper=1.0)
 
 

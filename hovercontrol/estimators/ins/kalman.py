@@ -1,10 +1,14 @@
-"""A discrete Kalman filter as equations of a sampled Block: what each update adds to its definitions.
+"""A discrete Kalman filter written as equations of a sampled Block.
 
-Of the system [K06 eq 3.11, 3.12] with measurements [K06 eq 3.13, 3.14].
+The system is [K06 eq 3.11, 3.12], with measurements [K06 eq 3.13, 3.14]. One tick computes::
 
-Only the upper triangle of a covariance is computed, so that it is symmetric by construction. Measurements
-are taken one by one, numbers rather than vectors, so that nothing is inverted, in Joseph's form
-``(I - K H) P (I - K H)^T + K R K^T``, which stays positive for any gain K.
+    x <- F x,  P <- F P F^T + Q                               time update [K06 eq 3.19]
+    S = H P H^T + R,  K = P H^T / S,  x <- x + K (z - H x)    measurement update
+    P <- (I - K H) P (I - K H)^T + K R K^T                    [K06 eq 3.15, 3.16, 3.17], Joseph's form
+
+An extended filter replaces F x and H x by nonlinear functions, and F and H by their Jacobians. Scalar
+measurements are processed one after the other, so S is a number and no matrix is inverted. Joseph's form
+keeps P positive for any gain K. Only the upper triangle of P is computed, so P is symmetric by construction.
 """
 
 from __future__ import annotations
@@ -19,14 +23,14 @@ from hovercontrol.core.signals import Signal
 
 @dataclass(frozen=True)
 class Estimate:
-    """An estimate at some point of a tick: the values and the covariance (symmetric) as expressions."""
+    """An estimate at one stage of a tick: the values x and their symmetric covariance P, as expressions."""
 
     x: sp.Matrix
     P: sp.Matrix
 
 
 class Equations:
-    """The definitions of a Block while it is being written.
+    """Collect the named intermediate expressions (definitions) of a Block.
 
     Attributes
     ----------
@@ -37,7 +41,7 @@ class Equations:
         self.definitions: dict[str, sp.Expr] = {}
 
     def define(self, name: str, e: sp.Expr) -> sp.Expr:
-        """Give an expression a name and return the name's symbol; what is a plain symbol needs none."""
+        """Name an expression and return the symbol of that name; return a symbol or a number unchanged."""
         e = sp.sympify(e)
         if e.is_Atom:
             return e
@@ -45,7 +49,7 @@ class Equations:
         return sp.Symbol(name, real=True)
 
     def matrix(self, name: str, m: sp.Matrix) -> sp.Matrix:
-        """Name the entries of a matrix ``name[i,j]``, those of a column ``name[i]``."""
+        """Name the entries of a matrix ``name[i,j]``, or those of a column ``name[i]``."""
         if m.cols == 1:
             return sp.Matrix(m.rows, 1, lambda i, _: self.define(f"{name}[{i}]", m[i]))
         return sp.Matrix(*m.shape, lambda i, j: self.define(f"{name}[{i},{j}]", m[i, j]))
@@ -56,14 +60,14 @@ class Equations:
         return sp.Matrix(size, size, lambda i, j: upper[min(i, j), max(i, j)])
 
     def predict(self, name: str, x: sp.Matrix, F: sp.Matrix, P: sp.Matrix, noise: sp.Matrix) -> Estimate:
-        """Write the time update [K06 eq 3.19]: P becomes F P F^T + noise.
+        """Add the time update [K06 eq 3.19]: P becomes F P F^T + noise.
 
         Parameters
         ----------
         name : str
-            First part of the names of the values and their covariance.
+            Prefix of the names of the predicted values and of their covariance.
         x : sympy.Matrix, shape (n, 1)
-            What the values become.
+            The predicted values.
         F, P, noise : sympy.Matrix, shape (n, n)
         """
         n, F = P.rows, self.matrix("F", F)
@@ -86,28 +90,32 @@ class Equations:
         *,
         considered: Mapping[int, sp.Expr] | None = None,
     ) -> Estimate:
-        """Write the measurement update of one number; at a tick without it nothing changes.
+        """Add the update by one scalar measurement; without a measurement the estimate does not change.
 
         [K06 eq 3.15, 3.16, 3.17]
 
-        Its innovation, zero without a measurement, is defined as ``NAME_innovation``, the variance thereof as
+        The innovation is defined as ``NAME_innovation`` (zero without a measurement) and its variance as
         ``NAME_innovation_variance``.
 
         Parameters
         ----------
         name : str
-            Of the aid.
+            Name of the aid.
         estimate : Estimate
         H : sympy.Matrix, shape (1, n)
-            Derivative of the measured number by the values.
+            Derivative of the measured number with respect to the values.
         innovation, R : sympy.Expr
-            Measured less expected; its variance if the values were exact.
+            Measured minus expected value, and the variance of the measurement noise.
         valid : sympy.Symbol
             1 at a tick with a measurement.
         considered : mapping of int to sympy.Expr, optional
-            Factors of the gains of some values: where it is 0 the measurement does not change the value nor
-            its variance, but its uncertainty is still considered in all others (Schmidt).
+            Factors on the gains of some values. With a factor of 0 the measurement changes neither the value
+            nor its variance, but the uncertainty of the value still enters all other updates
+            (Schmidt-Kalman filter).
         """
+        # S = H P H^T + R,  K_i = a_i (P H^T)_i / S with the factors a_i = considered[i] (1 if not given),
+        # x+ = x + K nu.  Joseph's form, expanded with kept = (I - K H) P and rest = kept H^T:
+        # P+ = (I - K H) P (I - K H)^T + K R K^T = kept + (K R - rest) K^T.
         P, n = estimate.P, estimate.P.rows
         H = self.matrix(f"{name}_H", H.T).T
         HP = self.matrix(f"{name}_HP", (H * P).T)
@@ -132,14 +140,14 @@ class Equations:
 
 @dataclass(frozen=True)
 class Memory:
-    """The states in which a sampled filter keeps its estimate from tick to tick.
+    """The states that store a sampled filter's estimate between ticks.
 
     Attributes
     ----------
     values, covariance : tuple of Signal
         ``last_X[i]`` and the upper triangle of ``last_P[i,j]``.
     estimate : Estimate
-        Made of their symbols.
+        The estimate of the last tick, in the symbols of these states.
     """
 
     values: tuple[Signal, ...]
@@ -148,7 +156,7 @@ class Memory:
 
     @property
     def states(self) -> tuple[Signal, ...]:
-        """Values, then the covariance."""
+        """The values, followed by the upper triangle of the covariance."""
         return (*self.values, *self.covariance)
 
     def outputs(self) -> tuple[Signal, ...]:
@@ -161,28 +169,28 @@ class Memory:
         )
 
     def next_values(self, new: Estimate) -> dict[str, sp.Expr]:
-        """Return what the states become."""
+        """Return the next value of each state, by name."""
         n = new.P.rows
         upper = [new.P[i, j] for i in range(n) for j in range(i, n)]
         return {s.name: e for s, e in zip(self.states, [*new.x, *upper], strict=True)}
 
     def output_values(self, new: Estimate) -> dict[str, sp.Expr]:
-        """Return what the outputs are."""
+        """Return the expression of each covariance output, by name."""
         new_values = self.next_values(new)
         return {s.name.removeprefix("last_"): new_values[s.name] for s in self.covariance}
 
 
 def remember(x: str, P: str, quantities: Sequence[Signal], variances: Sequence[float]) -> Memory:
-    """Return the states for an estimate.
+    """Return the states that store an estimate.
 
     Parameters
     ----------
     x, P : str
-        First part of the names, ``xhat`` and ``P``.
+        Prefixes of the state names, such as ``xhat`` and ``P``.
     quantities : sequence of Signal
-        What is estimated.
+        The estimated quantities.
     variances : sequence of float
-        At the start.
+        Their initial variances.
     """
     n = len(quantities)
     values = tuple(
@@ -212,5 +220,5 @@ def variance_parameters(name: str, units: Sequence[str], values: Sequence[float]
 
 
 def wrapped(angle: sp.Expr) -> sp.Expr:
-    """Return an angle less whole turns, from -pi to pi."""
+    """Return an angle wrapped to the interval from -pi to pi."""
     return angle - 2 * sp.pi * sp.floor((angle + sp.pi) / (2 * sp.pi))

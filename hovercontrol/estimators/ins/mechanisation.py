@@ -1,4 +1,4 @@
-"""Inertial navigation by integration alone [K06 eq 3.42]."""
+"""Unaided inertial navigation: integration of the IMU [K06 eq 3.42]."""
 
 from __future__ import annotations
 
@@ -31,9 +31,10 @@ def ins_mechanisation(
     period: float = IMU_PERIOD,
     name: str = "mechanisation",
 ) -> Block:
-    """Return the inertial navigation that integrates the IMU's samples by the trapezoidal rule (3.42).
+    """Return a Block that integrates the IMU's samples by the trapezoidal rule (3.42).
 
-    The samples are taken as joined by straight lines. At the first tick the start is told.
+    Specific force and yaw rate are taken as linear between samples. The outputs at the first tick are the
+    initial values.
 
     Parameters
     ----------
@@ -41,11 +42,11 @@ def ins_mechanisation(
         Resolve the specific force with ``psi_hat`` of a heading filter, as K06's aided navigation does,
         instead of the integrated heading.
     pose : sequence of 3 float, optional
-        x, y [m], psi [rad] at the start.
+        Initial x, y [m] and psi [rad].
     velocity : sequence of 2 float, optional
-        Along x and y at the start [m/s].
+        Initial velocity along x and y [m/s].
     period : float, optional
-        Of the IMU [s].
+        Period of the IMU [s].
     name : str, optional
 
     Returns
@@ -113,12 +114,15 @@ def ins_mechanisation(
 
 
 def integrated_heading(psi: sp.Expr, rate0: sp.Expr, rate1: sp.Expr, dt: sp.Expr) -> sp.Expr:
-    """Return the first line of (3.42) [K06 eq 3.39]."""
+    """Return the heading after dt [K06 eq 3.39], first line of (3.42): ``psi + dt/2 (r0 + r1)``."""
     return psi + dt / 2 * (rate1 + rate0)
 
 
 def integrated_motion(v: sp.Matrix, r: sp.Matrix, f0: sp.Matrix, f1: sp.Matrix, dt: sp.Expr) -> sp.Matrix:
-    """Return velocity and position after dt by its other lines [K06 eq 3.40, 3.41], f in navigation axes."""
+    """Return velocity and position after dt [K06 eq 3.40, 3.41], with f in navigation axes.
+
+    ``v1 = v + dt/2 (f0 + f1)``, ``r1 = r + v dt + dt^2/6 (2 f0 + f1)``: exact for f linear in time.
+    """
     return sp.Matrix.vstack(v + dt / 2 * (f1 + f0), r + v * dt + dt**2 / 6 * (f1 + 2 * f0))
 
 
@@ -130,7 +134,7 @@ def clock(name: str, period: float) -> tuple[Signal, sp.Expr, Equations]:
 
 
 def finite(where: str, values: Sequence[float], count: int) -> list[float]:
-    """Return so many finite numbers, or refuse."""
+    """Return the values as a list of `count` finite numbers; raise InputError otherwise."""
     try:
         found = np.asarray(values, dtype=float)
     except (TypeError, ValueError):

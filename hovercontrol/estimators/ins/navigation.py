@@ -1,7 +1,8 @@
-"""One extended Kalman filter for heading, velocity, position and biases, whatever aids there are.
+"""One extended Kalman filter for heading, velocity, position and biases, with any set of aids.
 
-Unlike K06's two filters it estimates the motion itself (its corrections go back into the integration, which
-K06 section 3.3.3.6 asks for where no heading aid exists), with the exact derivatives of (3.42).
+K06's two filters estimate the errors of the integration. This filter estimates the motion itself: its
+corrections are fed back into the integration, which K06 section 3.3.3.6 asks for where no heading aid exists.
+Its Jacobians are the exact derivatives of (3.42).
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ from hovercontrol.estimators.ins.mechanisation import (
 from hovercontrol.estimators.ins.noise import InsNoise
 from hovercontrol.estimators.ins.velocity_position import MOTION_OUTPUTS, innovation_outputs, motion_outputs
 
-#: What is estimated, in the order of ``xhat[i]``.
+#: The estimated quantities, in the order of ``xhat[i]``.
 QUANTITIES = (
     Signal("psi", "rad", "heading"),
     Signal("v_x", "m/s", "velocity along x"),
@@ -45,7 +46,7 @@ QUANTITIES = (
     Signal("b_ax", "m/s^2", "accelerometer bias along the bow"),
     Signal("b_ay", "m/s^2", "accelerometer bias to the side"),
 )
-#: Time over which the specific force is averaged to see whether the craft accelerates [s].
+#: Time constant [s] of the average of the specific force that decides whether the craft accelerates.
 AVERAGING = 1.0
 
 _PUSH = tuple(
@@ -58,22 +59,23 @@ PSI, VELOCITY, POSITION = ESTIMATE[0], ESTIMATE[1:3, 0], ESTIMATE[3:5, 0]
 
 @dataclass(frozen=True)
 class Aid:
-    """A measured number and what it would be if the estimate were exact.
+    """A scalar measurement and its expected value as a function of the estimate.
 
     Parameters
     ----------
     signal : Signal
-        The input.
+        Input with the measured value.
     valid : Signal
-        The input that is 1 when it is measured.
+        Input that is 1 at a tick with a measurement.
     expected : sympy.Expr
-        Of :data:`PSI`, :data:`POSITION`, the symbols of `extra` quantities and the parameters.
+        Expected value, an expression in :data:`PSI`, :data:`POSITION`, the symbols of `extra` quantities and
+        the parameters.
     variance : Signal
-        Parameter.
+        Parameter: variance of the measurement noise.
     angle : bool, optional
-        Whole turns do not matter.
+        Whether the measurement is an angle; its innovation is then wrapped.
     shows_heading : bool, optional
-        Tells of the heading by itself, not only while the craft accelerates.
+        Whether it makes the heading observable by itself, not only while the craft accelerates.
     """
 
     signal: Signal
@@ -105,25 +107,25 @@ def navigation_filter(
     inputs: Sequence[Signal] = (),
     definitions: Mapping[str, sp.Expr] | None = None,
 ) -> Block:
-    """Return the filter for given measurements.
+    """Return the extended Kalman filter for given measurements.
 
     Parameters
     ----------
     name : str
     aids : sequence of Aid
-        Taken in this order, each at the estimate that the one before has left.
+        Processed in this order, each linearised at the estimate that the previous one left.
     parameters : sequence of Signal
-        Of the aids.
+        Parameters in the aids' expressions.
     noise, pose, velocity, period, excitation
         As for :func:`coupled_filter`.
     extra : sequence of Signal, optional
-        Constants that are estimated too, each under its own name in the aids' expressions.
+        Constants that are estimated too; the aids' expressions use their own symbols.
     extra_variances : sequence of float, optional
-        At the start.
+        Initial variances of `extra`.
     inputs : sequence of Signal, optional
-        More that the aids' expressions use.
+        Further inputs in the aids' expressions.
     definitions : mapping of str to sympy.Expr, optional
-        More that the aids' expressions use, of inputs and parameters.
+        Further definitions in the aids' expressions, in terms of inputs and parameters.
     """
     x, y, psi = finite(f"{name}: pose", pose, 3)
     start = [psi, *finite(f"{name}: velocity", velocity, 2), x, y]
@@ -134,6 +136,7 @@ def navigation_filter(
     units = [QUANTITIES[i].unit for i in (0, 1, 2, 5, 6, 7)]
     Q = variance_parameters("Q", units, added_variances(noise))
 
+    # x+ = f(x, w), F = df/dx and G = df/dw at w = 0:  P+ = F P F^T + G diag(Q) G^T.
     w = sp.Matrix([sp.Dummy(real=True) for _ in Q])
     moved = sp.Matrix([*moved_by(elapsed, w), *(s.symbol for s in extra)])
     calm = dict.fromkeys(w, 0)
@@ -184,18 +187,18 @@ def navigation_filter(
 def remembered(
     quantities: Sequence[Signal], start: Sequence[float], noise: InsNoise, extra: Sequence[float]
 ) -> Memory:
-    """Return what is kept from tick to tick; it starts at psi, v_x, v_y, x, y and zero biases."""
+    """Return the stored estimate; it starts at psi, v_x, v_y, x, y of `start` and zero biases."""
     started = [s.replace(start=v) for s, v in zip(quantities, [*start, *[0.0] * 9], strict=False)]
     return remember("xhat", "P", started, [noise.P1[0], *noise.P2[:4], noise.P1[1], *noise.P2[4:], *extra])
 
 
 def added_variances(noise: InsNoise) -> list[float]:
-    """Return the variances that a tick adds: to heading, velocity forward and sideways, and the biases."""
+    """Return the process noise variances of one tick: heading, velocity forward and sideways, biases."""
     return [noise.Q1[0], *noise.Q2[:2], noise.Q1[1], *noise.Q2[2:]]
 
 
 def told_of(x: sp.Matrix, extra: Sequence[Signal]) -> tuple[tuple[Signal, ...], dict[str, sp.Expr]]:
-    """Return the outputs that tell an estimate, and their expressions."""
+    """Return the outputs of an estimate, and their expressions."""
     extras = tuple(s.replace(name=f"{s.name}_hat", description=f"{s.description}, estimated") for s in extra)
     outputs = (
         PSI_HAT,
@@ -214,7 +217,10 @@ def told_of(x: sp.Matrix, extra: Sequence[Signal]) -> tuple[tuple[Signal, ...], 
 
 
 def moved_by(elapsed: sp.Expr, w: sp.Matrix) -> sp.Matrix:
-    """Return the estimate a tick later by (3.42), w being the noise that K06's discrete model adds."""
+    """Return the estimate one tick later by (3.42); w is the noise that K06's discrete model adds."""
+    # psi+ = psi + dt/2 (r0 + r1 - 2 b_g) + w_psi,  f0 = B(psi) (f_0 - b_a),  f1 = B(psi+) (f_1 - b_a),
+    # v+ = v + dt/2 (f0 + f1) + B(psi) w_v,  p+ = p + v dt + dt^2/6 (2 f0 + f1),  b+ = b + w_b.
+    # psi+ in f1 is taken without w_psi.
     b_g, b_a = ESTIMATE[5], ESTIMATE[6:8, 0]
     before, now = (sp.Matrix([s.symbol for s in group]) for group in (HELD_IMU, IMU))
     psi = integrated_heading(PSI, before[2] - b_g, now[2] - b_g, elapsed)
@@ -228,11 +234,12 @@ def moved_by(elapsed: sp.Expr, w: sp.Matrix) -> sp.Matrix:
 def _excitation(
     equations: Equations, estimate: Estimate, elapsed: sp.Expr, least: sp.Expr, averaging: sp.Expr
 ) -> tuple[sp.Matrix, sp.Expr]:
-    """Return the averaged specific force, and 1 while it is large enough to show the heading, else 0.
+    """Return the averaged specific force, and 1 while it is large enough to observe the heading, else 0.
 
-    At rest the accelerometers' noise looks to the filter like motion that shows the heading, and its heading
-    variance would fall though nothing was learned.
+    At rest the filter would take the accelerometers' noise for motion that makes the heading observable, and
+    reduce its heading variance although nothing was learned.
     """
+    # First-order average a+ = a + dt/tau (B(psi) (f - b_a) - a);  excited = 1 if |a+| >= least.
     push = sp.Matrix([s.symbol for s in _PUSH])
     body = sp.Matrix([s.symbol for s in IMU[:2]]) - estimate.x[6:8, 0]
     force = to_navigation(estimate.x[0], body)

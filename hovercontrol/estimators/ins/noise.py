@@ -1,11 +1,12 @@
-"""Noise matrices of the filters: K06's printed matrices, and such as follow from sensors.
+"""Noise covariances of the filters: K06's printed matrices, and covariances derived from sensor errors.
 
-K06's printed Q1 and Q2 [K06 eq 5.4, 5.5] are, as its section 3.3.3.6 says, variances of the sensors' samples:
-sqrt(4.9e-4) rad/s = 1.27 deg/s. Its discrete model (5.4.5) adds that noise to the heading *itself* at each
-tick, which needs the variance times dt^2: as printed the heading walks 1.27 deg per tick, 15.7 deg in a
-second, 1/dt^2 = 23 283 times the variance that such a gyro gives; the velocity walks 2.3 m/s in a second.
-The biases walk 1.28 deg/s per tick and begin at 57 deg/s and 1 m/s^2, where K06's simulation has 1 deg/s and
-2.5 cm/s^2, and a gyro noise of 0.5 deg/s. So its filters all but copy their aids.
+K06's section 3.3.3.6 calls the printed Q1 and Q2 [K06 eq 5.4, 5.5] variances of the sensors' samples:
+sqrt(4.9e-4) rad/s = 1.27 deg/s. K06's discrete model (5.4.5) adds that noise to the heading *itself* at each
+tick, which requires the variance times dt^2. As printed, the heading's random walk is 1.27 deg per tick, or
+15.7 deg in a second: 1/dt^2 = 23 283 times the variance that such a gyro causes. The velocity's random walk
+is 2.3 m/s in a second. The gyro bias walks 1.28 deg/s per tick. The biases' initial standard deviations are
+57 deg/s and 1 m/s^2, but K06's simulation has biases of 1 deg/s and 2.5 cm/s^2 and a gyro noise of 0.5 deg/s.
+With the printed matrices the filters therefore follow their aids almost exactly.
 """
 
 from __future__ import annotations
@@ -26,29 +27,29 @@ _MAY_BE_ZERO = ("gyro_noise", "gyro_walk", "acceleration_walk")
 @checked
 @dataclass(frozen=True)
 class InsNoise:
-    """Diagonals of the covariances, of both filters; the defaults are K06's (section 5.4.5).
+    """Diagonals of both filters' covariances; the defaults are K06's (section 5.4.5).
 
     Parameters
     ----------
     Q1 : sequence of 2 float, optional
-        Added at each tick to the heading error [rad^2] and the gyro bias [rad^2/s^2].
+        Process noise per tick: heading error [rad^2] and gyro bias [rad^2/s^2].
     R1 : float, optional
-        Of the heading aid [rad^2].
+        Measurement noise of the heading aid [rad^2].
     P1 : sequence of 2 float, optional
-        At the start: heading error [rad^2], gyro bias [rad^2/s^2] [K06 eq 3.45, 3.46].
+        Initial variances: heading error [rad^2], gyro bias [rad^2/s^2] [K06 eq 3.45, 3.46].
     Q2 : sequence of 4 float, optional
-        Added at each tick to the velocity error, forward and sideways [m^2/s^2], and to the accelerometers'
-        biases [m^2/s^4].
+        Process noise per tick: velocity error, forward and sideways [m^2/s^2], and accelerometer biases
+        [m^2/s^4].
     R2 : sequence of 2 float, optional
-        Of the fix, x and y [m^2].
+        Measurement noise of the fix, x and y [m^2].
     P2 : sequence of 6 float, optional
-        At the start: velocity error x, y [m^2/s^2], position error x, y [m^2], the biases x, y [m^2/s^4]
+        Initial variances: velocity error x, y [m^2/s^2], position error x, y [m^2], biases x, y [m^2/s^4]
         [K06 eq 3.47].
 
     Raises
     ------
     InputError
-        If a number of values is wrong, a variance is negative, or one of R1, R2, P1, P2 is zero.
+        If the number of values is wrong, a variance is negative, or one of R1, R2, P1, P2 is zero.
 
     Examples
     --------
@@ -81,17 +82,17 @@ class SensorErrors:
     Parameters
     ----------
     gyro_noise, gyro_bias : float, optional
-        Of one sample, and of the bias at switch-on [rad/s]. K06's simulation: 0.5 and 1 deg/s.
+        One sample, and the bias at switch-on [rad/s]. K06's simulation: 0.5 and 1 deg/s.
     acceleration_noise : tuple of 2 float, optional
-        Of one sample, forward and sideways [m/s^2]: the roots of K06's Q2, taken from a sensor at rest.
+        One sample, forward and sideways [m/s^2]: the square roots of K06's Q2, measured on a sensor at rest.
     acceleration_bias : float, optional
-        At switch-on [m/s^2]. K06's simulation: 2.5 cm/s^2.
+        Bias at switch-on [m/s^2]. K06's simulation: 2.5 cm/s^2.
     gyro_walk, acceleration_walk : float, optional
-        How far the biases walk in one second [rad/s, m/s^2]; K06 tuned these in simulation.
+        Random walk of the biases in one second [rad/s, m/s^2]; K06 tuned these in simulation.
     heading_aid, fix : float, optional
-        [rad], [m]: the roots of K06's R1 and R2.
+        One measurement [rad], [m]: the square roots of K06's R1 and R2.
     heading, velocity, position : float, optional
-        Of what is told at the start [rad, m/s, m].
+        Initial values given to the filter [rad, m/s, m].
 
     Raises
     ------
@@ -131,14 +132,14 @@ class SensorErrors:
 def noise_from_sensors(sensors: SensorErrors | None = None, *, period: float = IMU_PERIOD) -> InsNoise:
     """Return covariances that agree with the errors of the sensors.
 
-    The noise s of one sample moves what is integrated from it by ``s * period``, a bias that walks by s in a
-    second by ``s * sqrt(period)``.
+    At each tick a sample of standard deviation s adds an error of standard deviation ``s * period`` to its
+    integral. A bias with a random walk of s in one second changes by ``s * sqrt(period)`` per tick.
 
     Parameters
     ----------
     sensors : SensorErrors, optional
     period : float, optional
-        Of the IMU [s].
+        Period of the IMU [s].
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""A particle filter on raw ranges, which K06 wished for beside the extended Kalman filter (section 7.2)."""
+"""A particle filter on raw ranges, future work of K06 like the extended Kalman filter (section 7.2)."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ from hovercontrol.io.tables import number, positive
 
 Array = NDArray[np.float64]
 
-#: Particles, if nobody says how many; with 2000 a start anywhere in 4 m by 8 m may lose the right side.
+#: Default number of particles; 2000 may lose the correct side if the start is anywhere in 4 m by 8 m.
 PARTICLES = 3000
-#: Roughening: Silverman's rule, ``(4 / (n + 2) / particles)^(1 / (n + 4))``, for 8 values and 3000 particles.
+#: Roughening: Silverman's rule, ``(4 / (n + 2) / particles)^(1 / (n + 4))``, for n = 8 and 3000 particles.
 ROUGHENING = 0.5
-#: An echo is as likely anywhere up to here [m].
+#: The range of an echo is uniformly distributed from 0 to this distance [m].
 FARTHEST = 10.0
 
 EFFECTIVE = Signal("effective", "1", "how many particles count", lower=0.0)
@@ -46,22 +46,25 @@ EFFECTIVE = Signal("effective", "1", "how many particles count", lower=0.0)
 @checked
 @dataclass(frozen=True, eq=False)
 class ParticleFilter:
-    """A bootstrap filter with the ports of :func:`range_filter`; :func:`range_particles` makes it.
+    """A bootstrap filter with the inputs and outputs of :func:`range_filter`.
 
-    :func:`simulate_runs` and :func:`run_ins` take it as they take a filter's Block. It is no Block: thousands
-    of particles are no equations to print, compile or export.
+    It is made by :func:`range_particles`.
+
+    :func:`simulate_runs` and :func:`run_ins` accept it in place of a filter's Block. It is not a Block:
+    equations for thousands of particles cannot sensibly be printed, compiled or exported.
 
     Attributes
     ----------
     name : str
     period : float
-        [s]
+        Time from tick to tick [s].
     inputs, outputs, states : tuple of Signal
-        As of the Kalman filter with the same arguments, and the output ``effective``; the states are the
-        means that the particles are drawn about at the start.
+        Those of the Kalman filter with the same arguments, and the output ``effective``, the effective sample
+        size. The states are the means about which the initial particles are drawn.
     particles : int
+        Number of particles.
     ranges, noise, range_bias, area, roughening, echoes, seed
-        As told to :func:`range_particles`.
+        As given to :func:`range_particles`.
 
     Examples
     --------
@@ -85,13 +88,14 @@ class ParticleFilter:
     seed: int
 
     def start(self, runs: int = 1, start: Mapping[str, ArrayLike] | None = None) -> RunningParticles:
-        """Draw the particles of so many runs.
+        """Draw the initial particles of one or more runs.
 
         Parameters
         ----------
         runs : int, optional
+            Number of runs.
         start : mapping of str to array_like, shape () or (runs,), optional
-            Of states, over their start values.
+            Initial means of states, by name, in place of their start values.
         """
         return RunningParticles(self, runs, start or {})
 
@@ -116,26 +120,30 @@ def range_particles(
     period: float = IMU_PERIOD,
     name: str = "ins",
 ) -> ParticleFilter:
-    """Return the particle filter on raw ranges: the equations of :func:`range_filter`, nothing linearised.
+    """Return a particle filter on raw ranges: the equations of :func:`range_filter` without linearisation.
 
-    Where the ranges fit several places, as those of two beacons fit a place and its mirror image, all are
-    kept until motion tells which it is. Estimates are means over the particles, and so lie between them.
+    Ranges may fit several positions: those of two beacons fit a position and its mirror image. The filter
+    keeps all of them until the motion decides between them. Estimates are means over the particles, so until
+    then they lie between these positions.
 
     Parameters
     ----------
     beacons, units, cone, heading, range_noise, range_bias, noise, pose, velocity, period, name
         As for :func:`range_filter`.
     area : pair of pairs of float, optional
-        ``((x_min, x_max), (y_min, y_max))`` [m]: the craft may be anywhere there and head anywhere at the
-        start; the pose does not count then.
+        ``((x_min, x_max), (y_min, y_max))`` [m]: the initial position is uniform in this area and the initial
+        heading is uniform. The pose is then ignored.
     particles : int, optional
+        Number of particles, at least 2.
     roughening : float, optional
-        After resampling the particles are moved a little, by this share of their spread along its axes; an
-        axis counts at most as long as what a range tells apart (its noise in the position, that over 0.2 m in
-        the heading, that over 0.1 s in the velocity). Silverman's rule gives 0.5.
+        Standard deviation of the noise added after resampling, as a share of the particles' spread along
+        each principal axis. The spread counts at most as the resolution of a range: its standard deviation in
+        position, this divided by 0.2 m in heading, and divided by 0.1 s in velocity. Silverman's rule gives
+        0.5.
     echoes : float, optional
-        Share of the ranges that are echoes, anywhere from 0 to 10 m; 0: there is none.
+        Share of the ranges that are echoes, uniform from 0 to 10 m; 0: no echoes.
     seed : int, optional
+        Seed of the random numbers.
 
     Returns
     -------
@@ -219,15 +227,15 @@ class RunningParticles:
         self._functions = _functions(made)
 
     def tick(self, inputs: Array, span: float, outputs: Sequence[str]) -> Array:
-        """Take the inputs of a tick.
+        """Advance the particles by one tick and return the outputs.
 
         Parameters
         ----------
         inputs : ndarray, shape (n_inputs, runs)
         span : float
-            Since the last tick [s]; the first does not count.
+            Time since the last tick [s]; ignored at the first tick.
         outputs : sequence of str
-            What is wanted.
+            Names of the outputs to return.
 
         Returns
         -------
@@ -238,6 +246,7 @@ class RunningParticles:
         now = inputs[:3]
         move, expect, tell = self._functions
         x = self._cloud.x
+        # x+ = f(x, w), w ~ N(0, Q span / period), each particle with its own w.
         if self._held is not None:
             share = math.sqrt(span / self._made.period)
             w = [
@@ -253,7 +262,8 @@ class RunningParticles:
         return self._told(given, innovation, tell, outputs)
 
     def _measured(self, given: Mapping[str, Array], expect: Callable[..., list[Array]]) -> dict[str, Array]:
-        """Weight the particles by what was measured; return innovations and their variances."""
+        """Weight the particles by the measurements; return innovations and their variances."""
+        # nu = sum_i w_i (z - h(x_i)),  S = sum_i w_i (z - h(x_i) - nu)^2 + R, before the weights change.
         made, cloud = self._made, self._cloud
         aids = made.ranges.aids
         runs = len(cloud.x)
@@ -291,7 +301,9 @@ class RunningParticles:
         tell: Callable[..., list[Array]],
         outputs: Sequence[str],
     ) -> Array:
-        """Return means over the particles and what follows from them."""
+        """Return the outputs computed from means over the particles."""
+        # x_hat = sum_i w_i x_i, psi_hat = arg sum_i w_i exp(j psi_i) (unwrapped),
+        # P = sum_i w_i (x_i - x_hat) (x_i - x_hat)^T.
         x, w = self._cloud.x, self._cloud.weights
         mean = np.einsum("rip,rp->ir", x, w)
         turned = np.angle(np.einsum("rp,rp->r", w, np.exp(1j * x[:, 0])))
@@ -314,7 +326,7 @@ class RunningParticles:
 
 
 def _functions(made: ParticleFilter) -> tuple[Callable[..., list[Array]], ...]:
-    """Return motion, expected measurements and outputs as NumPy functions of the filters' own equations."""
+    """Return motion, expected measurements and outputs as NumPy functions, from the filters' equations."""
     w, span = sp.Matrix([sp.Dummy(real=True) for _ in range(6)]), sp.Dummy("span", real=True)
     x = [*ESTIMATE, *(s.symbol for s in made.ranges.bias)]
     values = {s.symbol: s.start for s in made.ranges.parameters}
@@ -342,7 +354,8 @@ def _wrapped(angle: Array) -> Array:
 
 
 def _log_likelihood(aid: Aid, seen: Array, echoes: float) -> Array:
-    """Return the logarithm of a measurement's density: normal, or of a range that may be an echo."""
+    """Return the log-likelihood of a measurement: normal, or a mixture for a range that may be an echo."""
+    # ln N = -1/2 ((z - h)^2 / R + ln 2 pi R);  with echoes p: ln((1 - p) N + p / FARTHEST).
     R = _variance(aid)
     normal = -0.5 * (_off(aid, seen) ** 2 / R + math.log(2 * math.pi * R))
     if not echoes or aid.angle:

@@ -1,4 +1,4 @@
-"""The single filter for raw ranges, which K06 wished for (section 7.2)."""
+"""One extended Kalman filter on raw ranges, which K06 names as future work (section 7.2)."""
 
 from __future__ import annotations
 
@@ -42,40 +42,43 @@ def range_filter(
 ) -> Block:
     """Return the extended Kalman filter on raw ranges.
 
-    Each range counts for itself, also where too few are there for a fix, by (5.6) from the unit's place:
-    ``sqrt((x - x_i)^2 + (y - y_i)^2 + h^2) + b``. Two units apart show the heading.
+    Each range is a measurement by itself, even where there are too few for a fix. From the unit's position
+    (x, y) the expected range is (5.6), ``sqrt((x - x_i)^2 + (y - y_i)^2 + h^2) + b``. Two units at a distance
+    from each other make the heading observable.
 
-    Two beacons do: `pose` tells on which side of their line the craft is. It should stay there: where it
-    crosses, the ranges do not tell whether it turns back. A range bias shows itself only as the craft moves.
+    Two beacons are enough: `pose` says on which side of their line the craft is. The craft should stay on
+    that side, because at a crossing the ranges do not show whether it turned back. A range bias is observable
+    only while the craft moves.
 
     Parameters
     ----------
     beacons : Beacons
     units : sequence of pairs of float, optional
-        Where on the craft each ranging unit is, forward and sideways of the IMU [m].
+        Position of each ranging unit on the craft, forward and sideways of the IMU [m].
     cone : tuple of 2 float, optional
-        Coefficients of the ranges' cone-angle error (5.7); default: they have none.
+        Coefficients of the ranges' cone-angle error (5.7); default: no such error.
     heading : bool, optional
-        Whether there is a heading aid too.
+        Whether a heading aid is available too.
     range_noise : float, optional
         Standard deviation of a range [m].
     range_bias : float, optional
-        Standard deviation at the start of the bias common to all ranges [m]; 0: there is none.
+        Initial standard deviation of the bias common to all ranges [m]; 0: no bias is estimated.
     noise, pose, velocity, period, name, excitation
         As for :func:`coupled_filter`.
 
     Returns
     -------
     Block
-        Sampled. Inputs as of :func:`coupled_filter`, but ``range_k`` [m] and ``range_k_valid`` for each
-        beacon and, of several units, ``range_unit``, from 1: whose ranges these are. Outputs as of
-        :func:`coupled_filter`, but ``range_k_innovation`` and its variance, and ``range_bias_hat``.
+        Sampled. Inputs as of :func:`coupled_filter`, but in place of the fix ``range_k`` [m] and
+        ``range_k_valid`` for each beacon k. With several units also ``range_unit``, the number of the unit
+        that measured the ranges, from 1. Outputs as of :func:`coupled_filter`, but in place of the fix's
+        innovations ``range_k_innovation`` and its variance, and ``range_bias_hat`` if a bias is estimated.
 
     Raises
     ------
     InputError
-        If units are no pairs of finite numbers, a standard deviation is not positive, or as for
-        :func:`coupled_filter`.
+        If units are not pairs of finite numbers, `range_noise` is not positive, `range_bias` is negative, or
+        as for :func:`coupled_filter`.
 
     Examples
     --------
@@ -111,15 +114,17 @@ def range_filter(
 
 
 class RangeAids(NamedTuple):
-    """What raw ranges are, for any filter.
+    """The measurement equations of raw ranges, for any filter.
 
     Attributes
     ----------
     aids : tuple of Aid
+        One for each beacon, after the heading aid if there is one.
     parameters, bias, inputs : tuple of Signal
-        Of the aids; of all ranges, one or none; beside the aids' own, one or none.
+        Parameters of the aids; the bias common to all ranges, one or none; inputs in addition to the aids'
+        own, one or none.
     definitions : dict of str to sympy.Expr
-        That the aids' expressions use.
+        Definitions in the aids' expressions.
     """
 
     aids: tuple[Aid, ...]
@@ -157,6 +162,7 @@ def measured_ranges(
     at = placed([sp.Symbol(key, real=True) for key in definitions])
     places = beacons.signals()
     aids = [heading_aid(noise)] if heading else []
+    # rho_k = |(x, y) + B(psi) arm - (x_k, y_k), h_k| / e(phi) + b with the cone-angle ratio e (5.7), (5.9).
     for k, (bx, by, height) in enumerate(places, 1):
         signal = Signal(f"range_{k}", "m", f"range to beacon {k}, measured")
         away = at - sp.Matrix([bx.symbol, by.symbol])
@@ -174,23 +180,23 @@ def measured_ranges(
     )
 
 
-#: Most beacons: a Block has signals for each.
+#: Maximum number of beacons; the Block has signals for each.
 MOST_BEACONS = 1000
 
 
 @checked
 def range_arrivals(count: int, *, period: float = IMU_PERIOD, name: str = "range_arrivals") -> Block:
-    """Return what leads from ranging units that hold their ranges to :func:`range_filter`.
+    """Return a Block that connects ranging units, which hold their ranges, to :func:`range_filter`.
 
-    Ranges that are held for a slot must count once: at the first tick that sees another unit's, or any after
-    none.
+    Ranges are held for a whole slot but must be used once. They are marked valid at the first tick at which
+    the unit changes, or at which ranges arrive after a tick without.
 
     Parameters
     ----------
     count : int
-        Of beacons.
+        Number of beacons.
     period : float, optional
-        Of the IMU [s].
+        Period of the IMU [s].
     name : str, optional
 
     Returns
@@ -237,7 +243,7 @@ def range_arrivals(count: int, *, period: float = IMU_PERIOD, name: str = "range
 
 
 def _chosen(values: Sequence[sp.Symbol]) -> sp.Expr:
-    """Return the value of the unit whose ranges these are."""
+    """Return the value that belongs to the unit ``range_unit``."""
     if len(values) == 1:
         return values[0]
     pieces = [(v, RANGE_UNIT.symbol < k + sp.S.Half) for k, v in enumerate(values[:-1], 1)]
@@ -245,5 +251,5 @@ def _chosen(values: Sequence[sp.Symbol]) -> sp.Expr:
 
 
 def _cone_angle(away: sp.Matrix, height: sp.Symbol) -> sp.Expr:
-    # Just off the vertical, where the angle has no derivative.
+    # phi = atan2(distance, h), evaluated slightly off the vertical: phi has no derivative at distance 0.
     return sp.atan2(sp.sqrt(away.dot(away) + sp.Float(1e-12) * height**2), height)

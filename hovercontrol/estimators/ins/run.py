@@ -1,4 +1,4 @@
-"""Inertial navigation over a recorded log: the samples of the IMU and what the aids measured, with times."""
+"""Inertial navigation over a recorded log: the samples of the IMU and the aids' measurements, with times."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-#: Rows between which progress is told.
+#: Number of rows between two progress reports.
 _ROWS = 1000
 
 
@@ -40,39 +40,38 @@ def run_ins(
 ) -> control.TimeResponseData:
     """Run a navigation filter over a log.
 
-    The time from row to row is that of the log; the noise added in it grows with it.
+    The time step between rows is that of the log. The process noise is scaled in proportion to it.
 
     Parameters
     ----------
     block : Block or ParticleFilter
-        As :func:`aided_ins`, :func:`coupled_filter`, :func:`range_filter`, :func:`range_particles` or
-        :func:`ins_mechanisation` give it.
+        Result of :func:`aided_ins`, :func:`coupled_filter`, :func:`range_filter`, :func:`range_particles` or
+        :func:`ins_mechanisation`.
     imu : mapping of str to array_like, shape (rows,), or DataFrame
         ``time`` [s], ``acceleration_x``, ``acceleration_y`` [m/s^2], ``yaw_rate`` [rad/s].
     aids : sequence of mappings or DataFrames, optional
         Each with its own ``time`` and the measured inputs of the block: ``heading_aid``; ``fix_x`` and
-        ``fix_y``; ``range_1``, ... (and ``range_unit`` if there are several). What is NaN was not measured in
-        that row. A row counts at the first row of the IMU that is not earlier; of two that fall together, the
-        later.
+        ``fix_y``; ``range_1``, ... (and ``range_unit`` if there are several units). NaN means not measured in
+        that row. A row is used at the first row of the IMU that is not earlier; if two rows fall on the same
+        IMU row, the later one is used.
     params : mapping, optional
-        Parameter values by key; a particle filter takes its own where it is made.
+        Parameter values by key. Not for a particle filter, whose values are given to :func:`range_particles`.
     max_gap : float, optional
         Longest time between rows of the IMU [s] (default: 1.5 periods of the block).
     progress : callable, optional
-        Called now and then with the part that is done, 0 to 1.
+        Called every 1000 rows with the finished fraction, 0 to 1.
 
     Returns
     -------
     control.TimeResponseData
-        Outputs are the block's: the trajectory, innovations and covariances; it has ``plot`` and
-        ``to_pandas``.
+        The block's outputs: the trajectory, innovations and covariances. It has ``plot`` and ``to_pandas``.
 
     Raises
     ------
     InputError
-        If a column is missing, unknown to the block or no column of numbers; if a time does not increase,
-        rows of the IMU are missing, or a value is not finite (the line names the row, counted from 0); if an
-        aid's row is out of the IMU's time.
+        If a column is missing, unknown to the block or not a column of numbers; if a time does not increase,
+        rows of the IMU are missing, or a value is not finite (the message names the row, counted from 0); if
+        an aid's row is outside the IMU's time range.
 
     Examples
     --------
@@ -111,7 +110,7 @@ def run_ins(
 def _ticker(
     block: Block | ParticleFilter, params: Mapping[str, float] | None
 ) -> Callable[[float, float, list[float]], tuple[ArrayLike, ArrayLike]]:
-    """Return a function of time, span and inputs: the states before a tick, and its outputs."""
+    """Return a function of time, span and inputs that returns the states before a tick and its outputs."""
     wanted = [s.name for s in block.outputs]
     state = [s.start for s in block.states]
     if isinstance(block, ParticleFilter):
@@ -206,7 +205,7 @@ def _place(
     columns: dict[str, Array],
     gap: float,
 ) -> None:
-    """Put an aid's rows into the columns of the inputs, at the ticks where they count."""
+    """Write an aid's rows into the input columns, at the ticks at which they are used."""
     when = _times(where, aid)
     measured = [s.name for s in block.inputs if s not in IMU and not s.name.endswith("_valid")]
     for name in map(str, aid):
@@ -238,12 +237,12 @@ def _place(
 
 
 def _regular(span: float, period: float) -> float:
-    """Return the time between two rows, less the rounding of a regular log."""
+    """Return the time between two rows, replaced by the period if it differs only by rounding."""
     return period if abs(span - period) < 1e-6 * period else span
 
 
 def _by_time(block: Block, params: Mapping[str, float] | None) -> Callable[[float], tuple[float, ...]]:
-    """Return the parameter values for a time between rows: dt, and noise in proportion to it."""
+    """Return the parameter values for a time between rows: dt, and Q scaled in proportion to it."""
     base = block.parameter_values(params)
     last = [p.name.rpartition(".")[2] for p in block.parameters]
     clocks = [k for k, name in enumerate(last) if name == "dt"]

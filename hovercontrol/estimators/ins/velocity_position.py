@@ -1,4 +1,4 @@
-"""K06's velocity/position filter: errors of velocity, position and accelerometers.
+"""K06's velocity/position filter: it estimates the errors of velocity, position and accelerometers.
 
 [K06 eq 3.22, 3.26, 3.27, 3.30, 3.32, 3.38]
 """
@@ -39,7 +39,7 @@ _INS = (
 )
 _LAST_HEADING = PSI_HAT.replace(name="last_psi_hat", description="heading, estimated at the last tick")
 
-#: What a navigation filter tells of the motion besides the heading.
+#: Outputs of every navigation filter that describe the motion, apart from the heading.
 MOTION_OUTPUTS = (
     Signal("x_hat", "m", "position, estimated"),
     Signal("y_hat", "m", "position, estimated"),
@@ -58,16 +58,16 @@ MOTION_OUTPUTS = (
 def velocity_position_filter(
     *, noise: InsNoise = K06_NOISE, period: float = IMU_PERIOD, name: str = "velocity_position_filter"
 ) -> Block:
-    """Return K06's filter x2 = [dv_x, dv_y, dr_x, dr_y, b_ax, b_ay] (section 5.4.5), fed forward.
+    """Return K06's filter x2 = [dv_x, dv_y, dr_x, dr_y, b_ax, b_ay] (section 5.4.5), in feedforward form.
 
-    It takes the estimated heading for the true one.
+    The filter treats the estimated heading as exact.
 
     Parameters
     ----------
     noise : InsNoise, optional
-        Of which Q2, R2, P2 count.
+        Only Q2, R2 and P2 are used.
     period : float, optional
-        Of the IMU [s].
+        Period of the IMU [s].
     name : str, optional
 
     Returns
@@ -77,8 +77,8 @@ def velocity_position_filter(
         ``acceleration_y``, ``fix_x``, ``fix_y``, ``fix_valid``; outputs ``x_hat``, ``y_hat``, ``u_hat``,
         ``v_hat``, ``v_x_hat``, ``v_y_hat``, the specific force less its bias ``force_x_hat``,
         ``force_y_hat``, the biases, ``fix_x_innovation``, ``fix_y_innovation`` [m] (0 without a fix), their
-        variances, and ``P2[i,j]``, i <= j: the covariance of estimated less true velocity and position, and
-        of true less estimated biases. Parameters ``Q2[i,i]``, ``R2[i,i]``, ``dt``.
+        variances, and ``P2[i,j]``, i <= j: the covariance of estimated minus true velocity and position, and
+        of true minus estimated biases. Parameters ``Q2[i,i]``, ``R2[i,i]``, ``dt``.
 
     Raises
     ------
@@ -96,6 +96,9 @@ def velocity_position_filter(
     Q = variance_parameters("Q2", [_ERRORS[i].unit for i in (0, 1, 4, 5)], noise.Q2)
     R = variance_parameters("R2", ["m", "m"], noise.R2)
 
+    # dv+ = dv + dt B(psi) b_a + B(psi) w_v,  dr+ = dr + dt dv + dt^2/2 B(psi) b_a,  b_a+ = b_a + w_b
+    # with psi of the last tick and cov w = diag Q2; F and G are the derivatives with respect to x and w,
+    # and the process noise is G Q2 G^T [K06 section 5.4.5].
     x = memory.estimate.x
     dv, dr, b_a = x[0:2, 0], x[2:4, 0], x[4:6, 0]
     w = sp.Matrix([sp.Dummy(real=True) for _ in Q])
@@ -112,7 +115,7 @@ def velocity_position_filter(
     new = expected
     for axis, aid in enumerate((FIX_X, FIX_Y)):
         H = sp.Matrix([dr[axis]]).jacobian(x)
-        # [K06 eq 3.36, 3.37] the position error is what the integrated position has more than the fix.
+        # [K06 eq 3.36, 3.37] The position error is measured as z = r_ins - r_fix; the innovation is z - dr.
         seen = _INS[2 + axis].symbol - aid.symbol - new.x[2 + axis]
         new = equations.correct(aid.name, new, H, seen, R[axis].symbol, use.symbol)
     v = sp.Matrix([_INS[i].symbol - new.x[i] for i in (0, 1)])
@@ -132,7 +135,8 @@ def velocity_position_filter(
 
 
 def motion_outputs(psi: sp.Expr, v: sp.Matrix, r: sp.Matrix, bias: sp.Matrix) -> dict[str, sp.Expr]:
-    """Return the expressions of :data:`MOTION_OUTPUTS`, v and r in navigation axes."""
+    """Return the expressions of :data:`MOTION_OUTPUTS`, given v and r in navigation axes."""
+    # [u_hat, v_hat] = B(psi)^T v,  force_hat = f - b_a.
     u, sway = to_navigation(-psi, v)
     force = [ACCELERATION_X.symbol - bias[0], ACCELERATION_Y.symbol - bias[1]]
     values = [*r, u, sway, *v, *force, *bias]

@@ -21,7 +21,7 @@ _ABOUT = ("FMT", "FMTU", "UNIT", "MULT")
 
 _CLOCKS = {"TimeUS": "us", "TimeMS": "ms"}
 
-#: What the log calls units that have other names elsewhere; pulses of servos are counted in us, not in s.
+#: Units under the names that the log uses; servo pulses are in us, not in s.
 _UNITS = {
     "us": "",
     "degheading": "deg",
@@ -49,13 +49,13 @@ def ardupilot(file: Path) -> Tables:
     reader = library(file, "pymavlink.DFReader", "ArduPilot logs")
 
     class Index(reader.DFReader_binary):  # type: ignore[name-defined]
-        """Finds messages; the clock of GPS would take a pass through all of them."""
+        """Index of the messages without a GPS clock, which would need a pass through all messages."""
 
         def init_clock(self) -> None:
             self.clock = reader.DFReaderClock()
 
         def init_arrays_fast(self, progress_callback: Any = None) -> None:
-            self.init_arrays(progress_callback)  # the other writes on standard error past Python
+            self.init_arrays(progress_callback)  # the fast one writes to standard error, bypassing Python
 
     with faults(file, "ArduPilot log"):
         _check_lengths(file)
@@ -74,7 +74,7 @@ def ardupilot(file: Path) -> Tables:
 
 
 def _check_lengths(file: Path) -> None:
-    """Raise if a format says that its messages have no length: the search for the next would not end."""
+    """Raise if a format states a message length of zero; the search for the next message would not end."""
     with file.open("rb") as stream, mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as raw:
         at = raw.find(_FORMAT)
         while at >= 0:
@@ -124,7 +124,7 @@ def _table(
 
 
 def _decoded(raw: Any, at: Any, offset: int, code: str, scale: float) -> Any:
-    """Return one field of all messages that begin at some places."""
+    """Return one field of all messages that begin at the given offsets."""
     kind = np.dtype(f"<{code}")
     part = raw[(at + offset)[:, None] + np.arange(kind.itemsize)]
     values = np.ascontiguousarray(part).view(kind)[:, 0]
@@ -134,7 +134,7 @@ def _decoded(raw: Any, at: Any, offset: int, code: str, scale: float) -> Any:
 
 
 def _unit(form: Any, name: str) -> str:
-    """Return the unit that the log states of a field, empty where it states none that is a unit."""
+    """Return the unit that the log states for a field, or an empty text if there is no valid unit."""
     from hovercontrol.core.units import dimension
 
     found = str(form.get_unit(name) or "") if form.units else ""

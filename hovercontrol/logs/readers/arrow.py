@@ -1,10 +1,10 @@
-"""What the readers share about Arrow's types."""
+"""Helpers on Arrow's types, shared by the readers."""
 
 from __future__ import annotations
 
 import pyarrow as pa
 
-#: What a damaged file may make Arrow raise.
+#: Exceptions that Arrow may raise on a damaged file.
 DAMAGED = (pa.ArrowException, OSError, ValueError, TypeError, KeyError, OverflowError)
 
 

@@ -1,7 +1,7 @@
 """ROS 1 and 2 bags and MCAP files, read by rosbags: ``/odom/pose.pose.position.x``, ``/scan/ranges[0]``.
 
-The clock of a topic is the stamp in the header of its messages where it agrees with the time at which they
-were recorded (``/odom/time``), else that time.
+The clock of a topic is the stamp in the header of its messages if it agrees with the time at which they
+were recorded (``/odom/time``). Otherwise the time of recording is the clock.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ LATE = 10_000_000_000
 LONGEST = 64
 """Elements of an array that are columns."""
 
-#: Returns a number of a message.
+#: Returns one number of a message.
 Getter = Callable[[Any], Any]
 
 
@@ -35,7 +35,7 @@ def bag(file: Path) -> Tables:
     Raises
     ------
     InputError
-        If rosbags is missing, or the bag is damaged or holds no numbers.
+        If rosbags is missing, or the bag is damaged or contains no numbers.
     """
     library(file, "rosbags.highlevel", "ROS bags")
     tables = []
@@ -59,7 +59,7 @@ def _opened(file: Path) -> Iterator[Any]:
 
 
 def _table(file: Path, reader: Any, topic: str) -> Table | None:
-    """Return the table of a topic, named after its first message; None where that holds no numbers."""
+    """Return the table of a topic with columns as in its first message; None if it contains no numbers."""
     connections = [c for c in reader.connections if c.topic == topic]
     first = next(iter(reader.messages(connections=connections)), None)
     if first is None:
@@ -85,7 +85,7 @@ def _table(file: Path, reader: Any, topic: str) -> Table | None:
 
 
 def _read(table: Table, topic: str, getters: dict[str, Getter | None]) -> dict[str, Any]:
-    """Return columns of all messages of a topic; an element that a message lacks is NaN."""
+    """Return columns of all messages of a topic; elements missing in a message are NaN."""
     columns: list[list[Any]] = [[] for _ in getters]
     plan = [(column.append, get) for column, get in zip(columns, getters.values(), strict=True)]
     decode = any(get for get in getters.values())
@@ -104,7 +104,7 @@ def _read(table: Table, topic: str, getters: dict[str, Getter | None]) -> dict[s
 
 
 def _numbers(prefix: str, value: Any) -> Iterator[tuple[str, Getter]]:
-    """Give the numbers of a message by name, and what returns each."""
+    """Yield the names of the numbers in a message, each with a function that returns it."""
     for field in fields(value):
         if field.name.startswith("__"):
             continue

@@ -39,7 +39,7 @@ class CsvSource:
     ----------
     file : path
     dialect : Dialect, optional
-        How it is written; recognised from its start where it is not given.
+        Dialect of the file; by default it is recognised from the start of the file.
     """
 
     def __init__(self, file: Path, dialect: Dialect | None = None) -> None:
@@ -60,7 +60,7 @@ class CsvSource:
         self.units: Mapping[str, str] = {
             name: unit for name, unit in zip(self.header, self.dialect.units, strict=False) if unit
         }
-        # Arrow wants names that differ; nobody asks for a column without a name
+        # Arrow requires different names; columns without a name are never requested
         self._names = [name or f"\0{k}" for k, name in enumerate(self.header)]
 
     def _check_header(self) -> None:
@@ -71,7 +71,7 @@ class CsvSource:
             )
 
     def _cells(self, reader: Any, before: int = 0) -> Iterator[list[str]]:
-        """Give the rows of a reader; a cell of over 131,072 characters (a quote left open) is an error."""
+        """Yield the rows of a reader; a cell of over 131,072 characters (an open quote) is an error."""
         try:
             yield from reader
         except csv.Error as error:
@@ -108,7 +108,7 @@ class CsvSource:
         return pa.float64()
 
     def numeric(self) -> set[str]:
-        """Return the columns that hold numbers, or nothing, in the first block."""
+        """Return the columns that are numbers or blank in the first block."""
         try:
             with self._open(pyarrow.csv.ConvertOptions()) as reader:
                 schema = reader.schema
@@ -119,7 +119,7 @@ class CsvSource:
         return {field.name for field in schema if pa.types.is_null(field.type) or is_number(field.type)}
 
     def rows_expected(self) -> int:
-        """Return the rows of the file if the lines are as long as the first thousand."""
+        """Return the number of rows, estimated from the length of the first thousand lines."""
         with self.file.open("rb") as stream:
             lines = [len(line) for line, _ in zip(stream, range(1000), strict=False)]
         return max(round(self.file.stat().st_size / sum(lines) * len(lines)) - 1, 0)
@@ -138,14 +138,14 @@ class CsvSource:
             if not self._comments_found():
                 numbers = [name for name in names if not pa.types.is_string(types[name])]
                 raise self._fault(numbers, error) from None
-            for batch in self.batches(names, exact):  # once more, without comments, behind what was given
+            for batch in self.batches(names, exact):  # again without comments, after the rows already given
                 rest = batch.slice(min(rows, batch.num_rows))
                 rows -= batch.num_rows - rest.num_rows
                 if rest.num_rows:
                     yield rest
 
     def _comments_found(self) -> bool:
-        """Return whether there are comment lines where none were expected; from now on they are."""
+        """Return whether there are unexpected comment lines; from then on the dialect includes comments."""
         if self.dialect.comments:
             return False
         with self._text() as stream:
@@ -180,7 +180,7 @@ class CsvSource:
         return _number(text.replace(self.dialect.decimal, ".") if self.dialect.decimal != "." else text)
 
     def _fault(self, names: list[str], error: Exception) -> InputError:
-        """Find the cell on which the fast reader stumbled."""
+        """Return the error for the cell at which the fast reader failed."""
         at = {name: self.header.index(name) for name in names if name}
         for line, cells in self._rows():
             if len(cells) != len(self.header):

@@ -1,4 +1,4 @@
-"""How a text table is written: separator, decimal mark, lines above the header, units below it, comments."""
+"""The dialect of a text table: separator, decimal mark, lines above the header, units below it, comments."""
 
 from __future__ import annotations
 
@@ -30,22 +30,22 @@ _NO_UNIT = frozenset({"", "-", "--", "1", "%", "none", "n/a"})
 
 @dataclass(frozen=True)
 class Dialect:
-    """How a text table is written.
+    """The dialect of a text table.
 
     Attributes
     ----------
     encoding : str
-        Python's name of it.
+        Python's name of the encoding.
     separator : str
-        Between cells; a blank stands for any run of blanks and tabs.
+        Separator of cells; a blank stands for any run of blanks and tabs.
     decimal : str
         Decimal mark, ``.`` or ``,``.
     header, first : int
-        Lines (from 0) of the header and of the first row of data.
+        Line numbers (from 0) of the header and of the first row of data.
     names, units : tuple of str
-        Of the columns; no units where the file states none.
+        Names and units of the columns; `units` is empty if the file states none.
     comments : bool
-        Whether comment lines stand below the header.
+        Whether there are comment lines below the header.
     """
 
     encoding: str = "utf-8-sig"
@@ -59,7 +59,7 @@ class Dialect:
 
     @property
     def text(self) -> str:
-        """What differs from plain CSV, in words; empty where nothing does."""
+        """The differences from plain CSV, in words; empty for plain CSV."""
         said = []
         if self.encoding.startswith("utf-16"):
             said.append("UTF-16")
@@ -77,7 +77,7 @@ class Dialect:
 
     @property
     def rewritten(self) -> bool:
-        """Whether the text must be rewritten before a CSV parser takes it."""
+        """Whether the text must be rewritten before a CSV parser can read it."""
         return self.encoding.startswith("utf-16") or self.separator == " " or self.comments
 
     def cells(self, line: str) -> list[str]:
@@ -93,19 +93,19 @@ def is_comment(line: str) -> bool:
 
 
 def recognise(head: bytes, file: str) -> Dialect:
-    r"""Return how a text table is written, from its first bytes.
+    r"""Return the dialect of a text table, recognised from its first bytes.
 
     Parameters
     ----------
     head : bytes
         Up to :data:`HEAD` bytes.
     file : str
-        What error lines call the file.
+        Name of the file in error messages.
 
     Raises
     ------
     InputError
-        If the bytes are no text.
+        If the bytes are not text.
 
     Examples
     --------
@@ -144,7 +144,7 @@ def _decoded(head: bytes, file: str) -> tuple[str, str]:
 
 
 def _is_plain(lines: Sequence[str]) -> bool:
-    """Return whether line 1 is a header of names between commas and the next a row of numbers."""
+    """Return whether line 1 is a header of comma-separated names and the next line a row of numbers."""
     if not lines or is_comment(lines[0]):
         return False
     plain = Dialect()
@@ -152,7 +152,7 @@ def _is_plain(lines: Sequence[str]) -> bool:
         names = plain.cells(lines[0])
         below = [plain.cells(line) for line in lines[1:50] if line.strip()]
     except csv.Error:
-        return True  # and the reader says which line
+        return True  # the reader reports the line
     if not below:
         return len(names) > 1 or not any(mark in lines[0] for mark in ";\t|")
     row = below[0]
@@ -166,7 +166,7 @@ def _is_plain(lines: Sequence[str]) -> bool:
 
 
 def _with(dialect: Dialect, lines: Sequence[str]) -> Dialect | None:
-    """Return the dialect completed, if with its separator some line is a header above rows of numbers."""
+    """Return the completed dialect if, with its separator, a header is followed by rows of numbers."""
     rows: list[tuple[int, bool, list[str]]] = []
     for k, line in enumerate(lines[:1000]):
         comment = is_comment(line)
@@ -224,7 +224,7 @@ def _is_data(cells: Sequence[str], separator: str) -> bool:
 
 
 def _is_units(names: Sequence[str], cells: Sequence[str]) -> bool:
-    """Return whether a line below a header states units."""
+    """Return whether the line below a header contains units."""
     if len(cells) != len(names) or all(_bare(cell).lower() in _NO_UNIT for cell in cells):
         return False
     return all(_is_unit(cell) for cell in cells)
@@ -242,5 +242,5 @@ def _bare(cell: str) -> str:
 
 
 def _is_unit(cell: str) -> bool:
-    """Return whether a cell is a unit, in brackets whatever it is."""
+    """Return whether a cell is a unit; any text in brackets counts as one."""
     return not _bare(cell) or _bare(cell) != cell or bool(_UNIT.fullmatch(cell))

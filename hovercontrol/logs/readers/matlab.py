@@ -1,4 +1,4 @@
-"""MATLAB's .mat files up to version 7, read by SciPy: ``time``, ``log.x``; vectors of one length: a table."""
+"""MATLAB's .mat files up to version 7, read by SciPy: ``time``, ``log.x``; equally long vectors: a table."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from hovercontrol.errors import InputError
 from hovercontrol.logs.readers.tables import Table, Tables, faults
 
-#: Last parts of names that mean time.
+#: Last parts of variable names that denote time.
 CLOCKS = ("time", "t", "timestamp", "stamp", "tout")
 
 WIDEST = 64
@@ -19,12 +19,12 @@ WIDEST = 64
 
 
 def matlab(file: Path) -> Tables:
-    """Open a file; a column of a matrix is called ``name[0]``, a field of a struct ``name.field``.
+    """Open a file; a column of a matrix is named ``name[0]``, a field of a struct ``name.field``.
 
     Raises
     ------
     InputError
-        If it is of version 7.3, damaged, or holds no vector.
+        If it is of version 7.3, damaged, or contains no vector.
     """
     with file.open("rb") as stream:
         if stream.read(16).startswith((b"MATLAB 7.3", b"\x89HDF")):
@@ -63,7 +63,7 @@ def _table(file: Path, struct: str, columns: dict[str, Any]) -> Table:
 
 
 def _vectors(name: str, value: Any) -> Iterator[tuple[str, Any]]:
-    """Give the vectors of numbers of a variable by name, through structs."""
+    """Yield the numeric vectors of a variable by name, including those inside structs."""
     if not isinstance(value, np.ndarray):
         return
     if value.dtype.names:

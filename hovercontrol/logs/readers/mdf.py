@@ -1,4 +1,4 @@
-"""MDF (ASAM, version 3 and 4), read by asammdf: a table for each group of channels, on its master's clock."""
+"""MDF (ASAM, versions 3 and 4), read by asammdf: one table per channel group, on its master channel."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from hovercontrol.logs.readers.tables import Table, Tables, faults, library
 
 
 def mdf(file: Path) -> Tables:
-    """Open a measurement; a channel is called by its name, ``group/name`` where two groups have that name.
+    """Open a measurement; channels keep their names, or ``group/name`` if two groups have the same name.
 
     Raises
     ------
     InputError
-        If asammdf is missing, or the file is damaged or holds no channel.
+        If asammdf is missing, or the file is damaged or contains no channel.
     """
     module = library(file, "asammdf", "MDF files")
     with faults(file, "MDF"):
@@ -35,7 +35,7 @@ def mdf(file: Path) -> Tables:
 
 
 class _Group:
-    """A group of channels: their place in the file by name."""
+    """A group of channels, with their position in the file by name."""
 
     def __init__(self, measured: Any, number: int, group: Any) -> None:
         self.measured, self.number = measured, number
@@ -50,7 +50,7 @@ class _Group:
         self.units = {name: units[name] for name in self.channels if units[name]}
 
     def table(self, file: Path, shared: set[str]) -> Table:
-        """Return the group's table; names in `shared` are of several groups."""
+        """Return the group's table; names in `shared` occur in several groups."""
         called = {(f"{self.name}/{name}" if name in shared else name): k for name, k in self.channels.items()}
         own = dict(zip(called, self.channels, strict=True))
         clock = f"{self.name}/time"
@@ -73,13 +73,13 @@ class _Group:
 
 
 def _is_number(channel: Any, measured: Any) -> bool:
-    """Return whether a channel holds integers or floats; codes of types differ between versions of MDF."""
+    """Return whether a channel contains integers or floats; type codes differ between versions of MDF."""
     kind = int(channel.data_type)
     return kind <= 5 if str(measured.version) >= "4" else kind not in (7, 8)
 
 
 def _unit(channel: Any) -> str:
-    """Return the unit that the file states of a channel, empty where it states none that is a unit."""
+    """Return the unit that the file states for a channel, or an empty text if there is no valid unit."""
     text = getattr(channel, "unit", "") or getattr(getattr(channel, "conversion", None), "unit", "") or ""
     text = (text.decode("latin-1") if isinstance(text, bytes) else str(text)).strip("\0 ").replace("°", "deg")
     try:

@@ -1,6 +1,6 @@
-"""CSV exports of Motive (OptiTrack): rigid bodies and markers, lost ones blank.
+"""CSV exports of Motive (OptiTrack): rigid bodies and markers; lost samples are blank.
 
-Above the numbers stand the properties of the take, then rows of types, names, IDs, kinds (Rotation, Position)
+The header contains the properties of the take, then rows of types, names, IDs, kinds (Rotation, Position)
 and axes.
 """
 
@@ -17,12 +17,12 @@ _LENGTHS = {"meters": "m", "centimeters": "cm", "millimeters": "mm", "inches": "
 
 
 def motive(file: Path) -> CsvSource:
-    """Open an export; columns are called ``time``, ``Body.x``, ``Body.qx`` or ``Body.rx``.
+    """Open an export; columns are named ``time``, ``Body.x``, ``Body.qx`` or ``Body.rx``.
 
     Raises
     ------
     InputError
-        If the rows of names are not there.
+        If the rows of names are missing.
     """
     with file.open("rb") as stream:
         text = stream.read(8 * HEAD).decode("utf-8-sig", errors="replace")
@@ -83,5 +83,5 @@ def _column(body: str, kind: str, axis: str, quaternion: bool, length: str) -> t
 
 
 def _line(lines: list[str], begin: str) -> int:
-    """Return the line of the axes (rows and lines differ where a name holds a line break)."""
+    """Return the line of the axes (rows and lines differ if a name contains a line break)."""
     return next(k for k, line in enumerate(lines) if line.lower().lstrip('"').startswith(begin))

@@ -1,4 +1,4 @@
-"""Tables in memory, and files that hold several tables, each on its own clock."""
+"""Tables in memory, and files with several tables, each on its own clock."""
 
 from __future__ import annotations
 
@@ -24,31 +24,31 @@ from hovercontrol.logs.readers.arrow import is_number
 BATCH = 2**16
 """Rows given at a time."""
 
-#: Gives the named columns, all of one length.
+#: Returns the named columns, all of one length.
 Loader = Callable[[Sequence[str]], Mapping[str, Any]]
 
 
 @dataclass
 class Table:
-    """A table whose columns are loaded when they are asked for.
+    """A table whose columns are loaded on demand.
 
     Attributes
     ----------
     file : path
     name : str
-        Of the table in its file: a topic.
+        Name of the table in its file, such as a topic.
     header : list of str
     rows : int
     load : callable
-        Gives columns by name as NumPy arrays of `rows` values.
+        Returns columns by name as NumPy arrays of `rows` values.
     clock : str
-        The column of time; empty where the file does not say which it is.
+        The time column; empty if the file does not identify it.
     units : mapping of str to str
-        Of columns where the file states them.
+        Units of the columns for which the file states one.
     said : str
-        How the file is read, where that is not plain.
+        How the file is read, if that is not obvious; else empty.
     line : int
-        The line of the file in which its first row stands; 0 where it has no lines.
+        The line number of the first row in the file; 0 if the file has no lines.
     """
 
     file: Path
@@ -63,7 +63,7 @@ class Table:
     _loaded: dict[str, Any] = field(default_factory=dict, repr=False)
 
     def columns(self, names: Sequence[str]) -> dict[str, Any]:
-        """Return columns as arrays; what was loaded once is kept."""
+        """Return columns as arrays; loaded columns are cached."""
         missing = [name for name in names if name not in self._loaded]
         if missing:
             with faults(self.file, self.name):
@@ -75,7 +75,7 @@ class Table:
         return pa.from_numpy_dtype(self.columns([name])[name].dtype)
 
     def numeric(self) -> set[str]:
-        """Return all columns: a table holds numbers alone."""
+        """Return all columns: a table contains only numbers."""
         return set(self.header)
 
     def rows_expected(self) -> int:
@@ -83,7 +83,7 @@ class Table:
         return self.rows
 
     def batches(self, names: list[str], exact: Collection[str] = ()) -> Iterator[pa.RecordBatch]:
-        """Give columns of numbers in pieces, in their own types."""
+        """Yield columns of numbers in pieces, in their own types."""
         data = self.columns(names)
         for name, values in data.items():
             if name not in exact and not is_number(pa.from_numpy_dtype(values.dtype)):
@@ -100,13 +100,13 @@ class Table:
 
 @dataclass
 class Tables:
-    """A file that holds several tables, each on its own clock: topics of a flight log.
+    """A file with several tables, each on its own clock, such as the topics of a flight log.
 
     Attributes
     ----------
     file : path
     tables : sequence of Table
-        Names of columns differ between them.
+        The tables; column names are unique across them.
     """
 
     file: Path
@@ -122,11 +122,11 @@ class Tables:
         return {_dots(name): name for name in reversed(self.header)}
 
     def named(self, column: str) -> str:
-        """Return the name of a column; dots may be written for slashes, the first slash may be left out."""
+        """Return the full name of a column, given with dots for slashes or without the first slash."""
         return column if column in self.header else self._dotted.get(_dots(column), column)
 
     def table_of(self, column: str) -> Table | None:
-        """Return the table that has a column, None where none has."""
+        """Return the table that has a column, or None."""
         return next((table for table in self.tables if column in table.header), None)
 
 
@@ -136,7 +136,7 @@ def _dots(name: str) -> str:
 
 @contextmanager
 def quiet() -> Iterator[None]:
-    """Keep what a library prints to itself: standard output may be one JSON value."""
+    """Suppress the output of a library, because standard output may have to be one JSON value."""
     before = logging.root.manager.disable
     logging.disable(logging.CRITICAL)
     try:
@@ -148,7 +148,7 @@ def quiet() -> Iterator[None]:
 
 @contextmanager
 def faults(file: Path, what: str) -> Iterator[None]:
-    """Raise whatever a library raises on a damaged file as one line."""
+    """Convert any exception of a library on a damaged file to a one-line InputError."""
     with quiet():
         try:
             yield
@@ -160,7 +160,7 @@ def faults(file: Path, what: str) -> Iterator[None]:
         except Exception as error:
             why = reason(error)
             clear_frames(error.__traceback__)
-        gc.collect()  # what is half made may complain when it is deleted
+        gc.collect()  # partly initialised objects may print warnings when they are deleted
     raise InputError(f"{file}: not readable as {what}: {why}")
 
 
@@ -170,7 +170,7 @@ def library(file: Path, module: str, what: str) -> Any:
     Raises
     ------
     InputError
-        If it is not installed; the line says how to install it.
+        If it is not installed; the message says how to install it.
     """
     try:
         return import_module(module)

@@ -1,4 +1,4 @@
-"""PX4's ULog, read by pyulog: a topic for each message, ``vehicle_attitude/q[0]``, time in us since boot."""
+"""PX4's ULog, read by pyulog: one topic per message, ``vehicle_attitude/q[0]``, time in us since boot."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ _CLOCK = "timestamp"
 
 
 def ulog(file: Path) -> Tables:
-    """Open a flight log; a second instance of a topic is called ``topic[1]``.
+    """Open a flight log; a second instance of a topic is named ``topic[1]``.
 
     Raises
     ------
     InputError
-        If pyulog is missing, or the file is damaged or holds no topic.
+        If pyulog is missing, or the file is damaged or contains no topic.
     """
     core = library(file, "pyulog.core", "PX4 logs")
     with faults(file, "ULog"):

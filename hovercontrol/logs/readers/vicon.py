@@ -1,7 +1,7 @@
-"""CSV exports of Vicon (Nexus, Tracker): sections of segments, trajectories, devices, each with its rate.
+"""CSV exports of Vicon (Nexus, Tracker): sections of segments, trajectories and devices with their own rates.
 
-A section is its name, its rate [Hz], a row of objects, a row of axes, a row of units, and rows of frame,
-subframe and numbers. Rotations are rotation vectors (RX, RY, RZ) or quaternions (with RW).
+A section consists of its name, its rate [Hz], a row of objects, a row of axes, a row of units, and rows of
+frame, subframe and numbers. Rotations are rotation vectors (RX, RY, RZ) or quaternions (with RW).
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _AXES = {"TX": "x", "TY": "y", "TZ": "z", "RX": "rx", "RY": "ry", "RZ": "rz", "R
 
 
 def vicon(file: Path) -> Table | Tables:
-    """Open an export; columns are called ``time``, ``Body.x``, ``Body.rx``, ``Body:Marker.x``.
+    """Open an export; columns are named ``time``, ``Body.x``, ``Body.rx``, ``Body:Marker.x``.
 
     Raises
     ------
@@ -47,7 +47,7 @@ def vicon(file: Path) -> Table | Tables:
 
 
 def _places(text: str, name: str) -> list[int]:
-    """Return where a section of this name begins."""
+    """Return the positions in the text at which sections of this name begin."""
     found, at = [], text.find(name)
     while at >= 0:
         end = text.find("\n", at)
@@ -91,7 +91,7 @@ def _section(file: Path, text: str, line: int, used: set[str]) -> Table:
 def _columns(
     objects: Sequence[str], axes: Sequence[str], units: Sequence[str]
 ) -> tuple[list[str], Mapping[int, str]]:
-    """Return names and units of columns; an object's name stands above the first of its columns."""
+    """Return names and units of columns; an object's name is above the first of its columns."""
     names: list[str] = []
     stated: dict[int, str] = {}
     body = ""
@@ -113,7 +113,7 @@ def _columns(
 
 
 def _numbers(file: Path, body: str, width: int, line: int) -> list[Any]:
-    """Return the columns of a section's rows; cells that are blank or not there are NaN."""
+    """Return the columns of a section's rows; blank or missing cells are NaN."""
     try:
         read = pyarrow.csv.ReadOptions(column_names=[str(k) for k in range(width)])
         convert = pyarrow.csv.ConvertOptions(column_types={str(k): pa.float64() for k in range(width)})
