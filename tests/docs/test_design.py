@@ -12,7 +12,7 @@ import pytest
 from hovercontrol.errors import InputError
 
 DESIGN = Path(__file__).parents[2] / "docs" / "design"
-CELL = re.compile(r"```\{code-cell\} ipython3\n((?::tags: .*\n)?)\n?(.*?)```", re.DOTALL)
+CELL = re.compile(r"```\{code-cell\} ipython3\n((?::tags: [^\n]*\n)?)\n?(.*?)```", re.DOTALL)
 
 
 @pytest.mark.slow
