@@ -39,7 +39,8 @@ def main(out: Path, progress: Progress | None = None, *, points: int = 7) -> lis
     findings = [
         f"K06's real loop (error model), weaving, {points**2} commands: mean surge velocity within "
         f"{worst[0]:.1%}, mean yaw rate within {worst[1]:.1%}; "
-        f"{flown['within'].mean():.0%} keep 5 % and 10 %.",
+        f"{flown['within'].mean():.0%} keep 5 % and 10 %. "
+        "The weave's ratio was chosen on such maps; python -m benchmarks steering has others.",
         "Without sway drag the mean of u r is zero: no steady turn under way; the means hold over "
         "whole weaves.",
         f"C17's craft under C17's law: turns at {SURGE:g} m/s are stable for the control points "

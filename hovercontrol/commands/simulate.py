@@ -94,8 +94,8 @@ def simulate(
     check_folder(out)
     with given.progress_bar(f"simulate {loaded.name}", loaded.end) as report:
         run = run_scenario(loaded, report)
-        files = run.save(out)
-    _animate(run, animation)
+    _animate(run, animation)  # first: a run that cannot be animated leaves no files
+    files = run.save(out)
     if not json:
         _show_metrics(run)
         _show_clipped(run)
@@ -127,8 +127,8 @@ def _drive(
     check_folder(out)
     with given.progress_bar(f"simulate {block.name}", run_length(seconds, log)) as report:
         run = run_machine(block, seconds=seconds, commands=log, progress=report)
-        files = run.save(out)
     _animate(run, animation)
+    files = run.save(out)
     content = {"scenario": block.name, "figures": [], "clipped": {}}
     _show_written(content, files, out, animation, json)
     return 0

@@ -39,4 +39,4 @@ def test_what_cannot_be_animated_is_refused_in_one_line(call, tmp_path, words, s
     (tmp_path / "own.py").write_text(OWN)
     done = call("simulate", *words, cwd=tmp_path)
     assert done.returncode == 2 and said in done.stderr.splitlines()[-1]
-    assert not list(tmp_path.glob("*.html"))
+    assert not list(tmp_path.glob("*.html")) and not list(tmp_path.glob("out/*/*"))
