@@ -92,8 +92,8 @@ def lqi(
         As :func:`lqr`; if the inputs cannot hold what is integrated, or an integrated output depends on an
         input directly.
 
-    Source
-    ------
+    References
+    ----------
     Astrom & Murray, Feedback Systems, 2nd edition, sections 7.4, 7.5 and 11.4.
 
     Examples

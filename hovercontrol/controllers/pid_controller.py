@@ -92,8 +92,8 @@ def pid(
     InputError
         If a number is not finite, a time is not positive, or b and c do not suit an angle.
 
-    Source
-    ------
+    References
+    ----------
     Astrom & Murray, Feedback Systems, 2nd edition, section 11.1, 11.4 and 11.5.
 
     Examples

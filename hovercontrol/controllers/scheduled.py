@@ -69,8 +69,8 @@ def gain_scheduled(
         If there are fewer than two points, two have one value of the scheduling variable, or the designs have
         different signals or equations.
 
-    Source
-    ------
+    References
+    ----------
     Astrom & Murray, Feedback Systems, 2nd edition, section 8.5 (gain scheduling).
 
     Examples

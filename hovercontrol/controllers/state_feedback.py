@@ -107,8 +107,8 @@ def lqr(
         If a name is unknown, a weight is not positive (semi)definite, a state moves at the operating point,
         no input moves a mode that does not decay, or no weight sees one on the imaginary axis.
 
-    Source
-    ------
+    References
+    ----------
     Astrom & Murray, Feedback Systems, 2nd edition, section 7.5; Bryson & Ho, Applied Optimal Control, 1975.
 
     Examples
@@ -186,8 +186,8 @@ def place(
         If a name is unknown, no input moves a mode, or the poles are not as many as the states or not in
         pairs.
 
-    Source
-    ------
+    References
+    ----------
     Tits & Yang, IEEE Trans. Autom. Control 41 (1996), by :func:`scipy.signal.place_poles`.
 
     Examples
