@@ -18,6 +18,7 @@ from hovercontrol.io.files import check_folder
 if TYPE_CHECKING:
     from hovercontrol.core.block import Block
     from hovercontrol.logs import Log
+    from hovercontrol.notebook.progress import Report
     from hovercontrol.scenarios import Run
     from hovercontrol.scenarios.machine import MachineRun
 
@@ -94,8 +95,8 @@ def simulate(
     check_folder(out)
     with given.progress_bar(f"simulate {loaded.name}", loaded.end) as report:
         run = run_scenario(loaded, report)
-    _animate(run, animation)  # first: a run that cannot be animated leaves no files
-    files = run.save(out)
+        _animate(run, animation, report, loaded.end)  # first: a run that cannot be animated leaves no files
+        files = run.save(out)
     if not json:
         _show_metrics(run)
         _show_clipped(run)
@@ -103,12 +104,13 @@ def simulate(
     return 0 if all(m.met for m in run.metrics()) else 1
 
 
-def _animate(run: Run | MachineRun, file: str) -> None:
+def _animate(run: Run | MachineRun, file: str, report: Report, end: float) -> None:
+    """Write the animation, if one is asked for; the bar of the run, `end` long, tells its share as text."""
     if file:
         from hovercontrol.animation.animate import animate
 
-        with given.progress_bar(f"animate {Path(file).name}", 1.0) as report:
-            animate(run, file, progress=report)
+        name = Path(file).name
+        animate(run, file, progress=lambda done: report(end, f"{name}, {done:.0%}"))
 
 
 def _show_written(content: dict[str, Any], files: list[Path], out: Path, animation: str, json: bool) -> None:
@@ -125,10 +127,11 @@ def _drive(
 
     out = out or Path("out") / block.name
     check_folder(out)
-    with given.progress_bar(f"simulate {block.name}", run_length(seconds, log)) as report:
+    end = run_length(seconds, log)
+    with given.progress_bar(f"simulate {block.name}", end) as report:
         run = run_machine(block, seconds=seconds, commands=log, progress=report)
-    _animate(run, animation)
-    files = run.save(out)
+        _animate(run, animation, report, end)
+        files = run.save(out)
     content = {"scenario": block.name, "figures": [], "clipped": {}}
     _show_written(content, files, out, animation, json)
     return 0
