@@ -9,7 +9,7 @@ import pyarrow
 import pyarrow.csv
 from matplotlib.figure import Figure
 
-from hovercontrol.analysis.common.delayed_law import DelayedLoop
+from hovercontrol.analysis.delayed_law import DelayedLoop
 from hovercontrol.analysis.k06.law_regions import ROUND_TRIP, force_craft
 from hovercontrol.analysis.output import Progress, save, script
 

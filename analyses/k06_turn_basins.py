@@ -11,9 +11,9 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from hovercontrol.analysis.common.regions import Region
 from hovercontrol.analysis.k06.basins import RTOL, TOLD, turn_basins
 from hovercontrol.analysis.output import Progress, save, script
+from hovercontrol.analysis.regions import Region
 from hovercontrol.io.figure_style import BLUE, SKY, VERMILION
 
 #: Three planes of initial velocities; the third velocity is that of the unwanted limit point.

@@ -10,8 +10,8 @@ import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
-from hovercontrol.analysis.c17.normal_form import symbol
-from hovercontrol.analysis.common.regions import (
+from hovercontrol.analysis.normal_form import symbol
+from hovercontrol.analysis.regions import (
     Axis,
     Region,
     axis,
