@@ -34,7 +34,7 @@ MOVED = {
     "analysis.flights": "analysis.c17.reference_runs",
     "model_template": "models.template",
     "noise": "core.random_numbers",
-    "commands.progress": "notebook.progress",
+    "commands.progress": "display.progress",
     "estimators.ins.runs": "simulation.sampled",
     "targets.numpy": "core.functions",
     "targets.runner": "simulation.runner",
