@@ -212,7 +212,7 @@ for _name, _module, _function in (
     ("linearize", "targets.linearization", "linearize"),
     ("compile", "targets.compiled", "compile_block"),
     ("fmu", "fmi.exporter.export", "export_fmu"),
-    ("html", "notebook.systems", "block_html"),
+    ("html", "display.block", "block_html"),
 ):
     register(_name, f"{__name__}.{_module}", _function)
 

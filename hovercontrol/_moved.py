@@ -22,7 +22,7 @@ MOVED = {
     **{name: f"{package}.{name}" for package, names in _INTO.items() for name in names.split()},
     "model_template": "models.template",
     "noise": "core.random_numbers",
-    "commands.progress": "notebook.progress",
+    "commands.progress": "display.progress",
     "estimators.ins.runs": "simulation.sampled",
     "targets.numpy": "core.functions",
     "targets.runner": "simulation.runner",

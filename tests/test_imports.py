@@ -14,7 +14,7 @@ ROOT = Path(hovercontrol.__file__).parent
 LAYERS = (
     {"errors", "io", "endings"},
     {"core"},
-    {"notebook"},
+    {"display"},
     {"simulation", "targets"},
     {"effects"},
     {"models", "controllers", "estimators", "guidance", "hardware", "logs"},

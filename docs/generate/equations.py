@@ -6,8 +6,8 @@ import re
 
 import sympy as sp
 
+from hovercontrol.display.mathml import MathPrinter, symbol_markup
 from hovercontrol.models.model import Model
-from hovercontrol.notebook.mathml import MathPrinter, symbol_markup
 
 
 def changed_lines(base: Model, model: Model) -> str:

@@ -10,11 +10,11 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from hovercontrol.notebook.plots import BLUE, ORANGE
+from hovercontrol.io.figure_style import BLUE, VERMILION
 
 if TYPE_CHECKING:
     from hovercontrol.analysis.frequency import Bode, Nyquist
-    from hovercontrol.analysis.margins import Margins
+    from hovercontrol.analysis.margins import FrozenMargins, Margins
     from hovercontrol.analysis.sensitivity import Sensitivity
 
 #: The part of a Nyquist curve beyond this size is drawn on a circle of it.
@@ -75,7 +75,7 @@ def sensitivity_figure(found: Sensitivity) -> Figure:
     one = control.ss([], [], [], [[1.0]], dt=found.gain.dt)
     for system, name, color, peak, where in (
         (control.feedback(one, found.gain), "S", BLUE, found.Ms, found.Ms_frequency),
-        (control.feedback(found.gain, one), "T", ORANGE, found.Mt, found.Mt_frequency),
+        (control.feedback(found.gain, one), "T", VERMILION, found.Mt, found.Mt_frequency),
     ):
         text = f"{name}, peak {peak:.3g}" if math.isfinite(peak) else name
         control.bode_plot(
@@ -111,3 +111,28 @@ def _margins_text(margins: Margins) -> str:
     at = f" at {margins.crossover:.3g} rad/s" if math.isfinite(margins.crossover) else ""
     up = f"up {margins.gain_up:.3g}" if margins.gain_up < math.inf else "infinite"
     return f"\ngain margin {up}{down}, phase margin {phase}{at}"
+
+
+def margins_figure(found: FrozenMargins) -> Figure:
+    """Return phase, gain and delay margins along a motion."""
+    figure = Figure(figsize=(7.5, 5.6), layout="constrained")
+    axes = figure.subplots(3, 1, sharex=True)
+    axes[0].plot(found.times, found["phase"], color=BLUE)
+    axes[0].set_ylabel("phase margin [deg]")
+    for name, style, colour in (("gain_up", "-", BLUE), ("gain_down", "--", VERMILION)):
+        limit = np.where((found[name] > 0) & np.isfinite(found[name]), found[name], np.nan)
+        none = "" if np.isfinite(limit).any() else ": any gain is borne"
+        axes[1].plot(found.times, limit, style, color=colour, label=f"{name.removeprefix('gain_')}{none}")
+    if np.isfinite([found["gain_up"], found["gain_down"]]).any():
+        axes[1].set_yscale("log")
+    axes[1].set_ylabel("gain at the edge [1]")
+    axes[1].legend(frameon=False)
+    axes[2].plot(found.times, found["delay"], color=BLUE, label="constant")
+    axes[2].plot(found.times, found["jitter"], "--", color=VERMILION, label="varying")
+    axes[2].set_ylabel("delay borne [s]")
+    axes[2].legend(frameon=False)
+    axes[2].set_xlabel("time [s]")
+    for axis in axes:
+        axis.margins(x=0)
+        axis.grid(alpha=0.3)
+    return figure

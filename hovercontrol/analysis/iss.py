@@ -10,10 +10,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import sympy as sp
+from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import minimize_scalar
 
@@ -31,12 +31,10 @@ from hovercontrol.core.arguments import as_row, at_least
 from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
 from hovercontrol.core.sgn import regularise
+from hovercontrol.io.figure_style import BLUE, VERMILION
 from hovercontrol.io.pyplot import open_in_pyplot
 from hovercontrol.io.tables import positive
 from hovercontrol.models.model import Model
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
 
@@ -195,8 +193,6 @@ class IssGain:
 
     def plot(self) -> Figure:
         """Return the bound of the error per unit of each coefficient as a picture."""
-        from hovercontrol.notebook.plots import iss_figure
-
         return open_in_pyplot(iss_figure(self))
 
     def table(self) -> str:
@@ -332,3 +328,21 @@ def simulated_errors(
     )
     error = np.where(found.status == 0, found["tracking_error"].maximum, np.inf)
     return error.reshape(-1, runs)
+
+
+def iss_figure(found: IssGain) -> Figure:
+    """Return how far the craft strays per unit of each wrong coefficient: exact, and by Lyapunov's bound."""
+    names = found.coefficients
+    figure = Figure(figsize=(7.0, 1.4 + 0.4 * len(names)), layout="constrained")
+    axis = figure.subplots()
+    at = np.arange(len(names))
+    sizes = np.array([found.regressor[n] for n in names])
+    axis.barh(at - 0.2, found.exact * sizes, 0.38, color=BLUE, label="exact")
+    axis.barh(at + 0.2, found.guaranteed * sizes, 0.38, color=VERMILION, hatch="//", label="guaranteed")
+    axis.set_yticks(at, [f"{n} [{u}]" for n, u in zip(names, found.units, strict=True)])
+    axis.invert_yaxis()
+    axis.set_xscale("log")
+    axis.set_xlabel("bound of the tracking error per unit of the coefficient [m]")
+    axis.grid(alpha=0.3, axis="x")
+    figure.legend(loc="outside lower center", ncols=2, frameon=False)
+    return figure

@@ -235,7 +235,7 @@ class FrozenMargins:
 
     def plot(self) -> Figure:
         """Return phase, gain and delay margins over time as a picture."""
-        from hovercontrol.notebook.plots import margins_figure
+        from hovercontrol.analysis.frequency_plots import margins_figure
 
         return open_in_pyplot(margins_figure(self))
 

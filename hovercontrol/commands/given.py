@@ -15,10 +15,10 @@ from hovercontrol.io import output
 
 if TYPE_CHECKING:
     from hovercontrol.core.block import Block
+    from hovercontrol.display.progress import Report
     from hovercontrol.logs import Log
     from hovercontrol.models.blockmodel import BlockModel
     from hovercontrol.models.model import Model
-    from hovercontrol.notebook.progress import Report
 
 Out = Annotated[
     Path | None,
@@ -315,6 +315,6 @@ def pairs(text: str) -> dict[str, str]:
 
 def progress_bar(text: str, total: float) -> AbstractContextManager[Report]:
     """Show the progress of a command; what it needs is imported when work begins, not for ``--help``."""
-    from hovercontrol.notebook import progress
+    from hovercontrol.display import progress
 
     return progress.progress_bar(text, total)

@@ -17,8 +17,8 @@ from hovercontrol.io.files import check_folder
 
 if TYPE_CHECKING:
     from hovercontrol.core.block import Block
+    from hovercontrol.display.progress import Report
     from hovercontrol.logs import Log
-    from hovercontrol.notebook.progress import Report
     from hovercontrol.scenarios import Run
     from hovercontrol.scenarios.machine import MachineRun
 

@@ -255,13 +255,13 @@ class Diagnosis:
         return "\n".join((f"Diagnosis of {self.model.name!r}: {self.verdict}", *self.sentences()))
 
     def _repr_html_(self) -> str:
-        from hovercontrol.notebook.results import diagnosis_html
+        from hovercontrol.discrepancy.display import diagnosis_html
 
         return diagnosis_html(self, self.sentences())
 
     def plot(self) -> Figure:
         """Return a figure of the errors without and with the added effects."""
-        from hovercontrol.notebook.plots import diagnosis_figure
+        from hovercontrol.discrepancy.display import diagnosis_figure
 
         return open_in_pyplot(diagnosis_figure(self))
 

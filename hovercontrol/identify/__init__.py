@@ -1,8 +1,8 @@
 """Identification of a model's coefficients from logs, and validation of the model's predictions."""
 
 from hovercontrol.estimation.measure import Measured, measure
+from hovercontrol.identify.display import plot_free_run
 from hovercontrol.identify.fit import identify
-from hovercontrol.identify.plot import plot_free_run
 from hovercontrol.identify.predict import FreeRun, Prediction, free_run, window_prediction
 from hovercontrol.identify.result import Fitted, Identified, Remaining
 

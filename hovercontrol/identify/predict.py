@@ -85,7 +85,7 @@ class FreeRun:
 
     def plot(self) -> Figure:
         """Return a figure of the simulation over the measurement."""
-        from hovercontrol.identify.plot import free_run_figure
+        from hovercontrol.identify.display import free_run_figure
 
         return open_in_pyplot(free_run_figure(self))
 

@@ -344,13 +344,13 @@ class Identified:
         return self.table()
 
     def _repr_html_(self) -> str:
-        from hovercontrol.notebook.results import identified_html
+        from hovercontrol.identify.display import identified_html
 
         return identified_html(self)
 
     def plot(self) -> Figure:
         """Return a figure of the coefficients and their errors, with their values before the fit."""
-        from hovercontrol.notebook.plots import identified_figure
+        from hovercontrol.identify.display import identified_figure
 
         return open_in_pyplot(identified_figure(self))
 

@@ -12,8 +12,8 @@ import numpy as np
 
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.estimation.measure import MOST_ROWS, Measured
+from hovercontrol.identify.display import free_run_figure
 from hovercontrol.identify.fit import identify, measure_shared, refuse_other_units
-from hovercontrol.identify.plot import free_run_figure
 from hovercontrol.identify.predict import FreeRun, Prediction, prediction, run_of, smoothed
 from hovercontrol.identify.result import Identified, aligned
 from hovercontrol.io.folders import write_folder
@@ -165,7 +165,7 @@ class Study:
         return "\n".join([f"Study of {len(self.judged)} logs: {cut(logs)}", repr(self.found)])
 
     def _repr_html_(self) -> str:
-        from hovercontrol.notebook.results import study_html
+        from hovercontrol.identify.display import study_html
 
         return study_html(self)
 

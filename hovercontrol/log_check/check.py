@@ -130,12 +130,12 @@ class Checked:
 
     def plot(self) -> Figure:
         """Return a figure: every log's columns over time, its gaps and outliers, and the coefficients."""
-        from hovercontrol.log_check.picture import draw
+        from hovercontrol.log_check.display import draw
 
         return open_in_pyplot(draw(self))
 
     def _repr_html_(self) -> str:
-        from hovercontrol.notebook.results import checked_html
+        from hovercontrol.log_check.display import checked_html
 
         return checked_html(self)
 
@@ -147,7 +147,7 @@ class Checked:
         folder : path
             Created if it does not exist.
         """
-        from hovercontrol.log_check.picture import draw
+        from hovercontrol.log_check.display import draw
 
         def write(temporary: Path) -> None:
             (temporary / "check.txt").write_text(self.text() + "\n", encoding="utf-8")

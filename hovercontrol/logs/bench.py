@@ -59,7 +59,7 @@ class BenchTable:
 
     def plot(self) -> Figure:
         """Return a figure of thrust over command."""
-        from hovercontrol.notebook.data_plots import curve_figure
+        from hovercontrol.logs.display import curve_figure
 
         labels = "command [us]", "thrust of one fan [N]"
         return open_in_pyplot(curve_figure(self.name, self.command, self.thrust, *labels))

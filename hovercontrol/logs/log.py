@@ -306,13 +306,13 @@ class Log:
         return tuple((float(self.time[i]), float(self.time[i + 1])) for i in rows)
 
     def _repr_html_(self) -> str:
-        from hovercontrol.notebook.results import log_html
+        from hovercontrol.logs.display import log_html
 
         return log_html(self)
 
     def plot(self) -> Figure:
         """Return a figure of the columns over time."""
-        from hovercontrol.notebook.plots import log_figure
+        from hovercontrol.logs.display import log_figure
 
         return open_in_pyplot(log_figure(self, UNITS))
 

@@ -146,7 +146,7 @@ class Smoothed:
 
     def plot(self) -> Figure:
         """Return a figure of pose and body velocities, with rejected samples and rows that are not valid."""
-        from hovercontrol.notebook.data_plots import smoothed_figure
+        from hovercontrol.logs.display import smoothed_figure
 
         return open_in_pyplot(smoothed_figure(self))
 

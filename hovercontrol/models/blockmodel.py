@@ -106,7 +106,7 @@ class BlockModel(EffectModel):
         self._refuse_twice()
 
     def _repr_html_(self) -> str:
-        from hovercontrol.notebook.systems import blockmodel_html
+        from hovercontrol.models.display import blockmodel_html
 
         return blockmodel_html(self)
 

@@ -131,7 +131,7 @@ class Model(EffectModel):
         return tuple(f if f.gain is None else replace(f, gain=1.0) for f in self.fans)
 
     def _repr_html_(self) -> str:
-        from hovercontrol.notebook.systems import model_html
+        from hovercontrol.models.display import model_html
 
         return model_html(self)
 

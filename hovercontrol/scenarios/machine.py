@@ -43,7 +43,7 @@ class MachineRun:
 
     def plot(self) -> Figure:
         """Return outputs and inputs over time as a picture."""
-        from hovercontrol.notebook.plots import log_figure
+        from hovercontrol.logs.display import log_figure
 
         return open_in_pyplot(log_figure(self.log, self.units))
 
@@ -55,7 +55,7 @@ class MachineRun:
         folder : path
             Made if it is not there.
         """
-        from hovercontrol.notebook.plots import log_figure
+        from hovercontrol.logs.display import log_figure
 
         def write(temporary: Path) -> None:
             self.log.save(temporary / "log.csv")

@@ -117,7 +117,7 @@ class Run:
         return measured
 
     def _repr_html_(self) -> str:
-        from hovercontrol.notebook.results import run_html
+        from hovercontrol.scenarios.display import run_html
 
         return run_html(self)
 

@@ -19,13 +19,13 @@ from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.io.folders import write_folder
 from hovercontrol.io.pyplot import open_in_pyplot, shown_once
 from hovercontrol.io.short_repr import short_repr
-from hovercontrol.notebook.sweep_plots import draw_grid
 from hovercontrol.scenarios.definition import Scenario
 from hovercontrol.scenarios.drive import END, STEP, played
 from hovercontrol.scenarios.parts import loop_parts, phase_parameters
 from hovercontrol.scenarios.phases import EARLY, held, held_commands, phase_grid
 from hovercontrol.scenarios.sampling import sampled_loop
 from hovercontrol.targets.sweep import FIGURES, Axis, SweepResult
+from hovercontrol.targets.sweep_display import draw_grid
 
 Array = NDArray[np.float64]
 
@@ -85,7 +85,7 @@ class Varied:
         return open_in_pyplot(drawn) if own else shown_once(drawn)
 
     def _repr_html_(self) -> str:
-        from hovercontrol.notebook.results import varied_html
+        from hovercontrol.scenarios.display import varied_html
 
         return varied_html(self)
 

@@ -160,7 +160,7 @@ class SweepResult:
         return {**self.parameters, **{f"{name}.start": v for name, v in self.x0.items()}}
 
     def _repr_html_(self) -> str:
-        from hovercontrol.notebook.results import sweep_html
+        from hovercontrol.targets.sweep_display import sweep_html
 
         return sweep_html(self)
 
@@ -180,7 +180,7 @@ class SweepResult:
         InputError
             If the output or the figure is unknown.
         """
-        from hovercontrol.notebook.sweep_plots import sweep_figure
+        from hovercontrol.targets.sweep_display import sweep_figure
 
         if figure not in FIGURES:
             raise InputError(f"unknown figure {figure!r}{did_you_mean(figure, FIGURES)}")

@@ -13,9 +13,9 @@ from hovercontrol.core.block import Block
 from hovercontrol.core.boundary import checked
 from hovercontrol.core.delays import undelayed
 from hovercontrol.core.functions import numpy_functions
+from hovercontrol.display.html import card, table
 from hovercontrol.errors import InputError
 from hovercontrol.io.tables import finite
-from hovercontrol.notebook.html import card, table
 from hovercontrol.targets.friction_slopes import Point, creeping
 from hovercontrol.targets.trim_conditions import (
     Conditions,

@@ -14,11 +14,11 @@ from hovercontrol.core.block import Block
 from hovercontrol.core.interconnect import interconnect
 from hovercontrol.core.lookup import Entries, bilinear, entry, linear
 from hovercontrol.core.signals import Signal
+from hovercontrol.display.mathml import equations
 from hovercontrol.errors import InputError
 from hovercontrol.hardware.actuators import thrust_force
 from hovercontrol.hardware.actuators.signals import RPM
 from hovercontrol.models.vehicles import hoverdemon
-from hovercontrol.notebook.mathml import equations
 from hovercontrol.targets.c import c_source
 
 I, J, OUT = Signal("i"), Signal("j"), Signal("out")

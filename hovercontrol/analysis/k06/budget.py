@@ -4,21 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from hovercontrol.analysis.k06.trials import need_trial
 from hovercontrol.autopilot import SWITCHES, Imperfections, seeds
+from hovercontrol.io.figure_style import BLUE
 from hovercontrol.io.pyplot import open_in_pyplot
 from hovercontrol.io.short_repr import short_repr
 from hovercontrol.scenarios import Scenario
 from hovercontrol.scenarios.parts import loop_parts, phase_parameters
 from hovercontrol.scenarios.real import real_loop
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
 
@@ -80,8 +79,6 @@ class Budget:
 
     def plot(self) -> Figure:
         """Return what each imperfection costs alone as a picture."""
-        from hovercontrol.notebook.plots import budget_figure
-
         return open_in_pyplot(budget_figure(self))
 
     def share(self, name: str) -> float:
@@ -156,3 +153,22 @@ def budget(
         {name: cost for (kind, name), cost in costs.items() if kind == "alone"},
         {name: cost for (kind, name), cost in costs.items() if kind == "without"},
     )
+
+
+def budget_figure(found: Budget) -> Figure:
+    """Return what each imperfection costs alone, with two standard errors, beside all and none."""
+    names = sorted(found.alone, key=lambda n: -found.alone[n].mean)
+    costs = [("all", found.whole), *((n, found.alone[n]) for n in names), ("none", found.none)]
+    figure = Figure(figsize=(7.5, 1.2 + 0.32 * len(costs)), layout="constrained")
+    axis = figure.subplots()
+    for k, (name, cost) in enumerate(costs):
+        whole = name in ("all", "none")
+        axis.barh(
+            k, cost.mean, xerr=2 * cost.error, color="0.55" if whole else BLUE, hatch="//" if whole else ""
+        )
+    axis.set_yticks(range(len(costs)), [name for name, _ in costs])
+    axis.invert_yaxis()
+    axis.set_xlabel("rms gap to the ideal loop, alone, two standard errors [m/s]")
+    axis.set_title(found.trial)
+    axis.grid(alpha=0.3, axis="x")
+    return figure

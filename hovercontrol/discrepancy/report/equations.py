@@ -19,9 +19,9 @@ from hovercontrol.discrepancy.report.formatting import (
     unit,
 )
 from hovercontrol.discrepancy.report.templates import Table, render, table
+from hovercontrol.display.mathml import MathPrinter, symbol_markup
 from hovercontrol.estimation.subject import structure, timing
 from hovercontrol.models.base import quantity_of
-from hovercontrol.notebook.mathml import MathPrinter, symbol_markup
 
 
 @dataclass(frozen=True)

@@ -8,10 +8,10 @@ from html import escape
 from itertools import groupby
 
 import hovercontrol
+from hovercontrol.display.mathml import equations
 from hovercontrol.fmi.exporter.description import Experiment
 from hovercontrol.fmi.exporter.sources import Version
 from hovercontrol.fmi.exporter.variables import Interface, Variable
-from hovercontrol.notebook.mathml import equations
 
 #: More rows or equations than this are folded away until they are asked for.
 _MANY = 20

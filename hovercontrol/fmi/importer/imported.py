@@ -317,7 +317,7 @@ class FmuSystem(control.NonlinearIOSystem):
         return system
 
     def _repr_html_(self) -> str:
-        from hovercontrol.notebook.systems import fmu_html
+        from hovercontrol.fmi.importer.display import fmu_html
 
         return fmu_html(self)
 

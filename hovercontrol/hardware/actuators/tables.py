@@ -115,7 +115,7 @@ class FanTable:
 
     def plot(self) -> Figure:
         """Return a curve for each rudder angle: speed over force, or force over speed."""
-        from hovercontrol.notebook.data_plots import fan_table_figure
+        from hovercontrol.hardware.actuators.display import fan_table_figure
 
         return open_in_pyplot(fan_table_figure(self))
 
@@ -250,7 +250,7 @@ class ServoTable:
 
     def plot(self) -> Figure:
         """Return rudder angle over pulse width."""
-        from hovercontrol.notebook.data_plots import curve_figure
+        from hovercontrol.logs.display import curve_figure
 
         labels = "pulse [ms]", "rudder angle [deg]"
         return open_in_pyplot(curve_figure(self.name, self.pulse, self.angle, *labels))

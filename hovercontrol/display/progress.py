@@ -45,7 +45,7 @@ def progress_bar(text: str, total: float = 1.0) -> Iterator[Report]:
     Examples
     --------
     >>> import numpy as np, hovercontrol as hc
-    >>> from hovercontrol.notebook import progress_bar
+    >>> from hovercontrol.display import progress_bar
     >>> loop = hc.vehicle("c17_simulation").plant().compile()
     >>> with progress_bar("sweep", total=3) as report:
     ...     found = loop.sweep([0.0, 1.0], params={"plant.thrust": [0.5, 0.6, 0.7]}, progress=report)

@@ -5,7 +5,7 @@ import types
 
 import pytest
 
-from hovercontrol.notebook import progress, progress_bar
+from hovercontrol.display import progress, progress_bar
 
 
 class Shown:

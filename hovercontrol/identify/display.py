@@ -1,7 +1,8 @@
-"""Figures of measurement and simulation."""
+"""Figures and HTML of identified coefficients and free runs."""
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -9,11 +10,16 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from hovercontrol.core.boundary import checked
+from hovercontrol.display.html import card, fold, lines, table
+from hovercontrol.io.figure_style import BLUE, GREEN, VERMILION
+from hovercontrol.io.percent import percent
 from hovercontrol.io.pyplot import open_in_pyplot
 from hovercontrol.logs import POSE, VELOCITY
 
 if TYPE_CHECKING:
     from hovercontrol.identify.predict import FreeRun
+    from hovercontrol.identify.result import Identified
+    from hovercontrol.identify.study import Study
 
 MEASURED, SIMULATED, SHADE = "0.7", "tab:blue", "tab:red"
 
@@ -95,3 +101,79 @@ def _draw(axis: Axes, run: FreeRun, channel: str) -> None:
     axis.set_title(f"rms error {run.rms[channel]:.3g} {run.units[channel]}", fontsize="small", loc="right")
     axis.margins(x=0)
     axis.grid(alpha=0.3)
+
+
+def identified_figure(found: Identified) -> Figure:
+    """Return coefficients with two standard errors to either side beside what they were, each in its size.
+
+    Below each stand its other readings, beside a missing effect and over longer times.
+    """
+    many = len(found.coefficients)
+    figure = Figure(figsize=(7.5, 1.3 + 0.34 * many), layout="constrained")
+    axis = figure.subplots()
+    labels = []
+    for k, c in enumerate(found.coefficients):
+        size = max(abs(v) for v in (c.value, c.start, *(r.value for r in c.readings))) or 1.0
+        known = c.excited and math.isfinite(c.std)
+        if known:
+            std = c.noise_std or c.std
+            axis.errorbar(
+                c.value / size, k, xerr=2 * std / size, fmt="o", color=BLUE, ms=5, capsize=3,
+                label=None if "now" in labels else "identified, two standard errors",
+            )  # fmt: skip
+        elif "open" not in labels:
+            axis.plot([], [], "s", mfc="none", color=VERMILION, label="not excited by the logs")
+        if not known:
+            axis.plot(c.value / size, k, "s", mfc="none", color=VERMILION)
+        axis.plot(c.start / size, k, "|", color="0.2", ms=14, label=None if k else "before")
+        for r in c.readings:
+            axis.errorbar(
+                r.value / size, k + 0.22, xerr=2 * r.std / size, fmt="D", color=GREEN, ms=4, capsize=2,
+                label=None if "other" in labels else "other readings",
+            )  # fmt: skip
+            labels.append("other")
+        labels.append("now" if known else "open")
+    axis.set_yticks(range(many), [f"{c.name} [{c.unit}]" for c in found.coefficients])
+    axis.set_ylim(many - 0.5, -0.5)
+    axis.set_xlabel("value over the largest of its row [1]")
+    axis.grid(alpha=0.3, axis="x")
+    figure.legend(loc="outside lower center", ncols=3, frameon=False)
+    return figure
+
+
+def identified_html(found: Identified) -> str:
+    """Return identified coefficients as HTML, with what remains and what was left out."""
+    rows = []
+    for c in found.coefficients:
+        remark = "; ".join(
+            [*([f"at its {c.bound} bound"] if c.bound else []), *([c.reason] if c.reason else [])]
+        )
+        std = f"± {c.std:.2g}" if math.isfinite(c.std) else "unknown"
+        rows.append((c.name, c.value, std, c.unit, c.start, remark))
+    left = [(r.equation, r.rms, r.seen, r.unit, percent(r.share)) for r in found.remaining]
+    used = f"{found.rows} of {found.rows_total} rows of {', '.join(found.logs)}"
+    return card(
+        "Identified",
+        found.model.name,
+        "; ".join(filter(None, (used, found.not_converged))),
+        table(("coefficient", "value", "std. error", "unit", "before", "remark"), rows),
+        table(("equation", "remains", "seen", "unit", "share"), left, "what no equation says"),
+        lines(found.misfit),
+    )
+
+
+def study_html(study: Study) -> str:
+    """Return an identification and its predictions as HTML."""
+    rows = [
+        (
+            f"{j.label}{' (held out)' if j.holdout else ''}",
+            c,
+            rms,
+            j.prediction.trivial[c],
+            j.prediction.units[c],
+        )
+        for j in study.judged
+        for c, rms in j.prediction.rms.items()
+    ]
+    ahead = table(("log", "channel", "error 1 s ahead", "if velocities stayed", "unit"), rows)
+    return identified_html(study.found) + fold("predictions", ahead, unfolded=True)

@@ -10,9 +10,9 @@ import pytest
 
 import hovercontrol as hc
 import hovercontrol.fmi
+from hovercontrol.display.html import ROWS, sparkline, table
 from hovercontrol.logs import Log
 from hovercontrol.models.blockmodel import BlockModel
-from hovercontrol.notebook.html import ROWS, sparkline, table
 from hovercontrol.targets.compiler import NoCompilerError, find_compiler
 
 CRAFT = hc.vehicle("c17_experiment")

@@ -1,4 +1,4 @@
-"""The figure of a log check: columns over time with their faults, time steps and coefficients."""
+"""Figure and HTML of a log check: columns over time with their faults, time steps, coefficients."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 
+from hovercontrol.display.html import card, lines, sparkline, table
 from hovercontrol.identify.result import Fitted
 from hovercontrol.io.envelope import envelope
 from hovercontrol.io.percent import percent
@@ -144,3 +145,31 @@ def _coefficients(axis: Axes, coefficients: tuple[Fitted, ...]) -> None:
     axis.invert_yaxis()
     axis.set_xlabel("standard error of a trial fit [% of the estimate]")
     axis.grid(alpha=0.3, axis="x")
+
+
+def checked_html(found: Checked) -> str:
+    """Return a log check as HTML."""
+    logs = [
+        (f.log.name, t.of, t.rows, t.rate, 1e3 * t.jitter, len(t.gaps), t.lost)
+        for f in found.logs
+        for t in f.timing
+    ]
+    columns = [
+        (f.log.name, c.name, c.unit or "?", c.low, c.high, c.noise, len(c.outliers) if c.noise else "",
+         sparkline(f.log.time, f.log[c.name], stairs=c.kind == "command"))
+        for f in found.logs
+        for c in f.columns
+    ]  # fmt: skip
+    shown = [
+        (c.name, c.value, f"± {c.std:.2g}", c.unit, "yes" if c.excited else f"no: {c.reason}")
+        for c in found.coefficients
+    ]
+    return card(
+        "Log check",
+        found.model,
+        "",
+        lines(*(f"must be corrected: {e}" for e in found.errors), *(f"look at: {w}" for w in found.warnings)),
+        table(("log", "file", "rows", "per second", "jitter [ms]", "gaps", "lost"), logs),
+        table(("log", "column", "unit", "from", "to", "noise", "outliers", "over time"), columns),
+        table(("coefficient", "estimate", "std. error", "unit", "shown"), shown),
+    )

@@ -1,4 +1,4 @@
-"""Pictures of many runs: a curve over one number that was varied, a map over two."""
+"""Figure and HTML of a sweep: a curve over one varied number, a map over two."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from hovercontrol.display.html import card, lines, sparkline, table
 from hovercontrol.io.figure_style import BLUE, COLOUR_MAP
 
 if TYPE_CHECKING:
@@ -85,3 +86,33 @@ def _grid(given: Mapping[str, Array], runs: int) -> tuple[list[Varied], NDArray[
 
 def _with_unit(name: str, unit: str | None) -> str:
     return name if unit is None else f"{name} [{unit}]"
+
+
+def sweep_html(found: SweepResult) -> str:
+    """Return a sweep as HTML: the spread of each output's figures over the runs, and what failed."""
+    given = found.given
+    runs = np.arange(len(found), dtype=float)
+    varied = [
+        (name, float(v.min()), float(v.max()), sparkline(runs, v))
+        for name, v in given.items()
+        if np.ptp(v) > 0
+    ]
+    rows = []
+    for name in found.outputs:
+        for figure in ("final", "rms", "settling"):
+            values = getattr(found[name], figure)
+            known = values[np.isfinite(values)]
+            if known.size:
+                rows.append(
+                    (name, figure, float(known.min()), float(np.median(known)), float(known.max()),
+                     sparkline(runs, values))
+                )  # fmt: skip
+    failed = [f"{len(found.failures)} runs failed; {found.failures[0]}"] if found.failures else []
+    return card(
+        "Sweep",
+        f"{len(found)} runs",
+        "",
+        table(("given", "from", "to", "over the runs"), varied),
+        table(("output", "figure", "least", "median", "most", "over the runs"), rows),
+        lines(*failed),
+    )
