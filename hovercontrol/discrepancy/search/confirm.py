@@ -13,6 +13,7 @@ from hovercontrol.discrepancy.search.candidates import beyond, candidates, catal
 from hovercontrol.discrepancy.search.leads import ASKED_FOR, Lead
 from hovercontrol.discrepancy.search.mistaken import all_mistaken, surely
 from hovercontrol.discrepancy.search.score import Scores
+from hovercontrol.discrepancy.search.trace import Decision
 from hovercontrol.discrepancy.search.trial import (
     TRIALS,
     Search,
@@ -21,7 +22,7 @@ from hovercontrol.discrepancy.search.trial import (
     bristles_bring_nothing,
     explained,
     falls_short,
-    passes,
+    noted,
     same_axis_drag,
     try_effect,
     twins,
@@ -130,7 +131,7 @@ def confirmed(
             for n in effects
         }
         own = {n: beside(final, without[n], n) for n in effects}
-        unneeded = [n for n in effects if not passes(own[n], among[n], criteria)]
+        unneeded = [n for n in effects if not noted(search, own[n], among[n])]
         if unneeded:
             least = min(unneeded, key=lambda n: own[n].gain)
             reason = why_not(own[least], among[least], criteria)
@@ -155,6 +156,11 @@ def confirmed(
             final, swaps = t.fit, swaps + 1
             continue
         mistaken = all_mistaken(search, own, without)
+        for m in mistaken:
+            for n in m.names:
+                rule = f"gain of {m.other} in its place, at most"
+                passed = m.gained <= criteria.apart or m.t <= criteria.apart_t
+                search.trace.append(Decision("challenge", n, rule, m.gained, criteria.apart, passed))
         sure = next((m for m in mistaken if m.gained > criteria.apart and m.t > criteria.apart_t), None)
         if sure is None:
             break
@@ -210,7 +216,7 @@ def _rivals(
                 # compare with the next best score instead
                 best = max((o.gain for o in others[k + 1 :]), default=0.0)
                 tries -= 1
-            if t is None or not passes(t, _looked_at(search, selection, t, mine), criteria):
+            if t is None or not noted(search, t, _looked_at(search, selection, t, mine)):
                 continue
             t = _alike(search, t, mine)
             behind = criteria.penalised(t.fit) - criteria.penalised(final)
@@ -218,6 +224,9 @@ def _rivals(
                 continue
             score = surely(t.fit, final)
             alternatives.append((name, t))
+            rule = f"behind {name} in its place, less than"
+            near = behind < criteria.apart or score < criteria.apart_t
+            search.trace.append(Decision("challenge", t.name, rule, behind, criteria.apart, near))
             if behind < criteria.apart or score < criteria.apart_t:
                 rivals.append(Rival(t.name, name, behind, score, t.fit))
     return rivals, alternatives

@@ -9,8 +9,9 @@ from hovercontrol.discrepancy.criteria import CRITERIA, Criteria
 from hovercontrol.discrepancy.evidence.sensors import only_noise
 from hovercontrol.discrepancy.search.candidates import beyond, candidates
 from hovercontrol.discrepancy.search.confirm import Selection, confirmed
-from hovercontrol.discrepancy.search.leads import leads
+from hovercontrol.discrepancy.search.leads import ASKED_FOR, leads
 from hovercontrol.discrepancy.search.score import Scored, Scores, at_its_time
+from hovercontrol.discrepancy.search.trace import Decision
 from hovercontrol.discrepancy.search.trial import (
     TRIALS,
     Search,
@@ -20,7 +21,7 @@ from hovercontrol.discrepancy.search.trial import (
     bristles_bring_nothing,
     explained,
     falls_short,
-    passes,
+    noted,
     same_axis_drag,
     sized,
     try_effect,
@@ -45,6 +46,7 @@ def select(
     max_effects: int = 3,
     criteria: Criteria = CRITERIA,
     report: Callable[[str], None] = lambda what: None,
+    trace: list[Decision] | None = None,
 ) -> Selection:
     """Return which effects a fitted model lacks.
 
@@ -60,8 +62,10 @@ def select(
     criteria : Criteria, optional
     report : callable, optional
         Called with a message on each trial.
+    trace : list of Decision, optional
+        Gets a row for each decision.
     """
-    search = Search(model, names, criteria, report)
+    search = Search(model, names, criteria, report, [] if trace is None else trace)
     current = base
     first: list[Tried] = []
     effects: list[str] = []
@@ -78,12 +82,13 @@ def select(
     while True:
         report("scoring the catalogue")
         seen = Scores(current, candidates(current, names)).best()
+        search.trace.extend(_score_rows(seen, criteria))
         if len(effects) >= max_effects:
             break
         found = _add(search, current, seen)
-        good = [t for t in found if passes(t, len(seen), criteria)]
+        good = [t for t in found if noted(search, t, len(seen))]
         hidden = [] if good else _underrated(search, current, seen, {t.name for t in found})
-        good = good or [t for t in hidden if passes(t, len(seen), criteria)]
+        good = good or [t for t in hidden if noted(search, t, len(seen))]
         first = [*found, *hidden] if current is base else first
         tried = {t.name: t for t in (*found, *hidden)}
         if not good and found and safe is None:  # may pass together with another effect though it fails alone
@@ -108,9 +113,23 @@ def select(
         selection = safe
     if not only_noise(current, criteria):
         others = Scores(current, candidates(current, beyond(current.model, names))).best()
+        search.trace.extend(
+            Decision("score", s.candidate.name, ASKED_FOR, s.gain, passed=False) for s in others
+        )
         seen = sorted([*seen, *others], key=lambda s: -s.gain)
     near = leads(seen, tried, selection.effects, selection.dropped, selection.final, criteria)
     return replace(selection, leads=near)
+
+
+def _score_rows(seen: Sequence[Scored], criteria: Criteria) -> list[Decision]:
+    """Return the decision on each scored candidate: whether it is worth a fit."""
+    rows = []
+    for s in seen:
+        asked = TRIALS.promised * (criteria.least + criteria.each * len(s.parts))
+        rule = "gain predicted by the score, at least" if s.allowed else "best size within its bounds"
+        good = s.allowed and s.gain > asked
+        rows.append(Decision("score", s.candidate.name, rule, float(s.gain), float(asked), good))
+    return rows
 
 
 def _underrated(search: Search, current: Fit, seen: Sequence[Scored], done: set[str]) -> list[Tried]:
@@ -153,6 +172,9 @@ def _likeliest(search: Search, good: Sequence[Tried]) -> Tried:
     penalised = search.criteria.penalised
     good = [t for t in good if not any(bristles_bring_nothing(t, o, search.criteria) for o in good)]
     least = min(penalised(t.fit) for t in good)
+    for t in good:
+        rule, behind = "cost above the likeliest candidate's, less than", penalised(t.fit) - least
+        search.trace.append(Decision("fit", t.name, rule, behind, TRIALS.near, behind < TRIALS.near))
     near = [with_times(search, t) for t in good if penalised(t.fit) < least + TRIALS.near]
     least = min(penalised(t.fit) for t in near)
     level = [t for t in near if penalised(t.fit) < least + TRIALS.level]

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from hovercontrol.discrepancy.criteria import Criteria
 from hovercontrol.discrepancy.evidence.blocks import Blocks, agreement
 from hovercontrol.discrepancy.evidence.sensors import only_noise
 from hovercontrol.discrepancy.search.score import Scored, likelier_time
+from hovercontrol.discrepancy.search.trace import Decision
 from hovercontrol.effects import Effect, Shape
 from hovercontrol.estimation.fit import CONVERGENCE, Fit, estimate, first_noise, refit
 from hovercontrol.estimation.prior import prior_of
@@ -87,6 +89,7 @@ class Search:
     names: Sequence[str] | None
     criteria: Criteria
     report: Callable[[str], None]
+    trace: list[Decision] = field(default_factory=list)
 
     def fit(self, near: Fit, model: Subject, times: bool = False) -> Fit:
         """Fit a model from the end of another fit; `times`: fit the noise's correlation times as well."""
@@ -105,20 +108,50 @@ def passes(t: Tried, looked_at: int, criteria: Criteria) -> bool:
 
 def why_not(t: Tried, looked_at: int, criteria: Criteria) -> str:
     """Return the reason why an effect is not named; empty if it may be named."""
+    return next((reason for row, reason in tested(t, looked_at, criteria) if not row.passed), "")
+
+
+def tested(t: Tried, looked_at: int, criteria: Criteria) -> list[tuple[Decision, str]]:
+    """Return the tests of an effect, each with the reason to tell if it fails.
+
+    Where the fit with the effect leaves only noise, likelihood alone decides. Where something else remains,
+    the effect could stand for a part of it, so blocks must also agree on its sign and size.
+
+    Parameters
+    ----------
+    t : Tried
+    looked_at : int
+        Number of candidates among which it was chosen.
+    criteria : Criteria
+    """
+    b, left = t.blocks, not only_noise(t.fit, criteria)
+
+    def row(rule: str, value: float, limit: float, passed: bool, reason: str) -> tuple[Decision, str]:
+        return Decision("confirm", t.name, rule, float(value), float(limit), bool(passed)), reason
+
     asked = criteria.least + criteria.each * t.numbers
-    if t.gain < asked:
-        return f"gains {t.gain:.3g} in twice the log likelihood, {asked:g} are asked for"
-    b = t.blocks
-    if only_noise(t.fit, criteria):
-        return ""
+    reason = f"gains {t.gain:.3g} in twice the log likelihood, {asked:g} are asked for"
+    rows = [row("gain in twice the log likelihood, at least", t.gain, asked, t.gain >= asked, reason)]
+    if not left:
+        return rows
     if t.bristles:
-        return "its bristles do not explain all"
-    p = criteria.level / max(looked_at, 1)
-    if b.p_value > p:
-        return f"blocks of the logs do not agree on it (t = {b.t:.1f}, {b.same_sign} of {b.n} with its sign)"
-    if b.spread > criteria.spread(looked_at) and b.n >= criteria.blocks:
-        return f"its size differs from block to block by {100 * b.spread:.0f} %"
-    return ""
+        rule = "bristles of friction must leave only noise"
+        rows.append(row(rule, math.nan, math.nan, False, "its bristles do not explain all"))
+    p, spread = criteria.level / max(looked_at, 1), criteria.spread(looked_at)
+    reason = f"blocks of the logs do not agree on it (t = {b.t:.1f}, {b.same_sign} of {b.n} with its sign)"
+    rows.append(row("p-value of its size over blocks, at most", b.p_value, p, b.p_value <= p, reason))
+    if b.n >= criteria.blocks:
+        reason = f"its size differs from block to block by {100 * b.spread:.0f} %"
+        rule = "spread of its size from block to block, at most"
+        rows.append(row(rule, b.spread, spread, b.spread <= spread, reason))
+    return rows
+
+
+def noted(search: Search, t: Tried, looked_at: int) -> bool:
+    """Return whether an effect passes all tests, each of which becomes a row of the trace."""
+    rows = [row for row, _ in tested(t, looked_at, search.criteria)]
+    search.trace.extend(rows)
+    return all(row.passed for row in rows)
 
 
 def falls_short(t: Tried, scored: Scored) -> bool:
@@ -150,6 +183,9 @@ def try_effect(search: Search, current: Fit, e: Effect, scored: Scored | None = 
     if not done:
         return None
     t = _tried(e.name, min(done, key=lambda f: f.cost), current)
+    if scored is not None:
+        rule, half = "gain of the fit, at least half of the predicted", TRIALS.half * scored.gain
+        search.trace.append(Decision("fit", e.name, rule, t.gain, half, t.gain >= half))
     short = scored is not None and scored.allowed and falls_short(t, scored)
     return _in_other_noise(search, current, t) if short and t.blocks.p_value < search.criteria.level else t
 
