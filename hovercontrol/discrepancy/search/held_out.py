@@ -13,7 +13,7 @@ from hovercontrol.discrepancy.evidence.sensors import only_noise
 from hovercontrol.discrepancy.search.confirm import Rival, Selection
 from hovercontrol.discrepancy.search.leads import Lead
 from hovercontrol.discrepancy.search.trace import Decision
-from hovercontrol.discrepancy.search.trial import Tried, twins
+from hovercontrol.discrepancy.search.trial import Tried
 from hovercontrol.estimation.data import Data
 from hovercontrol.estimation.fit import Fit
 
@@ -196,8 +196,7 @@ def _with_other(selection: Selection, name: str, other: Tried, held: str = "the 
     reason = f"{other.name} predicts {held} better"
     lead = Lead(name, selection.gains[name], selection.blocks[name].t, reason)
     names = {n: other.name if n == name else n for n in selection.effects}
-    mine = other.fit.model.effect(other.name)
-    late = [t for of, t in selection.alternatives if of == name and twins(t.fit.model.effect(t.name), mine)]
+    late = [t for of, t in selection.alternatives if of == name and t.effect.twin(other.effect)]
     return replace(
         selection,
         final=other.fit,

@@ -18,19 +18,15 @@ from hovercontrol.discrepancy.search.trial import (
     Tried,
     at_likeliest_time,
     begun_again,
-    bristles_bring_nothing,
+    brings_nothing,
     explained,
     falls_short,
     noted,
-    same_axis_drag,
     sized,
     try_effect,
-    twins,
     with_times,
     without_it,
 )
-from hovercontrol.effects import Shape
-from hovercontrol.effects.friction import LuGre
 from hovercontrol.estimation.fit import Fit
 from hovercontrol.estimation.subject import Subject
 
@@ -93,7 +89,7 @@ def select(
         tried = {t.name: t for t in (*found, *hidden)}
         if not good and found and safe is None:  # may pass together with another effect though it fails alone
             enough = [t for t in found if t.gain > criteria.least + criteria.each * t.numbers]
-            good = [t for t in enough if not t.bristles]
+            good = [t for t in enough if not t.effect.flexible]
             safe = so_far() if good else None
         if not good:
             break
@@ -137,7 +133,7 @@ def _underrated(search: Search, current: Fit, seen: Sequence[Scored], done: set[
 
     Process noise that absorbed an effect lowers the score of that effect, though blocks agree on it; the best
     of these are fitted. Frictions that fade with speed are fitted too, since they are far from linear near
-    standstill. Agreement of blocks is no reason to fit friction with bristles, which is not named while a
+    standstill. Agreement of blocks is no reason to fit an effect of many numbers, which is not named while a
     remainder is left.
     """
     problem, criteria = current.problem, search.criteria
@@ -149,13 +145,12 @@ def _underrated(search: Search, current: Fit, seen: Sequence[Scored], done: set[
     if not axes:
         return []
     p = criteria.level / max(len(seen), 1)
-    worthy = [s for s in seen if s.allowed and not isinstance(s.candidate.trial, LuGre)]
+    worthy = [s for s in seen if s.allowed and not s.candidate.trial.flexible]
     agreed = [s for s in worthy if s.p_value < p and s.candidate.name not in done][:UNDERRATED]
     found = []
     for s in seen:
         e = s.candidate.trial
-        shapes = [k for k, n in e.numbers.items() if isinstance(n, Shape) and n.of == "speed"]
-        fading = shapes and e.axis in axes and e.name not in done
+        fading = e.fades() and e.axis in axes and e.name not in done
         if fading or s in agreed:
             search.report(f"trying {e.name}")
             t = try_effect(search, current, sized(problem.model, s.effect))
@@ -170,7 +165,7 @@ def _likeliest(search: Search, good: Sequence[Tried]) -> Tried:
     then the first by name.
     """
     penalised = search.criteria.penalised
-    good = [t for t in good if not any(bristles_bring_nothing(t, o, search.criteria) for o in good)]
+    good = [t for t in good if not any(brings_nothing(t, o, search.criteria) for o in good)]
     least = min(penalised(t.fit) for t in good)
     for t in good:
         rule, behind = "cost above the likeliest candidate's, less than", penalised(t.fit) - least
@@ -201,7 +196,7 @@ def _add(search: Search, current: Fit, seen: Sequence[Scored]) -> list[Tried]:
             continue
         s = at_its_time(current, s)
         e = s.effect
-        if any(twins(t.fit.model.effect(t.name), e) for t in found):
+        if any(t.effect.twin(e) for t in found):
             continue
         search.report(f"trying {e.name}")
         t = try_effect(search, current, e, s)
@@ -213,7 +208,7 @@ def _add(search: Search, current: Fit, seen: Sequence[Scored]) -> list[Tried]:
     top = best[0] if best else worthy[0]
     done = {t.name for t in found}
     for s in seen:
-        if same_axis_drag(s.candidate.trial, top.candidate.trial) and s.candidate.name not in done:
+        if s.candidate.trial.kin(top.candidate.trial) and s.candidate.name not in done:
             search.report(f"trying {s.candidate.name}")
             t = try_effect(search, current, sized(model, s.effect), s)
             found += [t] if t else []
@@ -222,6 +217,6 @@ def _add(search: Search, current: Fit, seen: Sequence[Scored]) -> list[Tried]:
 
 def _nearly_as_good(s: Scored, top: Scored, fitted: Tried, criteria: Criteria) -> bool:
     """Return whether a candidate may fit as well as the best one, judged by its score."""
-    if same_axis_drag(s.candidate.trial, top.candidate.trial):
+    if s.candidate.trial.kin(top.candidate.trial):
         return s.gain > criteria.share * top.gain
     return s.gain > (criteria.alike if explained(fitted) else criteria.share) * top.gain
