@@ -20,6 +20,7 @@ from hovercontrol.discrepancy.experiment.propose import next_experiment
 from hovercontrol.discrepancy.search.base import base_fit
 from hovercontrol.discrepancy.search.candidates import left_out
 from hovercontrol.discrepancy.search.searched import searched
+from hovercontrol.discrepancy.search.trace import Decision
 from hovercontrol.discrepancy.verdict import verdict_of
 from hovercontrol.errors import InputError
 from hovercontrol.estimation.data import Data, gather
@@ -122,7 +123,8 @@ def _diagnosed(
         report(0.1 + 0.7 * (1 - 0.85 ** done[0]), what)
 
     kept = gather(model, holdout) if holdout else None
-    held = searched(base, model, kept, names=names, max_effects=max_effects, report=said)
+    trace: list[Decision] = []
+    held = searched(base, model, kept, names=names, max_effects=max_effects, report=said, trace=trace)
     selection = held.selection
     report(0.92, "measuring what remains")
     base, final = selection.base, selection.final  # a search may find a likelier fit of the given model
@@ -163,6 +165,7 @@ def _diagnosed(
         warnings=tuple(warnings),
         experiment=experiment,
         advice=advice,
+        trace=tuple(trace),
     )
     report(1.0, "done")
     return found

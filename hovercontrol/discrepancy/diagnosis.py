@@ -21,6 +21,7 @@ from hovercontrol.discrepancy.experiment.proposal import Experiment
 from hovercontrol.discrepancy.places import acts_in
 from hovercontrol.discrepancy.search.confirm import Rival, Selection
 from hovercontrol.discrepancy.search.leads import Lead
+from hovercontrol.discrepancy.search.trace import Decision, about
 from hovercontrol.discrepancy.verdict import Verdict
 from hovercontrol.estimation.fit import Fit
 from hovercontrol.estimation.subject import Subject
@@ -114,6 +115,8 @@ class Diagnosis:
         Next experiment, if one would settle an ambiguous case or reduce a large standard error.
     advice : str
         The experiment in one sentence, or why there is none; empty if none is needed.
+    trace : tuple of Decision
+        Every decision of the search, in order.
 
     Examples
     --------
@@ -158,6 +161,17 @@ class Diagnosis:
     warnings: tuple[str, ...] = ()
     experiment: Experiment | None = None
     advice: str = ""
+    trace: tuple[Decision, ...] = ()
+
+    def why(self, effect: str) -> list[Decision]:
+        """Return the decisions of the search about an effect: why it is named, or why not.
+
+        Parameters
+        ----------
+        effect : str
+            Name of an effect; for one that was not considered the list is empty.
+        """
+        return about(self.trace, effect)
 
     @property
     def coefficients(self) -> tuple[Refitted, ...]:
@@ -216,6 +230,7 @@ class Diagnosis:
                 {"name": lead.name, "gain": lead.gain, "blocks_t": lead.blocks_t, "reason": lead.reason}
                 for lead in self.leads
             ],
+            "trace": [row.result() for row in self.trace],
             "where": self._where(),
             "next_experiment": self.advice or None,
             "rows_dropped": self.rows_dropped,

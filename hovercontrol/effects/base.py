@@ -119,9 +119,10 @@ class Effect:
     whose equation alone it acts. ``drives`` says that it turns its craft's actuators into accelerations,
     ``turns_fans`` that it needs the fans' torque with their forces turned, ``shifts_time`` that it only says
     how late commands or measurements are, which no log tells apart; ``contains`` the kinds of effect that it
-    becomes in a limit of its numbers. ``mistaken_for`` names effects that a search might take it for: it is
-    fitted in their place, and where it is surely likelier they are not named. It is itself named only where
-    a search is asked for it.
+    becomes in a limit of its numbers; ``flexible`` that its many numbers also fit part of other effects, so
+    that a search names it only where it leaves nothing but noise. ``mistaken_for`` names effects that a
+    search might take it for: it is fitted in their place, and where it is surely likelier they are not named.
+    It is itself named only where a search is asked for it.
 
     A named subclass is known by its name everywhere; with ``register=False`` only to who holds the class.
 
@@ -145,6 +146,7 @@ class Effect:
     turns_fans: ClassVar[bool] = False
     shifts_time: ClassVar[bool] = False
     contains: ClassVar[tuple[type[Effect], ...]] = ()
+    flexible: ClassVar[bool] = False
     mistaken_for: ClassVar[tuple[str, ...]] = ()
 
     def __init_subclass__(cls, *, register: bool = True, **kwargs: Any) -> None:
@@ -235,6 +237,117 @@ class Effect:
         """
         neutral = {k: n.neutral for k, n in cls.numbers.items()}
         return cls.within_bounds(**{k: v if math.isfinite(v) else SMALL for k, v in neutral.items()})
+
+    def neutral(self) -> Self:
+        """Return the effect with the numbers that scale it at their neutral values; the others are kept.
+
+        Examples
+        --------
+        >>> from hovercontrol.effects import effect
+        >>> effect("yaw_coulomb", 0.83, width=0.02).neutral()
+        yaw_coulomb(value=0, width=0.02)
+        """
+        neutral = {k: n.neutral for k, n in self.numbers.items() if not math.isnan(n.neutral)}
+        return self.within_bounds(**{**self.values, **neutral})
+
+    def begins(self, trial: Self) -> list[Self]:
+        """Return the values at which a fit that ended too high is started again.
+
+        A sensor error begins at its neutral value, since the path was fitted to the sensor's readings. An
+        effect that one shape parameter scales, a lag for instance, is far from linear: it begins as estimated
+        and at three values about the trial's. Any other effect begins as estimated.
+
+        Parameters
+        ----------
+        trial : Effect
+            The effect as it was tried; this one is what the trial's linear response estimates.
+
+        Examples
+        --------
+        >>> from hovercontrol.effects import effect
+        >>> effect("gyro_bias", 0.1).begins(effect("gyro_bias", 0.01))
+        [gyro_bias(value=0)]
+        >>> lag = effect("thrust_lag", seconds=0.3)
+        >>> [e.values["seconds"] for e in lag.begins(effect("thrust_lag", seconds=0.5))]
+        [0.3, 0.2, 0.5, 1.25]
+        """
+        if self.kind() == "measurement":
+            return [self.neutral()]
+        scaling = [k for k, n in self.numbers.items() if not math.isnan(n.neutral)]
+        if len(scaling) != 1 or not isinstance(self.numbers[scaling[0]], Shape):
+            return [self]
+        key, size = scaling[0], trial.values[scaling[0]]
+        return [
+            self,
+            *(trial.within_bounds(**{**trial.values, key: size * part}) for part in (0.4, 1.0, 2.5)),
+        ]
+
+    def moment(self) -> str:
+        """Return the number that says at what time of a log the effect sets in, ``""`` without one.
+
+        Examples
+        --------
+        >>> from hovercontrol.effects import effect
+        >>> effect("parameter_jump", factor=1.2, seconds=20.0).moment(), effect("slope", x=0.1).moment()
+        ('seconds', '')
+        """
+        return next((k for k, n in self.numbers.items() if isinstance(n, Shape) and n.of == "time"), "")
+
+    def fades(self) -> bool:
+        """Return whether the effect fades with speed, so that no linear response shows it near standstill.
+
+        Examples
+        --------
+        >>> from hovercontrol.effects import effect
+        >>> effect("yaw_stribeck", 0.1, speed=0.2).fades(), effect("yaw_quadratic_drag", 0.1).fades()
+        (True, False)
+        """
+        return any(isinstance(n, Shape) and n.of == "speed" for n in self.numbers.values())
+
+    def kin(self, other: Effect) -> bool:
+        """Return whether both act along the same axis, where widths of friction make them hard to tell apart.
+
+        Parameters
+        ----------
+        other : Effect
+
+        Examples
+        --------
+        >>> from hovercontrol.effects import effect
+        >>> effect("yaw_stribeck", 0.1, speed=0.2).kin(effect("yaw_quadratic_drag", 0.1))
+        True
+        """
+        return self.axis == other.axis != ""
+
+    def twin(self, other: Effect) -> bool:
+        """Return whether both are shifts in time, which no log can tell apart.
+
+        Parameters
+        ----------
+        other : Effect
+
+        Examples
+        --------
+        >>> from hovercontrol.effects import effect
+        >>> effect("input_delay", 0.1).twin(effect("time_offset", 0.1))
+        True
+        """
+        return self.name != other.name and self.shifts_time and other.shifts_time
+
+    def becomes(self, other: Effect) -> bool:
+        """Return whether this effect becomes the other in a limit of its numbers.
+
+        Parameters
+        ----------
+        other : Effect
+
+        Examples
+        --------
+        >>> from hovercontrol.effects import effect
+        >>> effect("yaw_stribeck", 0.1, speed=0.2).becomes(effect("yaw_coulomb", 0.1))
+        True
+        """
+        return self.kin(other) and isinstance(other, self.contains)
 
     @classmethod
     def parameter(cls, number: str) -> str:

@@ -39,6 +39,7 @@ class LuGre(Effect):
     axis: ClassVar[str]
     deflection: ClassVar[str]  # unit of z
     contains = (_Coulomb, _Stribeck)
+    flexible = True
 
     def bristles(self) -> Signal:
         """Return the state z."""

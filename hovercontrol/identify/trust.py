@@ -23,7 +23,7 @@ from scipy import stats
 from hovercontrol.discrepancy.criteria import CRITERIA
 from hovercontrol.discrepancy.search.candidates import candidates
 from hovercontrol.discrepancy.search.score import Scored, Scores, at_its_time
-from hovercontrol.discrepancy.search.trial import Search, Tried, try_effect, twins
+from hovercontrol.discrepancy.search.trial import Search, Tried, try_effect
 from hovercontrol.effects import Effect
 from hovercontrol.estimation.fit import Fit, refit
 from hovercontrol.estimation.kalman import run_filter
@@ -175,7 +175,7 @@ def _tried(search: Search, fit: Fit, count: int) -> list[Tried]:
         if len(found) == count or missed > count:
             break
         s = at_its_time(fit, s)
-        if any(twins(t.fit.model.effect(t.name), s.effect) for t in found):
+        if any(t.effect.twin(s.effect) for t in found):
             continue
         t = try_effect(search, fit, s.effect, s)
         if t is None or t.gain < CRITERIA.least + CRITERIA.each * t.numbers:

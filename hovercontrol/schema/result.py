@@ -145,6 +145,17 @@ class Lead(TypedDict):
     reason: str
 
 
+class Decision(TypedDict):
+    """A decision of the search: a rule applied to an effect."""
+
+    step: Annotated[str, "score, fit, confirm, challenge or hold out"]
+    effect: str
+    rule: Annotated[str, "what is asked; ends before the limit"]
+    value: Annotated[float | None, "null where the rule compares no number"]
+    limit: float | None
+    passed: bool
+
+
 class Where(TypedDict):
     """Where the given model lacks most."""
 
@@ -165,6 +176,7 @@ class Result(TypedDict):
     remainder: Annotated[dict[str, Remainder], "by equation"]
     slow_errors: Annotated[dict[str, SlowError], "by channel"]
     leads: list[Lead]
+    trace: Annotated[list[Decision], "every decision of the search, in order"]
     where: Where
     next_experiment: str | None
     rows_dropped: int

@@ -8,7 +8,7 @@ from hovercontrol.discrepancy import diagnose
 from hovercontrol.discrepancy.search import candidates as module
 from hovercontrol.discrepancy.search.base import base_fit
 from hovercontrol.discrepancy.search.candidates import Candidate, candidates
-from hovercontrol.discrepancy.search.trial import _neutral, _trials, sized
+from hovercontrol.discrepancy.search.trial import sized
 from hovercontrol.effects import Shape, effect_class, effect_names
 from hovercontrol.effects.generic import generic_effects
 from hovercontrol.estimation.data import gather
@@ -44,14 +44,15 @@ def test_an_effect_that_a_search_proposes_is_within_its_bounds(name, rng):
     cls = EVERY[name]
     for size in (0.0, 1e-300, 1e-12, 1.0, 1e12, 1e100, -1.0):
         trial = cls.within_bounds(**dict.fromkeys(cls.numbers, size))
-        assert within(trial) and within(_neutral(trial))
+        assert within(trial) and within(trial.neutral())
         amplitudes = tuple(k for k, n in cls.numbers.items() if not np.isnan(n.neutral))
         candidate = Candidate(name, trial, amplitudes)
         for part in (*rng.normal(size=3), 1e-9, -1e9, 1e9):
             assert within(candidate.at([part] * max(len(amplitudes), 1)))
         shapes = [k for k in amplitudes if isinstance(cls.numbers[k], Shape)]
         if len(amplitudes) == len(shapes) == 1:
-            assert all(map(within, _trials(type("Scored", (), {"candidate": candidate}))))
+            assert len(trial.begins(trial)) == (1 if cls.kind() == "measurement" else 4)
+        assert all(map(within, trial.begins(trial)))
     assert within(sized(motor(), cls.small()))
 
 

@@ -14,9 +14,7 @@ from hovercontrol.discrepancy.search.trial import (
     Search,
     Tried,
     passes,
-    same_axis_drag,
     try_effect,
-    twins,
     why_not,
     without_it,
 )
@@ -107,9 +105,9 @@ def test_twins_are_one_finding():
     (name,) = found.effects
     assert {name, *(r.name for r in found.rivals)} == {"input_delay", "time_offset"}
     assert all(r.same and r.instead_of == name and r.behind == 0.0 for r in found.rivals)
-    assert twins(effect("input_delay", 0.1), effect("time_offset", 0.1))
-    assert not twins(effect("input_delay", 0.1), effect("input_delay", 0.1))
-    assert not twins(effect("input_delay", 0.1), effect("thrust_lag", 0.1))
+    late = effect("input_delay", 0.1)
+    assert late.twin(effect("time_offset", 0.1))
+    assert not late.twin(late) and not late.twin(effect("thrust_lag", 0.1))
 
 
 @pytest.mark.parametrize("named", ["input_delay", "time_offset"])
@@ -154,9 +152,10 @@ def left_over(fit):
 
 
 def test_drags_along_one_axis_are_kin():
-    assert same_axis_drag(effect("yaw_stribeck", 0.1, speed=0.2), effect("yaw_quadratic_drag", 0.1))
-    assert not same_axis_drag(effect("yaw_quadratic_drag", 0.1), effect("sway_quadratic_drag", 0.1))
-    assert not same_axis_drag(effect("slope", x=0.1, y=0.0), effect("gyro_bias", 0.1))
+    drag = effect("yaw_quadratic_drag", 0.1)
+    assert drag.kin(effect("yaw_stribeck", 0.1, speed=0.2))
+    assert not drag.kin(effect("sway_quadratic_drag", 0.1))
+    assert not effect("slope", x=0.1, y=0.0).kin(effect("gyro_bias", 0.1))
 
 
 @pytest.mark.slow

@@ -13,13 +13,15 @@ from hovercontrol.discrepancy.report.templates import Table, render, table
 def others(m: Context) -> str:
     """Return the section on rivals, leads and the next experiment."""
     rivals, leads, advice = _rivals(m), _leads(m), _next(m)
-    if not (rivals or leads or advice):
+    trace = _trace(m)
+    if not (rivals or leads or advice or trace):
         return ""
     return render(
         "others.html",
         rivals=rivals,
         leads=leads,
         advice=advice,
+        trace=trace,
         candidates=m.diagnosis.selection.candidates,
         apart=rounded(math.exp(CRITERIA.apart / 2)),
         apart_t=f"{CRITERIA.apart_t:g}",
@@ -52,6 +54,28 @@ def _leads(m: Context) -> Table | None:
     ]
     head = ("candidate", "likelihood gained", "t over blocks", "why it is not named")
     return table(head, rows) if rows else None
+
+
+def _trace(m: Context) -> Table | None:
+    """Return every decision of the search; of the scores only the last of each effect."""
+    last = {row.effect: row for row in m.diagnosis.trace if row.step == "score"}
+    shown = [row for row in m.diagnosis.trace if row.step != "score" or last[row.effect] is row]
+    rows = [
+        (
+            row.step,
+            effect_words(row.effect),
+            prime(row.rule),
+            _number(row.value),
+            _number(row.limit),
+            "yes" if row.passed else "no",
+        )
+        for row in shown
+    ]
+    return table(("step", "effect", "what is asked", "value", "limit", "passed"), rows) if rows else None
+
+
+def _number(value: float) -> str:
+    return f"{value:.3g}" if math.isfinite(value) else ""
 
 
 def _next(m: Context) -> str:

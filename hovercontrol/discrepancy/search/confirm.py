@@ -13,18 +13,17 @@ from hovercontrol.discrepancy.search.candidates import beyond, candidates, catal
 from hovercontrol.discrepancy.search.leads import ASKED_FOR, Lead
 from hovercontrol.discrepancy.search.mistaken import all_mistaken, surely
 from hovercontrol.discrepancy.search.score import Scores
+from hovercontrol.discrepancy.search.trace import Decision
 from hovercontrol.discrepancy.search.trial import (
     TRIALS,
     Search,
     Tried,
     beside,
-    bristles_bring_nothing,
+    brings_nothing,
     explained,
     falls_short,
-    passes,
-    same_axis_drag,
+    noted,
     try_effect,
-    twins,
     why_not,
     with_times,
 )
@@ -130,7 +129,7 @@ def confirmed(
             for n in effects
         }
         own = {n: beside(final, without[n], n) for n in effects}
-        unneeded = [n for n in effects if not passes(own[n], among[n], criteria)]
+        unneeded = [n for n in effects if not noted(search, own[n], among[n])]
         if unneeded:
             least = min(unneeded, key=lambda n: own[n].gain)
             reason = why_not(own[least], among[least], criteria)
@@ -155,6 +154,11 @@ def confirmed(
             final, swaps = t.fit, swaps + 1
             continue
         mistaken = all_mistaken(search, own, without)
+        for m in mistaken:
+            for n in m.names:
+                rule = f"gain of {m.other} in its place, at most"
+                passed = m.gained <= criteria.apart or m.t <= criteria.apart_t
+                search.trace.append(Decision("challenge", n, rule, m.gained, criteria.apart, passed))
         sure = next((m for m in mistaken if m.gained > criteria.apart and m.t > criteria.apart_t), None)
         if sure is None:
             break
@@ -193,10 +197,10 @@ def _rivals(
         others = [s for s in scored if s.candidate.name != name and s.allowed]
         best, tries = max((s.gain for s in others), default=0.0), 0
         for k, s in enumerate(others):
-            if twins(final.problem.model.effect(name), s.candidate.trial):
+            if mine.effect.twin(s.candidate.trial):
                 rivals.append(Rival(s.candidate.name, name, 0.0, 0.0, final, True))
                 continue
-            drags = same_axis_drag(s.candidate.trial, final.problem.model.effect(name))
+            drags = s.candidate.trial.kin(mine.effect)
             share = criteria.share if drags or not explained(mine) else criteria.alike
             known = first.get(s.candidate.name) if len(own) == 1 else None
             worthy = s.gain > max(share * max(best, 0.0), criteria.least) and tries < criteria.tries
@@ -210,14 +214,17 @@ def _rivals(
                 # compare with the next best score instead
                 best = max((o.gain for o in others[k + 1 :]), default=0.0)
                 tries -= 1
-            if t is None or not passes(t, _looked_at(search, selection, t, mine), criteria):
+            if t is None or not noted(search, t, _looked_at(search, selection, t, mine)):
                 continue
             t = _alike(search, t, mine)
             behind = criteria.penalised(t.fit) - criteria.penalised(final)
-            if _only_imitates(t, mine, criteria.chance) or bristles_bring_nothing(t, mine, criteria):
+            if _only_imitates(t, mine, criteria.chance) or brings_nothing(t, mine, criteria):
                 continue
             score = surely(t.fit, final)
             alternatives.append((name, t))
+            rule = f"behind {name} in its place, less than"
+            near = behind < criteria.apart or score < criteria.apart_t
+            search.trace.append(Decision("challenge", t.name, rule, behind, criteria.apart, near))
             if behind < criteria.apart or score < criteria.apart_t:
                 rivals.append(Rival(t.name, name, behind, score, t.fit))
     return rivals, alternatives
@@ -229,10 +236,9 @@ def _looked_at(search: Search, selection: Selection, t: Tried, named: Tried) -> 
     Once a drag along an axis is named, something is known to be missing there. Another drag along that axis
     is then chosen among these few, any other effect among all candidates.
     """
-    own, other = (o.fit.problem.model.effect(o.name) for o in (t, named))
-    if not same_axis_drag(own, other):
+    if not t.effect.kin(named.effect):
         return selection.candidates
-    return sum(cls.axis == own.axis for cls in catalogue(search.model, search.names))
+    return sum(cls.axis == t.effect.axis for cls in catalogue(search.model, search.names))
 
 
 def _alike(search: Search, t: Tried, other: Tried) -> Tried:
@@ -257,7 +263,6 @@ def _only_imitates(t: Tried, simpler: Tried, chance: float) -> bool:
     chi-squared with k degrees of freedom. Stribeck friction with a Stribeck speed above all observed speeds
     is Coulomb friction, so it always fits as well.
     """
-    rich, simple = (type(o.fit.problem.model.effect(o.name)) for o in (t, simpler))
     more = len(t.fit.p) - len(simpler.fit.p)
     within = more > 0 and simpler.fit.cost - t.fit.cost < chi2.isf(chance, more)
-    return rich.axis == simple.axis and issubclass(simple, rich.contains) and bool(within)
+    return t.effect.becomes(simpler.effect) and bool(within)

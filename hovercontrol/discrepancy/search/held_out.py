@@ -12,7 +12,8 @@ from hovercontrol.discrepancy.evidence.of_effects import Evidence
 from hovercontrol.discrepancy.evidence.sensors import only_noise
 from hovercontrol.discrepancy.search.confirm import Rival, Selection
 from hovercontrol.discrepancy.search.leads import Lead
-from hovercontrol.discrepancy.search.trial import Tried, twins
+from hovercontrol.discrepancy.search.trace import Decision
+from hovercontrol.discrepancy.search.trial import Tried
 from hovercontrol.estimation.data import Data
 from hovercontrol.estimation.fit import Fit
 
@@ -38,7 +39,12 @@ class HeldOut:
     far: Horizons = field(default_factory=Horizons)
 
 
-def held_out(selection: Selection, data: Data | None, criteria: Criteria = CRITERIA) -> HeldOut:
+def held_out(
+    selection: Selection,
+    data: Data | None,
+    criteria: Criteria = CRITERIA,
+    trace: list[Decision] | None = None,
+) -> HeldOut:
     """Return the part of a selection that stands on held-out logs, all of them judged together.
 
     - An effect is dropped if the logs are predicted significantly worse with it, unless their likelihood
@@ -57,7 +63,10 @@ def held_out(selection: Selection, data: Data | None, criteria: Criteria = CRITE
     data : Data, optional
         The held-out logs; None if there are none.
     criteria : Criteria, optional
+    trace : list of Decision, optional
+        Gets a row for each decision.
     """
+    trace = [] if trace is None else trace
     if data is None:
         return HeldOut(selection, {n: _of_training(selection, n) for n in selection.effects})
     before = held_fit(selection.base.model, data)
@@ -68,6 +77,7 @@ def held_out(selection: Selection, data: Data | None, criteria: Criteria = CRITE
         if _mean(other.evidence[instead[1].name].holdout) > criteria.better:
             found = other
     worse = [n for n, e in found.evidence.items() if _worse(e, criteria)]
+    trace.extend(_rows(found, criteria))
     if worse:
         return _left(
             found, _less(found.selection, worse, f"{_held(data)} {_verb(data, 'is')} predicted worse with it")
@@ -137,6 +147,21 @@ def _of_training(selection: Selection, name: str) -> Evidence:
     return Evidence(selection.gains[name], selection.blocks[name])
 
 
+def _rows(found: HeldOut, criteria: Criteria) -> list[Decision]:
+    """Return the rows of the named effects: predicted worse with it, and shown if something else remains."""
+    unconfirmed = _unconfirmed(found, criteria)
+    rows = []
+    for name, e in found.evidence.items():
+        rule = "mean t of the fall of held-out errors, at least"
+        rows.append(
+            Decision("hold out", name, rule, _mean(e.holdout), -criteria.worse, not _worse(e, criteria))
+        )
+        if e.gained is not None and not only_noise(found.selection.final, criteria):
+            rule, passed = "t of the gain on held-out logs, at least", name not in unconfirmed
+            rows.append(Decision("hold out", name, rule, e.gained.t, criteria.confirmed, passed))
+    return rows
+
+
 def _worse(own: Evidence, criteria: Criteria) -> bool:
     """Whether predictions are significantly worse at most horizons and the log not significantly likelier."""
     worse = [t < -criteria.worse for t in own.holdout.together]
@@ -171,8 +196,7 @@ def _with_other(selection: Selection, name: str, other: Tried, held: str = "the 
     reason = f"{other.name} predicts {held} better"
     lead = Lead(name, selection.gains[name], selection.blocks[name].t, reason)
     names = {n: other.name if n == name else n for n in selection.effects}
-    mine = other.fit.model.effect(other.name)
-    late = [t for of, t in selection.alternatives if of == name and twins(t.fit.model.effect(t.name), mine)]
+    late = [t for of, t in selection.alternatives if of == name and t.effect.twin(other.effect)]
     return replace(
         selection,
         final=other.fit,

@@ -20,7 +20,7 @@ from scipy import stats
 
 from hovercontrol.discrepancy.search.candidates import Candidate
 from hovercontrol.discrepancy.search.columns import columns
-from hovercontrol.effects import Effect, Shape
+from hovercontrol.effects import Effect
 from hovercontrol.estimation.fit import Fit
 from hovercontrol.estimation.kalman import run_filter
 from hovercontrol.estimation.noise import augment
@@ -204,19 +204,17 @@ class Scores:
 def at_its_time(fit: Fit, scored: Scored) -> Scored:
     """Return a candidate with the time of its jump, or its delay, at the value of the highest score."""
     trial = scored.candidate.trial
-    times = [k for k, n in trial.numbers.items() if isinstance(n, Shape) and n.of == "time"]
-    if times:
-        return _jump(fit, scored, times[0])
+    if trial.moment():
+        return _jump(fit, scored, trial.moment())
     return _delay(fit, scored) if trial.shifts_time else scored
 
 
 def likelier_time(fit: Fit, name: str) -> Effect | None:
     """Return a fitted effect moved to a likelier start, up to four rows away; None if there is none."""
-    e = fit.problem.model.effect(name)
-    times = [k for k, n in e.numbers.items() if isinstance(n, Shape) and n.of == "time"]
-    if not times:
+    e = fit.model.effect(name)
+    key = e.moment()
+    if not key:
         return None
-    e, key = fit.model.effect(name), times[0]
     away = fit.problem.shortest * np.array([-4.0, -2.0, -1.0, -0.5, -0.25, 0.25, 0.5, 1.0, 2.0, 4.0])
     moved = [e.within_bounds(**{**e.values, key: t}) for t in (e.values[key] + away).tolist() if t > 0.0]
     each = Scores(fit, [Candidate(name, m, ()) for m in moved]).each()

@@ -11,6 +11,7 @@ from hovercontrol.discrepancy.evidence.of_effects import Evidence
 from hovercontrol.discrepancy.evidence.sensors import only_noise
 from hovercontrol.discrepancy.search.held_out import HeldOut, held_out
 from hovercontrol.discrepancy.search.select import select
+from hovercontrol.discrepancy.search.trace import Decision
 from hovercontrol.estimation.data import Data
 from hovercontrol.estimation.fit import Fit
 from hovercontrol.estimation.subject import Subject
@@ -25,6 +26,7 @@ def searched(
     max_effects: int = 3,
     criteria: Criteria = CRITERIA,
     report: Callable[[str], None] = lambda what: None,
+    trace: list[Decision] | None = None,
 ) -> HeldOut:
     """Return the effects that a fitted model lacks, as judged by the held-out logs.
 
@@ -48,20 +50,26 @@ def searched(
     criteria : Criteria, optional
     report : callable, optional
         Called with a message on each step.
+    trace : list of Decision, optional
+        Gets a row for each decision.
     """
-    selection = select(base, model, names=names, max_effects=max_effects, criteria=criteria, report=report)
+    selection = select(
+        base, model, names=names, max_effects=max_effects, criteria=criteria, report=report, trace=trace
+    )
     report("predicting the held-out logs")
-    found = held_out(selection, data, criteria)
+    found = held_out(selection, data, criteria, trace)
     if data is None or found.selection.effects or only_noise(base, criteria):
         return found
     if not any(n.gain > criteria.least and 0 < n.blocks_n < criteria.blocks for n in found.selection.leads):
         return found
     alone = replace(criteria, level=math.inf)
     report("few events: searching by likelihood, for the held-out logs to judge")
-    weaker = select(base, model, names=names, max_effects=max_effects, criteria=alone, report=report)
+    weaker = select(
+        base, model, names=names, max_effects=max_effects, criteria=alone, report=report, trace=trace
+    )
     if not weaker.effects:
         return found
-    again = held_out(weaker, data, alone)
+    again = held_out(weaker, data, alone, trace)
     named = again.selection.effects
     return again if named and all(shown(again.evidence[n], criteria) for n in named) else found
 

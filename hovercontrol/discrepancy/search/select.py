@@ -9,27 +9,24 @@ from hovercontrol.discrepancy.criteria import CRITERIA, Criteria
 from hovercontrol.discrepancy.evidence.sensors import only_noise
 from hovercontrol.discrepancy.search.candidates import beyond, candidates
 from hovercontrol.discrepancy.search.confirm import Selection, confirmed
-from hovercontrol.discrepancy.search.leads import leads
+from hovercontrol.discrepancy.search.leads import ASKED_FOR, leads
 from hovercontrol.discrepancy.search.score import Scored, Scores, at_its_time
+from hovercontrol.discrepancy.search.trace import Decision
 from hovercontrol.discrepancy.search.trial import (
     TRIALS,
     Search,
     Tried,
     at_likeliest_time,
     begun_again,
-    bristles_bring_nothing,
+    brings_nothing,
     explained,
     falls_short,
-    passes,
-    same_axis_drag,
+    noted,
     sized,
     try_effect,
-    twins,
     with_times,
     without_it,
 )
-from hovercontrol.effects import Shape
-from hovercontrol.effects.friction import LuGre
 from hovercontrol.estimation.fit import Fit
 from hovercontrol.estimation.subject import Subject
 
@@ -45,6 +42,7 @@ def select(
     max_effects: int = 3,
     criteria: Criteria = CRITERIA,
     report: Callable[[str], None] = lambda what: None,
+    trace: list[Decision] | None = None,
 ) -> Selection:
     """Return which effects a fitted model lacks.
 
@@ -60,8 +58,10 @@ def select(
     criteria : Criteria, optional
     report : callable, optional
         Called with a message on each trial.
+    trace : list of Decision, optional
+        Gets a row for each decision.
     """
-    search = Search(model, names, criteria, report)
+    search = Search(model, names, criteria, report, [] if trace is None else trace)
     current = base
     first: list[Tried] = []
     effects: list[str] = []
@@ -78,17 +78,18 @@ def select(
     while True:
         report("scoring the catalogue")
         seen = Scores(current, candidates(current, names)).best()
+        search.trace.extend(_score_rows(seen, criteria))
         if len(effects) >= max_effects:
             break
         found = _add(search, current, seen)
-        good = [t for t in found if passes(t, len(seen), criteria)]
+        good = [t for t in found if noted(search, t, len(seen))]
         hidden = [] if good else _underrated(search, current, seen, {t.name for t in found})
-        good = good or [t for t in hidden if passes(t, len(seen), criteria)]
+        good = good or [t for t in hidden if noted(search, t, len(seen))]
         first = [*found, *hidden] if current is base else first
         tried = {t.name: t for t in (*found, *hidden)}
         if not good and found and safe is None:  # may pass together with another effect though it fails alone
             enough = [t for t in found if t.gain > criteria.least + criteria.each * t.numbers]
-            good = [t for t in enough if not t.bristles]
+            good = [t for t in enough if not t.effect.flexible]
             safe = so_far() if good else None
         if not good:
             break
@@ -108,9 +109,23 @@ def select(
         selection = safe
     if not only_noise(current, criteria):
         others = Scores(current, candidates(current, beyond(current.model, names))).best()
+        search.trace.extend(
+            Decision("score", s.candidate.name, ASKED_FOR, s.gain, passed=False) for s in others
+        )
         seen = sorted([*seen, *others], key=lambda s: -s.gain)
     near = leads(seen, tried, selection.effects, selection.dropped, selection.final, criteria)
     return replace(selection, leads=near)
+
+
+def _score_rows(seen: Sequence[Scored], criteria: Criteria) -> list[Decision]:
+    """Return the decision on each scored candidate: whether it is worth a fit."""
+    rows = []
+    for s in seen:
+        asked = TRIALS.promised * (criteria.least + criteria.each * len(s.parts))
+        rule = "gain predicted by the score, at least" if s.allowed else "best size within its bounds"
+        good = s.allowed and s.gain > asked
+        rows.append(Decision("score", s.candidate.name, rule, float(s.gain), float(asked), good))
+    return rows
 
 
 def _underrated(search: Search, current: Fit, seen: Sequence[Scored], done: set[str]) -> list[Tried]:
@@ -118,7 +133,7 @@ def _underrated(search: Search, current: Fit, seen: Sequence[Scored], done: set[
 
     Process noise that absorbed an effect lowers the score of that effect, though blocks agree on it; the best
     of these are fitted. Frictions that fade with speed are fitted too, since they are far from linear near
-    standstill. Agreement of blocks is no reason to fit friction with bristles, which is not named while a
+    standstill. Agreement of blocks is no reason to fit an effect of many numbers, which is not named while a
     remainder is left.
     """
     problem, criteria = current.problem, search.criteria
@@ -130,13 +145,12 @@ def _underrated(search: Search, current: Fit, seen: Sequence[Scored], done: set[
     if not axes:
         return []
     p = criteria.level / max(len(seen), 1)
-    worthy = [s for s in seen if s.allowed and not isinstance(s.candidate.trial, LuGre)]
+    worthy = [s for s in seen if s.allowed and not s.candidate.trial.flexible]
     agreed = [s for s in worthy if s.p_value < p and s.candidate.name not in done][:UNDERRATED]
     found = []
     for s in seen:
         e = s.candidate.trial
-        shapes = [k for k, n in e.numbers.items() if isinstance(n, Shape) and n.of == "speed"]
-        fading = shapes and e.axis in axes and e.name not in done
+        fading = e.fades() and e.axis in axes and e.name not in done
         if fading or s in agreed:
             search.report(f"trying {e.name}")
             t = try_effect(search, current, sized(problem.model, s.effect))
@@ -151,8 +165,11 @@ def _likeliest(search: Search, good: Sequence[Tried]) -> Tried:
     then the first by name.
     """
     penalised = search.criteria.penalised
-    good = [t for t in good if not any(bristles_bring_nothing(t, o, search.criteria) for o in good)]
+    good = [t for t in good if not any(brings_nothing(t, o, search.criteria) for o in good)]
     least = min(penalised(t.fit) for t in good)
+    for t in good:
+        rule, behind = "cost above the likeliest candidate's, less than", penalised(t.fit) - least
+        search.trace.append(Decision("fit", t.name, rule, behind, TRIALS.near, behind < TRIALS.near))
     near = [with_times(search, t) for t in good if penalised(t.fit) < least + TRIALS.near]
     least = min(penalised(t.fit) for t in near)
     level = [t for t in near if penalised(t.fit) < least + TRIALS.level]
@@ -179,7 +196,7 @@ def _add(search: Search, current: Fit, seen: Sequence[Scored]) -> list[Tried]:
             continue
         s = at_its_time(current, s)
         e = s.effect
-        if any(twins(t.fit.model.effect(t.name), e) for t in found):
+        if any(t.effect.twin(e) for t in found):
             continue
         search.report(f"trying {e.name}")
         t = try_effect(search, current, e, s)
@@ -191,7 +208,7 @@ def _add(search: Search, current: Fit, seen: Sequence[Scored]) -> list[Tried]:
     top = best[0] if best else worthy[0]
     done = {t.name for t in found}
     for s in seen:
-        if same_axis_drag(s.candidate.trial, top.candidate.trial) and s.candidate.name not in done:
+        if s.candidate.trial.kin(top.candidate.trial) and s.candidate.name not in done:
             search.report(f"trying {s.candidate.name}")
             t = try_effect(search, current, sized(model, s.effect), s)
             found += [t] if t else []
@@ -200,6 +217,6 @@ def _add(search: Search, current: Fit, seen: Sequence[Scored]) -> list[Tried]:
 
 def _nearly_as_good(s: Scored, top: Scored, fitted: Tried, criteria: Criteria) -> bool:
     """Return whether a candidate may fit as well as the best one, judged by its score."""
-    if same_axis_drag(s.candidate.trial, top.candidate.trial):
+    if s.candidate.trial.kin(top.candidate.trial):
         return s.gain > criteria.share * top.gain
     return s.gain > (criteria.alike if explained(fitted) else criteria.share) * top.gain

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -11,7 +12,8 @@ from hovercontrol.discrepancy.criteria import Criteria
 from hovercontrol.discrepancy.evidence.blocks import Blocks, agreement
 from hovercontrol.discrepancy.evidence.sensors import only_noise
 from hovercontrol.discrepancy.search.score import Scored, likelier_time
-from hovercontrol.effects import Effect, Shape
+from hovercontrol.discrepancy.search.trace import Decision
+from hovercontrol.effects import Effect
 from hovercontrol.estimation.fit import CONVERGENCE, Fit, estimate, first_noise, refit
 from hovercontrol.estimation.prior import prior_of
 from hovercontrol.estimation.subject import Subject
@@ -65,8 +67,6 @@ class Tried:
     blocks : Blocks
     numbers : int
         Number of unknowns of the effect.
-    bristles : bool
-        Whether it is a friction with bristles, whose five parameters also fit part of many other effects.
     """
 
     name: str
@@ -74,9 +74,13 @@ class Tried:
     gain: float
     blocks: Blocks
     numbers: int
-    bristles: bool = False
 
     __repr__ = short_repr
+
+    @property
+    def effect(self) -> Effect:
+        """The effect in the fitted model, at the start of its fit."""
+        return self.fit.problem.model.effect(self.name)
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,6 +91,7 @@ class Search:
     names: Sequence[str] | None
     criteria: Criteria
     report: Callable[[str], None]
+    trace: list[Decision] = field(default_factory=list)
 
     def fit(self, near: Fit, model: Subject, times: bool = False) -> Fit:
         """Fit a model from the end of another fit; `times`: fit the noise's correlation times as well."""
@@ -105,20 +110,50 @@ def passes(t: Tried, looked_at: int, criteria: Criteria) -> bool:
 
 def why_not(t: Tried, looked_at: int, criteria: Criteria) -> str:
     """Return the reason why an effect is not named; empty if it may be named."""
+    return next((reason for row, reason in tested(t, looked_at, criteria) if not row.passed), "")
+
+
+def tested(t: Tried, looked_at: int, criteria: Criteria) -> list[tuple[Decision, str]]:
+    """Return the tests of an effect, each with the reason to tell if it fails.
+
+    Where the fit with the effect leaves only noise, likelihood alone decides. Where something else remains,
+    the effect could stand for a part of it, so blocks must also agree on its sign and size.
+
+    Parameters
+    ----------
+    t : Tried
+    looked_at : int
+        Number of candidates among which it was chosen.
+    criteria : Criteria
+    """
+    b, left = t.blocks, not only_noise(t.fit, criteria)
+
+    def row(rule: str, value: float, limit: float, passed: bool, reason: str) -> tuple[Decision, str]:
+        return Decision("confirm", t.name, rule, float(value), float(limit), bool(passed)), reason
+
     asked = criteria.least + criteria.each * t.numbers
-    if t.gain < asked:
-        return f"gains {t.gain:.3g} in twice the log likelihood, {asked:g} are asked for"
-    b = t.blocks
-    if only_noise(t.fit, criteria):
-        return ""
-    if t.bristles:
-        return "its bristles do not explain all"
-    p = criteria.level / max(looked_at, 1)
-    if b.p_value > p:
-        return f"blocks of the logs do not agree on it (t = {b.t:.1f}, {b.same_sign} of {b.n} with its sign)"
-    if b.spread > criteria.spread(looked_at) and b.n >= criteria.blocks:
-        return f"its size differs from block to block by {100 * b.spread:.0f} %"
-    return ""
+    reason = f"gains {t.gain:.3g} in twice the log likelihood, {asked:g} are asked for"
+    rows = [row("gain in twice the log likelihood, at least", t.gain, asked, t.gain >= asked, reason)]
+    if not left:
+        return rows
+    if t.effect.flexible:
+        rule = "an effect of many numbers must leave only noise"
+        rows.append(row(rule, math.nan, math.nan, False, "its many numbers do not explain all"))
+    p, spread = criteria.level / max(looked_at, 1), criteria.spread(looked_at)
+    reason = f"blocks of the logs do not agree on it (t = {b.t:.1f}, {b.same_sign} of {b.n} with its sign)"
+    rows.append(row("p-value of its size over blocks, at most", b.p_value, p, b.p_value <= p, reason))
+    if b.n >= criteria.blocks:
+        reason = f"its size differs from block to block by {100 * b.spread:.0f} %"
+        rule = "spread of its size from block to block, at most"
+        rows.append(row(rule, b.spread, spread, b.spread <= spread, reason))
+    return rows
+
+
+def noted(search: Search, t: Tried, looked_at: int) -> bool:
+    """Return whether an effect passes all tests, each of which becomes a row of the trace."""
+    rows = [row for row, _ in tested(t, looked_at, search.criteria)]
+    search.trace.extend(rows)
+    return all(row.passed for row in rows)
 
 
 def falls_short(t: Tried, scored: Scored) -> bool:
@@ -140,8 +175,7 @@ def try_effect(search: Search, current: Fit, e: Effect, scored: Scored | None = 
     gain = current.cost - first.cost if first else -np.inf
     if scored is not None and scored.allowed and gain < TRIALS.half * scored.gain:
         given = as_given(search, current)
-        starts = [_neutral(e)] if type(e).kind() == "measurement" else [e, *_trials(scored)]
-        for start in dict.fromkeys(starts):
+        for start in dict.fromkeys(e.begins(scored.candidate.trial)):
             fit = _added(search, current, start, given)
             found_again = fit is not None and any(abs(fit.cost - f.cost) < CONVERGENCE.settled for f in done)
             done += [fit] if fit else []
@@ -150,6 +184,9 @@ def try_effect(search: Search, current: Fit, e: Effect, scored: Scored | None = 
     if not done:
         return None
     t = _tried(e.name, min(done, key=lambda f: f.cost), current)
+    if scored is not None:
+        rule, half = "gain of the fit, at least half of the predicted", TRIALS.half * scored.gain
+        search.trace.append(Decision("fit", e.name, rule, t.gain, half, t.gain >= half))
     short = scored is not None and scored.allowed and falls_short(t, scored)
     return _in_other_noise(search, current, t) if short and t.blocks.p_value < search.criteria.level else t
 
@@ -157,8 +194,7 @@ def try_effect(search: Search, current: Fit, e: Effect, scored: Scored | None = 
 def _tried(name: str, fit: Fit, current: Fit) -> Tried:
     """Return the comparison of the fit with an effect and the one without it."""
     numbers = len(fit.p) - len(current.p)
-    bristles = len(fit.problem.bristles) > len(current.problem.bristles)
-    return Tried(name, fit, current.cost - fit.cost, agreement(fit, current, name), numbers, bristles)
+    return Tried(name, fit, current.cost - fit.cost, agreement(fit, current, name), numbers)
 
 
 def _in_other_noise(search: Search, current: Fit, t: Tried) -> Tried:
@@ -172,21 +208,6 @@ def _in_other_noise(search: Search, current: Fit, t: Tried) -> Tried:
     less = search.fit(replace(current, noise=timed.fit.noise), current.model)
     gain = min(current.cost, less.cost) - timed.fit.cost
     return replace(timed, gain=gain, blocks=agreement(timed.fit, current, t.name))
-
-
-def _neutral(e: Effect) -> Effect:
-    """Return an effect with the parameters that scale it at their neutral values."""
-    neutral = {k: n.neutral for k, n in type(e).numbers.items() if not np.isnan(n.neutral)}
-    return e.within_bounds(**{**e.values, **neutral})
-
-
-def _trials(scored: Scored) -> list[Effect]:
-    """Return an effect at the trial values of the shape that scales it."""
-    trial, shapes = scored.candidate.trial, scored.candidate.amplitudes
-    if len(shapes) != 1 or not isinstance(type(trial).numbers[shapes[0]], Shape):
-        return []
-    size = trial.values[shapes[0]]
-    return [trial.within_bounds(**{**trial.values, shapes[0]: size * part}) for part in (0.4, 1.0, 2.5)]
 
 
 def _added(
@@ -269,7 +290,7 @@ def sized(model: Subject, e: Effect) -> Effect:
 
     Near standstill dry friction hides a drag from the score, so the model's own drag sets the size.
     """
-    own = [o for o in model.effects if same_axis_drag(o, e) and "value" in o.numbers and "value" in e.numbers]
+    own = [o for o in model.effects if o.kin(e) and "value" in o.numbers and "value" in e.numbers]
     alike = [o for o in own if o.numbers["value"].unit == e.numbers["value"].unit]
     if not alike:
         return e
@@ -282,21 +303,9 @@ def explained(t: Tried) -> bool:
     return bool(np.all(t.fit.noise.process <= 0.02 * t.fit.problem.accelerations))
 
 
-def same_axis_drag(one: Effect, other: Effect) -> bool:
-    """Whether two effects are drags along the same axis, which widths of friction make hard to tell apart."""
-    return one.axis == other.axis != ""
-
-
-def bristles_bring_nothing(t: Tried, other: Tried, criteria: Criteria) -> bool:
-    """Whether a friction has bristles although a simpler one along its axis leaves only noise."""
-    own, simple = (o.fit.model.effect(o.name) for o in (t, other))
-    contained = same_axis_drag(own, simple) and isinstance(simple, type(own).contains)
-    return t.bristles and contained and only_noise(other.fit, criteria)
-
-
-def twins(one: Effect, other: Effect) -> bool:
-    """Whether two effects are both shifts in time, which no log can distinguish."""
-    return one.name != other.name and one.shifts_time and other.shifts_time
+def brings_nothing(t: Tried, simpler: Tried, criteria: Criteria) -> bool:
+    """Whether an effect of many numbers contains a simpler one that leaves only noise."""
+    return t.effect.flexible and t.effect.becomes(simpler.effect) and only_noise(simpler.fit, criteria)
 
 
 def beside(fit: Fit, less: Fit, name: str) -> Tried:
@@ -310,5 +319,4 @@ def beside(fit: Fit, less: Fit, name: str) -> Tried:
     """
     e = fit.problem.model.effect(name)
     numbers = sum(e.parameter(k) in fit.problem.names for k in e.numbers)
-    bristles = len(fit.problem.bristles) > len(less.problem.bristles)
-    return Tried(name, fit, less.cost - fit.cost, agreement(fit, less, name), numbers, bristles)
+    return Tried(name, fit, less.cost - fit.cost, agreement(fit, less, name), numbers)
