@@ -1,39 +1,61 @@
-"""Every Python example in README runs as it stands."""
+"""The examples of README and of the page of short examples run as they stand."""
 
 import re
 from pathlib import Path
 
-import matplotlib
 import matplotlib.pyplot as plt
+import numpy as np
 import pytest
 import typer.main
+from PIL import Image
 
 from hovercontrol.commands.app import app
 
-README = Path(__file__).parents[1] / "README.md"
-BLOCKS = re.findall(r"```python\n(.*?)```", README.read_text(encoding="utf-8"), flags=re.DOTALL)
+PROJECT = Path(__file__).parents[1]
+README = PROJECT / "README.md"
+TEXT = README.read_text(encoding="utf-8")
+SHORT = (PROJECT / "docs" / "examples.md").read_text(encoding="utf-8")
 
 
-def test_there_are_six_examples():
-    assert len(BLOCKS) == 6
+@pytest.fixture(autouse=True)
+def own_folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)  # the examples write FMUs
+    yield tmp_path
+    plt.close("all")
 
 
-def test_every_example_runs_in_order(capsys, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)  # an example writes an FMU
-    matplotlib.use("Agg")
+def test_its_example_of_ten_lines_runs_and_the_craft_reaches_the_ellipse(own_folder):
+    (block,) = re.findall(r"```python\n(.*?)```", TEXT, flags=re.DOTALL)
+    assert len([line for line in block.splitlines() if line]) <= 10
     space: dict = {}
-    for block in BLOCKS:
-        if block.startswith(">>>"):
-            command, _, expected = block.partition("\n")
-            exec(command.removeprefix(">>> "), space)
-            assert capsys.readouterr().out.strip() == expected.strip()
-        else:
-            exec(block, space)
+    exec(block, space)
+    run = dict(zip(space["run"].output_labels, space["run"].outputs, strict=True))
+    error = np.hypot(run["error_x"], run["error_y"])
+    assert error[0] > 1.0 and error[-1] < 0.02
+    assert space["system"].nstates == 6
+    assert (own_folder / "ellipse.fmu").stat().st_size > 10_000
+    assert len(plt.get_fignums()) == 1
+
+
+def test_its_picture_is_small():
+    picture = PROJECT / "docs" / "craft.png"
+    assert picture.stat().st_size < 100_000
+    with Image.open(picture) as image:
+        assert image.width >= 500
+    assert "docs/craft.png" in TEXT
+
+
+def test_every_short_example_runs_in_order(own_folder):
+    space: dict = {}
+    blocks = re.findall(r"```\{code-cell\} ipython3\n(.*?)```", SHORT, flags=re.DOTALL)
+    assert len(blocks) == 6
+    for block in blocks:
+        exec(block, space)
     assert len(plt.get_fignums()) == 2, "the response's and the region's picture"
     assert space["loop"].to_control().nstates == 83
     line = dict(zip(space["line"].output_labels, space["line"].outputs, strict=True))
     assert abs(line["y"][-1]) < 0.15 and abs(line["rudder_applied"]).max() <= 0.45
-    assert (tmp_path / "plant.fmu").stat().st_size > 10_000
+    assert (own_folder / "plant.fmu").stat().st_size > 10_000
     assert space["region"].outside("theorem", "simulated") == []
     assert space["found"].verdict == "effect"
     (slope,) = [e for e in space["found"].effects if e.parameter == "slope_x"]
@@ -41,16 +63,19 @@ def test_every_example_runs_in_order(capsys, tmp_path, monkeypatch):
 
 
 def test_it_is_short_and_its_links_lead_somewhere():
-    assert len(README.read_text(encoding="utf-8").splitlines()) <= 150
-    links = re.findall(r"\]\((?!https?://)([^)#]+)\)", README.read_text(encoding="utf-8"))
+    assert len(TEXT.splitlines()) <= 60
+    links = re.findall(r"\]\((?!https?://)([^)#]+)\)", TEXT)
     assert links
-    assert not [link for link in links if not (README.parent / link).exists()]
+    assert not [link for link in links if not (PROJECT / link).exists()]
+    assert re.search(r"^    make demo ", TEXT, re.MULTILINE) and re.search(r"^    make test ", TEXT, re.MULTILINE)
 
 
-def test_each_command_it_names_is_there():
-    text = README.read_text(encoding="utf-8")
-    commands = set(re.findall(r"hovercontrol (\w+)", text)) - {"as"}
+@pytest.mark.parametrize("page", ["README.md", "docs/examples.md", "docs/evidence.md"])
+def test_each_command_that_a_page_names_is_there(page):
+    text = (PROJECT / page).read_text(encoding="utf-8")
+    commands = set(re.findall(r"(?:\$ |`)hovercontrol (\w+)", text))
     known = {command.name for command in typer.main.get_command(app).commands.values()}
-    assert commands and commands <= known, commands - known
+    assert commands <= known, commands - known
+    assert commands or page == "README.md"
     for module in re.findall(r"python -m ([\w.]+)", text):
-        assert list(README.parent.glob(f"{module.replace('.', '/')}*")), module
+        assert list(PROJECT.glob(f"{module.replace('.', '/')}*")), module

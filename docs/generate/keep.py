@@ -1,19 +1,23 @@
 """Pictures that the site keeps because they take minutes: ``python -m generate.keep`` (``make pictures``).
 
 Every analysis and every item of ``hovercontrol reproduce`` runs once; PNGs of few colours, findings and indexes
-go into docs/pictures.
+go into docs/pictures. ``python -m generate.keep readme`` draws README's picture alone.
 """
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 from PIL import Image
 
 from generate import analyses, evidence
 from hovercontrol.commands.analyze import known_scripts
+
+DOCS = Path(__file__).parents[1]
 
 #: Width of a kept picture [pixel], and its colours.
 WIDE, COLOURS = 900, 64
@@ -65,6 +69,23 @@ def keep(picture: Path, place: Path) -> None:
     image.quantize(COLOURS).save(place, optimize=True)
 
 
+def readme() -> None:
+    """Draw README's picture by the first lines of README's example, up to the picture."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    text = (DOCS.parent / "README.md").read_text(encoding="utf-8")
+    block = re.findall(r"```python\n(.*?)```", text, flags=re.DOTALL)[0]
+    lines, drawing = re.split(r"^(hc\.plot_path.*)$", block, flags=re.MULTILINE)[:2]
+    names: dict[str, Any] = {}
+    exec(lines, names)
+    figure = eval(drawing, names)
+    figure.set_size_inches(5.6, 5.6)
+    place = DOCS / "craft.png"
+    figure.savefig(place, dpi=110)
+    keep(place, place)
+
+
 def _run(*words: str) -> None:
     done = subprocess.run([sys.executable, "-m", "hovercontrol", *words], check=False)
     if done.returncode > 1:  # 1: done, and something differs
@@ -72,4 +93,6 @@ def _run(*words: str) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1] if len(sys.argv) > 1 else "out/pictures"))
+    readme()
+    if sys.argv[1:] != ["readme"]:
+        main(Path(sys.argv[1] if len(sys.argv) > 1 else "out/pictures"))
