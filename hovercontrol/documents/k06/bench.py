@@ -98,6 +98,7 @@ def heading_figure(aid: str, seconds: float):  # type: ignore[no-untyped-def]
     """
 
     def draw(folder: Path) -> Mapping[str, float]:
+        """Draw the test and return its errors."""
         run = _course(aid, True, seconds)
         figure = Figure(figsize=(8.0, 8.0), layout="constrained")
         rows = figure.subplots(4, 1, sharex=True)
@@ -131,6 +132,7 @@ def motion_figure(aid: str, seconds: float):  # type: ignore[no-untyped-def]
     """
 
     def draw(folder: Path) -> Mapping[str, float]:
+        """Draw the test and return its errors."""
         run = _course(aid, False, seconds)
         late = run["time"] > (3.0 if aid == "magnetometer" else 5.0)
         figure = Figure(figsize=(8.0, 7.0), layout="constrained")
@@ -250,7 +252,7 @@ def fig_6_20(folder: Path) -> Mapping[str, float]:
     return {"raw": raw.mean, "assisted": helped.mean, "gained": raw.mean - helped.mean}
 
 
-rebuilds("k06", "fig 6.13", lacks=LACKS)(heading_figure("magnetometer", 12.0))
-rebuilds("k06", "fig 6.14", lacks=LACKS)(heading_figure("cricket", 45.0))
-rebuilds("k06", "fig 6.18", lacks=LACKS)(motion_figure("magnetometer", 12.0))
-rebuilds("k06", "fig 6.19", lacks=LACKS)(motion_figure("cricket", 45.0))
+fig_6_13 = rebuilds("k06", "fig 6.13", lacks=LACKS)(heading_figure("magnetometer", 12.0))
+fig_6_14 = rebuilds("k06", "fig 6.14", lacks=LACKS)(heading_figure("cricket", 45.0))
+fig_6_18 = rebuilds("k06", "fig 6.18", lacks=LACKS)(motion_figure("magnetometer", 12.0))
+fig_6_19 = rebuilds("k06", "fig 6.19", lacks=LACKS)(motion_figure("cricket", 45.0))
