@@ -27,7 +27,11 @@ FOLDERS = (_PACKAGE / "analyses", _PACKAGE.parent / "analyses")
 
 def analyze(
     name: Annotated[
-        str, typer.Argument(help="An analysis (--list shows them); budget is short for k06_budget.")
+        str,
+        typer.Argument(
+            help="An analysis (--list shows them); budget is short for k06_budget.",
+            autocompletion=lambda: list(known_scripts()),
+        ),
     ] = "",
     trial: Annotated[
         str, typer.Argument(help="One trial, for analyses of trials (budget k06-turn) (default: all).")
