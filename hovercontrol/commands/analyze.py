@@ -48,7 +48,8 @@ def analyze(
         list[str] | None,
         typer.Argument(
             help='An analysis (k06_budget, or budget) or an item of C17 or K06 ("table 6.6", "c17 eq 24"); '
-            "several may be given."
+            "several may be given.",
+            autocompletion=lambda: list(known_scripts()),
         ),
     ] = None,
     document: Annotated[

@@ -27,7 +27,6 @@ app = typer.Typer(
     help="Model-based control of hovercraft: simulate, identify, diagnose, export, analyze.",
     epilog=STATUSES,
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
@@ -35,21 +34,12 @@ app = typer.Typer(
 
 @app.callback(invoke_without_command=True)
 def _root(
-    context: typer.Context,
     version: Annotated[bool, typer.Option("--version", help="Print the version and exit.")] = False,
-    completion: Annotated[
-        str, typer.Option("--completion", metavar="SHELL", help="Print completion for bash, zsh or fish.")
-    ] = "",
 ) -> None:
     if version:
         from hovercontrol import __version__
 
         print(__version__)
-        raise typer.Exit
-    if completion:
-        from hovercontrol.commands.completion import script
-
-        print(script(completion, context.command), end="")
         raise typer.Exit
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hovercontrol.commands import given
+from hovercontrol.commands import given, names
 from hovercontrol.errors import ArgumentError, InputError
 from hovercontrol.io.files import check_folder
 
@@ -29,7 +29,11 @@ def check(
     model: given.ModelFile = None,
     vehicle: Annotated[
         str | None,
-        typer.Option("--vehicle", help="A built-in craft instead of --model; with neither, no trial fit."),
+        typer.Option(
+            "--vehicle",
+            help="A built-in craft instead of --model; with neither, no trial fit.",
+            autocompletion=names.vehicles,
+        ),
     ] = None,
     params: given.Params = None,
     columns: given.Columns = "",

@@ -13,7 +13,7 @@ from typing import Annotated
 
 import typer
 
-from hovercontrol.commands import given
+from hovercontrol.commands import given, names
 from hovercontrol.errors import InputError
 from hovercontrol.io.files import check_folder
 
@@ -26,7 +26,12 @@ def cockpit(
         typer.Option("--model", help="Model file (TOML) of a craft; or FILE.py:NAME, a Model of your own."),
     ] = None,
     vehicle: Annotated[
-        str | None, typer.Option("--vehicle", help="Or one of the package's craft (else hoverdemon).")
+        str | None,
+        typer.Option(
+            "--vehicle",
+            help="Or one of the package's craft (else hoverdemon).",
+            autocompletion=names.vehicles,
+        ),
     ] = None,
     out: Annotated[Path, typer.Option("--out", "-o", help="Folder for recordings; made if need be.")] = Path(
         "out/cockpit"

@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from hovercontrol.commands import given
+from hovercontrol.commands import given, names
 from hovercontrol.errors import InputError
 from hovercontrol.io.files import check_folder
 from hovercontrol.io.folders import write_folder
@@ -25,7 +25,10 @@ def diagnose(
     params: given.Params = None,
     holdout: given.Holdout = None,
     effects: Annotated[
-        str, typer.Option(help="Effects to look for, separated by commas (default: all).")
+        str,
+        typer.Option(
+            help="Effects to look for, separated by commas (default: all).", autocompletion=names.effects
+        ),
     ] = "",
     max_effects: Annotated[int, typer.Option(help="Largest number of effects to add.", min=1)] = 3,
     seed: Annotated[

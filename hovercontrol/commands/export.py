@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from hovercontrol.commands import given
+from hovercontrol.commands import given, names
 from hovercontrol.errors import InputError, one_line
 
 EXAMPLE = "Example: hovercontrol export table1:plant -o plant.fmu --platforms x86_64-linux,x86_64-windows"
@@ -20,23 +20,28 @@ def export(
             help="A scenario or its TOML file: its whole closed loop; SCENARIO:PART: one part of it (plant, "
             "reference, controller, estimator, of an autopilot its sensors, links and actuators); a part by "
             "itself (imu, rudder_servo); a craft or a model file: its plant; FILE.py:NAME: a Block of your "
-            "own. --list shows them."
+            "own. --list shows them.",
+            autocompletion=names.exportable,
         ),
     ] = "",
     params: given.Params = None,
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="The FMU to write (default: out/NAME.fmu).")
     ] = None,
-    fmi: Annotated[int, typer.Option(help="FMI version: 2 or 3.")] = 3,
+    fmi: Annotated[int, typer.Option(help="FMI version: 2 or 3.", autocompletion=names.of("2", "3"))] = 3,
     platforms: Annotated[
         str | None,
         typer.Option(
-            help="Platform names separated by commas, or all (default: this machine's); others need ziglang."
+            help="Platform names separated by commas, or all (default: this machine's); others need ziglang.",
+            autocompletion=names.platforms,
         ),
     ] = None,
     friction: Annotated[
         str,
-        typer.Option(help="Dry friction: smooth, as simulate has it, or events (it sticks at rest)."),
+        typer.Option(
+            help="Dry friction: smooth, as simulate has it, or events (it sticks at rest).",
+            autocompletion=names.of("events", "smooth"),
+        ),
     ] = "smooth",
     stop: Annotated[
         float | None, typer.Option(help="Stop time of the default experiment, in seconds.")

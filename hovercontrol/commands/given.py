@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from hovercontrol.commands import names
 from hovercontrol.errors import InputError
 from hovercontrol.io import output
 
@@ -52,7 +53,11 @@ Holdout = Annotated[
 ]
 Vehicle = Annotated[
     str | None,
-    typer.Option("--vehicle", help="A built-in craft instead of --model (default: c17_experiment)."),
+    typer.Option(
+        "--vehicle",
+        help="A built-in craft instead of --model (default: c17_experiment).",
+        autocompletion=names.vehicles,
+    ),
 ]
 Columns = Annotated[
     str,
@@ -90,9 +95,9 @@ Frame = Annotated[
 ]
 
 
-def _reserve(chosen: bool) -> bool:
+def _reserve(context: typer.Context, chosen: bool) -> bool:
     """Keep standard output for the one JSON value, as soon as it is known that there is to be one."""
-    if chosen:
+    if chosen and not context.resilient_parsing:  # a shell that completes reads standard output
         output.reserve()
     return chosen
 

@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from hovercontrol.commands import names
 from hovercontrol.errors import InputError
 from hovercontrol.io.files import check_folder, write_atomically
 
@@ -21,6 +22,7 @@ def new(
         typer.Option(
             "--kind",
             help="rudder (a propeller and a rudder), fan (fixed fans) or block (a Block of your own).",
+            autocompletion=names.of("rudder", "fan", "block"),
         ),
     ] = "",
 ) -> int:

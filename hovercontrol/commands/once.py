@@ -21,6 +21,8 @@ class OnceCommand(TyperCommand):
         InputError
             If an option is given twice.
         """
+        if ctx.resilient_parsing:  # a shell completes: the words are not whole
+            return super().parse_args(ctx, args)
         given = self.make_parser(ctx).parse_args(args=list(args))[2]
         single = [p for p in given if isinstance(p, TyperOption) and not (p.multiple or p.is_flag)]
         for option, times in Counter(single).items():

@@ -7,11 +7,19 @@ from typing import Annotated
 
 import typer
 
+from hovercontrol.commands import names
+
 EXAMPLE = "Example: hovercontrol schema model > model.schema.json"
 
 
 def schema(
-    kind: Annotated[str, typer.Argument(help="result (of diagnose), model or scenario (TOML files).")],
+    kind: Annotated[
+        str,
+        typer.Argument(
+            help="result (of diagnose), model or scenario (TOML files).",
+            autocompletion=names.of("result", "model", "scenario"),
+        ),
+    ],
 ) -> int:
     """Print the JSON Schema of result.json, of model files or of scenario files.
 

@@ -10,7 +10,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from hovercontrol.commands import given
+from hovercontrol.commands import given, names
 from hovercontrol.commands.given import Out
 from hovercontrol.errors import InputError
 from hovercontrol.io.files import check_folder
@@ -30,7 +30,8 @@ def simulate(
         str,
         typer.Argument(
             help="A scenario's name (--list shows them) or file; a model file; FILE.py:NAME of a Model, "
-            "BlockModel or Block."
+            "BlockModel or Block.",
+            autocompletion=names.scenarios,
         ),
     ] = "",
     duration: Annotated[

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hovercontrol.commands import given
+from hovercontrol.commands import given, names
 from hovercontrol.commands.given import Out
 from hovercontrol.errors import InputError, shown
 from hovercontrol.io import files, written
@@ -37,7 +37,8 @@ def sweep(
     scenario: Annotated[
         str,
         typer.Argument(
-            help="A scenario's name or file; a model file; FILE.py:NAME of a Model, BlockModel or Block."
+            help="A scenario's name or file; a model file; FILE.py:NAME of a Model, BlockModel or Block.",
+            autocompletion=names.scenarios,
         ),
     ],
     vary: Annotated[
@@ -53,7 +54,12 @@ def sweep(
         typer.Option("--of", help="The signal to evaluate (default: error_x, u, or a Block's first output)."),
     ] = "",
     figure: Annotated[
-        str, typer.Option("--figure", help="final, maximum, minimum, rms or settling, of the last phase.")
+        str,
+        typer.Option(
+            "--figure",
+            help="final, maximum, minimum, rms or settling, of the last phase.",
+            autocompletion=names.of("final", "maximum", "minimum", "rms", "settling"),
+        ),
     ] = "rms",
     params: given.Params = None,
     out: Out = None,

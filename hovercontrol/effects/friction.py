@@ -9,7 +9,9 @@ import sympy as sp
 
 from hovercontrol.core.signals import Signal
 from hovercontrol.effects.base import TINY, Coefficient, Effect, Shape
-from hovercontrol.effects.drag import _Coulomb, _Stribeck
+from hovercontrol.effects.drag import AXES, _Coulomb, _Stribeck, per_second
+
+Search = tuple[float, ...]
 
 
 class LoadFriction(Effect):
@@ -41,6 +43,20 @@ class LuGre(Effect):
     contains = (_Coulomb, _Stribeck)
     flexible = True
 
+    @staticmethod
+    def declared(
+        unit: str, stiffness: Search, coulomb: Search, static: Search, speed: float
+    ) -> dict[str, Shape]:
+        """Return the numbers of the friction against a velocity of a unit, with values to search from."""
+        force = per_second(unit)
+        return {
+            "stiffness": Shape("1/s^2", lower=0.0, search=stiffness),
+            "damping": Shape("1/s", lower=0.0, default=10.0),
+            "coulomb": Shape(force, lower=TINY, search=coulomb),
+            "static": Shape(force, lower=TINY, search=static),
+            "speed": Shape(unit, lower=TINY, default=speed),
+        }
+
     def bristles(self) -> Signal:
         """Return the state z."""
         word = re.sub(r"\W+", "_", self.axis).strip("_")
@@ -67,35 +83,23 @@ class LuGre(Effect):
 
 SOURCE = "Canudas de Wit, Olsson, Astrom, Lischinsky, IEEE Trans. Automatic Control 40 (1995)"
 
+#: Axis, what it does, where a search begins: Coulomb and static level [velocity/s]; the speed of fading.
+_CRAFT = (
+    (AXES[0], "slides", (0.1, 0.4), (0.15, 0.5), 0.05),
+    (AXES[1], "slides", (0.1, 0.4), (0.15, 0.5), 0.05),
+    (AXES[2], "turns", (0.2, 1.0), (0.3, 1.2), 0.1),
+)
 
-class LugreSurge(LuGre):
-    """LuGre friction in surge: bristles that bend before the craft slides, stick-slip."""
-
-    name, axis, deflection, source = "lugre_surge", "u", "m", SOURCE
-    stiffness = Shape("1/s^2", lower=0.0, search=(300.0,))
-    damping = Shape("1/s", lower=0.0, default=10.0)
-    coulomb = Shape("m/s^2", lower=TINY, search=(0.1, 0.4))
-    static = Shape("m/s^2", lower=TINY, search=(0.15, 0.5))
-    speed = Shape("m/s", lower=TINY, default=0.05)
-
-
-class LugreSway(LuGre):
-    """LuGre friction in sway: bristles that bend before the craft slides, stick-slip."""
-
-    name, axis, deflection, source = "lugre_sway", "v", "m", SOURCE
-    stiffness = Shape("1/s^2", lower=0.0, search=(300.0,))
-    damping = Shape("1/s", lower=0.0, default=10.0)
-    coulomb = Shape("m/s^2", lower=TINY, search=(0.1, 0.4))
-    static = Shape("m/s^2", lower=TINY, search=(0.15, 0.5))
-    speed = Shape("m/s", lower=TINY, default=0.05)
-
-
-class LugreYaw(LuGre):
-    """LuGre friction in yaw: bristles that bend before the craft turns, stick-slip."""
-
-    name, axis, deflection, source = "lugre_yaw", "r", "rad", SOURCE
-    stiffness = Shape("1/s^2", lower=0.0, search=(300.0,))
-    damping = Shape("1/s", lower=0.0, default=10.0)
-    coulomb = Shape("rad/s^2", lower=TINY, search=(0.2, 1.0))
-    static = Shape("rad/s^2", lower=TINY, search=(0.3, 1.2))
-    speed = Shape("rad/s", lower=TINY, default=0.1)
+for _axis, _verb, _coulomb, _static, _speed in _CRAFT:
+    _title = f"Lugre{_axis.name.title()}"
+    _space = {
+        "__doc__": f"LuGre friction in {_axis.name}: bristles that bend before the craft {_verb}, "
+        "stick-slip.",
+        "__module__": __name__,
+        "name": f"lugre_{_axis.name}",
+        "axis": _axis.state,
+        "deflection": _axis.unit.removesuffix("/s"),
+        "source": SOURCE,
+        **LuGre.declared(_axis.unit, (300.0,), _coulomb, _static, _speed),
+    }
+    globals()[_title] = type(_title, (LuGre,), _space)  # a name for pickle

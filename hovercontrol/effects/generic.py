@@ -17,16 +17,7 @@ from hovercontrol.core.block import Block
 from hovercontrol.effects.base import Effect
 from hovercontrol.effects.command import InputDelay
 from hovercontrol.effects.generic_commands import backlash, deadzone, lag, saturation
-from hovercontrol.effects.generic_forces import (
-    coulomb,
-    linear_drag,
-    load_friction,
-    lugre,
-    offset,
-    quadratic_drag,
-    spring,
-    stribeck,
-)
+from hovercontrol.effects.generic_forces import drag, load_friction, lugre, offset, spring
 from hovercontrol.effects.generic_measurements import bias, scale
 from hovercontrol.effects.measurement import TimeOffset
 
@@ -70,10 +61,8 @@ def _of_equations(block: Block) -> Iterator[type[Effect]]:
             continue
         about = (state.name, state.unit)
         yield offset(*about)
-        yield linear_drag(*about)
-        yield quadratic_drag(*about)
-        yield coulomb(*about, state.nominal)
-        yield stribeck(*about, state.nominal)
+        for law in ("linear_drag", "quadratic_drag", "coulomb", "stribeck"):
+            yield drag(law, *about, state.nominal)
         drive = e - e.subs(at_rest)
         if drive != 0 and drive.is_finite is not False and not drive.has(sp.nan):
             yield load_friction(*about, state.nominal, drive)

@@ -1,58 +1,79 @@
-"""Shell completion knows every command, option and name; in bash it is pressed."""
+"""Shell completion offers every command, option and name; Typer writes the scripts."""
 
 import shutil
 import subprocess
 
 import pytest
 import typer
+from typer.testing import CliRunner
 
-from hovercontrol import InputError
+from hovercontrol.commands import names
 from hovercontrol.commands.app import app
-from hovercontrol.commands.completion import script
+from hovercontrol.effects import effect_names
+from hovercontrol.models.template import KINDS
+from hovercontrol.scenarios import scenario_names
+from hovercontrol.schema import KINDS as SCHEMAS
+from hovercontrol.targets.sweep import FIGURES
 
 ROOT = typer.main.get_command(app)
 
 
-def shown(command):
-    return [n for p in command.params if p.param_type_name == "option" and not p.hidden for n in p.opts]
+def offered(*typed):
+    """What bash gets when Tab is pressed after these words, the last of which may be unfinished."""
+    words = {"COMP_WORDS": " ".join(["hovercontrol", *typed]), "COMP_CWORD": str(len(typed))}
+    done = CliRunner().invoke(
+        app, env=words | {"_HOVERCONTROL_COMPLETE": "complete_bash"}, prog_name="hovercontrol"
+    )
+    assert done.exit_code == 0 and done.stderr == ""
+    return set(done.stdout.split())
 
 
-@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
-def test_every_command_and_option_is_in_every_script(shell):
-    text = script(shell, ROOT)
+def test_every_command_and_its_options_are_offered():
+    assert offered("") == set(ROOT.commands)
     for name, command in ROOT.commands.items():
-        assert name in text
-        for option in shown(command):
-            wanted = option if shell != "fish" else option.lstrip("-")
-            assert wanted in text, (name, option)
-    assert "four_fan" in text and "table1" in text and "--allow-gaps" not in text
-    if shutil.which(shell):
-        subprocess.run([shell, "-n"], input=text, text=True, check=True, timeout=20)
+        options = [p for p in command.params if p.param_type_name == "option" and not p.hidden]
+        assert {n for p in options for n in p.opts if n.startswith("--")} <= offered(name, "--"), name
+    assert "--allow-gaps" not in offered("check", "--")
 
 
-@pytest.mark.skipif(shutil.which("bash") is None, reason="no bash on this machine")
 @pytest.mark.parametrize(
-    ("typed", "offered"),
+    ("typed", "found"),
     [
         (["sim"], {"simulate"}),
         (["--ver"], {"--version"}),
         (["simulate", "table"], {"table1", "table1-transient", "table2", "table2-outliers"}),
+        (["simulate", "--json", "table1-"], {"table1-transient"}),
         (["simulate", "--o"], {"--out"}),
+        (["simulate", "--out", "a", "--out", "b", "--par"], {"--params"}),
+        (["sweep", ""], set(scenario_names())),
+        (["sweep", "--figure", ""], set(FIGURES)),
         (["identify", "a.csv", "--vehicle", "four"], {"four_fan"}),
-        (["--completion", ""], {"bash", "zsh", "fish"}),
+        (["check", "--vehicle", "four"], {"four_fan"}),
+        (["cockpit", "--vehicle", "four"], {"four_fan"}),
+        (["diagnose", "--effects", "slope,win"], {"slope,wind"}),
+        (["diagnose", "--effects", ""], set(effect_names())),
+        (["export", "four"], {"four_fan"}),
+        (["export", "table2-"], {"table2-outliers"}),
         (["export", "--fmi", ""], {"2", "3"}),
+        (["export", "--platforms", "x86_64-linux,al"], {"x86_64-linux,all"}),
+        (["export", "--friction", ""], {"events", "smooth"}),
+        (["analyze", "c17_gain_r"], {"c17_gain_region"}),
+        (["new", "--kind", ""], set(KINDS)),
+        (["schema", ""], set(SCHEMAS)),
         (["diagnose", "--out", "t"], set()),  # the shell's own files
     ],
 )
-def test_bash_offers_what_fits(typed, offered, tmp_path):
-    words = " ".join(f"'{w}'" for w in ["hovercontrol", *typed])
-    press = f'\nCOMP_WORDS=({words}); COMP_CWORD={len(typed)}; _hovercontrol; echo "${{COMPREPLY[@]}}"'
-    done = subprocess.run(
-        ["bash", "-c", script("bash", ROOT) + press], capture_output=True, text=True, timeout=20, cwd=tmp_path
-    )
-    assert done.stderr == "" and set(done.stdout.split()) == offered
+def test_what_fits_is_offered(typed, found):
+    assert offered(*typed) == found
 
 
-def test_another_shell_is_refused_in_one_line():
-    with pytest.raises(InputError, match="unknown shell 'fsh'; did you mean 'fish'"):
-        script("fsh", ROOT)
+def test_the_scenarios_are_those_of_the_package():
+    assert names.scenarios() == scenario_names()
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_the_script_of_each_shell_is_valid(shell):
+    text = CliRunner().invoke(app, ["--show-completion", shell], prog_name="hovercontrol").stdout
+    assert "_HOVERCONTROL_COMPLETE" in text
+    if shutil.which(shell):
+        subprocess.run([shell, "-n"], input=text, text=True, check=True, timeout=20)

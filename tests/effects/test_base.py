@@ -1,6 +1,7 @@
 """An effect is one class in one file and nothing else."""
 
 import os
+import pickle
 import shutil
 import subprocess
 import sys
@@ -189,6 +190,12 @@ def test_every_effect_explains_itself_names_its_source_and_has_units(name):
     for key, number in cls.numbers.items():
         assert number.unit, key
         assert number.lower <= number.upper
+
+
+@pytest.mark.parametrize("name", effect_names())
+def test_every_effect_travels_to_another_process(name):
+    e = effect_class(name).small()
+    assert pickle.loads(pickle.dumps(e)) == e
 
 
 @pytest.mark.parametrize("name", [n for n in effect_names() if n.endswith(("_coulomb", "_drag"))])
