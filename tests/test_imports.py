@@ -25,6 +25,8 @@ LAYERS = (
     {"cockpit", "commands"},
     {"cli"},
 )
+#: A Block's methods import its backends, which are above it, inside functions.
+BLOCK = "core.block_backends"
 HEIGHT = {package: height for height, layer in enumerate(LAYERS) for package in layer}
 
 
@@ -35,7 +37,7 @@ def modules():
     for path in sorted(ROOT.rglob("*.py")):
         parts = path.relative_to(ROOT).with_suffix("").parts
         name = ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
-        if parts[0] not in ("__init__", "__main__", "_moved", "analyses"):  # users of what lies below
+        if parts[0] not in ("__init__", "__main__", "analyses"):  # users of what lies below
             found[name] = ast.parse(path.read_text(encoding="utf-8"))
     return found
 
@@ -48,8 +50,14 @@ def type_only(tree):
                 yield from ast.walk(statement)
 
 
-def imports(tree, known):
-    skipped = set(type_only(tree))
+def inside_functions(tree):
+    for node in ast.walk(tree):
+        if isinstance(node, ast.FunctionDef):
+            yield from ast.walk(node)
+
+
+def imports(tree, known, *, functions=True):
+    skipped = set(type_only(tree)) | (set() if functions else set(inside_functions(tree)))
     for node in ast.walk(tree):
         if node in skipped:
             continue
@@ -68,9 +76,14 @@ def imports(tree, known):
 
 @cache
 def arrows():
-    """Every import of one module by another, inside functions too."""
+    """Every import of one module by another, inside functions too but for those of a Block's methods."""
     trees = modules()
-    return {(name, other) for name, tree in trees.items() for other in imports(tree, trees) if other}
+    return {
+        (name, other)
+        for name, tree in trees.items()
+        for other in imports(tree, trees, functions=name != BLOCK)
+        if other
+    }
 
 
 def package(module):
