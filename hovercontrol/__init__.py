@@ -18,10 +18,8 @@ from __future__ import annotations
 
 import importlib
 import sys
+from functools import cache
 from types import ModuleType
-
-from hovercontrol._moved import find_former_modules
-from hovercontrol.core.backends import register
 
 TYPE_CHECKING = False  # as in typing, which takes a while to import
 
@@ -152,97 +150,41 @@ __all__ = [
 ]
 
 
-#: Where each public name is defined. A module is imported when it is asked for: SymPy takes 0.7 s.
-_PLACES = {
-    "analysis.frequency": ("bode", "nyquist"),
-    "analysis.margins": ("margins",),
-    "analysis.sensitivity": ("sensitivity",),
-    "controllers": ("gain_scheduled", "lqi", "lqr", "pid", "place", "tracking_controller"),
-    "animation.animate": ("animate",),
-    "animation.path": ("plot_path",),
-    "controllers.references": ("circle", "ellipse", "figure_eight", "line", "waypoints"),
-    "core.block": ("Block",),
-    "core.interconnect": ("interconnect", "prefix", "rename"),
-    "core.sgn": ("sgn",),
-    "core.signals": ("Signal", "time"),
-    "core.units": ("UnitError",),
-    "discrepancy.diagnose": ("diagnose",),
-    "effects": ("Coefficient", "Effect", "Shape", "effect", "effect_names"),
-    "errors": ("InputError", "SmoothedFrictionWarning"),
-    "estimators.disturbance": ("disturbance_observer", "with_disturbances"),
-    "estimators.extended": ("extended_kalman",),
-    "estimators.kalman_bucy": ("kalman_bucy",),
-    "estimators.moving_horizon": ("moving_horizon",),
-    "estimators.observability": ("observability",),
-    "estimators.regression": ("regression",),
-    "estimators.unscented": ("unscented_kalman",),
-    "guidance": (
-        "command_filter",
-        "course_control",
-        "line_of_sight",
-        "path_tracker",
-        "steering_law",
-        "steering_reference",
-        "weaving",
-    ),
-    "identify.fit": ("identify",),
-    "log_check.check": ("check",),
-    "logs.log": ("Log",),
-    "logs.read": ("read_log",),
-    "models.actuated": ("actuated",),
-    "models.applied": ("applied_inputs",),
-    "models.blockmodel": ("BlockModel",),
-    "models.model": ("Fan", "Model"),
-    "models.modelfile": ("load_model", "save_model"),
-    "models.parameters": ("load_parameters", "save_parameters"),
-    "models.vehicles": ("VEHICLES", "vehicle"),
-    "simulation.trajectory": ("simulate",),
-    "targets.trim": ("Trim",),
-}
-_PLACE = {name: module for module, names in _PLACES.items() for name in names}
-_PACKAGES = {module.partition(".")[0] for module in _PLACES}
+@cache
+def _places() -> dict[str, str]:
+    """Return the module of each public name, read from the imports above: they are the only list.
 
+    A module is imported when a name of it is used; importing all of them takes seconds.
+    """
+    import ast
 
-#: What a Block offers and others do.
-for _name, _module, _function in (
-    ("interconnect", "core.interconnect", "interconnect"),
-    ("start", "simulation.python_runner", "start_block"),
-    ("control", "targets.to_control", "to_control"),
-    ("trim", "targets.trim", "trim"),
-    ("linearize", "targets.linearization", "linearize"),
-    ("compile", "targets.compiled", "compile_block"),
-    ("fmu", "fmi.exporter.export", "export_fmu"),
-    ("html", "display.block", "block_html"),
-):
-    register(_name, f"{__name__}.{_module}", _function)
+    with open(__file__, encoding="utf-8") as source:
+        found = [node for node in ast.walk(ast.parse(source.read())) if isinstance(node, ast.ImportFrom)]
+    return {one.name: str(node.module) for node in found for one in node.names if one.name in __all__}
 
 
 def __getattr__(name: str) -> Any:
-    """Import what is asked for: a public name, or a package that defines some."""
-    if name in _PLACE:
-        found = getattr(importlib.import_module(f"{__name__}.{_PLACE[name]}"), name)
+    """Import a public name, or a package that defines some."""
+    places = _places()
+    if name in places:
+        found = getattr(importlib.import_module(places[name]), name)
         globals()[name] = found
         return found
-    if name in _PACKAGES:
+    if name in {module.split(".")[1] for module in places.values()}:
         return importlib.import_module(f"{__name__}.{name}")
-    raise AttributeError(f"module 'hovercontrol' has no attribute {name!r}")
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *_PLACE})
+    return sorted({*globals(), *__all__})
 
 
 class _Package(ModuleType):
-    """The package itself: a name that is a function and a module, ``hovercontrol.identify``, is the function.
-
-    Importing a module sets it as an attribute of its package; ``from hovercontrol.identify import ...`` does
-    not look there.
-    """
+    """Keeps ``hovercontrol.identify`` the function: importing the package of that name would replace it."""
 
     def __setattr__(self, name: str, value: Any) -> None:
-        own = isinstance(value, ModuleType) and name in _PLACE
-        super().__setattr__(name, getattr(value, name) if own else value)
+        hidden = isinstance(value, ModuleType) and name in __all__
+        super().__setattr__(name, getattr(value, name) if hidden else value)
 
 
 sys.modules[__name__].__class__ = _Package
-find_former_modules()

@@ -1,39 +1,55 @@
-"""Backends of a Block by name, so that a Block need not import them.
+"""Backends of a Block from other packages: entry points of the group ``hovercontrol.backends``.
 
-The package registers its backends when it is imported. A backend's module is imported on its first use.
+A package adds one by two lines of its ``pyproject.toml``::
+
+    [project.entry-points."hovercontrol.backends"]
+    name = "module:function"
+
+The function takes the Block and the options of ``block.to("name", **options)``. Its module is imported at
+the first call.
 """
 
 from __future__ import annotations
 
-import importlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
-_PLACES: dict[str, tuple[str, str]] = {}
+from hovercontrol.errors import InputError, did_you_mean
+
+GROUP = "hovercontrol.backends"
 
 
-def register(name: str, module: str, function: str) -> None:
-    """Register the function of a backend.
+def installed() -> dict[str, EntryPoint]:
+    """Return the entry points of installed backends by name."""
+    return {point.name: point for point in entry_points(group=GROUP)}
+
+
+def installed_backend(name: str, own: Iterable[str]) -> Callable[..., Any]:
+    """Return the function of a backend that another package provides.
 
     Parameters
     ----------
     name : str
-        Name that :class:`~hovercontrol.core.block.Block` uses; an earlier backend of this name is replaced.
-    module, function : str
-        Module and name of a function whose first argument is a Block.
+    own : iterable of str
+        Names of the backends of this package, for the error message.
 
-    Examples
-    --------
-    >>> from hovercontrol.models.vehicles import vehicle
-    >>> register("states", "operator", "attrgetter")
-    >>> backend("states")("n_continuous")(vehicle("hoverdemon").plant())
-    6
+    Raises
+    ------
+    InputError
+        If no package provides it, or its module cannot be imported.
     """
-    _PLACES[name] = (module, function)
-
-
-def backend(name: str) -> Callable[..., Any]:
-    """Return the function of a backend; raises KeyError if the name is not registered."""
-    module, function = _PLACES[name]
-    found: Callable[..., Any] = getattr(importlib.import_module(module), function)
+    known = installed()
+    if name not in known:
+        names = sorted({*own, *known})
+        nearest = did_you_mean(name, names)
+        every = "" if nearest.startswith("; known") else f" known: {', '.join(names)}"
+        raise InputError(f"Block.to: unknown backend {name!r}{nearest}{every}")
+    point, label = known[name], f"Block.to: the backend {name!r} ({known[name].value})"
+    try:
+        found: Callable[..., Any] = point.load()
+    except (ImportError, AttributeError) as error:
+        raise InputError(f"{label} cannot be loaded: {error}") from error
+    if not callable(found):
+        raise InputError(f"{label} is not a function")
     return found

@@ -1,8 +1,7 @@
 """The Block: a dynamic system written once, from which every other form is derived.
 
-A Block knows its signals and their expressions, nothing of solvers, vehicles or tools. Its backends live in
-:mod:`hovercontrol.targets` and above; the methods here ask for them by name
-(:mod:`hovercontrol.core.backends`).
+A Block knows its signals and their expressions, nothing of solvers, vehicles or tools. Its backends are in
+:mod:`hovercontrol.targets` and above; :mod:`hovercontrol.core.block_backends` has the methods that call them.
 """
 
 from __future__ import annotations
@@ -17,7 +16,6 @@ from typing import Any, Literal
 import sympy as sp
 
 from hovercontrol.core.annotations import fits
-from hovercontrol.core.backends import backend
 from hovercontrol.core.block_backends import Backends
 from hovercontrol.core.boundary import checked, checks_itself
 from hovercontrol.core.checking import check
@@ -152,17 +150,6 @@ class Block(Backends):
             )
         if self.ticks and not hybrid:
             raise InputError(self.where(f"it has parts that tick and so no {what}"))
-
-    @cached_property
-    def in_continuous_time(self) -> Block:
-        """The Block itself; of a sampled one a hybrid Block that does the same alone, its outputs held.
-
-        States of that have the Block's name in front, as in any interconnection.
-        """
-        if not self.period:
-            return self
-        whole: Block = backend("interconnect")([self], self.name, hybrid=True)
-        return whole
 
     def need_prompt_inputs(self, what: str) -> None:
         """Refuse a Block whose inputs act late where nothing remembers them; raises :class:`InputError`.

@@ -1,15 +1,19 @@
-"""What a Block offers of its backends, each asked for by name (:mod:`hovercontrol.core.backends`)."""
+"""The methods of a Block that its backends carry out.
+
+Each method imports its backend when it is called: Block is at the bottom of the package, its backends are
+above. This is the one module that may import from a layer above its own, and only inside functions.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from functools import partial
+from functools import cached_property, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, cast
+from typing import TYPE_CHECKING, Any, Literal, cast
 
 from numpy.typing import ArrayLike
 
-from hovercontrol.core.backends import backend
+from hovercontrol.core.backends import installed_backend
 from hovercontrol.core.boundary import checked
 from hovercontrol.errors import InputError
 
@@ -24,6 +28,10 @@ if TYPE_CHECKING:
     from hovercontrol.targets.trim import Trim
 
 
+#: The method of each backend of this package, by the name for ``block.to``.
+_OWN = {"numpy": "to_numpy", "control": "to_control", "compiled": "compile", "fmu": "to_fmu"}
+
+
 @partial(checked, name="Block")
 class Backends:
     """The methods of a :class:`~hovercontrol.core.block.Block` that others carry out."""
@@ -33,7 +41,59 @@ class Backends:
         return cast("Block", self)
 
     def _repr_html_(self) -> str:
-        return str(backend("html")(self))
+        from hovercontrol.display.block import block_html
+
+        return block_html(self._block)
+
+    @cached_property
+    def in_continuous_time(self) -> Block:
+        """The Block itself; for a sampled Block a hybrid one that does the same, with held outputs.
+
+        The states of the hybrid Block have the Block's name in front, as in any interconnection.
+        """
+        from hovercontrol.core.interconnect import interconnect
+
+        block = self._block
+        return interconnect([block], block.name, hybrid=True) if block.period else block
+
+    def to(self, backend: str, **options: Any) -> Any:
+        """Return the Block in the form of a backend, by the backend's name.
+
+        Backends of this package are ``numpy``, ``control``, ``compiled`` and ``fmu``: the methods
+        :meth:`to_numpy`, :meth:`to_control`, :meth:`compile` and :meth:`to_fmu`. Another package adds a
+        backend by an entry point of the group ``hovercontrol.backends``
+        (:mod:`hovercontrol.core.backends`): a function of the Block and the options.
+
+        Parameters
+        ----------
+        backend : str
+        **options
+            Arguments of the backend, such as ``path`` of ``fmu``.
+
+        Returns
+        -------
+        object
+            What the backend returns.
+
+        Raises
+        ------
+        InputError
+            If the backend is unknown or cannot be imported; otherwise as the backend.
+
+        Examples
+        --------
+        >>> import hovercontrol as hc
+        >>> plant = hc.vehicle("hoverdemon").plant()
+        >>> plant.to("control", step=0.02).dt
+        0.02
+        >>> plant.to("nunpy")
+        Traceback (most recent call last):
+            ...
+        hovercontrol.errors.InputError: Block.to: unknown backend 'nunpy'; did you mean 'numpy'? known: ...
+        """
+        if backend in _OWN:
+            return getattr(self, _OWN[backend])(**options)
+        return installed_backend(backend, own=_OWN)(self, **options)
 
     def equations(self, form: Literal["text", "latex"] = "text") -> str:
         """Return the equations, one line each: definitions, derivatives, then computed outputs.
@@ -117,8 +177,9 @@ class Backends:
         >>> run.step(None, 0.5).round(5).tolist()
         [0.13534]
         """
-        run: BlockRunner = backend("start")(self, x0, params, inputs=inputs, time=time, rtol=rtol, atol=atol)
-        return run
+        from hovercontrol.simulation.python_runner import start_block
+
+        return start_block(self._block, x0, params, inputs=inputs, time=time, rtol=rtol, atol=atol)
 
     def to_control(
         self, name: str | None = None, *, step: float | None = None, pade: int | None = None
@@ -151,7 +212,9 @@ class Backends:
         >>> plant.to_control().isctime(), plant.to_control(step=0.02).dt
         (True, 0.02)
         """
-        return backend("control")(self, name, step=step, pade=pade)
+        from hovercontrol.targets.to_control import to_control
+
+        return to_control(self._block, name, step=step, pade=pade)
 
     def compile(self, *, friction: Friction = "smooth") -> CompiledBlock:
         """Return the Block as machine code, for fast simulation and sweeps over many runs.
@@ -163,8 +226,9 @@ class Backends:
             :func:`hovercontrol.simulate`. Or Coulomb's law, sticking at exactly zero velocity, its events
             located; see :data:`hovercontrol.core.friction.Friction` for what is physical.
         """
-        compiled: CompiledBlock = backend("compile")(self._block.in_continuous_time, friction=friction)
-        return compiled
+        from hovercontrol.targets.compiled import compile_block
+
+        return compile_block(self.in_continuous_time, friction=friction)
 
     def to_fmu(
         self,
@@ -191,8 +255,10 @@ class Backends:
         version, platforms, friction, step, stop, rtol, atol, progress
             As for :func:`hovercontrol.fmi.exporter.export.export_fmu`.
         """
-        written: Path = backend("fmu")(
-            self,
+        from hovercontrol.fmi.exporter.export import export_fmu
+
+        return export_fmu(
+            self._block,
             path,
             version=version,
             platforms=platforms,
@@ -203,7 +269,6 @@ class Backends:
             atol=atol,
             progress=progress,
         )
-        return written
 
     def trim(
         self,
@@ -258,10 +323,9 @@ class Backends:
         >>> print(round(ahead.inputs["thrust"], 3), ahead.rates["x"])
         1.8 1.0
         """
-        found: Trim = backend("trim")(
-            self, states, inputs, outputs, rates=rates, params=params, time=time, guess=guess
-        )
-        return found
+        from hovercontrol.targets.trim import trim
+
+        return trim(self._block, states, inputs, outputs, rates=rates, params=params, time=time, guess=guess)
 
     def linearize(
         self,
@@ -321,4 +385,6 @@ class Backends:
         -2.594
         -11.048
         """
-        return backend("linearize")(self, at, u, params, t, friction=friction, amplitude=amplitude)
+        from hovercontrol.targets.linearization import linearize
+
+        return linearize(self._block, at, u, params, t, friction=friction, amplitude=amplitude)

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable
-from concurrent.futures import Future
-from functools import cache
 from importlib import resources
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hovercontrol.targets.background import loaded, ready
+from hovercontrol.targets.background import InBackground
 from hovercontrol.targets.compiler import load_library
 from hovercontrol.targets.shoot import pool, threads
 
@@ -80,11 +78,7 @@ class Compiled:
             raise np.linalg.LinAlgError("a covariance of the innovations is not positive")
 
 
-@cache
-def _build(n: int, C: int) -> Future[Compiled]:
-    return loaded(lambda build: Compiled(n, C, build=build))
-
-
-def compiled(n: int, C: int) -> Compiled | None:
-    """Return the library; None while it is being built, or if it cannot be built."""
-    return ready(_build(n, C))
+@InBackground
+def compiled(build: bool, n: int, C: int) -> Compiled:
+    """Return the library for `n` states and `C` channels; None while it is being built."""
+    return Compiled(n, C, build=build)

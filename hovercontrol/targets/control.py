@@ -12,7 +12,6 @@ import control
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hovercontrol.core.backends import backend
 from hovercontrol.core.block import Block
 from hovercontrol.errors import InputError, did_you_mean
 from hovercontrol.targets import friction_slopes
@@ -235,7 +234,7 @@ class BlockSystem(control.NonlinearIOSystem):
             )
         if self.dt:
             raise InputError(f"system {self.name!r}: already discrete, with a step of {self.dt:g} s")
-        sampled: BlockSystem = backend("control")(self.block, step=Ts)
+        sampled = self.block.to_control(step=Ts)
         sampled.params = self.params.copy()
         sampled._update_params(None)
         sampled.update_names(**sampled_names(self, name, copy_names, kwargs))

@@ -10,8 +10,7 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable, Sequence
-from concurrent.futures import Future
-from functools import lru_cache, partial
+from functools import partial
 
 import numpy as np
 import sympy as sp
@@ -19,7 +18,7 @@ from numpy.typing import NDArray
 
 from hovercontrol.core.block import Block
 from hovercontrol.core.sgn import regularise
-from hovercontrol.targets.background import loaded, ready
+from hovercontrol.targets.background import InBackground
 from hovercontrol.targets.c import function_source
 from hovercontrol.targets.compiler import generated, load_library
 from hovercontrol.targets.runtime import FOLLOWING, runtime_files
@@ -84,7 +83,7 @@ def follow(
     """
     M, W = time.shape
     values = np.zeros((len(followers), M + 1, W))
-    call = ready(_build(block, tuple(followers)), patience=NUMPY_STEP * M)
+    call = _compiled.within(NUMPY_STEP * M, block, tuple(followers))
     if call is None:
         _step(block, list(followers), time, step, states, inputs, list(parameters), values)
         return values
@@ -139,13 +138,10 @@ def _source(block: Block, followers: tuple[int, ...]) -> str:
     )
 
 
-@lru_cache(maxsize=500)
-def _build(block: Block, followers: tuple[int, ...]) -> Future[Callable[..., int]]:
-    def load(build: bool) -> Callable[..., int]:
-        files = runtime_files(FOLLOWING)
-        files["rates.c"] = generated(block, f"follow {followers}", partial(_source, block, followers))
-        call = load_library(f"{block.name}_follow", files, build=build).block_follow
-        call.argtypes = [ctypes.c_void_p, ctypes.c_long, ctypes.c_long]
-        return call
-
-    return loaded(load)
+@InBackground
+def _compiled(build: bool, block: Block, followers: tuple[int, ...]) -> Callable[..., int]:
+    files = runtime_files(FOLLOWING)
+    files["rates.c"] = generated(block, f"follow {followers}", partial(_source, block, followers))
+    call = load_library(f"{block.name}_follow", files, build=build).block_follow
+    call.argtypes = [ctypes.c_void_p, ctypes.c_long, ctypes.c_long]
+    return call

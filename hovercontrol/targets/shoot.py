@@ -10,9 +10,9 @@ from __future__ import annotations
 import ctypes
 import os
 from collections.abc import Mapping, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import cache, lru_cache, partial
+from functools import cache, partial
 from itertools import pairwise
 
 import numpy as np
@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from hovercontrol.core.block import Block
 from hovercontrol.io.users_code import OWN_THREADS
 from hovercontrol.simulation.runge_kutta import rk4_step
-from hovercontrol.targets.background import loaded, ready
+from hovercontrol.targets.background import InBackground
 from hovercontrol.targets.c_lanes import lanes_source, slopes_source
 from hovercontrol.targets.compiler import NoCompilerError, generated, load_library
 from hovercontrol.targets.runtime import SHOOTING, runtime_files
@@ -285,19 +285,11 @@ def pool() -> ThreadPoolExecutor:
     return ThreadPoolExecutor(threads(), thread_name_prefix=OWN_THREADS)
 
 
-@lru_cache(maxsize=500)
-def _build(block: Block) -> Future[_Compiled]:
-    def load(build: bool) -> _Compiled:
-        files = runtime_files(SHOOTING) | {"exports.c": _EXPORTS}
-        lanes = partial(lanes_source, block, friction="smooth")
-        files["lanes.c"] = generated(block, "lanes.c smooth True", lanes)
-        slopes = partial(slopes_source, block, friction="smooth")
-        files["slopes.c"] = generated(block, "slopes.c smooth", slopes)
-        return _Compiled(block, files, build=build)
-
-    return loaded(load)
-
-
-def _compiled(block: Block) -> _Compiled | None:
-    """Return the compiled library of a Block; None while it is being built, or if that is impossible."""
-    return ready(_build(block))
+@InBackground
+def _compiled(build: bool, block: Block) -> _Compiled:
+    files = runtime_files(SHOOTING) | {"exports.c": _EXPORTS}
+    lanes = partial(lanes_source, block, friction="smooth")
+    files["lanes.c"] = generated(block, "lanes.c smooth True", lanes)
+    slopes = partial(slopes_source, block, friction="smooth")
+    files["slopes.c"] = generated(block, "slopes.c smooth", slopes)
+    return _Compiled(block, files, build=build)

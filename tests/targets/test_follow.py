@@ -26,7 +26,7 @@ def built():
         find_compiler()
     except NoCompilerError:
         pytest.skip("there is no C compiler")
-    return lambda block, which: module._build(block, which).result(timeout=60)
+    return lambda block, which: module._compiled.future(block, which).result(timeout=60)
 
 
 @pytest.mark.parametrize(

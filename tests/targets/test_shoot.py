@@ -49,7 +49,7 @@ def by_numpy(case, known, monkeypatch, columns=None):
 
 def by_compiler(case, known, columns=None):
     block, time, step, inputs, parameters, start = case
-    library = module._build(block)
+    library = module._compiled.future(block)
     if library.exception():  # waits for the compiler
         pytest.skip(str(library.exception()))
     if columns:
