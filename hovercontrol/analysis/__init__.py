@@ -24,6 +24,8 @@ from hovercontrol.analysis.common.margins import FrozenMargins, Margins, loop_ma
 from hovercontrol.analysis.common.observability import Gramian, SlidingGramian, observability_gramian
 from hovercontrol.analysis.common.packet_loss import PacketLoop, packet_loop, packet_loop_along
 from hovercontrol.analysis.common.regions import Axis, Region, axis
+from hovercontrol.analysis.common.regions import mesh as mesh
+from hovercontrol.analysis.common.regions import sweep_map as sweep_map
 from hovercontrol.analysis.common.sensitivity import Sensitivity, sensitivity
 from hovercontrol.analysis.common.stabilizability import Stabilizability, stabilizability
 from hovercontrol.analysis.common.steering import steering_map, turning_modes
