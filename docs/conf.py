@@ -44,6 +44,8 @@ nb_mime_priority_overrides = [("html", "text/html", 0)]
 # Attributes of one name in several classes are no broken links.
 suppress_warnings = ["ref.python"]
 
+smartquotes = False  # `--list` would become a dash
+
 # The docstrings' single backticks are names of arguments.
 default_role = "literal"
 autodoc_member_order = "bysource"

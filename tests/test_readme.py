@@ -67,7 +67,9 @@ def test_it_is_short_and_its_links_lead_somewhere():
     links = re.findall(r"\]\((?!https?://)([^)#]+)\)", TEXT)
     assert links
     assert not [link for link in links if not (PROJECT / link).exists()]
-    assert re.search(r"^    make demo ", TEXT, re.MULTILINE) and re.search(r"^    make test ", TEXT, re.MULTILINE)
+    assert re.search(r"^    make demo ", TEXT, re.MULTILINE) and re.search(
+        r"^    make test ", TEXT, re.MULTILINE
+    )
 
 
 @pytest.mark.parametrize("page", ["README.md", "docs/examples.md", "docs/evidence.md"])

@@ -7,6 +7,7 @@ import shutil
 from pathlib import Path
 
 from generate.pages import code, folded, table, toctree, write
+from generate.titles import TITLES
 from hovercontrol.commands.analyze import known_scripts
 
 #: Made by ``make pictures`` and kept: some analyses take minutes.
@@ -14,7 +15,12 @@ KEPT = Path(__file__).parents[1] / "pictures" / "analyses"
 
 
 def title(name: str) -> str:
-    """Return what an analysis says it is."""
+    """Return an analysis' title in words."""
+    return TITLES.get(name, summary(name))
+
+
+def summary(name: str) -> str:
+    """Return the first line of an analysis' docstring."""
     text = ast.get_docstring(ast.parse(known_scripts()[name].read_text(encoding="utf-8"))) or ""
     return text.partition("\n")[0]
 
@@ -30,18 +36,21 @@ def pages(into: Path) -> tuple[str, str]:
             shutil.copy(picture, folder)
         write(
             folder / f"{name}.md",
-            f"# {name}",
-            title(name),
+            f"# {title(name)}",
+            summary(name),
             code(f"$ hovercontrol analyze {name} --out out/{name}", "console"),
-            *(_found(name, kept) if kept else ["Its picture is not kept yet: run the line above."]),
+            *(_found(name, kept) if kept else ["No picture is kept of this analysis: run the line above."]),
             folded("The script", code(known_scripts()[name].read_text(encoding="utf-8"), "python")),
         )
     write(
         into / "analyses.md",
         "# Analyses",
-        "`hovercontrol analyze NAME` draws one, with a table (CSV) and its findings in words. Each is a script in "
+        "`hovercontrol analyze NAME` draws one and writes a table (CSV) and its findings. Each is a script in "
         "`analyses/` to copy and change.",
-        table(("analysis", "what it says"), [(f"[`{n}`](analyses/{n}.md)", title(n)) for n in names]),
+        table(
+            ("analysis", "name", "what it computes"),
+            [(f"[{title(n)}](analyses/{n}.md)", f"`{n}`", summary(n)) for n in names],
+        ),
         toctree(f"analyses/{n}" for n in names),
     )
     return "analyses", f"{len(names)} analyses"
@@ -55,8 +64,8 @@ def pictures(name: str) -> list[Path]:
 def _found(name: str, kept: list[Path]) -> list[str]:
     texts = [p.with_suffix(".txt").read_text(encoding="utf-8").strip() for p in kept]
     return [
-        *(f"![{p.stem.replace('_', ' ')}]({p.name})" for p in kept),
-        "## What it found",
+        *(f"![{title(name)}]({p.name})" for p in kept),
+        "## Findings",
         *map(_findings, filter(None, texts)),
         "Picture and findings were made by this command (`make pictures` makes all of them).",
     ]

@@ -1,4 +1,4 @@
-"""The gallery: every analysis and scenario with its picture and the line that makes it."""
+"""The gallery: every analysis and scenario with its picture and the command that makes it."""
 
 from __future__ import annotations
 
@@ -35,13 +35,13 @@ def pages(into: Path) -> None:
     write(
         into / "index.md",
         "# Gallery",
-        "Each picture is made by the line below it; a click shows numbers, files and more pictures.",
+        "The command below a picture makes it. A click on a picture shows numbers, files and further pictures.",
         "## Analyses",
         _grid(found),
         "## Scenarios",
         _grid(runs),
         "## Effects",
-        "What each effect does to a run is on [its page](../reference/effects.md).",
+        "The page of each [effect](../reference/effects.md) shows a run with and without it.",
     )
 
 

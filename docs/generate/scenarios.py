@@ -26,13 +26,13 @@ def pages(into: Path) -> tuple[str, str]:
     rows = []
     for name in names:
         scenario = load_scenario(name)
-        rows.append((f"[`{name}`](scenarios/{name}.md)", scenario.title, scenario.source))
+        rows.append((f"[{scenario.title}](scenarios/{name}.md)", f"`{name}`", scenario.source))
     write(
         into / "scenarios.md",
         "# Scenarios",
         "`hovercontrol simulate NAME` runs one; each is a TOML file, and "
         "[yours work too](formats.md). `hovercontrol sweep NAME` varies its numbers.",
-        table(("scenario", "what happens", "source"), rows),
+        table(("scenario", "name", "source"), rows),
         toctree(f"scenarios/{name}" for name in names),
     )
     return "scenarios", f"{len(names)} scenarios"
@@ -57,8 +57,8 @@ def _page(name: str, folder: Path) -> None:
     place = folder / name
     write(
         folder / f"{name}.md",
-        f"# {name}",
-        f"{scenario.title}. Source: {scenario.source}.",
+        f"# {scenario.title}",
+        f"Scenario `{name}`. Source: {scenario.source}.",
         code(f"$ hovercontrol simulate {name} --out out/{name}", "console"),
         "## Figures of merit",
         table(

@@ -46,7 +46,7 @@ def test_what_it_says_make_does_is_in_the_makefile():
 
 def test_the_files_it_names_are_there():
     prose = re.sub(r"```.*?```", "", TEXT, flags=re.DOTALL)
-    links = re.findall(r"\]\(([^)#]+)\)", prose)
-    paths = re.findall(r"`((?:hovercontrol|tests)/[\w/.]*)`", prose)
+    links = re.findall(r"\]\(([^)#]+)(?:#[\w-]+)?\)", prose)
+    paths = re.findall(r"`((?:hovercontrol|tests|fmu)/[\w/.]*)`", prose)
     assert links and paths
     assert not [name for name in (*links, *paths) if not (PROJECT / name).exists()]

@@ -77,6 +77,17 @@ def test_every_vehicle_analysis_and_format_has_a_page(tmp_path):
         json.loads((tmp_path / "formats" / f"{kind}.schema.json").read_text(encoding="utf-8"))
 
 
+def test_each_analysis_has_a_title_in_words(tmp_path):
+    from generate import analyses
+    from generate.titles import TITLES
+
+    assert set(TITLES) == set(known_scripts())
+    analyses.pages(tmp_path)
+    for name, title in TITLES.items():
+        assert "_" not in title and len(title) <= 70
+        assert (tmp_path / "analyses" / f"{name}.md").read_text(encoding="utf-8").startswith(f"# {title}\n")
+
+
 def test_every_effect_and_scenario_has_a_page(tmp_path, monkeypatch):
     from generate import effect_runs, effects, scenarios
 
