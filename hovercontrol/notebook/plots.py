@@ -10,9 +10,9 @@ import numpy as np
 from matplotlib.figure import Figure
 
 if TYPE_CHECKING:
+    from hovercontrol.analysis.budget import Budget
     from hovercontrol.analysis.c17.iss import IssGain
     from hovercontrol.analysis.common.margins import FrozenMargins
-    from hovercontrol.analysis.k06.budget import Budget
     from hovercontrol.discrepancy.diagnosis import Diagnosis
     from hovercontrol.identify.result import Identified
     from hovercontrol.logs import Log

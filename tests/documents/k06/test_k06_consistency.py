@@ -7,7 +7,7 @@ import numpy as np
 import pyarrow.csv
 import pytest
 
-from hovercontrol.analysis.k06.ins_monte_carlo import heading_model, model_errors, motion_model
+from hovercontrol.documents.k06.consistency_runs import heading_model, model_errors, motion_model
 
 SCRIPT = Path(__file__).parents[3] / "analyses" / "k06_consistency.py"
 
